@@ -1,0 +1,69 @@
+"""What can go wrong: every exception names the thing, its value and what was expected."""
+
+
+class DiagDynamicsError(Exception):
+    """Base of all exceptions of this package."""
+
+
+class InputError(DiagDynamicsError, ValueError):
+    """An argument has the wrong shape, type or value."""
+
+
+class ModelError(DiagDynamicsError, ValueError):
+    """A robot cannot be turned into a model."""
+
+
+class UrdfError(ModelError):
+    """A URDF is malformed, or not a tree of links and known joints."""
+
+
+class UnsupportedError(ModelError, NotImplementedError):
+    """A feature of the robot, or an option, that this version does not offer yet."""
+
+
+class MimicJointError(UnsupportedError):
+    """The robot has mimic joints, and coupling them was asked for.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        The mimic joints (followers).
+    """
+
+    def __init__(self, message, joints):
+        super().__init__(message)
+        self.joints = tuple(joints)
+
+
+class MasslessLinkError(ModelError):
+    """Joints that move no inertia about (or along) their axis: the mass matrix is singular.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        The joints concerned, base to tip.
+    articulated_inertia : tuple of float
+        D of each of them [kg m², prismatic: kg].
+    """
+
+    def __init__(self, message, joints, articulated_inertia):
+        super().__init__(message)
+        self.joints = tuple(joints)
+        self.articulated_inertia = tuple(articulated_inertia)
+
+
+class SingularMassMatrixError(DiagDynamicsError, ArithmeticError):
+    """The mass matrix is singular at the given configuration, though not at others.
+
+    Attributes
+    ----------
+    joint : str
+        The first joint, from the tip, without articulated inertia.
+    articulated_inertia : float
+        Its D [kg m², prismatic: kg].
+    """
+
+    def __init__(self, message, joint, articulated_inertia):
+        super().__init__(message)
+        self.joint = joint
+        self.articulated_inertia = articulated_inertia

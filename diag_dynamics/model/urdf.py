@@ -1,0 +1,247 @@
+"""From URDF text to a checked description of links and joints; XML and yourdfpy stay behind this door.
+
+The text may come from a topic, so it is not trusted: no entities, no network, no files, bounded size and depth.
+Only what dynamics needs is handed on to yourdfpy: a broken visual or an unknown extension is nobody's concern here.
+"""
+
+import io
+import math
+import os
+import re
+from pathlib import Path
+
+import yourdfpy
+from lxml import etree
+
+from diag_dynamics.exceptions import UrdfError
+
+MAX_BYTES = 32 * 1024 * 1024
+"""Largest URDF accepted; the largest public robot descriptions have some 200 kB."""
+
+MOVING_TYPES = ("revolute", "continuous", "prismatic")
+KNOWN_TYPES = (*MOVING_TYPES, "fixed", "floating", "planar")
+
+# Elements of a link and of a joint that matter to dynamics, each with the attributes that hold numbers.
+_INERTIAL_NUMBERS = {
+    "origin": {"xyz": 3, "rpy": 3},
+    "mass": {"value": 1},
+    "inertia": {"ixx": 1, "ixy": 1, "ixz": 1, "iyy": 1, "iyz": 1, "izz": 1},
+}
+_JOINT_NUMBERS = {
+    "origin": {"xyz": 3, "rpy": 3},
+    "axis": {"xyz": 3},
+    "limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
+    "dynamics": {"damping": 1, "friction": 1},
+    "mimic": {"multiplier": 1, "offset": 1},
+}
+_MAY_BE_INFINITE = {"limit"}
+
+
+def read_urdf(source):
+    """Parse a URDF and check that it is a tree of links and known joints.
+
+    Parameters
+    ----------
+    source : str, bytes or os.PathLike
+        A path, or XML text (whatever starts with ``<``).
+
+    Returns
+    -------
+    yourdfpy.Robot
+        Links and joints, without geometry. Every joint's parent and child exist.
+    str
+        Name of the root link.
+
+    Raises
+    ------
+    UrdfError
+        Names the element, the value and what was expected.
+    """
+    robot = _parse(urdf_text(source).encode(errors="replace"))
+    reduced = etree.Element("robot", name=robot.get("name") or "robot")
+    _add_links(robot, reduced)
+    _add_joints(robot, reduced)
+    root = _root_link(reduced)
+    stream = io.BytesIO(etree.tostring(reduced))
+    urdf = yourdfpy.URDF.load(stream, build_scene_graph=False, load_meshes=False)
+    return urdf.robot, root
+
+
+def urdf_text(source):
+    """XML text of a URDF given as text or as a path, without its XML declaration; see :func:`read_urdf`."""
+    if isinstance(source, str) and not _is_path(source):
+        text = source
+    elif isinstance(source, (bytes, bytearray)):
+        text = _decoded(bytes(source))
+    elif isinstance(source, (str, os.PathLike)):
+        text = _decoded(_file(Path(source)))
+    else:
+        raise UrdfError(f"A URDF is a path or XML text, not a {type(source).__name__}.")
+    if len(text) > MAX_BYTES:
+        raise UrdfError(f"The URDF has more than the {MAX_BYTES} bytes accepted.")
+    text = re.sub(r"^\ufeff?\s*(<\?xml[^>]*\?>)?\s*", "", text)
+    if not text:
+        raise UrdfError("The URDF is empty.")
+    return text
+
+
+def _file(path):
+    try:
+        with path.open("rb") as file:
+            return file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise UrdfError(f"Cannot read the URDF file '{path}': {getattr(error, 'strerror', None) or error}.") from error
+
+
+def _decoded(data):
+    """Text of XML bytes, in the encoding that they declare, or else UTF-8."""
+    declared = re.match(rb"\s*<\?xml[^>]*?encoding\s*=\s*[\"']([\w.-]+)", data)
+    encoding = declared[1].decode() if declared else "utf-8"
+    try:
+        return data.decode(encoding)
+    except (LookupError, UnicodeDecodeError) as error:
+        raise UrdfError(f"The URDF is not {encoding} text: {error}.") from error
+
+
+def _is_path(text):
+    stripped = text.lstrip("\ufeff \t\r\n")
+    return bool(stripped) and not stripped.startswith("<") and "\n" not in stripped
+
+
+def _parse(data):
+    parser = etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        dtd_validation=False,
+        remove_comments=True,
+        remove_pis=True,
+        huge_tree=False,
+    )
+    try:
+        robot = etree.fromstring(data, parser)
+    except (etree.XMLSyntaxError, ValueError) as error:
+        raise UrdfError(f"The URDF is not well-formed XML: {error}") from error
+    if robot.getroottree().docinfo.internalDTD is not None:
+        raise UrdfError("The URDF has a DOCTYPE, which is not accepted: entities are never expanded.")
+    if robot.tag != "robot":
+        raise UrdfError(f"The root element is <{_tag(robot)}>, expected <robot>.")
+    xacro = next((e for e in robot.iter() if isinstance(e.tag, str) and "xacro" in e.tag), None)
+    if xacro is not None:
+        raise UrdfError(f"The URDF contains <xacro:{_tag(xacro)}>: it is unexpanded xacro. Run xacro on it first.")
+    return robot
+
+
+def _tag(element):
+    return etree.QName(element).localname
+
+
+def _add_links(robot, reduced):
+    names = set()
+    for link in robot.findall("link"):
+        name = _name(link, names)
+        copy = etree.SubElement(reduced, "link", name=name)
+        inertial = link.find("inertial")
+        if inertial is None:
+            continue
+        _copy_numbers(inertial, etree.SubElement(copy, "inertial"), _INERTIAL_NUMBERS, f"link '{name}'")
+        for part in ("mass", "inertia"):
+            element = inertial.find(part)
+            missing = [a for a in _INERTIAL_NUMBERS[part] if element is None or element.get(a) is None]
+            if missing:
+                raise UrdfError(f"link '{name}': <inertial> lacks <{part} {missing[0]}=…>.")
+        if float(inertial.find("mass").get("value")) < 0.0:
+            raise UrdfError(f"link '{name}': mass {inertial.find('mass').get('value')} kg is negative.")
+    if not names:
+        raise UrdfError("The URDF has no <link>.")
+
+
+def _add_joints(robot, reduced):
+    links = {link.get("name") for link in reduced.findall("link")}
+    names, parents = set(), {}
+    for joint in robot.findall("joint"):
+        name = _name(joint, names)
+        kind = joint.get("type")
+        if kind not in KNOWN_TYPES:
+            raise UrdfError(f"joint '{name}': unknown type {kind!r}; known are {', '.join(KNOWN_TYPES)}.")
+        copy = etree.SubElement(reduced, "joint", name=name, type=kind)
+        for end in ("parent", "child"):
+            element = joint.find(end)
+            link = element.get("link") if element is not None else None
+            if link not in links:
+                raise UrdfError(f"joint '{name}': {end} link {link!r} is not a link of this URDF.")
+            etree.SubElement(copy, end, link=link)
+        child = joint.find("child").get("link")
+        if child in parents:
+            raise UrdfError(
+                f"link '{child}' is the child of two joints, '{parents[child]}' and '{name}': the URDF has a loop, "
+                "and only trees can be modelled. Cut it at one of the two."
+            )
+        parents[child] = name
+        _copy_numbers(joint, copy, _JOINT_NUMBERS, f"joint '{name}'")
+        if copy.find("mimic") is not None:
+            copy.find("mimic").set("joint", joint.find("mimic").get("joint") or "")
+        axis = copy.find("axis")
+        if kind in MOVING_TYPES and axis is not None:
+            xyz = [float(x) for x in axis.get("xyz", "1 0 0").split()]
+            if math.hypot(*xyz) < 1e-9:
+                raise UrdfError(f"joint '{name}': axis '{axis.get('xyz')}' has no direction.")
+
+
+def _name(element, taken):
+    """Name of a link or joint, which must be there and be its own."""
+    name, tag = element.get("name"), _tag(element)
+    if not name:
+        raise UrdfError(f"A <{tag}> in line {element.sourceline} has no name.")
+    if name in taken:
+        raise UrdfError(f"Two elements <{tag}> have the name '{name}'.")
+    taken.add(name)
+    return name
+
+
+def _copy_numbers(element, copy, wanted, where):
+    """Copy the children in `wanted`, each attribute checked to be as many finite numbers as expected."""
+    for tag, attributes in wanted.items():
+        child = element.find(tag)
+        if child is None:
+            continue
+        target = etree.SubElement(copy, tag)
+        for attribute, count in attributes.items():
+            text = child.get(attribute)
+            if text is None or (tag == "limit" and not text.strip()):
+                continue
+            if "${" in text or "$(" in text:
+                raise UrdfError(f"{where}: <{tag} {attribute}={text!r}> is unexpanded xacro. Run xacro on it first.")
+            try:
+                numbers = [float(part) for part in text.split()]
+            except ValueError:
+                numbers = []
+            finite = tag in _MAY_BE_INFINITE or all(map(math.isfinite, numbers))
+            if len(numbers) != count or not finite or any(map(math.isnan, numbers)):
+                expected = f"{count} finite numbers" if count > 1 else "a finite number"
+                raise UrdfError(f"{where}: <{tag} {attribute}={text!r}> is not {expected}.")
+            target.set(attribute, " ".join(map(repr, numbers)))
+
+
+def _root_link(reduced):
+    """The one link without a parent, from which all others must be reached."""
+    links = [link.get("name") for link in reduced.findall("link")]
+    children = {}
+    for joint in reduced.findall("joint"):
+        children.setdefault(joint.find("parent").get("link"), []).append(joint.find("child").get("link"))
+    has_parent = {child for group in children.values() for child in group}
+    roots = [link for link in links if link not in has_parent]
+    if not roots:
+        raise UrdfError(f"Every link is the child of a joint: the joints form a loop through '{links[0]}'.")
+    if len(roots) > 1:
+        listed = ", ".join(f"'{root}'" for root in roots[:6]) + (", …" if len(roots) > 6 else "")
+        raise UrdfError(f"The URDF has {len(roots)} root links ({listed}), expected one: join them with fixed joints.")
+    reached, front = set(), [roots[0]]
+    while front:
+        link = front.pop()
+        reached.add(link)
+        front.extend(children.get(link, ()))
+    astray = [link for link in links if link not in reached]
+    if astray:
+        raise UrdfError(f"link '{astray[0]}' is part of a loop of joints that the root '{roots[0]}' does not reach.")
+    return roots[0]

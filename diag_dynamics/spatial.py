@@ -1,0 +1,319 @@
+"""Spatial (6-D) vector algebra on tuples of scalars, which numba turns into straight-line code.
+
+Conventions: the linear part comes first. A 3-vector is a tuple of three floats, a 3x3 matrix a tuple of three
+rows. Body frames are chosen so that the axis of every joint is z (see model.py); what projects on a joint axis
+therefore picks an entry.
+"""
+
+import math
+from collections import namedtuple
+
+from diag_dynamics.kernel import kernel
+
+Motion = namedtuple("Motion", ["linear", "angular"])
+"""Twist or spatial acceleration about the frame's origin."""
+
+Force = namedtuple("Force", ["force", "moment"])
+"""Wrench or momentum about the frame's origin."""
+
+Inertia = namedtuple("Inertia", ["A", "B", "C"])
+"""Symmetric 6x6 matrix [[A, B], [Bᵀ, C]] that takes a Motion to a Force."""
+
+Placement = namedtuple("Placement", ["rotation", "translation"])
+"""Pose of a child frame in its parent: x_parent = rotation x_child + translation."""
+
+REVOLUTE = 0
+PRISMATIC = 1
+
+ZERO = (0.0, 0.0, 0.0)
+
+# --- 3-vectors and 3x3 matrices ---------------------------------------------------------------------------
+
+
+@kernel
+def add(a, b):
+    """A + b."""
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+@kernel
+def subtract(a, b):
+    """A − b."""
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+@kernel
+def scale(a, s):
+    """A s."""
+    return (a[0] * s, a[1] * s, a[2] * s)
+
+
+@kernel
+def dot(a, b):
+    """aᵀb."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def cross(a, b):
+    """A × b."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@kernel
+def transpose(M):
+    """Mᵀ."""
+    return (
+        (M[0][0], M[1][0], M[2][0]),
+        (M[0][1], M[1][1], M[2][1]),
+        (M[0][2], M[1][2], M[2][2]),
+    )
+
+
+@kernel
+def mirror(M):
+    """Symmetric matrix from its upper triangle; spares the compiler the lower one."""
+    return (M[0], (M[0][1], M[1][1], M[1][2]), (M[0][2], M[1][2], M[2][2]))
+
+
+@kernel
+def apply(M, a):
+    """M a."""
+    return (dot(M[0], a), dot(M[1], a), dot(M[2], a))
+
+
+@kernel
+def apply_transposed(M, a):
+    """Mᵀ a."""
+    return add(add(scale(M[0], a[0]), scale(M[1], a[1])), scale(M[2], a[2]))
+
+
+@kernel
+def product(M, N):
+    """M N."""
+    return (apply_transposed(N, M[0]), apply_transposed(N, M[1]), apply_transposed(N, M[2]))
+
+
+@kernel
+def matrix_sum(M, N):
+    """M + N."""
+    return (add(M[0], N[0]), add(M[1], N[1]), add(M[2], N[2]))
+
+
+@kernel
+def matrix_difference(M, N):
+    """M − N."""
+    return (subtract(M[0], N[0]), subtract(M[1], N[1]), subtract(M[2], N[2]))
+
+
+@kernel
+def outer(a, b):
+    """A bᵀ."""
+    return (scale(b, a[0]), scale(b, a[1]), scale(b, a[2]))
+
+
+@kernel
+def cross_columns(a, M):
+    """ã M: the cross product of a with each column of M."""
+    return (
+        subtract(scale(M[2], a[1]), scale(M[1], a[2])),
+        subtract(scale(M[0], a[2]), scale(M[2], a[0])),
+        subtract(scale(M[1], a[0]), scale(M[0], a[1])),
+    )
+
+
+@kernel
+def rotated(R, M):
+    """R M Rᵀ."""
+    return product(product(R, M), transpose(R))
+
+
+# --- Spatial vectors --------------------------------------------------------------------------------------
+
+
+@kernel
+def add_motion(V, W):
+    """V + W."""
+    return Motion(add(V.linear, W.linear), add(V.angular, W.angular))
+
+
+@kernel
+def subtract_motion(V, W):
+    """V − W."""
+    return Motion(subtract(V.linear, W.linear), subtract(V.angular, W.angular))
+
+
+@kernel
+def add_force(F, H):
+    """F + H."""
+    return Force(add(F.force, H.force), add(F.moment, H.moment))
+
+
+@kernel
+def subtract_force(F, H):
+    """F − H."""
+    return Force(subtract(F.force, H.force), subtract(F.moment, H.moment))
+
+
+@kernel
+def scale_force(F, s):
+    """F s."""
+    return Force(scale(F.force, s), scale(F.moment, s))
+
+
+@kernel
+def power(F, V):
+    """FᵀV: the power of a wrench on a twist."""
+    return dot(F.force, V.linear) + dot(F.moment, V.angular)
+
+
+@kernel
+def cross_motion(V, W):
+    """V × W of two motions."""
+    return Motion(add(cross(V.angular, W.linear), cross(V.linear, W.angular)), cross(V.angular, W.angular))
+
+
+@kernel
+def cross_force(V, F):
+    """V ×* F of a motion and a force; equal to −(V×)ᵀF."""
+    return Force(cross(V.angular, F.force), add(cross(V.angular, F.moment), cross(V.linear, F.force)))
+
+
+@kernel
+def motion_to_child(X, V):
+    """X V: the parent's motion seen in the child's frame."""
+    at_origin = add(V.linear, cross(V.angular, X.translation))
+    return Motion(apply_transposed(X.rotation, at_origin), apply_transposed(X.rotation, V.angular))
+
+
+@kernel
+def force_to_parent(X, F):
+    """XᵀF: the child's wrench seen in the parent's frame."""
+    force = apply(X.rotation, F.force)
+    return Force(force, add(apply(X.rotation, F.moment), cross(X.translation, force)))
+
+
+# --- Inertias ---------------------------------------------------------------------------------------------
+
+
+@kernel
+def rigid_inertia(mass, first_moment, rotational):
+    """Spatial inertia of a rigid body from mass, mass times centre of mass, and inertia about the origin."""
+    h = first_moment
+    A = ((mass, 0.0, 0.0), (0.0, mass, 0.0), (0.0, 0.0, mass))
+    B = ((0.0, h[2], -h[1]), (-h[2], 0.0, h[0]), (h[1], -h[0], 0.0))
+    return Inertia(A, B, rotational)
+
+
+@kernel
+def rigid_momentum(mass, first_moment, rotational, V):
+    """I V of a rigid body."""
+    return Force(
+        subtract(scale(V.linear, mass), cross(first_moment, V.angular)),
+        add(apply(rotational, V.angular), cross(first_moment, V.linear)),
+    )
+
+
+@kernel
+def inertia_times(P, V):
+    """P V."""
+    return Force(
+        add(apply(P.A, V.linear), apply(P.B, V.angular)),
+        add(apply_transposed(P.B, V.linear), apply(P.C, V.angular)),
+    )
+
+
+@kernel
+def inertia_to_parent(X, P):
+    """XᵀP X: the child's inertia seen in the parent's frame."""
+    r = X.translation
+    A = mirror(rotated(X.rotation, P.A))
+    B = rotated(X.rotation, P.B)
+    C = rotated(X.rotation, P.C)
+    half_shifted = B  # [[A, B], [Bᵀ, C]] [[1, −r̃], [0, 1]] adds −A r̃ = (r̃ A)ᵀ to B
+    B = matrix_sum(B, transpose(cross_columns(r, A)))
+    C = matrix_sum(C, cross_columns(r, B))
+    C = matrix_sum(C, transpose(cross_columns(r, half_shifted)))
+    return Inertia(A, B, mirror(C))
+
+
+@kernel
+def less_rank_one(P, G, H):
+    """P − G Hᵀ, for a difference that is symmetric."""
+    return Inertia(
+        mirror(matrix_difference(P.A, outer(G.force, H.force))),
+        matrix_difference(P.B, outer(G.force, H.moment)),
+        mirror(matrix_difference(P.C, outer(G.moment, H.moment))),
+    )
+
+
+@kernel
+def less_rank_two(P, G, H):
+    """P − G Hᵀ − H Gᵀ."""
+    return Inertia(
+        mirror(matrix_difference(matrix_difference(P.A, outer(G.force, H.force)), outer(H.force, G.force))),
+        matrix_difference(matrix_difference(P.B, outer(G.force, H.moment)), outer(H.force, G.moment)),
+        mirror(matrix_difference(matrix_difference(P.C, outer(G.moment, H.moment)), outer(H.moment, G.moment))),
+    )
+
+
+# --- Joints about or along z ------------------------------------------------------------------------------
+
+
+@kernel
+def joint_placement(kind, rotation, translation, q):
+    """Pose of the child's frame: the constant placement, then the joint's motion about or along its z."""
+    if kind == REVOLUTE:
+        c, s = math.cos(q), math.sin(q)
+        x, y, z = transpose(rotation)
+        columns = (add(scale(x, c), scale(y, s)), subtract(scale(y, c), scale(x, s)), z)
+        return Placement(transpose(columns), translation)
+    z = (rotation[0][2], rotation[1][2], rotation[2][2])
+    return Placement(rotation, add(translation, scale(z, q)))
+
+
+@kernel
+def joint_motion(kind, rate):
+    """S rate."""
+    if kind == REVOLUTE:
+        return Motion(ZERO, (0.0, 0.0, rate))
+    return Motion((0.0, 0.0, rate), ZERO)
+
+
+@kernel
+def along_axis(kind, F):
+    """SᵀF."""
+    if kind == REVOLUTE:
+        return F.moment[2]
+    return F.force[2]
+
+
+@kernel
+def rate_along_axis(kind, V):
+    """Component of a motion along the joint's own axis."""
+    if kind == REVOLUTE:
+        return V.angular[2]
+    return V.linear[2]
+
+
+@kernel
+def axis_column(kind, P):
+    """P S."""
+    if kind == REVOLUTE:
+        return Force((P.B[0][2], P.B[1][2], P.B[2][2]), P.C[2])
+    return Force(P.A[2], P.B[2])
+
+
+@kernel
+def rate_of_transport(kind, rate, P):
+    """−(v_J×)ᵀP − P(v_J×) for the joint motion v_J = S rate: what P changes by as the body frame moves."""
+    axis = (0.0, 0.0, rate)
+    if kind == REVOLUTE:  # the commutator of the rotation with each block
+        A = cross_columns(axis, P.A)
+        B = matrix_sum(cross_columns(axis, P.B), transpose(cross_columns(axis, transpose(P.B))))
+        C = cross_columns(axis, P.C)
+        return Inertia(mirror(matrix_sum(A, transpose(A))), B, mirror(matrix_sum(C, transpose(C))))
+    A = cross_columns(axis, P.A)
+    B = cross_columns(axis, P.B)
+    zero = (ZERO, ZERO, ZERO)
+    return Inertia(zero, transpose(A), mirror(matrix_sum(B, transpose(B))))
