@@ -1,0 +1,34 @@
+# ROS_DISTRO=jazzy (default) or kilted chooses the ROS 2; one that is sourced already is used instead.
+
+SHELL := /bin/bash
+in_env := source scripts/env.bash &&
+
+# Neither the demo nor the tests should meet other people's robots on the network.
+export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+
+.PHONY: help setup demo test lint format lock clean
+
+help:  ## this list
+	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
+
+setup:  ## virtual environment, ROS 2 and the built package, all under build/
+	@scripts/setup
+
+demo: setup  ## a simulated robot and its kinetic energy, live; ROBOT=<name or URDF path> ARGS=<options>
+	@$(in_env) scripts/demo $(if $(ROBOT),--robot "$(ROBOT)") $(ARGS)
+
+test: lint  ## lint, then every test; ARGS=<pytest options>
+	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest $(ARGS)
+
+lint: setup  ## code style and docstrings
+	@$(in_env) ruff check && ruff format --check
+
+format: setup  ## put the code in style
+	@$(in_env) ruff check --fix; ruff format
+
+lock:  ## requirements/*.txt from *.in; ARGS=--upgrade takes newer versions
+	@scripts/lock $(ARGS)
+
+clean:  ## delete all that was built
+	rm -rf build *.egg-info .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -prune -exec rm -rf {} +
