@@ -1,0 +1,327 @@
+"""A robot moving under its own dynamics: fixed steps of the diagonalized equations (Algorithm 8.1), compiled.
+
+The state is (q, ν) and its equations ν̇ = ε − C − ε_g − ε_d, q̇ = ℓᵀν, with ε_d = ℓ d q̇ the joint damping.
+Damping over D reaches 10⁶ s⁻¹ on the small links of a hand, far beyond what an explicit step of a millisecond
+bears, so it is taken implicitly: at a stage with step fraction hγ it costs one solve with (M + hγ d), which is the
+same O(N) recursion with hγ d added to the armature. The rest is explicit. Without damping the method is the
+explicit Runge–Kutta method of the pair.
+
+The pair is ARK4(3)6L[2]SA of Kennedy and Carpenter (Applied Numerical Mathematics 44, 2003): order 4, its implicit
+part L-stable and stiffly accurate, so that a heavily damped joint creeps at the speed τ/d that it should.
+
+Position limits are hard stops without rebound. A joint that arrives at its limit is held there by an impulse, which
+is the projection that takes the least kinetic energy away and never adds any.
+"""
+
+import numpy as np
+
+from diag_dynamics import sweeps
+from diag_dynamics.dynamics import DiagonalDynamics, Evaluation
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.kernel import entry_kernel, kernel
+
+STAGES = 6
+GAMMA = 0.25
+
+EXPLICIT = np.zeros((STAGES, STAGES))
+EXPLICIT[1, :1] = [1 / 2]
+EXPLICIT[2, :2] = [13861 / 62500, 6889 / 62500]
+EXPLICIT[3, :3] = [
+    -116923316275 / 2393684061468,
+    -2731218467317 / 15368042101831,
+    9408046702089 / 11113171139209,
+]
+EXPLICIT[4, :4] = [
+    -451086348788 / 2902428689909,
+    -2682348792572 / 7519795681897,
+    12662868775082 / 11960479115383,
+    3355817975965 / 11060851509271,
+]
+EXPLICIT[5, :5] = [
+    647845179188 / 3216320057751,
+    73281519250 / 8382639484533,
+    552539513391 / 3454668386233,
+    3354512671639 / 8306763924573,
+    4040 / 17871,
+]
+
+WEIGHTS = np.array([82889 / 524892, 0.0, 15625 / 83664, 69875 / 102672, -2260 / 8211, 1 / 4])
+
+IMPLICIT = np.zeros((STAGES, STAGES))
+IMPLICIT[1, :2] = [1 / 4, GAMMA]
+IMPLICIT[2, :3] = [8611 / 62500, -1743 / 31250, GAMMA]
+IMPLICIT[3, :4] = [5012029 / 34652500, -654441 / 2922500, 174375 / 388108, GAMMA]
+IMPLICIT[4, :5] = [
+    15267082809 / 155376265600,
+    -71443401 / 120774400,
+    730878875 / 902184768,
+    2285395 / 8070912,
+    GAMMA,
+]
+IMPLICIT[5] = WEIGHTS
+
+for _table in (EXPLICIT, IMPLICIT, WEIGHTS):
+    _table.flags.writeable = False
+
+
+class Simulation:
+    """A robot, its state and the effort on its joints, advanced in fixed steps.
+
+    Parameters
+    ----------
+    model : RobotModel
+    q, qd : array_like, shape (nv,), optional
+        Initial positions [rad, m] and rates [rad/s, m/s]. By default at rest, at zero or, where that is outside the
+        limits, in the middle of them.
+    step : float
+        Step size h [s].
+    damping : array_like, shape (nv,), optional
+        Joint damping d [N m s/rad, N s/m], by default that of the URDF.
+    limits : bool
+        Whether position limits are hard stops.
+
+    Attributes
+    ----------
+    time : float
+        Simulated time [s].
+    q, nu : ndarray, shape (nv,)
+        State: positions and total joint rates [J^½].
+    damping : ndarray, shape (nv,)
+        Joint damping in force.
+
+    Raises
+    ------
+    InputError
+        A value is out of range.
+    """
+
+    def __init__(self, model, q=None, qd=None, step=1e-3, damping=None, limits=True):
+        self.model = model
+        self.dynamics = DiagonalDynamics(model)
+        if not (np.isfinite(step) and step > 0.0):
+            raise InputError(f"step is {step!r} s, expected a finite number > 0.")
+        self.step_size = float(step)
+        self.damping = np.array(model.damping if damping is None else damping, dtype=float)
+        if self.damping.shape != (model.nv,) or not (np.isfinite(self.damping) & (self.damping >= 0.0)).all():
+            raise InputError(f"damping is {damping!r}, expected {model.nv} finite numbers >= 0.")
+        unlimited = np.full(model.nv, np.inf)
+        self._lower, self._upper = (model.lower, model.upper) if limits else (-unlimited, unlimited)
+        self._work = np.zeros(model.nv + 1, sweeps.WORK)
+        self._buffers = np.zeros((5 + 3 * STAGES, model.nv))
+        self._rows, self._twists = np.zeros((8, model.nv)), np.zeros((model.nv + 1, 6))
+        self._no_effort = np.zeros(model.nv)
+        self.time = 0.0
+        self.reset(rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
+
+    def reset(self, q, qd):
+        """Put the robot into a state, at time 0."""
+        q, qd = np.array(q, dtype=float), np.array(qd, dtype=float)
+        self.nu = self.dynamics.nu_from_qd(q, qd)
+        self.q = q
+        self.time = 0.0
+
+    @property
+    def qd(self):
+        """Joint rates q̇ = ℓᵀν [rad/s, m/s], shape (nv,)."""
+        return self.dynamics.qd_from_nu(self.q, self.nu)
+
+    def advance(self, tau=None, steps=1):
+        """Take `steps` steps with the joint efforts `tau` held [N m, N]; shape (nv,), None for zero.
+
+        Raises
+        ------
+        InputError
+            `tau` has the wrong shape or is not finite, or the motion has left what numbers can hold.
+        SingularMassMatrixError
+            The robot has arrived where its mass matrix is singular.
+        """
+        tau = self._no_effort if tau is None else np.array(tau, dtype=float)
+        if tau.shape != (self.model.nv,) or not np.isfinite(tau).all():
+            raise InputError(f"tau is {tau!r}, expected {self.model.nv} finite numbers [N m, N].")
+        model = self.model
+        status = _advance(
+            model.bodies,
+            model.gravity,
+            self.damping,
+            self._lower,
+            self._upper,
+            self.step_size,
+            int(steps),
+            tau,
+            self.q,
+            self.nu,
+            self._work,
+            self._rows,
+            self._twists,
+            self._buffers,
+        )
+        if status:
+            self.dynamics._work["D"][:] = self._work["D"]
+            self.dynamics._fail(status, q=self.q, nu=self.nu)
+        self.time += steps * self.step_size
+
+    def evaluate(self, tau=None) -> Evaluation:
+        """Everything of the diagonalized equations at the present state, as :meth:`DiagonalDynamics.evaluate`."""
+        return self.dynamics.evaluate(self.q, self.qd, tau)
+
+    @property
+    def potential_energy(self):
+        """Energy in the field of gravity [J], zero where the centre of mass is level with the root link."""
+        return potential_energy(self.model, self.q)
+
+
+def rest_position(model):
+    """Zero, or the middle of a joint's limits where zero lies outside them; [rad, m], shape (nv,)."""
+    lower, upper = np.maximum(model.lower, -1e6), np.minimum(model.upper, 1e6)
+    outside = (lower > 0.0) | (upper < 0.0)
+    return np.where(outside, 0.5 * (lower + upper), 0.0)
+
+
+def potential_energy(model, q):
+    """Energy of the robot in the field of gravity at q [J]: −g·Σ m_i c_i in the root link's axes."""
+    work = np.zeros(model.nv + 1, sweeps.WORK)
+    moment = np.zeros(3)
+    sweeps.first_moment(model.bodies, np.array(q, dtype=float), work, moment)
+    return -float(model.gravity @ moment)
+
+
+class Wave:
+    """Something for a robot to do: every joint swings about the middle of its range, each at its own pace.
+
+    The effort is that of a computed-torque controller, M(q) q̈_c + c + g + d q̇_d with q̈_c from the reference and a
+    critically damped error of 5 rad/s; the damping is made up for at the desired rate, which adds to stability.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        The robot that is to move; it is put at the middle of its ranges.
+    """
+
+    STIFFNESS, DAMPING = 25.0, 10.0
+    RAMP = 1.0  # [s] time to grow to half of the full swing
+
+    def __init__(self, simulation):
+        model = simulation.model
+        self._simulation = simulation
+        bounded = np.isfinite(model.lower) & np.isfinite(model.upper)
+        span = np.where(bounded, model.upper - model.lower, 2.0)
+        lower = np.where(bounded, model.lower, 0.0)
+        self._centre = np.where(bounded, lower + 0.5 * span, rest_position(model))
+        self._amplitude = np.minimum(0.35 * span, 0.7)
+        golden = 0.5 * (np.sqrt(5.0) - 1.0)
+        k = np.arange(model.nv)
+        self._pace = 2.0 * np.pi * (0.15 + 0.25 * ((k + 1) * golden % 1.0))  # [rad/s], no two alike
+        self._sign = np.where(k % 2, -1.0, 1.0)
+        simulation.reset(self._centre, np.zeros(model.nv))
+
+    def effort(self):
+        """Joint efforts for the simulation's present time and state [N m, N], shape (nv,)."""
+        simulation = self._simulation
+        t, T = simulation.time, self.RAMP
+        grown, growing = t**2 / (t**2 + T**2), 2 * t * T**2 / (t**2 + T**2) ** 2
+        bending = 2 * T**2 * (T**2 - 3 * t**2) / (t**2 + T**2) ** 3
+        swing = self._sign * self._amplitude
+        s, c, w = np.sin(self._pace * t), np.cos(self._pace * t), self._pace
+        q_d = self._centre + swing * grown * s
+        qd_d = swing * (growing * s + grown * w * c)
+        qdd_d = swing * (bending * s + 2.0 * growing * w * c - grown * w * w * s)
+        q, qd = simulation.q, simulation.qd
+        qdd = qdd_d + self.DAMPING * (qd_d - qd) + self.STIFFNESS * (q_d - q)
+        return simulation.dynamics.inverse_dynamics(q, qd, qdd) + simulation.damping * qd_d
+
+
+@kernel
+def _rates(bodies, damping, implicit, q, nu, work, momentum, qd):
+    """q̇ of a stage and, with damping, ν after its implicit part: (M + hγ d) q̇ = m ν_before."""
+    if not implicit:
+        return sweeps.qd_from_nu(bodies, q, nu, work, qd)
+    status = sweeps.rates_with_added_inertia(bodies, q, nu, damping, work, momentum, qd)
+    return status if status != 0 else sweeps.nu_from_qd(bodies, q, qd, work, nu)
+
+
+@kernel
+def _step(bodies, gravity, damping, h, tau, q, nu, work, rows, twists, buffers):
+    """One step of the Runge–Kutta pair from (q, ν), in place."""
+    n = len(q)
+    added, momentum, stage_q, stage_nu, before = buffers[0], buffers[1], buffers[2], buffers[3], buffers[4]
+    rates = buffers[5 : 5 + STAGES]
+    explicit = buffers[5 + STAGES : 5 + 2 * STAGES]
+    implicit = buffers[5 + 2 * STAGES : 5 + 3 * STAGES]
+    damped = False
+    for k in range(n):
+        added[k] = h * GAMMA * damping[k]
+        damped |= damping[k] > 0.0
+    for i in range(STAGES):
+        for k in range(n):
+            stage_q[k], stage_nu[k] = q[k], nu[k]
+            for j in range(i):
+                stage_q[k] += h * EXPLICIT[i, j] * rates[j, k]
+                stage_nu[k] += h * (EXPLICIT[i, j] * explicit[j, k] + IMPLICIT[i, j] * implicit[j, k])
+            before[k] = stage_nu[k]
+        status = _rates(bodies, added, damped and i > 0, stage_q, stage_nu, work, momentum, rates[i])
+        if status != 0:
+            return status
+        if damped and i == 0:  # the first stage is explicit: ε_d from the rates
+            for k in range(n):
+                momentum[k] = -damping[k] * rates[0, k]
+            sweeps.epsilon_from_tau(bodies, stage_q, momentum, work, implicit[0])
+        elif damped:
+            for k in range(n):
+                implicit[i, k] = (stage_nu[k] - before[k]) / (h * GAMMA)
+        status = sweeps.evaluate(bodies, gravity, stage_q, rates[i], tau, work, rows, twists)
+        if status != 0:
+            return status
+        for k in range(n):
+            explicit[i, k] = rows[sweeps.EPSILON, k] - rows[sweeps.CORIOLIS, k] - rows[sweeps.GRAVITY, k]
+    for k in range(n):
+        for i in range(STAGES):
+            q[k] += h * WEIGHTS[i] * rates[i, k]
+            nu[k] += h * WEIGHTS[i] * (explicit[i, k] + implicit[i, k])
+    return 0
+
+
+@kernel
+def _stop_at_limits(bodies, lower, upper, q, nu, work, momentum, held, qd):
+    """Bring joints beyond their limits back to them and take away their outward motion by impulses.
+
+    Holding a joint can set another one moving outward at its own limit: it is held too. As held joints only get more,
+    this ends after nv rounds at most.
+    """
+    n = len(q)
+    beyond = False
+    for k in range(n):
+        if q[k] < lower[k] or q[k] > upper[k]:
+            q[k] = min(max(q[k], lower[k]), upper[k])
+            beyond = True
+    if not beyond:
+        return 0
+    held[:] = 0.0
+    status = sweeps.qd_from_nu(bodies, q, nu, work, qd)
+    while status == 0:
+        more = False
+        for k in range(n):
+            outward = (q[k] == lower[k] and qd[k] < 0.0) or (q[k] == upper[k] and qd[k] > 0.0)
+            if outward and held[k] == 0.0:
+                held[k] = np.inf
+                more = True
+        if not more:
+            break
+        status = sweeps.rates_with_added_inertia(bodies, q, nu, held, work, momentum, qd)
+    return status if status != 0 else sweeps.nu_from_qd(bodies, q, qd, work, nu)
+
+
+@entry_kernel
+def _advance(bodies, gravity, damping, lower, upper, h, steps, tau, q, nu, work, rows, twists, buffers):
+    """`steps` steps from (q, ν), in place; on failure the state before the failing step is left."""
+    last_q, last_nu = q.copy(), nu.copy()
+    for _ in range(steps):
+        last_q[:] = q
+        last_nu[:] = nu
+        status = _step(bodies, gravity, damping, h, tau, q, nu, work, rows, twists, buffers)
+        if status == 0:
+            status = _stop_at_limits(bodies, lower, upper, q, nu, work, buffers[1], buffers[0], buffers[2])
+        if status != 0:
+            q[:] = last_q
+            nu[:] = last_nu
+            return status
+    return 0
