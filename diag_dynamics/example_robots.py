@@ -1,0 +1,51 @@
+"""Finding a URDF by the name of a robot in the `example-robot-data` wheel."""
+
+from importlib import metadata
+from pathlib import Path
+
+from diag_dynamics.exceptions import InputError
+
+_FOLDER = "example-robot-data/robots/"
+
+
+def example_urdfs():
+    """Paths of all URDFs of the wheel by their short name (``panda_description/urdf/panda``); empty without it."""
+    try:
+        files = metadata.files("example-robot-data") or ()
+    except metadata.PackageNotFoundError:
+        return {}
+    found = {}
+    for file in files:
+        text = file.as_posix()
+        if text.endswith(".urdf") and _FOLDER in text:
+            found[text.split(_FOLDER)[1].removesuffix(".urdf")] = Path(file.locate()).resolve()
+    return dict(sorted(found.items()))
+
+
+def find_urdf(robot):
+    """Path of a URDF.
+
+    Parameters
+    ----------
+    robot : str
+        A path; or the name of an example robot: its file's (``panda``), or any part of its path that is its alone.
+
+    Raises
+    ------
+    InputError
+        There is no such robot, or several; the message lists those that are.
+    """
+    if Path(robot).is_file():
+        return Path(robot).resolve()
+    urdfs = example_urdfs()
+    name = robot.removesuffix(".urdf")
+    exact = [path for key, path in urdfs.items() if name in (key, key.rsplit("/", 1)[-1])]
+    part = {key: path for key, path in urdfs.items() if name.lower() in key.lower()}
+    if len(exact) == 1:
+        return exact[0]
+    if len(part) == 1:
+        return next(iter(part.values()))
+    if part:
+        raise InputError(f"robot '{robot}' could be any of:\n  " + "\n  ".join(part))
+    known = "\n  ".join(urdfs) or "(none: the package example-robot-data is not installed)"
+    raise InputError(f"robot '{robot}' is neither a file nor an example robot. Those are:\n  {known}")

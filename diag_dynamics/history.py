@@ -1,0 +1,136 @@
+"""Kinetic energy over time: collected while a robot moves, summed up and drawn afterwards."""
+
+from array import array
+
+import numpy as np
+
+PALETTE = (
+    *("#4e79a7", "#f28e2b", "#59a14f", "#e15759", "#b07aa1", "#76b7b2", "#edc948", "#ff9da7", "#9c755f"),
+    *("#86bcb6", "#d37295", "#8cd17d", "#b6992d", "#499894", "#d4a6c8", "#bab0ac"),
+)
+"""Colours of joints, the same in the terminal and in the picture."""
+
+
+class EnergyHistory:
+    """Samples of the energy of each total joint rate, and of what goes with it.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Degrees of freedom.
+
+    Attributes
+    ----------
+    count : int
+        Samples taken in.
+    stride : int
+        Of that many samples, one is kept.
+    """
+
+    MOST = 400_000
+    """Samples kept; beyond them every second one is dropped, and so on, so that a night is no longer than a minute."""
+
+    def __init__(self, names):
+        self.names = list(names)
+        self.count = 0
+        self.stride = 1
+        self._rows = array("d")  # per sample: time, power, relative νᵀC, latency, shares
+        self._width = 4 + len(self.names)
+
+    def add(self, time, shares, power, work_rate, latency):
+        """Take a sample in.
+
+        Parameters
+        ----------
+        time : float
+            Stamp [s].
+        shares : array_like, shape (nv,)
+            ½ν_k² [J].
+        power : float
+            dK/dt from efforts [W]; nan if unknown.
+        work_rate : float
+            |νᵀC| / (|ν||C|), which is zero but for rounding.
+        latency : float
+            Reception less stamp [s].
+        """
+        self.count += 1
+        if self.count % self.stride:
+            return
+        self._rows.extend((time, power, work_rate, latency))
+        self._rows.extend(shares)
+        if len(self._rows) > self.MOST * self._width // max(1, len(self.names) // 8):
+            self._rows = array("d", self.samples()[::2].tobytes())
+            self.stride *= 2
+
+    def samples(self):
+        """All samples kept, shape (T, 4 + nv): time, power, νᵀC, latency, shares. A copy."""
+        return np.array(self._rows).reshape(-1, self._width)
+
+    def recent(self, seconds):
+        """Samples of the last `seconds`, as :meth:`samples`."""
+        window = 1 + int(seconds * 2000 / self.stride)
+        samples = np.array(self._rows[-window * self._width :]).reshape(-1, self._width)
+        return samples[samples[:, 0] >= samples[-1, 0] - seconds] if len(samples) else samples
+
+    def summary(self):
+        """What to remember of all this, as text lines."""
+        samples = self.samples()
+        if len(samples) < 2:
+            return ["No joint states arrived."]
+        time, power, work_rate, latency = samples[:, :4].T
+        shares = samples[:, 4:]
+        total = shares.sum(axis=1)
+        span = time[-1] - time[0]
+        mean = shares.mean(axis=0)
+        most = np.argsort(mean)[::-1][:3]
+        parts = ", ".join(f"{self.names[k]} {100 * mean[k] / max(mean.sum(), 1e-300):.0f} %" for k in most)
+        lines = [
+            f"{self.count} states in {span:.1f} s ({(self.count - 1) / span:.0f} Hz), "
+            f"latency {1e3 * np.median(latency):.2f} ms median, {1e3 * np.quantile(latency, 0.99):.2f} ms 99 %",
+            f"kinetic energy {total.min():.3g} … {total.max():.3g} J, mean {total.mean():.3g} J, most of it: {parts}",
+            f"largest |νᵀC| / (|ν||C|): {np.nanmax(work_rate):.1e}",
+        ]
+        if np.isfinite(power).any():
+            lines.append(f"power of the efforts {np.nanmin(power):.3g} … {np.nanmax(power):.3g} W")
+        return lines
+
+    def picture(self, path, title):
+        """Draw the energies over time into an image file (format by its suffix)."""
+        from matplotlib.backends.backend_agg import FigureCanvasAgg  # slow to import, and seldom needed
+        from matplotlib.figure import Figure
+
+        samples = self.samples()
+        samples = samples[:: max(1, len(samples) // 3000)]
+        time = samples[:, 0] - samples[0, 0]
+        shares = samples[:, 4:]
+        total = shares.sum(axis=1)
+        # As many joints as there are colours, those with the most energy; the rest in grey on top.
+        shown = sorted(np.argsort(shares.mean(axis=0))[::-1][: len(PALETTE)])
+        layers = [shares[:, k] for k in shown]
+        labels = [self.names[k] for k in shown]
+        colours = list(PALETTE[: len(shown)])
+        if len(shown) < len(self.names):
+            layers.append(total - shares[:, shown].sum(axis=1))
+            labels.append(f"{len(self.names) - len(shown)} others")
+            colours.append("#dddddd")
+
+        figure = Figure(figsize=(10, 6), layout="constrained")
+        FigureCanvasAgg(figure)
+        energy, power = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+        energy.stackplot(time, layers, labels=labels, colors=colours, linewidth=0)
+        energy.plot(time, total, color="black", linewidth=1.0, label="total K")
+        energy.set_ylabel("kinetic energy ½ν² [J]")
+        energy.set_title(title)
+        handles, names = energy.get_legend_handles_labels()
+        energy.legend(
+            handles[::-1], names[::-1], loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9
+        )
+        power.plot(time, samples[:, 1], color="#444444", linewidth=1.0)
+        power.axhline(0.0, color="#aaaaaa", linewidth=0.8)
+        power.set_ylabel("power [W]")
+        power.set_xlabel("time [s]")
+        for axes in (energy, power):
+            axes.margins(x=0)
+            axes.spines[["top", "right"]].set_visible(False)
+        energy.set_ylim(bottom=0.0)
+        figure.savefig(path, dpi=120)

@@ -1,0 +1,1 @@
+"""ROS 2 nodes: parameters, QoS, message conversion. No physics here, and rclpy nowhere else."""

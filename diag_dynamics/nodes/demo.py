@@ -1,0 +1,112 @@
+"""The demo: a simulated robot, the monitor, and a live view of its kinetic energy, on a real ROS 2 graph."""
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.example_robots import find_urdf
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.model import load_urdf
+from diag_dynamics.nodes.energy_view import EnergyView, options
+from diag_dynamics.nodes.runner import run
+from diag_dynamics.simulation import Simulation
+
+NAMESPACE = "/demo"
+"""Keeps the demo's topics apart from those of a robot on the same machine."""
+
+
+class Processes:
+    """The nodes that the demo starts, each in a process of its own, and what they said."""
+
+    def __init__(self):
+        self._running = {}
+
+    def start(self, node, **parameters):
+        """Start a node of this package in the demo's namespace."""
+        command = [sys.executable, "-m", f"diag_dynamics.nodes.{node}", "--ros-args", "-r", f"__ns:={NAMESPACE}"]
+        for name, value in parameters.items():
+            command += ["-p", f"{name}:={value}"]
+        said = tempfile.TemporaryFile(mode="w+")  # noqa: SIM115 (closed by stop)
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT)
+        self._running[node] = process, said
+
+    def failure(self):
+        """Why the demo cannot go on: a node that has ended, with its last words; or None."""
+        for node, (process, said) in self._running.items():
+            if process.poll() is not None:
+                said.seek(0)
+                return f"{node} has ended with status {process.returncode}:\n" + "".join(said.readlines()[-15:])
+        return None
+
+    def stop(self):
+        """End all nodes, kindly at first."""
+        for process, _ in self._running.values():
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        for process, said in self._running.values():
+            try:
+                process.wait(timeout=5.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            said.close()
+
+
+def _prepare(urdf):
+    """Load the robot and compile what the nodes will need, once instead of in each of them."""
+    model = load_urdf(urdf, mimic="free")
+    if model.nv == 0:
+        raise InputError(f"robot '{model.name}' has no moving joint: there is nothing to show.")
+    DiagonalDynamics(model).compile()
+    Simulation(model).advance(steps=0)
+    return model
+
+
+def main(args=None):
+    """Run the demo; ``--help`` lists the options."""
+    parser = options(argparse.ArgumentParser(prog="demo", description=__doc__))
+    parser.add_argument("--robot", default="panda", help="robot of the example-robot-data wheel, or a URDF path")
+    parser.add_argument("--rate", type=float, default=500.0, help="joint states per second (default %(default)s)")
+    chosen = parser.parse_args(args)
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")  # a demo is nobody else's business
+    processes = Processes()
+    try:
+        urdf = find_urdf(chosen.robot)
+        patience = threading.Timer(
+            2.0, print, ["Compiling the dynamics, once: it takes about half a minute …"], {"flush": True}
+        )
+        patience.start()
+        try:
+            model = _prepare(urdf)
+        finally:
+            patience.cancel()
+        processes.start("simulator", robot_description=urdf, motion="wave", rate=chosen.rate)
+        processes.start("monitor", mimic="free")
+        view = None
+
+        def make_view():
+            nonlocal view
+            view = EnergyView(model.name, chosen.duration, chosen.picture, processes.failure, namespace=NAMESPACE)
+            return view
+
+        status = run(make_view)
+        if view is not None and view.failure:
+            print(view.failure, file=sys.stderr)
+            status = 1
+    except DiagDynamicsError as error:
+        print(f"{type(error).__name__}: {error}", file=sys.stderr)
+        status = 1
+    except KeyboardInterrupt:
+        status = 130
+    finally:
+        processes.stop()
+    sys.exit(status)
+
+
+if __name__ == "__main__":
+    main()

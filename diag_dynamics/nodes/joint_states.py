@@ -1,0 +1,160 @@
+"""Assembling the state of a whole robot from JointState messages that each bring some of its joints."""
+
+import math
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+
+
+class RejectedError(Exception):
+    """A message, or what would have been assembled from it, is not usable; `cause` is a short key to count by."""
+
+    def __init__(self, cause, message):
+        super().__init__(message)
+        self.cause = cause
+
+
+class RobotState(NamedTuple):
+    """A whole state; times are in nanoseconds."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray | None
+    newest: int
+    oldest: int
+    stamp_is_receive_time: bool
+
+
+class JointStateAssembler:
+    """Keeps the newest values of every joint and hands out a state once all of them are known and fresh.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The joints that are needed; others in a message are ignored.
+    timeout : float
+        Largest age of a joint against the newest one [s]; 0 for any.
+    """
+
+    def __init__(self, names, timeout):
+        self.names = tuple(names)
+        self.timeout = timeout
+        self.counts = Counter()
+        self._index = {name: k for k, name in enumerate(self.names)}
+        self._columns = None  # (names of the last message, places in the message, places in the state)
+        self._position, self._velocity, self._effort = np.full((3, len(self.names)), math.nan)
+        self._stamp = np.full(len(self.names), -1, dtype=np.int64)
+        self._without_stamp = np.zeros(len(self.names), dtype=bool)
+
+    @property
+    def missing(self):
+        """Joints that have never arrived."""
+        return [name for name, stamp in zip(self.names, self._stamp, strict=True) if stamp < 0]
+
+    def stale(self, now):
+        """Joints that have arrived, but not within the timeout before `now` [ns]."""
+        if not self.timeout:
+            return []
+        limit = now - int(self.timeout * 1e9)
+        return [n for n, stamp in zip(self.names, self._stamp, strict=True) if 0 <= stamp < limit]
+
+    def forget(self):
+        """Start anew, as after a jump of time."""
+        self._stamp[:] = -1
+
+    def update(self, message, now):
+        """Take a message in and return the state it completes.
+
+        Parameters
+        ----------
+        message : sensor_msgs.msg.JointState
+        now : int
+            Time of reception [ns], which stands for a stamp of zero.
+
+        Returns
+        -------
+        RobotState or None
+            None if the message brings none of this robot's joints, or others have not arrived yet.
+
+        Raises
+        ------
+        RejectedError
+            The message is malformed, too late or without velocity, or a joint is stale.
+        """
+        there, here = self._match(message)
+        if not len(here):
+            self.counts["foreign"] += 1
+            return None
+        stamp = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+        unstamped = stamp == 0
+        if unstamped:
+            stamp = now
+        self._keep_order(stamp, here)
+        position, velocity, effort = (
+            self._values(message, field, there) for field in ("position", "velocity", "effort")
+        )
+        self._require(position, "position", here)
+        self._position[here], self._velocity[here], self._effort[here] = position, velocity, effort
+        self._stamp[here] = stamp
+        self._without_stamp[here] = unstamped
+        return self._assembled()
+
+    def _match(self, message):
+        """Where the message's joints are in it, and where they belong."""
+        names = message.name
+        if self._columns is None or names != self._columns[0]:
+            if len(set(names)) != len(names):
+                twice = next(name for name, count in Counter(names).items() if count > 1)
+                raise RejectedError("duplicate name", f"joint '{twice}' is listed twice in one message")
+            known = [(k, self._index[name]) for k, name in enumerate(names) if name in self._index]
+            there, here = np.array(known, dtype=int).reshape(-1, 2).T
+            self._columns = (list(names), there, here)
+        return self._columns[1:]
+
+    def _keep_order(self, stamp, here):
+        """Drop what is older than what is known, unless time itself has jumped back."""
+        last = int(self._stamp[here].max())
+        if stamp >= last:
+            return
+        behind = (last - stamp) * 1e-9
+        if behind > max(self.timeout, 1.0):
+            self.counts["time jumped back"] += 1
+            self.forget()
+            return
+        raise RejectedError("late", f"joint '{self.names[here[0]]}': stamp {behind:.6f} s older than the one before")
+
+    def _values(self, message, field, there):
+        """One field of a message at the places wanted; an empty array stands for unknown."""
+        values = getattr(message, field)
+        if len(values) == 0:
+            return np.full(len(there), math.nan)
+        if len(values) != len(message.name):
+            # The joint at which the two part is the first one that cannot be right.
+            at = min(len(values), len(message.name) - 1)
+            raise RejectedError(
+                "wrong length",
+                f"{field} has {len(values)} entries for {len(message.name)} names (first at '{message.name[at]}')",
+            )
+        return np.frombuffer(values, dtype=np.float64)[there]
+
+    def _require(self, values, what, here):
+        good = np.isfinite(values)
+        if not good.all():
+            k = int(np.argmin(good))
+            raise RejectedError(
+                f"no {what}", f"joint '{self.names[here[k]]}': {what} is {values[k]}, expected a finite number"
+            )
+
+    def _assembled(self):
+        if (self._stamp < 0).any():
+            self.counts["incomplete"] += 1
+            return None
+        newest, oldest = int(self._stamp.max()), int(self._stamp.min())
+        stale = self.stale(newest)
+        if stale:
+            raise RejectedError("stale joint", f"joint '{stale[0]}' is older than {self.timeout} s")
+        self._require(self._velocity, "velocity", range(len(self.names)))
+        effort = self._effort.copy() if np.isfinite(self._effort).all() else None
+        unstamped = bool(self._without_stamp.any())
+        return RobotState(self._position.copy(), self._velocity.copy(), effort, newest, oldest, unstamped)

@@ -1,0 +1,273 @@
+"""The monitor node: joint_states and robot_description in, diagonalized dynamics out."""
+
+import math
+from collections import Counter
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import DiagDynamicsError
+from diag_dynamics.model import load_urdf
+from diag_dynamics.msg import (
+    CoriolisTerm,
+    DiagonalizedState,
+    JointSpaceDynamics,
+    KineticEnergy,
+    MassMatrixFactors,
+    TotalJointRates,
+    WorkingMoments,
+)
+from diag_dynamics.nodes.diagnostics import Diagnostics
+from diag_dynamics.nodes.joint_states import JointStateAssembler, RejectedError
+from diag_dynamics.nodes.messages import MessageMaker, to_time
+from diag_dynamics.nodes.parameters import Spec, declare, wrong
+from diag_dynamics.nodes.runner import main_of
+from diag_dynamics.nodes.services import DynamicsServices
+
+TOPICS = {
+    "total_joint_rates": (TotalJointRates, 0.0),
+    "working_moments": (WorkingMoments, 0.0),
+    "coriolis": (CoriolisTerm, 0.0),
+    "mass_matrix_factors": (MassMatrixFactors, 50.0),
+    "kinetic_energy": (KineticEnergy, 0.0),
+    "joint_space_dynamics": (JointSpaceDynamics, 50.0),
+    "state": (DiagonalizedState, 0.0),
+}
+"""Each output topic: its type, and the highest rate it is published at by default [Hz], 0 for every state."""
+
+PARAMETERS = {
+    "robot_description": Spec(
+        "",
+        "URDF, or the path of one. If it is empty, the topic robot_description is used, and used again whenever a new "
+        "description arrives there.",
+        read_only=True,
+    ),
+    "mimic": Spec(
+        "embed",
+        "Mimic joints: coupled to their leaders (embed, not offered yet), independent (free), or locked (lock, not "
+        "offered yet).",
+        read_only=True,
+        choices=("embed", "free", "lock"),
+    ),
+    "gravity": Spec([0.0, 0.0, -9.81], "Acceleration of gravity in the root link's axes [m/s^2]."),
+    "joint_timeout": Spec(
+        0.5,
+        "Largest age of a joint's last values against the newest joint's [s]; where one is older, nothing is "
+        "published. 0 for no limit.",
+        minimum=0.0,
+    ),
+    "publish_inverse_factor": Spec(False, "Whether mass_matrix_factors carries l, the inverse of m."),
+    **{
+        f"max_rate.{topic}": Spec(rate, f"Highest rate of ~/{topic} [Hz]; 0 for every state.", minimum=0.0)
+        for topic, (_, rate) in TOPICS.items()
+    },
+}
+
+
+class RateLimit:
+    """Lets through what comes no sooner than a period after what it let through before, by the stamps."""
+
+    def __init__(self, rate):
+        self._period = 1e9 / rate if rate else 0.0
+        self._last = self._next = None
+
+    def due(self, stamp):
+        """Whether a message stamped `stamp` [ns] goes out, and note that it does."""
+        if not self._period:
+            return True
+        # A hair early is on time, lest a source of exactly this rate with jittering stamps lose every second message.
+        # A stamp before the last one means that time has started anew.
+        if self._last is not None and self._last <= stamp < self._next - 0.05 * self._period:
+            return False
+        on_time = self._last is not None and abs(stamp - self._next) < self._period
+        self._next = (self._next if on_time else stamp) + self._period
+        self._last = stamp
+        return True
+
+
+class MonitorNode(Node):
+    """See the module; parameters are in :data:`PARAMETERS`, topics in :data:`TOPICS`."""
+
+    def __init__(self, **kwargs):
+        super().__init__("diag_dynamics", **kwargs)
+        values = declare(self, PARAMETERS)
+        self._inverse = values["publish_inverse_factor"]
+        self._timeout = values["joint_timeout"]
+        self._gravity = tuple(values["gravity"])
+        self._limits = {topic: RateLimit(values[f"max_rate.{topic}"]) for topic in TOPICS}
+        self._out = {topic: self.create_publisher(kind, f"~/{topic}", 10) for topic, (kind, _) in TOPICS.items()}
+        self._dynamics = self._maker = self._assembler = self._description = None
+        self._description_error = ""
+        self._counts, self._last_counts = Counter(), Counter()
+        self._last_rejection = ""
+        self._last_stamp = None
+
+        self.add_on_set_parameters_callback(self._set_parameters)
+        DynamicsServices(self, lambda: (self._dynamics, self._maker) if self._dynamics else None)
+        self._diagnostics = Diagnostics(self, "joint states", self._report)
+        if values["robot_description"]:
+            self._load(values["robot_description"])
+        else:
+            once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+            self.create_subscription(String, "robot_description", lambda m: self._load(m.data), once)
+            self.get_logger().info(f"Waiting for a robot on {self.resolve_topic_name('robot_description')}.")
+        self.create_subscription(JointState, "joint_states", self._take_joint_state, qos_profile_sensor_data)
+
+    # --- The model ---
+
+    def _load(self, description):
+        """Make a new robot the one in force; keep the old one if the new one is not valid."""
+        if description == self._description:
+            return
+        try:
+            model = load_urdf(description, mimic=self.get_parameter("mimic").value, gravity=self._gravity)
+            dynamics = DiagonalDynamics(model)
+            dynamics.compile()
+        except DiagDynamicsError as error:
+            kept = f"; keeping robot '{self._dynamics.model.name}'" if self._dynamics else ""
+            self._description_error = str(error)
+            self.get_logger().error(f"robot_description refused{kept}: {error}")
+            return
+        self._description, self._description_error = description, ""
+        self._use(dynamics)
+        self._assembler = JointStateAssembler(model.dof_names, self._timeout)
+        self.get_logger().info(
+            f"Ready: robot '{model.name}', {model.nv} degrees of freedom, {model.total_mass:.6g} kg; "
+            f"listening to {self.resolve_topic_name('joint_states')}."
+        )
+
+    def _use(self, dynamics):
+        self._dynamics = dynamics
+        self._maker = MessageMaker(dynamics.model)
+
+    # --- Every message ---
+
+    def _take_joint_state(self, message):
+        self._counts["received"] += 1
+        if self._dynamics is None:
+            self._counts["before the model"] += 1
+            return
+        try:
+            state = self._assembler.update(message, self.get_clock().now().nanoseconds)
+            if state is not None:
+                self._publish(state)
+                self._counts["published"] += 1
+                self._last_stamp = state.newest
+        except RejectedError as rejection:
+            self._reject(rejection.cause, str(rejection))
+        except DiagDynamicsError as error:
+            self._reject(type(error).__name__, str(error))
+        except Exception as error:  # nothing that arrives may end the node
+            self._reject("internal error", repr(error))
+
+    def _reject(self, cause, message):
+        self._counts[f"rejected: {cause}"] += 1
+        self._last_rejection = message
+        self.get_logger().warning(f"Joint state rejected: {message}", throttle_duration_sec=5.0)
+
+    def _publish(self, state):
+        """Evaluate, and publish where somebody listens."""
+        dynamics, maker = self._dynamics, self._maker
+        s = dynamics.evaluate(state.position, state.velocity, state.effort)
+        if not np.isfinite(s.kinetic_energy):
+            raise RejectedError("absurd value", "the kinetic energy of this state is not a finite number")
+        stamp = to_time(state.newest)
+        q, qd = state.position, state.velocity
+        for topic, make in (
+            ("state", lambda: maker.state(stamp, s, state)),
+            ("kinetic_energy", lambda: maker.kinetic_energy(stamp, s)),
+            ("total_joint_rates", lambda: maker.total_joint_rates(stamp, s)),
+            ("working_moments", lambda: maker.working_moments(stamp, s)),
+            ("coriolis", lambda: maker.coriolis(stamp, s)),
+            ("mass_matrix_factors", lambda: maker.mass_matrix_factors(stamp, dynamics.factors(q), self._inverse)),
+            ("joint_space_dynamics", lambda: self._joint_space_dynamics(stamp, q, qd)),
+        ):
+            publisher = self._out[topic]
+            if publisher.get_subscription_count() and self._limits[topic].due(state.newest):
+                publisher.publish(make())
+
+    def _joint_space_dynamics(self, stamp, q, qd):
+        dynamics = self._dynamics
+        return self._maker.joint_space_dynamics(
+            stamp, dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q)
+        )
+
+    # --- Parameters and diagnostics ---
+
+    def _set_parameters(self, parameters):
+        for parameter in parameters:
+            reason = wrong(parameter.name, parameter.value, PARAMETERS)
+            if parameter.name == "gravity" and not _is_vector(parameter.value):
+                reason = f"parameter 'gravity' is {parameter.value!r}, expected three finite numbers [m/s^2]"
+            if reason:
+                return SetParametersResult(successful=False, reason=reason)
+        for parameter in parameters:
+            self._apply(parameter.name, parameter.value)
+        return SetParametersResult(successful=True)
+
+    def _apply(self, name, value):
+        if name.startswith("max_rate."):
+            self._limits[name.removeprefix("max_rate.")] = RateLimit(value)
+        elif name == "publish_inverse_factor":
+            self._inverse = value
+        elif name == "joint_timeout":
+            self._timeout = value
+            if self._assembler:
+                self._assembler.timeout = value
+        elif name == "gravity":
+            self._gravity = tuple(value)
+            if self._dynamics:
+                self._use(DiagonalDynamics(self._dynamics.model.with_gravity(value)))
+
+    def _report(self):
+        counts = self._counts + (self._assembler.counts if self._assembler else Counter())
+        recent = counts - self._last_counts
+        self._last_counts = counts
+        level, message = self._judge(recent)
+        values = {"input rate [Hz]": recent["received"], "output rate [Hz]": recent["published"]}
+        if self._dynamics:
+            model = self._dynamics.model
+            values |= {
+                "robot": model.name,
+                "degrees of freedom": model.nv,
+                "total mass [kg]": f"{model.total_mass:.6g}",
+            }
+        if self._last_stamp is not None:
+            age = (self.get_clock().now().nanoseconds - self._last_stamp) * 1e-9
+            values["age of the last state [s]"] = f"{age:.6f}"
+        values |= dict(sorted(counts.items()))
+        if self._last_rejection:
+            values["last rejection"] = self._last_rejection
+        return level, message, values
+
+    def _judge(self, recent):
+        """Level and message for what happened within the last second."""
+        if self._description_error:
+            return DiagnosticStatus.ERROR, f"robot_description refused: {self._description_error}"
+        if self._dynamics is None:
+            return DiagnosticStatus.WARN, "no robot_description yet"
+        rejected = sum(count for cause, count in recent.items() if cause.startswith("rejected"))
+        if recent["published"] and not rejected:
+            return DiagnosticStatus.OK, "publishing"
+        if rejected:
+            return DiagnosticStatus.WARN, f"{rejected} messages rejected: {self._last_rejection}"
+        missing = self._assembler.missing
+        if recent["received"] and missing:
+            return DiagnosticStatus.WARN, f"joints that never arrived: {', '.join(missing)}"
+        return DiagnosticStatus.STALE, "no joint states"
+
+
+def _is_vector(value):
+    return value is not None and len(value) == 3 and all(map(math.isfinite, value))
+
+
+main = main_of(MonitorNode)
+
+if __name__ == "__main__":
+    main()

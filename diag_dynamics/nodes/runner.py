@@ -1,0 +1,66 @@
+"""How every executable of this package starts, spins and ends."""
+
+import signal
+import sys
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+from diag_dynamics.exceptions import DiagDynamicsError
+
+try:  # Jazzy and later: a third of the CPU time per message
+    from rclpy.experimental import EventsExecutor as Executor
+except ImportError:
+    Executor = SingleThreadedExecutor
+
+
+def run(make_node, args=None):
+    """Create a node, spin it until shutdown or a signal, and leave without a trace. Returns the exit status.
+
+    SIGINT and SIGTERM end the spinning between two callbacks; rclpy's own handlers would break off the one that is
+    running, or take the context away from it. A launcher's Ctrl-C arrives twice, the second one finds nothing to do.
+    A node that ends by itself has a future `finished`.
+    """
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    node = None
+    try:
+        node = make_node()
+        done = getattr(node, "finished", None) or Future()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: done.done() or done.set_result(None))
+        spin(node, done)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except DiagDynamicsError as error:  # what it was started with makes no sense: one line says so
+        print(f"{type(error).__name__}: {error}", file=sys.stderr)
+        return 1
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def spin(node, until):
+    """Serve the node's callbacks until the future `until` is done or the context is shut down."""
+    executor = Executor()
+    executor.add_node(node)
+    try:
+        # EventsExecutor.spin() serves no timers in some releases; waiting for a future does. It ends by itself now and
+        # then, because a signal that arrives while it waits is noticed no sooner.
+        while rclpy.ok() and not until.done():
+            executor.spin_until_future_complete(until, timeout_sec=0.2)
+    finally:
+        executor.remove_node(node)
+        executor.shutdown()
+
+
+def main_of(make_node):
+    """Return the main function of an executable."""
+
+    def main(args=None):
+        sys.exit(run(make_node, args))
+
+    return main

@@ -1,0 +1,114 @@
+"""The simulator node: a robot that moves under its own dynamics and publishes what a driver would."""
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.model import load_urdf, urdf_text
+from diag_dynamics.nodes.diagnostics import Diagnostics
+from diag_dynamics.nodes.messages import doubles, to_time
+from diag_dynamics.nodes.parameters import Spec, declare
+from diag_dynamics.nodes.runner import main_of
+from diag_dynamics.simulation import Simulation, Wave
+
+PARAMETERS = {
+    "robot_description": Spec("", "URDF, or the path of one; required.", read_only=True),
+    "mimic": Spec(
+        "free",
+        "Mimic joints: coupled to their leaders (embed, not offered yet), independent (free), or locked (lock, not "
+        "offered yet).",
+        read_only=True,
+        choices=("embed", "free", "lock"),
+    ),
+    "gravity": Spec([0.0, 0.0, -9.81], "Acceleration of gravity in the root link's axes [m/s^2].", read_only=True),
+    "rate": Spec(500.0, "joint_states per second [Hz].", read_only=True, minimum=1.0, maximum=10000.0),
+    "step": Spec(0.001, "Integration step [s].", read_only=True, minimum=1e-6, maximum=0.1),
+    "motion": Spec(
+        "free",
+        "free: no effort on the joints; wave: each joint is driven along a sine wave about the middle of its range.",
+        read_only=True,
+        choices=("free", "wave"),
+    ),
+}
+
+MOST_BEHIND = 0.1
+"""Lag behind real time [s] beyond which the simulation lets time go rather than catch up."""
+
+
+class SimulatorNode(Node):
+    """See the module; parameters are in :data:`PARAMETERS`."""
+
+    def __init__(self, **kwargs):
+        super().__init__("diag_dynamics_simulator", **kwargs)
+        values = declare(self, PARAMETERS)
+        if not values["robot_description"]:
+            raise InputError("parameter 'robot_description' is empty: give the simulator a URDF or the path of one.")
+        text = urdf_text(values["robot_description"])
+        model = load_urdf(text, mimic=values["mimic"], gravity=values["gravity"])
+        self._simulation = Simulation(model, step=values["step"])
+        self._simulation.dynamics.compile()
+        self._wave = Wave(self._simulation) if values["motion"] == "wave" else None
+        self._effort = np.zeros(model.nv)
+        self._simulation.advance(steps=0)
+        self._names = list(model.dof_names)
+        self._period = 1.0 / values["rate"]
+        self._let_go = 0.0
+        self._failure = ""
+
+        once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._description = self.create_publisher(String, "robot_description", once)
+        self._description.publish(String(data=text))
+        self._joint_states = self.create_publisher(JointState, "joint_states", 10)
+        self._diagnostics = Diagnostics(self, "simulation", self._report)
+        self._start = self.get_clock().now().nanoseconds
+        self._timer = self.create_timer(self._period, self._tick)
+        self.get_logger().info(
+            f"Ready: robot '{model.name}', {model.nv} degrees of freedom, motion '{values['motion']}', "
+            f"{values['rate']:g} Hz."
+        )
+
+    def _tick(self):
+        """Bring the simulation up to now, and publish where it is."""
+        if self._failure:
+            return
+        simulation = self._simulation
+        elapsed = (self.get_clock().now().nanoseconds - self._start) * 1e-9 - self._let_go
+        behind = elapsed - simulation.time
+        if behind > MOST_BEHIND:
+            self._let_go += behind - self._period
+            behind = self._period
+        try:
+            for _ in range(int(behind / simulation.step_size)):
+                if self._wave:
+                    self._effort = self._wave.effort()
+                simulation.advance(self._effort)
+        except DiagDynamicsError as error:
+            self._failure = str(error)
+            self.get_logger().error(f"The simulation has stopped: {error}")
+            return
+        self._publish()
+
+    def _publish(self):
+        simulation = self._simulation
+        stamp = self._start + int((simulation.time + self._let_go) * 1e9)
+        message = JointState(name=self._names)
+        message.header.stamp = to_time(stamp)
+        message.position, message.velocity = doubles(simulation.q), doubles(simulation.qd)
+        message.effort = doubles(self._effort)
+        self._joint_states.publish(message)
+
+    def _report(self):
+        values = {"simulated time [s]": f"{self._simulation.time:.3f}", "time let go [s]": f"{self._let_go:.3f}"}
+        if self._failure:
+            return DiagnosticStatus.ERROR, f"stopped: {self._failure}", values
+        return DiagnosticStatus.OK, "running", values
+
+
+main = main_of(SimulatorNode)
+
+if __name__ == "__main__":
+    main()

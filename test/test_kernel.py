@@ -1,0 +1,105 @@
+"""The disk cache of compiled code: used, invalidated by any kernel source, and never in the way."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "diag_dynamics"
+
+# Prints D of a pendulum, and how many of the calls were loaded from the cache.
+SCRIPT = """
+import sys
+import numpy as np
+import diag_dynamics as dd
+from diag_dynamics import sweeps
+
+urdf = '''<robot name="r"><link name="a"/><link name="b"><inertial><origin xyz="0 0 -2"/><mass value="3"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint></robot>'''
+model = dd.load_urdf(urdf)
+D, magnitude, work = np.zeros(1), np.zeros(1), np.zeros(2, sweeps.WORK)
+sweeps.joint_inertias(model.bodies, np.zeros(1), work, D, magnitude)
+print(D[0], sum(sweeps.joint_inertias.stats.cache_hits.values()))
+"""
+
+
+def run(folder, cache, **more):
+    """Run the script with the package in `folder`; returns D, the cache hits and what was said."""
+    environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "XDG_CACHE_HOME", "TMPDIR")}
+    environment |= {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(cache), "PYTHONDONTWRITEBYTECODE": "1"} | more
+    environment = {k: v for k, v in environment.items() if v != ""}
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT], env=environment, cwd=folder, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    D, hits = done.stdout.split()[-2:]
+    return float(D), int(hits), done.stderr
+
+
+@pytest.fixture
+def copy(tmp_path):
+    """A copy of the package without ROS parts."""
+    folder = tmp_path / "site"
+    shutil.copytree(PACKAGE, folder / "diag_dynamics", ignore=shutil.ignore_patterns("nodes", "__pycache__"))
+    return folder
+
+
+def test_cache_is_used_and_a_change_of_any_kernel_source_invalidates(copy, tmp_path):
+    """spatial.py is inlined into sweeps.py: after an edit of the one, the other gives the new number."""
+    cache = tmp_path / "cache"
+    first, hits, _ = run(copy, cache)
+    assert (first, hits) == (3 * 4 + 1, 0)
+    again, hits, _ = run(copy, cache)
+    assert again == first
+    assert hits >= 1
+
+    spatial = copy / "diag_dynamics" / "spatial.py"
+    text = spatial.read_text()
+    before = "    if kind == REVOLUTE:\n        return F.moment[2]\n"
+    assert text.count(before) == 1
+    spatial.write_text(text.replace(before, "    if kind == REVOLUTE:\n        return 2.0 * F.moment[2]\n"))
+    changed, hits, _ = run(copy, cache)
+    assert changed == 2 * first
+    assert hits == 0
+
+
+def test_unwritable_cache_folder_is_survived(copy, tmp_path):
+    """Without any place for compiled code everything works, and a warning says what to do."""
+    occupied = tmp_path / "a file, not a folder"
+    occupied.write_text("")
+    D, hits, said = run(copy, occupied)
+    assert (D, hits) == (13, 0)
+    assert "NUMBA_CACHE_DIR" in said
+
+
+def test_other_folders_are_tried(copy, tmp_path):
+    """If the home folder cannot be written, the system's temporary one serves."""
+    occupied = tmp_path / "a file, not a folder"
+    occupied.write_text("")
+    temporary = tmp_path / "tmp"
+    temporary.mkdir()
+    for expected in (False, True):
+        D, hits, said = run(copy, "", XDG_CACHE_HOME=str(occupied), TMPDIR=str(temporary))
+        assert D == 13
+        assert (hits > 0) is expected
+        assert "NUMBA_CACHE_DIR" not in said
+    assert list(temporary.glob("diag_dynamics-*/*.nbc"))
+
+
+def test_damaged_cache_is_made_anew(copy, tmp_path):
+    """A file cut short, or filled with something else, costs a compilation and nothing more."""
+    cache = tmp_path / "cache"
+    run(copy, cache)
+    for pattern, content in (("*.nbi", b""), ("*.nbc", b"not a pickle"), ("*.nbi", b"\x80")):
+        files = list(cache.rglob(pattern))
+        assert files
+        for file in files:
+            file.write_bytes(content)
+        D, hits, said = run(copy, cache)
+        assert (D, hits) == (13, 0)
+        assert "unreadable" in said
+        assert run(copy, cache)[1] >= 1

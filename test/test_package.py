@@ -1,0 +1,208 @@
+"""The package as a whole: what is declared in several places agrees, and what is promised is there."""
+
+import ast
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+import yaml
+
+import diag_dynamics
+
+ROOT = Path(__file__).parents[1]
+SOURCES = sorted((ROOT / "diag_dynamics").rglob("*.py"))
+
+
+def imports(path):
+    """Modules that a file imports, as dotted names."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+# --- Structure ---
+
+FLOORS = [
+    "exceptions kernel",
+    "spatial",
+    "sweeps",
+    "model",
+    "dynamics",
+    "simulation history example_robots",
+    "terminal",
+]
+"""Rooms from the ground up: a module imports from its own floor or below. nodes stand on all of them."""
+
+
+def test_imports_point_downward():
+    floor = {name: k for k, names in enumerate(FLOORS) for name in names.split()}
+    for path in SOURCES:
+        room = path.relative_to(ROOT / "diag_dynamics").parts[0].removesuffix(".py")
+        if room in ("__init__", "nodes"):
+            continue
+        assert room in floor, f"{path.name} has no floor in {__name__}.FLOORS"
+        for name in imports(path):
+            parts = name.split(".")
+            if parts[0] == "diag_dynamics" and len(parts) > 1:
+                assert floor[parts[1]] <= floor[room], f"{room} imports {name}"
+
+
+def test_ros_only_in_nodes_and_pinocchio_nowhere():
+    ros = {"rclpy", "std_msgs", "sensor_msgs", "diagnostic_msgs", "rcl_interfaces", "builtin_interfaces"}
+    for path in SOURCES:
+        found = {name.split(".")[0] for name in imports(path)}
+        assert not found & {"pinocchio", "pin"}, path
+        if "nodes" not in path.parts:
+            assert not found & ros, path
+
+
+def test_importing_the_package_is_cheap():
+    """Who imports only a message does not wait for numba, yourdfpy or rclpy."""
+    script = "import sys, diag_dynamics; print(sorted({'numba', 'yourdfpy', 'rclpy', 'numpy'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_public_names_are_there():
+    for name in diag_dynamics.__all__:
+        value = getattr(diag_dynamics, name)
+        assert value.__doc__
+    assert {"load_urdf", "DiagonalDynamics", "RobotModel"} <= set(dir(diag_dynamics))
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = diag_dynamics.nonsense
+
+
+# --- Interfaces ---
+
+
+def interface_files():
+    return sorted((ROOT / "msg").glob("*.msg")) + sorted((ROOT / "srv").glob("*.srv"))
+
+
+def test_cmake_lists_every_interface():
+    listed = re.findall(r"^\s+((?:msg|srv)/\w+\.(?:msg|srv))$", (ROOT / "CMakeLists.txt").read_text(), re.M)
+    assert listed == [path.relative_to(ROOT).as_posix() for path in interface_files()]
+
+
+@pytest.mark.parametrize("path", interface_files(), ids=lambda path: path.name)
+def test_every_field_has_a_meaning(path):
+    """Each field has a comment of its own, or shares the comment of the field it completes."""
+    shared = {"string[] dof_names", "string message", "geometry_msgs/Wrench[] wrenches"}
+    for line in path.read_text(encoding="utf-8").splitlines():
+        field = line.split("#")[0].strip()
+        if not field or field == "---" or "#" in line or "=" in field:
+            continue
+        assert field in shared or field.startswith("diag_dynamics/"), f"{path.name}: {field} says nothing"
+
+
+# --- Parameters: code, configuration and README ---
+
+
+def node_parameters(node):
+    pytest.importorskip("rclpy", reason="rclpy is not installed: parameters cannot be read")
+    module = __import__(f"diag_dynamics.nodes.{node}", fromlist=["PARAMETERS"])
+    return module.PARAMETERS
+
+
+def flat(tree, prefix=""):
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from flat(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("node", ["monitor", "simulator"])
+def test_configuration_holds_the_defaults(node):
+    tree = yaml.safe_load((ROOT / "config" / f"{node}.yaml").read_text(encoding="utf-8"))
+    written = dict(flat(tree["/**"]["ros__parameters"]))
+    assert written == {name: spec.default for name, spec in node_parameters(node).items()}
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("node", ["monitor", "simulator"])
+def test_readme_lists_every_parameter(node):
+    section = (ROOT / "README.md").read_text(encoding="utf-8").split(f"## The {node}\n")[1].split("\n## ")[0]
+    rows = re.findall(r"^\| `([\w.]+)` \| `([^`]*)` \|", section, re.M)
+    expected = {}
+    for name, spec in node_parameters(node).items():
+        expected[name] = f'"{spec.default}"' if spec.default == "" else str(spec.default)
+    assert dict(rows) == expected
+
+
+# --- Launching and installing ---
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "launch").glob("*.py")), ids=lambda path: path.name)
+def test_launch_files_name_what_exists(path):
+    """Executables are installed and configuration files there; the rest needs `launch`."""
+    text = path.read_text(encoding="utf-8")
+    compile(text, str(path), "exec")
+    assert "def generate_launch_description" in text
+    for executable in re.findall(r'executable="(\w+)"', text):
+        assert (ROOT / "scripts" / executable).is_file()
+    for name in re.findall(r'"(\w+\.(?:yaml|launch\.py))"', text):
+        assert (ROOT / "config" / name).is_file() or (ROOT / "launch" / name).is_file()
+
+
+def test_launch_files_describe_nodes():
+    pytest.importorskip("launch_ros", reason="launch and launch_ros are not on PyPI, only in an installed ROS 2")
+    from launch import LaunchContext
+    from launch.launch_description_sources import get_launch_description_from_python_launch_file
+
+    for path in (ROOT / "launch").glob("*.py"):
+        description = get_launch_description_from_python_launch_file(str(path))
+        assert description.get_launch_arguments() is not None
+        assert LaunchContext() is not None
+
+
+def test_package_xml_is_complete():
+    package = ET.parse(ROOT / "package.xml").getroot()
+    assert package.get("format") == "3"
+    assert package.findtext("version") == diag_dynamics.__version__
+    assert package.findtext("export/build_type") == "ament_cmake"
+    declared = {e.text for e in package if e.tag.endswith("depend")}
+    third_party = {"numba", "numpy", "lxml", "yourdfpy", "rich", "matplotlib"}
+    keys = {name: f"python3-{name}" for name in third_party} | {"yourdfpy": "python3-yourdfpy-pip"}
+    standard = set(sys.stdlib_module_names) | {"diag_dynamics"}
+    for path in SOURCES:
+        for name in {name.split(".")[0] for name in imports(path)} - standard:
+            assert keys.get(name, name) in declared, f"{path.name} imports {name}, which package.xml does not declare"
+
+
+def test_installs_without_ros(tmp_path):
+    """pip makes a wheel that holds every module of the library, and imports where there is no ROS."""
+    command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "-q", "-w", str(tmp_path)]
+    pytest.importorskip("setuptools", minversion="77", reason="setuptools 77 builds the wheel")
+    subprocess.run([*command, str(ROOT)], check=True, capture_output=True, timeout=300)
+    (wheel,) = tmp_path.glob("*.whl")
+    target = tmp_path / "site"
+    install = [sys.executable, "-m", "pip", "install", "--no-deps", "-q", "--target", str(target), str(wheel)]
+    subprocess.run(install, check=True, capture_output=True, timeout=300)
+    installed = {path.relative_to(target).as_posix() for path in (target / "diag_dynamics").rglob("*.py")}
+    assert installed == {path.relative_to(ROOT).as_posix() for path in SOURCES}
+    script = "import diag_dynamics as dd; print(dd.load_urdf, dd.DiagonalDynamics, dd.Simulation)"
+    clean = {"PATH": "/usr/bin", "PYTHONPATH": f"{target}", "NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, env=clean, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_readme_program_runs(tmp_path):
+    """The program in the README, as it stands there."""
+    from robots import robot_path
+
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"<!-- test: the block below is run -->\n```python\n(.*?)```", text, re.S)
+    (tmp_path / "panda.urdf").write_text(robot_path("panda_description/urdf/panda.urdf").read_text())
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, env=None, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    assert abs(float(done.stdout.split()[-1])) < 1e-12

@@ -1,0 +1,363 @@
+"""What a URDF becomes, and what is said of one that cannot become a model."""
+
+import numpy as np
+import pytest
+
+import diag_dynamics as dd
+from robots import description, joint, link, robot_path
+
+BOX = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0.0, 0.0, 0.2, 0.0, 0.3)}
+
+
+def arm(*more, first="revolute"):
+    return description("arm", link("base"), link("upper", **BOX), joint("shoulder", first, "base", "upper"), *more)
+
+
+# --- What is read ---
+
+
+def test_path_text_and_bytes_are_the_same(tmp_path):
+    file = tmp_path / "arm ü.urdf"
+    text = '<?xml version="1.0" encoding="utf-8"?>\n' + arm()
+    file.write_text(text, encoding="utf-8")
+    models = [dd.load_urdf(source) for source in (file, str(file), text, text.encode(), "\ufeff  " + text)]
+    for model in models[1:]:
+        assert model.bodies.tobytes() == models[0].bodies.tobytes()
+
+
+def test_declared_encoding(tmp_path):
+    """The bytes of a file are in the encoding they declare; text is text whatever it declares."""
+    text = '<?xml version="1.0" encoding="iso-8859-1"?>' + arm().replace("shoulder", "Schläger")
+    file = tmp_path / "latin.urdf"
+    file.write_bytes(text.encode("iso-8859-1"))
+    for source in (file, text, text.encode("iso-8859-1")):
+        assert dd.load_urdf(source).dof_names == ("Schläger",)
+
+
+def test_order_limits_and_defaults():
+    """Depth first, siblings by joint name; limits and damping where the URDF has them."""
+    model = dd.load_urdf(
+        description(
+            "tree",
+            *(link(name, **BOX) for name in ("root", "a", "b", "c", "hand")),
+            joint("z", "prismatic", "root", "a"),
+            joint("m", "continuous", "root", "b"),
+            joint("weld", "fixed", "b", "hand"),
+            '<joint name="y" type="revolute"><parent link="hand"/><child link="c"/>'
+            '<limit lower="-1" upper="2" effort="3" velocity="4"/><dynamics damping="0.5" friction="0.25"/></joint>',
+        )
+    )
+    assert model.dof_names == model.joint_names == ("m", "y", "z")
+    assert model.link_names == ("root", "b", "hand", "c", "a")
+    assert (model.nq, model.nv) == (3, 3)
+    assert model.root_link == "root"
+    assert model.fixed_joints == ("weld",)
+    assert model.total_mass == 10.0
+    np.testing.assert_array_equal(model.lower, [-np.inf, -1, -10])
+    np.testing.assert_array_equal(model.upper, [np.inf, 2, 10])
+    np.testing.assert_array_equal(model.effort_limit, [100, 3, 100])
+    np.testing.assert_array_equal(model.velocity_limit, [100, 4, 100])
+    np.testing.assert_array_equal(model.damping, [0, 0.5, 0])
+    np.testing.assert_array_equal(model.friction, [0, 0.25, 0])
+
+
+def test_model_is_immutable():
+    model = dd.load_urdf(arm())
+    with pytest.raises(AttributeError):
+        model.name = "other"
+    for array in (model.gravity, model.lower, model.bodies, model.links, model.damping):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+    moon = model.with_gravity((0, 0, -1.62))
+    assert moon.gravity[2] == -1.62 and model.gravity[2] == -9.81
+    assert moon.bodies is model.bodies
+
+
+def test_what_dynamics_does_not_need_is_not_looked_at():
+    """Meshes, broken visuals, unknown extensions and comments neither matter nor prevent loading."""
+    extras = (
+        '<link name="more"><visual><geometry><capsule radius="1"/></geometry></visual><visual><geometry>'
+        '<mesh filename="package://nowhere/nothing.stl"/></geometry></visual><collision/></link>'
+        + joint("weld", "fixed", "upper", "more")
+        + '<!-- <joint name="no"/> --><material/><transmission/><gazebo><plugin/></gazebo><unknown x="1"/>'
+    )
+    plain = dd.load_urdf(arm(link("more"), joint("weld", "fixed", "upper", "more")))
+    assert dd.load_urdf(arm(extras)).bodies.tobytes() == plain.bodies.tobytes()
+    assert dd.load_urdf(arm().replace(' name="arm"', "")).name == "robot"
+
+
+def test_motionless_robot_gives_empty_vectors():
+    model = dd.load_urdf(description("rock", link("base", **BOX)))
+    dynamics = dd.DiagonalDynamics(model)
+    s = dynamics.evaluate([], [], [])
+    assert model.nv == 0 and s.nu.shape == s.epsilon.shape == (0,)
+    assert s.kinetic_energy == 0.0 and s.link_energy.tolist() == [0.0]
+    assert dynamics.factors([]).m.shape == dynamics.mass_matrix([]).shape == (0, 0)
+    assert dynamics.forward_dynamics([], [], []).shape == (0,)
+
+
+def test_axes_need_no_unit_length():
+    rest = {"xyz": (0, 0, 1), "rpy": (0.3, 0.2, 0.1)}
+    one, three = (
+        dd.DiagonalDynamics(dd.load_urdf(arm(link("l", **BOX), joint("e", "revolute", "upper", "l", axis=a, **rest))))
+        for a in ((1, 2, 2), (3, 6, 6))
+    )
+    np.testing.assert_allclose(one.mass_matrix([0.1, 0.2]), three.mass_matrix([0.1, 0.2]), rtol=1e-15)
+
+
+# --- Mimic joints ---
+
+FOLLOWER = '<joint name="follower" type="revolute"><parent link="upper"/><child link="l"/><mimic joint="{}"/></joint>'
+
+
+def test_mimic_is_refused_by_name_unless_free():
+    urdf = arm(link("l", **BOX), FOLLOWER.format("shoulder"))
+    with pytest.raises(dd.MimicJointError, match=r"follower.*not there yet.*mimic='free'") as caught:
+        dd.load_urdf(urdf)
+    assert caught.value.joints == ("follower",)
+    assert dd.load_urdf(urdf, mimic="free").dof_names == ("shoulder", "follower")
+    with pytest.raises(dd.UrdfError, match=r"'follower'.*mimics 'nobody'"):
+        dd.load_urdf(arm(link("l", **BOX), FOLLOWER.format("nobody")))
+
+
+# --- What cannot be a model ---
+
+BROKEN = {
+    "no such file": (
+        "/nowhere/robot.urdf",
+        dd.UrdfError,
+        "Cannot read the URDF file '/nowhere/robot.urdf'",
+    ),
+    "a folder": (".", dd.UrdfError, "Cannot read the URDF file '.': Is a directory"),
+    "empty": ("", dd.UrdfError, "The URDF is empty."),
+    "blank": ("<!-- nothing -->", dd.UrdfError, "The URDF is not well-formed XML"),
+    "a number": (7, dd.UrdfError, "A URDF is a path or XML text, not a int."),
+    "cut short": (arm()[:-30], dd.UrdfError, "The URDF is not well-formed XML"),
+    "not a robot": ("<sdf/>", dd.UrdfError, "The root element is <sdf>, expected <robot>."),
+    "no links": ('<robot name="r"/>', dd.UrdfError, "The URDF has no <link>."),
+    "wrong bytes": (b"<robot>\xff</robot>", dd.UrdfError, "The URDF is not utf-8 text"),
+    "doctype": (
+        '<!DOCTYPE r [<!ENTITY a "b">]><robot name="r"><link name="l"/></robot>',
+        dd.UrdfError,
+        "The URDF has a DOCTYPE, which is not accepted: entities are never expanded.",
+    ),
+    "xacro": (
+        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r"><xacro:macro name="m"/><link name="l"/></robot>',
+        dd.UrdfError,
+        "The URDF contains <xacro:macro>: it is unexpanded xacro. Run xacro on it first.",
+    ),
+    "xacro property": (
+        arm().replace('<mass value="2.0"/>', '<mass value="${m}"/>'),
+        dd.UrdfError,
+        "link 'upper': <mass value='${m}'> is unexpanded xacro. Run xacro on it first.",
+    ),
+    "nameless link": (arm("\n<link/>"), dd.UrdfError, "A <link> in line 2 has no name."),
+    "same link twice": (arm(link("upper")), dd.UrdfError, "Two elements <link> have the name 'upper'."),
+    "same joint twice": (
+        arm(link("l"), joint("shoulder", "fixed", "upper", "l")),
+        dd.UrdfError,
+        "Two elements <joint> have the name 'shoulder'.",
+    ),
+    "unknown type": (
+        arm(first="spherical"),
+        dd.UrdfError,
+        "joint 'shoulder': unknown type 'spherical'; known are revolute, continuous, prismatic, fixed, floating, "
+        "planar.",
+    ),
+    "floating": (arm(first="floating"), dd.UnsupportedError, "joint 'shoulder': type 'floating' is not offered yet."),
+    "planar": (arm(first="planar"), dd.UnsupportedError, "joint 'shoulder': type 'planar' is not offered yet."),
+    "unknown parent": (
+        arm(link("l"), joint("elbow", "fixed", "lower", "l")),
+        dd.UrdfError,
+        "joint 'elbow': parent link 'lower' is not a link of this URDF.",
+    ),
+    "no child": (
+        description("r", link("a"), '<joint name="j" type="fixed"><parent link="a"/></joint>'),
+        dd.UrdfError,
+        "joint 'j': child link None is not a link of this URDF.",
+    ),
+    "two roots": (
+        arm(link("astray")),
+        dd.UrdfError,
+        "The URDF has 2 root links ('base', 'astray'), expected one: join them with fixed joints.",
+    ),
+    "loop": (
+        arm(link("l", **BOX), joint("elbow", "revolute", "upper", "l"), joint("back", "revolute", "base", "l")),
+        dd.UrdfError,
+        "link 'l' is the child of two joints, 'elbow' and 'back': the URDF has a loop, and only trees can be modelled. "
+        "Cut it at one of the two.",
+    ),
+    "ring": (
+        description("r", link("a"), link("b"), joint("j", "fixed", "a", "b"), joint("k", "fixed", "b", "a")),
+        dd.UrdfError,
+        "Every link is the child of a joint: the joints form a loop through 'a'.",
+    ),
+    "ring aside": (
+        arm(link("a"), link("b"), joint("j", "fixed", "a", "b"), joint("k", "fixed", "b", "a")),
+        dd.UrdfError,
+        "link 'a' is part of a loop of joints that the root 'base' does not reach.",
+    ),
+    "no mass": (
+        arm().replace('<mass value="2.0"/>', ""),
+        dd.UrdfError,
+        "link 'upper': <inertial> lacks <mass value=…>.",
+    ),
+    "no izz": (
+        arm().replace(' izz="0.3"', ""),
+        dd.UrdfError,
+        "link 'upper': <inertial> lacks <inertia izz=…>.",
+    ),
+    "negative mass": (arm().replace('"2.0"', '"-2"'), dd.UrdfError, "link 'upper': mass -2 kg is negative."),
+    "nan mass": (
+        arm().replace('<mass value="2.0"/>', '<mass value="nan"/>'),
+        dd.UrdfError,
+        "link 'upper': <mass value='nan'> is not a finite number.",
+    ),
+    "two coordinates": (
+        arm().replace('xyz="0.1 0.2 0.3"', 'xyz="0.1 0.2"'),
+        dd.UrdfError,
+        "link 'upper': <origin xyz='0.1 0.2'> is not 3 finite numbers.",
+    ),
+    "zero axis": (
+        arm().replace('<axis xyz="0.0 0.0 1.0"/>', '<axis xyz="0 0 0"/>'),
+        dd.UrdfError,
+        "joint 'shoulder': axis '0.0 0.0 0.0' has no direction.",
+    ),
+    "words for limits": (
+        arm().replace('lower="-10"', 'lower="low"'),
+        dd.UrdfError,
+        "joint 'shoulder': <limit lower='low'> is not a finite number.",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_broken(case):
+    source, kind, message = BROKEN[case]
+    with pytest.raises(kind) as caught:
+        dd.load_urdf(source)
+    assert isinstance(caught.value, dd.DiagDynamicsError)
+    assert message in str(caught.value)
+
+
+def test_massless_links_are_all_named_with_their_cure():
+    urdf = arm(
+        link("wrist"),
+        joint("roll", "revolute", "upper", "wrist"),
+        link("rod", mass=1.0, com=(0, 0, 1), inertia=(0.1, 0, 0, 0.1, 0, 0)),
+        joint("spin", "revolute", "upper", "rod"),
+        link("rail"),
+        joint("slide", "prismatic", "upper", "rail"),
+    )
+    with pytest.raises(dd.MasslessLinkError) as caught:
+        dd.load_urdf(urdf)
+    assert caught.value.joints == ("roll", "slide", "spin")
+    assert caught.value.articulated_inertia == pytest.approx((0, 0, 0), abs=1e-15)
+    message = str(caught.value)
+    for expected in (
+        "3 joint(s) that move no inertia",
+        "joint 'roll' (D = 0): link 'wrist' has no <inertial>",
+        "joint 'spin' (D = 0): link 'rod' has little inertia about that axis",
+        "armature={'roll': …}",
+    ):
+        assert expected in message
+    cured = dd.load_urdf(urdf, armature={"roll": 1e-4, "spin": 1e-4, "slide": 1e-3})
+    np.testing.assert_array_equal(cured.armature, [0, 1e-4, 1e-3, 1e-4])
+
+
+def test_light_links_are_no_false_alarm():
+    """Grams and millimetres are light but not massless."""
+    allegro = dd.load_urdf(robot_path("allegro_hand_description/urdf/allegro_left_hand.urdf"))
+    q = np.full(allegro.nv, 0.3)
+    assert dd.DiagonalDynamics(allegro).evaluate(q, q).articulated_inertia.min() < 2e-5
+    speck = {"mass": 1e-6, "com": (0, 0, 1e-3), "inertia": (1e-13, 0, 0, 1e-13, 0, 1e-13)}
+    assert dd.load_urdf(arm(link("speck", **speck), joint("j", "revolute", "upper", "speck"))).nv == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "kind", "message"),
+    [
+        ({"mimic": "both"}, dd.InputError, "mimic is 'both', expected one of 'embed', 'free', 'lock'."),
+        ({"massless": "drop"}, dd.InputError, "massless is 'drop', expected one of 'error', 'lock'."),
+        ({"gravity": (0, 0)}, dd.InputError, "gravity is (0, 0), expected three finite numbers [m/s²]."),
+        ({"gravity": (0, 0, np.inf)}, dd.InputError, "expected three finite numbers"),
+        ({"armature": {"elbow": 1.0}}, dd.InputError, "armature: 'elbow' is not a moving joint of this robot"),
+        ({"armature": -1.0}, dd.InputError, "armature of joint 'shoulder' is -1.0, expected a finite number >= 0."),
+        ({"floating_base": True}, dd.UnsupportedError, "floating_base=True is not offered yet"),
+        ({"mimic": "lock"}, dd.UnsupportedError, "mimic='lock' is not offered yet"),
+        ({"massless": "lock"}, dd.UnsupportedError, "massless='lock' is not offered yet"),
+        ({"locked_joints": {"shoulder": 0.0}}, dd.UnsupportedError, "locked_joints is not offered yet"),
+        ({"payloads": {"upper": None}}, dd.UnsupportedError, "payloads is not offered yet"),
+    ],
+)
+def test_bad_options(options, kind, message):
+    with pytest.raises(kind) as caught:
+        dd.load_urdf(arm(), **options)
+    assert message in str(caught.value)
+
+
+# --- Wrong arguments ---
+
+
+@pytest.fixture(scope="module")
+def two():
+    urdf = arm(link("l", **BOX), joint("elbow", "prismatic", "upper", "l"))
+    return dd.DiagonalDynamics(dd.load_urdf(urdf))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda d: d.evaluate([0.0], [0, 0]),
+            "q has shape (1,), expected (2,): one entry for each of shoulder",
+        ),
+        (lambda d: d.evaluate(0.0, [0, 0]), "q has shape ()"),
+        (lambda d: d.evaluate([0, 0], [0, np.nan]), "qd of joint 'elbow' is nan, expected a finite number."),
+        (lambda d: d.evaluate([np.inf, 0], [0, 0]), "q of joint 'shoulder' is inf, expected a finite number."),
+        (lambda d: d.evaluate([0, 0], [0, 0], [0, -np.inf]), "tau of joint 'elbow' is -inf"),
+        (lambda d: d.evaluate(["a", "b"], [0, 0]), "q is not a vector of numbers"),
+        (lambda d: d.factors([np.nan, 0]), "q of joint 'shoulder' is nan"),
+        (lambda d: d.forward_dynamics([0, 0], [0, 0], [np.nan, 0]), "tau of joint 'shoulder' is nan"),
+        (lambda d: d.inverse_dynamics([0, 0], [0, 0], [np.nan, 0]), "qdd of joint 'shoulder' is nan"),
+        (lambda d: d.mass_matrix([0, np.nan]), "q of joint 'elbow' is nan"),
+        (lambda d: d.bias([0, 0], [np.nan, 0]), "qd of joint 'shoulder' is nan"),
+        (lambda d: d.gravity_torque([0, np.nan]), "q of joint 'elbow' is nan"),
+        (lambda d: d.nu_from_qd([0, 0], [0, np.nan]), "qd of joint 'elbow' is nan"),
+        (lambda d: d.qd_from_nu([0, 0], [0, np.nan]), "nu of joint 'elbow' is nan"),
+        (lambda d: d.epsilon_from_tau([0, 0], [0, np.inf]), "tau of joint 'elbow' is inf"),
+        (lambda d: d.tau_from_epsilon([0, 0], [[0, 0]]), "epsilon has shape (1, 2)"),
+        (lambda d: dd.DiagonalDynamics("arm.urdf"), "DiagonalDynamics needs a RobotModel"),
+    ],
+)
+def test_wrong_arguments_are_named(two, call, message):
+    with pytest.raises(dd.InputError) as caught:
+        call(two)
+    assert message in str(caught.value)
+    assert two.evaluate([0.1, 0.2], [0.3, 0.4]).kinetic_energy > 0.0  # and nothing is broken afterwards
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda d: d.evaluate([0, 0], [0, 0], f_ext={"upper": [0] * 6}),
+        lambda d: d.forward_dynamics([0, 0], [0, 0], [0, 0], f_ext={"upper": [0] * 6}),
+        lambda d: d.inverse_dynamics([0, 0], [0, 0], [0, 0], f_ext={"upper": [0] * 6}),
+        lambda d: d.evaluate_batch([[0, 0]], [[0, 0]]),
+    ],
+)
+def test_not_yet(two, call):
+    with pytest.raises(dd.UnsupportedError, match="not offered yet"):
+        call(two)
+
+
+def test_any_kind_of_vector_is_taken(two):
+    """Lists, other dtypes, strided and read-only arrays give the same, and are not written to."""
+    q, qd = np.array([0.1, 0.2]), np.array([0.3, 0.4])
+    expected = two.evaluate(q, qd).nu
+    strided = np.array([0.1, 9.0, 0.2, 9.0])[::2]
+    frozen = q.copy()
+    frozen.flags.writeable = False
+    for other in ([0.1, 0.2], (0.1, 0.2), strided, frozen):
+        np.testing.assert_array_equal(two.evaluate(other, qd).nu, expected)
+    np.testing.assert_allclose(two.evaluate(q.astype(np.float32), qd).nu, expected, rtol=1e-6)
