@@ -11,6 +11,7 @@ __version__ = "0.1.0"
 # Loaded when first asked for: who imports only a message shall not wait for a compiler and a URDF library.
 _HOME = {
     "load_urdf": "model",
+    "Payload": "model",
     "RobotModel": "model",
     "DiagonalDynamics": "dynamics",
     "Evaluation": "dynamics",
@@ -19,6 +20,7 @@ _HOME = {
     "InputError": "exceptions",
     "ModelError": "exceptions",
     "MasslessLinkError": "exceptions",
+    "InertiaWarning": "exceptions",
     "MimicJointError": "exceptions",
     "SingularMassMatrixError": "exceptions",
     "UnsupportedError": "exceptions",

@@ -14,8 +14,9 @@ from diag_dynamics.model import RobotModel
 class Evaluation:
     """Everything the sweeps compute at one state; arrays have shape (nv,) unless said otherwise.
 
-    The equation of motion is ``d(nu)/dt + coriolis + gravity = epsilon`` (Jain and Rodriguez 1995, eq. 3.1,
-    with gravity as a term of its own). Results are the caller's own: nothing is overwritten later.
+    The equation of motion is ``d(nu)/dt + coriolis + gravity = epsilon``, with ``+ external`` on the right and
+    ``+ friction`` on the left where these were asked for (Jain and Rodriguez 1995, eq. 3.1, with gravity, wrenches and
+    friction as terms of their own). Results are the caller's own: nothing is overwritten later.
 
     Attributes
     ----------
@@ -32,13 +33,19 @@ class Evaluation:
     gravity : ndarray
         ε_g = ℓ g(q) [J^½/s].
     articulated_inertia : ndarray
-        D [kg m², kg] (Algorithm 4.1).
+        D [kg m², kg] (Algorithm 4.1); at a joint of several degrees of freedom, and so for a floating base, the diagonal
+        of its block's factor U D Uᵀ.
+    external : ndarray or None
+        ℓ Jᵀf_ext [J^½/s]; None without wrenches.
+    friction : ndarray or None
+        ε_fric = ℓ τ_fric [J^½/s], on the side of C; None unless asked for.
     """
 
     __slots__ = ("__dict__", "_model", "_qd", "_rows", "_twists")
 
-    def __init__(self, model, rows, twists, qd, with_tau):
+    def __init__(self, model, rows, twists, qd, with_tau, external=None, friction=None):
         self._model, self._rows, self._twists, self._qd = model, rows, twists, qd
+        self.external, self.friction = external, friction
         self.nu = rows[sweeps.NU]
         self.xi = rows[sweeps.XI]
         self.epsilon = rows[sweeps.EPSILON] if with_tau else None
@@ -55,8 +62,19 @@ class Evaluation:
 
     @cached_property
     def energy_share(self):
-        """½ν_k² of each total rate [J]; sums to K. It is not the energy of link k."""
+        """½ν_k² of each total rate [J]; sums to K. It is not the energy of link k.
+
+        The six shares of a floating base depend on the order of its twist's components, their sum `base_energy` does not.
+        """
         return 0.5 * self.nu * self.nu
+
+    @cached_property
+    def base_energy(self):
+        """Sum of the shares of a floating base's six degrees of freedom [J]; 0 with a fixed base.
+
+        It is the energy of the total rates' common part: ½V*ᵀPV* with P the articulated inertia of the whole robot.
+        """
+        return float(self.energy_share[:6].sum()) if self._model.floating_base else 0.0
 
     @cached_property
     def link_energy(self):
@@ -66,11 +84,21 @@ class Evaluation:
         return energy
 
     @cached_property
-    def power(self):
-        """dK/dt = νᵀ(ε − ε_g) [W] without friction and other external wrenches (Lemma 7.2); None without tau."""
+    def nu_dot(self):
+        """dν/dt = ε − C − ε_g + ℓJᵀf_ext − ε_fric [J^½/s] (eq. 3.1), of those terms asked for; None without tau."""
         if self.epsilon is None:
             return None
-        return float(self.nu @ (self.epsilon - self.gravity))
+        rate = self.epsilon - self.coriolis - self.gravity
+        if self.external is not None:
+            rate = rate + self.external
+        return rate if self.friction is None else rate - self.friction
+
+    @cached_property
+    def power(self):
+        """dK/dt = νᵀ(ε − ε_g + ℓJᵀf_ext − ε_fric) [W] (Lemma 7.2), of those terms that were asked for; None without tau."""
+        if self.epsilon is None:
+            return None
+        return float(self.nu @ (self.nu_dot + self.coriolis))
 
 
 class Factors(NamedTuple):
@@ -101,9 +129,13 @@ class DiagonalDynamics:
 
     It owns a workspace: use one per thread. Results never alias the workspace.
 
-    Vectors are in the order of ``model.dof_names``: q [rad, m], qd [rad/s, m/s], tau [N m, N], nu [J^½],
-    epsilon [J^½/s]. Every method raises :class:`InputError` if a vector has not shape (nv,) or is not finite, naming
-    the joint, and those that factorize raise :class:`SingularMassMatrixError` if M is singular at q.
+    Vectors of rates and efforts have shape (nv,) and are in the order of ``model.dof_names``: qd [rad/s, m/s], tau [N m,
+    N], nu [J^½], epsilon [J^½/s]. Positions q [rad, m] have shape (nq,), in the order of ``model.coordinate_names``.
+    Every method raises :class:`InputError` if a vector has another shape, is not finite or no orientation, naming the
+    joint, and those that factorize raise :class:`SingularMassMatrixError` if M is singular at q.
+
+    External wrenches are a dict of six numbers, force [N] then moment [N m], by link name; each acts at its link's origin,
+    in the link's axes (``frame="link"``) or in those of the world (``frame="world"``).
 
     Parameters
     ----------
@@ -116,63 +148,98 @@ class DiagonalDynamics:
             raise InputError(f"DiagonalDynamics needs a RobotModel, as load_urdf returns, not {type(model).__name__}.")
         self.model = model
         self._work = np.zeros(model.nv + 1, sweeps.WORK)
-        self._a, self._b, self._c, self._zero = np.zeros((4, model.nv))
-        self._momentum = np.zeros(model.nv)
+        self._q = np.zeros(model.nq)
+        self._a, self._b, self._zero = np.zeros((3, model.nv))
 
-    def evaluate(self, q, qd, tau=None, f_ext=None):
+    def evaluate(self, q, qd, tau=None, f_ext=None, *, frame="link", friction=False):
         """Every quantity of the diagonalized equations of motion at one state.
 
         Parameters
         ----------
-        q, qd : array_like, shape (nv,)
-            Positions and rates.
+        q : array_like, shape (nq,)
+            Positions.
+        qd : array_like, shape (nv,)
+            Rates.
         tau : array_like, shape (nv,), optional
             Joint efforts as applied, gravity included if they carry it.
         f_ext : dict, optional
-            External wrenches; not offered yet.
+            External wrenches.
+        frame : {"link", "world"}
+            Axes of the wrenches.
+        friction : bool
+            Whether to evaluate the friction of :meth:`friction_torque` as a term of its own.
 
         Returns
         -------
         Evaluation
         """
-        _no_wrenches(f_ext)
         model = self.model
-        q, rate = self._vector("q", q, self._a), self._vector("qd", qd, self._b)
-        effort = self._zero if tau is None else self._vector("tau", tau, self._c)
+        _check_frame(frame)
+        q, rate = self._positions(q), self._vector("qd", qd, self._a)
+        effort = self._zero if tau is None else self._vector("tau", tau, self._b)
         rows, twists = np.empty((8, model.nv)), np.empty((model.nv + 1, 6))
         status = sweeps.evaluate(model.bodies, model.gravity, q, rate, effort, self._work, rows, twists)
         if status:
-            self._fail(status, q=q, qd=rate, tau=effort)
-        return Evaluation(model, rows, twists, rate.copy(), tau is not None)
+            self._fail(status, qd=rate, tau=effort)
+        rate = rate.copy()
+        external = self.epsilon_from_tau(q, self._effort_of(f_ext, frame)) if _given(f_ext) else None
+        resisting = self.epsilon_from_tau(q, self.friction_torque(rate)) if friction else None
+        return Evaluation(model, rows, twists, rate, tau is not None, external, resisting)
 
     def factors(self, q):
         """m, ℓ, the unit factor and D at q: see :class:`Factors`."""
-        q = self._vector("q", q, self._a)
+        q = self._positions(q)
         unit, inverse = np.empty((2, self.model.nv, self.model.nv))
         D = np.empty(self.model.nv)
-        self._checked(sweeps.factors(self.model.bodies, q, self._work, unit, inverse, D), q=q)
+        self._checked(sweeps.factors(self.model.bodies, q, self._work, unit, inverse, D))
         root = np.sqrt(D)
         return Factors(unit * root, inverse / root[:, None], unit, D)
 
-    def forward_dynamics(self, q, qd, tau, f_ext=None):
-        """q̈ [rad/s², m/s²], shape (nv,), from M q̈ + c + g = τ (Algorithm 8.1 in closed form)."""
-        _no_wrenches(f_ext)
-        q, qd, tau = self._vector("q", q, self._a), self._vector("qd", qd, self._b), self._vector("tau", tau, self._c)
+    def forward_dynamics(self, q, qd, tau, f_ext=None, *, frame="link", friction=False):
+        """q̈ [rad/s², m/s²], shape (nv,), from M q̈ + c + g + τ_fric = τ + Jᵀf_ext (Algorithm 8.1 in closed form).
+
+        τ_fric, see :meth:`friction_torque`, only where `friction` is true. Of a joint of several degrees of freedom it is
+        the rate of its twist's components.
+        """
+        _check_frame(frame)
+        q, qd, tau = self._positions(q), self._vector("qd", qd, self._a), self._vector("tau", tau, self._b)
+        if friction:
+            tau -= self.friction_torque(qd)
+        if _given(f_ext):
+            tau += self._effort_of(f_ext, frame)
         qdd = np.empty(self.model.nv)
         status = sweeps.forward_dynamics(self.model.bodies, self.model.gravity, q, qd, tau, self._work, qdd)
-        self._checked(status, q=q, qd=qd, tau=tau)
+        self._checked(status, qd=qd, tau=tau)
         return qdd
 
-    def inverse_dynamics(self, q, qd, qdd, f_ext=None):
-        """τ = M q̈ + c + g [N m, N], shape (nv,) (Newton–Euler, eq. 4.3)."""
-        _no_wrenches(f_ext)
-        return self._newton_euler(self.model.gravity, q, qd, qdd)
+    def inverse_dynamics(self, q, qd, qdd, f_ext=None, *, frame="link", friction=False):
+        """τ = M q̈ + c + g + τ_fric − Jᵀf_ext [N m, N], shape (nv,) (Newton–Euler, eq. 4.3).
+
+        τ_fric only where `friction` is true.
+        """
+        _check_frame(frame)
+        tau = self._newton_euler(self.model.gravity, q, qd, qdd)
+        if friction:
+            tau += self.friction_torque(qd)
+        if _given(f_ext):
+            tau -= self._effort_of(f_ext, frame)
+        return tau
+
+    def friction_torque(self, qd):
+        """τ_fric = d q̇ + f sign(q̇) [N m, N], shape (nv,): URDF damping d and Coulomb friction f, resisting the motion.
+
+        No other quantity holds it unless it is asked to.
+        """
+        qd = self._vector("qd", qd, np.empty(self.model.nv))
+        if not np.isfinite(qd).all():
+            self._fail(-1, qd=qd)
+        return self.model.damping * qd + self.model.friction * np.sign(qd)
 
     def mass_matrix(self, q):
         """M(q) [kg m², kg, mixed kg m], shape (nv, nv), armature included."""
-        q = self._vector("q", q, self._a)
+        q = self._positions(q)
         M = np.empty((self.model.nv, self.model.nv))
-        self._checked(sweeps.mass_matrix(self.model.bodies, q, self._work, M), q=q)
+        self._checked(sweeps.mass_matrix(self.model.bodies, q, self._work, M))
         return M
 
     def bias(self, q, qd):
@@ -205,18 +272,19 @@ class DiagonalDynamics:
 
     def compile(self):
         """Compile everything, or load it from the cache: afterwards no call waits for the compiler."""
-        zero = self._zero
+        zero, q = self._zero, self.model.neutral
         probe = DiagonalDynamics(self.model)
+        wrench = {self.model.root_link: np.zeros(6)}
         steps = (
-            lambda: probe.evaluate(zero, zero, zero).link_energy,
-            lambda: probe.factors(zero),
-            lambda: probe.forward_dynamics(zero, zero, zero),
-            lambda: probe.gravity_torque(zero),
-            lambda: probe.mass_matrix(zero),
-            lambda: probe.nu_from_qd(zero, zero),
-            lambda: probe.qd_from_nu(zero, zero),
-            lambda: probe.epsilon_from_tau(zero, zero),
-            lambda: probe.tau_from_epsilon(zero, zero),
+            lambda: probe.evaluate(q, zero, zero).link_energy,
+            lambda: probe.factors(q),
+            lambda: probe.forward_dynamics(q, zero, zero),
+            lambda: probe.inverse_dynamics(q, zero, zero, wrench),
+            lambda: probe.mass_matrix(q),
+            lambda: probe.nu_from_qd(q, zero),
+            lambda: probe.qd_from_nu(q, zero),
+            lambda: probe.epsilon_from_tau(q, zero),
+            lambda: probe.tau_from_epsilon(q, zero),
         )
         for step in steps:
             with suppress(SingularMassMatrixError):  # at this one configuration; it is compiled all the same
@@ -226,32 +294,36 @@ class DiagonalDynamics:
 
     def _vector(self, name, value, buffer):
         """The argument as a contiguous float64 vector of nv entries, in a buffer of this object."""
-        array = np.asarray(value)
-        if array.shape != buffer.shape:
-            raise InputError(
-                f"{name} has shape {array.shape}, expected ({self.model.nv},): one entry for each of "
-                f"{_listed(self.model.dof_names)}."
-            )
-        try:
-            buffer[...] = array
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{name} is not a vector of numbers: {error}.") from error
-        return buffer
+        return _fill(buffer, name, value, self.model.dof_names)
+
+    def _positions(self, q):
+        """Positions as a contiguous float64 vector of nq entries, in a buffer of this object."""
+        return q if q is self._q else _fill(self._q, "q", q, self.model.coordinate_names)
 
     def _newton_euler(self, gravity, q, qd, qdd):
-        q, qd, qdd = self._vector("q", q, self._a), self._vector("qd", qd, self._b), self._vector("qdd", qdd, self._c)
+        q, qd, qdd = self._positions(q), self._vector("qd", qd, self._a), self._vector("qdd", qdd, self._b)
         tau = np.empty(self.model.nv)
         status = sweeps.inverse_dynamics(self.model.bodies, gravity, q, qd, qdd, self._work, tau)
-        self._checked(status, q=q, qd=qd, qdd=qdd)
+        self._checked(status, qd=qd, qdd=qdd)
         return tau
 
     def _sweep(self, sweep, q, name, value):
-        q, x = self._vector("q", q, self._a), self._vector(name, value, self._b)
-        result = np.empty(self.model.nv)
-        self._checked(sweep(self.model.bodies, q, x, self._work, result), q=q)
+        q, x = self._positions(q), self._vector(name, value, self._a)
         if not np.isfinite(x).all():
             self._fail(-1, **{name: x})
+        result = np.empty(self.model.nv)
+        self._checked(sweep(self.model.bodies, q, x, self._work, result))
+        if not np.isfinite(result).all():
+            self._fail(-1, **{name: x})
         return result
+
+    def _effort_of(self, f_ext, frame):
+        """Jᵀf_ext at the positions in the buffer of this object."""
+        model, tau = self.model, np.empty(self.model.nv)
+        wrenches = model.wrenches(f_ext, frame)
+        status = sweeps.effort_of_wrenches(model.bodies, self._q, wrenches, frame == "world", self._work, tau)
+        self._checked(status)
+        return tau
 
     def _checked(self, status, **inputs):
         if status:
@@ -260,28 +332,58 @@ class DiagonalDynamics:
     def _fail(self, status, **inputs):
         """Raise what a sweep's status stands for, naming joint and value."""
         names = self.model.dof_names
-        if status > 0:
+        if status > 0 and np.isfinite(self._work["D"][status]):
             joint, D = names[status - 1], float(self._work["D"][status])
             raise SingularMassMatrixError(
                 f"The mass matrix of robot '{self.model.name}' is singular at this configuration: joint '{joint}' "
-                f"moves no inertia there (D = {D:.3g}).",
+                f"moves no inertia there (D = {D:.3g}, within rounding of the inertias that it comes from).",
                 joint,
                 D,
             )
-        for argument, values in inputs.items():
-            for name, value in zip(names, values, strict=True):
+        coordinates = self.model.coordinate_names
+        for argument, values in ({"q": self._q} | inputs).items():
+            for name, value in zip(coordinates if argument == "q" else names, values, strict=True):
                 if not np.isfinite(value):
                     raise InputError(f"{argument} of joint '{name}' is {value}, expected a finite number.")
-        raise InputError(f"{', '.join(inputs)} are too large: their sum overflows.")
+        for k, name in enumerate(coordinates):
+            if (
+                name.endswith("/qw")
+                and abs(self._q[k - 3 : k + 1] @ self._q[k - 3 : k + 1] - 1.0) >= sweeps.UNIT_TOLERANCE
+            ):
+                raise InputError(
+                    f"q of joint '{name.removesuffix('/qw')}' has the quaternion {self._q[k - 3 : k + 1].tolist()} "
+                    "(x, y, z, w), expected one of length 1."
+                )
+        raise InputError(f"{', '.join(['q', *inputs])} are too large: a result overflows.")
 
 
 _NO_GRAVITY = np.zeros(3)
 _NO_GRAVITY.flags.writeable = False
 
 
-def _no_wrenches(f_ext):
-    if f_ext:
-        raise UnsupportedError("External wrenches (f_ext) are not offered yet.")
+def _check_frame(frame):
+    if frame not in ("link", "world"):
+        raise InputError(f"frame is {frame!r}, expected 'link' or 'world'.")
+
+
+def _given(f_ext):
+    """Whether there are wrenches; anything but None or an empty dict is."""
+    return f_ext is not None and not (isinstance(f_ext, dict) and not f_ext)
+
+
+def _fill(buffer, name, value, names):
+    """Copy an argument into a buffer, checking its shape."""
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise InputError(f"{name} is not a vector of numbers: {error}.") from error
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{name} is not a vector of numbers: it has dtype {array.dtype}.")
+    if array.shape != buffer.shape:
+        expected = f"({len(names)},): one entry for each of {_listed(names)}"
+        raise InputError(f"{name} has shape {array.shape}, expected {expected}.")
+    buffer[...] = array
+    return buffer
 
 
 def _listed(names, most=12):

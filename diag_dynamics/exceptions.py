@@ -21,6 +21,10 @@ class UnsupportedError(ModelError, NotImplementedError):
     """A feature of the robot, or an option, that this version does not offer yet."""
 
 
+class InertiaWarning(UserWarning):
+    """A link's inertia is not that of any rigid body; it is used as it is."""
+
+
 class MimicJointError(UnsupportedError):
     """The robot has mimic joints, and coupling them was asked for.
 
@@ -31,8 +35,11 @@ class MimicJointError(UnsupportedError):
     """
 
     def __init__(self, message, joints):
-        super().__init__(message)
+        super().__init__(message, joints)
         self.joints = tuple(joints)
+
+    def __str__(self):
+        return self.args[0]
 
 
 class MasslessLinkError(ModelError):
@@ -47,9 +54,12 @@ class MasslessLinkError(ModelError):
     """
 
     def __init__(self, message, joints, articulated_inertia):
-        super().__init__(message)
+        super().__init__(message, joints, articulated_inertia)
         self.joints = tuple(joints)
-        self.articulated_inertia = tuple(articulated_inertia)
+        self.articulated_inertia = tuple(map(float, articulated_inertia))
+
+    def __str__(self):
+        return self.args[0]
 
 
 class SingularMassMatrixError(DiagDynamicsError, ArithmeticError):
@@ -64,6 +74,9 @@ class SingularMassMatrixError(DiagDynamicsError, ArithmeticError):
     """
 
     def __init__(self, message, joint, articulated_inertia):
-        super().__init__(message)
+        super().__init__(message, joint, articulated_inertia)
         self.joint = joint
         self.articulated_inertia = articulated_inertia
+
+    def __str__(self):
+        return self.args[0]

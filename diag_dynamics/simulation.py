@@ -17,7 +17,7 @@ import numpy as np
 
 from diag_dynamics import sweeps
 from diag_dynamics.dynamics import DiagonalDynamics, Evaluation
-from diag_dynamics.exceptions import InputError
+from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.kernel import entry_kernel, kernel
 
 STAGES = 6
@@ -84,8 +84,6 @@ class Simulation:
     ----------
     time : float
         Simulated time [s].
-    q, nu : ndarray, shape (nv,)
-        State: positions and total joint rates [J^½].
     damping : ndarray, shape (nv,)
         Joint damping in force.
 
@@ -98,12 +96,16 @@ class Simulation:
     def __init__(self, model, q=None, qd=None, step=1e-3, damping=None, limits=True):
         self.model = model
         self.dynamics = DiagonalDynamics(model)
-        if not (np.isfinite(step) and step > 0.0):
+        if model.nq != model.nv or any(body["dofs"] > 1 for body in model.bodies[1:]):
+            raise UnsupportedError(
+                f"robot '{model.name}' has a joint of several degrees of freedom, which the simulation does not offer yet."
+            )
+        if not (isinstance(step, (int, float)) and np.isfinite(step) and step > 0.0):
             raise InputError(f"step is {step!r} s, expected a finite number > 0.")
         self.step_size = float(step)
-        self.damping = np.array(model.damping if damping is None else damping, dtype=float)
-        if self.damping.shape != (model.nv,) or not (np.isfinite(self.damping) & (self.damping >= 0.0)).all():
-            raise InputError(f"damping is {damping!r}, expected {model.nv} finite numbers >= 0.")
+        self.damping = _finite("damping", model.damping if damping is None else damping, model.nv)
+        if (self.damping < 0.0).any():
+            raise InputError(f"damping is {self.damping.tolist()}, expected {model.nv} finite numbers >= 0.")
         unlimited = np.full(model.nv, np.inf)
         self._lower, self._upper = (model.lower, model.upper) if limits else (-unlimited, unlimited)
         self._work = np.zeros(model.nv + 1, sweeps.WORK)
@@ -115,10 +117,19 @@ class Simulation:
 
     def reset(self, q, qd):
         """Put the robot into a state, at time 0."""
-        q, qd = np.array(q, dtype=float), np.array(qd, dtype=float)
-        self.nu = self.dynamics.nu_from_qd(q, qd)
-        self.q = q
+        self._nu = self.dynamics.nu_from_qd(q, qd)
+        self._q = np.array(q, dtype=float)
         self.time = 0.0
+
+    @property
+    def q(self):
+        """Positions [rad, m], shape (nv,); a copy."""
+        return self._q.copy()
+
+    @property
+    def nu(self):
+        """Total joint rates [J^½], shape (nv,); a copy."""
+        return self._nu.copy()
 
     @property
     def qd(self):
@@ -135,10 +146,10 @@ class Simulation:
         SingularMassMatrixError
             The robot has arrived where its mass matrix is singular.
         """
-        tau = self._no_effort if tau is None else np.array(tau, dtype=float)
-        if tau.shape != (self.model.nv,) or not np.isfinite(tau).all():
-            raise InputError(f"tau is {tau!r}, expected {self.model.nv} finite numbers [N m, N].")
         model = self.model
+        tau = self._no_effort if tau is None else _finite("tau", tau, model.nv)
+        if not (isinstance(steps, (int, np.integer)) and steps >= 0):
+            raise InputError(f"steps is {steps!r}, expected a whole number >= 0.")
         status = _advance(
             model.bodies,
             model.gravity,
@@ -146,10 +157,10 @@ class Simulation:
             self._lower,
             self._upper,
             self.step_size,
-            int(steps),
+            steps,
             tau,
-            self.q,
-            self.nu,
+            self._q,
+            self._nu,
             self._work,
             self._rows,
             self._twists,
@@ -157,7 +168,8 @@ class Simulation:
         )
         if status:
             self.dynamics._work["D"][:] = self._work["D"]
-            self.dynamics._fail(status, q=self.q, nu=self.nu)
+            self.dynamics._positions(self._q)
+            self.dynamics._fail(status, nu=self._nu)
         self.time += steps * self.step_size
 
     def evaluate(self, tau=None) -> Evaluation:
@@ -168,6 +180,17 @@ class Simulation:
     def potential_energy(self):
         """Energy in the field of gravity [J], zero where the centre of mass is level with the root link."""
         return potential_energy(self.model, self.q)
+
+
+def _finite(name, value, length):
+    """`value` as a new vector of finite numbers."""
+    try:
+        vector = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        vector = np.array(np.nan)
+    if vector.shape != (length,) or not np.isfinite(vector).all():
+        raise InputError(f"{name} is {value!r}, expected {length} finite numbers.")
+    return vector
 
 
 def rest_position(model):
@@ -181,7 +204,7 @@ def potential_energy(model, q):
     """Energy of the robot in the field of gravity at q [J]: −g·Σ m_i c_i in the root link's axes."""
     work = np.zeros(model.nv + 1, sweeps.WORK)
     moment = np.zeros(3)
-    sweeps.first_moment(model.bodies, np.array(q, dtype=float), work, moment)
+    sweeps.first_moment(model.bodies, _finite("q", q, model.nq), work, moment)
     return -float(model.gravity @ moment)
 
 

@@ -1,8 +1,8 @@
 """Spatial (6-D) vector algebra on tuples of scalars, which numba turns into straight-line code.
 
 Conventions: the linear part comes first. A 3-vector is a tuple of three floats, a 3x3 matrix a tuple of three
-rows. Body frames are chosen so that the axis of every joint is z (see model.py); what projects on a joint axis
-therefore picks an entry.
+rows. Body frames are chosen so that the axis of every joint is z (see model), and a joint of several degrees of
+freedom moves along axes of its body; what projects on a degree of freedom S therefore picks an entry.
 """
 
 import math
@@ -22,8 +22,8 @@ Inertia = namedtuple("Inertia", ["A", "B", "C"])
 Placement = namedtuple("Placement", ["rotation", "translation"])
 """Pose of a child frame in its parent: x_parent = rotation x_child + translation."""
 
-REVOLUTE = 0
-PRISMATIC = 1
+LINEAR_X, LINEAR_Y, LINEAR_Z, ANGULAR_X, ANGULAR_Y, ANGULAR_Z = range(6)
+"""Directions of a degree of freedom: entries of a Motion. A revolute joint has ANGULAR_Z, a prismatic one LINEAR_Z."""
 
 ZERO = (0.0, 0.0, 0.0)
 
@@ -32,19 +32,19 @@ ZERO = (0.0, 0.0, 0.0)
 
 @kernel
 def add(a, b):
-    """A + b."""
+    """Sum a + b."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
 @kernel
 def subtract(a, b):
-    """A − b."""
+    """Difference a − b."""
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
 @kernel
 def scale(a, s):
-    """A s."""
+    """Multiple s a."""
     return (a[0] * s, a[1] * s, a[2] * s)
 
 
@@ -56,7 +56,7 @@ def dot(a, b):
 
 @kernel
 def cross(a, b):
-    """A × b."""
+    """Vector product a × b."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
@@ -108,7 +108,7 @@ def matrix_difference(M, N):
 
 @kernel
 def outer(a, b):
-    """A bᵀ."""
+    """Outer product a bᵀ."""
     return (scale(b, a[0]), scale(b, a[1]), scale(b, a[2]))
 
 
@@ -257,63 +257,105 @@ def less_rank_two(P, G, H):
     )
 
 
-# --- Joints about or along z ------------------------------------------------------------------------------
+# --- Degrees of freedom -------------------------------------------------------------------------------------
 
 
 @kernel
-def joint_placement(kind, rotation, translation, q):
-    """Pose of the child's frame: the constant placement, then the joint's motion about or along its z."""
-    if kind == REVOLUTE:
-        c, s = math.cos(q), math.sin(q)
-        x, y, z = transpose(rotation)
-        columns = (add(scale(x, c), scale(y, s)), subtract(scale(y, c), scale(x, s)), z)
-        return Placement(transpose(columns), translation)
-    z = (rotation[0][2], rotation[1][2], rotation[2][2])
-    return Placement(rotation, add(translation, scale(z, q)))
+def entry(direction, v, w):
+    """Entry of the six numbers (v, w) in a direction; the usual ones are looked for first."""
+    if direction == ANGULAR_Z:
+        return w[2]
+    if direction == LINEAR_Z:
+        return v[2]
+    if direction < ANGULAR_X:
+        return v[0] if direction == LINEAR_X else v[1]
+    return w[0] if direction == ANGULAR_X else w[1]
 
 
 @kernel
-def joint_motion(kind, rate):
-    """S rate."""
-    if kind == REVOLUTE:
-        return Motion(ZERO, (0.0, 0.0, rate))
-    return Motion((0.0, 0.0, rate), ZERO)
-
-
-@kernel
-def along_axis(kind, F):
+def along(direction, F):
     """SᵀF."""
-    if kind == REVOLUTE:
-        return F.moment[2]
-    return F.force[2]
+    return entry(direction, F.force, F.moment)
 
 
 @kernel
-def rate_along_axis(kind, V):
-    """Component of a motion along the joint's own axis."""
-    if kind == REVOLUTE:
-        return V.angular[2]
-    return V.linear[2]
+def motion_along(direction, rate):
+    """S rate."""
+    if direction == ANGULAR_Z:
+        return Motion(ZERO, (0.0, 0.0, rate))
+    if direction == LINEAR_Z:
+        return Motion((0.0, 0.0, rate), ZERO)
+    x = rate if direction in (LINEAR_X, ANGULAR_X) else 0.0
+    y = rate if direction in (LINEAR_Y, ANGULAR_Y) else 0.0
+    return Motion((x, y, 0.0), ZERO) if direction < ANGULAR_X else Motion(ZERO, (x, y, 0.0))
 
 
 @kernel
-def axis_column(kind, P):
+def column_along(direction, P):
     """P S."""
-    if kind == REVOLUTE:
+    if direction == ANGULAR_Z:
         return Force((P.B[0][2], P.B[1][2], P.B[2][2]), P.C[2])
-    return Force(P.A[2], P.B[2])
+    if direction == LINEAR_Z:
+        return Force(P.A[2], P.B[2])
+    if direction < ANGULAR_X:
+        return Force(P.A[0], P.B[0]) if direction == LINEAR_X else Force(P.A[1], P.B[1])
+    if direction == ANGULAR_X:
+        return Force((P.B[0][0], P.B[1][0], P.B[2][0]), P.C[0])
+    return Force((P.B[0][1], P.B[1][1], P.B[2][1]), P.C[1])
 
 
 @kernel
-def rate_of_transport(kind, rate, P):
-    """−(v_J×)ᵀP − P(v_J×) for the joint motion v_J = S rate: what P changes by as the body frame moves."""
+def turned_about_z(rotation, angle):
+    """R Rz(angle)."""
+    c, s = math.cos(angle), math.sin(angle)
+    x, y, z = transpose(rotation)
+    return transpose((add(scale(x, c), scale(y, s)), subtract(scale(y, c), scale(x, s)), z))
+
+
+@kernel
+def rotation_of_quaternion(x, y, z, w):
+    """Rotation matrix of a quaternion of any length but zero."""
+    s = 2.0 / (x * x + y * y + z * z + w * w)
+    return (
+        (1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)),
+        (s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w)),
+        (s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y)),
+    )
+
+
+# --- How an inertia changes as its frame moves ------------------------------------------------------------
+
+
+@kernel
+def _commutator(axis, M):
+    """ã M − M ã of a symmetric matrix."""
+    N = cross_columns(axis, M)
+    return mirror(matrix_sum(N, transpose(N)))
+
+
+@kernel
+def _commutator_of_block(axis, B):
+    """ã B − B ã of any matrix."""
+    return matrix_sum(cross_columns(axis, B), transpose(cross_columns(axis, transpose(B))))
+
+
+@kernel
+def transport_along_z(direction, rate, P):
+    """−(v_J×)ᵀP − P(v_J×) for a joint motion v_J = S rate about or along z."""
     axis = (0.0, 0.0, rate)
-    if kind == REVOLUTE:  # the commutator of the rotation with each block
-        A = cross_columns(axis, P.A)
-        B = matrix_sum(cross_columns(axis, P.B), transpose(cross_columns(axis, transpose(P.B))))
-        C = cross_columns(axis, P.C)
-        return Inertia(mirror(matrix_sum(A, transpose(A))), B, mirror(matrix_sum(C, transpose(C))))
-    A = cross_columns(axis, P.A)
+    if direction == ANGULAR_Z:
+        return Inertia(_commutator(axis, P.A), _commutator_of_block(axis, P.B), _commutator(axis, P.C))
     B = cross_columns(axis, P.B)
     zero = (ZERO, ZERO, ZERO)
-    return Inertia(zero, transpose(A), mirror(matrix_sum(B, transpose(B))))
+    return Inertia(zero, transpose(cross_columns(axis, P.A)), mirror(matrix_sum(B, transpose(B))))
+
+
+@kernel
+def transport(V, P):
+    """−(V×)ᵀP − P(V×) for any motion V."""
+    B = cross_columns(V.linear, P.B)
+    return Inertia(
+        _commutator(V.angular, P.A),
+        matrix_sum(_commutator_of_block(V.angular, P.B), transpose(cross_columns(V.linear, P.A))),
+        matrix_sum(_commutator(V.angular, P.C), mirror(matrix_sum(B, transpose(B)))),
+    )

@@ -1,7 +1,5 @@
 """The terminal view of kinetic energy, drawn with rich."""
 
-from itertools import pairwise
-
 import numpy as np
 from rich.bar import Bar
 from rich.console import Group
@@ -21,12 +19,13 @@ def sparkline(values, width):
     values = np.asarray(values, dtype=float)
     if len(values) == 0 or not values.max() > 0.0:
         return _LEVELS[0] * width
-    edges = np.linspace(0, len(values), width + 1).astype(int)
-    means = [values[a:b].mean() if b > a else 0.0 for a, b in pairwise(edges)]
-    return "".join(_LEVELS[round(mean / max(means) * (len(_LEVELS) - 1))] for mean in means)
+    columns = np.array_split(values, width) if len(values) > width else values[:, None]
+    means = [column.mean() for column in columns]
+    line = "".join(_LEVELS[round(mean / max(means) * (len(_LEVELS) - 1))] for mean in means)
+    return line.rjust(width)
 
 
-def energy_panel(robot, history, height, width):
+def energy_panel(robot, history, height, width, silent=0.0):
     """The view at one instant.
 
     Parameters
@@ -36,6 +35,8 @@ def energy_panel(robot, history, height, width):
     history : EnergyHistory
     height, width : int
         Size of the terminal in characters.
+    silent : float
+        Seconds since the last state arrived.
     """
     samples = history.recent(WINDOW)
     if len(samples) < 2:
@@ -44,7 +45,7 @@ def energy_panel(robot, history, height, width):
     shares = last[-1, 4:]
     total = float(shares.sum())
     span = last[-1, 0] - last[0, 0]
-    rate = (len(last) - 1) * history.stride / span if span > 0.0 else 0.0
+    rate = (len(last) - 1) * history.stride / span if span > 0.0 and silent < 1.0 else 0.0
     return Panel(
         Group(
             _headline(samples, last, total, rate, width),
@@ -52,7 +53,8 @@ def energy_panel(robot, history, height, width):
             _shares(history.names, samples[:, 4:], shares, total, height - 9, width),
         ),
         title=f"[bold]{robot}[/]",
-        subtitle="[dim]Ctrl-C ends[/]",
+        subtitle=f"[bold red]no state for {silent:.0f} s[/]" if silent > 1.0 else "[dim]Ctrl-C ends[/]",
+        border_style="red" if silent > 1.0 else "none",
         padding=(1, 2),
     )
 

@@ -1,8 +1,9 @@
 """Independent answers, from Pinocchio, for what diag_dynamics computes. Imports nothing of diag_dynamics.
 
 `Oracle` is a robot, `State` one (q, q̇, τ) of it. Vectors and matrices are in the caller's order of dofs: they
-are mapped to Pinocchio's joints by name, one angle stands for a continuous joint. The upper factor m is taken
-in Pinocchio's own base-to-tip order and permuted: ν_k does not depend on how siblings are numbered.
+are mapped to Pinocchio's joints by name, one angle stands for a continuous joint or the heading of a planar one.
+The upper factor m is taken in Pinocchio's own base-to-tip order and permuted: ν_k does not depend on how siblings
+are numbered. Degrees of freedom of one joint are in Pinocchio's order, linear first, and count as a chain.
 """
 
 import xml.etree.ElementTree as ET
@@ -21,8 +22,17 @@ EARTH = (0.0, 0.0, -9.81)
 STEP = 1e-3
 
 
+# Names of the degrees of freedom, and numbers of position coordinates, of joints that have several.
+PLANAR = ("v_x", "v_y", "w_z")
+FLOATING = ("v_x", "v_y", "v_z", "w_x", "w_y", "w_z")
+SUFFIXES = {1: ("",), 3: PLANAR, 6: FLOATING}
+COORDINATES = {1: 1, 3: 3, 6: 7}
+
+ROOT = "root_joint"
+
+
 class Oracle:
-    """A fixed-base robot of one-dof joints in Pinocchio, mimic followers independent."""
+    """A robot in Pinocchio, mimic followers independent. It ignores the axis of planar joints: let that be z."""
 
     def __init__(
         self,
@@ -30,43 +40,90 @@ class Oracle:
         dof_names: tuple[str, ...] | None = None,
         gravity: tuple[float, float, float] = EARTH,
         armature: Mapping[str, float] | None = None,
+        floating_base: bool = False,
+        locked_joints: Mapping[str, float] | None = None,
     ):
         """Build the model from URDF text; `armature`: reflected inertia by joint name [kg m²] or [kg]."""
         self.xml = ET.fromstring(urdf)
-        self.model = pin.buildModelFromXML(urdf, False)  # False: mimic joints are ordinary joints
+        if floating_base:
+            self.model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer(), ROOT, False)
+        else:
+            self.model = pin.buildModelFromXML(urdf, False)  # False: mimic joints are ordinary joints
+        if locked_joints:
+            self.model = self._reduced(locked_joints)
         self.data = self.model.createData()
-        if self.model.nv != self.model.njoints - 1:
-            raise ValueError("this oracle knows joints with one degree of freedom only")
         if not self.model.check(self.data):
             raise ValueError("Pinocchio's crba is wrong on models whose joints are not numbered depth-first")
         self.model.gravity.linear = np.array(gravity, dtype=float)
-        own_names = tuple(self.model.names)[1:]
-        self.dof_names = own_names if dof_names is None else tuple(dof_names)
-        if sorted(self.dof_names) != sorted(own_names):
-            raise ValueError(f"dofs {sorted(self.dof_names)} are not Pinocchio's {sorted(own_names)}")
+        own = {  # of every dof: its joint, and where it stands in Pinocchio's velocity vector
+            f"{self.model.names[j]}/{suffix}".rstrip("/"): (j, self.model.idx_vs[j] + i)
+            for j in range(1, self.model.njoints)
+            for i, suffix in enumerate(SUFFIXES[self.model.nvs[j]])
+        }
+        self.dof_names = tuple(own) if dof_names is None else tuple(dof_names)
+        if sorted(self.dof_names) != sorted(own):
+            raise ValueError(f"dofs {sorted(self.dof_names)} are not Pinocchio's {sorted(own)}")
         self.nv = self.model.nv
-        self._joint = [self.model.getJointId(name) for name in self.dof_names]
+        self._joint = [own[name][0] for name in self.dof_names]
         # _order[k]: where dof k of the caller stands in Pinocchio's velocity vector
-        self._order = np.array([self.model.idx_vs[j] for j in self._joint], dtype=int)
-        self._circular = [self.model.nqs[j] == 2 for j in self._joint]
+        self._order = np.array([own[name][1] for name in self.dof_names], dtype=int)
+        self._at = {at: k for k, at in enumerate(self._order)}
+        # joints in the caller's order, and the first of the caller's coordinates of each
+        self._joints, self._first, self.nq = list(dict.fromkeys(self._joint)), {}, 0
+        for j in self._joints:
+            self._first[j] = self.nq
+            self.nq += COORDINATES[self.model.nvs[j]]
         self.armature = np.zeros(self.nv)
         for name, inertia in (armature or {}).items():
             self.armature[self.dof_names.index(name)] = inertia
         self.model.armature = self.to_pin(self.armature)
 
-    def parent_dof(self, k: int) -> int | None:
-        """Return the dof of the nearest joint inboard of dof k, None at the root."""
-        parent = self.model.parents[self._joint[k]]
-        return self._joint.index(parent) if parent else None
+    def _reduced(self, locked_joints: Mapping[str, float]) -> pin.Model:
+        """Return the model with joints of one degree of freedom held."""
+        q, ids = pin.neutral(self.model), []
+        for name, position in locked_joints.items():
+            joint = self.model.getJointId(name)
+            at, circular = self.model.idx_qs[joint], self.model.nqs[joint] == 2
+            q[at : at + 1 + circular] = (np.cos(position), np.sin(position)) if circular else position
+            ids.append(joint)
+        return pin.buildReducedModel(self.model, ids, q)
 
-    def ancestors(self, k: int) -> set[int]:
-        """Return the dofs strictly inboard of dof k."""
-        parent = self.parent_dof(k)
-        return set() if parent is None else {parent} | self.ancestors(parent)
+    def append_body(self, link: str, mass: float, com, inertia) -> None:
+        """Attach a rigid body to a link: centre of mass in the link's axes, inertia about it."""
+        frame = self.model.frames[self.model.getFrameId(link, pin.FrameType.BODY)]
+        body = pin.Inertia(mass, np.array(com, dtype=float), np.array(inertia, dtype=float))
+        self.model.appendBodyToJoint(frame.parentJoint, body, frame.placement)
+        self.data = self.model.createData()
+
+    def parent_dof(self, k: int) -> int | None:
+        """Return the dof next inboard of dof k, of the same joint or the nearest one inboard; None at the root."""
+        joint, at = self._joint[k], self._order[k]
+        if at > self.model.idx_vs[joint]:
+            return self._at[at - 1]
+        parent = self.model.parents[joint]
+        return self._at[self.model.idx_vs[parent] + self.model.nvs[parent] - 1] if parent else None
+
+    @cached_property
+    def _ancestors(self) -> list[frozenset[int]]:
+        """Of each dof in Pinocchio's order, which is base to tip, those strictly inboard of it."""
+        found = {}
+        for at in range(self.nv):
+            k = self._at[at]
+            parent = self.parent_dof(k)
+            found[k] = frozenset() if parent is None else found[parent] | {parent}
+        return [found[k] for k in range(self.nv)]
+
+    def ancestors(self, k: int) -> frozenset[int]:
+        """Return the dofs strictly inboard of dof k, those of its own joint that come before it among them."""
+        return self._ancestors[k]
 
     def descendants(self, k: int) -> set[int]:
-        """Return the dofs strictly outboard of dof k."""
-        return {j for j in range(self.nv) if k in self.ancestors(j)}
+        """Return the dofs strictly outboard of dof k, those of its own joint that come after it among them."""
+        return {j for j in range(self.nv) if k in self._ancestors[j]}
+
+    def joint_mates(self, k: int) -> set[int]:
+        """Return all dofs of the joint of dof k."""
+        return {j for j in range(self.nv) if self._joint[j] == self._joint[k]}
 
     @cached_property
     def mass(self) -> float:
@@ -75,11 +132,13 @@ class Oracle:
 
     def is_prismatic(self, k: int) -> bool:
         """Whether dof k is a translation."""
+        if self.model.nvs[self._joint[k]] > 1:
+            return "/v_" in self.dof_names[k]
         return "P" in self.model.joints[self._joint[k]].shortname().removeprefix("JointModel")[:2]
 
     def is_circular(self, k: int) -> bool:
         """Whether dof k is a continuous joint, which Pinocchio parametrizes by (cos, sin)."""
-        return self._circular[k]
+        return self.model.nqs[self._joint[k]] == 2
 
     # --- between the caller's order of dofs and Pinocchio's
 
@@ -96,12 +155,39 @@ class Oracle:
     def configuration(self, q: np.ndarray) -> np.ndarray:
         """Return Pinocchio's configuration vector."""
         out = np.empty(self.model.nq)
-        for k, joint in enumerate(self._joint):
-            at = self.model.idx_qs[joint]
-            if self._circular[k]:
-                out[at : at + 2] = np.cos(q[k]), np.sin(q[k])
+        for j in self._joints:
+            own, at = q[self._first[j] : self._first[j] + COORDINATES[self.model.nvs[j]]], self.model.idx_qs[j]
+            if self.model.nqs[j] == 2:
+                out[at : at + 2] = np.cos(own[0]), np.sin(own[0])
+            elif self.model.nvs[j] == 3:
+                out[at : at + 4] = own[0], own[1], np.cos(own[2]), np.sin(own[2])
             else:
-                out[at] = q[k]
+                out[at : at + len(own)] = own
+        return out
+
+    @cached_property
+    def neutral(self) -> np.ndarray:
+        """Return the positions of zero, quaternions at the identity."""
+        q = np.zeros(self.nq)
+        for j in self._joints:
+            if self.model.nvs[j] == 6:
+                q[self._first[j] + 6] = 1.0
+        return q
+
+    def moved(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Return q after a step: sums, and where a joint has several dofs the motion along a constant twist."""
+        out = np.array(q, dtype=float)
+        end = None
+        for k, j in enumerate(self._joint):
+            first, nv, at = self._first[j], self.model.nvs[j], self.model.idx_qs[j]
+            if nv == 1:
+                out[first] += step[k]
+            elif self._order[k] == self.model.idx_vs[j]:
+                end = pin.integrate(self.model, self.configuration(q), self.to_pin(step)) if end is None else end
+                if nv == 3:
+                    out[first : first + 3] = end[at], end[at + 1], np.arctan2(end[at + 3], end[at + 2])
+                else:
+                    out[first : first + 7] = end[at : at + 7]
         return out
 
     def at(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray | None = None) -> "State":
@@ -136,7 +222,7 @@ class Oracle:
         """Return d/dt of function(q) along q̇: two fourth-order central differences and Richardson."""
 
         def central(h: float) -> np.ndarray:
-            f1, f2, f_1, f_2 = (function(q + s * h * qd) for s in (1, 2, -1, -2))
+            f1, f2, f_1, f_2 = (function(self.moved(q, s * h * qd)) for s in (1, 2, -1, -2))
             return (8 * (f1 - f_1) - (f2 - f_2)) / (12 * h)
 
         h = STEP / max(np.abs(qd).max(), 1e-12)
@@ -144,8 +230,11 @@ class Oracle:
 
     def bias(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Return c(q, q̇), the velocity terms of M q̈ + c + g = τ."""
+        gravity = self.model.gravity.linear.copy()
+        self.model.gravity.linear = np.zeros(3)  # rather than take away g, which may be far larger than c
         nle = pin.nonLinearEffects(self.model, self.data, self.configuration(q), self.to_pin(qd))
-        return self.from_pin(nle) - self.gravity_torque(q)
+        self.model.gravity.linear = gravity
+        return self.from_pin(nle)
 
     def coriolis_matrix(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Return Pinocchio's C_s with c = C_s q̇ and Ṁ = C_s + C_sᵀ."""
@@ -161,6 +250,16 @@ class Oracle:
         """Return q̈, gravity included."""
         args = self.configuration(q), self.to_pin(qd), self.to_pin(tau)
         return self.from_pin(pin.aba(self.model, self.data, *args))
+
+    def effort_of(self, q: np.ndarray, wrenches: Mapping[str, np.ndarray], frame: str) -> np.ndarray:
+        """Return Jᵀf of wrenches, force first, at the origins of links, in the axes of the link or the world."""
+        axes = {"link": pin.LOCAL, "world": pin.LOCAL_WORLD_ALIGNED}[frame]
+        tau, configuration = np.zeros(self.nv), self.configuration(q)
+        for name, wrench in wrenches.items():
+            at = self.model.getFrameId(name, pin.FrameType.BODY)
+            J = pin.computeFrameJacobian(self.model, self.data, configuration, at, axes)
+            tau += J.T @ np.asarray(wrench, dtype=float)
+        return self.from_pin(tau)
 
     # --- energy, link by link
 
@@ -223,6 +322,12 @@ class State:
     def condition(self) -> float:
         """Return cond(M)."""
         return float(np.linalg.cond(self.M))
+
+    @cached_property
+    def scaled_condition(self) -> float:
+        """Return cond(M) in units in which M_kk = 1: what rounding is amplified by, whatever the units."""
+        unit = np.sqrt(np.diag(self.M))
+        return float(np.linalg.cond(self.M / np.outer(unit, unit))) if len(unit) else 1.0
 
     @cached_property
     def c(self) -> np.ndarray:
@@ -299,10 +404,10 @@ class State:
         """Return |ℓc| + |ṁᵀq̇|, the two terms whose difference C is, for errors to be relative to.
 
         Where both vanish identically (one joint, a gantry, rotors about principal axes) all is rounding, and
-        10⁻³|ν||q̇| stands in; in every robot that has a Coriolis term they are ten times that and more.
+        10⁻²|ν||q̇| stands in; in every robot that has a Coriolis term they are that and more.
         """
         terms = np.linalg.norm(np.linalg.solve(self.m, self.c)) + np.linalg.norm(self.mdot.T @ self.qd)
-        return float(max(terms, 1e-3 * np.linalg.norm(self.nu) * np.linalg.norm(self.qd)))
+        return float(max(terms, 1e-2 * np.linalg.norm(self.nu) * np.linalg.norm(self.qd)))
 
     @cached_property
     def Ddot(self) -> np.ndarray:
@@ -311,7 +416,7 @@ class State:
 
     @cached_property
     def coriolis_unnormalized(self) -> np.ndarray:
-        """Return C_ξ: D ξ̇ + C_ξ = κ with ξ = D^−½ν and ν̇ = ε − C gives D^½ C + ½ Ḋ ξ."""
+        """Return C_ξ: D ξ̇ + C_ξ = κ with ξ = D^−½ν, each by its own D, and ν̇ = ε − C gives D^½ C + ½ Ḋ ξ."""
         return np.sqrt(self.D) * self.coriolis + 0.5 * self.Ddot * self.xi
 
     @cached_property
@@ -333,7 +438,7 @@ class State:
     def link_energy(self) -> dict[str, float]:
         """Return the energy per URDF link; a joint's armature counts for the link it moves."""
         energy = self.oracle.link_energy(self.q, self.qd)
-        for k in range(self.oracle.nv):
+        for k in np.flatnonzero(self.oracle.armature):
             energy[self.oracle.child_link(k)] += 0.5 * self.oracle.armature[k] * self.qd[k] ** 2
         return energy
 

@@ -92,6 +92,22 @@ class Robot(NamedTuple):
     id: str
     source: Path | str
     armature: Mapping[str, float] = MappingProxyType({})
+    floating_base: bool = False
+    locked_joints: Mapping[str, float] = MappingProxyType({})
+
+    @property
+    def options(self) -> dict:
+        """Return what loader and oracle take alike."""
+        return {
+            "armature": self.armature,
+            "floating_base": self.floating_base,
+            "locked_joints": self.locked_joints,
+        }
+
+    @property
+    def floating(self) -> "Robot":
+        """Return this robot with a floating base."""
+        return self._replace(id=f"{self.id}+floating", floating_base=True)
 
     @property
     def urdf(self) -> str:
@@ -128,6 +144,32 @@ def joint(name: str, kind: str, parent: str, child: str, axis=(0, 0, 1), xyz=(0,
 def description(name: str, *elements: str) -> str:
     """Return a whole URDF."""
     return f'<robot name="{name}">{"".join(elements)}</robot>'
+
+
+def in_other_units(urdf: str, mass: float = 1.0, length: float = 1.0) -> str:
+    """Return a URDF with all masses and lengths multiplied, and the moments of inertia with them."""
+    robot = ET.fromstring(urdf)
+    for element in robot.iter("mass"):
+        element.set("value", repr(float(element.get("value")) * mass))
+    for element in robot.iter("inertia"):
+        for name, value in element.attrib.items():
+            element.set(name, repr(float(value) * mass * length**2))
+    for element in robot.iter("origin"):
+        element.set("xyz", _text(float(x) * length for x in element.get("xyz", "0 0 0").split()))
+    return ET.tostring(robot, encoding="unicode")
+
+
+def tips_lighter(urdf: str, factor: float) -> str:
+    """Return a URDF in which the links that carry no other have less mass and inertia."""
+    robot = ET.fromstring(urdf)
+    parents = {joint.find("parent").get("link") for joint in robot.findall("joint")}
+    for link in robot.findall("link"):
+        if link.get("name") not in parents and link.find("inertial") is not None:
+            for element in link.find("inertial"):
+                if element.tag in ("mass", "inertia"):
+                    for name, value in element.attrib.items():
+                        element.set(name, repr(float(value) * factor))
+    return ET.tostring(robot, encoding="unicode")
 
 
 def _text(numbers) -> str:
@@ -210,16 +252,22 @@ GANTRY = description(
 )
 
 
-def random_tree(seed: int, joints: int = 12) -> str:
+KINDS = ("revolute", "continuous", "prismatic")
+SEVERAL = ("planar", "floating")
+
+
+def random_tree(seed: int, joints: int = 12, kinds: tuple[str, ...] = KINDS) -> str:
     """Return a tree of mixed joints with crooked axes and frames, fixed joints, and links without inertia."""
     rng = np.random.default_rng(seed)
     elements, moving = [link("root", *_random_inertia(rng))], ["root"]
     for k in range(joints):
         # Two in three extend the newest branch, so that both depth and branching occur.
         parent = moving[-1] if rng.random() < 2 / 3 else str(rng.choice(moving))
-        kind = str(rng.choice(["revolute", "continuous", "prismatic"]))
+        kind = str(rng.choice(kinds))
         pose = {"xyz": rng.uniform(-0.4, 0.4, 3), "rpy": rng.uniform(-3, 3, 3)}
         axis = rng.standard_normal(3)
+        if kind == "planar":
+            axis = np.array([0.0, 0.0, 1.0])  # the only one that Pinocchio knows
         # Names that neither sort nor count in the order of the tree.
         name = f"{chr(ord('a') + int(rng.integers(26)))}_joint_{k}"
         elements.append(joint(name, kind, parent, f"link_{k}", axis / np.linalg.norm(axis), **pose))
@@ -256,20 +304,34 @@ def _geared(seed: int) -> Robot:
     return Robot(f"geared_tree_{seed}", urdf, {n: rng.uniform(0.01, 2) for i, n in enumerate(names) if i % 3})
 
 
-def synthetic_robots() -> tuple[Robot, ...]:
-    """Return the robots made here; every one of them is regular."""
+def textbook_robots() -> tuple[Robot, ...]:
+    """Return the robots with closed forms; their bases have no inertia, so they do not float."""
+    return (Robot("pendulum", PENDULUM), Robot("gantry", GANTRY), Robot("two_link_arm", TwoLinkArm().urdf))
+
+
+def random_robots() -> tuple[Robot, ...]:
+    """Return the robots made at random; every one of them is regular."""
     return (
-        Robot("pendulum", PENDULUM),
-        Robot("gantry", GANTRY),
-        Robot("two_link_arm", TwoLinkArm().urdf),
         *(Robot(f"random_tree_{seed}", random_tree(seed)) for seed in range(4)),
+        *(Robot(f"mobile_tree_{seed}", random_tree(seed, kinds=KINDS + SEVERAL)) for seed in (20, 21, 22)),
         *(_geared(seed) for seed in (10, 11)),
     )
 
 
+def cured_robots() -> tuple[Robot, ...]:
+    """Return the singular robots of the wheel with the joints locked that make them so."""
+    return tuple(
+        robot(id)._replace(id=f"{id}+locked", locked_joints=dict.fromkeys(exclusion.joints, 0.0))
+        for id, exclusion in EXCLUDED.items()
+        if exclusion.reason == SINGULAR
+    )
+
+
 def robots_to_test() -> tuple[Robot, ...]:
-    """Return every robot the physics is tested on."""
-    return tuple(robot(id) for id in regular_robots()) + synthetic_robots()
+    """Return every robot the physics is tested on: with a fixed base, then with a floating one, where all can move."""
+    fixed = (*(robot(id) for id in regular_robots()), *cured_robots(), *random_robots())
+    motionless = (robot(id) for id, exclusion in EXCLUDED.items() if exclusion.reason == MOTIONLESS)
+    return textbook_robots() + fixed + tuple(robot.floating for robot in (*fixed, *motionless))
 
 
 # --- states
@@ -297,7 +359,7 @@ def samples(id: str, oracle) -> list[Sample]:
     )
     out = []
     for speed in SPEEDS:
-        q = reach * rng.uniform(-1, 1, oracle.nv)[at]
+        q = oracle.moved(oracle.neutral, reach * rng.uniform(-1, 1, oracle.nv)[at])
         qd, tau, qdd = (scale * rng.standard_normal(oracle.nv)[at] for scale in (speed, 5.0, 10.0))
         out.append(Sample(q, qd, tau, qdd))
     return out

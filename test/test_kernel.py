@@ -59,9 +59,9 @@ def test_cache_is_used_and_a_change_of_any_kernel_source_invalidates(copy, tmp_p
 
     spatial = copy / "diag_dynamics" / "spatial.py"
     text = spatial.read_text()
-    before = "    if kind == REVOLUTE:\n        return F.moment[2]\n"
+    before = "    if direction == ANGULAR_Z:\n        return w[2]\n"
     assert text.count(before) == 1
-    spatial.write_text(text.replace(before, "    if kind == REVOLUTE:\n        return 2.0 * F.moment[2]\n"))
+    spatial.write_text(text.replace(before, before.replace("w[2]", "2.0 * w[2]")))
     changed, hits, _ = run(copy, cache)
     assert changed == 2 * first
     assert hits == 0

@@ -23,7 +23,7 @@ def close(a, b, tolerance, scale):
 def states(request):
     """Return the oracle's states of one robot."""
     robot = request.param
-    oracle = Oracle(robot.urdf, armature=robot.armature)
+    oracle = Oracle(robot.urdf, **robot.options)
     return [(oracle.at(s.q, s.qd, s.tau), s) for s in robots.samples(robot.id, oracle)]
 
 
@@ -142,7 +142,7 @@ def test_power_by_difference(states):
 
         def energy(t, state=state, o=o):
             qd = state.qd + t * state.acceleration
-            return 0.5 * qd @ o.mass_matrix(state.q + t * state.qd) @ qd
+            return 0.5 * qd @ o.mass_matrix(o.moved(state.q, t * state.qd)) @ qd
 
         rate = (8 * (energy(h) - energy(-h)) - (energy(2 * h) - energy(-2 * h))) / (12 * h)
         assert rate == pytest.approx(state.power, rel=1e-7, abs=1e-11 * state.kinetic_energy / h)

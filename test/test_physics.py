@@ -1,4 +1,4 @@
-"""The laws of diagonalized dynamics, one test each, over every regular robot, against Pinocchio.
+"""The laws of diagonalized dynamics, one test each, over every robot, fixed and floating, against Pinocchio.
 
 Errors are measured in the units of ν (√J), in which all dofs weigh alike: rates times √M_kk, torques over it.
 """
@@ -15,34 +15,14 @@ import pytest
 
 import diag_dynamics as dd
 import robots
-from oracles import Oracle, State
+from accuracy import EPS, assert_close, norm, tolerance, tolerance_of_differences
+from oracles import FLOATING, Oracle, State
 
-norm = np.linalg.norm
-EPS = np.finfo(float).eps
 PANDA = "panda_description/urdf/panda.urdf"
+TALOS = "talos_data/robots/talos_reduced.urdf"
 
-
-# --- how exact is exact
-
-
-def tolerance(truth: State) -> float:
-    """Return the relative tolerance against an oracle that is exact but for rounding."""
-    return max(1e-10, 100 * EPS * truth.condition)
-
-
-# The differences of Pinocchio's factor are good enough (oracles.STEP) for the same tolerance.
-tolerance_of_differences = tolerance
-
-
-def assert_close(actual, expected, tolerance, scale=None):
-    """Arrays or numbers agree to `tolerance` relative to `scale`, by default the norm of the expected."""
-    actual, expected = np.asarray(actual), np.asarray(expected)
-    assert actual.shape == expected.shape
-    assert actual.dtype == np.float64
-    assert np.isfinite(actual).all()
-    scale = norm(expected) if scale is None else scale
-    error = norm(actual - expected)
-    assert error <= tolerance * scale, f"relative error {error / scale if scale else np.inf:.1e} > {tolerance:.1e}"
+# Some example robots have inertias that no rigid body has; test_urdf.py is about that.
+pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
 
 # --- cases
@@ -62,6 +42,7 @@ class Case(NamedTuple):
 class Robot(NamedTuple):
     """A robot, its oracle, and its cases."""
 
+    id: str
     model: object
     dyn: dd.DiagonalDynamics
     oracle: Oracle
@@ -70,15 +51,15 @@ class Robot(NamedTuple):
 
 def load(robot: robots.Robot, **options) -> Robot:
     """Load a robot in library and oracle, and evaluate its samples."""
-    model = dd.load_urdf(robot.source, mimic="free", armature=robot.armature, **options)
+    model = dd.load_urdf(robot.source, mimic="free", **robot.options, **options)
     dyn = dd.DiagonalDynamics(model)
-    oracle = Oracle(robot.urdf, model.dof_names, armature=robot.armature)
+    oracle = Oracle(robot.urdf, model.dof_names, **robot.options)
     cases = []
     for sample in robots.samples(robot.id, oracle):
         truth = oracle.at(sample.q, sample.qd, sample.tau)
         s = dyn.evaluate(sample.q, sample.qd, sample.tau)
         cases.append(Case(dyn, truth, sample, s, dyn.factors(sample.q), np.sqrt(np.diag(truth.M))))
-    return Robot(model, dyn, oracle, cases)
+    return Robot(robot.id, model, dyn, oracle, cases)
 
 
 @pytest.fixture(scope="module", params=robots.robots_to_test(), ids=lambda robot: robot.id)
@@ -97,11 +78,18 @@ def panda() -> Robot:
 
 
 def test_names(robot):
-    """Dofs are Pinocchio's joints, base to tip; links are the URDF's."""
+    """Joints are Pinocchio's, with their degrees of freedom, base to tip; links are the URDF's."""
     model, oracle = robot.model, robot.oracle
-    assert model.nv == model.nq == len(model.dof_names) == oracle.nv
-    assert isinstance(model.dof_names, tuple)
-    assert set(model.dof_names) == set(list(oracle.model.names)[1:])
+    assert model.nv == len(model.dof_names) == oracle.nv
+    assert model.nq == len(model.coordinate_names) == oracle.nq
+    assert isinstance(model.dof_names, tuple) and isinstance(model.coordinate_names, tuple)
+    assert model.joint_names == tuple(dict.fromkeys(name.split("/")[0] for name in model.dof_names))
+    assert set(model.joint_names) == set(list(oracle.model.names)[1:])
+    assert (model.neutral == oracle.neutral).all()
+    assert next(k for k in range(model.nv) if oracle.parent_dof(k) is None) == 0
+    if model.floating_base:
+        assert model.dof_names[:6] == tuple(f"root_joint/{suffix}" for suffix in FLOATING)
+        assert oracle.ancestors(5) == set(range(5))
     assert all(j < k for k in range(model.nv) for j in oracle.ancestors(k))
     assert sorted(model.link_names) == sorted(link.get("name") for link in oracle.xml.findall("link"))
 
@@ -216,6 +204,35 @@ def test_link_energy(robot):
         assert (case.s.link_energy >= 0).all()
 
 
+def test_base_energy(robot):
+    """The shares of a floating base's six dofs sum to ½V*ᵀPV*, whatever the order of its twist's components."""
+    for case in robot.cases:
+        s, t = case.s, case.truth
+        if not robot.model.floating_base:
+            assert s.base_energy == 0.0
+            continue
+        angular_first = np.r_[3:6, 0:3, 6 : robot.model.nv]
+        M = t.M[np.ix_(angular_first, angular_first)]
+        nu = np.linalg.cholesky(M[::-1, ::-1])[::-1, ::-1].T @ t.qd[angular_first]  # M = m mᵀ, m upper triangular
+        assert_close(s.base_energy, 0.5 * nu[:6] @ nu[:6], tolerance(t))
+        assert_close(s.base_energy, s.energy_share[:6].sum(), 1e-15)
+        assert 0 < s.base_energy <= t.kinetic_energy * (1 + 1e-12)
+
+
+def test_energy_of_a_joint_does_not_depend_on_the_order_of_its_dofs(robot):
+    """The shares of a planar or floating joint, anywhere, sum to the same with its dofs in reverse."""
+    joints = {frozenset(robot.oracle.joint_mates(k)) for k in range(robot.model.nv)}
+    for joint in (sorted(joint) for joint in joints if len(joint) > 1):
+        order = np.arange(robot.model.nv)
+        order[joint] = joint[::-1]
+        for case in robot.cases[:1]:
+            M = case.truth.M[np.ix_(order, order)]
+            nu = np.linalg.cholesky(M[::-1, ::-1])[::-1, ::-1].T @ case.truth.qd[order]
+            assert_close(case.s.energy_share[joint].sum(), 0.5 * nu[joint] @ nu[joint], tolerance(case.truth))
+            if robot.id == f"{TALOS}+floating":  # though each share does
+                assert abs(nu[joint[0]] - case.s.nu[joint[-1]]) > 1e-3 * norm(case.s.nu[joint])
+
+
 # --- the Coriolis term
 
 
@@ -308,7 +325,8 @@ def test_nu_moves_by_the_equation_of_motion(robot):
         s, t = case.s, case.truth
         h = 1e-3 / max(1.0, np.abs(t.qd).max(), np.sqrt(np.abs(t.acceleration).max()))
         # a motion with the right q̇ and q̈ at 0; ν̇ there depends on nothing else
-        q = [t.q + x * h * t.qd + 0.5 * (x * h) ** 2 * t.acceleration for x in (-2, -1, 1, 2)]
+        steps = [x * h * t.qd + 0.5 * (x * h) ** 2 * t.acceleration for x in (-2, -1, 1, 2)]
+        q = [robot.oracle.moved(t.q, step) for step in steps]
         qd = [t.qd + x * h * t.acceleration for x in (-2, -1, 1, 2)]
         nu = [case.dyn.nu_from_qd(*state) for state in zip(q, qd, strict=True)]
         nu_dot = (8 * (nu[2] - nu[1]) - (nu[3] - nu[0])) / (12 * h)
@@ -330,6 +348,98 @@ def test_work(robot):
     for case in robot.cases:
         s, t = case.s, case.truth
         assert_close(s.nu @ s.epsilon, t.qd @ t.tau, tolerance(t), norm(s.nu) * norm(s.epsilon))
+
+
+# --- external wrenches and friction, each a term of its own
+
+
+def wrenches_on(model, seed) -> dict[str, np.ndarray]:
+    """Return wrenches on the root, a tip and some other links, those without inertia among them."""
+    rng = np.random.default_rng(seed)
+    names = dict.fromkeys((model.link_names[0], model.link_names[-1], *map(str, rng.choice(model.link_names, 4))))
+    return {name: 10 * rng.standard_normal(6) for name in names}
+
+
+@pytest.mark.parametrize("frame", ["link", "world"])
+def test_external_wrenches(robot, frame):
+    """ℓJᵀf, q̈, τ and K̇ with wrenches, Jᵀ from Pinocchio's frames; nothing else changes."""
+    wrenches = wrenches_on(robot.model, len(robot.id))
+    for case in robot.cases:
+        (q, qd, tau, qdd), t = case.sample, case.truth
+        effort = robot.oracle.effort_of(q, wrenches, frame)
+        s = case.dyn.evaluate(q, qd, tau, wrenches, frame=frame)
+        expected = np.linalg.solve(t.m, effort)
+        scale = max(norm(expected), norm(t.epsilon))  # wrenches on a robot that is one joint may do nothing
+        assert_close(s.external, expected, tolerance(t), scale)
+        for name in ("nu", "epsilon", "coriolis", "coriolis_unnormalized", "gravity", "kinetic_energy"):
+            assert (np.asarray(getattr(s, name)) == np.asarray(getattr(case.s, name))).all(), name
+        # s.epsilon is what τ alone gives; the equation of motion has the wrenches as a further term
+        loaded = robot.oracle.at(q, qd, tau + effort)
+        scale = norm(loaded.acceleration * case.unit)
+        actual = case.dyn.forward_dynamics(q, qd, tau, wrenches, frame=frame)
+        assert_close(actual * case.unit, loaded.acceleration * case.unit, tolerance(t), scale)
+        rnea = robot.oracle.inverse_dynamics(q, qd, qdd)
+        actual = case.dyn.inverse_dynamics(q, qd, qdd, wrenches, frame=frame)
+        scale = norm(rnea / case.unit) + norm(effort / case.unit)
+        assert_close(actual / case.unit, (rnea - effort) / case.unit, tolerance(t), scale)
+        terms = (loaded.nu_dot, s.coriolis, s.gravity, s.epsilon, s.external)
+        assert_close(
+            loaded.nu_dot + s.coriolis + s.gravity, s.epsilon + s.external, tolerance(t), sum(map(norm, terms))
+        )
+        scale = norm(s.nu) * (sum(map(norm, terms[2:])) + t.coriolis_scale)
+        assert_close(s.power, loaded.power, tolerance(t), scale)
+
+
+def test_friction(robot):
+    """Damping and Coulomb friction of the URDF, only where asked for, against Pinocchio driven by τ − τ_fric."""
+    model, oracle = robot.model, robot.oracle
+    numbers = {"damping": np.zeros(model.nv), "friction": np.zeros(model.nv)}
+    for element in oracle.xml.findall("joint"):
+        for k in (k for k, name in enumerate(model.dof_names) if name.split("/")[0] == element.get("name")):
+            for name, array in numbers.items():
+                array[k] = (0 if element.find("dynamics") is None else element.find("dynamics").get(name)) or 0
+    for case in robot.cases:
+        (q, qd, tau, qdd), t = case.sample, case.truth
+        resisting = numbers["damping"] * qd + numbers["friction"] * np.sign(qd)
+        assert_close(case.dyn.friction_torque(qd), resisting, 1e-15)
+        s = case.dyn.evaluate(q, qd, tau, friction=True)
+        epsilon = np.linalg.solve(t.m, resisting)
+        assert_close(s.friction, epsilon, tolerance(t))
+        assert case.s.friction is None
+        for name in FIELDS:
+            if name != "power":
+                assert (np.asarray(getattr(s, name)) == np.asarray(getattr(case.s, name))).all(), name
+        slowed = oracle.at(q, qd, tau - resisting)
+        actual = case.dyn.forward_dynamics(q, qd, tau, friction=True)
+        assert_close(actual * case.unit, slowed.acceleration * case.unit, tolerance(t))
+        actual = case.dyn.inverse_dynamics(q, qd, qdd, friction=True)
+        expected = (oracle.inverse_dynamics(q, qd, qdd) + resisting) / case.unit
+        assert_close(actual / case.unit, expected, tolerance(t), norm(expected) + norm(resisting / case.unit))
+        terms = (slowed.nu_dot, s.coriolis, s.gravity, s.friction, s.epsilon)
+        assert_close(sum(terms[:4]), s.epsilon, tolerance(t), sum(map(norm, terms)))
+        assert_close(s.power, slowed.power, tolerance(t), norm(s.nu) * (sum(map(norm, terms)) + t.coriolis_scale))
+
+
+def test_power_balance_by_difference(robot):
+    """K̇ = νᵀ(ε − ε_g + ℓJᵀf − ε_fric) is what K does along the library's own motion, differenced.
+
+    Fourth-order differences: 1e-8 of the terms, plus the rounding of K over the step.
+    """
+    wrenches = wrenches_on(robot.model, 1)
+    for case in robot.cases:
+        (q, qd, tau, _), t = case.sample, case.truth
+        s = case.dyn.evaluate(q, qd, tau, wrenches, frame="world", friction=True)
+        qdd = case.dyn.forward_dynamics(q, qd, tau, wrenches, frame="world", friction=True)
+        h = 1e-3 / max(1.0, np.abs(qd).max(), np.sqrt(np.abs(qdd).max()))
+        energy = [
+            case.dyn.evaluate(
+                robot.oracle.moved(q, x * h * qd + 0.5 * (x * h) ** 2 * qdd), qd + x * h * qdd
+            ).kinetic_energy
+            for x in (-2, -1, 1, 2)
+        ]
+        rate = (8 * (energy[2] - energy[1]) - (energy[3] - energy[0])) / (12 * h)
+        terms = norm(s.nu) * sum(map(norm, (s.epsilon, s.gravity, s.external, s.friction, s.coriolis)))
+        assert_close(rate, s.power, max(1e-8, tolerance(t)), terms + 2e-6 * s.kinetic_energy / h)
 
 
 # --- the four sweeps
@@ -369,8 +479,10 @@ def test_sweeps_are_those_of_the_evaluation(robot):
 
 
 def others(robot, case, names):
-    """Return copies of the sample's arrays in which the dofs of `names` are changed."""
-    return [np.where(np.isin(np.arange(robot.model.nv), list(names)), x + 0.7, x) for x in case.sample[:3]]
+    """Return copies of the sample's q, q̇ and τ in which the dofs of `names` are changed."""
+    step = 0.7 * np.isin(np.arange(robot.model.nv), list(names))
+    q, qd, tau, _ = case.sample
+    return robot.oracle.moved(q, step), qd + step, tau + step
 
 
 def test_nu_ignores_outboard_rates(robot):
@@ -402,7 +514,7 @@ def test_reduced_manipulator(robot):
     oracle, nv = robot.oracle, robot.model.nv
     for k in range(nv):
         outboard = oracle.descendants(k)
-        q, _, _ = others(robot, case, set(range(nv)) - outboard)
+        q, _, _ = others(robot, case, set(range(nv)) - outboard | oracle.joint_mates(k))
         f = case.dyn.factors(q)
         assert f.D[k] == case.f.D[k]
         assert case.dyn.evaluate(q, case.sample.qd).articulated_inertia[k] == case.f.D[k]
@@ -533,9 +645,9 @@ def test_any_array_will_do(panda):
 def test_gravity_argument(id, gravity):
     """Gravity is an argument, reaches everything it belongs to, and never C."""
     robot = robots.robot(id)
-    dyn = dd.DiagonalDynamics(dd.load_urdf(robot.source, mimic="free", gravity=gravity))
+    dyn = dd.DiagonalDynamics(dd.load_urdf(robot.source, mimic="free", gravity=gravity, **robot.options))
     earth = load(robot)
-    oracle = Oracle(robot.urdf, earth.model.dof_names, gravity=gravity)
+    oracle = Oracle(robot.urdf, earth.model.dof_names, gravity, **robot.options)
     for case in earth.cases:
         q, qd, tau, qdd = case.sample
         s, t, unit = dyn.evaluate(q, qd, tau), oracle.at(q, qd, tau), case.unit
@@ -553,7 +665,10 @@ def test_gravity_argument(id, gravity):
 def test_continuous_joint_has_one_angle(robot):
     """Full turns of a continuous or revolute joint change nothing but rounding."""
     case = robot.cases[0]
-    turns = np.array([0 if robot.oracle.is_prismatic(k) else 2 * np.pi for k in range(robot.model.nv)])
+    turning = {name for k, name in enumerate(robot.model.dof_names) if not robot.oracle.is_prismatic(k)}
+    turning |= {name for name in robot.model.coordinate_names if name.endswith("/theta")}
+    turns = np.array([2 * np.pi * (name in turning) for name in robot.model.coordinate_names])
+    assert turns.any() or robot.model.floating_base or not turning
     s = case.dyn.evaluate(case.sample.q + turns, case.sample.qd)
     assert_close(s.nu, case.s.nu, tolerance(case.truth))
     assert_close(s.coriolis, case.s.coriolis, tolerance(case.truth), case.truth.coriolis_scale)
@@ -596,8 +711,8 @@ def test_no_coriolis_term(urdf):
 
 MUTANTS = {
     "unchanged": (),
-    "sign of the rate of P in C": ("along_axis(kind, y) - power(u, V)", "along_axis(kind, y) + power(u, V)"),
-    "sign of its source": ("rate_of_transport(kind, rate, P_plus)", "rate_of_transport(kind, -rate, P_plus)"),
+    "sign of the rate of P in C": ("along(direction, y) - power(u, V)", "along(direction, y) + power(u, V)"),
+    "sign of its source": ("transport_along_z(direction, rate, P_plus)", "transport_along_z(direction, -rate, P_plus)"),
 }
 COMPARISONS = (
     "test_coriolis",
@@ -616,7 +731,7 @@ def mutants(tmp_path_factory):
         folder = tmp_path_factory.mktemp("mutant")
         package = folder / "diag_dynamics"
         shutil.copytree(Path(dd.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-        for file in ("oracles.py", "robots.py", "test_physics.py"):
+        for file in ("accuracy.py", "oracles.py", "robots.py", "test_physics.py"):
             shutil.copy(here / file, folder)
         if replacement:
             source = (package / "sweeps.py").read_text(encoding="utf-8")

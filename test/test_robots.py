@@ -34,7 +34,7 @@ def test_robots_of_the_wheel():
 @pytest.mark.parametrize("robot", robots.robots_to_test(), ids=lambda robot: robot.id)
 def test_regular(robot):
     """A regular robot moves, and its mass matrix can be told from a singular one."""
-    oracle = Oracle(robot.urdf, armature=robot.armature)
+    oracle = Oracle(robot.urdf, **robot.options)
     assert oracle.nv > 0
     for sample in robots.samples(robot.id, oracle):
         assert np.linalg.cond(oracle.mass_matrix(sample.q)) < 1e10

@@ -1,5 +1,7 @@
 """What a URDF becomes, and what is said of one that cannot become a model."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -105,6 +107,70 @@ def test_axes_need_no_unit_length():
     np.testing.assert_allclose(one.mass_matrix([0.1, 0.2]), three.mass_matrix([0.1, 0.2]), rtol=1e-15)
 
 
+TOLERATED = {
+    "capsule": (
+        "</robot>",
+        '<link name="x"><visual><geometry><capsule/></geometry></visual></link>' + "{weld}</robot>",
+    ),
+    "nameless visual": ("</link>", "<visual/><visual/></link>"),
+    "nameless robot": (' name="arm"', ""),
+    "default namespace": ("<robot", '<robot xmlns="http://drake.mit.edu"'),
+    "declared prefix": ("</robot>", '<s:camera xmlns:s="urn:s"/></robot>'),
+    "undeclared prefix": ("</robot>", '<sensor:camera name="c" a:b="1"/></robot>'),
+    "undeclared prefix within": ("</link>", "<gazebo:thing><x:y/></gazebo:thing></link>"),
+    "unknown within inertial": ("</inertial>", "<density value='?'/></inertial>"),
+    "unknown within joint": ("</joint>", '<safety_controller soft="a"/><calibration/><hardwareInterface/></joint>'),
+    "broken extensions": ("</robot>", "<transmission/><gazebo reference='q'/><material/><sensor/></robot>"),
+    "infinite effort": ('effort="100.0"', 'effort="inf"'),
+    "comments": ("</robot>", '<!-- <joint name="no"/> & -->\n<?pi?></robot>'),
+}
+
+
+@pytest.mark.parametrize("case", TOLERATED)
+def test_tolerated(case):
+    """It loads, and into the very same model."""
+    before, after = TOLERATED[case]
+    text = arm().replace('effort="100"', 'effort="100.0"')
+    assert before in text
+    weld = joint("weld", "fixed", "upper", "x")
+    model = dd.load_urdf(text.replace(before, after.replace("{weld}", weld)))
+    assert model.bodies.tobytes() == dd.load_urdf(arm()).bodies.tobytes()
+
+
+def test_empty_limits():
+    model = dd.load_urdf(arm().replace('lower="-10" upper="10" effort="100" velocity="100"', 'lower="" upper=" "'))
+    assert (model.lower[0], model.upper[0], model.effort_limit[0]) == (-np.inf, np.inf, np.inf)
+
+
+def test_unicode_names():
+    model = dd.load_urdf(arm().replace("shoulder", "関節 ä'\u200b").replace('"upper"', '"Oberarm ✓"'))
+    assert model.dof_names == ("関節 ä'\u200b",)
+    assert model.link_names == ("base", "Oberarm ✓")
+
+
+@pytest.mark.parametrize(
+    ("inertia", "reason"),
+    [
+        ((-0.1, 0, 0, 0.2, 0, 0.3), "principal moments -0.1, 0.2, 0.3 are not all positive"),
+        ((0.1, 0, 0, 0.1, 0, 0.3), "principal moments 0.1, 0.1, 0.3 break the triangle inequality"),
+        ((0.1, 0.3, 0, 0.1, 0, 0.1), "are not all positive"),
+    ],
+)
+def test_inertia_of_no_rigid_body_loads_with_a_warning(inertia, reason):
+    text = description("r", link("a"), link("odd", mass=2.0, com=(0.5, 0, 0), inertia=inertia))
+    text = text.replace("</robot>", joint("j", "revolute", "a", "odd") + "</robot>")
+    with pytest.warns(dd.InertiaWarning, match="link 'odd' of robot 'r'") as caught:
+        assert dd.load_urdf(text).nv == 1
+    assert reason in str(caught[0].message)
+
+
+@pytest.mark.parametrize("inertia", [(0, 0, 0, 0, 0, 0), (0.1, 0, 0, 0.1, 0, 0.2), (1e-20, 0, 0, -1e-20, 0, 0)])
+def test_points_and_plates_give_no_warning(inertia):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        dd.load_urdf(description("r", link("a", mass=1.0, inertia=inertia)))
+
+
 # --- Mimic joints ---
 
 FOLLOWER = '<joint name="follower" type="revolute"><parent link="upper"/><child link="l"/><mimic joint="{}"/></joint>'
@@ -128,7 +194,7 @@ BROKEN = {
         dd.UrdfError,
         "Cannot read the URDF file '/nowhere/robot.urdf'",
     ),
-    "a folder": (".", dd.UrdfError, "Cannot read the URDF file '.': Is a directory"),
+    "a folder": (".", dd.UrdfError, "Cannot read the URDF file '.': it is no file."),
     "empty": ("", dd.UrdfError, "The URDF is empty."),
     "blank": ("<!-- nothing -->", dd.UrdfError, "The URDF is not well-formed XML"),
     "a number": (7, dd.UrdfError, "A URDF is a path or XML text, not a int."),
@@ -145,6 +211,77 @@ BROKEN = {
         '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r"><xacro:macro name="m"/><link name="l"/></robot>',
         dd.UrdfError,
         "The URDF contains <xacro:macro>: it is unexpanded xacro. Run xacro on it first.",
+    ),
+    "entity bomb": (
+        '<!DOCTYPE r [<!ENTITY a "aaaaaaaa"><!ENTITY b "&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;">]><robot name="&c;"/>',
+        dd.UrdfError,
+        "The URDF has a DOCTYPE, which is not accepted: entities are never expanded.",
+    ),
+    "external entity": (
+        '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="r"><link name="&a;"/></robot>',
+        dd.UrdfError,
+        "The URDF has a DOCTYPE, which is not accepted: entities are never expanded.",
+    ),
+    "remote schema": (
+        '<!DOCTYPE robot SYSTEM "http://127.0.0.1:1/robot.dtd"><robot name="r"/>',
+        dd.UrdfError,
+        "The URDF has a DOCTYPE, which is not accepted: entities are never expanded.",
+    ),
+    "depth bomb": (
+        "<robot>" + "<a>" * 5000 + "</a>" * 5000 + "</robot>",
+        dd.UrdfError,
+        "not well-formed XML: Excessive depth",
+    ),
+    "too large": ("<robot>" + " " * (33 << 20) + "</robot>", dd.UrdfError, "has more than the 33554432 bytes accepted"),
+    "odd encoding": (
+        b'<?xml version="1.0" encoding="punycode"?><robot/>',
+        dd.UrdfError,
+        "The URDF declares the encoding 'punycode', expected UTF-8 or another usual one.",
+    ),
+    "undeclared entity": (
+        arm().replace("base", "&base;"),
+        dd.UrdfError,
+        "not well-formed XML: Entity 'base' not defined",
+    ),
+    "xacro without prefix declared": (
+        '<robot name="r"><xacro:include filename="x"/><link name="l"/></robot>',
+        dd.UrdfError,
+        "The URDF contains <xacro:include>: it is unexpanded xacro. Run xacro on it first.",
+    ),
+    "xacro in a name": (
+        arm().replace('"upper"', '"${side}_upper"'),
+        dd.UrdfError,
+        "The name of a <link> in line 1 is '${side}_upper', which is unexpanded xacro. Run xacro on it first.",
+    ),
+    "xacro in a type": (
+        arm(first="$(arg kind)"),
+        dd.UrdfError,
+        "joint 'shoulder': type is '$(arg kind)', which is unexpanded xacro. Run xacro on it first.",
+    ),
+    "huge number": (
+        arm().replace('xyz="0.1 0.2 0.3"', 'xyz="0.1 0.2 1e200"'),
+        dd.UrdfError,
+        "link 'upper': <origin xyz='0.1 0.2 1e200'> is beyond 1e+30.",
+    ),
+    "long number": (
+        arm().replace('<mass value="2.0"/>', f'<mass value="{"9x" * 2000}"/>'),
+        dd.UrdfError,
+        "(4002 characters)> is not a finite number.",
+    ),
+    "other digits": (
+        arm().replace('<mass value="2.0"/>', '<mass value="٢"/>'),
+        dd.UrdfError,
+        "link 'upper': <mass value='٢'> is not a finite number.",
+    ),
+    "negative damping": (
+        arm().replace("</joint>", '<dynamics damping="-1"/></joint>'),
+        dd.UrdfError,
+        "joint 'shoulder': damping -1.0 is negative.",
+    ),
+    "crossed limits": (
+        arm().replace('lower="-10"', 'lower="11"'),
+        dd.UrdfError,
+        "joint 'shoulder': lower limit 11.0 is above the upper one, 10.0.",
     ),
     "xacro property": (
         arm().replace('<mass value="2.0"/>', '<mass value="${m}"/>'),
@@ -164,8 +301,6 @@ BROKEN = {
         "joint 'shoulder': unknown type 'spherical'; known are revolute, continuous, prismatic, fixed, floating, "
         "planar.",
     ),
-    "floating": (arm(first="floating"), dd.UnsupportedError, "joint 'shoulder': type 'floating' is not offered yet."),
-    "planar": (arm(first="planar"), dd.UnsupportedError, "joint 'shoulder': type 'planar' is not offered yet."),
     "unknown parent": (
         arm(link("l"), joint("elbow", "fixed", "lower", "l")),
         dd.UrdfError,
@@ -281,13 +416,26 @@ def test_light_links_are_no_false_alarm():
         ({"massless": "drop"}, dd.InputError, "massless is 'drop', expected one of 'error', 'lock'."),
         ({"gravity": (0, 0)}, dd.InputError, "gravity is (0, 0), expected three finite numbers [m/s²]."),
         ({"gravity": (0, 0, np.inf)}, dd.InputError, "expected three finite numbers"),
-        ({"armature": {"elbow": 1.0}}, dd.InputError, "armature: 'elbow' is not a moving joint of this robot"),
+        (
+            {"armature": {"elbow": 1.0}},
+            dd.InputError,
+            "armature: 'elbow' is not a joint of one degree of freedom of this robot",
+        ),
         ({"armature": -1.0}, dd.InputError, "armature of joint 'shoulder' is -1.0, expected a finite number >= 0."),
-        ({"floating_base": True}, dd.UnsupportedError, "floating_base=True is not offered yet"),
-        ({"mimic": "lock"}, dd.UnsupportedError, "mimic='lock' is not offered yet"),
-        ({"massless": "lock"}, dd.UnsupportedError, "massless='lock' is not offered yet"),
-        ({"locked_joints": {"shoulder": 0.0}}, dd.UnsupportedError, "locked_joints is not offered yet"),
-        ({"payloads": {"upper": None}}, dd.UnsupportedError, "payloads is not offered yet"),
+        ({"armature": "heavy"}, dd.InputError, "armature is 'heavy', expected a finite number >= 0"),
+        ({"armature": True}, dd.InputError, "armature is True, expected a finite number >= 0"),
+        ({"gravity": "down"}, dd.InputError, "gravity is 'down', expected three finite numbers [m/s²]."),
+        ({"locked_joints": {"elbow": 0.0}}, dd.InputError, "locked_joints: 'elbow' is not a joint of robot 'arm'."),
+        ({"locked_joints": {"shoulder": np.nan}}, dd.InputError, "position of joint 'shoulder' is nan"),
+        ({"locked_joints": ["shoulder"]}, dd.InputError, "locked_joints is ['shoulder'], expected a dict by name."),
+        ({"payloads": {"hand": (1.0,)}}, dd.InputError, "payloads: 'hand' is not a link of robot 'arm'."),
+        (
+            {"payloads": {"upper": (-1.0,)}},
+            dd.InputError,
+            "mass on link 'upper' is -1.0, expected a finite number >= 0",
+        ),
+        ({"payloads": {"upper": (1.0, (0, 0))}}, dd.InputError, "com on link 'upper' is (0, 0), expected three finite"),
+        ({"payloads": {"upper": None}}, dd.InputError, "payloads: 'upper' has None, expected (mass, com, inertia)."),
     ],
 )
 def test_bad_options(options, kind, message):
@@ -317,6 +465,15 @@ def two():
         (lambda d: d.evaluate([np.inf, 0], [0, 0]), "q of joint 'shoulder' is inf, expected a finite number."),
         (lambda d: d.evaluate([0, 0], [0, 0], [0, -np.inf]), "tau of joint 'elbow' is -inf"),
         (lambda d: d.evaluate(["a", "b"], [0, 0]), "q is not a vector of numbers"),
+        (lambda d: d.evaluate([[1], 2], [0, 0]), "q is not a vector of numbers"),
+        (lambda d: d.evaluate([1j, 2], [0, 0]), "q is not a vector of numbers"),
+        (lambda d: d.evaluate([0, 0], [1e200, 0]), "qd, tau are too large: a result overflows"),
+        (lambda d: d.forward_dynamics([0, 0], [1e200, 0], [0, 0]), "are too large: a result overflows"),
+        (lambda d: d.inverse_dynamics([0, 0], [1e200, 0], [0, 0]), "are too large: a result overflows"),
+        (lambda d: d.evaluate([0, 0], [0, 0], f_ext={"hand": [0] * 6}), "f_ext: 'hand' is not a link of robot 'arm'."),
+        (lambda d: d.evaluate([0, 0], [0, 0], f_ext={"upper": [0] * 5}), "f_ext on link 'upper' is [0, 0, 0, 0, 0]"),
+        (lambda d: d.evaluate([0, 0], [0, 0], f_ext=np.zeros(6)), "expected a dict by name"),
+        (lambda d: d.evaluate([0, 0], [0, 0], frame="body"), "frame is 'body', expected 'link' or 'world'."),
         (lambda d: d.factors([np.nan, 0]), "q of joint 'shoulder' is nan"),
         (lambda d: d.forward_dynamics([0, 0], [0, 0], [np.nan, 0]), "tau of joint 'shoulder' is nan"),
         (lambda d: d.inverse_dynamics([0, 0], [0, 0], [np.nan, 0]), "qdd of joint 'shoulder' is nan"),
@@ -340,9 +497,6 @@ def test_wrong_arguments_are_named(two, call, message):
 @pytest.mark.parametrize(
     "call",
     [
-        lambda d: d.evaluate([0, 0], [0, 0], f_ext={"upper": [0] * 6}),
-        lambda d: d.forward_dynamics([0, 0], [0, 0], [0, 0], f_ext={"upper": [0] * 6}),
-        lambda d: d.inverse_dynamics([0, 0], [0, 0], [0, 0], f_ext={"upper": [0] * 6}),
         lambda d: d.evaluate_batch([[0, 0]], [[0, 0]]),
     ],
 )

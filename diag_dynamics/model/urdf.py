@@ -18,8 +18,11 @@ from diag_dynamics.exceptions import UrdfError
 MAX_BYTES = 32 * 1024 * 1024
 """Largest URDF accepted; the largest public robot descriptions have some 200 kB."""
 
-MOVING_TYPES = ("revolute", "continuous", "prismatic")
-KNOWN_TYPES = (*MOVING_TYPES, "fixed", "floating", "planar")
+
+LARGEST = 1e30
+"""Largest number accepted, of whatever unit: products of a few must stay numbers."""
+
+KNOWN_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 # Elements of a link and of a joint that matter to dynamics, each with the attributes that hold numbers.
 _INERTIAL_NUMBERS = {
@@ -58,7 +61,7 @@ def read_urdf(source):
         Names the element, the value and what was expected.
     """
     robot = _parse(urdf_text(source).encode(errors="replace"))
-    reduced = etree.Element("robot", name=robot.get("name") or "robot")
+    reduced = etree.Element("robot", name=_plain(robot.get("name"), "The robot's name") or "robot")
     _add_links(robot, reduced)
     _add_joints(robot, reduced)
     root = _root_link(reduced)
@@ -82,11 +85,15 @@ def urdf_text(source):
     text = re.sub(r"^\ufeff?\s*(<\?xml[^>]*\?>)?\s*", "", text)
     if not text:
         raise UrdfError("The URDF is empty.")
+    if "<!DOCTYPE" in text[: text.find("<robot")]:
+        raise UrdfError("The URDF has a DOCTYPE, which is not accepted: entities are never expanded.")
     return text
 
 
 def _file(path):
     try:
+        if path.exists() and not path.is_file():
+            raise UrdfError(f"Cannot read the URDF file '{path}': it is no file.")
         with path.open("rb") as file:
             return file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
@@ -94,12 +101,16 @@ def _file(path):
 
 
 def _decoded(data):
-    """Text of XML bytes, in the encoding that they declare, or else UTF-8."""
+    """Text of XML bytes, in the encoding of their byte-order mark, the one that they declare, or else UTF-8."""
     declared = re.match(rb"\s*<\?xml[^>]*?encoding\s*=\s*[\"']([\w.-]+)", data)
-    encoding = declared[1].decode() if declared else "utf-8"
+    encoding = declared[1].decode("ascii", "replace") if declared else "utf-8"
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        encoding = "utf-16"
+    if not re.fullmatch(r"(?i)utf-?8|utf-?16([bl]e)?|(us-)?ascii|iso-8859-\d+|latin-?1|windows-125\d", encoding):
+        raise UrdfError(f"The URDF declares the encoding {_short(encoding)}, expected UTF-8 or another usual one.")
     try:
         return data.decode(encoding)
-    except (LookupError, UnicodeDecodeError) as error:
+    except (LookupError, UnicodeError) as error:
         raise UrdfError(f"The URDF is not {encoding} text: {error}.") from error
 
 
@@ -117,23 +128,50 @@ def _parse(data):
         remove_comments=True,
         remove_pis=True,
         huge_tree=False,
+        recover=True,  # from undeclared prefixes, as extensions have them, and from nothing else: see below
     )
     try:
         robot = etree.fromstring(data, parser)
     except (etree.XMLSyntaxError, ValueError) as error:
         raise UrdfError(f"The URDF is not well-formed XML: {error}") from error
-    if robot.getroottree().docinfo.internalDTD is not None:
-        raise UrdfError("The URDF has a DOCTYPE, which is not accepted: entities are never expanded.")
+    for entry in parser.error_log:
+        if entry.domain != etree.ErrorDomains.NAMESPACE and entry.level >= etree.ErrorLevels.ERROR:
+            raise UrdfError(f"The URDF is not well-formed XML: {entry.message.strip()} (line {entry.line})")
+    if robot is None:
+        raise UrdfError("The URDF is not well-formed XML: it has no element.")
+    _check_xacro(robot)
+    for element in robot.iter():
+        if element.prefix is None:  # a default namespace, as some schemas ask for, says nothing to us
+            element.tag = _tag(element)
     if robot.tag != "robot":
-        raise UrdfError(f"The root element is <{_tag(robot)}>, expected <robot>.")
-    xacro = next((e for e in robot.iter() if isinstance(e.tag, str) and "xacro" in e.tag), None)
-    if xacro is not None:
-        raise UrdfError(f"The URDF contains <xacro:{_tag(xacro)}>: it is unexpanded xacro. Run xacro on it first.")
+        raise UrdfError(f"The root element is <{robot.tag}>, expected <robot>.")
     return robot
 
 
 def _tag(element):
-    return etree.QName(element).localname
+    return element.tag.rpartition("}")[2].rpartition(":")[2]
+
+
+def _check_xacro(robot):
+    """Refuse a document that xacro has yet to expand."""
+    for element in robot.iter():
+        if element.tag.startswith("xacro:") or ("xacro" in element.tag.partition("}")[0] and "}" in element.tag):
+            raise UrdfError(
+                f"The URDF contains <xacro:{_tag(element)}>: it is unexpanded xacro. Run xacro on it first."
+            )
+
+
+def _plain(value, where):
+    """A name or type, which xacro must have expanded."""
+    if value and ("${" in value or "$(" in value):
+        raise UrdfError(f"{where} is {_short(value)}, which is unexpanded xacro. Run xacro on it first.")
+    return value
+
+
+def _short(value):
+    """A value as it is shown in a message."""
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:60]}… ({len(text)} characters)"
 
 
 def _add_links(robot, reduced):
@@ -161,15 +199,15 @@ def _add_joints(robot, reduced):
     names, parents = set(), {}
     for joint in robot.findall("joint"):
         name = _name(joint, names)
-        kind = joint.get("type")
+        kind = _plain(joint.get("type"), f"joint '{name}': type")
         if kind not in KNOWN_TYPES:
-            raise UrdfError(f"joint '{name}': unknown type {kind!r}; known are {', '.join(KNOWN_TYPES)}.")
+            raise UrdfError(f"joint '{name}': unknown type {_short(kind)}; known are {', '.join(KNOWN_TYPES)}.")
         copy = etree.SubElement(reduced, "joint", name=name, type=kind)
         for end in ("parent", "child"):
             element = joint.find(end)
-            link = element.get("link") if element is not None else None
+            link = _plain(element.get("link"), f"joint '{name}': {end} link") if element is not None else None
             if link not in links:
-                raise UrdfError(f"joint '{name}': {end} link {link!r} is not a link of this URDF.")
+                raise UrdfError(f"joint '{name}': {end} link {_short(link)} is not a link of this URDF.")
             etree.SubElement(copy, end, link=link)
         child = joint.find("child").get("link")
         if child in parents:
@@ -180,17 +218,35 @@ def _add_joints(robot, reduced):
         parents[child] = name
         _copy_numbers(joint, copy, _JOINT_NUMBERS, f"joint '{name}'")
         if copy.find("mimic") is not None:
-            copy.find("mimic").set("joint", joint.find("mimic").get("joint") or "")
+            leader = _plain(joint.find("mimic").get("joint"), f"joint '{name}': the joint it mimics")
+            copy.find("mimic").set("joint", leader or "")
+        if kind == "planar" and copy.find("axis") is None:
+            etree.SubElement(copy, "axis", xyz="0 0 1")  # as everybody takes it, whatever the default of other joints
+        _check_joint_numbers(copy, name)
         axis = copy.find("axis")
-        if kind in MOVING_TYPES and axis is not None:
+        if kind not in ("fixed", "floating") and axis is not None:
             xyz = [float(x) for x in axis.get("xyz", "1 0 0").split()]
             if math.hypot(*xyz) < 1e-9:
                 raise UrdfError(f"joint '{name}': axis '{axis.get('xyz')}' has no direction.")
 
 
+def _check_joint_numbers(joint, name):
+    """Refuse what no joint can have."""
+    for attribute in ("damping", "friction"):
+        value = joint.find("dynamics").get(attribute, "0") if joint.find("dynamics") is not None else "0"
+        if float(value) < 0.0:
+            raise UrdfError(f"joint '{name}': {attribute} {value} is negative.")
+    limit = joint.find("limit")
+    if limit is not None and float(limit.get("lower", "-inf")) > float(limit.get("upper", "inf")):
+        raise UrdfError(
+            f"joint '{name}': lower limit {limit.get('lower')} is above the upper one, {limit.get('upper')}."
+        )
+
+
 def _name(element, taken):
     """Name of a link or joint, which must be there and be its own."""
-    name, tag = element.get("name"), _tag(element)
+    tag = _tag(element)
+    name = _plain(element.get("name"), f"The name of a <{tag}> in line {element.sourceline}")
     if not name:
         raise UrdfError(f"A <{tag}> in line {element.sourceline} has no name.")
     if name in taken:
@@ -211,15 +267,18 @@ def _copy_numbers(element, copy, wanted, where):
             if text is None or (tag == "limit" and not text.strip()):
                 continue
             if "${" in text or "$(" in text:
-                raise UrdfError(f"{where}: <{tag} {attribute}={text!r}> is unexpanded xacro. Run xacro on it first.")
+                shown = f"<{tag} {attribute}={_short(text)}>"
+                raise UrdfError(f"{where}: {shown} is unexpanded xacro. Run xacro on it first.")
             try:
-                numbers = [float(part) for part in text.split()]
+                numbers = [float(part) for part in text.split() if part.isascii() and "_" not in part]
             except ValueError:
                 numbers = []
             finite = tag in _MAY_BE_INFINITE or all(map(math.isfinite, numbers))
             if len(numbers) != count or not finite or any(map(math.isnan, numbers)):
                 expected = f"{count} finite numbers" if count > 1 else "a finite number"
-                raise UrdfError(f"{where}: <{tag} {attribute}={text!r}> is not {expected}.")
+                raise UrdfError(f"{where}: <{tag} {attribute}={_short(text)}> is not {expected}.")
+            if tag not in _MAY_BE_INFINITE and any(abs(number) > LARGEST for number in numbers):
+                raise UrdfError(f"{where}: <{tag} {attribute}={_short(text)}> is beyond {LARGEST:g}.")
             target.set(attribute, " ".join(map(repr, numbers)))
 
 

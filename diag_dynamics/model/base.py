@@ -1,0 +1,72 @@
+"""The state of a floating base from a pose and a twist that somebody measured on another frame of it."""
+
+import numpy as np
+
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.spatial import rotation_of_quaternion
+
+
+def base_state(model, link, position, quaternion, twist, twist_in_world=False):
+    """Positions and rates of a floating base.
+
+    Parameters
+    ----------
+    model : RobotModel
+        With a floating base.
+    link : str
+        Link that was measured: the root link, or one that is rigidly attached to it.
+    position : array_like, shape (3,)
+        Of the link in the world [m].
+    quaternion : array_like, shape (4,)
+        Its orientation in the world, x y z w; normalized here.
+    twist : array_like, shape (6,)
+        Velocity of the link's origin [m/s] and angular velocity [rad/s].
+    twist_in_world : bool
+        Whether the twist is in the axes of the world rather than of the link.
+
+    Returns
+    -------
+    q : ndarray, shape (7,)
+        x y z qx qy qz qw of the root link.
+    qd : ndarray, shape (6,)
+        Its twist in its own axes, linear first.
+
+    Raises
+    ------
+    InputError
+        The link is not attached to the root, or numbers are not finite or no orientation.
+    """
+    values = {"position": (position, 3), "orientation": (quaternion, 4), "twist": (twist, 6)}
+    for name, (value, length) in values.items():
+        array = np.asarray(value, dtype=float)
+        if array.shape != (length,) or not np.isfinite(array).all():
+            raise InputError(f"{name} of '{link}' is {value!r}, expected {length} finite numbers.")
+    length = float(np.linalg.norm(quaternion))
+    if abs(length - 1.0) > 1e-2:
+        raise InputError(f"orientation of '{link}' is the quaternion {list(quaternion)} of length {length:.3g}, not 1.")
+    attached = model.placement_in_root(link)
+    R = np.array(rotation_of_quaternion.py_func(*map(float, quaternion)))
+    linear, angular = np.asarray(twist[:3], dtype=float), np.asarray(twist[3:], dtype=float)
+    if twist_in_world:
+        linear, angular = R.T @ linear, R.T @ angular
+    turn, offset = attached[:3, :3], attached[:3, 3]
+    angular = turn @ angular
+    linear = turn @ linear - np.cross(angular, offset)
+    root = R @ turn.T
+    x, y, z = np.asarray(position, dtype=float) - root @ offset
+    return np.array([x, y, z, *_quaternion(root)]), np.concatenate([linear, angular])
+
+
+def _quaternion(R):
+    """Quaternion x y z w of a rotation matrix, by its largest component."""
+    squares = np.array([1 + R[0, 0] - R[1, 1] - R[2, 2], 1 - R[0, 0] + R[1, 1] - R[2, 2]])
+    squares = np.array([*squares, 1 - R[0, 0] - R[1, 1] + R[2, 2], 1 + np.trace(R)])
+    k = int(np.argmax(squares))
+    columns = {
+        0: (squares[0], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[2, 1] - R[1, 2]),
+        1: (R[0, 1] + R[1, 0], squares[1], R[1, 2] + R[2, 1], R[0, 2] - R[2, 0]),
+        2: (R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], squares[2], R[1, 0] - R[0, 1]),
+        3: (R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], squares[3]),
+    }
+    q = np.array(columns[k])
+    return q / np.linalg.norm(q)

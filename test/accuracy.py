@@ -1,0 +1,30 @@
+"""How exact is exact: the tolerance of every comparison with an oracle, stated once."""
+
+import numpy as np
+
+EPS = np.finfo(float).eps
+norm = np.linalg.norm
+
+
+def tolerance(truth) -> float:
+    """Return the relative tolerance against an oracle's `State`, which is exact but for rounding.
+
+    It scales with cond(M), M in units in which its diagonal is 1: those of ν, in which all dofs weigh alike.
+    """
+    return max(1e-12, 100 * EPS * truth.scaled_condition)
+
+
+def tolerance_of_differences(truth) -> float:
+    """Return it where the oracle takes differences along a motion: they are good to 4e-11 (see `oracles.STEP`)."""
+    return max(1e-10, tolerance(truth))
+
+
+def assert_close(actual, expected, tolerance, scale=None):
+    """Arrays or numbers agree to `tolerance` relative to `scale`, by default the norm of the expected."""
+    actual, expected = np.asarray(actual), np.asarray(expected)
+    assert actual.shape == expected.shape
+    assert actual.dtype == np.float64
+    assert np.isfinite(actual).all()
+    scale = norm(expected) if scale is None else scale
+    error = norm(actual - expected)
+    assert error <= tolerance * scale, f"relative error {error / scale if scale else np.inf:.1e} > {tolerance:.1e}"
