@@ -1,7 +1,7 @@
 """The simulator and the monitor of one robot; takes the arguments of both."""
 
 from launch import LaunchDescription
-from launch.actions import GroupAction, IncludeLaunchDescription
+from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
 from launch.substitutions import PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
 
@@ -12,7 +12,12 @@ def generate_launch_description():
     # Each in a group of its own, which keeps the default params_file of one from becoming that of the other.
     return LaunchDescription(
         [
-            GroupAction([IncludeLaunchDescription(PathJoinSubstitution([*launch, file]))])
-            for file in ("simulator.launch.py", "monitor.launch.py")
+            DeclareLaunchArgument(
+                "mimic", default_value="free", description="mimic joints, for both: embed, free or lock"
+            ),
+            *(
+                GroupAction([IncludeLaunchDescription(PathJoinSubstitution([*launch, file]))])
+                for file in ("simulator.launch.py", "monitor.launch.py")
+            ),
         ]
     )

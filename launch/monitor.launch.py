@@ -14,6 +14,7 @@ def generate_launch_description():
         [
             DeclareLaunchArgument("namespace", default_value="", description="namespace of the robot"),
             DeclareLaunchArgument("params_file", default_value=params_file, description="parameters (YAML)"),
+            DeclareLaunchArgument("mimic", default_value="embed", description="mimic joints: embed, free or lock"),
             DeclareLaunchArgument("use_sim_time", default_value="false", description="take time from /clock"),
             Node(
                 package="diag_dynamics",
@@ -21,7 +22,10 @@ def generate_launch_description():
                 namespace=LaunchConfiguration("namespace"),
                 parameters=[
                     LaunchConfiguration("params_file"),
-                    {"use_sim_time": LaunchConfiguration("use_sim_time")},
+                    {
+                        "mimic": LaunchConfiguration("mimic"),
+                        "use_sim_time": LaunchConfiguration("use_sim_time"),
+                    },
                 ],
                 output="both",
             ),

@@ -21,6 +21,7 @@ def generate_launch_description():
             ),
             DeclareLaunchArgument("namespace", default_value="", description="namespace of the robot"),
             DeclareLaunchArgument("params_file", default_value=params_file, description="parameters (YAML)"),
+            DeclareLaunchArgument("mimic", default_value="free", description="mimic joints: embed, free or lock"),
             DeclareLaunchArgument("use_sim_time", default_value="false", description="take time from /clock"),
             Node(
                 package="diag_dynamics",
@@ -31,6 +32,7 @@ def generate_launch_description():
                     {
                         # a str by type, lest the XML is parsed as YAML
                         "robot_description": ParameterValue(LaunchConfiguration("robot_description"), value_type=str),
+                        "mimic": LaunchConfiguration("mimic"),
                         "use_sim_time": LaunchConfiguration("use_sim_time"),
                     },
                 ],

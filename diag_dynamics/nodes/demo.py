@@ -12,12 +12,13 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.example_robots import find_urdf
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import load_urdf
-from diag_dynamics.nodes.energy_view import EnergyView, options
+from diag_dynamics.nodes.energy_view import EnergyView, checked, options
 from diag_dynamics.nodes.runner import run
+from diag_dynamics.nodes.start import listen, stop
 from diag_dynamics.simulation import Simulation
 
-NAMESPACE = "/demo"
-"""Keeps the demo's topics apart from those of a robot on the same machine."""
+NAMESPACE = f"/demo_{os.getpid()}"
+"""Keeps the demo's topics apart from those of a robot, or of another demo, on the same machine."""
 
 
 class Processes:
@@ -28,7 +29,7 @@ class Processes:
 
     def start(self, node, **parameters):
         """Start a node of this package in the demo's namespace."""
-        command = [sys.executable, "-m", f"diag_dynamics.nodes.{node}", "--ros-args", "-r", f"__ns:={NAMESPACE}"]
+        command = [sys.executable, "-m", "diag_dynamics.nodes.start", node, "--ros-args", "-r", f"__ns:={NAMESPACE}"]
         for name, value in parameters.items():
             command += ["-p", f"{name}:={value}"]
         said = tempfile.TemporaryFile(mode="w+")  # noqa: SIM115 (closed by stop)
@@ -72,8 +73,11 @@ def main(args=None):
     parser = options(argparse.ArgumentParser(prog="demo", description=__doc__))
     parser.add_argument("--robot", default="panda", help="robot of the example-robot-data wheel, or a URDF path")
     parser.add_argument("--rate", type=float, default=500.0, help="joint states per second (default %(default)s)")
-    chosen = parser.parse_args(args)
+    chosen = checked(parser, parser.parse_args(args))
+    if not 1.0 <= chosen.rate <= 10000.0:
+        parser.error(f"argument --rate: {chosen.rate} is not between 1 and 10000")
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")  # a demo is nobody else's business
+    listen()
     processes = Processes()
     try:
         urdf = find_urdf(chosen.robot)
@@ -81,10 +85,12 @@ def main(args=None):
             2.0, print, ["Compiling the dynamics, once: it takes about half a minute …"], {"flush": True}
         )
         patience.start()
+        stop.callback = lambda: os._exit(130)  # the compiler does not let go of the interpreter for a wish
         try:
             model = _prepare(urdf)
         finally:
             patience.cancel()
+            stop.callback = None
         processes.start("simulator", robot_description=urdf, motion="wave", rate=chosen.rate)
         processes.start("monitor", mimic="free")
         view = None
@@ -105,8 +111,8 @@ def main(args=None):
         status = 130
     finally:
         processes.stop()
-    sys.exit(status)
+    return status
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

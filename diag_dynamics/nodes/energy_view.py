@@ -1,6 +1,7 @@
 """A live terminal view of the monitor's kinetic energy; at the end a summary and a picture."""
 
 import argparse
+import os
 import sys
 import time
 from pathlib import Path
@@ -31,6 +32,22 @@ def options(parser):
     return parser
 
 
+def checked(parser, chosen):
+    """Refuse a duration or a picture that could only fail at the end."""
+    if chosen.duration is not None and not 0.0 < chosen.duration < float("inf"):
+        parser.error(f"argument --duration: {chosen.duration} is not a number > 0")
+    folder = (chosen.picture or Path("here")).absolute().parent
+    if not os.access(folder, os.W_OK):
+        parser.error(f"argument --picture: the folder {folder} cannot be written")
+    if chosen.picture and chosen.picture.suffix not in (".png", ".svg", ".pdf", ".jpg"):
+        parser.error(f"argument --picture: '{chosen.picture}' is no .png, .svg, .pdf or .jpg")
+    return chosen
+
+
+PATIENCE = 60.0
+"""Seconds to wait for the first state where nobody watches who could press Ctrl-C."""
+
+
 class EnergyView(Node):
     """Collects ``diag_dynamics/state`` and shows it.
 
@@ -57,7 +74,7 @@ class EnergyView(Node):
         live = self._console.is_terminal
         self._duration = duration if duration is not None or live else 10.0
         self._history = None
-        self._begun, self._said = time.monotonic(), 0
+        self._begun, self._said, self._received = time.monotonic(), 0, time.monotonic()
         self._live = Live(console=self._console, auto_refresh=False) if live else None
         if self._live:
             self._live.start()
@@ -69,6 +86,7 @@ class EnergyView(Node):
         if self._history is None or self._history.names != list(message.dof_names):
             self._history = EnergyHistory(message.dof_names)
             self._begun = time.monotonic()
+        self._received = time.monotonic()
         stamp = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
         nu, coriolis = np.array(message.nu), np.array(message.coriolis)
         size = np.linalg.norm(nu) * np.linalg.norm(coriolis)
@@ -79,17 +97,25 @@ class EnergyView(Node):
     def _frame(self):
         self.failure = self._watch()
         elapsed = time.monotonic() - self._begun
+        if self._duration is not None and self._history is None and elapsed > PATIENCE:
+            self.failure = self.failure or f"No state arrived within {PATIENCE:.0f} s."
         over = self._duration is not None and elapsed > self._duration and self._history is not None
         if (self.failure or over) and not self.finished.done():
             self.finished.set_result(None)
         if self._live:
             size = self._console.size
             history = self._history or EnergyHistory([])
-            self._live.update(energy_panel(self._robot, history, size.height, size.width), refresh=True)
+            silent = time.monotonic() - self._received
+            self._live.update(energy_panel(self._robot, history, size.height, size.width, silent), refresh=True)
         elif self._history is not None and elapsed >= self._said + 1:
             self._said = int(elapsed)
             last = self._history.recent(1.0)
-            self._console.print(f"{self._said:4d} s   K = {last[-1, 4:].sum():8.4f} J   {len(last) - 1:4d} states/s")
+            if time.monotonic() - self._received > 1.0:
+                self._console.print(f"{self._said:4d} s   no state for {time.monotonic() - self._received:.0f} s")
+            else:
+                self._console.print(
+                    f"{self._said:4d} s   K = {last[-1, 4:].sum():8.4f} J   {len(last) - 1:4d} states/s"
+                )
 
     def destroy_node(self):
         """Leave the live view, and say what there is to remember."""
@@ -109,9 +135,9 @@ class EnergyView(Node):
 def main(args=None):
     """Show a running monitor: ``ros2 run diag_dynamics energy_view``."""
     parser = options(argparse.ArgumentParser(prog="energy_view", description=__doc__))
-    chosen = parser.parse_args(remove_ros_args(args or sys.argv)[1:])
-    sys.exit(run(lambda: EnergyView("robot", chosen.duration, chosen.picture), args))
+    chosen = checked(parser, parser.parse_args(remove_ros_args(args or sys.argv)[1:]))
+    return run(lambda: EnergyView("robot", chosen.duration, chosen.picture), args)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -44,24 +44,25 @@ class JointStateAssembler:
         self._index = {name: k for k, name in enumerate(self.names)}
         self._columns = None  # (names of the last message, places in the message, places in the state)
         self._position, self._velocity, self._effort = np.full((3, len(self.names)), math.nan)
-        self._stamp = np.full(len(self.names), -1, dtype=np.int64)
+        self._stamp = np.zeros(len(self.names), dtype=np.int64)
+        self._known = np.zeros(len(self.names), dtype=bool)
         self._without_stamp = np.zeros(len(self.names), dtype=bool)
 
     @property
     def missing(self):
         """Joints that have never arrived."""
-        return [name for name, stamp in zip(self.names, self._stamp, strict=True) if stamp < 0]
+        return [name for name, known in zip(self.names, self._known, strict=True) if not known]
 
     def stale(self, now):
         """Joints that have arrived, but not within the timeout before `now` [ns]."""
         if not self.timeout:
             return []
         limit = now - int(self.timeout * 1e9)
-        return [n for n, stamp in zip(self.names, self._stamp, strict=True) if 0 <= stamp < limit]
+        return [self.names[k] for k in np.flatnonzero(self._known & (self._stamp < limit))]
 
     def forget(self):
         """Start anew, as after a jump of time."""
-        self._stamp[:] = -1
+        self._known[:] = False
 
     def update(self, message, now):
         """Take a message in and return the state it completes.
@@ -90,13 +91,14 @@ class JointStateAssembler:
         unstamped = stamp == 0
         if unstamped:
             stamp = now
-        self._keep_order(stamp, here)
         position, velocity, effort = (
             self._values(message, field, there) for field in ("position", "velocity", "effort")
         )
         self._require(position, "position", here)
+        self._keep_order(stamp, here)
         self._position[here], self._velocity[here], self._effort[here] = position, velocity, effort
         self._stamp[here] = stamp
+        self._known[here] = True
         self._without_stamp[here] = unstamped
         return self._assembled()
 
@@ -114,7 +116,9 @@ class JointStateAssembler:
 
     def _keep_order(self, stamp, here):
         """Drop what is older than what is known, unless time itself has jumped back."""
-        last = int(self._stamp[here].max())
+        before = np.where(self._known[here], self._stamp[here], stamp)
+        newest = int(np.argmax(before))
+        last = int(before[newest])
         if stamp >= last:
             return
         behind = (last - stamp) * 1e-9
@@ -122,7 +126,9 @@ class JointStateAssembler:
             self.counts["time jumped back"] += 1
             self.forget()
             return
-        raise RejectedError("late", f"joint '{self.names[here[0]]}': stamp {behind:.6f} s older than the one before")
+        raise RejectedError(
+            "late", f"joint '{self.names[here[newest]]}': stamp {behind:.6f} s older than the one before"
+        )
 
     def _values(self, message, field, there):
         """One field of a message at the places wanted; an empty array stands for unknown."""
@@ -147,7 +153,7 @@ class JointStateAssembler:
             )
 
     def _assembled(self):
-        if (self._stamp < 0).any():
+        if not self._known.all():
             self.counts["incomplete"] += 1
             return None
         newest, oldest = int(self._stamp.max()), int(self._stamp.min())

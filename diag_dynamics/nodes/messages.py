@@ -1,12 +1,14 @@
 """From results to messages and from requests to vectors. Dense numbers go through array('d'), the fast legal way."""
 
 from array import array
+from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.base import base_state
 from diag_dynamics.msg import (
     CoriolisTerm,
     DiagonalizedState,
@@ -16,6 +18,7 @@ from diag_dynamics.msg import (
     TotalJointRates,
     WorkingMoments,
 )
+from diag_dynamics.nodes.robot import single_joints
 
 
 def doubles(values):
@@ -34,122 +37,185 @@ def to_time(nanoseconds):
 class MessageMaker:
     """Messages about one model, whose names and frame they share."""
 
-    def __init__(self, model):
+    def __init__(self, model, revision=0):
+        self._revision = revision
         self._names = list(model.dof_names)
+        self._positions = [] if model.coordinate_names == model.dof_names else list(model.coordinate_names)
         self._links = list(model.link_names)
         self._frame = model.root_link
         self._nv = model.nv
 
-    def _begin(self, kind, stamp):
-        return kind(header=Header(stamp=stamp, frame_id=self._frame), dof_names=self._names)
+    def _begin(self, kind, stamp, state):
+        message = kind(header=Header(stamp=stamp, frame_id=self._frame), dof_names=self._names)
+        message.stamp_is_receive_time = state.stamp_is_receive_time
+        return message
 
-    def total_joint_rates(self, stamp, s):
+    def total_joint_rates(self, stamp, s, state):
         """ν and ξ of an Evaluation."""
-        message = self._begin(TotalJointRates, stamp)
+        message = self._begin(TotalJointRates, stamp, state)
         message.nu, message.xi = doubles(s.nu), doubles(s.xi)
         return message
 
-    def working_moments(self, stamp, s):
+    def working_moments(self, stamp, s, state):
         """ε and κ, empty where the effort is unknown."""
-        message = self._begin(WorkingMoments, stamp)
+        message = self._begin(WorkingMoments, stamp, state)
         message.epsilon, message.kappa = doubles(s.epsilon), doubles(s.kappa)
         message.effort_valid = s.epsilon is not None
         return message
 
-    def coriolis(self, stamp, s):
+    def coriolis(self, stamp, s, state):
         """C, C_ξ and ε_g."""
-        message = self._begin(CoriolisTerm, stamp)
+        message = self._begin(CoriolisTerm, stamp, state)
         message.coriolis = doubles(s.coriolis)
         message.coriolis_unnormalized = doubles(s.coriolis_unnormalized)
         message.gravity = doubles(s.gravity)
+        message.friction, message.friction_valid = doubles(s.friction), s.friction is not None
         return message
 
-    def kinetic_energy(self, stamp, s):
+    def kinetic_energy(self, stamp, s, state):
         """K, its two splits and its rate."""
-        message = self._begin(KineticEnergy, stamp)
+        message = self._begin(KineticEnergy, stamp, state)
         message.total = s.kinetic_energy
         message.energy_share = doubles(s.energy_share)
+        message.base_energy = s.base_energy
         message.link_names, message.link_energy = self._links, doubles(s.link_energy)
         message.power_valid = s.power is not None
         message.power = s.power or 0.0
         return message
 
-    def mass_matrix_factors(self, stamp, factors, with_inverse):
+    def mass_matrix_factors(self, stamp, factors, with_inverse, state):
         """M and D of Factors, and ℓ if wanted."""
-        message = self._begin(MassMatrixFactors, stamp)
-        message.nv = self._nv
+        message = self._begin(MassMatrixFactors, stamp, state)
+        message.model_revision, message.nv = self._revision, self._nv
         message.m, message.d = doubles(factors.m), doubles(factors.D)
         message.l, message.l_valid = doubles(factors.l if with_inverse else None), with_inverse
         return message
 
-    def joint_space_dynamics(self, stamp, mass_matrix, bias, gravity):
+    def joint_space_dynamics(self, stamp, mass_matrix, bias, gravity, state):
         """M, c and g."""
-        message = self._begin(JointSpaceDynamics, stamp)
+        message = self._begin(JointSpaceDynamics, stamp, state)
         message.mass_matrix = doubles(mass_matrix)
         message.bias, message.gravity = doubles(bias), doubles(gravity)
         return message
 
     def state(self, stamp, s, state):
         """One evaluation, whole, with the RobotState it came from."""
-        message = self._begin(DiagonalizedState, stamp)
+        message = self._begin(DiagonalizedState, stamp, state)
         message.oldest_stamp = to_time(state.oldest)
-        message.stamp_is_receive_time = state.stamp_is_receive_time
+        message.model_revision, message.position_names = self._revision, self._positions
         message.position, message.velocity = doubles(state.position), doubles(state.velocity)
         message.effort, message.effort_valid = doubles(state.effort), state.effort is not None
         message.nu, message.xi = doubles(s.nu), doubles(s.xi)
         message.epsilon, message.kappa = doubles(s.epsilon), doubles(s.kappa)
         message.coriolis, message.gravity = doubles(s.coriolis), doubles(s.gravity)
+        message.friction, message.friction_valid = doubles(s.friction), s.friction is not None
         message.articulated_inertia = doubles(s.articulated_inertia)
         message.kinetic_energy, message.power = s.kinetic_energy, s.power or 0.0
         return message
 
 
-def requested_state(model, state):
-    """Vectors in the model's order from a request's JointState.
+class Requested(NamedTuple):
+    """The state of a request in the model's order."""
 
-    Returns
-    -------
-    position, velocity, effort : ndarray, shape (nv,)
-        Velocity and effort are None where the request leaves them empty.
-    order : ndarray of int, shape (nv,)
-        Place of each degree of freedom in the request.
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray | None
+    joints: "Listed"
+
+
+class Listed(NamedTuple):
+    """Where a request lists the joints of the model."""
+
+    names: tuple
+    order: np.ndarray
+    count: int
+
+    def vector(self, field, values):
+        """One field of a request, checked, in the model's order; None if it is empty although joints are listed.
+
+        Raises
+        ------
+        InputError
+            It has the wrong length or holds a number that is not finite.
+        """
+        if len(values) == 0 and self.count > 0:
+            return None
+        if len(values) != self.count:
+            raise InputError(f"{field} has {len(values)} entries for {self.count} names.")
+        vector = np.array(values, dtype=np.float64)[self.order]
+        for name, value in zip(self.names, vector, strict=True):
+            if not np.isfinite(value):
+                raise InputError(f"{field} of joint '{name}' is {value}, expected a finite number.")
+        return vector
+
+
+def requested_state(model, request):
+    """State of a request: its JointState `state` and, for a floating base, base_pose and base_twist.
 
     Raises
     ------
     InputError
         A joint is missing, unknown or listed twice, or a field has the wrong length or is not finite.
     """
+    state = request.state
+    joints = _listed(model, state.name)
+    position = joints.vector("state.position", state.position)
+    if position is None:
+        raise InputError(f"state.position is empty, expected {joints.count} entries.")
+    velocity = joints.vector("state.velocity", state.velocity)
+    effort = joints.vector("state.effort", state.effort)
+    velocity = np.zeros(len(position)) if velocity is None else velocity
+    if model.floating_base:
+        p, o = request.base_pose.position, request.base_pose.orientation
+        twist = _six("base_twist", request.base_twist)
+        base, rates = base_state(model, model.root_link, (p.x, p.y, p.z), (o.x, o.y, o.z, o.w), twist)
+        position, velocity = np.concatenate([base, position]), np.concatenate([rates, velocity])
+        effort = None if effort is None else np.concatenate([np.zeros(6), effort])
+    return Requested(position, velocity, effort, joints)
+
+
+def requested_acceleration(model, request, joints):
+    """q̈ of a request; for a floating base base_acceleration comes first."""
+    acceleration = joints.vector("acceleration", request.acceleration)
+    acceleration = np.zeros(len(joints.names)) if acceleration is None else acceleration
+    if model.floating_base:
+        acceleration = np.concatenate([_six("base_acceleration", request.base_acceleration), acceleration])
+    return acceleration
+
+
+def requested_wrenches(request):
+    """External wrenches of a request by link name, and the frame they are in."""
+    if len(request.wrench_links) != len(request.wrenches):
+        raise InputError(f"wrenches has {len(request.wrenches)} entries for {len(request.wrench_links)} wrench_links.")
+    wrenches = {}
+    for link, wrench in zip(request.wrench_links, request.wrenches, strict=True):
+        f, n = wrench.force, wrench.torque
+        # Several wrenches on one link act together.
+        wrenches[link] = wrenches.get(link, np.zeros(6)) + np.array([f.x, f.y, f.z, n.x, n.y, n.z])
+    return wrenches, "world" if request.wrenches_in_world else "link"
+
+
+def _listed(model, names):
     places = {}
-    known = set(model.dof_names) | set(model.fixed_joints) | set(model.mimic_joints)
-    for k, name in enumerate(state.name):
+    known = set(single_joints(model)) | set(model.fixed_joints) | set(model.mimic_joints) | set(model.locked_joints)
+    for k, name in enumerate(names):
         if name not in known:
             raise InputError(f"state.name: '{name}' is not a joint of robot '{model.name}'.")
         if name in places:
             raise InputError(f"state.name: joint '{name}' is listed twice.")
         places[name] = k
-    missing = [name for name in model.dof_names if name not in places]
+    wanted = single_joints(model)
+    missing = [name for name in wanted if name not in places]
     if missing:
-        raise InputError(f"state.name: joint '{missing[0]}' is missing ({len(missing)} of {model.nv} are).")
-    order = np.array([places[name] for name in model.dof_names], dtype=int)
-    position = in_model_order(model, "state.position", state.position, len(state.name), order)
-    if position is None:
-        raise InputError(f"state.position is empty, expected {len(state.name)} entries.")
-    velocity = in_model_order(model, "state.velocity", state.velocity, len(state.name), order)
-    effort = in_model_order(model, "state.effort", state.effort, len(state.name), order)
-    return position, velocity, effort, order
+        raise InputError(f"state.name: joint '{missing[0]}' is missing ({len(missing)} of {len(wanted)} are).")
+    return Listed(wanted, np.array([places[name] for name in wanted], dtype=int), len(names))
 
 
-def in_model_order(model, field, values, count, order):
-    """One field of a request in the model's order, checked; None if it is empty although joints are listed."""
-    if len(values) == 0 and count > 0:
-        return None
-    if len(values) != count:
-        raise InputError(f"{field} has {len(values)} entries for {count} names.")
-    vector = np.array(values, dtype=np.float64)[order]
-    for name, value in zip(model.dof_names, vector, strict=True):
-        if not np.isfinite(value):
-            raise InputError(f"{field} of joint '{name}' is {value}, expected a finite number.")
-    return vector
+def _six(field, twist):
+    numbers = [twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.x, twist.angular.y, twist.angular.z]
+    if not np.isfinite(numbers).all():
+        raise InputError(f"{field} is {numbers}, expected finite numbers.")
+    return np.array(numbers)
 
 
 def requested_gravity(request):

@@ -1,10 +1,10 @@
 """The monitor node: joint_states and robot_description in, diagonalized dynamics out."""
 
-import math
+import sys
 from collections import Counter
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
+from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
@@ -12,8 +12,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.exceptions import DiagDynamicsError
-from diag_dynamics.model import load_urdf
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.msg import (
     CoriolisTerm,
     DiagonalizedState,
@@ -26,7 +25,10 @@ from diag_dynamics.msg import (
 from diag_dynamics.nodes.diagnostics import Diagnostics
 from diag_dynamics.nodes.joint_states import JointStateAssembler, RejectedError
 from diag_dynamics.nodes.messages import MessageMaker, to_time
+from diag_dynamics.nodes.odometry import OdometryBase
 from diag_dynamics.nodes.parameters import Spec, declare, wrong
+from diag_dynamics.nodes.robot import PARAMETERS as ROBOT_PARAMETERS
+from diag_dynamics.nodes.robot import load_robot, single_joints
 from diag_dynamics.nodes.runner import main_of
 from diag_dynamics.nodes.services import DynamicsServices
 
@@ -48,14 +50,18 @@ PARAMETERS = {
         "description arrives there.",
         read_only=True,
     ),
-    "mimic": Spec(
-        "embed",
-        "Mimic joints: coupled to their leaders (embed, not offered yet), independent (free), or locked (lock, not "
-        "offered yet).",
+    **ROBOT_PARAMETERS,
+    "odom_twist_frame": Spec(
+        "child",
+        "Axes of the twist in odom: those of child_frame_id (child), as REP 147 has it, or of header.frame_id (header).",
         read_only=True,
-        choices=("embed", "free", "lock"),
+        choices=("child", "header"),
     ),
-    "gravity": Spec([0.0, 0.0, -9.81], "Acceleration of gravity in the root link's axes [m/s^2]."),
+    "odom_timeout": Spec(
+        0.5,
+        "Largest time between the stamps of odom and of the joints [s]; 0 for no limit.",
+        minimum=0.0,
+    ),
     "joint_timeout": Spec(
         0.5,
         "Largest age of a joint's last values against the newest joint's [s]; where one is older, nothing is "
@@ -63,6 +69,9 @@ PARAMETERS = {
         minimum=0.0,
     ),
     "publish_inverse_factor": Spec(False, "Whether mass_matrix_factors carries l, the inverse of m."),
+    "publish_friction": Spec(
+        False, "Whether state and coriolis carry the URDF's damping and friction, which no other term ever holds."
+    ),
     **{
         f"max_rate.{topic}": Spec(rate, f"Highest rate of ~/{topic} [Hz]; 0 for every state.", minimum=0.0)
         for topic, (_, rate) in TOPICS.items()
@@ -96,37 +105,44 @@ class MonitorNode(Node):
 
     def __init__(self, **kwargs):
         super().__init__("diag_dynamics", **kwargs)
-        values = declare(self, PARAMETERS)
-        self._inverse = values["publish_inverse_factor"]
-        self._timeout = values["joint_timeout"]
-        self._gravity = tuple(values["gravity"])
+        self._values = values = declare(self, PARAMETERS)
         self._limits = {topic: RateLimit(values[f"max_rate.{topic}"]) for topic in TOPICS}
         self._out = {topic: self.create_publisher(kind, f"~/{topic}", 10) for topic, (kind, _) in TOPICS.items()}
-        self._dynamics = self._maker = self._assembler = self._description = None
+        self._dynamics = self._maker = self._assembler = self._base = self._description = None
+        self._revision = 0
         self._description_error = ""
         self._counts, self._last_counts = Counter(), Counter()
         self._last_rejection = ""
         self._last_stamp = None
 
         self.add_on_set_parameters_callback(self._set_parameters)
-        DynamicsServices(self, lambda: (self._dynamics, self._maker) if self._dynamics else None)
+        DynamicsServices(self, lambda: (self._dynamics, self._maker) if self._dynamics else None, self._use)
         self._diagnostics = Diagnostics(self, "joint states", self._report)
         if values["robot_description"]:
             self._load(values["robot_description"])
+            if self._description_error:
+                raise InputError(f"parameter 'robot_description' refused: {self._description_error}")
         else:
             once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-            self.create_subscription(String, "robot_description", lambda m: self._load(m.data), once)
+            self.create_subscription(String, "robot_description", self._take_description, once)
             self.get_logger().info(f"Waiting for a robot on {self.resolve_topic_name('robot_description')}.")
+        if values["floating_base"]:
+            self.create_subscription(Odometry, "odom", self._take_odometry, qos_profile_sensor_data)
         self.create_subscription(JointState, "joint_states", self._take_joint_state, qos_profile_sensor_data)
 
     # --- The model ---
 
+    def _take_description(self, message):
+        # What comes from a topic is text and never a path: bytes are not looked up.
+        self._load(message.data.encode(errors="replace"))
+
     def _load(self, description):
         """Make a new robot the one in force; keep the old one if the new one is not valid."""
         if description == self._description:
+            self._description_error = ""
             return
         try:
-            model = load_urdf(description, mimic=self.get_parameter("mimic").value, gravity=self._gravity)
+            model = load_robot(self, description, self._values)
             dynamics = DiagonalDynamics(model)
             dynamics.compile()
         except DiagDynamicsError as error:
@@ -135,16 +151,19 @@ class MonitorNode(Node):
             self.get_logger().error(f"robot_description refused{kept}: {error}")
             return
         self._description, self._description_error = description, ""
-        self._use(dynamics)
-        self._assembler = JointStateAssembler(model.dof_names, self._timeout)
+        self._use(model, dynamics)
+        self._assembler = JointStateAssembler(single_joints(model), self._values["joint_timeout"])
+        self._base = OdometryBase(model, self._values["odom_twist_frame"] == "header") if model.floating_base else None
         self.get_logger().info(
             f"Ready: robot '{model.name}', {model.nv} degrees of freedom, {model.total_mass:.6g} kg; "
             f"listening to {self.resolve_topic_name('joint_states')}."
         )
 
-    def _use(self, dynamics):
-        self._dynamics = dynamics
-        self._maker = MessageMaker(dynamics.model)
+    def _use(self, model, dynamics=None):
+        """Put a model in force: another robot, or the same one with another payload or gravity."""
+        self._revision += 1
+        self._dynamics = dynamics or DiagonalDynamics(model)
+        self._maker = MessageMaker(model, self._revision)
 
     # --- Every message ---
 
@@ -153,58 +172,70 @@ class MonitorNode(Node):
         if self._dynamics is None:
             self._counts["before the model"] += 1
             return
+        self._guarded(lambda: self._evaluate(self._assembler.update(message, self._now())))
+
+    def _take_odometry(self, message):
+        self._counts["odometry received"] += 1
+        if self._base is not None:
+            self._guarded(lambda: self._base.update(message, self._now()))
+
+    def _evaluate(self, state):
+        if state is not None and self._base is not None:
+            state = self._base.with_joints(state, self._values["odom_timeout"])
+            self._counts["before odometry"] += state is None
+        if state is not None:
+            self._publish(state)
+            self._counts["published"] += 1
+            self._last_stamp = state.newest
+
+    def _guarded(self, action):
+        """Nothing that arrives may end the node."""
         try:
-            state = self._assembler.update(message, self.get_clock().now().nanoseconds)
-            if state is not None:
-                self._publish(state)
-                self._counts["published"] += 1
-                self._last_stamp = state.newest
+            action()
         except RejectedError as rejection:
             self._reject(rejection.cause, str(rejection))
         except DiagDynamicsError as error:
             self._reject(type(error).__name__, str(error))
-        except Exception as error:  # nothing that arrives may end the node
+        except Exception as error:
             self._reject("internal error", repr(error))
+
+    def _now(self):
+        return self.get_clock().now().nanoseconds
 
     def _reject(self, cause, message):
         self._counts[f"rejected: {cause}"] += 1
         self._last_rejection = message
-        self.get_logger().warning(f"Joint state rejected: {message}", throttle_duration_sec=5.0)
+        self.get_logger().warning(f"Rejected: {message}", throttle_duration_sec=5.0)
 
     def _publish(self, state):
         """Evaluate, and publish where somebody listens."""
         dynamics, maker = self._dynamics, self._maker
-        s = dynamics.evaluate(state.position, state.velocity, state.effort)
-        if not np.isfinite(s.kinetic_energy):
-            raise RejectedError("absurd value", "the kinetic energy of this state is not a finite number")
-        stamp = to_time(state.newest)
         q, qd = state.position, state.velocity
+        s = dynamics.evaluate(q, qd, state.effort, friction=self._values["publish_friction"])
+        stamp, inverse = to_time(state.newest), self._values["publish_inverse_factor"]
         for topic, make in (
             ("state", lambda: maker.state(stamp, s, state)),
-            ("kinetic_energy", lambda: maker.kinetic_energy(stamp, s)),
-            ("total_joint_rates", lambda: maker.total_joint_rates(stamp, s)),
-            ("working_moments", lambda: maker.working_moments(stamp, s)),
-            ("coriolis", lambda: maker.coriolis(stamp, s)),
-            ("mass_matrix_factors", lambda: maker.mass_matrix_factors(stamp, dynamics.factors(q), self._inverse)),
-            ("joint_space_dynamics", lambda: self._joint_space_dynamics(stamp, q, qd)),
+            ("kinetic_energy", lambda: maker.kinetic_energy(stamp, s, state)),
+            ("total_joint_rates", lambda: maker.total_joint_rates(stamp, s, state)),
+            ("working_moments", lambda: maker.working_moments(stamp, s, state)),
+            ("coriolis", lambda: maker.coriolis(stamp, s, state)),
+            ("mass_matrix_factors", lambda: maker.mass_matrix_factors(stamp, dynamics.factors(q), inverse, state)),
+            ("joint_space_dynamics", lambda: self._joint_space_dynamics(stamp, q, qd, state)),
         ):
             publisher = self._out[topic]
             if publisher.get_subscription_count() and self._limits[topic].due(state.newest):
                 publisher.publish(make())
 
-    def _joint_space_dynamics(self, stamp, q, qd):
+    def _joint_space_dynamics(self, stamp, q, qd, state):
         dynamics = self._dynamics
-        return self._maker.joint_space_dynamics(
-            stamp, dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q)
-        )
+        M, c, g = dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q)
+        return self._maker.joint_space_dynamics(stamp, M, c, g, state)
 
     # --- Parameters and diagnostics ---
 
     def _set_parameters(self, parameters):
         for parameter in parameters:
             reason = wrong(parameter.name, parameter.value, PARAMETERS)
-            if parameter.name == "gravity" and not _is_vector(parameter.value):
-                reason = f"parameter 'gravity' is {parameter.value!r}, expected three finite numbers [m/s^2]"
             if reason:
                 return SetParametersResult(successful=False, reason=reason)
         for parameter in parameters:
@@ -212,18 +243,13 @@ class MonitorNode(Node):
         return SetParametersResult(successful=True)
 
     def _apply(self, name, value):
+        self._values[name] = value
         if name.startswith("max_rate."):
             self._limits[name.removeprefix("max_rate.")] = RateLimit(value)
-        elif name == "publish_inverse_factor":
-            self._inverse = value
-        elif name == "joint_timeout":
-            self._timeout = value
-            if self._assembler:
-                self._assembler.timeout = value
-        elif name == "gravity":
-            self._gravity = tuple(value)
-            if self._dynamics:
-                self._use(DiagonalDynamics(self._dynamics.model.with_gravity(value)))
+        elif name == "joint_timeout" and self._assembler:
+            self._assembler.timeout = value
+        elif name == "gravity" and self._dynamics:
+            self._use(self._dynamics.model.with_gravity(value))
 
     def _report(self):
         counts = self._counts + (self._assembler.counts if self._assembler else Counter())
@@ -263,11 +289,7 @@ class MonitorNode(Node):
         return DiagnosticStatus.STALE, "no joint states"
 
 
-def _is_vector(value):
-    return value is not None and len(value) == 3 and all(map(math.isfinite, value))
-
-
 main = main_of(MonitorNode)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

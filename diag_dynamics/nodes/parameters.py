@@ -1,8 +1,11 @@
 """Declaring parameters from a table: type, default, description, range, and whether they change at run time."""
 
+import math
 from typing import Any, NamedTuple
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+
+from diag_dynamics.exceptions import InputError
 
 
 class Spec(NamedTuple):
@@ -28,13 +31,20 @@ def declare(node, specs):
         values[name] = node.declare_parameter(name, spec.default, descriptor).value
         reason = wrong(name, values[name], specs)
         if reason:
-            raise ValueError(reason)
+            raise InputError(reason + ".")
     return values
 
 
 def wrong(name, value, specs):
     """Why a value is not acceptable, or None."""
     spec = specs.get(name)
-    if spec is not None and spec.choices and value not in spec.choices:
+    if spec is None:
+        return None
+    if spec.choices and value not in spec.choices:
         return f"parameter '{name}' is {value!r}, expected one of {', '.join(spec.choices)}"
+    numbers = value if isinstance(spec.default, list) and isinstance(spec.default[0], float) else [value]
+    if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
+        return f"parameter '{name}' is {value!r}, expected finite numbers"
+    if numbers is value and len(numbers) != len(spec.default):
+        return f"parameter '{name}' is {list(value)!r}, expected {len(spec.default)} numbers"
     return None

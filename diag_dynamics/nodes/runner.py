@@ -1,14 +1,15 @@
-"""How every executable of this package starts, spins and ends."""
+"""How every node of this package starts, spins and ends."""
 
-import signal
 import sys
 
 import rclpy
+from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from diag_dynamics.exceptions import DiagDynamicsError
+from diag_dynamics.nodes.start import deafen, listen, stop
 
 try:  # Jazzy and later: a third of the CPU time per message
     from rclpy.experimental import EventsExecutor as Executor
@@ -20,23 +21,27 @@ def run(make_node, args=None):
     """Create a node, spin it until shutdown or a signal, and leave without a trace. Returns the exit status.
 
     SIGINT and SIGTERM end the spinning between two callbacks; rclpy's own handlers would break off the one that is
-    running, or take the context away from it. A launcher's Ctrl-C arrives twice, the second one finds nothing to do.
-    A node that ends by itself has a future `finished`.
+    running, or take the context away from it. A node that ends by itself has a future `finished`.
     """
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    listen()
     node = None
     try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make_node()
         done = getattr(node, "finished", None) or Future()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: done.done() or done.set_result(None))
-        spin(node, done)
+        stop.callback = lambda: done.done() or done.set_result(None)
+        if not stop.asked:
+            spin(node, done)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except DiagDynamicsError as error:  # what it was started with makes no sense: one line says so
+    except (
+        DiagDynamicsError,
+        ParameterException,
+    ) as error:  # what it was started with makes no sense: one line says so
         print(f"{type(error).__name__}: {error}", file=sys.stderr)
         return 1
     finally:
+        deafen()
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
@@ -61,6 +66,6 @@ def main_of(make_node):
     """Return the main function of an executable."""
 
     def main(args=None):
-        sys.exit(run(make_node, args))
+        return run(make_node, args)
 
     return main

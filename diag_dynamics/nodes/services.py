@@ -3,29 +3,39 @@
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.exceptions import DiagDynamicsError, UnsupportedError
+from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.nodes.joint_states import RobotState
-from diag_dynamics.nodes.messages import doubles, in_model_order, requested_gravity, requested_state, to_time
-from diag_dynamics.srv import Diagonalize, ForwardDynamics, InverseDynamics
+from diag_dynamics.nodes.messages import (
+    doubles,
+    requested_acceleration,
+    requested_gravity,
+    requested_state,
+    requested_wrenches,
+)
+from diag_dynamics.srv import Diagonalize, ForwardDynamics, InverseDynamics, SetPayload
 
 
 class DynamicsServices:
-    """Offers forward_dynamics, inverse_dynamics and diagonalize on a node.
+    """Offers forward_dynamics, inverse_dynamics, diagonalize and set_payload on a node.
 
     Parameters
     ----------
     node : rclpy.node.Node
     current : callable
         Returns the (DiagonalDynamics, MessageMaker) in force, or None while there is no model.
+    replace : callable
+        Called with a model that takes the place of the one in force.
     """
 
-    def __init__(self, node, current):
+    def __init__(self, node, current, replace):
         self._node = node
         self._current = current
+        self._replace = replace
         for kind, name, answer in (
             (ForwardDynamics, "forward_dynamics", self._forward),
             (InverseDynamics, "inverse_dynamics", self._inverse),
             (Diagonalize, "diagonalize", self._diagonalize),
+            (SetPayload, "set_payload", self._set_payload),
         ):
             node.create_service(kind, f"~/{name}", self._guarded(kind, answer))
 
@@ -51,49 +61,50 @@ class DynamicsServices:
 
     def _forward(self, request, response, dynamics, maker):
         dynamics = _with_gravity(dynamics, request)
-        _no_wrenches(request)
-        q, qd, tau, _ = requested_state(dynamics.model, request.state)
-        qd, tau = _or_zero(qd, q), _or_zero(tau, q)
-        acceleration = dynamics.forward_dynamics(q, qd, tau)
-        s = dynamics.evaluate(q, qd, tau)
+        asked = requested_state(dynamics.model, request)
+        f_ext, frame = requested_wrenches(request)
+        q, qd = asked.position, asked.velocity
+        tau = np.zeros(dynamics.model.nv) if asked.effort is None else asked.effort
+        friction = request.include_friction
+        acceleration = dynamics.forward_dynamics(q, qd, tau, f_ext, frame=frame, friction=friction)
+        s = dynamics.evaluate(q, qd, tau, f_ext, frame=frame, friction=friction)
         response.dof_names = list(dynamics.model.dof_names)
         response.acceleration = doubles(acceleration)
-        response.nu_dot = doubles(s.epsilon - s.gravity - s.coriolis)
+        response.nu_dot = doubles(s.nu_dot)
 
     def _inverse(self, request, response, dynamics, maker):
         dynamics = _with_gravity(dynamics, request)
-        _no_wrenches(request)
-        model = dynamics.model
-        q, qd, _, order = requested_state(model, request.state)
-        qdd = in_model_order(model, "acceleration", request.acceleration, len(request.state.name), order)
-        response.dof_names = list(model.dof_names)
-        response.effort = doubles(dynamics.inverse_dynamics(q, _or_zero(qd, q), _or_zero(qdd, q)))
+        asked = requested_state(dynamics.model, request)
+        qdd = requested_acceleration(dynamics.model, request, asked.joints)
+        f_ext, frame = requested_wrenches(request)
+        response.dof_names = list(dynamics.model.dof_names)
+        options = {"frame": frame, "friction": request.include_friction}
+        response.effort = doubles(dynamics.inverse_dynamics(asked.position, asked.velocity, qdd, f_ext, **options))
 
     def _diagonalize(self, request, response, dynamics, maker):
         dynamics = _with_gravity(dynamics, request)
-        q, qd, tau, _ = requested_state(dynamics.model, request.state)
-        qd = _or_zero(qd, q)
-        s = dynamics.evaluate(q, qd, tau)
+        q, qd, tau, _ = requested_state(dynamics.model, request)
+        f_ext, frame = requested_wrenches(request)
+        s = dynamics.evaluate(q, qd, tau, f_ext, frame=frame, friction=request.include_friction)
         stamp = request.state.header.stamp
         at = stamp.sec * 1_000_000_000 + stamp.nanosec
-        response.state = maker.state(to_time(at), s, RobotState(q, qd, tau, at, at, False))
-        response.coriolis = maker.coriolis(stamp, s)
-        response.factors = maker.mass_matrix_factors(stamp, dynamics.factors(q), with_inverse=True)
-        response.kinetic_energy = maker.kinetic_energy(stamp, s)
-        response.joint_space_dynamics = maker.joint_space_dynamics(
-            stamp, dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q)
-        )
+        state = RobotState(q, qd, tau, at, at, False)
+        M, c, g = dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q)
+        response.state = maker.state(stamp, s, state)
+        response.external = doubles(s.external)
+        response.coriolis = maker.coriolis(stamp, s, state)
+        response.factors = maker.mass_matrix_factors(stamp, dynamics.factors(q), True, state)
+        response.kinetic_energy = maker.kinetic_energy(stamp, s, state)
+        response.joint_space_dynamics = maker.joint_space_dynamics(stamp, M, c, g, state)
+
+    def _set_payload(self, request, response, dynamics, maker):
+        i = request.inertia
+        inertia = [[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]]
+        model = dynamics.model.with_payload(request.link, i.m, (i.com.x, i.com.y, i.com.z), inertia)
+        self._replace(model)
+        response.total_mass = model.total_mass
 
 
 def _with_gravity(dynamics, request):
     gravity = requested_gravity(request)
     return dynamics if gravity is None else DiagonalDynamics(dynamics.model.with_gravity(gravity))
-
-
-def _no_wrenches(request):
-    if request.wrench_links or request.wrenches:
-        raise UnsupportedError("wrench_links, wrenches: external wrenches are not offered yet.")
-
-
-def _or_zero(values, like):
-    return np.zeros_like(like) if values is None else values

@@ -1,5 +1,7 @@
 """The simulator node: a robot that moves under its own dynamics and publishes what a driver would."""
 
+import sys
+
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
@@ -8,23 +10,20 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.model import load_urdf, urdf_text
+from diag_dynamics.model import urdf_text
 from diag_dynamics.nodes.diagnostics import Diagnostics
 from diag_dynamics.nodes.messages import doubles, to_time
 from diag_dynamics.nodes.parameters import Spec, declare
+from diag_dynamics.nodes.robot import PARAMETERS as ROBOT_PARAMETERS
+from diag_dynamics.nodes.robot import load_robot
 from diag_dynamics.nodes.runner import main_of
 from diag_dynamics.simulation import Simulation, Wave
 
 PARAMETERS = {
     "robot_description": Spec("", "URDF, or the path of one; required.", read_only=True),
-    "mimic": Spec(
-        "free",
-        "Mimic joints: coupled to their leaders (embed, not offered yet), independent (free), or locked (lock, not "
-        "offered yet).",
-        read_only=True,
-        choices=("embed", "free", "lock"),
-    ),
-    "gravity": Spec([0.0, 0.0, -9.81], "Acceleration of gravity in the root link's axes [m/s^2].", read_only=True),
+    **{name: ROBOT_PARAMETERS[name] for name in ("massless", "locked_joints", "armature")},
+    "mimic": ROBOT_PARAMETERS["mimic"]._replace(default="free"),
+    "gravity": ROBOT_PARAMETERS["gravity"]._replace(read_only=True),
     "rate": Spec(500.0, "joint_states per second [Hz].", read_only=True, minimum=1.0, maximum=10000.0),
     "step": Spec(0.001, "Integration step [s].", read_only=True, minimum=1e-6, maximum=0.1),
     "motion": Spec(
@@ -48,8 +47,8 @@ class SimulatorNode(Node):
         if not values["robot_description"]:
             raise InputError("parameter 'robot_description' is empty: give the simulator a URDF or the path of one.")
         text = urdf_text(values["robot_description"])
-        model = load_urdf(text, mimic=values["mimic"], gravity=values["gravity"])
-        self._simulation = Simulation(model, step=values["step"])
+        model = load_robot(self, text, values | {"floating_base": False})
+        self._simulation = Simulation(model, step=min(values["step"], 1.0 / values["rate"]))
         self._simulation.dynamics.compile()
         self._wave = Wave(self._simulation) if values["motion"] == "wave" else None
         self._effort = np.zeros(model.nv)
@@ -78,11 +77,14 @@ class SimulatorNode(Node):
         simulation = self._simulation
         elapsed = (self.get_clock().now().nanoseconds - self._start) * 1e-9 - self._let_go
         behind = elapsed - simulation.time
-        if behind > MOST_BEHIND:
+        if behind > MOST_BEHIND or behind < -self._period:  # too late to catch up, or the clock has jumped back
             self._let_go += behind - self._period
             behind = self._period
+        steps = int(behind / simulation.step_size)
+        if steps < 1:
+            return  # nothing has happened that is not published yet
         try:
-            for _ in range(int(behind / simulation.step_size)):
+            for _ in range(steps):
                 if self._wave:
                     self._effort = self._wave.effort()
                 simulation.advance(self._effort)
@@ -111,4 +113,4 @@ class SimulatorNode(Node):
 main = main_of(SimulatorNode)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,0 +1,120 @@
+"""Tests with ROS 2: whether it is there, a domain for each file, compiled kernels, the nodes' output on failure."""
+
+import fcntl
+import os
+import random
+import signal
+import tempfile
+from pathlib import Path
+
+import pytest
+
+ROS_FILES = (
+    "test_demo.py",
+    "test_floating_base.py",
+    "test_joint_states.py",
+    "test_monitor.py",
+    "test_services.py",
+    "test_simulator_node.py",
+)
+"""Files that import ROS 2 at their top, and whose tests are all marked `ros`."""
+
+REQUIRED = os.environ.get("DIAG_DYNAMICS_REQUIRE_ROS") == "1"
+
+
+def without_ros():
+    """Why the tests with ROS 2 cannot run, or None."""
+    try:
+        import diag_dynamics.msg
+        import diag_dynamics.srv  # noqa: F401
+        import rclpy  # noqa: F401
+    except ImportError as error:
+        return f"no ROS 2 with diag_dynamics' interfaces ({error}): make setup, then source scripts/env.bash"
+    return None
+
+
+class RosFile(pytest.Module):
+    """A test file that can be imported only where ROS 2 is."""
+
+    def collect(self):
+        reason = without_ros()
+        if reason and REQUIRED:
+            raise self.CollectError(f"{reason}; DIAG_DYNAMICS_REQUIRE_ROS=1 makes this a failure")
+        if reason:
+            pytest.skip(reason, allow_module_level=True)
+        return super().collect()
+
+
+def pytest_pycollect_makemodule(module_path, parent):
+    if module_path.name not in ROS_FILES:
+        return None
+    file = RosFile.from_parent(parent, path=module_path)
+    file.add_marker(pytest.mark.ros)
+    return file
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item):
+    """Show what the nodes have said where a test with nodes fails."""
+    report = yield
+    if report.failed and item.get_closest_marker("ros"):
+        from nodes import Process
+
+        report.sections += [(f"output of {process}", process.tail()) for process in Process.started[-4:]]
+    return report
+
+
+@pytest.fixture(scope="session")
+def compiled():
+    """Compile the kernels once, into the cache on disk, so that nodes start in seconds."""
+    import diag_dynamics as dd
+    import robots
+
+    model = dd.load_urdf(robots.TwoLinkArm().urdf)
+    dd.DiagonalDynamics(model).compile()
+    dd.Simulation(model).advance(steps=0)
+
+
+@pytest.fixture(scope="module")
+def ros_domain(tmp_path_factory, compiled):
+    """A ROS domain that no other test run on this machine has, in this process and in those it starts."""
+    from nodes import Process
+
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        # A shell's background job ignores Ctrl-C, and so would the processes under test.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    domain, lock = lock_domain()
+    with pytest.MonkeyPatch.context() as environment:
+        environment.setenv("ROS_DOMAIN_ID", str(domain))
+        environment.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        environment.setenv("ROS_PYTHON_CHECK_FIELDS", "1")
+        environment.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
+        yield domain
+    os.close(lock)
+    Process.started.clear()
+
+
+def lock_domain():
+    """Lock a file that stands for a domain. The lock goes with the process, by whatever end."""
+    for domain in random.SystemRandom().sample(range(1, 102), 101):
+        path = Path(tempfile.gettempdir(), f"diag_dynamics_ros_domain_{domain}")
+        try:
+            lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        except PermissionError:  # another user's
+            continue
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(lock)
+            continue
+        return domain, lock
+    raise RuntimeError("all ROS domains from 1 to 101 are taken by other test runs")
+
+
+@pytest.fixture(scope="module")
+def peer(ros_domain):
+    """A node of the test's own, to talk to the nodes under test."""
+    from nodes import Peer
+
+    with Peer(ros_domain) as node:
+        yield node

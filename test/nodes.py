@@ -1,0 +1,563 @@
+"""Nodes in processes of their own, a node to talk to them, and what their messages have to say."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from functools import cache
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+import psutil
+import rclpy
+from diag_dynamics.msg import (
+    CoriolisTerm,
+    DiagonalizedState,
+    JointSpaceDynamics,
+    KineticEnergy,
+    MassMatrixFactors,
+    TotalJointRates,
+    WorkingMoments,
+)
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+import robots
+from oracles import Oracle
+
+START = 120.0
+"""Longest time for a node to start [s]; on a slow disk the imports alone take long."""
+TIMEOUT = 30.0
+"""Longest time for anything else [s]. Only a failing test waits so long."""
+
+PANDA = "panda_description/urdf/panda.urdf"
+UR5 = "ur_description/urdf/ur5_robot.urdf"
+TALOS = "talos_data/robots/talos_reduced.urdf"
+
+OUTPUTS = {
+    "total_joint_rates": TotalJointRates,
+    "working_moments": WorkingMoments,
+    "coriolis": CoriolisTerm,
+    "mass_matrix_factors": MassMatrixFactors,
+    "kinetic_energy": KineticEnergy,
+    "joint_space_dynamics": JointSpaceDynamics,
+    "state": DiagonalizedState,
+}
+"""What a monitor publishes under its name."""
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+MANY = QoSProfile(depth=1000)
+
+S = 1_000_000_000
+MS = 1_000_000
+
+
+# --- processes
+
+
+class Process(contextlib.AbstractContextManager):
+    """A process whose output is kept; a context at whose end it has to end by SIGINT with status 0."""
+
+    started: ClassVar[list["Process"]] = []  # in this test file, for the report of a failure
+
+    def __init__(self, command, **options):
+        """Start it, in a session of its own: a Ctrl-C at the test run does not reach it."""
+        self.command = [str(part) for part in command]
+        options = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT} | options
+        self.popen = subprocess.Popen(self.command, start_new_session=True, **options)
+        self._said = b""
+        self._changed = threading.Condition(threading.RLock())
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        if self.popen.stdout:
+            self.listen(self.popen.stdout.fileno())
+        Process.started.append(self)
+
+    def listen(self, descriptor):
+        """Keep what comes out of a file descriptor."""
+        self._descriptor = descriptor
+        self._reader.start()
+
+    def _read(self):
+        chunk = b"-"
+        while chunk:
+            try:
+                chunk = os.read(self._descriptor, 65536)
+            except OSError:  # the other end of a terminal is closed
+                chunk = b""
+            with self._changed:
+                self._said += chunk
+                self._changed.notify_all()
+        with self._changed:
+            self._descriptor = None
+            self._changed.notify_all()
+
+    def __str__(self):
+        return " ".join(part.rsplit("/", 1)[-1] for part in self.command[1:4]) + f", pid {self.popen.pid}"
+
+    @property
+    def output(self):
+        """All it has said until now."""
+        with self._changed:
+            return self._said.decode(errors="replace")
+
+    def tail(self, lines=60):
+        """The last of what it has said."""
+        return "".join(self.output.splitlines(keepends=True)[-lines:]) or "(nothing)"
+
+    def wait_for(self, condition, what, timeout=START):
+        """Wait until a condition on the output holds."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._descriptor is None or condition(self.output), timeout)
+        assert condition(self.output), f"{self}: waited in vain for {what}"
+
+    def wait_for_text(self, text):
+        """Wait until this has been said."""
+        self.wait_for(lambda output: text in output, repr(text))
+
+    def children(self):
+        """Return the processes that it has started."""
+        return psutil.Process(self.popen.pid).children(recursive=True)
+
+    def signal(self, number):
+        """Send it a signal."""
+        self.popen.send_signal(number)
+
+    def wait(self, timeout=TIMEOUT):
+        """Wait for its end, and return its status."""
+        status = self.popen.wait(timeout)
+        self._reader.join(timeout)
+        return status
+
+    def stop(self, *signals):
+        """End it by signals, SIGINT if none is given; it must end with status 0."""
+        for number in signals or (signal.SIGINT,):
+            self.signal(number)
+        status = self.wait()
+        assert status == 0, f"{self} ended with status {status}"
+        assert "Traceback" not in self.output
+
+    def __exit__(self, kind, error, traceback):
+        try:
+            if self.popen.poll() is None and kind is None:
+                self.stop()
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self.popen.pid, signal.SIGKILL)
+            self.popen.wait()
+
+
+def node_process(node, *arguments, **parameters):
+    """Start a node of this package; `arguments` are ROS arguments."""
+    command = [sys.executable, "-m", f"diag_dynamics.nodes.{node}", "--ros-args", *arguments]
+    for name, value in parameters.items():
+        command += ["-p", f"{name}:={value}"]
+    return Process(command)
+
+
+# --- the test's own node
+
+
+class Topic:
+    """A subscription and all that came by it."""
+
+    def __init__(self, node, kind, name, qos):
+        """Subscribe."""
+        self.messages, self.stamps = [], []
+        self._at = {}
+        self.subscription = node.create_subscription(kind, name, self._take, qos)
+
+    def _take(self, message):
+        self.messages.append(message)
+        if hasattr(message, "header"):
+            stamp = nanoseconds(message.header.stamp)
+            self.stamps.append(stamp)
+            self._at.setdefault(stamp, []).append(message)
+
+    def at(self, stamp):
+        """Return the one message with this stamp [ns]; None if there is none yet."""
+        found = self._at.get(stamp, ())
+        assert len(found) <= 1, f"{len(found)} messages on {self.subscription.topic_name} with one stamp"
+        return found[0] if found else None
+
+    def forget(self):
+        """Drop all messages received so far."""
+        self.messages.clear()
+        self.stamps.clear()
+        self._at.clear()
+
+
+class Peer(contextlib.AbstractContextManager):
+    """A node in the test's process, whose callbacks are served while the test waits."""
+
+    def __init__(self, domain):
+        """Join a ROS domain."""
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = rclpy.create_node("test", context=self.context)
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self._clients = {}
+
+    def __exit__(self, *_):
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+    def now(self):
+        """Return the time of the node's clock [ns]."""
+        return self.node.get_clock().now().nanoseconds
+
+    def wait_until(self, condition, what, timeout=TIMEOUT):
+        """Serve callbacks until a condition holds, and return its value; `what` is being waited for."""
+        deadline = time.monotonic() + timeout
+        while not (value := condition()):
+            assert time.monotonic() < deadline, f"waited {timeout:g} s in vain for {what}"
+            self._executor.spin_once(timeout_sec=0.1)
+        return value
+
+    def publisher(self, kind, name, qos=MANY):
+        """Return a publisher."""
+        return self.node.create_publisher(kind, name, qos)
+
+    def topic(self, kind, name, qos=MANY):
+        """Subscribe."""
+        return Topic(self.node, kind, name, qos)
+
+    def call(self, kind, name, request):
+        """Call a service and return the response."""
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(kind, name)
+        client = self._clients[name]
+        self.wait_until(client.service_is_ready, f"service {name}", START)
+        future = client.call_async(request)
+        self.wait_until(future.done, f"a response of {name}")
+        return future.result()
+
+    def set_parameter(self, node, name, value):
+        """Set a parameter of a node and return the result."""
+        request = SetParameters.Request(parameters=[Parameter(name=name, value=parameter_value(value))])
+        return self.call(SetParameters, f"{node}/set_parameters", request).results[0]
+
+
+def parameter_value(value):
+    """Return the message for a Python value."""
+    for kind, number, field in (
+        (bool, ParameterType.PARAMETER_BOOL, "bool_value"),
+        (int, ParameterType.PARAMETER_INTEGER, "integer_value"),
+        (float, ParameterType.PARAMETER_DOUBLE, "double_value"),
+        (str, ParameterType.PARAMETER_STRING, "string_value"),
+        (list, ParameterType.PARAMETER_DOUBLE_ARRAY, "double_array_value"),
+    ):
+        if isinstance(value, kind):
+            return ParameterValue(type=number, **{field: value})
+    raise TypeError(value)
+
+
+# --- a monitor
+
+
+class Report(NamedTuple):
+    """A monitor's entry on /diagnostics."""
+
+    level: bytes
+    message: str
+    values: dict
+
+    def count(self, key):
+        """Return how often something has happened."""
+        return int(self.values.get(key, 0))
+
+
+class Monitor(contextlib.AbstractContextManager):
+    """A monitor in a process of its own, seen from outside: all its inputs and outputs.
+
+    Stamps are the test's own: `tick` advances them by so much that every rate limit lets the next state through.
+    """
+
+    def __init__(self, peer, namespace, *arguments, joint_states="joint_states", name="diag_dynamics", **parameters):
+        """Start it in a namespace."""
+        self.peer = peer
+        self.name = f"{namespace}/{name}"
+        self.now = 1000 * S
+        self.feeder = peer.publisher(JointState, f"{namespace}/{joint_states}")
+        self.topics = {topic: peer.topic(kind, f"{self.name}/{topic}") for topic, kind in OUTPUTS.items()}
+        self.reports = []
+        peer.node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, MANY)
+        self.process = node_process("monitor", "-r", f"__ns:={namespace}", *arguments, **parameters)
+
+    def __exit__(self, *error):
+        self.process.__exit__(*error)
+
+    def connect(self, robot, sample=0):
+        """Wait until the node takes in states of a robot and all that it publishes arrives here."""
+        self.peer.wait_until(
+            lambda: (
+                self.feeder.get_subscription_count()
+                and all(topic.subscription.get_publisher_count() for topic in self.topics.values())
+            ),
+            f"{self.name} to be discovered",
+            START,
+        )
+        # A publisher may know of a subscription before that knows of it: the first messages can get lost.
+        deadline = time.monotonic() + TIMEOUT
+        while not all(topic.at(self.now) for topic in self.topics.values()):
+            assert time.monotonic() < deadline, f"nothing comes through {self.name}"
+            self.feeder.publish(robot.message(self.tick(), robot.samples[sample]))
+            with contextlib.suppress(AssertionError):
+                self._all_at(self.now, OUTPUTS, timeout=0.5)
+        return self
+
+    def tick(self, step=S):
+        """Advance the stamps by a step [ns] and return the new one."""
+        self.now += step
+        return self.now
+
+    def feed(self, message, topics=tuple(OUTPUTS)):
+        """Publish a joint state and return what comes back by topic; its stamp is that of the message."""
+        self.feeder.publish(message)
+        return self._all_at(nanoseconds(message.header.stamp), topics)
+
+    def _all_at(self, stamp, topics, timeout=TIMEOUT):
+        self.peer.wait_until(
+            lambda: None not in [self.topics[topic].at(stamp) for topic in topics],
+            f"what {self.name} makes of stamp {stamp}",
+            timeout,
+        )
+        return {topic: self.topics[topic].at(stamp) for topic in topics}
+
+    def forget(self):
+        """Drop all messages received so far, but for the last report."""
+        for topic in self.topics.values():
+            topic.forget()
+        del self.reports[:-1]
+
+    def _take_diagnostics(self, array):
+        for status in array.status:
+            if status.name.startswith(f"{self.name.lstrip('/')}:"):
+                values = {pair.key: pair.value for pair in status.values}
+                self.reports.append(Report(status.level, status.message, values))
+
+    def wait_for_report(self, condition, what):
+        """Wait for the first report from now on that fulfils a condition, and return it."""
+        begin = len(self.reports)
+        return self.peer.wait_until(
+            lambda: next(filter(condition, self.reports[begin:]), None), f"a report of {what} by {self.name}"
+        )
+
+    def next_report(self):
+        """Wait for the next report and return it."""
+        return self.wait_for_report(lambda _: True, "anything")
+
+    def call(self, kind, service, request):
+        """Call one of its services."""
+        return self.peer.call(kind, f"{self.name}/{service}", request)
+
+    def set_parameter(self, name, value):
+        """Set one of its parameters, which must succeed."""
+        result = self.peer.set_parameter(self.name, name, value)
+        assert result.successful, result.reason
+
+    def alive(self):
+        """Whether it still runs."""
+        return self.process.popen.poll() is None
+
+
+# --- robots and their messages
+
+
+class Robot:
+    """A robot of the wheel, its oracle, and its states."""
+
+    def __init__(self, id):
+        """Load it into the oracle."""
+        self.id, self.path = id, robots.robot_path(id)
+        self.urdf = robots.robot(id).urdf
+        self.oracle = Oracle(self.urdf)
+        self.names = self.oracle.dof_names
+        self.samples = robots.samples(id, self.oracle)
+        self.root = next(
+            link.get("name")
+            for link in self.oracle.xml.findall("link")
+            if link.get("name") not in {child.get("link") for child in self.oracle.xml.findall("joint/child")}
+        )
+        rng = np.random.default_rng(len(self.names))
+        self.shuffled = tuple(rng.permutation(self.names).tolist())
+
+    def message(self, stamp, sample, names=None):
+        """Return a JointState with some or all joints, in the order of `names`, shuffled by default."""
+        names = self.shuffled if names is None else names
+        at = [self.names.index(name) for name in names]
+        return joint_state(names, *(values[at] for values in sample[:3]), stamp=stamp)
+
+    def in_order(self, names, values):
+        """Put a vector that is in this robot's order into that of `names`."""
+        return np.asarray(values)[[self.names.index(name) for name in names]]
+
+
+@cache
+def robot(id):
+    """Return a robot, loaded once."""
+    return Robot(id)
+
+
+def joint_state(names=(), position=(), velocity=(), effort=(), stamp=0):
+    """Return a JointState; stamp in nanoseconds."""
+    message = JointState(name=[str(name) for name in names])
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, S)
+    message.position, message.velocity, message.effort = (
+        [float(x) for x in values] for values in (position, velocity, effort)
+    )
+    return message
+
+
+def nanoseconds(stamp):
+    """Return a builtin_interfaces/Time as an integer."""
+    return stamp.sec * S + stamp.nanosec
+
+
+def description(text):
+    """Return a robot_description."""
+    return String(data=text)
+
+
+# --- what messages have to say
+
+
+def tolerance(truth):
+    """Return the relative tolerance against an oracle that is exact but for rounding."""
+    return max(1e-10, 100 * np.finfo(float).eps * truth.condition)
+
+
+def assert_close(actual, expected, tolerance, scale=None):
+    """Vectors or numbers agree to `tolerance` relative to `scale`, by default the norm of the expected."""
+    actual, expected = np.asarray(actual), np.asarray(expected)
+    assert actual.shape == expected.shape
+    scale = np.linalg.norm(expected) if scale is None else scale
+    error = np.linalg.norm(actual - expected)
+    assert error <= tolerance * scale, f"error {error:.1e} relative to {scale:.1e} > {tolerance:.1e}"
+
+
+class Truth:
+    """What Pinocchio says of a robot in a state, in its own order of dofs; checks messages by name.
+
+    Efforts are unknown where tau is None.
+    """
+
+    def __init__(self, robot, q, qd, tau=None, gravity=None):
+        """Take the state in the order of robot.names."""
+        self.robot = robot
+        oracle = robot.oracle if gravity is None else Oracle(robot.urdf, gravity=gravity)
+        self.state = oracle.at(q, qd, tau)
+        self.tolerance = tolerance(self.state)
+        # |ε_g| ≤ √mass |g|: where gravity happens to have little moment, errors are relative to that
+        self.gravity_scale = np.sqrt(oracle.mass) * np.linalg.norm(oracle.model.gravity.linear)
+        self.unit = np.sqrt(np.diag(self.state.M))
+
+    def check_header(self, message, stamp):
+        """Stamp, frame and names: those of the input, the root link, and the joints from base to tip."""
+        assert nanoseconds(message.header.stamp) == stamp
+        assert message.header.frame_id == self.robot.root
+        assert tuple(message.dof_names) == self.robot.names
+
+    def check_vector(self, actual, expected, scale=None):
+        """One number per dof, compared in the units given by the caller."""
+        assert_close(np.array(actual), expected, self.tolerance, scale)
+
+    def check_matrix(self, actual, expected, weight):
+        """A row-major matrix, compared with each entry divided by its weight."""
+        nv = len(self.robot.names)
+        assert len(actual) == nv * nv
+        assert_close(np.array(actual).reshape(nv, nv) / weight, expected / weight, self.tolerance)
+
+    def check_total_joint_rates(self, message):
+        s = self.state
+        self.check_vector(message.nu, s.nu)
+        self.check_vector(np.sqrt(s.D) * message.xi, s.nu)
+
+    def check_working_moments(self, message):
+        s = self.state
+        assert message.effort_valid == (s.tau is not None)
+        if s.tau is None:
+            assert len(message.epsilon) == len(message.kappa) == 0
+            return
+        self.check_vector(message.epsilon, s.epsilon)
+        self.check_vector(message.kappa / np.sqrt(s.D), s.epsilon)
+
+    def check_coriolis(self, message):
+        s = self.state
+        self.check_vector(message.coriolis, s.coriolis, s.coriolis_scale)
+        root = np.sqrt(s.D)
+        scale = s.coriolis_scale + np.linalg.norm(s.Ddot * s.xi / root)
+        self.check_vector(message.coriolis_unnormalized / root, s.coriolis_unnormalized / root, scale)
+        self.check_gravity(message.gravity)
+
+    def check_gravity(self, epsilon_g):
+        expected = self.state.gravity
+        self.check_vector(epsilon_g, expected, max(np.linalg.norm(expected), 1e-3 * self.gravity_scale))
+
+    def check_mass_matrix_factors(self, message, with_inverse=False):
+        s, nv = self.state, len(self.robot.names)
+        assert message.nv == nv
+        self.check_matrix(message.m, s.m, self.unit[:, None])
+        self.check_vector(message.d / s.D, np.ones(nv))
+        assert message.l_valid == with_inverse
+        if with_inverse:
+            self.check_matrix(message.l, s.l, 1 / self.unit)
+        else:
+            assert len(message.l) == 0
+
+    def check_kinetic_energy(self, message):
+        s = self.state
+        K = s.kinetic_energy
+        assert_close(message.total, K, 1e-12)
+        self.check_vector(message.energy_share, 0.5 * s.nu**2)
+        assert message.base_energy == 0.0  # a fixed base
+        assert_close(sum(message.energy_share), K, 1e-12)
+        assert sorted(message.link_names) == sorted(s.link_energy)
+        assert_close(np.array(message.link_energy), [s.link_energy[name] for name in message.link_names], 1e-12)
+        assert message.power_valid == (s.tau is not None)
+        self.check_power(message.power)
+
+    def check_power(self, power):
+        s = self.state
+        if s.tau is None:
+            assert power == 0.0
+            return
+        scale = np.linalg.norm(s.nu) * (np.linalg.norm(s.epsilon) + np.linalg.norm(s.gravity) + s.coriolis_scale)
+        assert_close(power, s.power, self.tolerance, scale)
+
+    def check_joint_space_dynamics(self, message):
+        s, unit = self.state, self.unit
+        self.check_matrix(message.mass_matrix, s.M, np.outer(unit, unit))
+        scale = max(np.linalg.norm(s.c / unit), 1e-3 * np.linalg.norm(s.nu) * np.linalg.norm(s.qd))
+        self.check_vector(message.bias / unit, s.c / unit, scale)
+        scale = max(np.linalg.norm(s.g / unit), 1e-3 * self.gravity_scale)
+        self.check_vector(message.gravity / unit, s.g / unit, scale)
+
+    def check_state(self, message):
+        s = self.state
+        assert list(message.position) == s.q.tolist()
+        assert list(message.velocity) == s.qd.tolist()
+        assert list(message.effort) == ([] if s.tau is None else s.tau.tolist())
+        assert not message.velocity_estimated
+        self.check_total_joint_rates(message)
+        self.check_working_moments(message)
+        self.check_vector(message.coriolis, s.coriolis, s.coriolis_scale)
+        self.check_gravity(message.gravity)
+        self.check_vector(message.articulated_inertia / s.D, np.ones(len(s.D)))
+        assert_close(message.kinetic_energy, s.kinetic_energy, 1e-12)
+        self.check_power(message.power)
+
+    def check(self, published, stamp):
+        """Every message of a dict by topic."""
+        for topic, message in published.items():
+            self.check_header(message, stamp)
+            getattr(self, f"check_{topic}")(message)

@@ -1,0 +1,178 @@
+"""The demo as people start it: what it says, shows and leaves behind, and that it ends when it should."""
+
+import fcntl
+import os
+import pty
+import re
+import shutil
+import signal
+import struct
+import sys
+import termios
+import time
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import psutil
+import pytest
+
+import robots
+from nodes import PANDA, START, UR5, Process, robot
+
+DEMO = Path(__file__).resolve().parents[1] / "scripts" / "demo"
+
+# What a shell does for a program in the foreground: it gets the terminal, so that Ctrl-C reaches it.
+IN_TERMINAL = """
+import fcntl, os, sys, termios
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+os.execv(sys.argv[1], sys.argv[1:])
+"""
+
+
+@pytest.fixture(autouse=True)
+def in_domain(ros_domain):
+    """All nodes of these tests are in a domain of their own."""
+
+
+def demo(folder, *arguments, **environment):
+    """Start the demo in a folder, not at a terminal."""
+    return Process([sys.executable, DEMO, *arguments], cwd=folder, env=os.environ | environment)
+
+
+def ended(process, children):
+    """Wait for the end of the demo and of the nodes it has started; return its exit status."""
+    status = process.wait()
+    _, alive = psutil.wait_procs(children, timeout=10)
+    assert not alive, process.tail()
+    assert "Traceback" not in process.output
+    return status
+
+
+def check_summary(process, folder, name):
+    """Robot states, energies, νᵀC, and the picture, which shows something."""
+    said = process.output
+    count, hertz = map(int, re.search(r"(\d+) states in [\d.]+ s \((\d+) Hz\)", said).groups())
+    assert count > 10
+    assert 10 < hertz <= 550  # 500 Hz, or what the machine can do
+    least, most = map(float, re.search(r"kinetic energy (\S+) … (\S+) J", said).groups())
+    assert 0 <= least < most < 1000
+    assert float(re.search(r"νᵀC\S* .*: (\S+)", said)[1]) < 1e-9
+    path = Path(re.search(r"picture: (.+\.png)", said)[1])
+    assert path.parent == folder.resolve()
+    assert name in path.name
+    check_picture(path)
+    assert sorted(folder.glob("*.png")) == [path]
+
+
+def check_picture(path):
+    """A PNG of some size with areas in many colours."""
+    image = matplotlib.image.imread(path)
+    assert image.shape[0] >= 400
+    assert image.shape[1] >= 600
+    colours, sizes = np.unique((image[..., :3] * 255).astype(int).reshape(-1, 3), axis=0, return_counts=True)
+    assert (sizes > 300).sum() >= 5
+    assert sizes.max() < 0.9 * sizes.sum()
+    assert len(colours) > 20
+
+
+def test_ends_by_itself(tmp_path):
+    """Not at a terminal, after the time it is given: the Panda, a summary and a picture."""
+    with demo(tmp_path, "--duration", "3") as process:
+        assert process.wait(120) == 0
+        check_summary(process, tmp_path, "panda")
+        assert re.search(r"1 s +K = .* J", process.output)
+        assert "panda_joint" in process.output
+        assert "\x1b" not in process.output  # no colours into a file
+        assert "Traceback" not in process.output
+
+
+def test_robot_by_path(tmp_path):
+    """Any URDF file; Ctrl-C, which goes to the whole group, ends it with a summary all the same."""
+    shutil.copy(robot(UR5).path, tmp_path / "my robot.urdf")
+    with demo(tmp_path, "--robot", "my robot.urdf", "--duration", "1000") as process:
+        process.wait_for_text("states/s")
+        children = process.children()
+        assert len(children) == 2
+        os.killpg(process.popen.pid, signal.SIGINT)
+        assert ended(process, children) == 0
+        check_summary(process, tmp_path, "ur5")
+
+
+def test_robot_by_name(tmp_path):
+    """A robot of the wheel by part of its path; a signal to the demo alone ends its nodes, too."""
+    with demo(tmp_path, "--robot", "talos_reduced.urdf", "--duration", "1000", "--picture", "there.png") as process:
+        process.wait_for_text("states/s")
+        children = process.children()
+        process.signal(signal.SIGINT)
+        assert ended(process, children) == 0
+        check_summary(process, tmp_path, "there")
+
+
+def test_end_while_compiling(tmp_path):
+    """Ctrl-C while there is nothing to see yet, as the cache of compiled code is empty."""
+    work, cache = tmp_path / "work", tmp_path / "cache"
+    work.mkdir()
+    with demo(work, NUMBA_CACHE_DIR=str(cache)) as process:
+        process.wait_for_text("Compiling")
+        os.killpg(process.popen.pid, signal.SIGINT)
+        assert ended(process, []) in (130, -signal.SIGINT)
+        assert not list(work.iterdir())
+
+
+def test_end_while_starting(tmp_path):
+    """Ctrl-C while the nodes are being started."""
+    with demo(tmp_path) as process:
+        deadline = time.monotonic() + START
+        while len(children := process.children()) < 2:
+            assert process.popen.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.01)  # nobody tells when a process starts another one
+        os.killpg(process.popen.pid, signal.SIGINT)
+        assert ended(process, children) in (0, 130)
+        assert not list(tmp_path.iterdir())
+
+
+def test_robots_it_cannot_show(tmp_path):
+    """Exit status 1 and the reason: unknown ones with the names there are, ambiguous ones with those meant."""
+    cases = {
+        "nosuchrobot": ["nosuchrobot", *(id.removesuffix(".urdf") for id in robots.all_robots())],
+        "ur5": ["ur5", *(id.removesuffix(".urdf") for id in robots.all_robots() if "ur5" in id)],
+        "iris_simple": ["iris", "no moving joint"],
+        "romeo_laas_small": ["l_gripper_joint"],
+        "nowhere/panda.urdf": ["nowhere/panda.urdf"],
+    }
+    for name, texts in cases.items():
+        with demo(tmp_path, "--robot", name) as process:
+            assert process.wait(120) == 1
+            missing = [text for text in texts if text not in process.output]
+            assert not missing
+            assert "Traceback" not in process.output
+            if name == "ur5":
+                assert "panda" not in process.output
+    assert not list(tmp_path.iterdir())
+
+
+def test_at_a_terminal(tmp_path):
+    """A live view: kinetic energy and a row for each joint, until Ctrl-C; then the summary."""
+    terminal, inside = pty.openpty()
+    try:
+        fcntl.ioctl(inside, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 120, 0, 0))
+        command = [sys.executable, "-c", IN_TERMINAL, sys.executable, DEMO]
+        environment = os.environ | {"TERM": "xterm-256color"}
+        with Process(command, stdin=inside, stdout=inside, stderr=inside, cwd=tmp_path, env=environment) as process:
+            os.close(inside)
+            process.listen(terminal)
+            process.wait_for(lambda output: output.count("kinetic energy") > 5, "some frames")
+            for text in (*robot(PANDA).names, "power", "νᵀC", "Hz", "latency"):
+                assert text in process.output
+            children = process.children()
+            assert len(children) == 2
+            os.write(terminal, b"\x03")
+            assert ended(process, children) == 0
+            check_summary(process, tmp_path, "panda")
+            assert "\x1b[?25h" in process.output  # the cursor is back
+            echo = termios.tcgetattr(terminal)[3] & termios.ECHO
+            assert echo
+    finally:
+        os.close(terminal)

@@ -1,0 +1,411 @@
+"""The dynamics services: Pinocchio's numbers for good requests, for bad ones a message that names the fault."""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from diag_dynamics.srv import Diagonalize, ForwardDynamics, InverseDynamics, SetPayload
+from geometry_msgs.msg import Inertia, Vector3, Wrench
+from std_msgs.msg import String
+
+from nodes import (
+    LATCHED,
+    PANDA,
+    UR5,
+    Monitor,
+    S,
+    Truth,
+    assert_close,
+    description,
+    joint_state,
+    nanoseconds,
+    robot,
+)
+
+SERVICES = {
+    "forward_dynamics": ForwardDynamics,
+    "inverse_dynamics": InverseDynamics,
+    "diagonalize": Diagonalize,
+}
+GRAVITY = (1.0, -2.0, 3.0)
+
+
+@pytest.fixture(scope="module")
+def monitor(peer):
+    """Start a monitor of the Panda, to which no joint state is ever sent."""
+    with Monitor(peer, "/services", robot_description=robot(PANDA).path, mimic="free") as monitor:
+        yield monitor
+
+
+@pytest.fixture
+def panda():
+    """Return the robot of the monitor."""
+    return robot(PANDA)
+
+
+def ask(monitor, service, state, gravity=None, **fields):
+    """Call a service; gravity overrides the model's."""
+    request = SERVICES[service].Request(state=state, override_gravity=gravity is not None, **fields)
+    if gravity is not None:
+        request.gravity = Vector3(x=gravity[0], y=gravity[1], z=gravity[2])
+    return monitor.call(SERVICES[service], service, request)
+
+
+def answer(monitor, robot, service, state, gravity=None, **fields):
+    """Call a service, which must succeed and, where it names them, have the dofs from base to tip."""
+    response = ask(monitor, service, state, gravity, **fields)
+    assert response.success, response.message
+    assert response.message == ""
+    if service != "diagonalize":
+        assert tuple(response.dof_names) == robot.names
+    return response
+
+
+def check_acceleration(truth, response):
+    """q̈ in the units of √M_kk, as all dofs weigh alike there, and ν̇ along it."""
+    assert_close(response.acceleration * truth.unit, truth.state.acceleration * truth.unit, truth.tolerance)
+    s = truth.state
+    scale = sum(map(np.linalg.norm, (s.nu_dot, s.coriolis, s.gravity, s.epsilon)))
+    assert_close(np.array(response.nu_dot), s.nu_dot, truth.tolerance, scale)
+
+
+# --- good requests
+
+
+@pytest.mark.parametrize("gravity", [None, GRAVITY], ids=["gravity of the model", "gravity of the request"])
+@pytest.mark.parametrize("sample", range(3))
+def test_forward_dynamics(monitor, panda, sample, gravity):
+    """q̈ of aba; names are shuffled, and a fixed joint may be among them."""
+    q, qd, tau, _ = panda.samples[sample]
+    state = panda.message(0, panda.samples[sample])
+    state.name = [*state.name, "panda_joint8"]
+    for values in (state.position, state.velocity, state.effort):
+        values.append(0.0)
+    check_acceleration(Truth(panda, q, qd, tau, gravity), answer(monitor, panda, "forward_dynamics", state, gravity))
+
+
+@pytest.mark.parametrize("gravity", [None, GRAVITY], ids=["gravity of the model", "gravity of the request"])
+@pytest.mark.parametrize("sample", range(3))
+def test_inverse_dynamics(monitor, panda, sample, gravity):
+    """τ of rnea; the accelerations are in the order of the request's names, too."""
+    q, qd, tau, qdd = panda.samples[sample]
+    state = panda.message(0, panda.samples[sample])
+    qdd_as_named = qdd[[panda.names.index(name) for name in state.name]].tolist()
+    response = answer(monitor, panda, "inverse_dynamics", state, gravity, acceleration=qdd_as_named)
+    truth = Truth(panda, q, qd, tau, gravity)
+    expected = truth.state.oracle.inverse_dynamics(q, qd, qdd)
+    assert_close(response.effort / truth.unit, expected / truth.unit, truth.tolerance)
+
+
+@pytest.mark.parametrize("gravity", [None, GRAVITY], ids=["gravity of the model", "gravity of the request"])
+@pytest.mark.parametrize("sample", range(3))
+def test_diagonalize(monitor, panda, sample, gravity):
+    """Everything the node publishes, l included, for the state of the request and with its stamp."""
+    q, qd, tau, _ = panda.samples[sample]
+    stamp = 5 * S + 7
+    response = answer(monitor, panda, "diagonalize", panda.message(stamp, panda.samples[sample]), gravity)
+    truth = Truth(panda, q, qd, tau, gravity)
+    published = {
+        topic: getattr(response, topic) for topic in ("state", "coriolis", "kinetic_energy", "joint_space_dynamics")
+    }
+    truth.check(published, stamp)
+    truth.check_header(response.factors, stamp)
+    truth.check_mass_matrix_factors(response.factors, with_inverse=True)
+    assert nanoseconds(response.state.oldest_stamp) == stamp
+    assert not response.state.stamp_is_receive_time
+
+
+def test_forward_undoes_inverse_dynamics(monitor, panda):
+    """The services are each other's inverse."""
+    for q, qd, _, qdd in panda.samples:
+        tau = answer(
+            monitor,
+            panda,
+            "inverse_dynamics",
+            joint_state(panda.names, q, qd),
+            acceleration=qdd.tolist(),
+        ).effort
+        response = answer(monitor, panda, "forward_dynamics", joint_state(panda.names, q, qd, tau))
+        truth = Truth(panda, q, qd, np.array(tau))
+        assert_close(response.acceleration * truth.unit, qdd * truth.unit, truth.tolerance)
+
+
+def test_empty_is_zero(monitor, panda):
+    """Without velocity, effort and acceleration: the robot is let go from rest, or held still."""
+    q, qd, tau, _ = panda.samples[0]
+    zero = np.zeros(len(q))
+    truth = Truth(panda, q, zero, zero)
+    response = answer(monitor, panda, "forward_dynamics", joint_state(panda.names, q))
+    assert_close(response.acceleration * truth.unit, truth.state.acceleration * truth.unit, truth.tolerance)
+    response = answer(monitor, panda, "inverse_dynamics", joint_state(panda.names, q))
+    assert_close(response.effort / truth.unit, truth.state.g / truth.unit, truth.tolerance)
+
+    # each of them alone
+    response = answer(monitor, panda, "forward_dynamics", joint_state(panda.names, q, [], tau))
+    check_acceleration(Truth(panda, q, zero, tau), response)
+    response = answer(monitor, panda, "forward_dynamics", joint_state(panda.names, q, qd))
+    check_acceleration(Truth(panda, q, qd, zero), response)
+
+
+def test_diagonalize_without_effort(monitor, panda):
+    """Here no effort means that it is unknown: flagged, and what needs it empty."""
+    q, qd, _, _ = panda.samples[1]
+    response = answer(monitor, panda, "diagonalize", joint_state(panda.names, q, qd))
+    truth = Truth(panda, q, qd, None)
+    truth.check_state(response.state)
+    truth.check_kinetic_energy(response.kinetic_energy)
+
+
+def test_no_gravity(monitor, panda):
+    """A gravity of zero is a gravity too."""
+    q, qd, tau, _ = panda.samples[2]
+    response = answer(monitor, panda, "forward_dynamics", joint_state(panda.names, q, qd, tau), (0.0, 0.0, 0.0))
+    check_acceleration(Truth(panda, q, qd, tau, (0.0, 0.0, 0.0)), response)
+    # and gone with the request
+    response = answer(monitor, panda, "forward_dynamics", joint_state(panda.names, q, qd, tau))
+    check_acceleration(Truth(panda, q, qd, tau), response)
+
+
+# --- bad requests
+
+BAD_STATES = {
+    "no joint at all": (lambda s: joint_state(), "panda_joint1"),
+    "joint missing": (lambda s: without(s, "panda_joint4"), "panda_joint4"),
+    "joint unknown": (lambda s: also(s, "elbow"), "elbow"),
+    "joint twice": (lambda s: also(s, "panda_joint2"), "panda_joint2"),
+    "fixed joint twice": (lambda s: also(also(s, "panda_joint8"), "panda_joint8"), "panda_joint8"),
+    "position missing": (lambda s: change(s, position=[]), "position"),
+    "position too short": (lambda s: change(s, position=s.position[:-1]), "position"),
+    "velocity too long": (lambda s: change(s, velocity=[*s.velocity, 0.0]), "velocity"),
+    "effort too short": (lambda s: change(s, effort=[1.0]), "effort"),
+    "position NaN": (lambda s: spoil(s, "position", "panda_joint3", math.nan), "position of joint 'panda_joint3'"),
+    "velocity infinite": (lambda s: spoil(s, "velocity", "panda_joint7", math.inf), "velocity of joint 'panda_joint7'"),
+    "effort NaN": (lambda s: spoil(s, "effort", "panda_finger_joint1", math.nan), "joint 'panda_finger_joint1'"),
+}
+
+
+def without(state, name):
+    """Remove a joint."""
+    at = state.name.index(name)
+    for values in (state.name, state.position, state.velocity, state.effort):
+        del values[at]
+    return state
+
+
+def also(state, name):
+    """Add a joint."""
+    state.name.append(name)
+    for values in (state.position, state.velocity, state.effort):
+        values.append(0.0)
+    return state
+
+
+def change(state, **fields):
+    """Replace fields."""
+    for field, values in fields.items():
+        setattr(state, field, values)
+    return state
+
+
+def spoil(state, field, name, value):
+    """Replace one value."""
+    getattr(state, field)[state.name.index(name)] = value
+    return state
+
+
+def assert_refused(response, named):
+    """Nothing was computed, and the message names the fault."""
+    assert not response.success
+    assert named in response.message
+    assert "Internal error" not in response.message
+    for field in ("acceleration", "nu_dot", "effort", "dof_names"):
+        assert len(getattr(response, field, ())) == 0
+    if hasattr(response, "state"):
+        assert len(response.state.nu) == 0
+
+
+def assert_well(monitor, panda):
+    """The services answer as ever."""
+    q, qd, tau, _ = panda.samples[0]
+    response = answer(monitor, panda, "forward_dynamics", panda.message(0, panda.samples[0]))
+    check_acceleration(Truth(panda, q, qd, tau), response)
+    assert monitor.alive()
+
+
+@pytest.mark.parametrize("service", SERVICES)
+@pytest.mark.parametrize("case", BAD_STATES)
+def test_bad_state(monitor, panda, service, case):
+    """The joint or the field is named. Inverse dynamics does without efforts, but not with wrong ones."""
+    spoilt, named = BAD_STATES[case]
+    assert_refused(ask(monitor, service, spoilt(panda.message(0, panda.samples[0]))), named)
+    assert_well(monitor, panda)
+
+
+@pytest.mark.parametrize("service", SERVICES)
+@pytest.mark.parametrize("gravity", [(0.0, math.nan, 0.0), (math.inf, 0.0, 0.0)])
+def test_bad_gravity(monitor, panda, service, gravity):
+    """A gravity that is not finite is refused."""
+    assert_refused(ask(monitor, service, panda.message(0, panda.samples[0]), gravity), "gravity")
+    assert_well(monitor, panda)
+
+
+@pytest.mark.parametrize("service", SERVICES)
+def test_gravity_without_override(monitor, panda, service):
+    """A gravity that is not asked for does not matter, whatever it is."""
+    request = SERVICES[service].Request(state=panda.message(0, panda.samples[0]), gravity=Vector3(x=math.nan))
+    assert monitor.call(SERVICES[service], service, request).success
+
+
+@pytest.mark.parametrize("service", SERVICES)
+def test_too_large(monitor, panda, service):
+    """Numbers whose squares overflow give no infinities."""
+    q, qd, tau, _ = panda.samples[0]
+    response = ask(monitor, service, joint_state(panda.names, q, 1e200 * qd, tau))
+    assert_refused(response, "large")
+    assert_well(monitor, panda)
+
+
+@pytest.mark.parametrize(
+    ("acceleration", "named"),
+    [([1.0, 2.0], "acceleration"), ([math.nan] * 9, "acceleration of joint 'panda_joint1'")],
+)
+def test_bad_acceleration(monitor, panda, acceleration, named):
+    """So with accelerations."""
+    state = panda.message(0, panda.samples[0])
+    assert_refused(ask(monitor, "inverse_dynamics", state, acceleration=acceleration), named)
+    assert_well(monitor, panda)
+
+
+def wrench(numbers):
+    force, torque = (Vector3(x=x, y=y, z=z) for x, y, z in np.reshape(numbers, (2, 3)).astype(float).tolist())
+    return Wrench(force=force, torque=torque)
+
+
+@pytest.mark.parametrize("in_world", [False, True], ids=["link", "world"])
+def test_wrenches(monitor, panda, in_world):
+    """Wrenches on links enter all services as Jᵀf, with Pinocchio's Jacobian; two on one link act together."""
+    q, qd, tau, qdd = panda.samples[0]
+    truth = Truth(panda, q, qd, tau)
+    oracle = truth.state.oracle
+    axes = pin.LOCAL_WORLD_ALIGNED if in_world else pin.LOCAL
+    pushes = {"panda_hand": [1.0, 2.0, 3.0, 0.4, 0.5, 0.6], "panda_link3": [-7.0, 8.0, 9.0, 1.0, -1.1, 1.2]}
+    effort = np.zeros(len(q))
+    for link, numbers in pushes.items():
+        frame = oracle.model.getFrameId(link)
+        at = oracle.configuration(q)
+        effort += oracle.from_pin(pin.computeFrameJacobian(oracle.model, oracle.data, at, frame, axes).T @ numbers)
+    halves = [("panda_hand", 0.25), ("panda_link3", 1.0), ("panda_hand", 0.75)]
+    fields = {
+        "wrench_links": [link for link, _ in halves],
+        "wrenches": [wrench([part * number for number in pushes[link]]) for link, part in halves],
+        "wrenches_in_world": in_world,
+    }
+    state = panda.message(0, panda.samples[0])
+    pushed = Truth(panda, q, qd, tau + effort)
+    response = answer(monitor, panda, "forward_dynamics", state, **fields)
+    assert_close(response.acceleration * truth.unit, pushed.state.acceleration * truth.unit, truth.tolerance)
+    assert_close(np.array(response.nu_dot), pushed.state.nu_dot, truth.tolerance, np.linalg.norm(pushed.state.epsilon))
+    qdd_as_named = qdd[[panda.names.index(name) for name in state.name]].tolist()
+    response = answer(monitor, panda, "inverse_dynamics", state, acceleration=qdd_as_named, **fields)
+    expected = (oracle.inverse_dynamics(q, qd, qdd) - effort) / truth.unit
+    assert_close(response.effort / truth.unit, expected, truth.tolerance)
+    response = answer(monitor, panda, "diagonalize", state, **fields)
+    assert_close(np.array(response.external), truth.state.l @ effort, truth.tolerance)
+    assert_close(np.array(response.state.epsilon), truth.state.epsilon, truth.tolerance)
+
+
+@pytest.mark.parametrize("service", SERVICES)
+@pytest.mark.parametrize(
+    ("fields", "named"),
+    [
+        ({"wrenches": [Wrench()]}, "wrenches has 1 entries for 0 wrench_links"),
+        ({"wrench_links": ["panda_hand"]}, "wrenches has 0 entries for 1 wrench_links"),
+        ({"wrench_links": ["tool"], "wrenches": [Wrench()]}, "tool"),
+        ({"wrench_links": ["panda_hand"], "wrenches": [wrench([0, 0, math.nan, 0, 0, 0.0])]}, "panda_hand"),
+    ],
+)
+def test_bad_wrenches(monitor, panda, service, fields, named):
+    assert_refused(ask(monitor, service, panda.message(0, panda.samples[0]), **fields), named)
+    assert_well(monitor, panda)
+
+
+def test_friction_is_opt_in(monitor, panda):
+    """include_friction adds the URDF's damping, and nothing else does."""
+    q, qd, tau, _ = panda.samples[0]
+    damping = np.array([0.3 if "finger" in name else 0.003 for name in panda.names])
+    truth = Truth(panda, q, qd, tau)
+    state = panda.message(0, panda.samples[0])
+    plain = answer(monitor, panda, "diagonalize", state)
+    assert not plain.state.friction_valid and not plain.state.friction
+    rubbed = answer(monitor, panda, "diagonalize", state, include_friction=True)
+    assert rubbed.state.friction_valid and rubbed.coriolis.friction_valid
+    assert_close(np.array(rubbed.state.friction), truth.state.l @ (damping * qd), truth.tolerance)
+    assert rubbed.state.coriolis == plain.state.coriolis
+    assert rubbed.state.epsilon == plain.state.epsilon
+    response = answer(monitor, panda, "forward_dynamics", state, include_friction=True)
+    slowed = Truth(panda, q, qd, tau - damping * qd)
+    assert_close(response.acceleration * truth.unit, slowed.state.acceleration * truth.unit, truth.tolerance)
+
+
+def test_set_payload(monitor, panda):
+    """A payload is attached, changed and taken off without a restart; what is wrong changes nothing."""
+    q, qd, tau, _ = panda.samples[0]
+    state = panda.message(0, panda.samples[0])
+    plain = answer(monitor, panda, "diagonalize", state)
+
+    def attach(link, mass, com=(0.0, 0.0, 0.0), moments=(0.0, 0.0, 0.0)):
+        inertia = Inertia(m=mass, com=Vector3(x=com[0], y=com[1], z=com[2]))
+        inertia.ixx, inertia.iyy, inertia.izz = moments
+        return monitor.call(SetPayload, "set_payload", SetPayload.Request(link=link, inertia=inertia))
+
+    oracle = Truth(panda, q, qd, tau).state.oracle
+    model = oracle.model.copy()
+    frame = model.frames[model.getFrameId("panda_hand")]
+    load = pin.Inertia(2.0, np.array([0.0, 0.1, 0.2]), np.diag([0.01, 0.02, 0.025]))
+    model.appendBodyToJoint(frame.parentJoint, load, frame.placement)
+    M = pin.crba(model, model.createData(), oracle.configuration(q))
+    M = oracle.from_pin(oracle.from_pin(np.triu(M) + np.triu(M, 1).T).T)
+
+    response = attach("panda_hand", 2.0, (0.0, 0.1, 0.2), (0.01, 0.02, 0.025))
+    assert response.success, response.message
+    loaded = answer(monitor, panda, "diagonalize", state)
+    nv = len(panda.names)
+    assert_close(np.reshape(loaded.joint_space_dynamics.mass_matrix, (nv, nv)), M, 1e-12)
+    assert loaded.state.model_revision > plain.state.model_revision
+    for link, mass, moments, named in (
+        ("tool", 1.0, (0, 0, 0), "tool"),
+        ("panda_hand", -1.0, (0, 0, 0), "-1.0"),
+        ("panda_hand", math.nan, (0, 0, 0), "nan"),
+        ("panda_hand", 1.0, (1.0, 1.0, 5.0), "triangle"),
+    ):
+        refused = attach(link, mass, moments=tuple(map(float, moments)))
+        assert not refused.success
+        assert named in refused.message
+    assert answer(monitor, panda, "diagonalize", state).state.nu == loaded.state.nu
+    off = attach("panda_hand", 0.0)
+    assert off.success, off.message
+    assert off.total_mass == pytest.approx(response.total_mass - 2.0)
+    assert answer(monitor, panda, "diagonalize", state).state.nu == plain.state.nu
+
+
+def test_before_and_after_the_model(peer):
+    """Without a robot all services say so; with its description they answer, without any joint state."""
+    ur5 = robot(UR5)
+    with Monitor(peer, "/later") as monitor:
+        for service in SERVICES:
+            assert_refused(ask(monitor, service, ur5.message(0, ur5.samples[0])), "robot_description")
+        descriptions = peer.publisher(String, "/later/robot_description", LATCHED)
+        descriptions.publish(description(ur5.urdf))
+        peer.wait_until(
+            lambda: ask(monitor, "inverse_dynamics", ur5.message(0, ur5.samples[0])).success, "the robot to be in force"
+        )
+        for q, qd, tau, qdd in ur5.samples:
+            truth = Truth(ur5, q, qd, tau)
+            state = ur5.message(0, (q, qd, tau))
+            check_acceleration(truth, answer(monitor, ur5, "forward_dynamics", state))
+            response = answer(
+                monitor, ur5, "inverse_dynamics", joint_state(ur5.names, q, qd), acceleration=qdd.tolist()
+            )
+            expected = ur5.oracle.inverse_dynamics(q, qd, qdd)
+            assert_close(response.effort / truth.unit, expected / truth.unit, truth.tolerance)

@@ -1,0 +1,294 @@
+"""The simulator as a process on a real graph: its joint states obey Pinocchio's dynamics."""
+
+import itertools
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+import robots
+from nodes import (
+    LATCHED,
+    MS,
+    PANDA,
+    START,
+    UR5,
+    Monitor,
+    S,
+    Truth,
+    nanoseconds,
+    node_process,
+    robot,
+)
+
+STEP = 2 * MS
+
+
+class Simulator:
+    """A simulator in a process of its own, and what it publishes."""
+
+    def __init__(self, peer, namespace, robot, **parameters):
+        """Start it; a context at whose end it has to end cleanly."""
+        self.peer, self.robot = peer, robot
+        self.namespace = namespace
+        self.states = peer.topic(JointState, f"{namespace}/joint_states")
+        self.process = node_process("simulator", "-r", f"__ns:={namespace}", robot_description=robot.path, **parameters)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self.process.__exit__(*error)
+
+    def collect(self, count):
+        """Receive so many joint states from now on and return them."""
+        self.states.forget()
+        self.peer.wait_until(lambda: len(self.states.messages) >= count, f"{count} joint states", START)
+        return self.states.messages[:count]
+
+
+@pytest.fixture(scope="module")
+def wave(peer):
+    """Start a Panda on its wave: a step of the integrator for each state, unless the machine is late."""
+    with Simulator(peer, "/wave", robot(PANDA), motion="wave", rate=1e9 / STEP, step=STEP / 1e9) as simulator:
+        simulator.recorded = simulator.collect(500)
+        yield simulator
+
+
+@pytest.fixture(scope="module")
+def falling(peer):
+    """Start a UR5 that falls from its zero pose, stretched out, without friction; ten steps for each state."""
+    with Simulator(peer, "/falling", robot(UR5), rate=100.0) as simulator:
+        simulator.recorded = simulator.collect(150)
+        yield simulator
+
+
+@pytest.fixture(params=["wave", "falling"])
+def simulator(request):
+    """Return each of them in turn."""
+    return request.getfixturevalue(request.param)
+
+
+def vectors(simulator, message):
+    """Position, velocity and effort in the order of the oracle's dofs."""
+    names = list(message.name)
+    at = [names.index(name) for name in simulator.robot.names]
+    return tuple(np.array(values)[at] for values in (message.position, message.velocity, message.effort))
+
+
+def damping(robot):
+    """Joint damping of the URDF, in the order of the oracle's dofs."""
+    by_name = {
+        joint.get("name"): float(joint.find("dynamics").get("damping", 0))
+        for joint in robot.oracle.xml.findall("joint")
+        if joint.find("dynamics") is not None
+    }
+    return np.array([by_name.get(name, 0.0) for name in robot.names])
+
+
+def integrate(oracle, q, qd, tau, damping, span, steps):
+    """Classical Runge–Kutta on aba with damping, the effort being held."""
+
+    def rates(x):
+        return np.array([x[1], oracle.forward_dynamics(x[0], x[1], tau - damping * x[1])])
+
+    x, h = np.array([q, qd]), span / steps
+    for _ in range(steps):
+        k1 = rates(x)
+        k2 = rates(x + h / 2 * k1)
+        k3 = rates(x + h / 2 * k2)
+        k4 = rates(x + h * k3)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return x
+
+
+# --- what it publishes
+
+
+def test_joint_states(simulator):
+    """All joints, with positions, velocities and efforts that are numbers."""
+    for message in simulator.recorded:
+        assert sorted(message.name) == sorted(simulator.robot.names)
+        for values in (message.position, message.velocity, message.effort):
+            assert len(values) == len(message.name)
+            assert np.isfinite(values).all()
+
+
+def test_stamps(simulator):
+    """Stamps increase from one message to the next by whole steps of the integrator."""
+    step = STEP if simulator.namespace == "/wave" else MS
+    gaps = np.diff([nanoseconds(message.header.stamp) for message in simulator.recorded])
+    assert (gaps > 0).all()
+    assert np.abs(gaps - step * np.round(gaps / step)).max() <= 2  # [ns] from rounding a time in seconds
+
+
+def test_rate(simulator):
+    """As many messages as the parameter says, less those that a busy machine lets go."""
+    period = STEP if simulator.namespace == "/wave" else 10 * MS
+    stamps = [nanoseconds(message.header.stamp) for message in simulator.recorded]
+    assert abs(np.median(np.diff(stamps)) - period) <= MS
+    assert (len(stamps) - 2) * period <= stamps[-1] - stamps[0]
+
+
+def test_stamps_are_the_time(falling):
+    """The newest joint state is not from the future, and its stamp goes on with the clock."""
+    first = falling.collect(1)[0]
+    begin = falling.peer.now()
+    last = falling.collect(100)[-1]
+    assert nanoseconds(first.header.stamp) <= begin
+    assert nanoseconds(first.header.stamp) < nanoseconds(last.header.stamp) <= falling.peer.now()
+
+
+def test_description(simulator):
+    """Who comes late gets the URDF all the same, text and not path."""
+    topic = simulator.peer.topic(String, f"{simulator.namespace}/robot_description", LATCHED)
+    simulator.peer.wait_until(lambda: topic.messages, "the description")
+    text = topic.messages[0].data
+    assert text.startswith("<")
+    assert simulator.robot.urdf.endswith(text)  # what is cut off is the XML declaration, which is for files
+    assert len(text) > 0.9 * len(simulator.robot.urdf)
+
+
+# --- how it moves
+
+
+def test_wave_moves_all_joints(wave):
+    """In a second every joint has moved, within its limits, under efforts that differ."""
+    q, _, tau = (np.array(values) for values in zip(*(vectors(wave, m) for m in wave.recorded), strict=True))
+    assert (np.ptp(q, axis=0) > 1e-3).all()
+    assert (np.ptp(tau, axis=0) > 1e-3).all()
+    for k, name in enumerate(wave.robot.names):
+        limit = wave.robot.oracle.xml.find(f"joint[@name='{name}']/limit")
+        assert float(limit.get("lower")) < q[:, k].min()
+        assert q[:, k].max() < float(limit.get("upper"))
+
+
+def predictions(simulator, damping, pairs):
+    """Follow aba from the earlier state of each pair, with the effort of the later one.
+
+    Errors of q and q̇ against the later states, shape (2, nv), relative to the joint's largest change within a pair.
+    """
+    errors, changes = [], []
+    for before, after in pairs:
+        (q0, qd0, _), (q1, qd1, tau) = vectors(simulator, before), vectors(simulator, after)
+        span = (nanoseconds(after.header.stamp) - nanoseconds(before.header.stamp)) / S
+        steps = max(8, round(span / 2.5e-4))
+        errors.append(integrate(simulator.robot.oracle, q0, qd0, tau, damping, span, steps) - [q1, qd1])
+        changes.append([q1 - q0, qd1 - qd0])
+    return np.abs(errors).max(axis=0) / np.abs(changes).max(axis=0)
+
+
+def test_wave_obeys_the_dynamics(wave):
+    """From one state to the next, aba leads there with the effort of the later one and the URDF's damping.
+
+    Only pairs one step apart, as the effort is held between them. Without the damping, every joint would be off by a
+    hundred times the tolerance and more.
+    """
+    pairs = [
+        (before, after)
+        for before, after in itertools.pairwise(wave.recorded)
+        if abs(nanoseconds(after.header.stamp) - nanoseconds(before.header.stamp) - STEP) <= 2
+    ]
+    assert len(pairs) >= 100
+    # Fourth order at 2 ms against the fastest time constants, those of the fingers (0.015 kg, 0.3 N s/m: 50 ms): 1e-7.
+    assert predictions(wave, damping(wave.robot), pairs).max() < 1e-6
+    assert predictions(wave, 0.0, pairs)[1].min() > 1e-4
+
+
+def test_falling_obeys_the_dynamics(falling):
+    """Without effort and friction, whatever the number of steps between two states, as long as no limit is near."""
+    assert not damping(falling.robot).any()
+    assert not any(any(message.effort) for message in falling.recorded)
+    free = [max(map(abs, message.position)) < 6.0 for message in falling.recorded]  # the limits are at 2π
+    pairs = [
+        pair
+        for pair, inside in zip(itertools.pairwise(falling.recorded), itertools.pairwise(free), strict=True)
+        if all(inside)
+    ]
+    assert len(pairs) >= 20
+    # The integrator takes steps of 1 ms here, and the arm whips round in some 100 ms.
+    assert predictions(falling, 0.0, pairs).max() < 1e-5
+
+
+# --- with a monitor
+
+
+def test_monitor_of_a_simulator(wave):
+    """The monitor takes description and states from the graph; all it says of them is Pinocchio's, stamp by stamp."""
+    with Monitor(wave.peer, "/wave", mimic="free") as monitor:
+        wave.states.forget()
+        topics = monitor.topics
+        wave.peer.wait_until(lambda: len(topics["kinetic_energy"].messages) >= 300, "kinetic energies", START)
+        wave.peer.wait_until(lambda: all(topic.messages for topic in topics.values()), "all topics")
+        stamps = set(wave.states.stamps)
+        compared = 0
+        for stamp in topics["kinetic_energy"].stamps:
+            if stamp not in stamps:
+                continue  # this subscription was a moment later than the monitor's
+            truth = Truth(wave.robot, *vectors(wave, wave.states.at(stamp)))
+            published = {name: topic.at(stamp) for name, topic in topics.items() if topic.at(stamp)}
+            truth.check(published, stamp)
+            compared += 1
+        assert compared >= 200
+        assert len(topics["mass_matrix_factors"].messages) < len(topics["state"].messages)
+
+
+def test_simulated_time(peer):
+    """With use_sim_time the robot moves by /clock, and rests while that stands still."""
+    clock = peer.publisher(Clock, "/clock")
+    with Simulator(peer, "/clocked", robot(UR5), rate=100.0, use_sim_time=True) as simulator:
+        peer.wait_until(clock.get_subscription_count, "the subscription to /clock", START)
+        now = 0
+
+        def tick():
+            nonlocal now
+            now += 10 * MS
+            message = Clock()
+            message.clock.sec, message.clock.nanosec = divmod(now, S)
+            clock.publish(message)
+            return len(simulator.states.messages) >= 50
+
+        peer.wait_until(tick, "states in simulated time")
+        stamps = simulator.states.stamps
+        assert stamps[0] > 0
+        assert stamps[-1] <= now
+        assert (np.diff(stamps) > 0).all()
+
+
+# --- what it cannot start with
+
+
+def test_bad_parameters(ros_domain):
+    """Exit status 1, and a line on stderr that names the cause. All at once, as each takes seconds to start."""
+    panda = robots.robot_path(PANDA)
+    singular = robots.robot_path("romeo_description/urdf/romeo_laas_small.urdf")
+    cases = {
+        (): "InputError: parameter 'robot_description' is empty",
+        (f"robot_description:={panda}.none",): "panda.urdf.none",
+        (f"robot_description:={singular}",): "robot 'RomeoH37' has 2 joint(s) that move no inertia",
+        (f"robot_description:={panda}", "gravity:=[0.0, -9.81]"): "gravity",
+        (f"robot_description:={panda}", "motion:=dance"): "motion",
+        (f"robot_description:={panda}", "rate:=0.0"): "rate",
+    }
+    running = {}
+    try:
+        for parameters in cases:
+            command = [sys.executable, "-m", "diag_dynamics.nodes.simulator", "--ros-args"]
+            for parameter in parameters:
+                command += ["-p", parameter]
+            running[parameters] = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        wrong = {}
+        for parameters, process in running.items():
+            _, errors = process.communicate(timeout=START)
+            line = errors.partition("\n")[0]
+            if process.returncode != 1 or cases[parameters] not in line or "Traceback" in errors:
+                wrong[parameters] = process.returncode, errors
+        assert not wrong
+    finally:
+        for process in running.values():
+            process.kill()
+            process.communicate()
