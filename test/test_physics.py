@@ -713,7 +713,9 @@ MUTANTS = {
     "unchanged": (),
     "sign of the rate of P in C": ("along(direction, y) - power(u, V)", "along(direction, y) + power(u, V)"),
     "sign of its source": ("transport_along_z(direction, rate, P_plus)", "transport_along_z(direction, -rate, P_plus)"),
+    "sign of it in a block": ("part - w.inboard[1]", "part + w.inboard[1]"),
 }
+IN_A_BLOCK = "sign of it in a block"
 COMPARISONS = (
     "test_coriolis",
     "test_coriolis_by_difference",
@@ -738,7 +740,8 @@ def mutants(tmp_path_factory):
             assert source.count(replacement[0]) == 1, f"sweeps.py has changed: mutate it anew ({name})"
             (package / "sweeps.py").write_text(source.replace(*replacement), encoding="utf-8")
         paths = os.pathsep.join(filter(None, (str(folder), os.environ.get("PYTHONPATH"))))
-        tests = [f"test_physics.py::{test}[{PANDA}]" for test in COMPARISONS]
+        robot = f"{PANDA}+floating" if name == IN_A_BLOCK else PANDA
+        tests = [f"test_physics.py::{test}[{robot}]" for test in COMPARISONS]
         runs[name] = subprocess.Popen(
             [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-rA", "--tb=line", *tests],
             cwd=folder,

@@ -1,56 +1,28 @@
 """RobotModel, and how a URDF becomes one."""
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 
 from diag_dynamics import sweeps
-from diag_dynamics.exceptions import (
-    InertiaWarning,
-    InputError,
-    MasslessLinkError,
-    MimicJointError,
-    UrdfError,
+from diag_dynamics.exceptions import InputError, UrdfError
+from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, refuse_massless
+from diag_dynamics.model.mimic import refuse_mimics, with_mimics_locked
+from diag_dynamics.model.options import (
+    Options,
+    armature_by_joint,
+    checked_payloads,
+    choice,
+    gravity_vector,
+    locked_positions,
+    mapping,
+    numbers,
+    warn_of_inertias,
 )
 from diag_dynamics.model.tree import Tree
 from diag_dynamics.model.urdf import read_urdf
-
-SINGLE = ("revolute", "continuous", "prismatic")
-"""Joint types of one degree of freedom."""
-
-
-class Payload(NamedTuple):
-    """A rigid body attached to a link, in the link's axes.
-
-    Attributes
-    ----------
-    mass : float
-        [kg].
-    com : array_like, shape (3,)
-        Centre of mass from the link's origin [m].
-    inertia : array_like, shape (3, 3)
-        About the centre of mass [kg m²]; that of a point by default.
-    """
-
-    mass: float
-    com: object = (0.0, 0.0, 0.0)
-    inertia: object = ((0.0,) * 3,) * 3
-
-
-class Options(NamedTuple):
-    """How a robot is to be modelled: the arguments of :func:`load_urdf`, checked."""
-
-    floating_base: bool
-    gravity: np.ndarray
-    mimic: str
-    massless: str
-    locked: dict
-    armature: dict
-    payloads: dict
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +130,7 @@ class RobotModel:
         InputError
             `gravity` is not three finite numbers.
         """
-        gravity = _gravity(gravity)
+        gravity = gravity_vector(gravity)
         return replace(self, gravity=gravity, _options=self._options._replace(gravity=gravity))
 
     def with_payload(self, link, mass, com=(0.0, 0.0, 0.0), inertia=None):
@@ -179,7 +151,7 @@ class RobotModel:
             Without the payload a joint moves no inertia.
         """
         payloads = {name: payload for name, payload in self.payloads.items() if name != link}
-        added = _payloads({link: (mass, com) if inertia is None else (mass, com, inertia)}, self._tree.robot)
+        added = checked_payloads({link: (mass, com) if inertia is None else (mass, com, inertia)}, self._tree.robot)
         payloads |= added
         bodies, links = self._tree.records(self._options.armature, payloads)
         model = replace(
@@ -190,7 +162,7 @@ class RobotModel:
             total_mass=float(links["mass"].sum()),
             _options=self._options._replace(payloads=payloads),
         )
-        _refuse_massless(model, _massless(model))
+        refuse_massless(model, massless_freedoms(model))
         return model
 
     def without_payload(self, link):
@@ -211,7 +183,7 @@ class RobotModel:
             No such joint, one that has not one degree of freedom, or a position that is not a finite number.
         """
         robot = self._tree.robot
-        return _model(robot, self._tree.root, self._options._replace(locked=_locked(locked_joints, robot)))
+        return _model(robot, self._tree.root, self._options._replace(locked=locked_positions(locked_joints, robot)))
 
     def placement_in_root(self, link):
         """Placement (4x4) in the root link of one that is rigidly attached to it.
@@ -244,15 +216,13 @@ class RobotModel:
         InputError
             No such link, or not six finite numbers.
         """
-        _choice("frame", frame, ("link", "world"))
-        _mapping("f_ext", f_ext)
+        choice("frame", frame, ("link", "world"))
+        mapping("f_ext", f_ext)
         records = np.zeros(len(f_ext), sweeps.WRENCH)
         for record, (name, wrench) in zip(records, f_ext.items(), strict=True):
             if name not in self.link_names:
                 raise InputError(f"f_ext: '{name}' is not a link of robot '{self.name}'.")
-            wrench = _numbers(
-                f"f_ext on link '{name}'", wrench, (6,), "six finite numbers, force [N] then moment [N m]"
-            )
+            wrench = numbers(f"f_ext on link '{name}'", wrench, (6,), "six finite numbers, force [N] then moment [N m]")
             _, body, placement = self._tree.links[self.link_names.index(name)]
             turn = np.eye(3) if frame == "world" else placement[:3, :3]
             record["body"], record["point"] = body, placement[:3, 3]
@@ -321,44 +291,44 @@ def load_urdf(
     InertiaWarning
         A link's inertia is not that of any rigid body.
     """
-    _choice("mimic", mimic, ("embed", "free", "lock"))
-    _choice("massless", massless, ("error", "lock"))
-    gravity = _gravity(gravity)
+    choice("mimic", mimic, ("embed", "free", "lock"))
+    choice("massless", massless, ("error", "lock"))
+    gravity = gravity_vector(gravity)
     robot, root = read_urdf(source)
-    _warn_of_inertias(robot)
+    warn_of_inertias(robot)
     options = Options(
         bool(floating_base),
         gravity,
         mimic,
         massless,
-        _locked({} if locked_joints is None else locked_joints, robot),
-        _armature(armature, robot),
-        _payloads({} if payloads is None else payloads, robot),
+        locked_positions({} if locked_joints is None else locked_joints, robot),
+        armature_by_joint(armature, robot),
+        checked_payloads({} if payloads is None else payloads, robot),
     )
     return _model(robot, root, options)
 
 
 def _model(robot, root, options):
     """Model of a robot, following all options."""
-    tree = Tree(robot, root, options.floating_base, _with_mimics_locked(robot, options))
+    tree = Tree(robot, root, options.floating_base, with_mimics_locked(robot, options))
     followers = [joint for joint in tree.joints if joint.joint is not None and joint.joint.mimic is not None]
     if followers and options.mimic == "embed":
-        _refuse_mimics(robot, followers)
+        refuse_mimics(robot, followers)
     model = _model_of(tree, options)
-    found = _massless(model)
+    found = massless_freedoms(model)
     while options.massless == "lock" and len(found[0]):
-        held = _held(model, found)
+        held = positions_to_hold(model, found)
         if not held:
             break
         model = _model_of(Tree(robot, root, options.floating_base, model._tree.locked | held), options)
-        found = _massless(model)
-    _refuse_massless(model, found)
+        found = massless_freedoms(model)
+    refuse_massless(model, found)
     return model
 
 
 def _restored(robot, root, options):
     """Model from its pickled parts, whose arrays have come back writeable."""
-    return _model(robot, root, options._replace(payloads=_payloads(options.payloads, robot)))
+    return _model(robot, root, options._replace(payloads=checked_payloads(options.payloads, robot)))
 
 
 def _model_of(tree, options):
@@ -393,263 +363,3 @@ def _model_of(tree, options):
         _tree=tree,
         _options=options,
     )
-
-
-# --- Options ----------------------------------------------------------------------------------------------
-
-
-def _choice(name, value, choices):
-    if value not in choices:
-        raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(repr, choices))}.")
-
-
-def _gravity(value):
-    return _numbers("gravity", value, (3,), "three finite numbers [m/s²]")
-
-
-def _numbers(name, value, shape, expected):
-    """`value` as a new float array, or an error that says what was expected."""
-    try:
-        array = np.array(value)
-        array = array.astype(float) if array.dtype.kind in "fiu" else np.array(np.nan)
-    except (TypeError, ValueError):
-        array = np.array(np.nan)
-    if array.shape != shape or not np.isfinite(array).all():
-        raise InputError(f"{name} is {value!r}, expected {expected}.")
-    return array
-
-
-def _mapping(name, value):
-    if not isinstance(value, Mapping):
-        raise InputError(f"{name} is {value!r}, expected a dict by name.")
-    return value
-
-
-def _armature(value, robot):
-    """Armature by joint name, from one number or a dict."""
-    single = [joint.name for joint in robot.joints if joint.type in SINGLE]
-    given = {} if value is None else value
-    if not isinstance(given, Mapping):
-        number = float(_numbers("armature", value, (), "a finite number >= 0 or such by joint name"))
-        given = dict.fromkeys(single, number)
-    checked, known = {}, set(single)
-    for name, inertia in given.items():
-        if name not in known:
-            raise InputError(
-                f"armature: {name!r} is not a joint of one degree of freedom of this robot; those are {_some(single)}."
-            )
-        checked[name] = float(_numbers(f"armature of joint '{name}'", inertia, (), "a finite number >= 0"))
-        if checked[name] < 0.0:
-            raise InputError(f"armature of joint '{name}' is {inertia!r}, expected a finite number >= 0.")
-    return checked
-
-
-def _some(names, most=12):
-    return ", ".join(names[:most]) + (", …" if len(names) > most else "")
-
-
-def _locked(value, robot):
-    """Positions of locked joints, checked."""
-    joints = {joint.name: joint for joint in robot.joints}
-    locked = {}
-    for name, position in _mapping("locked_joints", value).items():
-        if name not in joints:
-            raise InputError(f"locked_joints: '{name}' is not a joint of robot '{robot.name}'.")
-        if joints[name].type not in SINGLE:
-            raise InputError(f"locked_joints: joint '{name}' is {joints[name].type}, expected one degree of freedom.")
-        expected = "a finite number [rad, m]"
-        locked[name] = float(_numbers(f"locked_joints: position of joint '{name}'", position, (), expected))
-    return locked
-
-
-def _payloads(value, robot):
-    """Payloads as :class:`Payload` of read-only arrays, checked; those without mass are none."""
-    links = {link.name for link in robot.links}
-    checked = {}
-    for name, given in _mapping("payloads", value).items():
-        try:
-            known = name in links
-        except TypeError:
-            known = False
-        if not known:
-            raise InputError(f"payloads: {name!r} is not a link of robot '{robot.name}'.")
-        try:
-            mass, com, inertia = Payload(*given)
-        except TypeError as error:
-            raise InputError(f"payloads: '{name}' has {given!r}, expected (mass, com, inertia).") from error
-        expected = "a finite number >= 0 [kg]"
-        mass = float(_numbers(f"payloads: mass on link '{name}'", mass, (), expected))
-        if mass < 0.0:
-            raise InputError(f"payloads: mass on link '{name}' is {mass}, expected {expected}.")
-        com = _numbers(f"payloads: com on link '{name}'", com, (3,), "three finite numbers [m]")
-        inertia = _numbers(f"payloads: inertia on link '{name}'", inertia, (3, 3), "3 x 3 finite numbers [kg m²]")
-        reason = _not_physical(inertia, mass)
-        if reason or not np.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0):
-            raise InputError(f"payloads: inertia on link '{name}' is {inertia.tolist()}, {reason or 'not symmetric'}.")
-        com.flags.writeable = inertia.flags.writeable = False
-        if mass > 0.0:
-            checked[name] = Payload(mass, com, inertia)
-    return checked
-
-
-# --- Mimic joints -----------------------------------------------------------------------------------------
-
-
-def _refuse_mimics(robot, followers):
-    """Raise, for want of embedding or because a leader does not exist."""
-    names = {joint.name for joint in robot.joints}
-    for follower in followers:
-        leader = follower.joint.mimic.joint
-        if leader not in names:
-            raise UrdfError(
-                f"joint '{follower.name}': it mimics '{leader}', which is not a joint of this URDF. "
-                "mimic='free' treats it as an independent joint."
-            )
-    listed = ", ".join(joint.name for joint in followers)
-    raise MimicJointError(
-        f"robot '{robot.name}' has mimic joints ({listed}), and exact embedding of their coupling is not there yet. "
-        "mimic='free' treats them as independent joints, mimic='lock' locks them.",
-        [joint.name for joint in followers],
-    )
-
-
-def _with_mimics_locked(robot, options):
-    """Locked joints, and the followers that are locked with them: all of them, or those of leaders that are locked."""
-    locked = dict(options.locked)
-    if options.mimic == "free":
-        return locked
-    joints = {joint.name: joint for joint in robot.joints}
-    for joint in robot.joints:
-        if joint.mimic is None or joint.name in locked or joint.type == "fixed":
-            continue
-        if options.mimic == "lock" or _leader(joint, joints, options.locked) in options.locked:
-            locked[joint.name] = _follow(joint, joints, options.locked)
-    return locked
-
-
-def _leader(joint, joints, locked):
-    """Name of the joint that a follower follows in the end."""
-    seen = set()
-    while (
-        joint.mimic is not None and joint.name not in locked and joint.name not in seen and joint.mimic.joint in joints
-    ):
-        seen.add(joint.name)
-        joint = joints[joint.mimic.joint]
-    return joint.name
-
-
-def _follow(joint, joints, locked):
-    """Position of a mimic joint with its leader as locked, or at zero."""
-    position, scale, seen = 0.0, 1.0, []
-    while joint.mimic is not None and joint.name not in locked:
-        if joint.name in seen:
-            raise UrdfError(f"joint '{joint.name}' mimics itself through {', '.join(seen)}.")
-        seen.append(joint.name)
-        position += scale * (joint.mimic.offset or 0.0)
-        scale *= 1.0 if joint.mimic.multiplier is None else joint.mimic.multiplier
-        if joint.mimic.joint not in joints:
-            raise UrdfError(
-                f"joint '{joint.name}': it mimics '{joint.mimic.joint}', which is not a joint of this URDF."
-            )
-        joint = joints[joint.mimic.joint]
-    return position + scale * locked.get(joint.name, 0.0)
-
-
-# --- Inertias ---------------------------------------------------------------------------------------------
-
-
-def _not_physical(inertia, mass):
-    """Why an inertia about the centre of mass is that of no rigid body, or None."""
-    moments = np.linalg.eigvalsh(inertia)
-    # A radius of gyration of a micrometre is that of a point.
-    rounding = max(1e-6 * np.abs(moments).max(), 1e-12 * mass)
-    if moments[0] < -rounding:
-        return f"whose principal moments {_short(moments)} are not all positive"
-    if moments[2] > moments[0] + moments[1] + rounding:
-        return f"whose principal moments {_short(moments)} break the triangle inequality"
-    return None
-
-
-def _short(numbers):
-    return ", ".join(f"{number:.3g}" for number in numbers)
-
-
-def _warn_of_inertias(robot):
-    for link in robot.links:
-        reason = None if link.inertial is None else _not_physical(link.inertial.inertia, link.inertial.mass)
-        if reason:
-            text = f"link '{link.name}' of robot '{robot.name}' has an inertia {reason}: no rigid body is like that."
-            warnings.warn(text, InertiaWarning, stacklevel=3)
-
-
-def _massless(model):
-    """Degrees of freedom that move no inertia in any of a few configurations, and the smallest D of every one.
-
-    At a single configuration M may be merely singular there.
-    """
-    rng = np.random.default_rng(0)
-    work = np.zeros(len(model.bodies), sweeps.WORK)
-    smallest, massless = np.full(model.nv, np.inf), np.ones(model.nv, dtype=bool)
-    for spread in (0.0, 1.0, 1.0, 1.0):
-        q = model.neutral
-        turning = np.array(
-            [not name.endswith(("/qx", "/qy", "/qz", "/qw")) for name in model.coordinate_names], dtype=bool
-        )
-        q[turning] += spread * rng.uniform(-1.0, 1.0, turning.sum())
-        D, magnitude = np.zeros(model.nv), np.zeros(model.nv)
-        sweeps.joint_inertias(model.bodies, q, work, D, magnitude)
-        massless &= ~(sweeps.SINGULAR * magnitude < D)
-        smallest = np.minimum(smallest, D)
-    return np.flatnonzero(massless), smallest
-
-
-def _joints_of_dofs(model):
-    """The joint of each degree of freedom."""
-    return [joint for joint in model._tree.joints for _ in joint.dof_names]
-
-
-MOST_LISTED = 50
-"""Joints that a message lists at most."""
-
-
-def _refuse_massless(model, found):
-    """Raise, naming all joints that move no inertia, and their cures."""
-    massless, smallest = found
-    if not len(massless):
-        return
-    joints = _joints_of_dofs(model)
-    heavy = model._tree.joints_with_inertia()
-    lines = []
-    for k in massless[:MOST_LISTED]:
-        joint = joints[k]
-        link = joint.joint.child if joint.joint else model.root_link
-        why = "has little inertia about that axis" if joint.name in heavy else "has no <inertial>"
-        lines.append(f"  joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): link '{link}' {why}")
-    if len(massless) > MOST_LISTED:
-        lines.append(f"  … and {len(massless) - MOST_LISTED} more")
-    lines.append("Give the link mass and inertia in the URDF, or make the joint fixed.")
-    single = next((joints[k].name for k in massless if joints[k].is_single), None)
-    if single is not None:
-        lines[-1] += (
-            f" Or give the joint a rotor inertia, armature={{'{single}': …}}, or lock it, "
-            f"locked_joints={{'{single}': 0.0}} or massless='lock'."
-        )
-    raise MasslessLinkError(
-        f"robot '{model.name}' has {len(massless)} joint(s) that move no inertia, which makes its mass matrix "
-        "singular:\n" + "\n".join(lines),
-        [model.dof_names[k] for k in massless],
-        smallest[massless],
-    )
-
-
-def _held(model, found):
-    """Positions at which joints that move no inertia are locked: zero, or their limit next to it."""
-    joints = _joints_of_dofs(model)
-    held = {}
-    for k in found[0]:
-        if joints[k].is_single:
-            lower, upper = (
-                joints[k].number("limit", side, sign * np.inf) for side, sign in (("lower", -1), ("upper", 1))
-            )
-            held[joints[k].name] = float(np.clip(0.0, lower, upper))
-    return held

@@ -1,0 +1,79 @@
+"""Joints that move no inertia and so make the mass matrix singular: found by the recursion itself, named, or held."""
+
+import numpy as np
+
+from diag_dynamics import sweeps
+from diag_dynamics.exceptions import MasslessLinkError
+
+
+def massless_freedoms(model):
+    """Degrees of freedom that move no inertia in any of a few configurations, and the smallest D of every one.
+
+    At a single configuration M may be merely singular there.
+    """
+    rng = np.random.default_rng(0)
+    work = np.zeros(len(model.bodies), sweeps.WORK)
+    smallest, massless = np.full(model.nv, np.inf), np.ones(model.nv, dtype=bool)
+    for spread in (0.0, 1.0, 1.0, 1.0):
+        q = model.neutral
+        turning = np.array(
+            [not name.endswith(("/qx", "/qy", "/qz", "/qw")) for name in model.coordinate_names], dtype=bool
+        )
+        q[turning] += spread * rng.uniform(-1.0, 1.0, turning.sum())
+        D, magnitude = np.zeros(model.nv), np.zeros(model.nv)
+        sweeps.joint_inertias(model.bodies, q, work, D, magnitude)
+        massless &= ~(sweeps.SINGULAR * magnitude < D)
+        smallest = np.minimum(smallest, D)
+    return np.flatnonzero(massless), smallest
+
+
+def _joints_of_dofs(model):
+    """The joint of each degree of freedom."""
+    return [joint for joint in model._tree.joints for _ in joint.dof_names]
+
+
+MOST_LISTED = 50
+"""Joints that a message lists at most."""
+
+
+def refuse_massless(model, found):
+    """Raise, naming all joints that move no inertia, and their cures."""
+    massless, smallest = found
+    if not len(massless):
+        return
+    joints = _joints_of_dofs(model)
+    heavy = model._tree.joints_with_inertia()
+    lines = []
+    for k in massless[:MOST_LISTED]:
+        joint = joints[k]
+        link = joint.joint.child if joint.joint else model.root_link
+        why = "has little inertia about that axis" if joint.name in heavy else "has no <inertial>"
+        lines.append(f"  joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): link '{link}' {why}")
+    if len(massless) > MOST_LISTED:
+        lines.append(f"  … and {len(massless) - MOST_LISTED} more")
+    lines.append("Give the link mass and inertia in the URDF, or make the joint fixed.")
+    single = next((joints[k].name for k in massless if joints[k].is_single), None)
+    if single is not None:
+        lines[-1] += (
+            f" Or give the joint a rotor inertia, armature={{'{single}': …}}, or lock it, "
+            f"locked_joints={{'{single}': 0.0}} or massless='lock'."
+        )
+    raise MasslessLinkError(
+        f"robot '{model.name}' has {len(massless)} joint(s) that move no inertia, which makes its mass matrix "
+        "singular:\n" + "\n".join(lines),
+        [model.dof_names[k] for k in massless],
+        smallest[massless],
+    )
+
+
+def positions_to_hold(model, found):
+    """Positions at which joints that move no inertia are locked: zero, or their limit next to it."""
+    joints = _joints_of_dofs(model)
+    held = {}
+    for k in found[0]:
+        if joints[k].is_single:
+            lower, upper = (
+                joints[k].number("limit", side, sign * np.inf) for side, sign in (("lower", -1), ("upper", 1))
+            )
+            held[joints[k].name] = float(np.clip(0.0, lower, upper))
+    return held

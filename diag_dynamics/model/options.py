@@ -1,0 +1,164 @@
+"""How a robot is to be modelled: the arguments of load_urdf, checked, each wrong one named."""
+
+import warnings
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.exceptions import InertiaWarning, InputError
+
+SINGLE = ("revolute", "continuous", "prismatic")
+"""Joint types of one degree of freedom."""
+
+
+class Payload(NamedTuple):
+    """A rigid body attached to a link, in the link's axes.
+
+    Attributes
+    ----------
+    mass : float
+        [kg].
+    com : array_like, shape (3,)
+        Centre of mass from the link's origin [m].
+    inertia : array_like, shape (3, 3)
+        About the centre of mass [kg m²]; that of a point by default.
+    """
+
+    mass: float
+    com: object = (0.0, 0.0, 0.0)
+    inertia: object = ((0.0,) * 3,) * 3
+
+
+class Options(NamedTuple):
+    """How a robot is to be modelled: the arguments of :func:`load_urdf`, checked."""
+
+    floating_base: bool
+    gravity: np.ndarray
+    mimic: str
+    massless: str
+    locked: dict
+    armature: dict
+    payloads: dict
+
+
+def choice(name, value, choices):
+    """Refuse a value that is none of the choices."""
+    if value not in choices:
+        raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(repr, choices))}.")
+
+
+def gravity_vector(value):
+    """Acceleration of gravity as a new array."""
+    return numbers("gravity", value, (3,), "three finite numbers [m/s²]")
+
+
+def numbers(name, value, shape, expected):
+    """`value` as a new float array, or an error that says what was expected."""
+    try:
+        array = np.array(value)
+        array = array.astype(float) if array.dtype.kind in "fiu" else np.array(np.nan)
+    except (TypeError, ValueError):
+        array = np.array(np.nan)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise InputError(f"{name} is {value!r}, expected {expected}.")
+    return array
+
+
+def mapping(name, value):
+    """The value, if it is a dict."""
+    if not isinstance(value, Mapping):
+        raise InputError(f"{name} is {value!r}, expected a dict by name.")
+    return value
+
+
+def armature_by_joint(value, robot):
+    """Armature by joint name, from one number or a dict."""
+    single = [joint.name for joint in robot.joints if joint.type in SINGLE]
+    given = {} if value is None else value
+    if not isinstance(given, Mapping):
+        number = float(numbers("armature", value, (), "a finite number >= 0 or such by joint name"))
+        given = dict.fromkeys(single, number)
+    checked, known = {}, set(single)
+    for name, inertia in given.items():
+        if name not in known:
+            raise InputError(
+                f"armature: {name!r} is not a joint of one degree of freedom of this robot; those are {_some(single)}."
+            )
+        checked[name] = float(numbers(f"armature of joint '{name}'", inertia, (), "a finite number >= 0"))
+        if checked[name] < 0.0:
+            raise InputError(f"armature of joint '{name}' is {inertia!r}, expected a finite number >= 0.")
+    return checked
+
+
+def _some(names, most=12):
+    return ", ".join(names[:most]) + (", …" if len(names) > most else "")
+
+
+def locked_positions(value, robot):
+    """Positions of locked joints, checked."""
+    joints = {joint.name: joint for joint in robot.joints}
+    locked = {}
+    for name, position in mapping("locked_joints", value).items():
+        if name not in joints:
+            raise InputError(f"locked_joints: '{name}' is not a joint of robot '{robot.name}'.")
+        if joints[name].type not in SINGLE:
+            raise InputError(f"locked_joints: joint '{name}' is {joints[name].type}, expected one degree of freedom.")
+        expected = "a finite number [rad, m]"
+        locked[name] = float(numbers(f"locked_joints: position of joint '{name}'", position, (), expected))
+    return locked
+
+
+def checked_payloads(value, robot):
+    """Payloads as :class:`Payload` of read-only arrays, checked; those without mass are none."""
+    links = {link.name for link in robot.links}
+    checked = {}
+    for name, given in mapping("payloads", value).items():
+        try:
+            known = name in links
+        except TypeError:
+            known = False
+        if not known:
+            raise InputError(f"payloads: {name!r} is not a link of robot '{robot.name}'.")
+        try:
+            mass, com, inertia = Payload(*given)
+        except TypeError as error:
+            raise InputError(f"payloads: '{name}' has {given!r}, expected (mass, com, inertia).") from error
+        expected = "a finite number >= 0 [kg]"
+        mass = float(numbers(f"payloads: mass on link '{name}'", mass, (), expected))
+        if mass < 0.0:
+            raise InputError(f"payloads: mass on link '{name}' is {mass}, expected {expected}.")
+        com = numbers(f"payloads: com on link '{name}'", com, (3,), "three finite numbers [m]")
+        inertia = numbers(f"payloads: inertia on link '{name}'", inertia, (3, 3), "3 x 3 finite numbers [kg m²]")
+        reason = not_physical(inertia, mass)
+        if reason or not np.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0):
+            raise InputError(f"payloads: inertia on link '{name}' is {inertia.tolist()}, {reason or 'not symmetric'}.")
+        com.flags.writeable = inertia.flags.writeable = False
+        if mass > 0.0:
+            checked[name] = Payload(mass, com, inertia)
+    return checked
+
+
+def not_physical(inertia, mass):
+    """Why an inertia about the centre of mass is that of no rigid body, or None."""
+    moments = np.linalg.eigvalsh(inertia)
+    # A radius of gyration of a micrometre is that of a point.
+    rounding = max(1e-6 * np.abs(moments).max(), 1e-12 * mass)
+    if moments[0] < -rounding:
+        return f"whose principal moments {_short(moments)} are not all positive"
+    if moments[2] > moments[0] + moments[1] + rounding:
+        return f"whose principal moments {_short(moments)} break the triangle inequality"
+    return None
+
+
+def _short(numbers):
+    return ", ".join(f"{number:.3g}" for number in numbers)
+
+
+def warn_of_inertias(robot):
+    """Warn of every link whose inertia is that of no rigid body."""
+    for link in robot.links:
+        reason = None if link.inertial is None else not_physical(link.inertial.inertia, link.inertial.mass)
+        if reason:
+            text = f"link '{link.name}' of robot '{robot.name}' has an inertia {reason}: no rigid body is like that."
+            warnings.warn(text, InertiaWarning, stacklevel=3)
