@@ -207,6 +207,7 @@ class DiagonalDynamics:
             tau -= self.friction_torque(qd)
         if _given(f_ext):
             tau += self._effort_of(f_ext, frame)
+        _check_sum(tau, friction, f_ext)
         qdd = np.empty(self.model.nv)
         status = sweeps.forward_dynamics(self.model.bodies, self.model.gravity, q, qd, tau, self._work, qdd)
         self._checked(status, qd=qd, tau=tau)
@@ -223,6 +224,7 @@ class DiagonalDynamics:
             tau += self.friction_torque(qd)
         if _given(f_ext):
             tau -= self._effort_of(f_ext, frame)
+        _check_sum(tau, friction, f_ext)
         return tau
 
     def friction_torque(self, qd):
@@ -345,13 +347,11 @@ class DiagonalDynamics:
             for name, value in zip(coordinates if argument == "q" else names, values, strict=True):
                 if not np.isfinite(value):
                     raise InputError(f"{argument} of joint '{name}' is {value}, expected a finite number.")
-        for k, name in enumerate(coordinates):
-            if (
-                name.endswith("/qw")
-                and abs(self._q[k - 3 : k + 1] @ self._q[k - 3 : k + 1] - 1.0) >= sweeps.UNIT_TOLERANCE
-            ):
+        for k, orientation in enumerate(self.model._tree.orientations):
+            quaternion = self._q[k - 3 : k + 1]
+            if orientation == 3 and abs(quaternion @ quaternion - 1.0) >= sweeps.UNIT_TOLERANCE:
                 raise InputError(
-                    f"q of joint '{name.removesuffix('/qw')}' has the quaternion {self._q[k - 3 : k + 1].tolist()} "
+                    f"q of joint '{coordinates[k].rpartition('/')[0]}' has the quaternion {quaternion.tolist()} "
                     "(x, y, z, w), expected one of length 1."
                 )
         raise InputError(f"{', '.join(['q', *inputs])} are too large: a result overflows.")
@@ -364,6 +364,12 @@ _NO_GRAVITY.flags.writeable = False
 def _check_frame(frame):
     if frame not in ("link", "world"):
         raise InputError(f"frame is {frame!r}, expected 'link' or 'world'.")
+
+
+def _check_sum(tau, friction, f_ext):
+    """Refuse what only wrenches or friction have made infinite."""
+    if (friction or _given(f_ext)) and not np.isfinite(tau).all():
+        raise InputError("tau, f_ext or friction are not finite or too large: their sum is not a finite number.")
 
 
 def _given(f_ext):

@@ -132,11 +132,11 @@ def test_base_from_odometry(rig):
 def test_wrong_frame_is_named_and_nothing_comes_of_it(rig):
     """Odometry of a link that moves against the root, or of none, is rejected by name; then all is well again."""
     rig.answer()
-    for child in ("FL_FOOT", "nowhere"):
+    for child in ("FL_FOOT", "nowhere", ""):
         rig.reports.clear()
         rig.odom.publish(rig.odometry(rig.now + S, child=child))
         rig.peer.wait_until(
-            lambda child=child: any(child in r.message for r in rig.reports), f"a report of {child}", 30
+            lambda child=child: any((child or "empty") in r.message for r in rig.reports), f"a report of {child}", 30
         )
     check(rig, *rig.answer())
 
@@ -154,3 +154,26 @@ def test_odometry_of_an_attached_link_in_the_header_frame(peer):
     rig = Rig(peer, "/camera", description=None, odom_twist_frame="header")
     with rig.process:
         check(rig, *rig.answer(child="camera", attached=attached, in_header=True))
+
+
+def test_robot_that_is_all_base(peer):
+    """A drone has no joint, so odometry alone makes a state; one without a stamp has that of its reception, and says so."""
+    node = "/drone/diag_dynamics"
+    odom = peer.publisher(Odometry, "/drone/odom")
+    states = peer.topic(DiagonalizedState, f"{node}/state")
+    message = Odometry(child_frame_id="base_link")
+    message.pose.pose.orientation.w = 1.0
+    message.twist.twist.linear.x = 2.0
+    drone = robot_path("hector_description/robots/quadrotor_base.urdf")
+    with node_process("monitor", "-r", "__ns:=/drone", robot_description=drone, floating_base=True):
+        peer.wait_until(odom.get_subscription_count, "the subscription to odom", 60)
+        for _ in range(60):
+            odom.publish(message)
+            with contextlib.suppress(AssertionError):
+                peer.wait_until(lambda: states.messages, "a state", 0.5)
+                break
+        state = states.messages[-1]
+    mass = 1.477
+    assert len(state.nu) == 6
+    assert state.kinetic_energy == pytest.approx(0.5 * mass * 2.0**2)
+    assert state.stamp_is_receive_time

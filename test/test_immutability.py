@@ -236,3 +236,41 @@ def test_payload_of_a_locked_and_fixed_link_counts_at_its_place():
     loaded = panda.with_payload("panda_link0", 5.0, (1.0, 2.0, 3.0))
     assert loaded.total_mass == panda.total_mass + 5.0
     assert answers(loaded) == answers(panda)
+
+
+HELD = robots.description(
+    "held",
+    robots.link("base"),
+    robots.link("arm", mass=1.0, com=(0.1, 0, 0), inertia=(0.1, 0, 0, 0.1, 0, 0.1)),
+    robots.link("tip"),
+    robots.joint("swing", "revolute", "base", "arm"),
+    robots.joint("twist", "revolute", "arm", "tip", axis=(0, 1, 0)),
+)
+
+
+def test_what_massless_lock_holds_stays_held():
+    """A payload neither frees a joint that was held nor is its loss an error, and copies are of the same robot."""
+    held = dd.load_urdf(HELD, massless="lock")
+    loaded = held.with_payload("tip", 1.0, (0.1, 0, 0))
+    for model in (
+        held,
+        loaded,
+        pickle.loads(pickle.dumps(loaded)),
+        copy.deepcopy(loaded),
+        loaded.without_payload("tip"),
+    ):
+        assert model.dof_names == ("swing",)
+        assert dict(model.locked_joints) == {"twist": 0.0}
+    # Decided anew only where locks are.
+    assert loaded.with_locked_joints({}).dof_names == ("swing", "twist")
+
+
+def test_rotated_payload_is_symmetric_enough():
+    """Rounding of a rotated inertia is no asymmetry."""
+    model = dd.load_urdf(HELD, massless="lock")
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        inertia = turn @ np.diag([0.1, 0.1, 0.1]) @ turn.T
+        kept = model.with_payload("tip", 1.0, inertia=inertia).payloads["tip"].inertia
+        np.testing.assert_array_equal(kept, kept.T)

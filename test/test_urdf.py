@@ -217,6 +217,17 @@ BROKEN = {
         dd.UrdfError,
         "The URDF has a DOCTYPE, which is not accepted: entities are never expanded.",
     ),
+    "entity behind a decoy": (
+        '<!-- <robot --><!DOCTYPE robot [<!ENTITY m "7">]>'
+        + arm().replace('<mass value="2.0"/>', '<mass value="&m;"/>'),
+        dd.UrdfError,
+        "The URDF has a DOCTYPE, which is not accepted: entities are never expanded.",
+    ),
+    "entity as content behind a decoy": (
+        '<!-- <robot --><!DOCTYPE robot [<!ENTITY m "7">]>' + arm().replace("</robot>", "&m;</robot>"),
+        dd.UrdfError,
+        "The URDF has a DOCTYPE, which is not accepted: entities are never expanded.",
+    ),
     "external entity": (
         '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="r"><link name="&a;"/></robot>',
         dd.UrdfError,

@@ -3,6 +3,7 @@
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.options import numbers
 from diag_dynamics.spatial import rotation_of_quaternion
 
 
@@ -38,9 +39,7 @@ def base_state(model, link, position, quaternion, twist, twist_in_world=False):
     """
     values = {"position": (position, 3), "orientation": (quaternion, 4), "twist": (twist, 6)}
     for name, (value, length) in values.items():
-        array = np.asarray(value, dtype=float)
-        if array.shape != (length,) or not np.isfinite(array).all():
-            raise InputError(f"{name} of '{link}' is {value!r}, expected {length} finite numbers.")
+        numbers(f"{name} of '{link}'", value, (length,), f"{length} finite numbers")
     length = float(np.linalg.norm(quaternion))
     if abs(length - 1.0) > 1e-2:
         raise InputError(f"orientation of '{link}' is the quaternion {list(quaternion)} of length {length:.3g}, not 1.")

@@ -16,9 +16,7 @@ def massless_freedoms(model):
     smallest, massless = np.full(model.nv, np.inf), np.ones(model.nv, dtype=bool)
     for spread in (0.0, 1.0, 1.0, 1.0):
         q = model.neutral
-        turning = np.array(
-            [not name.endswith(("/qx", "/qy", "/qz", "/qw")) for name in model.coordinate_names], dtype=bool
-        )
+        turning = np.array([orientation < 0 for orientation in model._tree.orientations], dtype=bool)
         q[turning] += spread * rng.uniform(-1.0, 1.0, turning.sum())
         D, magnitude = np.zeros(model.nv), np.zeros(model.nv)
         sweeps.joint_inertias(model.bodies, q, work, D, magnitude)

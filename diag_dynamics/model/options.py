@@ -40,6 +40,7 @@ class Options(NamedTuple):
     locked: dict
     armature: dict
     payloads: dict
+    held: dict | None = None  # joints that massless="lock" has locked; None before that was decided
 
 
 def choice(name, value, choices):
@@ -131,8 +132,9 @@ def checked_payloads(value, robot):
         com = numbers(f"payloads: com on link '{name}'", com, (3,), "three finite numbers [m]")
         inertia = numbers(f"payloads: inertia on link '{name}'", inertia, (3, 3), "3 x 3 finite numbers [kg m²]")
         reason = not_physical(inertia, mass)
-        if reason or not np.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0):
+        if reason or np.abs(inertia - inertia.T).max() > 1e-9 * np.abs(inertia).max():
             raise InputError(f"payloads: inertia on link '{name}' is {inertia.tolist()}, {reason or 'not symmetric'}.")
+        inertia = 0.5 * (inertia + inertia.T)
         com.flags.writeable = inertia.flags.writeable = False
         if mass > 0.0:
             checked[name] = Payload(mass, com, inertia)

@@ -120,7 +120,7 @@ class RobotModel:
     @property
     def neutral(self):
         """Positions of zero, floating joints at the identity; shape (nq,)."""
-        return np.array([1.0 if name.endswith("/qw") else 0.0 for name in self.coordinate_names])
+        return np.array([1.0 if orientation == 3 else 0.0 for orientation in self._tree.orientations])
 
     def with_gravity(self, gravity):
         """Return this model with another acceleration of gravity [m/s²], shape (3,); everything else is shared.
@@ -141,7 +141,7 @@ class RobotModel:
         link : str
             Name of the link.
         mass, com, inertia
-            See :class:`Payload`. Mass 0 takes the payload off.
+            See :class:`Payload`. Mass 0 takes the payload off. Joints that ``massless="lock"`` holds stay held.
 
         Raises
         ------
@@ -150,6 +150,8 @@ class RobotModel:
         MasslessLinkError
             Without the payload a joint moves no inertia.
         """
+        if link not in self.link_names:
+            raise InputError(f"payloads: {link!r} is not a link of robot '{self.name}'.")
         payloads = {name: payload for name, payload in self.payloads.items() if name != link}
         added = checked_payloads({link: (mass, com) if inertia is None else (mass, com, inertia)}, self._tree.robot)
         payloads |= added
@@ -172,6 +174,8 @@ class RobotModel:
     def with_locked_joints(self, locked_joints):
         """Return this model with exactly these joints held, and those that the options of load_urdf lock besides.
 
+        What ``massless="lock"`` has to hold is decided anew.
+
         Parameters
         ----------
         locked_joints : dict
@@ -183,7 +187,8 @@ class RobotModel:
             No such joint, one that has not one degree of freedom, or a position that is not a finite number.
         """
         robot = self._tree.robot
-        return _model(robot, self._tree.root, self._options._replace(locked=locked_positions(locked_joints, robot)))
+        options = self._options._replace(locked=locked_positions(locked_joints, robot), held=None)
+        return _model(robot, self._tree.root, options)
 
     def placement_in_root(self, link):
         """Placement (4x4) in the root link of one that is rigidly attached to it.
@@ -310,20 +315,23 @@ def load_urdf(
 
 def _model(robot, root, options):
     """Model of a robot, following all options."""
-    tree = Tree(robot, root, options.floating_base, with_mimics_locked(robot, options))
+    locked = with_mimics_locked(robot, options)
+    tree = Tree(robot, root, options.floating_base, locked | (options.held or {}))
     followers = [joint for joint in tree.joints if joint.joint is not None and joint.joint.mimic is not None]
     if followers and options.mimic == "embed":
         refuse_mimics(robot, followers)
     model = _model_of(tree, options)
     found = massless_freedoms(model)
-    while options.massless == "lock" and len(found[0]):
-        held = positions_to_hold(model, found)
-        if not held:
+    held = {}
+    while options.massless == "lock" and options.held is None and len(found[0]):
+        more = positions_to_hold(model, found)
+        if not more:
             break
-        model = _model_of(Tree(robot, root, options.floating_base, model._tree.locked | held), options)
+        held |= more
+        model = _model_of(Tree(robot, root, options.floating_base, locked | held), options)
         found = massless_freedoms(model)
     refuse_massless(model, found)
-    return model
+    return model if options.held is not None else replace(model, _options=options._replace(held=held))
 
 
 def _restored(robot, root, options):

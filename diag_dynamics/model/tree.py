@@ -178,6 +178,15 @@ class Tree:
         """Names of all position coordinates."""
         return tuple(name for joint in self.joints for name in joint.coordinate_names)
 
+    @property
+    def orientations(self):
+        """For each position coordinate, which component of a quaternion it is (x y z w: 0 to 3), or -1."""
+        return tuple(
+            max(k - 3, -1) if joint.kind == "floating" else -1
+            for joint in self.joints
+            for k in range(len(COORDINATES[joint.kind]))
+        )
+
     def per_dof(self, element, attribute, default):
         """A number of the URDF for each degree of freedom; those of a joint that has several share it."""
         return np.array(

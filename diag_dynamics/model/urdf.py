@@ -139,8 +139,10 @@ def _parse(data):
             raise UrdfError(f"The URDF is not well-formed XML: {entry.message.strip()} (line {entry.line})")
     if robot is None:
         raise UrdfError("The URDF is not well-formed XML: it has no element.")
+    if robot.getroottree().docinfo.internalDTD is not None:  # whatever stood before it in the text
+        raise UrdfError("The URDF has a DOCTYPE, which is not accepted: entities are never expanded.")
     _check_xacro(robot)
-    for element in robot.iter():
+    for element in robot.iter(etree.Element):
         if element.prefix is None:  # a default namespace, as some schemas ask for, says nothing to us
             element.tag = _tag(element)
     if robot.tag != "robot":
@@ -154,7 +156,7 @@ def _tag(element):
 
 def _check_xacro(robot):
     """Refuse a document that xacro has yet to expand."""
-    for element in robot.iter():
+    for element in robot.iter(etree.Element):
         if element.tag.startswith("xacro:") or ("xacro" in element.tag.partition("}")[0] and "}" in element.tag):
             raise UrdfError(
                 f"The URDF contains <xacro:{_tag(element)}>: it is unexpanded xacro. Run xacro on it first."
@@ -236,7 +238,7 @@ def _check_joint_numbers(joint, name):
         value = joint.find("dynamics").get(attribute, "0") if joint.find("dynamics") is not None else "0"
         if float(value) < 0.0:
             raise UrdfError(f"joint '{name}': {attribute} {value} is negative.")
-    limit = joint.find("limit")
+    limit = joint.find("limit") if joint.get("type") in ("revolute", "prismatic") else None
     if limit is not None and float(limit.get("lower", "-inf")) > float(limit.get("upper", "inf")):
         raise UrdfError(
             f"joint '{name}': lower limit {limit.get('lower')} is above the upper one, {limit.get('upper')}."

@@ -34,6 +34,11 @@ def to_time(nanoseconds):
     return Time(sec=sec, nanosec=nanosec)
 
 
+def _power(s):
+    """νᵀ(ε − ε_g), as the messages say: without the wrenches and the friction that an Evaluation may hold."""
+    return 0.0 if s.epsilon is None else float(s.nu @ (s.epsilon - s.gravity))
+
+
 class MessageMaker:
     """Messages about one model, whose names and frame they share."""
 
@@ -80,7 +85,7 @@ class MessageMaker:
         message.base_energy = s.base_energy
         message.link_names, message.link_energy = self._links, doubles(s.link_energy)
         message.power_valid = s.power is not None
-        message.power = s.power or 0.0
+        message.power = _power(s)
         return message
 
     def mass_matrix_factors(self, stamp, factors, with_inverse, state):
@@ -110,7 +115,7 @@ class MessageMaker:
         message.coriolis, message.gravity = doubles(s.coriolis), doubles(s.gravity)
         message.friction, message.friction_valid = doubles(s.friction), s.friction is not None
         message.articulated_inertia = doubles(s.articulated_inertia)
-        message.kinetic_energy, message.power = s.kinetic_energy, s.power or 0.0
+        message.kinetic_energy, message.power = s.kinetic_energy, _power(s)
         return message
 
 

@@ -1,8 +1,10 @@
 """The monitor node: joint_states and robot_description in, diagonalized dynamics out."""
 
+import codecs
 import sys
 from collections import Counter
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
@@ -23,7 +25,7 @@ from diag_dynamics.msg import (
     WorkingMoments,
 )
 from diag_dynamics.nodes.diagnostics import Diagnostics
-from diag_dynamics.nodes.joint_states import JointStateAssembler, RejectedError
+from diag_dynamics.nodes.joint_states import JointStateAssembler, RejectedError, RobotState
 from diag_dynamics.nodes.messages import MessageMaker, to_time
 from diag_dynamics.nodes.odometry import OdometryBase
 from diag_dynamics.nodes.parameters import Spec, declare, wrong
@@ -133,8 +135,9 @@ class MonitorNode(Node):
     # --- The model ---
 
     def _take_description(self, message):
-        # What comes from a topic is text and never a path: bytes are not looked up.
-        self._load(message.data.encode(errors="replace"))
+        # What comes from a topic is text and never a path: bytes are not looked up. It has been decoded already, whatever
+        # encoding it declares, which the byte-order mark says.
+        self._load(codecs.BOM_UTF8 + message.data.lstrip("\ufeff").encode(errors="replace"))
 
     def _load(self, description):
         """Make a new robot the one in force; keep the old one if the new one is not valid."""
@@ -150,6 +153,13 @@ class MonitorNode(Node):
             self._description_error = str(error)
             self.get_logger().error(f"robot_description refused{kept}: {error}")
             return
+        except Exception as error:  # nothing that arrives may end the node
+            self._description_error = f"internal error: {error!r}"
+            self.get_logger().error(f"robot_description refused: {error!r}")
+            return
+        if self._dynamics and self._dynamics.model.payloads:
+            gone = ", ".join(self._dynamics.model.payloads)
+            self.get_logger().warning(f"The payloads on {gone} are gone with the robot_description they belonged to.")
         self._description, self._description_error = description, ""
         self._use(model, dynamics)
         self._assembler = JointStateAssembler(single_joints(model), self._values["joint_timeout"])
@@ -177,7 +187,13 @@ class MonitorNode(Node):
     def _take_odometry(self, message):
         self._counts["odometry received"] += 1
         if self._base is not None:
-            self._guarded(lambda: self._base.update(message, self._now()))
+            self._guarded(lambda: self._use_odometry(message))
+
+    def _use_odometry(self, message):
+        self._base.update(message, self._now())
+        if not self._assembler.names:  # a robot that is all base: no joint state will ever come
+            nothing, at = np.zeros(0), self._base.stamp
+            self._evaluate(RobotState(nothing, nothing, None, at, at, False))
 
     def _evaluate(self, state):
         if state is not None and self._base is not None:
@@ -283,6 +299,8 @@ class MonitorNode(Node):
             return DiagnosticStatus.OK, "publishing"
         if rejected:
             return DiagnosticStatus.WARN, f"{rejected} messages rejected: {self._last_rejection}"
+        if recent["before odometry"]:
+            return DiagnosticStatus.WARN, f"no odometry yet on {self.resolve_topic_name('odom')}"
         missing = self._assembler.missing
         if recent["received"] and missing:
             return DiagnosticStatus.WARN, f"joints that never arrived: {', '.join(missing)}"
