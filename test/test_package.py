@@ -184,7 +184,10 @@ def test_package_xml_is_complete():
 def test_installs_without_ros(tmp_path):
     """pip makes a wheel that holds every module of the library, and imports where there is no ROS."""
     command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "-q", "-w", str(tmp_path)]
-    pytest.importorskip("setuptools", minversion="77", reason="setuptools 77 builds the wheel")
+    if os.environ.get("DIAG_DYNAMICS_REQUIRE_ROS") != "1":
+        pytest.importorskip(
+            "setuptools", minversion="77", reason="setuptools 77, which builds the wheel, is not installed"
+        )
     subprocess.run([*command, str(ROOT)], check=True, capture_output=True, timeout=300)
     (wheel,) = tmp_path.glob("*.whl")
     target = tmp_path / "site"
