@@ -11,11 +11,12 @@ __version__ = "0.1.0"
 # Loaded when first asked for: who imports only a message shall not wait for a compiler and a URDF library.
 _HOME = {
     "load_urdf": "model",
+    "Mimic": "model",
     "Payload": "model",
     "RobotModel": "model",
     "DiagonalDynamics": "dynamics",
-    "Evaluation": "dynamics",
-    "Factors": "dynamics",
+    "Evaluation": "results",
+    "Factors": "results",
     "DiagDynamicsError": "exceptions",
     "InputError": "exceptions",
     "ModelError": "exceptions",

@@ -1,127 +1,15 @@
 """DiagonalDynamics: the dynamics of one robot, as users call it."""
 
+import math
 from contextlib import suppress
-from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
 from diag_dynamics import sweeps
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError, UnsupportedError
 from diag_dynamics.model import RobotModel
-
-
-class Evaluation:
-    """Everything the sweeps compute at one state; arrays have shape (nv,) unless said otherwise.
-
-    The equation of motion is ``d(nu)/dt + coriolis + gravity = epsilon``, with ``+ external`` on the right and
-    ``+ friction`` on the left where these were asked for (Jain and Rodriguez 1995, eq. 3.1, with gravity, wrenches and
-    friction as terms of their own). Results are the caller's own: nothing is overwritten later.
-
-    Attributes
-    ----------
-    nu : ndarray
-        Total joint rates ν = mᵀq̇ [J^½] (Table 1).
-    xi : ndarray
-        Un-normalized total joint rates ξ = D^−½ν [rad/s, m/s] (eq. 7.7).
-    epsilon, kappa : ndarray or None
-        Working moments ε = ℓτ [J^½/s] and κ = D^½ε [N m, N] (Table 2), gravity not taken out; None without tau.
-    coriolis : ndarray
-        Coriolis term C(q, ν) [J^½/s] (Algorithm 7.1), without gravity; νᵀC = 0 (Lemma 7.1).
-    coriolis_unnormalized : ndarray
-        C_ξ(q, ξ) of D ξ̇ + C_ξ = κ [N m, N] (Lemma 7.3), without gravity.
-    gravity : ndarray
-        ε_g = ℓ g(q) [J^½/s].
-    articulated_inertia : ndarray
-        D [kg m², kg] (Algorithm 4.1); at a joint of several degrees of freedom, and so for a floating base, the diagonal
-        of its block's factor U D Uᵀ.
-    external : ndarray or None
-        ℓ Jᵀf_ext [J^½/s]; None without wrenches.
-    friction : ndarray or None
-        ε_fric = ℓ τ_fric [J^½/s], on the side of C; None unless asked for.
-    """
-
-    __slots__ = ("__dict__", "_model", "_qd", "_rows", "_twists")
-
-    def __init__(self, model, rows, twists, qd, with_tau, external=None, friction=None):
-        self._model, self._rows, self._twists, self._qd = model, rows, twists, qd
-        self.external, self.friction = external, friction
-        self.nu = rows[sweeps.NU]
-        self.xi = rows[sweeps.XI]
-        self.epsilon = rows[sweeps.EPSILON] if with_tau else None
-        self.kappa = rows[sweeps.KAPPA] if with_tau else None
-        self.coriolis = rows[sweeps.CORIOLIS]
-        self.coriolis_unnormalized = rows[sweeps.CORIOLIS_UNNORMALIZED]
-        self.gravity = rows[sweeps.GRAVITY]
-        self.articulated_inertia = rows[sweeps.ARTICULATED_INERTIA]
-
-    @cached_property
-    def kinetic_energy(self):
-        """K = ½νᵀν [J]."""
-        return 0.5 * float(self.nu @ self.nu)
-
-    @cached_property
-    def energy_share(self):
-        """½ν_k² of each total rate [J]; sums to K. It is not the energy of link k.
-
-        The six shares of a floating base depend on the order of its twist's components, their sum `base_energy` does not.
-        """
-        return 0.5 * self.nu * self.nu
-
-    @cached_property
-    def base_energy(self):
-        """Sum of the shares of a floating base's six degrees of freedom [J]; 0 with a fixed base.
-
-        It is the energy of the total rates' common part: ½V*ᵀPV* with P the articulated inertia of the whole robot.
-        """
-        return float(self.energy_share[:6].sum()) if self._model.floating_base else 0.0
-
-    @cached_property
-    def link_energy(self):
-        """Kinetic energy of each link [J], shape (len(model.link_names),): ½VᵀIV plus its joint's rotor; sums to K."""
-        energy = np.empty(len(self._model.link_names))
-        sweeps.link_energy(self._model.bodies, self._model.links, self._twists, self._qd, energy)
-        return energy
-
-    @cached_property
-    def nu_dot(self):
-        """dν/dt = ε − C − ε_g + ℓJᵀf_ext − ε_fric [J^½/s] (eq. 3.1), of those terms asked for; None without tau."""
-        if self.epsilon is None:
-            return None
-        rate = self.epsilon - self.coriolis - self.gravity
-        if self.external is not None:
-            rate = rate + self.external
-        return rate if self.friction is None else rate - self.friction
-
-    @cached_property
-    def power(self):
-        """dK/dt = νᵀ(ε − ε_g + ℓJᵀf_ext − ε_fric) [W] (Lemma 7.2), of those terms that were asked for; None without tau."""
-        if self.epsilon is None:
-            return None
-        return float(self.nu @ (self.nu_dot + self.coriolis))
-
-
-class Factors(NamedTuple):
-    """Factors of the mass matrix at one configuration, M = m mᵀ = unit diag(D) unitᵀ and M⁻¹ = ℓᵀℓ (Identity 4.1).
-
-    m and unit are upper triangular in base-to-tip order, and [i, j] is zero unless i = j or joint i carries joint j.
-
-    Attributes
-    ----------
-    m : ndarray, shape (nv, nv)
-        [I + HφK] D^½.
-    l : ndarray, shape (nv, nv)
-        D^−½ [I − HψK] = m⁻¹.
-    unit : ndarray, shape (nv, nv)
-        [I + HφK], unit upper triangular.
-    D : ndarray, shape (nv,)
-        Articulated joint inertias [kg m², kg].
-    """
-
-    m: np.ndarray
-    l: np.ndarray  # noqa: E741
-    unit: np.ndarray
-    D: np.ndarray
+from diag_dynamics.model.options import numbers
+from diag_dynamics.results import Evaluation, Factors
 
 
 class DiagonalDynamics:
@@ -147,7 +35,7 @@ class DiagonalDynamics:
         if not isinstance(model, RobotModel):
             raise InputError(f"DiagonalDynamics needs a RobotModel, as load_urdf returns, not {type(model).__name__}.")
         self.model = model
-        self._work = np.zeros(model.nv + 1, sweeps.WORK)
+        self._work, self._table = sweeps.workspace(model.bodies)
         self._q = np.zeros(model.nq)
         self._a, self._b, self._zero = np.zeros((3, model.nv))
 
@@ -177,8 +65,8 @@ class DiagonalDynamics:
         _check_frame(frame)
         q, rate = self._positions(q), self._vector("qd", qd, self._a)
         effort = self._zero if tau is None else self._vector("tau", tau, self._b)
-        rows, twists = np.empty((8, model.nv)), np.empty((model.nv + 1, 6))
-        status = sweeps.evaluate(model.bodies, model.gravity, q, rate, effort, self._work, rows, twists)
+        rows, twists = np.empty((sweeps.ROWS, model.nv)), np.empty((len(model.bodies), 6))
+        status = sweeps.evaluate(model.bodies, model.gravity, q, rate, effort, self._work, self._table, rows, twists)
         if status:
             self._fail(status, qd=rate, tau=effort)
         rate = rate.copy()
@@ -191,7 +79,7 @@ class DiagonalDynamics:
         q = self._positions(q)
         unit, inverse = np.empty((2, self.model.nv, self.model.nv))
         D = np.empty(self.model.nv)
-        self._checked(sweeps.factors(self.model.bodies, q, self._work, unit, inverse, D))
+        self._checked(sweeps.factors(self.model.bodies, q, self._work, self._table, unit, inverse, D))
         root = np.sqrt(D)
         return Factors(unit * root, inverse / root[:, None], unit, D)
 
@@ -209,7 +97,9 @@ class DiagonalDynamics:
             tau += self._effort_of(f_ext, frame)
         _check_sum(tau, friction, f_ext)
         qdd = np.empty(self.model.nv)
-        status = sweeps.forward_dynamics(self.model.bodies, self.model.gravity, q, qd, tau, self._work, qdd)
+        status = sweeps.forward_dynamics(
+            self.model.bodies, self.model.gravity, q, qd, tau, self._work, self._table, qdd
+        )
         self._checked(status, qd=qd, tau=tau)
         return qdd
 
@@ -232,9 +122,7 @@ class DiagonalDynamics:
 
         No other quantity holds it unless it is asked to.
         """
-        qd = self._vector("qd", qd, np.empty(self.model.nv))
-        if not np.isfinite(qd).all():
-            self._fail(-1, qd=qd)
+        qd = self._finite("qd", qd, np.empty(self.model.nv))
         return self.model.damping * qd + self.model.friction * np.sign(qd)
 
     def mass_matrix(self, q):
@@ -268,6 +156,109 @@ class DiagonalDynamics:
         """τ = mε [N m, N], shape (nv,), in O(N) (Table 2, right)."""
         return self._sweep(sweeps.tau_from_epsilon, q, "epsilon", epsilon)
 
+    # --- Along a motion, and at a frame ---
+
+    def m_rate_transposed(self, q, qd, x):
+        """ṁᵀx [J^½/s], shape (nv,), of rates x that are constant [rad/s, m/s], m changing along q̇; in O(N).
+
+        mᵀ's own rate, from d(mᵀx)/dt: with q̇ for x it is the difference of ν̇ and mᵀq̈.
+        """
+        return self._derivative(sweeps.m_rate_transposed, q, qd, x)
+
+    def coriolis_bracket(self, q, qd, x):
+        """B(q, ν)x [J^½/s], shape (nv,), of x [J^½], in O(N).
+
+        B = ℓ(C_s − mṁᵀ)ℓᵀ is skew and B ν = C(q, ν) (Identity 7.1, Lemma 7.1), with C_s of :meth:`coriolis_product`.
+        """
+        return self._derivative(sweeps.coriolis_bracket, q, qd, x, scratch=2)
+
+    def coriolis_product(self, q, qd, x):
+        """C_s(q, q̇)x [N m, N], shape (nv,), of rates x [rad/s, m/s], in O(N): C_s q̇ = c, and Ṁ − 2C_s is skew.
+
+        It is the Newton–Euler pass of two velocities that passivity-based tracking needs.
+        """
+        return self._derivative(sweeps.coriolis_product, q, qd, x)
+
+    def mass_matrix_rate(self, q, qd):
+        """Ṁ = Σ q̇_i ∂M/∂q_i [kg m²/s, …], shape (nv, nv) (Identity 6.3); with a unit vector for qd a partial derivative.
+
+        Of a joint of several degrees of freedom it is the rate along the motion with that twist.
+        """
+        q, rate = self._positions(q), self._finite("qd", qd, self._a)
+        M, M_rate = np.zeros((2, self.model.nv, self.model.nv))
+        self._checked(sweeps.mass_matrix_rate(self.model.bodies, q, rate, self._work, self._table, M, M_rate), qd=rate)
+        return M_rate
+
+    def mass_matrix_rate_times(self, q, qd, x):
+        """Ṁx [N m, N], shape (nv,), of rates x [rad/s, m/s], in O(N) without forming Ṁ (Identity 6.3)."""
+        return self._derivative(sweeps.mass_matrix_rate_times, q, qd, x)
+
+    def log_det(self, q):
+        """Ln det M = Σ ln D_k, as of the numerical values in SI units."""
+        return float(np.log(self._articulated_inertias(q, self._zero)[0]).sum())
+
+    def log_det_rate(self, q, qd):
+        """d/dt ln det M = Σ Ḋ_k/D_k [1/s] along q̇."""
+        D, D_rate = self._articulated_inertias(q, qd)
+        return float((D_rate / D).sum())
+
+    def wrench_factor(self, q, link, point=(0.0, 0.0, 0.0), frame="link"):
+        """ℓJᵀ, shape (nv, 6): what unit wrenches at a point of a link add to ε, a column each; O(N).
+
+        Parameters
+        ----------
+        q : array_like, shape (nq,)
+            Positions.
+        link : str
+            Name of the link.
+        point : array_like, shape (3,)
+            Where the wrench acts, from the link's origin in the link's axes [m].
+        frame : {"link", "world"}
+            Axes of the wrench, force (x, y, z) [J^½/(s N)] first, then moment [J^½/(s N m)].
+
+        Raises
+        ------
+        InputError
+            No such link, or numbers that are not finite or of the wrong shape.
+        """
+        return self._factor_of_wrenches(q, link, np.eye(6), point, frame)
+
+    def epsilon_from_wrench(self, q, link, wrench, point=(0.0, 0.0, 0.0), frame="link"):
+        """ℓJᵀw [J^½/s], shape (nv,), of one wrench, force [N] then moment [N m]; else as :meth:`wrench_factor`."""
+        wrench = numbers("wrench", wrench, (6,), "six finite numbers, force [N] then moment [N m]")
+        return self._factor_of_wrenches(q, link, wrench[None], point, frame)[:, 0]
+
+    def operational_inverse_inertia(self, q, link, point=(0.0, 0.0, 0.0), frame="link"):
+        """J M⁻¹ Jᵀ = (ℓJᵀ)ᵀ(ℓJᵀ), shape (6, 6): how a wrench at a point of a link accelerates it; M is not formed.
+
+        Blocks [1/kg], [1/(kg m)] and [1/(kg m²)]; arguments as of :meth:`wrench_factor`.
+        """
+        factor = self.wrench_factor(q, link, point, frame)
+        return factor.T @ factor
+
+    def reflected_mass(self, q, link, direction, point=(0.0, 0.0, 0.0), frame="link"):
+        """1/|ℓJᵀu|² [kg]: the mass that a push along u at a point of a link meets; inf where it cannot move that way.
+
+        Parameters
+        ----------
+        direction : array_like, shape (3,)
+            Any vector along u, in the axes that `frame` says.
+        q, link, point, frame
+            As of :meth:`wrench_factor`.
+
+        Raises
+        ------
+        InputError
+            As there, or the direction is zero.
+        """
+        direction = numbers("direction", direction, (3,), "three finite numbers, not all zero")
+        length = np.linalg.norm(direction / max(np.abs(direction).max(), 1e-300))
+        if not length > 0.0:
+            raise InputError(f"direction is {direction.tolist()}, expected three finite numbers, not all zero.")
+        u = direction / np.abs(direction).max() / length
+        w = self.epsilon_from_wrench(q, link, np.concatenate([u, np.zeros(3)]), point, frame)
+        return 1.0 / float(w @ w) if w.any() else math.inf
+
     def evaluate_batch(self, Q, QD, TAU=None):
         """Not offered yet: raises :class:`UnsupportedError`."""
         raise UnsupportedError("evaluate_batch is not offered yet: call evaluate for each state.")
@@ -287,6 +278,13 @@ class DiagonalDynamics:
             lambda: probe.qd_from_nu(q, zero),
             lambda: probe.epsilon_from_tau(q, zero),
             lambda: probe.tau_from_epsilon(q, zero),
+            lambda: probe.m_rate_transposed(q, zero, zero),
+            lambda: probe.coriolis_bracket(q, zero, zero),
+            lambda: probe.coriolis_product(q, zero, zero),
+            lambda: probe.mass_matrix_rate(q, zero),
+            lambda: probe.mass_matrix_rate_times(q, zero, zero),
+            lambda: probe.log_det(q),
+            lambda: probe.wrench_factor(q, self.model.root_link),
         )
         for step in steps:
             with suppress(SingularMassMatrixError):  # at this one configuration; it is compiled all the same
@@ -302,6 +300,37 @@ class DiagonalDynamics:
         """Positions as a contiguous float64 vector of nq entries, in a buffer of this object."""
         return q if q is self._q else _fill(self._q, "q", q, self.model.coordinate_names)
 
+    def _finite(self, name, value, buffer):
+        """As :meth:`_vector`, and all entries finite."""
+        x = self._vector(name, value, buffer)
+        if not np.isfinite(x).all():
+            self._fail(-1, **{name: x})
+        return x
+
+    def _derivative(self, sweep, q, qd, x, scratch=0):
+        """A sweep along q̇ that takes x to a new vector."""
+        q, qd, x = self._positions(q), self._vector("qd", qd, self._a), self._vector("x", x, self._b)
+        more, result = np.empty((scratch, self.model.nv)), np.empty(self.model.nv)
+        status = sweep(self.model.bodies, q, qd, x, self._work, self._table, *more, result)
+        self._checked(status, qd=qd, x=x)
+        return result
+
+    def _articulated_inertias(self, q, qd):
+        """D and Ḋ."""
+        q, qd = self._positions(q), self._vector("qd", qd, self._a)
+        D, D_rate = np.empty((2, self.model.nv))
+        status = sweeps.articulated_inertias(self.model.bodies, q, qd, self._work, self._table, D, D_rate)
+        self._checked(status, qd=qd)
+        return D, D_rate
+
+    def _factor_of_wrenches(self, q, link, wrenches, point, frame):
+        """ℓJᵀw of wrenches, shape (number, 6), at a point of a link, a column each."""
+        records = self.model.wrenches_at(link, wrenches, point, frame)
+        q, epsilon = self._positions(q), np.empty((self.model.nv, len(records)))
+        bodies, world = self.model.bodies, frame == "world"
+        self._checked(sweeps.factor_of_wrenches(bodies, q, records, world, self._work, self._table, epsilon))
+        return epsilon
+
     def _newton_euler(self, gravity, q, qd, qdd):
         q, qd, qdd = self._positions(q), self._vector("qd", qd, self._a), self._vector("qdd", qdd, self._b)
         tau = np.empty(self.model.nv)
@@ -310,11 +339,9 @@ class DiagonalDynamics:
         return tau
 
     def _sweep(self, sweep, q, name, value):
-        q, x = self._positions(q), self._vector(name, value, self._a)
-        if not np.isfinite(x).all():
-            self._fail(-1, **{name: x})
+        q, x = self._positions(q), self._finite(name, value, self._a)
         result = np.empty(self.model.nv)
-        self._checked(sweep(self.model.bodies, q, x, self._work, result))
+        self._checked(sweep(self.model.bodies, q, x, self._work, self._table, result))
         if not np.isfinite(result).all():
             self._fail(-1, **{name: x})
         return result
@@ -335,7 +362,7 @@ class DiagonalDynamics:
         """Raise what a sweep's status stands for, naming joint and value."""
         names = self.model.dof_names
         if status > 0 and np.isfinite(self._work["D"][status]):
-            joint, D = names[status - 1], float(self._work["D"][status])
+            joint, D = names[self.model.bodies["dof"][status]], float(self._work["D"][status])
             raise SingularMassMatrixError(
                 f"The mass matrix of robot '{self.model.name}' is singular at this configuration: joint '{joint}' "
                 f"moves no inertia there (D = {D:.3g}, within rounding of the inertias that it comes from).",

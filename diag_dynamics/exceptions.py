@@ -25,13 +25,13 @@ class InertiaWarning(UserWarning):
     """A link's inertia is not that of any rigid body; it is used as it is."""
 
 
-class MimicJointError(UnsupportedError):
-    """The robot has mimic joints, and coupling them was asked for.
+class MimicJointError(UrdfError):
+    """Joints mimic others in a way that no coupling can hold.
 
     Attributes
     ----------
     joints : tuple of str
-        The mimic joints (followers).
+        The joints concerned.
     """
 
     def __init__(self, message, joints):

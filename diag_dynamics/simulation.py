@@ -16,9 +16,10 @@ is the projection that takes the least kinetic energy away and never adds any.
 import numpy as np
 
 from diag_dynamics import sweeps
-from diag_dynamics.dynamics import DiagonalDynamics, Evaluation
+from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.kernel import entry_kernel, kernel
+from diag_dynamics.results import Evaluation
 
 STAGES = 6
 GAMMA = 0.25
@@ -96,7 +97,7 @@ class Simulation:
     def __init__(self, model, q=None, qd=None, step=1e-3, damping=None, limits=True):
         self.model = model
         self.dynamics = DiagonalDynamics(model)
-        if model.nq != model.nv or any(body["dofs"] > 1 for body in model.bodies[1:]):
+        if any(body["dofs"] > 1 for body in model.bodies[1:]):
             raise UnsupportedError(
                 f"robot '{model.name}' has a joint of several degrees of freedom, which the simulation does not offer yet."
             )
@@ -108,9 +109,9 @@ class Simulation:
             raise InputError(f"damping is {self.damping.tolist()}, expected {model.nv} finite numbers >= 0.")
         unlimited = np.full(model.nv, np.inf)
         self._lower, self._upper = (model.lower, model.upper) if limits else (-unlimited, unlimited)
-        self._work = np.zeros(model.nv + 1, sweeps.WORK)
+        self._work, self._table = sweeps.workspace(model.bodies)
         self._buffers = np.zeros((5 + 3 * STAGES, model.nv))
-        self._rows, self._twists = np.zeros((8, model.nv)), np.zeros((model.nv + 1, 6))
+        self._rows, self._twists = np.zeros((sweeps.ROWS, model.nv)), np.zeros((len(model.bodies), 6))
         self._no_effort = np.zeros(model.nv)
         self.time = 0.0
         self.reset(rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
@@ -162,6 +163,7 @@ class Simulation:
             self._q,
             self._nu,
             self._work,
+            self._table,
             self._rows,
             self._twists,
             self._buffers,
@@ -202,7 +204,7 @@ def rest_position(model):
 
 def potential_energy(model, q):
     """Energy of the robot in the field of gravity at q [J]: −g·Σ m_i c_i in the root link's axes."""
-    work = np.zeros(model.nv + 1, sweeps.WORK)
+    work, _ = sweeps.workspace(model.bodies)
     moment = np.zeros(3)
     sweeps.first_moment(model.bodies, _finite("q", q, model.nq), work, moment)
     return -float(model.gravity @ moment)
@@ -254,16 +256,16 @@ class Wave:
 
 
 @kernel
-def _rates(bodies, damping, implicit, q, nu, work, momentum, qd):
+def _rates(bodies, damping, implicit, q, nu, work, table, momentum, qd):
     """q̇ of a stage and, with damping, ν after its implicit part: (M + hγ d) q̇ = m ν_before."""
     if not implicit:
-        return sweeps.qd_from_nu(bodies, q, nu, work, qd)
-    status = sweeps.rates_with_added_inertia(bodies, q, nu, damping, work, momentum, qd)
-    return status if status != 0 else sweeps.nu_from_qd(bodies, q, qd, work, nu)
+        return sweeps.qd_from_nu(bodies, q, nu, work, table, qd)
+    status = sweeps.rates_with_added_inertia(bodies, q, nu, damping, work, table, momentum, qd)
+    return status if status != 0 else sweeps.nu_from_qd(bodies, q, qd, work, table, nu)
 
 
 @kernel
-def _step(bodies, gravity, damping, h, tau, q, nu, work, rows, twists, buffers):
+def _step(bodies, gravity, damping, h, tau, q, nu, work, table, rows, twists, buffers):
     """One step of the Runge–Kutta pair from (q, ν), in place."""
     n = len(q)
     added, momentum, stage_q, stage_nu, before = buffers[0], buffers[1], buffers[2], buffers[3], buffers[4]
@@ -281,17 +283,17 @@ def _step(bodies, gravity, damping, h, tau, q, nu, work, rows, twists, buffers):
                 stage_q[k] += h * EXPLICIT[i, j] * rates[j, k]
                 stage_nu[k] += h * (EXPLICIT[i, j] * explicit[j, k] + IMPLICIT[i, j] * implicit[j, k])
             before[k] = stage_nu[k]
-        status = _rates(bodies, added, damped and i > 0, stage_q, stage_nu, work, momentum, rates[i])
+        status = _rates(bodies, added, damped and i > 0, stage_q, stage_nu, work, table, momentum, rates[i])
         if status != 0:
             return status
         if damped and i == 0:  # the first stage is explicit: ε_d from the rates
             for k in range(n):
                 momentum[k] = -damping[k] * rates[0, k]
-            sweeps.epsilon_from_tau(bodies, stage_q, momentum, work, implicit[0])
+            sweeps.epsilon_from_tau(bodies, stage_q, momentum, work, table, implicit[0])
         elif damped:
             for k in range(n):
                 implicit[i, k] = (stage_nu[k] - before[k]) / (h * GAMMA)
-        status = sweeps.evaluate(bodies, gravity, stage_q, rates[i], tau, work, rows, twists)
+        status = sweeps.evaluate(bodies, gravity, stage_q, rates[i], tau, work, table, rows, twists)
         if status != 0:
             return status
         for k in range(n):
@@ -304,7 +306,7 @@ def _step(bodies, gravity, damping, h, tau, q, nu, work, rows, twists, buffers):
 
 
 @kernel
-def _stop_at_limits(bodies, lower, upper, q, nu, work, momentum, held, qd):
+def _stop_at_limits(bodies, lower, upper, q, nu, work, table, momentum, held, qd):
     """Bring joints beyond their limits back to them and take away their outward motion by impulses.
 
     Holding a joint can set another one moving outward at its own limit: it is held too. As held joints only get more,
@@ -319,7 +321,7 @@ def _stop_at_limits(bodies, lower, upper, q, nu, work, momentum, held, qd):
     if not beyond:
         return 0
     held[:] = 0.0
-    status = sweeps.qd_from_nu(bodies, q, nu, work, qd)
+    status = sweeps.qd_from_nu(bodies, q, nu, work, table, qd)
     while status == 0:
         more = False
         for k in range(n):
@@ -329,20 +331,20 @@ def _stop_at_limits(bodies, lower, upper, q, nu, work, momentum, held, qd):
                 more = True
         if not more:
             break
-        status = sweeps.rates_with_added_inertia(bodies, q, nu, held, work, momentum, qd)
-    return status if status != 0 else sweeps.nu_from_qd(bodies, q, qd, work, nu)
+        status = sweeps.rates_with_added_inertia(bodies, q, nu, held, work, table, momentum, qd)
+    return status if status != 0 else sweeps.nu_from_qd(bodies, q, qd, work, table, nu)
 
 
 @entry_kernel
-def _advance(bodies, gravity, damping, lower, upper, h, steps, tau, q, nu, work, rows, twists, buffers):
+def _advance(bodies, gravity, damping, lower, upper, h, steps, tau, q, nu, work, table, rows, twists, buffers):
     """`steps` steps from (q, ν), in place; on failure the state before the failing step is left."""
     last_q, last_nu = q.copy(), nu.copy()
     for _ in range(steps):
         last_q[:] = q
         last_nu[:] = nu
-        status = _step(bodies, gravity, damping, h, tau, q, nu, work, rows, twists, buffers)
+        status = _step(bodies, gravity, damping, h, tau, q, nu, work, table, rows, twists, buffers)
         if status == 0:
-            status = _stop_at_limits(bodies, lower, upper, q, nu, work, buffers[1], buffers[0], buffers[2])
+            status = _stop_at_limits(bodies, lower, upper, q, nu, work, table, buffers[1], buffers[0], buffers[2])
         if status != 0:
             q[:] = last_q
             nu[:] = last_nu

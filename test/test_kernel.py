@@ -21,8 +21,9 @@ urdf = '''<robot name="r"><link name="a"/><link name="b"><inertial><origin xyz="
 <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
 <joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint></robot>'''
 model = dd.load_urdf(urdf)
-D, magnitude, work = np.zeros(1), np.zeros(1), np.zeros(2, sweeps.WORK)
-sweeps.joint_inertias(model.bodies, np.zeros(1), work, D, magnitude)
+D, size = np.zeros((2, 1))
+work, table = sweeps.workspace(model.bodies)
+sweeps.joint_inertias(model.bodies, np.zeros(1), work, table, D, size)
 print(D[0], sum(sweeps.joint_inertias.stats.cache_hits.values()))
 """
 
@@ -49,7 +50,7 @@ def copy(tmp_path):
 
 
 def test_cache_is_used_and_a_change_of_any_kernel_source_invalidates(copy, tmp_path):
-    """spatial.py is inlined into sweeps.py: after an edit of the one, the other gives the new number."""
+    """spatial.py is inlined into the sweeps: after an edit of the one, the other gives the new number."""
     cache = tmp_path / "cache"
     first, hits, _ = run(copy, cache)
     assert (first, hits) == (3 * 4 + 1, 0)

@@ -33,7 +33,7 @@ FLOORS = [
     "exceptions kernel",
     "spatial",
     "sweeps",
-    "model",
+    "model results",
     "dynamics",
     "simulation history example_robots",
     "terminal",

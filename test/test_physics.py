@@ -713,7 +713,7 @@ MUTANTS = {
     "unchanged": (),
     "sign of the rate of P in C": ("along(direction, y) - power(u, V)", "along(direction, y) + power(u, V)"),
     "sign of its source": ("transport_along_z(direction, rate, P_plus)", "transport_along_z(direction, -rate, P_plus)"),
-    "sign of it in a block": ("part - w.inboard[1]", "part + w.inboard[1]"),
+    "sign of it in a block": ("-bias[k] - momentum_rate", "-bias[k] + momentum_rate"),
 }
 IN_A_BLOCK = "sign of it in a block"
 COMPARISONS = (
@@ -736,9 +736,10 @@ def mutants(tmp_path_factory):
         for file in ("accuracy.py", "oracles.py", "robots.py", "test_physics.py"):
             shutil.copy(here / file, folder)
         if replacement:
-            source = (package / "sweeps.py").read_text(encoding="utf-8")
-            assert source.count(replacement[0]) == 1, f"sweeps.py has changed: mutate it anew ({name})"
-            (package / "sweeps.py").write_text(source.replace(*replacement), encoding="utf-8")
+            sweep = package / "sweeps" / "state.py"
+            source = sweep.read_text(encoding="utf-8")
+            assert source.count(replacement[0]) == 1, f"{sweep.name} has changed: mutate it anew ({name})"
+            sweep.write_text(source.replace(*replacement), encoding="utf-8")
         paths = os.pathsep.join(filter(None, (str(folder), os.environ.get("PYTHONPATH"))))
         robot = f"{PANDA}+floating" if name == IN_A_BLOCK else PANDA
         tests = [f"test_physics.py::{test}[{robot}]" for test in COMPARISONS]

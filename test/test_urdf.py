@@ -176,14 +176,22 @@ def test_points_and_plates_give_no_warning(inertia):
 FOLLOWER = '<joint name="follower" type="revolute"><parent link="upper"/><child link="l"/><mimic joint="{}"/></joint>'
 
 
-def test_mimic_is_refused_by_name_unless_free():
+def test_mimic_is_embedded_unless_free_or_locked():
     urdf = arm(link("l", **BOX), FOLLOWER.format("shoulder"))
-    with pytest.raises(dd.MimicJointError, match=r"follower.*not there yet.*mimic='free'") as caught:
+    model = dd.load_urdf(urdf)
+    assert model.dof_names == ("shoulder",)
+    assert dict(model.mimics) == {"follower": dd.Mimic("shoulder", 1.0, 0.0)}
+    assert model.coupled_groups == (("shoulder", "follower"),)
+    assert dd.load_urdf(urdf, mimic="free").dof_names == ("shoulder", "follower")
+    assert dd.load_urdf(urdf, mimic="lock").locked_joints == {"follower": 0.0}
+
+
+def test_mimic_of_an_unknown_joint_is_refused():
+    urdf = arm(link("l", **BOX), FOLLOWER.format("nobody"))
+    with pytest.raises(dd.MimicJointError, match=r"'follower'.*mimics 'nobody'.*mimic='free'") as caught:
         dd.load_urdf(urdf)
     assert caught.value.joints == ("follower",)
-    assert dd.load_urdf(urdf, mimic="free").dof_names == ("shoulder", "follower")
-    with pytest.raises(dd.UrdfError, match=r"'follower'.*mimics 'nobody'"):
-        dd.load_urdf(arm(link("l", **BOX), FOLLOWER.format("nobody")))
+    assert isinstance(caught.value, dd.UrdfError)
 
 
 # --- What cannot be a model ---

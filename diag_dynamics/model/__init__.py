@@ -1,7 +1,8 @@
 """Robot models: what a URDF becomes."""
 
+from diag_dynamics.model.mimic import Mimic
 from diag_dynamics.model.options import Payload
 from diag_dynamics.model.robot import RobotModel, load_urdf
 from diag_dynamics.model.urdf import urdf_text
 
-__all__ = ["Payload", "RobotModel", "load_urdf", "urdf_text"]
+__all__ = ["Mimic", "Payload", "RobotModel", "load_urdf", "urdf_text"]

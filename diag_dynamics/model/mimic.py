@@ -1,63 +1,142 @@
-"""Mimic joints that are not coupled: refused, or locked where they belong."""
+"""Mimic joints: whom each follows in the end, and which of them are held."""
 
-from diag_dynamics.exceptions import MimicJointError, UrdfError
+from typing import NamedTuple
 
-
-def refuse_mimics(robot, followers):
-    """Raise, for want of embedding or because a leader does not exist."""
-    names = {joint.name for joint in robot.joints}
-    for follower in followers:
-        leader = follower.joint.mimic.joint
-        if leader not in names:
-            raise UrdfError(
-                f"joint '{follower.name}': it mimics '{leader}', which is not a joint of this URDF. "
-                "mimic='free' treats it as an independent joint."
-            )
-    listed = ", ".join(joint.name for joint in followers)
-    raise MimicJointError(
-        f"robot '{robot.name}' has mimic joints ({listed}), and exact embedding of their coupling is not there yet. "
-        "mimic='free' treats them as independent joints, mimic='lock' locks them.",
-        [joint.name for joint in followers],
-    )
+from diag_dynamics.exceptions import MimicJointError
+from diag_dynamics.model.options import SINGLE
 
 
-def with_mimics_locked(robot, options):
-    """Locked joints, and the followers that are locked with them: all of them, or those of leaders that are locked."""
-    locked = dict(options.locked)
-    if options.mimic == "free":
-        return locked
+class Mimic(NamedTuple):
+    """How a joint follows another one: its position is multiplier · leader's + offset.
+
+    Attributes
+    ----------
+    leader : str
+        Name of an independent joint.
+    multiplier : float
+        [rad/rad, or as the joints are, m/rad, rad/m].
+    offset : float
+        [rad, m].
+    """
+
+    leader: str
+    multiplier: float
+    offset: float
+
+
+def resolve_mimics(robot, mode, locked):
+    """Followers of independent joints, and the positions of all joints that are held.
+
+    Parameters
+    ----------
+    robot : yourdfpy.Robot
+    mode : {"embed", "free", "lock"}
+    locked : dict
+        Positions of joints that are held [rad, m].
+
+    Returns
+    -------
+    mimics : dict
+        :class:`Mimic` by name of the follower; none unless `mode` is "embed".
+    held : dict
+        `locked`, and with it the followers that stand still: all of them where `mode` is "lock", those of a joint that is
+        held or fixed, and those whose multipliers come to 0. "free" holds no follower.
+
+    Raises
+    ------
+    MimicJointError
+        A joint that is to follow mimics itself, or one that does not exist or has several degrees of freedom.
+    """
+    mimics, held = {}, dict(locked)
+    if mode == "free":
+        return mimics, held
     joints = {joint.name: joint for joint in robot.joints}
     for joint in robot.joints:
         if joint.mimic is None or joint.name in locked or joint.type == "fixed":
             continue
-        if options.mimic == "lock" or _leader(joint, joints, options.locked) in options.locked:
-            locked[joint.name] = _follow(joint, joints, options.locked)
-    return locked
+        leader, multiplier, offset = _followed(joint, joints, locked)
+        if leader.name in locked or leader.type == "fixed":
+            held[joint.name] = offset + multiplier * locked.get(leader.name, 0.0)
+        elif mode == "lock" or multiplier == 0.0:
+            held[joint.name] = offset
+        else:
+            mimics[joint.name] = Mimic(leader.name, multiplier, offset)
+    return mimics, held
 
 
-def _leader(joint, joints, locked):
-    """Name of the joint that a follower follows in the end."""
-    seen = set()
-    while (
-        joint.mimic is not None and joint.name not in locked and joint.name not in seen and joint.mimic.joint in joints
-    ):
-        seen.add(joint.name)
-        joint = joints[joint.mimic.joint]
-    return joint.name
-
-
-def _follow(joint, joints, locked):
-    """Position of a mimic joint with its leader as locked, or at zero."""
-    position, scale, seen = 0.0, 1.0, []
-    while joint.mimic is not None and joint.name not in locked:
-        if joint.name in seen:
-            raise UrdfError(f"joint '{joint.name}' mimics itself through {', '.join(seen)}.")
-        seen.append(joint.name)
-        position += scale * (joint.mimic.offset or 0.0)
-        scale *= 1.0 if joint.mimic.multiplier is None else joint.mimic.multiplier
-        if joint.mimic.joint not in joints:
-            raise UrdfError(
-                f"joint '{joint.name}': it mimics '{joint.mimic.joint}', which is not a joint of this URDF."
+def _followed(joint, joints, locked):
+    """The joint at the end of a chain of mimics, with multiplier and offset."""
+    chain = [joint.name]
+    multiplier, offset = 1.0, 0.0
+    while joint.mimic is not None and joint.name not in locked and joint.type != "fixed":
+        _require_single(joint, chain)
+        own = joint.mimic
+        offset += multiplier * (own.offset or 0.0)
+        multiplier *= 1.0 if own.multiplier is None else own.multiplier
+        if own.joint not in joints:
+            raise MimicJointError(
+                f"joint '{joint.name}': it mimics '{own.joint}', which is not a joint of this URDF. "
+                "mimic='free' treats it as an independent joint.",
+                [joint.name],
             )
-        joint = joints[joint.mimic.joint]
-    return position + scale * locked.get(joint.name, 0.0)
+        if own.joint in chain:
+            raise MimicJointError(f"joint '{own.joint}' mimics itself: {' → '.join([*chain, own.joint])}.", chain)
+        joint = joints[own.joint]
+        chain.append(joint.name)
+    _require_single(joint, chain)
+    return joint, multiplier, offset
+
+
+def _require_single(joint, chain):
+    if joint.type not in (*SINGLE, "fixed"):
+        follows = f"joint '{chain[-2]}' mimics it" if len(chain) > 1 else "it mimics another joint"
+        raise MimicJointError(
+            f"joint '{joint.name}' is {joint.type}, and {follows}: that takes joints of one degree of freedom.", chain
+        )
+
+
+def coupled_groups(mimics, joints, carriers):
+    """Joints that are eliminated together: from the lowest body that carries all of a coupling down to its members.
+
+    Those that share a body are one group.
+
+    Parameters
+    ----------
+    mimics : dict
+        :class:`Mimic` by name of the follower.
+    joints : iterable of str
+        All moving joints.
+    carriers : dict
+        Of each moving joint the one that carries it, or None.
+
+    Returns
+    -------
+    dict
+        The group, a frozenset of names, of each joint that is in one.
+    """
+    members = {}
+    for follower, mimic in mimics.items():
+        members.setdefault(mimic.leader, [mimic.leader]).append(follower)
+    group_of = {}
+    for names in members.values():
+        group = _paths(names, carriers)
+        for name in list(group):
+            group |= group_of.get(name, frozenset())
+        group = frozenset(group)
+        group_of.update(dict.fromkeys(group, group))
+    return group_of
+
+
+def _paths(names, carriers):
+    """The joints on the ways from the last common carrier of some, exclusive, to them, inclusive."""
+    paths = []
+    for name in names:
+        path = [name]
+        while carriers[path[-1]] is not None:
+            path.append(carriers[path[-1]])
+        paths.append(path[::-1])
+    common = 0
+    shortest = min(map(len, paths)) - 1  # a member is never its own carrier
+    while common < shortest and len({path[common] for path in paths}) == 1:
+        common += 1
+    return {name for path in paths for name in path[common:]}

@@ -9,7 +9,7 @@ import numpy as np
 from diag_dynamics import sweeps
 from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, refuse_massless
-from diag_dynamics.model.mimic import refuse_mimics, with_mimics_locked
+from diag_dynamics.model.mimic import resolve_mimics
 from diag_dynamics.model.options import (
     Options,
     armature_by_joint,
@@ -31,6 +31,10 @@ class RobotModel:
 
     The order of degrees of freedom is base to tip, depth first, with siblings sorted by joint name, which is
     Pinocchio's order. Units are SI: [rad], [kg m²] for revolute and continuous joints, [m], [kg] for prismatic.
+
+    A mimic joint that is coupled to its leader is no degree of freedom. A coupled group is all moving joints from the
+    lowest body that carries both leader and followers, exclusive, down to them; groups that share a joint are one. Its
+    degrees of freedom come together, in base-to-tip order, before those of what the group carries.
 
     A planar joint moves in the plane normal to its axis: positions x, y, theta, rates v_x, v_y, w_z in the moving body's
     axes. A floating joint has positions x y z qx qy qz qw and as rates the body's twist in its own axes, linear first.
@@ -57,16 +61,22 @@ class RobotModel:
     lower, upper : ndarray, shape (nq,)
         Position limits [rad, m]; infinite where there are none.
     velocity_limit, effort_limit : ndarray, shape (nv,)
-        Limits [rad/s, m/s] and [N m, N]; infinite where there are none.
+        Limits [rad/s, m/s] and [N m, N]; infinite where there are none. These limits and those of position are a joint's
+        own: a follower's do not bind its leader.
     damping, friction : ndarray, shape (nv,)
-        Joint damping [N m s/rad, N s/m] and Coulomb friction [N m, N] as the URDF gives them. No dynamic quantity
-        holds them unless it is asked to.
+        Joint damping [N m s/rad, N s/m] and Coulomb friction [N m, N] as the URDF gives them, a follower's reflected to
+        its leader. No dynamic quantity holds them unless it is asked to.
     mimic_joints : tuple of str
         Joints that follow another one in the URDF.
+    mimics : mapping
+        :class:`Mimic` (leader, multiplier, offset) of each joint that is coupled to an independent one, by name; chains of
+        mimics are followed to their end.
+    coupled_groups : tuple of tuple of str
+        Joints, independent ones and followers, of each coupled group, base to tip.
     fixed_joints : tuple of str
         Joints of the URDF that do not move.
     locked_joints : mapping
-        Joints that are held, with their positions [rad, m].
+        Joints that are held, with their positions [rad, m]; followers of joints that stand still are among them.
     payloads : mapping
         :class:`Payload` by link name.
     total_mass : float
@@ -88,6 +98,8 @@ class RobotModel:
     damping: np.ndarray
     friction: np.ndarray
     mimic_joints: tuple
+    mimics: Mapping
+    coupled_groups: tuple
     fixed_joints: tuple
     locked_joints: Mapping
     payloads: Mapping
@@ -114,8 +126,18 @@ class RobotModel:
 
     @property
     def armature(self):
-        """Reflected rotor inertia [kg m², kg], shape (nv,)."""
-        return self.bodies["armature"][1:]
+        """Reflected rotor inertia [kg m², kg], shape (nv,), that of followers included."""
+        moving, reflected = self.bodies[1:], np.zeros(self.nv)
+        np.add.at(reflected, moving["dof"], moving["multiplier"] ** 2 * moving["armature"])
+        return reflected
+
+    def follower_positions(self, q):
+        """Position [rad, m] of each coupled mimic joint, by name, at the positions q, shape (nq,)."""
+        index = self.coordinate_names.index
+        return {
+            name: multiplier * float(q[index(leader)]) + offset
+            for name, (leader, multiplier, offset) in self.mimics.items()
+        }
 
     @property
     def neutral(self):
@@ -224,14 +246,37 @@ class RobotModel:
         choice("frame", frame, ("link", "world"))
         mapping("f_ext", f_ext)
         records = np.zeros(len(f_ext), sweeps.WRENCH)
-        for record, (name, wrench) in zip(records, f_ext.items(), strict=True):
+        for k, (name, wrench) in enumerate(f_ext.items()):
             if name not in self.link_names:
                 raise InputError(f"f_ext: '{name}' is not a link of robot '{self.name}'.")
             wrench = numbers(f"f_ext on link '{name}'", wrench, (6,), "six finite numbers, force [N] then moment [N m]")
-            _, body, placement = self._tree.links[self.link_names.index(name)]
-            turn = np.eye(3) if frame == "world" else placement[:3, :3]
-            record["body"], record["point"] = body, placement[:3, 3]
-            record["force"], record["moment"] = turn @ wrench[:3], turn @ wrench[3:]
+            records[k] = self.wrenches_at(name, wrench[None], (0.0, 0.0, 0.0), frame)[0]
+        return records
+
+    def wrenches_at(self, link, wrenches, point, frame):
+        """Records of wrenches, shape (number, 6), that act at a point of one link: see :data:`sweeps.WRENCH`.
+
+        Parameters
+        ----------
+        point : array_like, shape (3,)
+            From the link's origin, in its axes [m].
+        frame : {"link", "world"}
+            Axes of the wrenches.
+
+        Raises
+        ------
+        InputError
+            No such link, or a point that is not three finite numbers.
+        """
+        choice("frame", frame, ("link", "world"))
+        point = numbers("point", point, (3,), "three finite numbers [m]")
+        if link not in self.link_names:
+            raise InputError(f"'{link}' is not a link of robot '{self.name}'.")
+        _, body, placement = self._tree.links[self.link_names.index(link)]
+        turn = np.eye(3) if frame == "world" else placement[:3, :3]
+        records = np.zeros(len(wrenches), sweeps.WRENCH)
+        records["body"], records["point"] = body, placement[:3, 3] + placement[:3, :3] @ point
+        records["force"], records["moment"] = wrenches[:, :3] @ turn.T, wrenches[:, 3:] @ turn.T
         return records
 
     def __repr__(self):
@@ -262,9 +307,9 @@ def load_urdf(
     gravity : array_like, shape (3,)
         Acceleration of gravity in the world's axes, those of the root link of a fixed base [m/s²].
     mimic : {"embed", "free", "lock"}
-        What to do with mimic joints: couple them to their leaders (not offered yet: raises where the robot has
-        any), treat them as independent, or lock them where they belong with their leaders at zero, or as these are
-        locked.
+        What to do with mimic joints: couple them to their leaders, exactly; treat them as independent; or lock them where
+        they belong with their leaders at zero, or as these are locked. A mimic joint that is locked itself follows
+        nobody.
     massless : {"error", "lock"}
         What to do with joints that move no inertia: raise, or lock them at zero or, where that is outside their limits,
         at the limit next to it.
@@ -285,7 +330,7 @@ def load_urdf(
     UrdfError
         The URDF is malformed or not a tree.
     MimicJointError
-        It has mimic joints and ``mimic="embed"``.
+        Mimic joints follow themselves, a joint that does not exist, or one of several degrees of freedom.
     MasslessLinkError
         Joints move no inertia: the mass matrix would be singular.
     InputError
@@ -315,11 +360,7 @@ def load_urdf(
 
 def _model(robot, root, options):
     """Model of a robot, following all options."""
-    locked = with_mimics_locked(robot, options)
-    tree = Tree(robot, root, options.floating_base, locked | (options.held or {}))
-    followers = [joint for joint in tree.joints if joint.joint is not None and joint.joint.mimic is not None]
-    if followers and options.mimic == "embed":
-        refuse_mimics(robot, followers)
+    tree = _tree(robot, root, options, options.held or {})
     model = _model_of(tree, options)
     found = massless_freedoms(model)
     held = {}
@@ -328,10 +369,16 @@ def _model(robot, root, options):
         if not more:
             break
         held |= more
-        model = _model_of(Tree(robot, root, options.floating_base, locked | held), options)
+        model = _model_of(_tree(robot, root, options, held), options)
         found = massless_freedoms(model)
     refuse_massless(model, found)
     return model if options.held is not None else replace(model, _options=options._replace(held=held))
+
+
+def _tree(robot, root, options, held):
+    """The robot walked, with more joints held than the options lock."""
+    mimics, held = resolve_mimics(robot, options.mimic, options.locked | held)
+    return Tree(robot, root, options.floating_base, held, mimics)
 
 
 def _restored(robot, root, options):
@@ -359,9 +406,11 @@ def _model_of(tree, options):
         upper=tree.limits("upper", np.inf),
         velocity_limit=tree.per_dof("limit", "velocity", np.inf),
         effort_limit=tree.per_dof("limit", "effort", np.inf),
-        damping=tree.per_dof("dynamics", "damping", 0.0),
-        friction=tree.per_dof("dynamics", "friction", 0.0),
+        damping=tree.resistance("damping", 2),
+        friction=tree.resistance("friction", 1),
         mimic_joints=tuple(joint.name for joint in tree.robot.joints if joint.mimic is not None),
+        mimics=MappingProxyType(tree.mimics),
+        coupled_groups=tuple(tree.groups),
         fixed_joints=tuple(joint.name for joint in tree.robot.joints if joint.type == "fixed"),
         locked_joints=MappingProxyType(dict(tree.locked)),
         payloads=MappingProxyType(dict(options.payloads)),

@@ -3,6 +3,7 @@
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.mimic import coupled_groups
 from diag_dynamics.spatial import ANGULAR_X, ANGULAR_Y, ANGULAR_Z, LINEAR_X, LINEAR_Y, LINEAR_Z
 
 BODY = np.dtype(
@@ -11,7 +12,15 @@ BODY = np.dtype(
         ("direction", "i8"),  # of its degree of freedom: LINEAR_X … ANGULAR_Z
         ("dofs", "i8"),  # degrees of freedom of its joint
         ("rank", "i8"),  # which of them this one is, from 0
-        ("q", "i8"),  # first position coordinate of its joint
+        ("q", "i8"),  # first position coordinate of its joint, or of the leader that it follows
+        ("dof", "i8"),  # index of its degree of freedom, or of its leader's
+        ("owner", "i8"),  # body whose own degree of freedom that is: this one, unless it follows
+        ("multiplier", "f8"),  # position = multiplier q[q] + offset; 1 and 0 unless it follows
+        ("offset", "f8"),
+        ("first", "i8"),  # first and last body of those that are eliminated together with it
+        ("last", "i8"),
+        ("start", "i8"),  # first degree of freedom of those
+        ("coupled", "i8"),  # whether there are followers among them
         ("link", "i8"),  # index of the link that the joint moves
         ("rotation", "f8", 9),  # constant placement in the parent at q = 0, row-major
         ("translation", "f8", 3),
@@ -23,7 +32,8 @@ BODY = np.dtype(
     align=True,
 )
 """One degree of freedom and the rigid body it moves, all links that move as one, in a frame at the joint whose z is the
-joint's axis. A joint of several degrees of freedom is several bodies in one frame, all but the last without inertia."""
+joint's axis. A joint of several degrees of freedom is several bodies in one frame, all but the last without inertia. A
+mimic joint is a body, but no degree of freedom."""
 
 LINK = np.dtype(
     [
@@ -101,47 +111,115 @@ class Tree:
         Whether the root link moves freely.
     locked : dict
         Joints of one degree of freedom that are held, with their positions [rad, m].
+    mimics : dict
+        How joints follow others, :class:`Mimic` by name; the joints that lead are neither fixed nor locked.
 
     Attributes
     ----------
     joints : list of Freedom
-        Moving joints, base to tip.
+        Independent joints, base to tip; those of a coupled group come together, before what the group carries.
+    groups : list of tuple of str
+        Joints of each coupled group, base to tip.
     links : list of (yourdfpy.Link, int, ndarray)
         Each link with its body and its 4x4 placement in that body's frame.
     """
 
-    def __init__(self, robot, root, floating_base=False, locked=None):
+    def __init__(self, robot, root, floating_base=False, locked=None, mimics=None):
         self.robot, self.root = robot, root
-        self.floating_base, self.locked = floating_base, dict(locked or {})
-        self.joints, self.links = [], []
+        self.floating_base, self.locked, self.mimics = floating_base, dict(locked or {}), dict(mimics or {})
+        self.joints, self.groups, self.links = [], [], []
         self._records = [np.zeros((), BODY)]
-        self._coordinates = 0
+        self._coordinates = self._dofs = 0
+        self._body = {}  # last body of each moving joint, by name
         self._link = {link.name: link for link in robot.links}
         self._outboard = {}
         for joint in sorted(robot.joints, key=lambda joint: joint.name.encode(), reverse=True):
-            self._outboard.setdefault(joint.parent, []).append(joint)  # reversed: the stack turns it round
-        self._walk()
+            self._outboard.setdefault(joint.parent, []).append(joint)  # reversed: a stack turns it round
+        self._order = {name: k for k, name in enumerate(self._depth_first())}
+        self._walk(coupled_groups(self.mimics, *self._carriers()))
 
-    def _walk(self):
-        stack = []
+    def _depth_first(self):
+        """Names of all links."""
+        stack = [self.root]
+        while stack:
+            link = stack.pop()
+            yield link
+            stack.extend(joint.child for joint in self._outboard.get(link, ()))
 
-        def visit(link, body, placement):
-            self.links.append((self._link[link], body, placement))
-            stack.extend((joint, body, placement) for joint in self._outboard.get(link, ()))
+    def _moves(self, joint):
+        return joint.type != "fixed" and joint.name not in self.locked
 
+    def _carriers(self):
+        """Moving joints, and of each the one that carries it, or None."""
+        inboard = {joint.child: joint for joint in self.robot.joints}
+        carrier_of_link, carriers = {self.root: None}, {}
+        for link in list(self._order)[1:]:
+            joint = inboard[link]
+            carrier = carrier_of_link[joint.parent]
+            if self._moves(joint):
+                carriers[joint.name] = carrier
+                carrier = joint.name
+            carrier_of_link[link] = carrier
+        return list(carriers), carriers
+
+    def _walk(self, group_of):
         body, placement = 0, np.eye(4)
         if self.floating_base:
             body, placement = self._add_joint(Freedom(self._base_name(), "floating"), 0, placement)
-        visit(self.root, body, placement)
-        while stack:
-            joint, body, placement = stack.pop()
-            origin = placement if joint.origin is None else placement @ joint.origin
-            if joint.name in self.locked:
-                visit(joint.child, body, origin @ _displacement(joint, self.locked[joint.name]))
-            elif joint.type == "fixed":
-                visit(joint.child, body, origin)
+        ahead = self._add_links(self.root, body, placement)
+        while ahead:
+            joint, body, origin = ahead.pop()
+            if joint.name in group_of:
+                ahead.append((joint, body, origin))
+                ahead = self._add_group(group_of[joint.name], ahead)
             else:
-                visit(joint.child, *self._add_joint(Freedom(joint.name, joint.type, joint), body, origin))
+                freedom = Freedom(joint.name, joint.type, joint)
+                ahead += self._add_links(joint.child, *self._add_joint(freedom, body, origin))
+        self.links.sort(key=lambda entry: self._order[entry[0].name])
+
+    def _add_links(self, link, body, placement):
+        """Add a link and all that move with it; returns the moving joints that leave them, the first one last."""
+        stack, leaving = [(link, placement)], []
+        while stack:
+            link, placement = stack.pop()
+            if not isinstance(link, str):
+                leaving.append((link, body, placement))
+                continue
+            self.links.append((self._link[link], body, placement))
+            for joint in self._outboard.get(link, ()):
+                origin = placement if joint.origin is None else placement @ joint.origin
+                if self._moves(joint):
+                    stack.append((joint, origin))
+                elif joint.name in self.locked:
+                    stack.append((joint.child, origin @ _displacement(joint, self.locked[joint.name])))
+                else:
+                    stack.append((joint.child, origin))
+        return leaving[::-1]
+
+    def _add_group(self, group, ahead):
+        """Add all bodies of a coupled group, whose first joints are among those ahead; returns those then ahead."""
+        first, start, names = len(self._records), self._dofs, []
+        stack = [entry for entry in ahead if entry[0].name in group]
+        ahead = [entry for entry in ahead if entry[0].name not in group]
+        carried = []
+        while stack:
+            joint, body, origin = stack.pop()
+            names.append(joint.name)
+            freedom = Freedom(joint.name, joint.type, joint)
+            leaving = self._add_links(joint.child, *self._add_joint(freedom, body, origin))
+            stack += [entry for entry in leaving if entry[0].name in group]
+            carried = [entry for entry in leaving if entry[0].name not in group] + carried
+        for record in self._records[first:]:
+            record["first"], record["last"], record["start"] = first, len(self._records) - 1, start
+            record["coupled"] = True
+        for name in names:
+            if name in self.mimics:
+                leader, multiplier, offset = self.mimics[name]
+                follower, led = self._records[self._body[name]], self._records[self._body[leader]]
+                follower["q"], follower["dof"], follower["owner"] = led["q"], led["dof"], self._body[leader]
+                follower["multiplier"], follower["offset"] = multiplier, offset
+        self.groups.append(tuple(names))
+        return ahead + carried
 
     def _base_name(self):
         name = "root_joint"
@@ -156,16 +234,22 @@ class Tree:
             turn[:3, :3] = _frame_about(freedom.joint.axis)
         placement = origin @ turn
         directions = [direction for _, direction in FREEDOMS[freedom.kind]]
+        first, follows = len(self._records), freedom.name in self.mimics
         for rank, direction in enumerate(directions):
-            body = np.zeros((), BODY)
+            body, own = np.zeros((), BODY), len(self._records)
             body["parent"], body["direction"] = parent, direction
             body["dofs"], body["rank"], body["q"] = len(directions), rank, self._coordinates
-            body["link"] = len(self.links)
+            body["dof"], body["owner"], body["multiplier"] = self._dofs + rank, own, 1.0
+            body["first"], body["last"], body["start"] = first, first + len(directions) - 1, self._dofs
+            body["link"] = self._order[freedom.joint.child if freedom.joint else self.root]
             body["rotation"], body["translation"] = placement[:3, :3].ravel(), placement[:3, 3]
-            parent, placement = len(self._records), np.eye(4)
+            parent, placement = own, np.eye(4)
             self._records.append(body)
-        self._coordinates += len(COORDINATES[freedom.kind])
-        self.joints.append(freedom)
+        self._body[freedom.name] = parent
+        if not follows:
+            self._coordinates += len(COORDINATES[freedom.kind])
+            self._dofs += len(directions)
+            self.joints.append(freedom)
         return parent, turn.T
 
     @property
@@ -194,6 +278,17 @@ class Tree:
             dtype=float,
         )
 
+    def resistance(self, attribute, exponent):
+        """Damping or friction at each degree of freedom: its own, and that of its followers times |multiplier|^exponent."""
+        values = self.per_dof("dynamics", attribute, 0.0)
+        for joint in self.robot.joints:
+            if joint.name in self.mimics:
+                own = Freedom(joint.name, joint.type, joint).number("dynamics", attribute, 0.0)
+                values[self._records[self._body[joint.name]]["dof"]] += (
+                    own * abs(self.mimics[joint.name].multiplier) ** exponent
+                )
+        return values
+
     def limits(self, attribute, default):
         """A position limit for each coordinate; only joints with one coordinate that does not turn round have any."""
         return np.array(
@@ -217,10 +312,8 @@ class Tree:
         """
         links = self._link_records(payloads)
         bodies = np.array(self._records, BODY)
-        first = 1
-        for joint in self.joints:
-            bodies["armature"][first] = armature.get(joint.name, 0.0)
-            first += len(FREEDOMS[joint.kind])
+        for name, body in self._body.items():
+            bodies["armature"][body] = armature.get(name, 0.0)  # no joint of several degrees of freedom has any
         for part in ("mass", "first_moment", "inertia"):
             np.add.at(bodies[part], links["body"], links[part])
         return bodies, links
@@ -249,12 +342,7 @@ class Tree:
             for link, body, _ in self.links
             if link.inertial is not None and (link.inertial.mass or np.any(link.inertial.inertia))
         }
-        names, last = set(), 0
-        for joint in self.joints:
-            last += len(FREEDOMS[joint.kind])
-            if last in bodies:
-                names.add(joint.name)
-        return names
+        return {name for name, body in self._body.items() if body in bodies}
 
 
 def _about_origin(centre, mass, about_centre):

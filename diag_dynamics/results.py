@@ -1,0 +1,126 @@
+"""What DiagonalDynamics hands out: everything at one state, and the factors of the mass matrix."""
+
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics import sweeps
+
+
+class Evaluation:
+    """Everything the sweeps compute at one state; arrays have shape (nv,) unless said otherwise.
+
+    The equation of motion is ``d(nu)/dt + coriolis + gravity = epsilon``, with ``+ external`` on the right and
+    ``+ friction`` on the left where these were asked for (Jain and Rodriguez 1995, eq. 3.1, with gravity, wrenches and
+    friction as terms of their own). Results are the caller's own: nothing is overwritten later.
+
+    Attributes
+    ----------
+    nu : ndarray
+        Total joint rates ν = mᵀq̇ [J^½] (Table 1).
+    xi : ndarray
+        Un-normalized total joint rates ξ = D^−½ν [rad/s, m/s] (eq. 7.7).
+    epsilon, kappa : ndarray or None
+        Working moments ε = ℓτ [J^½/s] and κ = D^½ε [N m, N] (Table 2), gravity not taken out; None without tau.
+    coriolis : ndarray
+        Coriolis term C(q, ν) [J^½/s] (Algorithm 7.1), without gravity; νᵀC = 0 (Lemma 7.1).
+    coriolis_unnormalized : ndarray
+        C_ξ(q, ξ) of D ξ̇ + C_ξ = κ [N m, N] (Lemma 7.3), without gravity.
+    gravity : ndarray
+        ε_g = ℓ g(q) [J^½/s].
+    articulated_inertia : ndarray
+        D [kg m², kg] (Algorithm 4.1); at a joint of several degrees of freedom, and so for a floating base, the diagonal
+        of its block's factor U D Uᵀ.
+    articulated_inertia_rate : ndarray
+        Ḋ along the motion [kg m²/s, kg/s] (7.2).
+    external : ndarray or None
+        ℓ Jᵀf_ext [J^½/s]; None without wrenches.
+    friction : ndarray or None
+        ε_fric = ℓ τ_fric [J^½/s], on the side of C; None unless asked for.
+    """
+
+    __slots__ = ("__dict__", "_model", "_qd", "_rows", "_twists")
+
+    def __init__(self, model, rows, twists, qd, with_tau, external=None, friction=None):
+        self._model, self._rows, self._twists, self._qd = model, rows, twists, qd
+        self.external, self.friction = external, friction
+        self.nu = rows[sweeps.NU]
+        self.xi = rows[sweeps.XI]
+        self.epsilon = rows[sweeps.EPSILON] if with_tau else None
+        self.kappa = rows[sweeps.KAPPA] if with_tau else None
+        self.coriolis = rows[sweeps.CORIOLIS]
+        self.coriolis_unnormalized = rows[sweeps.CORIOLIS_UNNORMALIZED]
+        self.gravity = rows[sweeps.GRAVITY]
+        self.articulated_inertia = rows[sweeps.ARTICULATED_INERTIA]
+        self.articulated_inertia_rate = rows[sweeps.ARTICULATED_INERTIA_RATE]
+
+    @cached_property
+    def kinetic_energy(self):
+        """K = ½νᵀν [J]."""
+        return 0.5 * float(self.nu @ self.nu)
+
+    @cached_property
+    def energy_share(self):
+        """½ν_k² of each total rate [J]; sums to K. It is not the energy of link k.
+
+        The six shares of a floating base depend on the order of its twist's components, their sum `base_energy` does not.
+        """
+        return 0.5 * self.nu * self.nu
+
+    @cached_property
+    def base_energy(self):
+        """Sum of the shares of a floating base's six degrees of freedom [J]; 0 with a fixed base.
+
+        It is the energy of the total rates' common part: ½V*ᵀPV* with P the articulated inertia of the whole robot.
+        """
+        return float(self.energy_share[:6].sum()) if self._model.floating_base else 0.0
+
+    @cached_property
+    def link_energy(self):
+        """Kinetic energy of each link [J], shape (len(model.link_names),): ½VᵀIV plus its joint's rotor; sums to K."""
+        energy = np.empty(len(self._model.link_names))
+        sweeps.link_energy(self._model.bodies, self._model.links, self._twists, self._qd, energy)
+        return energy
+
+    @cached_property
+    def nu_dot(self):
+        """dν/dt = ε − C − ε_g + ℓJᵀf_ext − ε_fric [J^½/s] (eq. 3.1), of those terms asked for; None without tau."""
+        if self.epsilon is None:
+            return None
+        rate = self.epsilon - self.coriolis - self.gravity
+        if self.external is not None:
+            rate = rate + self.external
+        return rate if self.friction is None else rate - self.friction
+
+    @cached_property
+    def power(self):
+        """dK/dt = νᵀ(ε − ε_g + ℓJᵀf_ext − ε_fric) [W] (Lemma 7.2), of those terms that were asked for; None without tau."""
+        if self.epsilon is None:
+            return None
+        return float(self.nu @ (self.nu_dot + self.coriolis))
+
+
+class Factors(NamedTuple):
+    """Factors of the mass matrix at one configuration, M = m mᵀ = unit diag(D) unitᵀ and M⁻¹ = ℓᵀℓ (Identity 4.1).
+
+    m and unit are upper triangular in the order of ``model.dof_names``, which is base to tip: they are the factors of the
+    dense M = U D Uᵀ. [i, j] is exactly zero unless i = j, joint i carries joint j, or both are of one joint, or of one
+    coupled group; a group carries what any of its joints carries.
+
+    Attributes
+    ----------
+    m : ndarray, shape (nv, nv)
+        [I + HφK] D^½.
+    l : ndarray, shape (nv, nv)
+        D^−½ [I − HψK] = m⁻¹.
+    unit : ndarray, shape (nv, nv)
+        [I + HφK], unit upper triangular.
+    D : ndarray, shape (nv,)
+        Articulated joint inertias [kg m², kg].
+    """
+
+    m: np.ndarray
+    l: np.ndarray  # noqa: E741
+    unit: np.ndarray
+    D: np.ndarray

@@ -1,0 +1,107 @@
+"""The recursions over the links: the only place with the physics, compiled by numba.
+
+Names are those of Jain and Rodriguez (1995), written in body frames and base-to-tip order. There is one body for each
+degree of freedom and for each mimic joint; body 0 is the world, and a parent comes before its children. Outward sweeps
+run from the base to the tips, inward ones back, and each does a fixed amount of work per body. A joint of several
+degrees of freedom is as many bodies in one and the same frame, all but the last without inertia: the recursion then
+takes the factor U D Uᵀ of its block entry by entry, as of all the rest. Only what depends on how the frame itself moves
+(ζ and Ṗ) belongs to the joint as a whole. Joints coupled by mimicry are a group, which is eliminated together: see
+groups.
+
+    X   placement of a body in its parent         P   articulated body inertia (Riccati, Algorithm 4.1)
+    S   direction of the degree of freedom        D   SᵀPS + armature, articulated joint inertia
+    V   twist of the body                         G   P S D⁻¹
+    V⁺  parent's twist seen in the body           Ṗ   rate of P in the body frame (the paper's λ̇)
+    v_J motion of the joint, sum of S q̇           P⁺, Ṗ⁺, y⁺, z⁺   the same beyond the joint, τ̄ = I − G Sᵀ applied
+    ζ   V × v_J, velocity-dependent acceleration
+
+`bodies` are the records of RobotModel (see model), `work` those of :data:`WORK`, one each per body, `table` the matrices
+𝓜 and 𝓜̇ of groups. Sweeps that can fail return a status: 0, `i` if body i has no articulated inertia, -1 if an input is
+not finite or no orientation, or is so large that a result is not finite.
+
+records: what sweeps work on. steps: what they share. groups: degrees of freedom that belong together. state,
+factorization, classical, derivatives: the sweeps.
+"""
+
+from diag_dynamics.sweeps.classical import (
+    effort_of_wrenches,
+    first_moment,
+    forward_dynamics,
+    inverse_dynamics,
+    mass_matrix,
+)
+from diag_dynamics.sweeps.derivatives import (
+    articulated_inertias,
+    coriolis_bracket,
+    coriolis_product,
+    m_rate_transposed,
+    mass_matrix_rate,
+    mass_matrix_rate_times,
+)
+from diag_dynamics.sweeps.factorization import (
+    epsilon_from_tau,
+    factor_of_wrenches,
+    factors,
+    joint_inertias,
+    nu_from_qd,
+    qd_from_nu,
+    rates_with_added_inertia,
+    tau_from_epsilon,
+)
+from diag_dynamics.sweeps.records import WORK, WRENCH, workspace
+from diag_dynamics.sweeps.state import (
+    ARTICULATED_INERTIA,
+    ARTICULATED_INERTIA_RATE,
+    CORIOLIS,
+    CORIOLIS_UNNORMALIZED,
+    EPSILON,
+    GRAVITY,
+    KAPPA,
+    NU,
+    ROWS,
+    XI,
+    evaluate,
+    link_energy,
+)
+from diag_dynamics.sweeps.steps import FLOATING, PLANAR, SINGULAR, UNIT_TOLERANCE
+
+__all__ = [
+    "ARTICULATED_INERTIA",
+    "ARTICULATED_INERTIA_RATE",
+    "CORIOLIS",
+    "CORIOLIS_UNNORMALIZED",
+    "EPSILON",
+    "FLOATING",
+    "GRAVITY",
+    "KAPPA",
+    "NU",
+    "PLANAR",
+    "ROWS",
+    "SINGULAR",
+    "UNIT_TOLERANCE",
+    "WORK",
+    "WRENCH",
+    "XI",
+    "articulated_inertias",
+    "coriolis_bracket",
+    "coriolis_product",
+    "effort_of_wrenches",
+    "epsilon_from_tau",
+    "evaluate",
+    "factor_of_wrenches",
+    "factors",
+    "first_moment",
+    "forward_dynamics",
+    "inverse_dynamics",
+    "joint_inertias",
+    "link_energy",
+    "m_rate_transposed",
+    "mass_matrix",
+    "mass_matrix_rate",
+    "mass_matrix_rate_times",
+    "nu_from_qd",
+    "qd_from_nu",
+    "rates_with_added_inertia",
+    "tau_from_epsilon",
+    "workspace",
+]

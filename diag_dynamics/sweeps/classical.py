@@ -1,0 +1,216 @@
+"""The classical form: M(q) q̈ + c(q, q̇) + g(q) = τ + Jᵀf, its forward and inverse dynamics."""
+
+from diag_dynamics.kernel import entry_kernel
+from diag_dynamics.spatial import (
+    Force,
+    add,
+    add_force,
+    add_motion,
+    along,
+    apply,
+    apply_transposed,
+    cross,
+    cross_force,
+    force_to_parent,
+    inertia_times,
+    less_rank_one,
+    motion_to_child,
+    power,
+    product,
+    scale,
+    scale_force,
+)
+from diag_dynamics.sweeps.groups import (
+    compose,
+    eliminate,
+    filter_moments,
+    gather_bias,
+    induced_rate,
+    owns,
+)
+from diag_dynamics.sweeps.records import (
+    add_to_force,
+    force_of,
+    inertia_of,
+    matrix_of,
+    motion_of,
+    placement_of,
+    set_force,
+    set_matrix,
+    set_motion,
+    set_vector,
+    vector_of,
+)
+from diag_dynamics.sweeps.steps import (
+    accelerate_world,
+    are_finite,
+    are_positions,
+    is_singular,
+    joint_inertia,
+    magnitude_along,
+    momentum,
+    move,
+    own_motion,
+    pass_inertia,
+    place,
+    place_all,
+    rest_at_world,
+    start_inertia,
+    zeta,
+)
+
+
+@entry_kernel
+def forward_dynamics(bodies, gravity, q, qd, tau, work, table, qdd):
+    """q̈ from τ: an outward, an inward and another outward sweep (theory: A₀ = −g, κ with gravity left in)."""
+    if not (are_positions(bodies, q) and are_finite(qd) and are_finite(tau)):
+        return -1
+    n, Q = len(bodies), table[0]
+    rest_at_world(work)
+    for i in range(1, n):
+        body, w = bodies[i], work[i]
+        place(body, q, w)
+        V = move(body, qd, work, w)
+        start_inertia(body, w)
+        set_force(w.y, cross_force(V, momentum(body, V)))
+
+    qdd[:] = tau
+    i = n - 1
+    while i > 0:  # qdd becomes D⁻¹(τ − Sᵀy), y that of the links outboard with the torques already spent on them
+        body, w, parent = bodies[i], work[i], work[bodies[i].parent]
+        if body.coupled:
+            first = body.first
+            compose(bodies, first, i, work, Q)
+            y = gather_bias(bodies, first, i, qd, work, work.V, -1.0, qdd)
+            status = eliminate(bodies, first, i, work, Q, False)
+            if status != 0:
+                return status
+            y = add_force(y, filter_moments(bodies, first, i, work, Q, qdd))
+            if bodies[first].parent > 0:
+                add_to_force(work[bodies[first].parent].y, y)
+            for j in range(first, i + 1):
+                if owns(bodies, j):
+                    qdd[bodies[j].dof] /= work[j].D
+            i = first - 1
+            continue
+        P, y = inertia_of(w.P), force_of(w.y)
+        D, column, G = joint_inertia(body.direction, w, P)
+        w.D = D
+        if is_singular(magnitude_along(body, w), D):
+            return i
+        set_force(w.G, G)
+        remainder = qdd[body.dof] - along(body.direction, y)
+        qdd[body.dof] = remainder / D
+        if body.parent > 0:
+            X = placement_of(w)
+            P_plus = less_rank_one(P, G, column)
+            y_plus = add_force(y, scale_force(G, remainder))
+            if body.rank == 0:
+                y_plus = add_force(y_plus, inertia_times(P_plus, zeta(bodies, i, qd, work)))
+            pass_inertia(X, P, P_plus, parent)
+            add_to_force(parent.y, force_to_parent(X, y_plus))
+        i -= 1
+
+    accelerate_world(gravity, work)
+    for i in range(1, n):
+        body, w = bodies[i], work[i]
+        A = motion_to_child(placement_of(w), motion_of(work[body.parent].acceleration))
+        if body.rank == 0:
+            A = add_motion(A, zeta(bodies, i, qd, work))
+        if not body.coupled:
+            qdd[body.dof] -= power(force_of(w.G), A)
+        elif i == body.first:
+            carried = motion_of(work[body.parent].acceleration)
+            for j in range(i, body.last + 1):
+                if owns(bodies, j):
+                    qdd[bodies[j].dof] -= induced_rate(bodies, j, carried, qdd, Q, force_of(work[j].G))
+        set_motion(w.acceleration, add_motion(A, own_motion(body, qdd)))
+    return 0 if are_finite(qdd) else -1
+
+
+@entry_kernel
+def inverse_dynamics(bodies, gravity, q, qd, qdd, work, tau):
+    """τ = M q̈ + c + g (Newton–Euler, eq. 4.3)."""
+    if not (are_positions(bodies, q) and are_finite(qd) and are_finite(qdd)):
+        return -1
+    n = len(bodies)
+    rest_at_world(work)
+    accelerate_world(gravity, work)
+    for i in range(1, n):
+        body, w, parent = bodies[i], work[i], work[bodies[i].parent]
+        X = place(body, q, w)
+        V = move(body, qd, work, w)
+        A = add_motion(motion_to_child(X, motion_of(parent.acceleration)), own_motion(body, qdd))
+        if body.rank == body.dofs - 1:  # the body of inertia; those of its joint before it have none
+            A = add_motion(A, zeta(bodies, i - body.rank, qd, work))
+        set_motion(w.acceleration, A)
+        set_force(w.y, add_force(momentum(body, A), cross_force(V, momentum(body, V))))
+    tau[:] = 0.0
+    for i in range(n - 1, 0, -1):
+        body, w = bodies[i], work[i]
+        y = force_of(w.y)
+        effort = along(body.direction, y) + body.armature * body.multiplier * qdd[body.dof]
+        tau[body.dof] += body.multiplier * effort
+        if body.parent > 0:
+            add_to_force(work[body.parent].y, force_to_parent(placement_of(w), y))
+    return 0 if are_finite(tau) else -1
+
+
+@entry_kernel
+def effort_of_wrenches(bodies, q, wrenches, in_world, work, tau):
+    """Jᵀf of wrenches at points of bodies, in the axes of the body or of the world."""
+    if not are_positions(bodies, q):
+        return -1
+    n = len(bodies)
+    set_matrix(work[0].orientation, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+    for i in range(1, n):
+        X = place(bodies[i], q, work[i])
+        set_matrix(work[i].orientation, product(matrix_of(work[bodies[i].parent].orientation), X.rotation))
+        work[i].y[:] = 0.0
+    for j in range(len(wrenches)):
+        wrench = wrenches[j]
+        w = work[wrench.body]
+        force, moment = vector_of(wrench.force), vector_of(wrench.moment)
+        if in_world:
+            R = matrix_of(w.orientation)
+            force, moment = apply_transposed(R, force), apply_transposed(R, moment)
+        add_to_force(w.y, Force(force, add(moment, cross(vector_of(wrench.point), force))))
+    tau[:] = 0.0
+    for i in range(n - 1, 0, -1):
+        body, w = bodies[i], work[i]
+        y = force_of(w.y)
+        tau[body.dof] += body.multiplier * along(body.direction, y)
+        if body.parent > 0:
+            add_to_force(work[body.parent].y, force_to_parent(placement_of(w), y))
+    return 0
+
+
+@entry_kernel
+def mass_matrix(bodies, q, work, M):
+    """M from the inertias of the composite rigid bodies outboard of each joint."""
+    if not are_positions(bodies, q):
+        return -1
+    place_all(bodies, q, work)
+    for i in range(1, len(bodies)):
+        start_inertia(bodies[i], work[i])
+    if len(bodies) > 1:
+        compose(bodies, 1, len(bodies) - 1, work, M)  # the whole robot as one group
+    return 0
+
+
+@entry_kernel
+def first_moment(bodies, q, work, moment):
+    """Σ m_i c_i of all moving bodies in the world's axes [kg m], in an inward sweep."""
+    n = len(bodies)
+    place_all(bodies, q, work)
+    for i in range(n):
+        work[i].y[:] = 0.0
+        work[i].y[0] = bodies[i].mass
+        set_vector(work[i].z, 0, vector_of(bodies[i].first_moment))
+    for i in range(n - 1, 0, -1):
+        w, parent = work[i], work[bodies[i].parent]
+        X = placement_of(w)
+        parent.y[0] += w.y[0]
+        h = add(apply(X.rotation, vector_of(w.z)), scale(X.translation, w.y[0]))
+        set_vector(parent.z, 0, add(vector_of(parent.z), h))
+    set_vector(moment, 0, vector_of(work[0].z))

@@ -1,0 +1,309 @@
+"""The factorization M = [I + HφK] D [I + HφK]ᵀ, and the factors applied without being formed (Tables 1 and 2)."""
+
+import math
+
+from diag_dynamics.kernel import entry_kernel, kernel
+from diag_dynamics.spatial import (
+    Force,
+    add,
+    add_force,
+    along,
+    apply_transposed,
+    cross,
+    force_to_parent,
+    less_rank_one,
+    motion_to_child,
+    power,
+    scale_force,
+)
+from diag_dynamics.sweeps.groups import (
+    carried_motion,
+    compose,
+    eliminate,
+    filter_moments,
+    gather,
+    induced_rate,
+    moments_of_wrench,
+    owns,
+    unfilter_moments,
+    working_moments_of_wrench,
+)
+from diag_dynamics.sweeps.records import (
+    add_to_force,
+    force_of,
+    inertia_of,
+    motion_of,
+    placement_of,
+    set_force,
+    vector_of,
+)
+from diag_dynamics.sweeps.steps import (
+    are_positions,
+    force_inboard,
+    is_singular,
+    joint_inertia,
+    magnitude_along,
+    move,
+    orientation,
+    pass_inertia,
+    place_all,
+    rest_at_world,
+    start_inertia,
+)
+
+
+@kernel
+def factorize(bodies, work, Q, pass_over=False):
+    """Riccati sweep (Algorithm 4.1) over placed bodies whose inertias are started: D and G of every one. Inward.
+
+    A joint that moves no inertia ends it with the index of its body, or is passed over as if it were locked.
+    """
+    i = len(bodies) - 1
+    while i > 0:
+        body, w = bodies[i], work[i]
+        if body.coupled:
+            compose(bodies, body.first, i, work, Q)
+            status = eliminate(bodies, body.first, i, work, Q, pass_over)
+            if status != 0:
+                return status
+            i = body.first - 1
+            continue
+        P = inertia_of(w.P)
+        D, column, G = joint_inertia(body.direction, w, P)
+        w.D, w.size = D, magnitude_along(body, w)
+        P_plus = P
+        if not is_singular(w.size, D):
+            set_force(w.G, G)
+            P_plus = less_rank_one(P, G, column)  # not G D, which may be 0 times infinity
+        elif not pass_over:
+            return i
+        if body.parent > 0:
+            pass_inertia(placement_of(w), P, P_plus, work[body.parent])
+        i -= 1
+    return 0
+
+
+@kernel
+def place_and_factorize(bodies, q, work, Q):
+    """D and G of every body at the positions q."""
+    if not are_positions(bodies, q):
+        return -1
+    place_all(bodies, q, work)
+    for i in range(1, len(bodies)):
+        start_inertia(bodies[i], work[i])
+    return factorize(bodies, work, Q)
+
+
+@kernel
+def scale_by_inertia(bodies, work, exponent, x):
+    """D to the power 1, 1/2, −1/2 or −1, times x, in place."""
+    for i in range(1, len(bodies)):
+        if owns(bodies, i):
+            D = work[i].D
+            factor = D if abs(exponent) == 1.0 else math.sqrt(D)
+            x[bodies[i].dof] = x[bodies[i].dof] * factor if exponent > 0.0 else x[bodies[i].dof] / factor
+
+
+@entry_kernel
+def joint_inertias(bodies, q, work, table, D, size):
+    """D of every joint; one that moves no inertia is passed over as if it were locked. For judging a model."""
+    place_all(bodies, q, work)
+    for i in range(1, len(bodies)):
+        start_inertia(bodies[i], work[i])
+    factorize(bodies, work, table[0], True)
+    for i in range(1, len(bodies)):
+        if owns(bodies, i):
+            D[bodies[i].dof], size[bodies[i].dof] = work[i].D, work[i].size
+
+
+@entry_kernel
+def factors(bodies, q, work, table, unit, unit_inverse, D):
+    """[I + HφK], its inverse [I − HψK], and D (Identity 4.1), column by column up the tree.
+
+    A unit working moment at joint j leaves G of j behind; rigid transport of it gives the column of the one,
+    transport through the articulated joints the column of the other.
+    """
+    Q = table[0]
+    status = place_and_factorize(bodies, q, work, Q)
+    if status != 0:
+        return status
+    unit[:] = 0.0
+    unit_inverse[:] = 0.0
+    for j in range(1, len(bodies)):
+        if not owns(bodies, j):
+            continue
+        column, inverse_column = unit[:, bodies[j].dof], unit_inverse[:, bodies[j].dof]
+        D[bodies[j].dof] = work[j].D
+        column[bodies[j].dof] = inverse_column[bodies[j].dof] = 1.0
+        if bodies[j].coupled:
+            i = bodies[bodies[j].first].parent
+            rigid = unfilter_moments(bodies, bodies[j].first, j, work, Q, column)
+            articulated = filter_moments(bodies, bodies[j].first, j, work, Q, inverse_column)
+        else:
+            i = bodies[j].parent
+            rigid = articulated = force_inboard(bodies[j], work[j], force_of(work[j].G))
+        moments_of_wrench(bodies, i, work, rigid, column)
+        working_moments_of_wrench(bodies, i, work, Q, scale_force(articulated, -1.0), inverse_column)
+    return 0
+
+
+@entry_kernel
+def factor_of_wrenches(bodies, q, wrenches, in_world, work, table, epsilon):
+    """ℓJᵀw of each wrench at a point of a body, a column of `epsilon` each, by walks up the tree."""
+    status = place_and_factorize(bodies, q, work, table[0])
+    if status != 0:
+        return status
+    epsilon[:] = 0.0
+    for j in range(len(wrenches)):
+        wrench = wrenches[j]
+        force, moment = vector_of(wrench.force), vector_of(wrench.moment)
+        if in_world:
+            R = orientation(bodies, wrench.body, work)
+            force, moment = apply_transposed(R, force), apply_transposed(R, moment)
+        F = Force(force, add(moment, cross(vector_of(wrench.point), force)))
+        column = epsilon[:, j]
+        working_moments_of_wrench(bodies, wrench.body, work, table[0], F, column)
+        scale_by_inertia(bodies, work, -0.5, column)
+    return 0
+
+
+# --- Tables 1 and 2 over factorized bodies ----------------------------------------------------------------
+
+
+@kernel
+def rates_outward(bodies, qd, work, Q, xi):
+    """ξ = [I + HφK]ᵀq̇ (Table 1); xi is not qd."""
+    rest_at_world(work)
+    for i in range(1, len(bodies)):
+        body, w = bodies[i], work[i]
+        if not body.coupled:
+            V_plus = motion_to_child(placement_of(w), motion_of(work[body.parent].V))
+            xi[body.dof] = qd[body.dof] + power(force_of(w.G), V_plus)
+        elif owns(bodies, i):
+            V_A = carried_motion(bodies, i, work)
+            xi[body.dof] = qd[body.dof] + induced_rate(bodies, i, V_A, qd, Q, force_of(w.G))
+        move(body, qd, work, w)
+
+
+@kernel
+def own_rates_outward(bodies, xi, work, Q, qd):
+    """q̇ = [I − HψK]ᵀξ (Table 1, right); qd may be xi."""
+    rest_at_world(work)
+    for i in range(1, len(bodies)):
+        body, w = bodies[i], work[i]
+        if not body.coupled:
+            V_plus = motion_to_child(placement_of(w), motion_of(work[body.parent].V))
+            qd[body.dof] = xi[body.dof] - power(force_of(w.G), V_plus)
+        elif i == body.first:  # all at once: a follower's rate may be that of a leader further out
+            V_A = carried_motion(bodies, i, work)
+            for j in range(i, body.last + 1):
+                if owns(bodies, j):
+                    k = bodies[j].dof
+                    qd[k] = xi[k] - induced_rate(bodies, j, V_A, qd, Q, force_of(work[j].G))
+        move(body, qd, work, w)
+
+
+@kernel
+def working_moments_inward(bodies, tau, work, Q, kappa):
+    """κ = [I − HψK]τ (Table 2); kappa may be tau."""
+    for i in range(len(bodies)):
+        work[i].z[:] = 0.0
+    kappa[:] = tau
+    i = len(bodies) - 1
+    while i > 0:
+        body, w = bodies[i], work[i]
+        if body.coupled:
+            z = gather(bodies, body.first, i, work, work.z, -1.0, kappa)
+            z = add_force(z, filter_moments(bodies, body.first, i, work, Q, kappa))
+            add_to_force(work[bodies[body.first].parent].z, z)
+            i = body.first - 1
+            continue
+        z = force_of(w.z)
+        kappa[body.dof] -= along(body.direction, z)
+        z_plus = add_force(z, scale_force(force_of(w.G), kappa[body.dof]))
+        add_to_force(work[body.parent].z, force_to_parent(placement_of(w), z_plus))
+        i -= 1
+
+
+@kernel
+def moments_inward(bodies, kappa, work, Q, tau):
+    """τ = [I + HφK]κ (Table 2, right); tau may be kappa."""
+    for i in range(len(bodies)):
+        work[i].z[:] = 0.0
+    tau[:] = kappa
+    i = len(bodies) - 1
+    while i > 0:
+        body, w = bodies[i], work[i]
+        if body.coupled:
+            z = unfilter_moments(bodies, body.first, i, work, Q, tau)
+            z = add_force(z, gather(bodies, body.first, i, work, work.z, 1.0, tau))
+            add_to_force(work[bodies[body.first].parent].z, z)
+            i = body.first - 1
+            continue
+        z = force_of(w.z)
+        z_plus = add_force(z, scale_force(force_of(w.G), tau[body.dof]))
+        tau[body.dof] += along(body.direction, z)
+        add_to_force(work[body.parent].z, force_to_parent(placement_of(w), z_plus))
+        i -= 1
+
+
+@entry_kernel
+def nu_from_qd(bodies, q, qd, work, table, nu):
+    """ν = mᵀq̇ (Table 1)."""
+    status = place_and_factorize(bodies, q, work, table[0])
+    if status == 0:
+        rates_outward(bodies, qd, work, table[0], nu)
+        scale_by_inertia(bodies, work, 0.5, nu)
+    return status
+
+
+@entry_kernel
+def qd_from_nu(bodies, q, nu, work, table, qd):
+    """q̇ = ℓᵀν (Table 1, right)."""
+    status = place_and_factorize(bodies, q, work, table[0])
+    if status == 0:
+        qd[:] = nu
+        scale_by_inertia(bodies, work, -0.5, qd)
+        own_rates_outward(bodies, qd, work, table[0], qd)
+    return status
+
+
+@entry_kernel
+def epsilon_from_tau(bodies, q, tau, work, table, epsilon):
+    """ε = ℓτ (Table 2)."""
+    status = place_and_factorize(bodies, q, work, table[0])
+    if status == 0:
+        working_moments_inward(bodies, tau, work, table[0], epsilon)
+        scale_by_inertia(bodies, work, -0.5, epsilon)
+    return status
+
+
+@entry_kernel
+def tau_from_epsilon(bodies, q, epsilon, work, table, tau):
+    """τ = mε (Table 2, right)."""
+    status = place_and_factorize(bodies, q, work, table[0])
+    if status == 0:
+        tau[:] = epsilon
+        scale_by_inertia(bodies, work, 0.5, tau)
+        moments_inward(bodies, tau, work, table[0], tau)
+    return status
+
+
+@entry_kernel
+def rates_with_added_inertia(bodies, q, nu, added, work, table, momentum, qd):
+    """q̇ = (M + diag(added))⁻¹ m ν: rates after an implicit step of joint damping, or with joints held.
+
+    The added inertia enters D as armature does; `inf` holds its joint. Nothing else is changed.
+    """
+    status = tau_from_epsilon(bodies, q, nu, work, table, momentum)
+    if status != 0:
+        return status
+    for i in range(1, len(bodies)):
+        start_inertia(bodies[i], work[i])
+        if owns(bodies, i):
+            work[i].armature += added[bodies[i].dof]
+    status = factorize(bodies, work, table[0])
+    working_moments_inward(bodies, momentum, work, table[0], qd)
+    scale_by_inertia(bodies, work, -1.0, qd)
+    own_rates_outward(bodies, qd, work, table[0], qd)
+    return status

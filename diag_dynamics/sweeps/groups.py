@@ -1,0 +1,325 @@
+"""Degrees of freedom that are eliminated together: those coupled by mimic joints, and those of one joint.
+
+A group is all bodies from the one that carries it (A, exclusive) down to its members, seen as a single aggregate body
+whose velocity is (V_A, q̇) with q̇ the rates of the group's own degrees of freedom (constraint embedding, A. Jain 2012).
+Each of its bodies, with everything articulated that hangs on it from outside the group, moves with V_i = T_i (V_A, q̇),
+T_i made of the placements and directions in between, a follower's direction counted as its leader's, multiplied. So the
+aggregate has the mass matrix and the rate
+
+    𝓜 = Σ T_iᵀ P_i T_i + armature = [[P, F], [Fᵀ, Q]]        𝓜̇ = [[Ṗ, Ḟ], [Ḟᵀ, Q̇]]
+
+in the axes of A. Eliminating its degrees of freedom one by one, the last first, is the recursion of the axis in other
+clothes: with D = Q_cc, G = F_c / D and g_b = Q_bc / D,
+
+    𝓜 ← 𝓜 − g D gᵀ        𝓜̇ ← 𝓜̇ − g uᵀ − u gᵀ + g Ḋ gᵀ,  u = 𝓜̇_c        ξ_c = q̇_c + GᵀV_A + Σ_b g_b q̇_b
+
+and what is left in P and Ṗ at last is what A carries. Costs grow with the square of the number of bodies in a group, and
+the cube of its degrees of freedom; nothing outside it costs more.
+
+`Q[b, c]` is kept for global indices b and c - start, start the group's first degree of freedom: a row for each.
+F and G of a degree of freedom, Ḟ, D and the size D is judged by are in the workspace of the body that owns it.
+"""
+
+from diag_dynamics.kernel import kernel
+from diag_dynamics.spatial import (
+    ZERO,
+    Force,
+    Motion,
+    add_force,
+    add_motion,
+    along,
+    column_along,
+    cross_force,
+    cross_motion,
+    force_to_parent,
+    inertia_times,
+    inertia_to_parent,
+    less_rank_one,
+    less_rank_two,
+    motion_to_child,
+    power,
+    scale_force,
+    subtract_force,
+    transport,
+)
+from diag_dynamics.sweeps.records import (
+    add_to_force,
+    add_to_inertia,
+    force_of,
+    inertia_of,
+    motion_of,
+    placement_of,
+    set_force,
+    set_inertia,
+    set_motion,
+)
+from diag_dynamics.sweeps.steps import (
+    force_inboard,
+    is_singular,
+    joint_motion,
+    magnitude_along,
+    motion_outboard,
+    pass_inertia,
+)
+
+NOTHING = Force(ZERO, ZERO)
+
+
+@kernel
+def owns(bodies, i):
+    """Whether body i has a degree of freedom of its own: it is no follower."""
+    return bodies[i].owner == i
+
+
+# --- 𝓜 and its elimination --------------------------------------------------------------------------------
+
+
+@kernel
+def compose(bodies, first, last, work, Q):
+    """Q and F of a group; P of its bodies becomes that of all they carry, and goes to the carrier."""
+    start = bodies[first].start
+    for i in range(first, last + 1):
+        if owns(bodies, i):
+            work[i].size = 0.0
+            set_force(work[i].G, NOTHING)
+            Q[bodies[i].dof] = 0.0
+    for i in range(last, first - 1, -1):
+        body, w = bodies[i], work[i]
+        P, d, owner = inertia_of(w.P), body.dof, work[body.owner]
+        column = scale_force(column_along(body.direction, P), body.multiplier)
+        Q[d, d - start] += body.multiplier * (along(body.direction, column) + body.multiplier * w.armature)
+        owner.size += body.multiplier**2 * magnitude_along(body, w)
+        column = force_inboard(body, w, column)
+        j = body.parent
+        while j >= first:
+            product = bodies[j].multiplier * along(bodies[j].direction, column)
+            Q[bodies[j].dof, d - start] += product
+            Q[d, bodies[j].dof - start] += product
+            column = force_inboard(bodies[j], work[j], column)
+            j = bodies[j].parent
+        add_to_force(owner.G, column)
+        if body.rank > 0:
+            add_to_inertia(work[body.parent].P, P)
+            work[body.parent].magnitude[0] += w.magnitude[0]
+            work[body.parent].magnitude[1] += w.magnitude[1]
+        elif body.parent > 0:
+            pass_inertia(placement_of(w), P, P, work[body.parent])
+
+
+@kernel
+def eliminate(bodies, first, last, work, Q, pass_over):
+    """D and G of a group's degrees of freedom, and g in the columns of Q; what is left goes to the carrier.
+
+    One that moves no inertia ends it with the index of its body, or is passed over as if it were locked.
+    """
+    start, carrier = bodies[first].start, bodies[first].parent
+    for i in range(last, first - 1, -1):
+        if not owns(bodies, i):
+            continue
+        w, c = work[i], bodies[i].dof
+        D, column = Q[c, c - start], force_of(w.G)
+        w.D = D
+        if is_singular(w.size, D):
+            if not pass_over:
+                return i
+            Q[start : c + 1, c - start] = 0.0
+            set_force(w.G, NOTHING)
+            continue
+        G = scale_force(column, 1.0 / D)
+        set_force(w.G, G)
+        for j in range(first, i):
+            if owns(bodies, j):
+                b = bodies[j].dof
+                add_to_force(work[j].G, scale_force(G, -Q[b, c - start]))
+                for a in range(start, b + 1):
+                    Q[a, b - start] -= Q[a, c - start] / D * Q[b, c - start]
+        for b in range(start, c):
+            Q[b, c - start] /= D
+        if carrier > 0:
+            set_inertia(work[carrier].P, less_rank_one(inertia_of(work[carrier].P), G, column))
+    return 0
+
+
+@kernel
+def compose_rates(bodies, first, last, qd, work, Q_rate):
+    """Q̇ and Ḟ of a group, of which P is that of all that the bodies carry; Ṗ becomes so too and goes to the carrier."""
+    start = bodies[first].start
+    for i in range(first, last + 1):
+        if owns(bodies, i):
+            set_force(work[i].u, NOTHING)
+            Q_rate[bodies[i].dof] = 0.0
+    for i in range(last, first - 1, -1):
+        body, w = bodies[i], work[i]
+        P, P_rate, d = inertia_of(w.P), inertia_of(w.P_rate), body.dof
+        column = scale_force(column_along(body.direction, P), body.multiplier)
+        rate = scale_force(column_along(body.direction, P_rate), body.multiplier)
+        Q_rate[d, d - start] += body.multiplier * along(body.direction, rate)
+        rate = rate_inboard(bodies, i, qd, work, column, rate)
+        column = force_inboard(body, w, column)
+        j = body.parent
+        while j >= first:
+            product = bodies[j].multiplier * along(bodies[j].direction, rate)
+            Q_rate[bodies[j].dof, d - start] += product
+            Q_rate[d, bodies[j].dof - start] += product
+            rate = rate_inboard(bodies, j, qd, work, column, rate)
+            column = force_inboard(bodies[j], work[j], column)
+            j = bodies[j].parent
+        add_to_force(work[body.owner].u, rate)
+        if body.rank > 0:
+            add_to_inertia(work[body.parent].P_rate, P_rate)
+        elif body.parent > 0:
+            X, parent = placement_of(w), work[body.parent]
+            add_to_inertia(parent.P_rate, inertia_to_parent(X, P_rate))
+            add_to_inertia(parent.P_rate, inertia_to_parent(X, transport(joint_motion(bodies, i, qd), P)))
+
+
+@kernel
+def rate_inboard(bodies, i, qd, work, F, rate):
+    """Rate of XᵀF, as Ẋ = −(v_J×) X."""
+    if bodies[i].rank > 0:
+        return rate
+    moved = cross_force(joint_motion(bodies, i, qd), F)
+    return force_to_parent(placement_of(work[i]), add_force(rate, moved))
+
+
+@kernel
+def eliminate_rate(bodies, first, i, work, Q, Q_rate):
+    """Take the degree of freedom that body i owns out of 𝓜̇, all later ones being out already."""
+    start, carrier = bodies[first].start, bodies[first].parent
+    c = bodies[i].dof - start
+    D_rate, G, u = Q_rate[bodies[i].dof, c], force_of(work[i].G), force_of(work[i].u)
+    rest = subtract_force(u, scale_force(G, D_rate))
+    for j in range(first, i):
+        if owns(bodies, j):
+            b = bodies[j].dof
+            g, g_rate = Q[b, c], Q_rate[b, c]
+            add_to_force(work[j].u, scale_force(rest, -g))
+            add_to_force(work[j].u, scale_force(G, -g_rate))
+            for a in range(start, b + 1):
+                Q_rate[a, b - start] -= Q[a, c] * (g_rate - g * D_rate) + Q_rate[a, c] * g
+    if carrier > 0:
+        half = subtract_force(u, scale_force(G, 0.5 * D_rate))
+        set_inertia(work[carrier].P_rate, less_rank_two(inertia_of(work[carrier].P_rate), G, half))
+
+
+# --- Rates and moments through a group --------------------------------------------------------------------
+
+
+@kernel
+def carried_motion(bodies, i, work):
+    """V_A of the group of body i, in the axes of A."""
+    return motion_of(work[bodies[bodies[i].first].parent].V)
+
+
+@kernel
+def induced_rate(bodies, i, V_A, qd, Q, G):
+    """ξ − q̇ of the degree of freedom that body i owns: what A and the ones before it in the group induce."""
+    body = bodies[i]
+    rate = power(G, V_A)
+    for b in range(body.start, body.dof):
+        rate += Q[b, body.dof - body.start] * qd[b]
+    return rate
+
+
+@kernel
+def filter_moments(bodies, first, last, work, Q, moments):
+    """Moments τ along a group's degrees of freedom become κ, in place; returns Σ G κ on the carrier."""
+    F = NOTHING
+    for i in range(last, first - 1, -1):
+        if owns(bodies, i):
+            c, start = bodies[i].dof, bodies[i].start
+            F = add_force(F, scale_force(force_of(work[i].G), moments[c]))
+            for b in range(start, c):
+                moments[b] -= Q[b, c - start] * moments[c]
+    return F
+
+
+@kernel
+def unfilter_moments(bodies, first, last, work, Q, moments):
+    """Moments κ become τ of them alone, in place: [I + HφK] within the group; returns Σ G κ on the carrier."""
+    F = NOTHING
+    for i in range(first, last + 1):
+        if owns(bodies, i):
+            c, start = bodies[i].dof, bodies[i].start
+            F = add_force(F, scale_force(force_of(work[i].G), moments[c]))
+            for b in range(start, c):
+                moments[b] += Q[b, c - start] * moments[c]
+    return F
+
+
+@kernel
+def moments_of_wrench(bodies, i, work, F, moments):
+    """Add SᵀF of a wrench on body i along every degree of freedom that carries it, all joints rigid."""
+    while i > 0:
+        moments[bodies[i].dof] += bodies[i].multiplier * along(bodies[i].direction, F)
+        F = force_inboard(bodies[i], work[i], F)
+        i = bodies[i].parent
+
+
+@kernel
+def working_moments_of_wrench(bodies, i, work, Q, F, kappa):
+    """Add SᵀF of a wrench on body i along every degree of freedom that carries it, all of them articulated: κ."""
+    while i > 0:
+        body, w = bodies[i], work[i]
+        if body.coupled:
+            first = body.first
+            while i >= first:
+                kappa[bodies[i].dof] += bodies[i].multiplier * along(bodies[i].direction, F)
+                F = force_inboard(bodies[i], work[i], F)
+                i = bodies[i].parent
+            F = subtract_force(F, filter_moments(bodies, first, body.last, work, Q, kappa))
+            continue
+        moment = along(body.direction, F)
+        kappa[body.dof] = moment
+        F = force_inboard(body, w, subtract_force(F, scale_force(force_of(w.G), moment)))
+        i = body.parent
+
+
+@kernel
+def gather(bodies, first, last, work, forces, sign, moments):
+    """Add what wrenches on a group's bodies do along its degrees of freedom, times a sign.
+
+    The wrenches are summed inboard, and the one on the carrier returned.
+    """
+    F = NOTHING
+    for i in range(last, first - 1, -1):
+        body = bodies[i]
+        f = force_of(forces[i])
+        moments[body.dof] += sign * body.multiplier * along(body.direction, f)
+        f = force_inboard(body, work[i], f)
+        if body.parent >= first:
+            add_to_force(forces[body.parent], f)
+        else:
+            F = add_force(F, f)
+    return F
+
+
+@kernel
+def gather_bias(bodies, first, last, qd, work, V, sign, moments):
+    """As :func:`gather`, of the wrenches that y and the velocities V of all bodies ask for while q̈ and V̇ of A are zero.
+
+    After :func:`compose`. V is that of the links; another one of theirs for the bilinear form of the same terms.
+    """
+    for i in range(first, last + 1):
+        body, w = bodies[i], work[i]
+        A, zeta = Motion(ZERO, ZERO), Motion(ZERO, ZERO)
+        if body.parent >= first:
+            A = motion_outboard(body, w, motion_of(work[body.parent].bias))
+        if body.rank == 0:
+            zeta = cross_motion(
+                motion_to_child(placement_of(w), motion_of(V[body.parent])), joint_motion(bodies, i, qd)
+            )
+        set_motion(w.zeta, zeta)
+        set_motion(w.bias, add_motion(A, zeta))
+    F = NOTHING
+    for i in range(last, first - 1, -1):
+        body, w = bodies[i], work[i]
+        P, y = inertia_of(w.P), force_of(w.y)
+        f = add_force(y, inertia_times(P, motion_of(w.bias)))
+        moments[body.dof] += sign * body.multiplier * along(body.direction, f)
+        f = force_inboard(body, w, add_force(y, inertia_times(P, motion_of(w.zeta))))
+        if body.parent >= first:
+            add_to_force(work[body.parent].y, f)
+        else:
+            F = add_force(F, f)
+    return F

@@ -1,0 +1,227 @@
+"""Steps that several sweeps share: a body placed, moved, weighed; its joint's inertia taken out, or passed on."""
+
+import math
+
+from diag_dynamics.kernel import kernel
+from diag_dynamics.spatial import (
+    ANGULAR_X,
+    ANGULAR_Z,
+    ZERO,
+    Motion,
+    Placement,
+    add,
+    add_motion,
+    along,
+    apply,
+    column_along,
+    cross_motion,
+    dot,
+    force_to_parent,
+    inertia_to_parent,
+    motion_along,
+    motion_to_child,
+    product,
+    rigid_inertia,
+    rigid_momentum,
+    rotation_of_quaternion,
+    scale,
+    scale_force,
+    turned_about_z,
+)
+from diag_dynamics.sweeps.records import (
+    add_to_inertia,
+    matrix_of,
+    motion_of,
+    placement_of,
+    set_inertia,
+    set_motion,
+    set_placement,
+    symmetric_of,
+    vector_of,
+)
+
+PLANAR, FLOATING = 3, 6
+"""Degrees of freedom of the joints that have several; they name the joint."""
+
+UNIT_TOLERANCE = 1e-3
+"""How far from 1 the squared length of an orientation's quaternion may be; it is normalized."""
+
+SINGULAR = 1e-10
+"""A joint counts as moving no inertia where D is below this part of the inertias that D is the remainder of."""
+
+# --- Positions --------------------------------------------------------------------------------------------
+
+
+@kernel
+def place(body, q, w):
+    """X of the body at the positions q, kept in its workspace; the later bodies of a joint are where the first is."""
+    rotation, translation = matrix_of(body.rotation), vector_of(body.translation)
+    if body.dofs == 1:
+        position = body.multiplier * q[body.q] + body.offset
+        if body.direction == ANGULAR_Z:
+            rotation = turned_about_z(rotation, position)
+        else:
+            translation = add(translation, apply(rotation, (0.0, 0.0, position)))
+    elif body.rank == 0:
+        k = body.q
+        if body.dofs == PLANAR:
+            translation = add(translation, apply(rotation, (q[k], q[k + 1], 0.0)))
+            rotation = turned_about_z(rotation, q[k + 2])
+        else:
+            translation = add(translation, apply(rotation, (q[k], q[k + 1], q[k + 2])))
+            rotation = product(rotation, rotation_of_quaternion(q[k + 3], q[k + 4], q[k + 5], q[k + 6]))
+    X = Placement(rotation, translation)
+    set_placement(w, X)
+    return X
+
+
+@kernel
+def place_all(bodies, q, work):
+    """X of every body."""
+    for i in range(1, len(bodies)):
+        place(bodies[i], q, work[i])
+
+
+@kernel
+def orientation(bodies, i, work):
+    """Rotation of a placed body in the world."""
+    R = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    while i > 0:
+        R = product(matrix_of(work[i].rotation), R)
+        i = bodies[i].parent
+    return R
+
+
+@kernel
+def are_positions(bodies, q):
+    """Whether all positions are finite, and orientations near unit length."""
+    if not are_finite(q):
+        return False
+    for i in range(1, len(bodies)):
+        if bodies[i].dofs == FLOATING and bodies[i].rank == 0:
+            k = bodies[i].q + 3
+            length = q[k] ** 2 + q[k + 1] ** 2 + q[k + 2] ** 2 + q[k + 3] ** 2
+            if not abs(length - 1.0) < UNIT_TOLERANCE:
+                return False
+    return True
+
+
+@kernel
+def are_finite(x):
+    """Whether all of a vector is."""
+    for k in range(len(x)):
+        if not math.isfinite(x[k]):
+            return False
+    return True
+
+
+# --- Motions ----------------------------------------------------------------------------------------------
+
+
+@kernel
+def own_motion(body, rates):
+    """S q̇ of one body; a follower's rate is its leader's, multiplied."""
+    return motion_along(body.direction, body.multiplier * rates[body.dof])
+
+
+@kernel
+def joint_motion(bodies, i, rates):
+    """v_J, what moves the frame of body i against its parent's; nothing for the later bodies of a joint."""
+    v_J = Motion(ZERO, ZERO)
+    if bodies[i].rank == 0:
+        for j in range(i, i + bodies[i].dofs):
+            v_J = add_motion(v_J, own_motion(bodies[j], rates))
+    return v_J
+
+
+@kernel
+def zeta(bodies, i, rates, work):
+    """ζ = V × v_J of the joint whose first body is i; V of all its bodies is known."""
+    return cross_motion(motion_of(work[i + bodies[i].dofs - 1].V), joint_motion(bodies, i, rates))
+
+
+@kernel
+def rest_at_world(work):
+    """V of the world."""
+    set_motion(work[0].V, Motion(ZERO, ZERO))
+
+
+@kernel
+def accelerate_world(gravity, work):
+    """Gravity as an acceleration of the world, −g."""
+    set_motion(work[0].acceleration, Motion(scale(vector_of(gravity), -1.0), ZERO))
+
+
+@kernel
+def move(body, rates, work, w):
+    """V of a placed body."""
+    V = add_motion(motion_to_child(placement_of(w), motion_of(work[body.parent].V)), own_motion(body, rates))
+    set_motion(w.V, V)
+    return V
+
+
+# --- Inertias ---------------------------------------------------------------------------------------------
+
+
+@kernel
+def body_inertia(body):
+    """I of a body."""
+    return rigid_inertia(body.mass, vector_of(body.first_moment), symmetric_of(body.inertia))
+
+
+@kernel
+def momentum(body, V):
+    """I V."""
+    return rigid_momentum(body.mass, vector_of(body.first_moment), symmetric_of(body.inertia), V)
+
+
+@kernel
+def start_inertia(body, w):
+    """P of a body before its children have been added, and the magnitudes that D will be judged by."""
+    rigid = body_inertia(body)
+    set_inertia(w.P, rigid)
+    w.magnitude[0] = 3.0 * body.mass
+    w.magnitude[1] = rigid.C[0][0] + rigid.C[1][1] + rigid.C[2][2]
+    w.armature = body.armature
+
+
+@kernel
+def joint_inertia(direction, w, P):
+    """D, with the armature that theory adds to it, P S and G (Algorithm 4.1)."""
+    column = column_along(direction, P)
+    D = along(direction, column) + w.armature
+    return D, column, scale_force(column, 1.0 / D)
+
+
+@kernel
+def magnitude_along(body, w):
+    """The size of the inertias that D of this body came from."""
+    return w.magnitude[0] if body.direction < ANGULAR_X else w.magnitude[1]
+
+
+@kernel
+def is_singular(size, D):
+    """Whether D is no more than what cancellation leaves of inertias of this size."""
+    return not SINGULAR * size < D
+
+
+@kernel
+def pass_inertia(X, P, P_plus, parent):
+    """Add XᵀP⁺X to the parent's P, and the size of P itself to the parent's magnitudes."""
+    add_to_inertia(parent.P, inertia_to_parent(X, P_plus))
+    linear = P.A[0][0] + P.A[1][1] + P.A[2][2]
+    angular = P.C[0][0] + P.C[1][1] + P.C[2][2]
+    parent.magnitude[0] += linear
+    parent.magnitude[1] += angular + linear * dot(X.translation, X.translation)
+
+
+@kernel
+def force_inboard(body, w, F):
+    """XᵀF; the later bodies of a joint share the first one's frame."""
+    return F if body.rank > 0 else force_to_parent(placement_of(w), F)
+
+
+@kernel
+def motion_outboard(body, w, V):
+    """X V; the later bodies of a joint share the first one's frame."""
+    return V if body.rank > 0 else motion_to_child(placement_of(w), V)
