@@ -23,11 +23,21 @@ def calls(dyn):
     """Return what is timed: one call of each method, at one state."""
     rng = np.random.default_rng(0)
     q, qd, tau = rng.uniform(-1.0, 1.0, (3, dyn.model.nv))
+    tip = dyn.model.link_names[-1]
     return {
         "evaluate": lambda: dyn.evaluate(q, qd, tau),
         "forward_dynamics": lambda: dyn.forward_dynamics(q, qd, tau),
+        "inverse_dynamics": lambda: dyn.inverse_dynamics(q, qd, tau),
         "nu_from_qd": lambda: dyn.nu_from_qd(q, qd),
+        "qd_from_nu": lambda: dyn.qd_from_nu(q, qd),
+        "epsilon_from_tau": lambda: dyn.epsilon_from_tau(q, tau),
+        "tau_from_epsilon": lambda: dyn.tau_from_epsilon(q, tau),
+        "m_rate_transposed": lambda: dyn.m_rate_transposed(q, qd, tau),
         "coriolis_bracket": lambda: dyn.coriolis_bracket(q, qd, tau),
+        "coriolis_product": lambda: dyn.coriolis_product(q, qd, tau),
+        "mass_matrix_rate_times": lambda: dyn.mass_matrix_rate_times(q, qd, tau),
+        "log_det_rate": lambda: dyn.log_det_rate(q, qd),
+        "wrench_factor": lambda: dyn.wrench_factor(q, tip),
     }
 
 
@@ -56,10 +66,10 @@ def exponent(times, kind, method):
 def main():
     """Measure, and print a Markdown table."""
     times = measure()
-    methods = list(dict.fromkeys(method for _, method, _ in times))
-    print("| robot | " + " | ".join(methods) + " |\n|---|" + "---|" * len(methods))
-    for kind in KINDS:
-        print(f"| {kind} | " + " | ".join(f"{exponent(times, kind, method):.3f}" for method in methods) + " |")
+    print("| | " + " | ".join(KINDS) + " |\n|---|" + "---|" * len(KINDS))
+    for method in dict.fromkeys(method for _, method, _ in times):
+        row = [f"{exponent(times, kind, method):.3f}" for kind in KINDS]
+        print(f"| `{method}` | " + " | ".join(row) + " |")
 
 
 if __name__ == "__main__":

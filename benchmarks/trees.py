@@ -2,7 +2,7 @@
 
 INERTIAL = (
     '<inertial><origin xyz="0.02 0.01 0.1"/><mass value="1.0"/>'
-    '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0.001" izz="0.01"/></inertial>'
+    '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0.001" izz="0.02"/></inertial>'
 )
 
 

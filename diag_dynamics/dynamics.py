@@ -11,6 +11,9 @@ from diag_dynamics.model import RobotModel
 from diag_dynamics.model.options import numbers
 from diag_dynamics.results import Evaluation, Factors
 
+ROUNDING = 1e-14
+"""What ℓJᵀu may be of the entries of ℓJᵀ and still be nothing but rounding."""
+
 
 class DiagonalDynamics:
     """Diagonalized and classical dynamics of one robot, each in O(N) sweeps over its links.
@@ -234,10 +237,12 @@ class DiagonalDynamics:
         Blocks [1/kg], [1/(kg m)] and [1/(kg m²)]; arguments as of :meth:`wrench_factor`.
         """
         factor = self.wrench_factor(q, link, point, frame)
-        return factor.T @ factor
+        return _squared(factor, point)
 
     def reflected_mass(self, q, link, direction, point=(0.0, 0.0, 0.0), frame="link"):
-        """1/|ℓJᵀu|² [kg]: the mass that a push along u at a point of a link meets; inf where it cannot move that way.
+        """1/|ℓJᵀu|² [kg]: the mass that a push along u at a point of a link meets.
+
+        It is inf where the point cannot move that way, or moves no more than rounding would have it.
 
         Parameters
         ----------
@@ -252,43 +257,66 @@ class DiagonalDynamics:
             As there, or the direction is zero.
         """
         direction = numbers("direction", direction, (3,), "three finite numbers, not all zero")
-        length = np.linalg.norm(direction / max(np.abs(direction).max(), 1e-300))
-        if not length > 0.0:
+        largest = np.abs(direction).max()
+        if not largest > 0.0:
             raise InputError(f"direction is {direction.tolist()}, expected three finite numbers, not all zero.")
-        u = direction / np.abs(direction).max() / length
-        w = self.epsilon_from_wrench(q, link, np.concatenate([u, np.zeros(3)]), point, frame)
-        return 1.0 / float(w @ w) if w.any() else math.inf
+        u = direction / largest
+        u /= np.linalg.norm(u)
+        factor = self.wrench_factor(q, link, point, frame)
+        w = factor[:, :3] @ u
+        if np.abs(w).max(initial=0.0) <= ROUNDING * np.abs(factor).max(initial=0.0):
+            return math.inf
+        return 1.0 / float(_squared(w, point))
 
     def evaluate_batch(self, Q, QD, TAU=None):
         """Not offered yet: raises :class:`UnsupportedError`."""
         raise UnsupportedError("evaluate_batch is not offered yet: call evaluate for each state.")
 
-    def compile(self):
-        """Compile everything, or load it from the cache: afterwards no call waits for the compiler."""
-        zero, q = self._zero, self.model.neutral
+    def compile(self, *methods):
+        """Compile methods, or load them from the cache: afterwards no call of them waits for the compiler.
+
+        Parameters
+        ----------
+        *methods : str
+            Names of methods of this class; all, if none is given.
+
+        Raises
+        ------
+        InputError
+            A name is not that of a method that is compiled.
+        """
         probe = DiagonalDynamics(self.model)
-        wrench = {self.model.root_link: np.zeros(6)}
-        steps = (
-            lambda: probe.evaluate(q, zero, zero).link_energy,
-            lambda: probe.factors(q),
-            lambda: probe.forward_dynamics(q, zero, zero),
-            lambda: probe.inverse_dynamics(q, zero, zero, wrench),
-            lambda: probe.mass_matrix(q),
-            lambda: probe.nu_from_qd(q, zero),
-            lambda: probe.qd_from_nu(q, zero),
-            lambda: probe.epsilon_from_tau(q, zero),
-            lambda: probe.tau_from_epsilon(q, zero),
-            lambda: probe.m_rate_transposed(q, zero, zero),
-            lambda: probe.coriolis_bracket(q, zero, zero),
-            lambda: probe.coriolis_product(q, zero, zero),
-            lambda: probe.mass_matrix_rate(q, zero),
-            lambda: probe.mass_matrix_rate_times(q, zero, zero),
-            lambda: probe.log_det(q),
-            lambda: probe.wrench_factor(q, self.model.root_link),
-        )
-        for step in steps:
+        zero, q, root = self._zero, self.model.neutral, self.model.root_link
+        wrench = {root: np.zeros(6)}
+        steps = {
+            "evaluate": lambda: probe.evaluate(q, zero, zero, wrench).link_energy,
+            "factors": lambda: probe.factors(q),
+            "forward_dynamics": lambda: probe.forward_dynamics(q, zero, zero, wrench),
+            "inverse_dynamics": lambda: probe.inverse_dynamics(q, zero, zero, wrench),
+            "mass_matrix": lambda: probe.mass_matrix(q),
+            "bias": lambda: probe.bias(q, zero),
+            "gravity_torque": lambda: probe.gravity_torque(q),
+            "nu_from_qd": lambda: probe.nu_from_qd(q, zero),
+            "qd_from_nu": lambda: probe.qd_from_nu(q, zero),
+            "epsilon_from_tau": lambda: probe.epsilon_from_tau(q, zero),
+            "tau_from_epsilon": lambda: probe.tau_from_epsilon(q, zero),
+            "m_rate_transposed": lambda: probe.m_rate_transposed(q, zero, zero),
+            "coriolis_bracket": lambda: probe.coriolis_bracket(q, zero, zero),
+            "coriolis_product": lambda: probe.coriolis_product(q, zero, zero),
+            "mass_matrix_rate": lambda: probe.mass_matrix_rate(q, zero),
+            "mass_matrix_rate_times": lambda: probe.mass_matrix_rate_times(q, zero, zero),
+            "log_det": lambda: probe.log_det(q),
+            "log_det_rate": lambda: probe.log_det_rate(q, zero),
+            "wrench_factor": lambda: probe.wrench_factor(q, root),
+            "epsilon_from_wrench": lambda: probe.epsilon_from_wrench(q, root, np.zeros(6)),
+            "operational_inverse_inertia": lambda: probe.operational_inverse_inertia(q, root),
+            "reflected_mass": lambda: probe.reflected_mass(q, root, (1.0, 0.0, 0.0)),
+        }
+        for name in methods or steps:
+            if name not in steps:
+                raise InputError(f"compile: {name!r} is none of {', '.join(steps)}.")
             with suppress(SingularMassMatrixError):  # at this one configuration; it is compiled all the same
-                step()
+                steps[name]()
 
     # --- Between Python and the sweeps ---
 
@@ -329,6 +357,8 @@ class DiagonalDynamics:
         q, epsilon = self._positions(q), np.empty((self.model.nv, len(records)))
         bodies, world = self.model.bodies, frame == "world"
         self._checked(sweeps.factor_of_wrenches(bodies, q, records, world, self._work, self._table, epsilon))
+        if not np.isfinite(epsilon).all():
+            raise InputError(f"point {list(point)} or the wrench are too large: a result overflows.")
         return epsilon
 
     def _newton_euler(self, gravity, q, qd, qdd):
@@ -386,6 +416,15 @@ class DiagonalDynamics:
 
 _NO_GRAVITY = np.zeros(3)
 _NO_GRAVITY.flags.writeable = False
+
+
+def _squared(factor, point):
+    """FᵀF of what belongs to a point of a link, refused if it overflows."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        square = factor.T @ factor
+    if not np.isfinite(square).all():
+        raise InputError(f"point {list(point)} is too far away: a result overflows.")
+    return square
 
 
 def _check_frame(frame):

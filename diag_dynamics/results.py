@@ -94,6 +94,14 @@ class Evaluation:
         return rate if self.friction is None else rate - self.friction
 
     @cached_property
+    def xi_dot(self):
+        """dξ/dt = D⁻¹(κ − κ_g − C_ξ + …) [rad/s², m/s²] (eq. 7.9), of the terms that nu_dot has; None without tau."""
+        if self.epsilon is None:
+            return None
+        moments = np.sqrt(self.articulated_inertia) * (self.nu_dot + self.coriolis)
+        return (moments - self.coriolis_unnormalized) / self.articulated_inertia
+
+    @cached_property
     def power(self):
         """dK/dt = νᵀ(ε − ε_g + ℓJᵀf_ext − ε_fric) [W] (Lemma 7.2), of those terms that were asked for; None without tau."""
         if self.epsilon is None:

@@ -18,7 +18,7 @@ import numpy as np
 from diag_dynamics import sweeps
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError, UnsupportedError
-from diag_dynamics.kernel import entry_kernel, kernel
+from diag_dynamics.kernel import entry_kernel, large_kernel
 from diag_dynamics.results import Evaluation
 
 STAGES = 6
@@ -255,7 +255,7 @@ class Wave:
         return simulation.dynamics.inverse_dynamics(q, qd, qdd) + simulation.damping * qd_d
 
 
-@kernel
+@large_kernel
 def _rates(bodies, damping, implicit, q, nu, work, table, momentum, qd):
     """q̇ of a stage and, with damping, ν after its implicit part: (M + hγ d) q̇ = m ν_before."""
     if not implicit:
@@ -264,7 +264,7 @@ def _rates(bodies, damping, implicit, q, nu, work, table, momentum, qd):
     return status if status != 0 else sweeps.nu_from_qd(bodies, q, qd, work, table, nu)
 
 
-@kernel
+@large_kernel
 def _step(bodies, gravity, damping, h, tau, q, nu, work, table, rows, twists, buffers):
     """One step of the Runge–Kutta pair from (q, ν), in place."""
     n = len(q)
@@ -305,7 +305,7 @@ def _step(bodies, gravity, damping, h, tau, q, nu, work, table, rows, twists, bu
     return 0
 
 
-@kernel
+@large_kernel
 def _stop_at_limits(bodies, lower, upper, q, nu, work, table, momentum, held, qd):
     """Bring joints beyond their limits back to them and take away their outward motion by impulses.
 

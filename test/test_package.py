@@ -1,6 +1,7 @@
 """The package as a whole: what is declared in several places agrees, and what is promised is there."""
 
 import ast
+import inspect
 import os
 import re
 import subprocess
@@ -11,7 +12,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-import diag_dynamics
+import diag_dynamics as dd
+from diag_dynamics import spatial
 
 ROOT = Path(__file__).parents[1]
 SOURCES = sorted((ROOT / "diag_dynamics").rglob("*.py"))
@@ -71,12 +73,12 @@ def test_importing_the_package_is_cheap():
 
 
 def test_public_names_are_there():
-    for name in diag_dynamics.__all__:
-        value = getattr(diag_dynamics, name)
+    for name in dd.__all__:
+        value = getattr(dd, name)
         assert value.__doc__
-    assert {"load_urdf", "DiagonalDynamics", "RobotModel"} <= set(dir(diag_dynamics))
+    assert {"load_urdf", "DiagonalDynamics", "RobotModel"} <= set(dir(dd))
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
-        _ = diag_dynamics.nonsense
+        _ = dd.nonsense
 
 
 # --- Interfaces ---
@@ -170,7 +172,7 @@ def test_launch_files_describe_nodes():
 def test_package_xml_is_complete():
     package = ET.parse(ROOT / "package.xml").getroot()
     assert package.get("format") == "3"
-    assert package.findtext("version") == diag_dynamics.__version__
+    assert package.findtext("version") == dd.__version__
     assert package.findtext("export/build_type") == "ament_cmake"
     declared = {e.text for e in package if e.tag.endswith("depend")}
     third_party = {"numba", "numpy", "lxml", "yourdfpy", "rich", "matplotlib"}
@@ -213,3 +215,29 @@ def test_readme_program_runs(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert abs(float(done.stdout.split()[-1])) < 1e-12
+
+
+def test_the_map_of_the_paper_names_what_exists():
+    """docs/paper.md: every test and every function it names is there, and every row names a test or a measurement."""
+    text = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+    rows = [
+        line for line in text.splitlines() if line.startswith("| ") and not line.startswith(("| number", "| claim"))
+    ]
+    assert len(rows) > 40
+    public = {name for kind in (dd.DiagonalDynamics, dd.Evaluation) for name in dir(kind)} | set(dd.__all__)
+    public |= set(dd.Factors._fields) | set(re.findall(r"self\.(\w+)", inspect.getsource(dd.Evaluation)))
+    for row in rows:
+        named = re.findall(r"`([^`]+)`", row)
+        tests = [name for name in named if "test_" in name and not name.endswith(".py")]
+        assert tests or "measured:" in row, row
+        for name in tests:
+            file, _, function = name.rpartition("::")
+            source = (ROOT / "test" / (file or "test_paper_identities.py")).read_text(encoding="utf-8")
+            assert re.search(rf"^def {function}\(", source, re.M), name
+        for name in set(named) - set(tests):
+            if name.startswith("spatial."):
+                assert hasattr(spatial, name.removeprefix("spatial.")), name
+            elif name.endswith(".py"):
+                assert (ROOT / name).exists() or (ROOT / "test" / name).exists(), name
+            else:
+                assert name.split()[0] in public, name

@@ -80,7 +80,9 @@ def _followed(joint, joints, locked):
                 [joint.name],
             )
         if own.joint in chain:
-            raise MimicJointError(f"joint '{own.joint}' mimics itself: {' → '.join([*chain, own.joint])}.", chain)
+            raise MimicJointError(
+                f"joint '{own.joint}' mimics itself: {' → '.join(map(repr, [*chain, own.joint]))}.", chain
+            )
         joint = joints[own.joint]
         chain.append(joint.name)
     _require_single(joint, chain)

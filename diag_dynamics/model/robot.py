@@ -129,6 +129,7 @@ class RobotModel:
         """Reflected rotor inertia [kg m², kg], shape (nv,), that of followers included."""
         moving, reflected = self.bodies[1:], np.zeros(self.nv)
         np.add.at(reflected, moving["dof"], moving["multiplier"] ** 2 * moving["armature"])
+        reflected.flags.writeable = False
         return reflected
 
     def follower_positions(self, q):

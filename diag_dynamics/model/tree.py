@@ -20,7 +20,6 @@ BODY = np.dtype(
         ("first", "i8"),  # first and last body of those that are eliminated together with it
         ("last", "i8"),
         ("start", "i8"),  # first degree of freedom of those
-        ("coupled", "i8"),  # whether there are followers among them
         ("link", "i8"),  # index of the link that the joint moves
         ("rotation", "f8", 9),  # constant placement in the parent at q = 0, row-major
         ("translation", "f8", 3),
@@ -211,7 +210,6 @@ class Tree:
             carried = [entry for entry in leaving if entry[0].name not in group] + carried
         for record in self._records[first:]:
             record["first"], record["last"], record["start"] = first, len(self._records) - 1, start
-            record["coupled"] = True
         for name in names:
             if name in self.mimics:
                 leader, multiplier, offset = self.mimics[name]

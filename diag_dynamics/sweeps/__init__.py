@@ -3,10 +3,8 @@
 Names are those of Jain and Rodriguez (1995), written in body frames and base-to-tip order. There is one body for each
 degree of freedom and for each mimic joint; body 0 is the world, and a parent comes before its children. Outward sweeps
 run from the base to the tips, inward ones back, and each does a fixed amount of work per body. A joint of several
-degrees of freedom is as many bodies in one and the same frame, all but the last without inertia: the recursion then
-takes the factor U D Uᵀ of its block entry by entry, as of all the rest. Only what depends on how the frame itself moves
-(ζ and Ṗ) belongs to the joint as a whole. Joints coupled by mimicry are a group, which is eliminated together: see
-groups.
+degrees of freedom is as many bodies in one and the same frame, all but the last without inertia. These, and joints coupled
+by mimicry, are a group: degrees of freedom that are eliminated together, see groups.
 
     X   placement of a body in its parent         P   articulated body inertia (Riccati, Algorithm 4.1)
     S   direction of the degree of freedom        D   SᵀPS + armature, articulated joint inertia

@@ -26,6 +26,7 @@ from diag_dynamics.sweeps.groups import (
     filter_moments,
     gather_bias,
     induced_rate,
+    is_grouped,
     owns,
 )
 from diag_dynamics.sweeps.records import (
@@ -78,7 +79,7 @@ def forward_dynamics(bodies, gravity, q, qd, tau, work, table, qdd):
     i = n - 1
     while i > 0:  # qdd becomes D⁻¹(τ − Sᵀy), y that of the links outboard with the torques already spent on them
         body, w, parent = bodies[i], work[i], work[bodies[i].parent]
-        if body.coupled:
+        if is_grouped(body):
             first = body.first
             compose(bodies, first, i, work, Q)
             y = gather_bias(bodies, first, i, qd, work, work.V, -1.0, qdd)
@@ -105,8 +106,7 @@ def forward_dynamics(bodies, gravity, q, qd, tau, work, table, qdd):
             X = placement_of(w)
             P_plus = less_rank_one(P, G, column)
             y_plus = add_force(y, scale_force(G, remainder))
-            if body.rank == 0:
-                y_plus = add_force(y_plus, inertia_times(P_plus, zeta(bodies, i, qd, work)))
+            y_plus = add_force(y_plus, inertia_times(P_plus, zeta(bodies, i, qd, work)))
             pass_inertia(X, P, P_plus, parent)
             add_to_force(parent.y, force_to_parent(X, y_plus))
         i -= 1
@@ -117,7 +117,7 @@ def forward_dynamics(bodies, gravity, q, qd, tau, work, table, qdd):
         A = motion_to_child(placement_of(w), motion_of(work[body.parent].acceleration))
         if body.rank == 0:
             A = add_motion(A, zeta(bodies, i, qd, work))
-        if not body.coupled:
+        if not is_grouped(body):
             qdd[body.dof] -= power(force_of(w.G), A)
         elif i == body.first:
             carried = motion_of(work[body.parent].acceleration)
@@ -195,7 +195,7 @@ def mass_matrix(bodies, q, work, M):
         start_inertia(bodies[i], work[i])
     if len(bodies) > 1:
         compose(bodies, 1, len(bodies) - 1, work, M)  # the whole robot as one group
-    return 0
+    return 0 if are_finite(M.ravel()) else -1
 
 
 @entry_kernel

@@ -2,7 +2,7 @@
 
 import math
 
-from diag_dynamics.kernel import entry_kernel, kernel
+from diag_dynamics.kernel import entry_kernel, kernel, large_kernel
 from diag_dynamics.spatial import (
     ZERO,
     Motion,
@@ -41,7 +41,7 @@ from diag_dynamics.sweeps.steps import (
 )
 
 
-@kernel
+@large_kernel
 def _start(bodies, q, qd, work):
     """Placed bodies with their own inertias, at rest as yet."""
     if not (are_positions(bodies, q) and are_finite(qd)):
@@ -53,7 +53,7 @@ def _start(bodies, q, qd, work):
     return 0
 
 
-@kernel
+@large_kernel
 def _factorize(bodies, q, qd, work, table):
     """D, G and g of every degree of freedom and, of the row c of 𝓜̇ that it was eliminated with, u and Q̇[:, c].
 
@@ -124,7 +124,7 @@ def mass_matrix_rate(bodies, q, qd, work, table, M, M_rate):
     if len(bodies) > 1:
         compose(bodies, 1, len(bodies) - 1, work, M)
         compose_rates(bodies, 1, len(bodies) - 1, qd, work, M_rate)
-    return 0
+    return 0 if are_finite(M_rate.ravel()) else -1
 
 
 @entry_kernel

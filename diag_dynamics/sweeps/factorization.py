@@ -2,7 +2,7 @@
 
 import math
 
-from diag_dynamics.kernel import entry_kernel, kernel
+from diag_dynamics.kernel import entry_kernel, large_kernel
 from diag_dynamics.spatial import (
     Force,
     add,
@@ -23,6 +23,7 @@ from diag_dynamics.sweeps.groups import (
     filter_moments,
     gather,
     induced_rate,
+    is_grouped,
     moments_of_wrench,
     owns,
     unfilter_moments,
@@ -52,7 +53,7 @@ from diag_dynamics.sweeps.steps import (
 )
 
 
-@kernel
+@large_kernel
 def factorize(bodies, work, Q, pass_over=False):
     """Riccati sweep (Algorithm 4.1) over placed bodies whose inertias are started: D and G of every one. Inward.
 
@@ -61,7 +62,7 @@ def factorize(bodies, work, Q, pass_over=False):
     i = len(bodies) - 1
     while i > 0:
         body, w = bodies[i], work[i]
-        if body.coupled:
+        if is_grouped(body):
             compose(bodies, body.first, i, work, Q)
             status = eliminate(bodies, body.first, i, work, Q, pass_over)
             if status != 0:
@@ -83,7 +84,7 @@ def factorize(bodies, work, Q, pass_over=False):
     return 0
 
 
-@kernel
+@large_kernel
 def place_and_factorize(bodies, q, work, Q):
     """D and G of every body at the positions q."""
     if not are_positions(bodies, q):
@@ -94,7 +95,7 @@ def place_and_factorize(bodies, q, work, Q):
     return factorize(bodies, work, Q)
 
 
-@kernel
+@large_kernel
 def scale_by_inertia(bodies, work, exponent, x):
     """D to the power 1, 1/2, −1/2 or −1, times x, in place."""
     for i in range(1, len(bodies)):
@@ -135,7 +136,7 @@ def factors(bodies, q, work, table, unit, unit_inverse, D):
         column, inverse_column = unit[:, bodies[j].dof], unit_inverse[:, bodies[j].dof]
         D[bodies[j].dof] = work[j].D
         column[bodies[j].dof] = inverse_column[bodies[j].dof] = 1.0
-        if bodies[j].coupled:
+        if is_grouped(bodies[j]):
             i = bodies[bodies[j].first].parent
             rigid = unfilter_moments(bodies, bodies[j].first, j, work, Q, column)
             articulated = filter_moments(bodies, bodies[j].first, j, work, Q, inverse_column)
@@ -170,13 +171,13 @@ def factor_of_wrenches(bodies, q, wrenches, in_world, work, table, epsilon):
 # --- Tables 1 and 2 over factorized bodies ----------------------------------------------------------------
 
 
-@kernel
+@large_kernel
 def rates_outward(bodies, qd, work, Q, xi):
     """ξ = [I + HφK]ᵀq̇ (Table 1); xi is not qd."""
     rest_at_world(work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
-        if not body.coupled:
+        if not is_grouped(body):
             V_plus = motion_to_child(placement_of(w), motion_of(work[body.parent].V))
             xi[body.dof] = qd[body.dof] + power(force_of(w.G), V_plus)
         elif owns(bodies, i):
@@ -185,13 +186,13 @@ def rates_outward(bodies, qd, work, Q, xi):
         move(body, qd, work, w)
 
 
-@kernel
+@large_kernel
 def own_rates_outward(bodies, xi, work, Q, qd):
     """q̇ = [I − HψK]ᵀξ (Table 1, right); qd may be xi."""
     rest_at_world(work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
-        if not body.coupled:
+        if not is_grouped(body):
             V_plus = motion_to_child(placement_of(w), motion_of(work[body.parent].V))
             qd[body.dof] = xi[body.dof] - power(force_of(w.G), V_plus)
         elif i == body.first:  # all at once: a follower's rate may be that of a leader further out
@@ -203,7 +204,7 @@ def own_rates_outward(bodies, xi, work, Q, qd):
         move(body, qd, work, w)
 
 
-@kernel
+@large_kernel
 def working_moments_inward(bodies, tau, work, Q, kappa):
     """κ = [I − HψK]τ (Table 2); kappa may be tau."""
     for i in range(len(bodies)):
@@ -212,7 +213,7 @@ def working_moments_inward(bodies, tau, work, Q, kappa):
     i = len(bodies) - 1
     while i > 0:
         body, w = bodies[i], work[i]
-        if body.coupled:
+        if is_grouped(body):
             z = gather(bodies, body.first, i, work, work.z, -1.0, kappa)
             z = add_force(z, filter_moments(bodies, body.first, i, work, Q, kappa))
             add_to_force(work[bodies[body.first].parent].z, z)
@@ -225,7 +226,7 @@ def working_moments_inward(bodies, tau, work, Q, kappa):
         i -= 1
 
 
-@kernel
+@large_kernel
 def moments_inward(bodies, kappa, work, Q, tau):
     """τ = [I + HφK]κ (Table 2, right); tau may be kappa."""
     for i in range(len(bodies)):
@@ -234,7 +235,7 @@ def moments_inward(bodies, kappa, work, Q, tau):
     i = len(bodies) - 1
     while i > 0:
         body, w = bodies[i], work[i]
-        if body.coupled:
+        if is_grouped(body):
             z = unfilter_moments(bodies, body.first, i, work, Q, tau)
             z = add_force(z, gather(bodies, body.first, i, work, work.z, 1.0, tau))
             add_to_force(work[bodies[body.first].parent].z, z)

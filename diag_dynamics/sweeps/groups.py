@@ -20,7 +20,7 @@ the cube of its degrees of freedom; nothing outside it costs more.
 F and G of a degree of freedom, Ḟ, D and the size D is judged by are in the workspace of the body that owns it.
 """
 
-from diag_dynamics.kernel import kernel
+from diag_dynamics.kernel import kernel, large_kernel
 from diag_dynamics.spatial import (
     ZERO,
     Force,
@@ -66,6 +66,12 @@ NOTHING = Force(ZERO, ZERO)
 
 
 @kernel
+def is_grouped(body):
+    """Whether a body's degree of freedom is eliminated together with others."""
+    return body.first < body.last
+
+
+@kernel
 def owns(bodies, i):
     """Whether body i has a degree of freedom of its own: it is no follower."""
     return bodies[i].owner == i
@@ -74,7 +80,7 @@ def owns(bodies, i):
 # --- 𝓜 and its elimination --------------------------------------------------------------------------------
 
 
-@kernel
+@large_kernel
 def compose(bodies, first, last, work, Q):
     """Q and F of a group; P of its bodies becomes that of all they carry, and goes to the carrier."""
     start = bodies[first].start
@@ -106,7 +112,7 @@ def compose(bodies, first, last, work, Q):
             pass_inertia(placement_of(w), P, P, work[body.parent])
 
 
-@kernel
+@large_kernel
 def eliminate(bodies, first, last, work, Q, pass_over):
     """D and G of a group's degrees of freedom, and g in the columns of Q; what is left goes to the carrier.
 
@@ -125,22 +131,23 @@ def eliminate(bodies, first, last, work, Q, pass_over):
             Q[start : c + 1, c - start] = 0.0
             set_force(w.G, NOTHING)
             continue
-        G = scale_force(column, 1.0 / D)
+        inverse = 1.0 / D
+        G = scale_force(column, inverse)
         set_force(w.G, G)
         for j in range(first, i):
             if owns(bodies, j):
                 b = bodies[j].dof
                 add_to_force(work[j].G, scale_force(G, -Q[b, c - start]))
                 for a in range(start, b + 1):
-                    Q[a, b - start] -= Q[a, c - start] / D * Q[b, c - start]
+                    Q[a, b - start] -= Q[a, c - start] * inverse * Q[b, c - start]
         for b in range(start, c):
-            Q[b, c - start] /= D
+            Q[b, c - start] *= inverse
         if carrier > 0:
             set_inertia(work[carrier].P, less_rank_one(inertia_of(work[carrier].P), G, column))
     return 0
 
 
-@kernel
+@large_kernel
 def compose_rates(bodies, first, last, qd, work, Q_rate):
     """Q̇ and Ḟ of a group, of which P is that of all that the bodies carry; Ṗ becomes so too and goes to the carrier."""
     start = bodies[first].start
@@ -182,7 +189,7 @@ def rate_inboard(bodies, i, qd, work, F, rate):
     return force_to_parent(placement_of(work[i]), add_force(rate, moved))
 
 
-@kernel
+@large_kernel
 def eliminate_rate(bodies, first, i, work, Q, Q_rate):
     """Take the degree of freedom that body i owns out of 𝓜̇, all later ones being out already."""
     start, carrier = bodies[first].start, bodies[first].parent
@@ -261,7 +268,7 @@ def working_moments_of_wrench(bodies, i, work, Q, F, kappa):
     """Add SᵀF of a wrench on body i along every degree of freedom that carries it, all of them articulated: κ."""
     while i > 0:
         body, w = bodies[i], work[i]
-        if body.coupled:
+        if is_grouped(body):
             first = body.first
             while i >= first:
                 kappa[bodies[i].dof] += bodies[i].multiplier * along(bodies[i].direction, F)
@@ -275,7 +282,7 @@ def working_moments_of_wrench(bodies, i, work, Q, F, kappa):
         i = body.parent
 
 
-@kernel
+@large_kernel
 def gather(bodies, first, last, work, forces, sign, moments):
     """Add what wrenches on a group's bodies do along its degrees of freedom, times a sign.
 
@@ -294,7 +301,7 @@ def gather(bodies, first, last, work, forces, sign, moments):
     return F
 
 
-@kernel
+@large_kernel
 def gather_bias(bodies, first, last, qd, work, V, sign, moments):
     """As :func:`gather`, of the wrenches that y and the velocities V of all bodies ask for while q̈ and V̇ of A are zero.
 

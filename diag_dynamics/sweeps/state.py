@@ -2,7 +2,7 @@
 
 import math
 
-from diag_dynamics.kernel import entry_kernel, kernel
+from diag_dynamics.kernel import entry_kernel, large_kernel
 from diag_dynamics.spatial import (
     ZERO,
     Motion,
@@ -38,6 +38,7 @@ from diag_dynamics.sweeps.groups import (
     gather,
     gather_bias,
     induced_rate,
+    is_grouped,
     owns,
 )
 from diag_dynamics.sweeps.records import (
@@ -72,7 +73,7 @@ NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
 ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, ROWS = range(7, 10)
 
 
-@kernel
+@large_kernel
 def _outward(bodies, gravity, q, qd, work):
     """V, gravity's acceleration, and what the inward sweep starts from."""
     world = work[0]
@@ -90,7 +91,7 @@ def _outward(bodies, gravity, q, qd, work):
         w.z[:] = 0.0
 
 
-@kernel
+@large_kernel
 def _axis(bodies, i, qd, tau, work, out):
     """The inward step at a joint of one degree of freedom."""
     body, w = bodies[i], work[i]
@@ -141,7 +142,7 @@ def _axis(bodies, i, qd, tau, work, out):
     return 0
 
 
-@kernel
+@large_kernel
 def _group(bodies, last, qd, tau, work, table, out):
     """The inward step at degrees of freedom that are eliminated together: see groups."""
     first, Q, Q_rate, kappa, bias = bodies[last].first, table[0], table[1], out[KAPPA], out[CORIOLIS]
@@ -185,7 +186,7 @@ def _group(bodies, last, qd, tau, work, table, out):
     return 0
 
 
-@kernel
+@large_kernel
 def _is_finite_result(out):
     """Whether every row is finite, and the kinetic energy too."""
     energy = 0.0
@@ -213,8 +214,8 @@ def evaluate(bodies, gravity, q, qd, tau, work, table, out, twists):
     i = len(bodies) - 1
     while i > 0:
         first = bodies[i].first
-        alone = first == i
-        status = _axis(bodies, i, qd, tau, work, out) if alone else _group(bodies, i, qd, tau, work, table, out)
+        grouped = is_grouped(bodies[i])
+        status = _group(bodies, i, qd, tau, work, table, out) if grouped else _axis(bodies, i, qd, tau, work, out)
         if status != 0:
             return status
         i = first - 1

@@ -127,6 +127,8 @@ def own_motion(body, rates):
 @kernel
 def joint_motion(bodies, i, rates):
     """v_J, what moves the frame of body i against its parent's; nothing for the later bodies of a joint."""
+    if bodies[i].dofs == 1:
+        return own_motion(bodies[i], rates)
     v_J = Motion(ZERO, ZERO)
     if bodies[i].rank == 0:
         for j in range(i, i + bodies[i].dofs):

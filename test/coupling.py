@@ -1,0 +1,744 @@
+"""Coupled joints (URDF mimic tags) without the library: their structure, an oracle, named robots and random ones.
+
+`Coupling` reads the tags and says who follows whom and which joints form one aggregate. `Coupled` is an oracle with
+the interface of `oracles.Oracle`, in independent coordinates: Pinocchio's model with every joint independent,
+projected by q̇_full = G q̇. Imports nothing of diag_dynamics.
+"""
+
+import xml.etree.ElementTree as ET
+import zlib
+from collections.abc import Mapping
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from oracles import COORDINATES, EARTH, ROOT, Oracle, State
+from robots import Robot, description, joint, link
+
+SINGLE = ("revolute", "continuous", "prismatic")
+
+
+# --- structure
+
+
+class Mimic(NamedTuple):
+    """How a follower moves: q = multiplier · q_leader + offset, the leader independent."""
+
+    leader: str
+    multiplier: float
+    offset: float
+
+
+class Coupling:
+    """Who follows whom, what stands still, and what moves as one, by the tags of a URDF.
+
+    Attributes
+    ----------
+    joints : dict
+        The <joint> elements by name.
+    mimics : dict
+        `Mimic` of each follower that moves, by name.
+    locked : dict
+        Positions of the joints that are held and of the followers that therefore, or by a multiplier of 0, stand still.
+    moving : list
+        Names of the joints that move, followers included, base to tip.
+    inboard : dict
+        Of each moving joint the next moving joint inboard, None at the root.
+    aggregates : list of lists
+        The joints of each aggregate, base to tip.
+    """
+
+    def __init__(self, xml: ET.Element, locked: Mapping[str, float]):
+        """Read the tags."""
+        self.joints = {element.get("name"): element for element in xml.findall("joint")}
+        self.links = [element.get("name") for element in xml.findall("link")]
+        self._held = dict(locked)
+        self.mimics, self.locked = {}, dict(locked)
+        for name, element in self.joints.items():
+            if element.find("mimic") is not None and element.get("type") != "fixed" and name not in locked:
+                leader, multiplier, offset = self._position(name)
+                if leader is None:
+                    self.locked[name] = offset
+                else:
+                    self.mimics[name] = Mimic(leader, multiplier, offset)
+        self._walk()
+        self.aggregates = self._merged([self._paths(members) for members in self.groups.values()])
+
+    def kind(self, name: str) -> str:
+        """Return the type of a joint."""
+        return self.joints[name].get("type")
+
+    def _position(self, name: str) -> tuple[str | None, float, float]:
+        """Return the independent joint that a joint follows in the end (None: it stands still), factor and offset."""
+        if name in self._held:
+            return None, 0.0, self._held[name]
+        if self.kind(name) == "fixed":
+            return None, 0.0, 0.0
+        tag = self.joints[name].find("mimic")
+        if tag is None:
+            return name, 1.0, 0.0
+        leader, factor, offset = self._position(tag.get("joint"))
+        multiplier = float(tag.get("multiplier", 1.0))
+        offset = multiplier * offset + float(tag.get("offset", 0.0))
+        factor *= multiplier
+        return (leader if factor else None), factor, offset
+
+    def _walk(self) -> None:
+        children = {}
+        for name in sorted(self.joints):
+            children.setdefault(self.joints[name].find("parent").get("link"), []).append(name)
+        carried = {self.joints[name].find("child").get("link") for name in self.joints}
+        (self.root,) = (name for name in self.links if name not in carried)
+        self.moving, self.inboard = [], {}
+        stack = [(name, None) for name in reversed(children.get(self.root, []))]
+        while stack:
+            name, mover = stack.pop()
+            if self._moves(name):
+                self.moving.append(name)
+                self.inboard[name] = mover
+                mover = name
+            outboard = children.get(self.joints[name].find("child").get("link"), [])
+            stack.extend((other, mover) for other in reversed(outboard))
+
+    def _moves(self, name: str) -> bool:
+        return self.kind(name) != "fixed" and name not in self.locked
+
+    @property
+    def independent(self) -> list[str]:
+        """Return the names of the moving joints that follow no other, base to tip in the tree of joints."""
+        return [name for name in self.moving if name not in self.mimics]
+
+    @property
+    def groups(self) -> dict[str, list[str]]:
+        """Return the members of each coupled group, leader first, by leader."""
+        found = {}
+        for name, mimic in self.mimics.items():
+            found.setdefault(mimic.leader, [mimic.leader]).append(name)
+        return found
+
+    def path(self, name: str | None) -> list[str]:
+        """Return the moving joints from the root to a joint, itself included."""
+        found = []
+        while name is not None:
+            found.append(name)
+            name = self.inboard[name]
+        return found[::-1]
+
+    def carries(self, a: str, b: str) -> bool:
+        """Whether joint a is strictly inboard of joint b."""
+        return a != b and a in self.path(b)
+
+    def _paths(self, members: list[str]) -> set[str]:
+        """Return the joints from the lowest body that carries all members, exclusive, down to them."""
+        paths = [self.path(name) for name in members]
+        shared = 0  # joints that strictly carry all members
+        while all(len(path) > shared + 1 and path[shared] == paths[0][shared] for path in paths):
+            shared += 1
+        return {name for path in paths for name in path[shared:]}
+
+    def _merged(self, sets: list[set[str]]) -> list[list[str]]:
+        """Return the unions of sets that overlap, base to tip."""
+        found = []
+        for joints in sets:
+            for other in [other for other in found if other & joints]:
+                found.remove(other)
+                joints = joints | other
+            found.append(joints)
+        ordered = [[name for name in self.moving if name in joints] for joints in found]
+        return sorted(ordered, key=lambda joints: self.moving.index(joints[0]))
+
+    def node(self, name: str) -> tuple[str, ...]:
+        """Return what moves as one with a joint: its aggregate, or itself alone."""
+        return next((tuple(joints) for joints in self.aggregates if name in joints), (name,))
+
+    def node_inboard(self, node: tuple[str, ...]) -> tuple[str, ...] | None:
+        """Return the node that carries a node; None at the root."""
+        parents = {self.inboard[name] for name in node} - set(node)
+        (parent,) = parents  # one body carries the whole aggregate
+        return None if parent is None else self.node(parent)
+
+    @property
+    def nodes(self) -> list[tuple[str, ...]]:
+        """Return all nodes, base to tip."""
+        left, found = list(dict.fromkeys(self.node(name) for name in self.moving)), []
+        while left:
+            node = next(n for n in left if self.node_inboard(n) is None or self.node_inboard(n) in found)
+            left.remove(node)
+            found.append(node)
+        return found
+
+
+# --- the oracle
+
+
+def with_payloads(urdf: str, payloads: Mapping[str, tuple]) -> str:
+    """Return a URDF with (mass, com, inertia about it) on links, each as a link "on <link>" behind a fixed joint."""
+    robot = ET.fromstring(urdf)
+    for name, (mass, com, inertia) in payloads.items():
+        upper = np.array(inertia, dtype=float)[np.triu_indices(3)]
+        robot.append(ET.fromstring(link(f"on {name}", mass, com, upper)))
+        robot.append(ET.fromstring(joint(f"on {name}", "fixed", name, f"on {name}")))
+    return ET.tostring(robot, encoding="unicode")
+
+
+def upper_factor(M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return U, unit upper triangular, and D of M = U D Uᵀ."""
+    rest, unit, D = M.copy(), np.eye(len(M)), np.zeros(len(M))
+    for k in reversed(range(len(M))):
+        D[k] = rest[k, k]
+        unit[:k, k] = rest[:k, k] / D[k]
+        rest[:k, :k] -= D[k] * np.outer(unit[:k, k], unit[:k, k])
+    return unit, D
+
+
+def upper_factor_rate(m: np.ndarray, Mdot: np.ndarray) -> np.ndarray:
+    """Return ṁ of M = m mᵀ: ℓṀℓᵀ = X + Xᵀ with X = ℓṁ upper triangular."""
+    A = np.linalg.solve(m, np.linalg.solve(m, Mdot).T)
+    return m @ (np.triu(A, 1) + 0.5 * np.diag(np.diag(A)))
+
+
+class Coupled:
+    """A robot with its mimic joints coupled: M = GᵀM_full G and so on, dense, with the interface of `Oracle`."""
+
+    def __init__(
+        self,
+        urdf: str,
+        dof_names: tuple[str, ...] | None = None,
+        gravity: tuple[float, float, float] = EARTH,
+        armature: Mapping[str, float] | None = None,
+        floating_base: bool = False,
+        locked_joints: Mapping[str, float] | None = None,
+        payloads: Mapping[str, tuple] | None = None,
+    ):
+        """Build it from URDF text; `dof_names` are the independent dofs, base to tip, in the caller's order."""
+        self.xml, self._payloads = ET.fromstring(urdf), dict(payloads or {})
+        self.coupling = coupling = Coupling(self.xml, dict(locked_joints or {}))
+        moved = {name: inertia for name, inertia in (armature or {}).items() if name in coupling.moving}
+        urdf = with_payloads(urdf, self._payloads)
+        self.full = full = Oracle(urdf, None, gravity, moved, floating_base, coupling.locked)
+        own = {}  # dofs by joint
+        for k, name in enumerate(full.dof_names):
+            own.setdefault(full.model.names[full._joint[k]], []).append(name)
+        assert set(own) - {ROOT} == set(coupling.moving)
+        ordered = [ROOT] * floating_base
+        ordered += [name for node in coupling.nodes for name in node if name not in coupling.mimics]
+        natural = tuple(name for joint in ordered for name in own[joint])
+        self.dof_names = natural if dof_names is None else tuple(dof_names)
+        if sorted(self.dof_names) != sorted(natural):
+            raise ValueError(f"dofs {sorted(self.dof_names)} are not {sorted(natural)}")
+        self.nv = len(self.dof_names)
+        joint_of = {dof: name for name, dofs in own.items() for dof in dofs}
+        self.joint_of_dof = [joint_of[dof] for dof in self.dof_names]
+        self.joint_names = tuple(dict.fromkeys(self.joint_of_dof))
+        self._maps(own)
+
+    def _maps(self, own: dict[str, list[str]]) -> None:
+        """Make G, and the affine map of positions."""
+        full, mimics = self.full, self.coupling.mimics
+        self.G = np.zeros((full.nv, self.nv))
+        for row, name in enumerate(full.dof_names):
+            leader, multiplier, _ = mimics.get(name, Mimic(name, 1.0, 0.0))
+            self.G[row, self.dof_names.index(leader)] = multiplier
+        at = {full.model.names[j]: (full._first[j], COORDINATES[full.model.nvs[j]]) for j in full._joints}
+        self._chosen = [at[name][0] + i for name in self.joint_names for i in range(at[name][1])]
+        self.joint_of_coordinate = [name for name in self.joint_names for _ in range(at[name][1])]
+        self.nq = len(self._chosen)
+        self.positions, self.offset = np.zeros((full.nq, self.nq)), np.zeros(full.nq)
+        self.positions[self._chosen, range(self.nq)] = 1.0
+        for name, (leader, multiplier, offset) in mimics.items():
+            self.positions[at[name][0], self._chosen.index(at[leader][0])] = multiplier
+            self.offset[at[name][0]] = offset
+
+    # --- structure
+
+    def _node(self, k: int) -> tuple[str, ...]:
+        name = self.joint_of_dof[k]
+        return (ROOT,) if name == ROOT else self.coupling.node(name)
+
+    @cached_property
+    def _nodes_inboard(self) -> dict[tuple[str, ...], set[tuple[str, ...]]]:
+        """Return of each node those strictly inboard of it."""
+        found = {(ROOT,): set()}
+        for node in self.coupling.nodes:
+            parent = self.coupling.node_inboard(node)
+            base = {(ROOT,)} if ROOT in self.joint_names else set()
+            found[node] = base if parent is None else found[parent] | {parent}
+        return found
+
+    @cached_property
+    def _ancestors(self) -> list[frozenset[int]]:
+        nodes = [self._node(k) for k in range(self.nv)]
+        inboard = [self._nodes_inboard[node] for node in nodes]
+        return [
+            frozenset(j for j in range(self.nv) if nodes[j] in inboard[k] or (nodes[j] == nodes[k] and j < k))
+            for k in range(self.nv)
+        ]
+
+    def ancestors(self, k: int) -> frozenset[int]:
+        """Return the dofs of the nodes strictly inboard of that of dof k, and those of its own that come before it."""
+        return self._ancestors[k]
+
+    def descendants(self, k: int) -> set[int]:
+        """Return the dofs of which k is an ancestor."""
+        return {j for j in range(self.nv) if k in self._ancestors[j]}
+
+    def joint_mates(self, k: int) -> set[int]:
+        """Return all dofs of the node of dof k."""
+        return {j for j in range(self.nv) if self._node(j) == self._node(k)}
+
+    def is_coupled(self, k: int) -> bool:
+        """Whether dof k belongs to an aggregate."""
+        return self.joint_of_dof[k] != ROOT and list(self._node(k)) in self.coupling.aggregates
+
+    @property
+    def mass(self) -> float:
+        """Return the total mass of the moving bodies [kg]."""
+        return self.full.mass
+
+    def is_prismatic(self, k: int) -> bool:
+        """Whether dof k is a translation."""
+        return self.full.is_prismatic(self.full.dof_names.index(self.dof_names[k]))
+
+    def is_circular(self, k: int) -> bool:
+        """Whether dof k is a continuous joint."""
+        return self.full.is_circular(self.full.dof_names.index(self.dof_names[k]))
+
+    # --- configurations
+
+    def q_full(self, q: np.ndarray) -> np.ndarray:
+        """Return the positions of all joints, in the order of `full`."""
+        return self.positions @ q + self.offset
+
+    @property
+    def neutral(self) -> np.ndarray:
+        """Return the positions of zero, quaternions at the identity."""
+        return self.full.neutral[self._chosen]
+
+    def moved(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Return q after a step."""
+        return self.full.moved(self.q_full(q), self.G @ step)[self._chosen]
+
+    def at(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray | None = None) -> "CoupledState":
+        """Return the oracle's answers at one state."""
+        return CoupledState(self, *(None if x is None else np.array(x, float) for x in (q, qd, tau)))
+
+    # --- dynamics
+
+    derivative = Oracle.derivative
+
+    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
+        """Return M = GᵀM_full G."""
+        M = self.G.T @ self.full.mass_matrix(self.q_full(q)) @ self.G
+        return 0.5 * (M + M.T)
+
+    def unit_factor(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return U with unit diagonal, and D, of M = U D Uᵀ."""
+        return upper_factor(self.mass_matrix(q))
+
+    factor = Oracle.factor
+
+    def bias(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        """Return c = Gᵀc_full, without gravity."""
+        return self.G.T @ self.full.bias(self.q_full(q), self.G @ qd)
+
+    def gravity_torque(self, q: np.ndarray) -> np.ndarray:
+        """Return g = Gᵀg_full."""
+        return self.G.T @ self.full.gravity_torque(self.q_full(q))
+
+    def coriolis_matrix(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        """Return C_s with c = C_s q̇ and Ṁ = C_s + C_sᵀ."""
+        return self.G.T @ self.full.coriolis_matrix(self.q_full(q), self.G @ qd) @ self.G
+
+    def inverse_dynamics(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        """Return τ, gravity included."""
+        return self.G.T @ self.full.inverse_dynamics(self.q_full(q), self.G @ qd, self.G @ qdd)
+
+    def forward_dynamics(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Return q̈ by a dense solve, gravity included."""
+        M, bias = self.mass_matrix(q), self.bias(q, qd) + self.gravity_torque(q)
+        unit = np.sqrt(np.diag(M))
+        scaled = M / np.outer(unit, unit)
+        return np.linalg.solve(scaled, (tau - bias) / unit) / unit
+
+    def effort_of(self, q: np.ndarray, wrenches: Mapping[str, np.ndarray], frame: str) -> np.ndarray:
+        """Return Jᵀf of wrenches, force first, at the origins of links, in the axes of the link or the world."""
+        return self.G.T @ self.full.effort_of(self.q_full(q), wrenches, frame)
+
+    def potential_energy(self, q: np.ndarray) -> float:
+        """Return the energy in the field of gravity, up to a constant."""
+        full = self.full
+        return pin.computePotentialEnergy(full.model, full.data, full.configuration(self.q_full(q)))
+
+    def link_energy(self, q: np.ndarray, qd: np.ndarray) -> dict[str, float]:
+        """Return the energy per URDF link with its payload; a joint's armature counts for the link it moves."""
+        energy = self.full.at(self.q_full(q), self.G @ qd).link_energy
+        for name in self._payloads:
+            energy[name] += energy.pop(f"on {name}")
+        return energy
+
+
+class CoupledState(State):
+    """What the oracle says at one (q, q̇, τ) in independent coordinates."""
+
+    @cached_property
+    def cancellation(self) -> float:
+        """Return what GᵀM_full G loses to rounding: the terms of its diagonal in magnitude over their sum, at most.
+
+        Followers may undo each other's motion, so that M_kk is a small difference of large terms.
+        """
+        full, G = self.oracle.full.mass_matrix(self.oracle.q_full(self.q)), np.abs(self.oracle.G)
+        terms = np.einsum("ik,ij,jk->k", G, np.abs(full), G)
+        return float((terms / np.diag(self.M)).max(initial=1.0))
+
+    @cached_property
+    def mdot(self) -> np.ndarray:
+        """Return ṁ, exact: the differential of the upper factor, Ṁ = C_s + C_sᵀ."""
+        return upper_factor_rate(self.m, self.C_s + self.C_s.T)
+
+    @cached_property
+    def link_energy(self) -> dict[str, float]:
+        """Return the energy per URDF link, armature included."""
+        return self.oracle.link_energy(self.q, self.qd)
+
+
+# --- robots
+
+
+def mimicking(element: str, leader: str, multiplier: float | None = None, offset: float | None = None) -> str:
+    """Return a <joint> that follows another; attributes that are None are left out."""
+    attributes = "".join(
+        f' {name}="{float(value)!r}"'
+        for name, value in (("multiplier", multiplier), ("offset", offset))
+        if value is not None
+    )
+    return element.replace("</joint>", f'<mimic joint="{leader}"{attributes}/></joint>')
+
+
+def _body(name: str, rng: np.random.Generator) -> str:
+    """Return a link with a body whose inertia is that of a cloud of points."""
+    mass, A = rng.uniform(0.3, 2.0), rng.uniform(-0.2, 0.2, (3, 3)) + 0.1 * np.eye(3)
+    second = mass * (A @ A.T + 0.002 * np.eye(3))
+    inertia = (np.trace(second) * np.eye(3) - second)[np.triu_indices(3)]
+    return link(name, mass, rng.uniform(-0.15, 0.15, 3), inertia, rpy=rng.uniform(-3, 3, 3))
+
+
+def _crooked(name: str, kind: str, parent: str, child: str, rng: np.random.Generator) -> str:
+    """Return a joint with a random axis and origin."""
+    axis = np.array([0.0, 0.0, 1.0]) if kind in ("planar", "floating") else rng.standard_normal(3)
+    axis /= np.linalg.norm(axis)
+    return joint(name, kind, parent, child, axis, rng.uniform(-0.4, 0.4, 3), rng.uniform(-3, 3, 3))
+
+
+R, C, P = SINGLE
+
+
+def tree(id: str, *rows: tuple, massless: tuple[str, ...] = (), **options) -> Robot:
+    """Return a robot of rows (parent, joint, type[, leader[, multiplier[, offset]]]).
+
+    A parent is the joint that moves it, or "base"; the links are named "<joint>_link". Those of the joints in
+    `massless` have no inertia, and those of fixed joints neither. Numbers are random, by the id.
+    """
+    rng = np.random.default_rng(zlib.crc32(id.encode()))
+    elements = [_body("base", rng)]
+    for parent, name, kind, *mimic in rows:
+        parent = parent if parent == "base" else f"{parent}_link"
+        element = _crooked(name, kind, parent, f"{name}_link", rng)
+        elements.append(mimicking(element, *mimic) if mimic else element)
+        bare = name in massless or kind == "fixed"
+        elements.append(link(f"{name}_link") if bare else _body(f"{name}_link", rng))
+    return Robot(id, description(id.replace(" ", "_"), *elements), **options)
+
+
+FEATURES = (
+    "follower of a follower",
+    "several followers of one leader",
+    "multiplier 0",
+    "negative multiplier",
+    "offset",
+    "coupled on different branches",
+    "follower outboard of its leader",
+    "leader outboard of its follower",
+    "independent joint inside an aggregate",
+    "nested: carried from inside another aggregate",
+    "overlapping groups merge",
+    "sibling groups interleaved by name",
+    "prismatic follows revolute",
+    "revolute follows prismatic",
+    "carried by the root",
+    "carried by a moving body",
+    "planar joint inside an aggregate",
+    "floating joint inside an aggregate",
+    "armature on a leader",
+    "armature on a follower",
+    "massless follower link",
+    "continuous leader",
+    "branch off the inside of an aggregate",
+    "independent sibling of an aggregate",
+    "names against the order of the tree",
+)
+
+
+def features(robot: Robot) -> set[str]:
+    """Return which of FEATURES a robot has, as read from its URDF."""
+    xml = ET.fromstring(robot.urdf)
+    c = Coupling(xml, robot.locked_joints)
+    tagged = {name: element.find("mimic") for name, element in c.joints.items() if element.find("mimic") is not None}
+    heavy = {element.get("name") for element in xml.findall("link") if element.find("inertial") is not None}
+    groups, members = c.groups, {name for group in c.groups.values() for name in group}
+    inside = {name for joints in c.aggregates for name in joints}
+    base = {tuple(joints): c.inboard[joints[0]] for joints in c.aggregates}  # the moving joint that carries it
+    pairs = [(name, mimic.leader) for name, mimic in c.mimics.items()]
+    siblings = [(a, b) for a in base for b in base if a < b and base[a] == base[b]]
+
+    def tops(joints):
+        return [name for name in joints if c.inboard[name] == base[joints]]
+
+    def interleaved(a, b):
+        return min(tops(a)) < min(tops(b)) < max(tops(a)) or min(tops(b)) < min(tops(a)) < max(tops(b))
+
+    found = {
+        "follower of a follower": any(tagged[name].get("joint") in c.mimics for name in c.mimics),
+        "several followers of one leader": any(len(group) > 2 for group in groups.values()),
+        "multiplier 0": any(float(tag.get("multiplier", 1)) == 0 for tag in tagged.values()),
+        "negative multiplier": any(mimic.multiplier < 0 for mimic in c.mimics.values()),
+        "offset": any(mimic.offset for mimic in c.mimics.values()),
+        "coupled on different branches": any(not c.carries(a, b) and not c.carries(b, a) for a, b in pairs),
+        "follower outboard of its leader": any(c.carries(leader, name) for name, leader in pairs),
+        "leader outboard of its follower": any(c.carries(name, leader) for name, leader in pairs),
+        "independent joint inside an aggregate": inside > members,
+        "nested: carried from inside another aggregate": any(parent in inside for parent in base.values()),
+        "overlapping groups merge": len(groups) > len(c.aggregates),
+        "sibling groups interleaved by name": any(interleaved(a, b) for a, b in siblings),
+        "prismatic follows revolute": any(c.kind(a) == P and c.kind(b) != P for a, b in pairs),
+        "revolute follows prismatic": any(c.kind(a) != P and c.kind(b) == P for a, b in pairs),
+        "carried by the root": None in base.values(),
+        "carried by a moving body": any(parent is not None for parent in base.values()),
+        "planar joint inside an aggregate": any(c.kind(name) == "planar" for name in inside),
+        "floating joint inside an aggregate": any(c.kind(name) == "floating" for name in inside),
+        "armature on a leader": any(leader in robot.armature for _, leader in pairs),
+        "armature on a follower": any(name in robot.armature for name, _ in pairs),
+        "massless follower link": any(c.joints[name].find("child").get("link") not in heavy for name, _ in pairs),
+        "continuous leader": any(c.kind(leader) == C for _, leader in pairs),
+        "branch off the inside of an aggregate": any(
+            name not in inside and c.inboard[name] in inside for name in c.moving
+        ),
+        "independent sibling of an aggregate": any(
+            name not in inside and c.inboard[name] in base.values() for name in c.moving
+        ),
+        "names against the order of the tree": any(
+            c.inboard[name] is not None and name < c.inboard[name] for name in c.moving
+        ),
+    }
+    assert set(found) == set(FEATURES)
+    return {name for name, there in found.items() if there}
+
+
+def _by_feature(feature: str, *rows: tuple, **options) -> Robot:
+    assert feature in FEATURES, feature
+    return tree(feature, *rows, **options)
+
+
+def _parallel_gripper() -> Robot:
+    """Return a gripper of two parallelograms, whose tips do not turn: each tip undoes the turn of its finger."""
+    box = {"inertia": (2e-4, 0, 0, 3e-4, 0, 1.5e-4)}
+    elements = [link("base", 1.0, (0, 0, 0.02), (4e-3, 0, 0, 4e-3, 0, 3e-3))]
+    elements += [link("palm", 0.5, (0, 0, 0.05), (1e-3, 0, 0, 1e-3, 0, 5e-4))]
+    elements += [joint("wrist", R, "base", "palm", axis=(0, 0.6, 0.8), xyz=(0, 0, 0.1))]
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        finger, bar, tip = (f"{side}_{part}" for part in ("finger", "bar", "tip"))
+        for name, mass in ((finger, 0.2), (bar, 0.1), (tip, 0.15)):
+            elements.append(link(f"{name}_link", mass, (0, 0, 0.03), **box))
+        swing = joint(finger, R, "palm", f"{finger}_link", axis=(0, 1, 0), xyz=(0.03 * sign, 0, 0.1))
+        elements.append(swing if side == "left" else mimicking(swing, "left_finger", -1.0))
+        other = joint(bar, R, "palm", f"{bar}_link", axis=(0, 1, 0), xyz=(0.05 * sign, 0, 0.1))
+        elements.append(mimicking(other, finger))
+        level = joint(tip, R, f"{finger}_link", f"{tip}_link", axis=(0, 1, 0), xyz=(0, 0, 0.06))
+        elements.append(mimicking(level, finger, -1.0))
+    return Robot("parallel gripper", description("parallel_gripper", *elements))
+
+
+NAMED = {
+    robot.id: robot
+    for robot in (
+        _by_feature(
+            "follower of a follower",
+            *(("base", "a", R), ("a", "b", R), ("b", "c", R, "b2"), ("b", "b2", R, "a", -0.7, 0.2)),
+        ),
+        _by_feature(
+            "several followers of one leader",
+            *(("base", "arm", R), ("arm", "f1", R), ("arm", "f2", R, "f1", 0.8), ("arm", "f3", P, "f1", -0.4)),
+            ("f1", "g1", R, "f1", 1.3),
+        ),
+        _by_feature(
+            "multiplier 0",
+            *(("base", "a", R), ("a", "b", R, "a", 0.0, 0.6), ("b", "c", R, "a", 0.5), ("c", "d", R, "b", 2.0, 0.1)),
+            ("d", "e", R),
+        ),
+        _by_feature("negative multiplier", ("base", "a", R), ("a", "l", P), ("a", "r", P, "l", -1.0)),
+        _by_feature("offset", ("base", "a", R), ("a", "l", R), ("a", "r", R, "l", None, 0.8)),
+        _by_feature("coupled on different branches", ("base", "a", R), ("a", "l", R), ("a", "r", R, "l")),
+        _by_feature(
+            "follower outboard of its leader", ("base", "a", R), ("a", "b", R), ("b", "c", R, "b", 1.1), ("c", "d", R)
+        ),
+        _by_feature(
+            "leader outboard of its follower", ("base", "a", R), ("a", "b", R, "c", 0.9), ("b", "c", R), ("c", "d", R)
+        ),
+        _by_feature(
+            "independent joint inside an aggregate",
+            *(("base", "a", R), ("a", "b", R), ("b", "c", R), ("c", "d", R, "b", 0.7), ("a", "e", R)),
+            ("e", "f", P),
+        ),
+        _by_feature(
+            "nested: carried from inside another aggregate",
+            *(("base", "a", R), ("a", "b", R), ("b", "c", R, "a", 0.6)),
+            *(("b", "x", R), ("b", "y", R, "x", -1.2), ("y", "z", R)),
+        ),
+        _by_feature(
+            "overlapping groups merge",
+            *(("base", "a1", R), ("a1", "b1", R), ("b1", "a2", R, "a1", 0.8), ("a2", "b2", R, "b1", -0.6)),
+            *(("b2", "a3", R, "a2", 0.9), ("a3", "free", R)),
+        ),
+        _by_feature(
+            "sibling groups interleaved by name",
+            *(("base", "hand", R), ("hand", "a", R), ("hand", "b", R), ("hand", "c", R, "a"), ("hand", "d", R, "b")),
+            *(("a", "tip_a", R), ("d", "tip_d", R)),
+        ),
+        _by_feature("prismatic follows revolute", ("base", "a", R), ("a", "b", R), ("b", "c", P, "b", 0.05)),
+        _by_feature("revolute follows prismatic", ("base", "a", R), ("a", "b", P), ("a", "c", R, "b", 8.0, -0.3)),
+        _by_feature("carried by the root", ("base", "l", R), ("base", "r", R, "l", -1.0), ("l", "t", R)),
+        _by_feature("carried by a moving body", ("base", "a", R), ("a", "l", R), ("a", "r", R, "l", -1.0)),
+        _by_feature(
+            "planar joint inside an aggregate", ("base", "a", R), ("a", "p", "planar"), ("p", "b", R, "a", 0.7)
+        ),
+        _by_feature(
+            "floating joint inside an aggregate",
+            *(("base", "a", R), ("a", "p", "floating"), ("p", "b", R, "a", 0.7), ("p", "c", R)),
+        ),
+        _by_feature(
+            "armature on a leader",
+            *(("base", "a", R), ("a", "b", R), ("a", "c", P, "b", -0.6), ("c", "d", R)),
+            armature={"b": 0.4, "d": 0.1},
+        ),
+        _by_feature(
+            "armature on a follower",
+            *(("base", "a", R), ("a", "b", R), ("b", "c", P, "b", -0.6), ("c", "d", R)),
+            armature={"a": 0.2, "b": 0.4, "c": 0.7, "d": 0.1},
+        ),
+        _by_feature(
+            "massless follower link",
+            *(("base", "a", R), ("a", "b", R), ("a", "c", R, "b", -0.6), ("c", "d", P, "b"), ("d", "e", R)),
+            massless=("c", "d"),
+        ),
+        _by_feature("continuous leader", ("base", "a", C), ("a", "b", C), ("b", "c", C, "b", -2.0), ("b", "d", C, "a")),
+        _by_feature(
+            "branch off the inside of an aggregate",
+            *(("base", "a", R), ("a", "b", R), ("b", "c", R), ("c", "d", R, "b", 0.7)),
+            *(("c", "x", R), ("x", "y", R), ("b", "u", P), ("d", "v", R)),
+        ),
+        _by_feature(
+            "independent sibling of an aggregate",
+            *(("base", "a", R), ("a", "k", R), ("a", "m", R, "k"), ("a", "b", R), ("a", "l", R), ("l", "n", R)),
+        ),
+        _by_feature(
+            "names against the order of the tree",
+            *(("base", "z", R), ("z", "y", R, "w", 0.5), ("y", "x", R), ("x", "w", R), ("w", "v", R, "x", 0.3)),
+            *(("z", "u", R), ("u", "t", R), ("t", "s", R, "u", 2.0)),
+        ),
+        tree("one freedom", ("base", "a", R), ("a", "b", R, "a"), ("b", "c", R, "a", 0.5), ("a", "d", P, "a", 0.2)),
+        tree(
+            "massless leader link",
+            *(("base", "a", R), ("a", "b", R), ("a", "c", R, "b", -0.8), ("c", "d", R)),
+            massless=("b",),
+        ),
+        tree(
+            "massless on the way",
+            *(("base", "a", R), ("a", "b", R, "a", 0.5), ("b", "c", R, "a", 0.4), ("c", "d", R, "a", 0.3)),
+            massless=("a", "b", "c"),
+        ),
+        tree(
+            "fixed joints inside",
+            *(("base", "a", R), ("a", "weld", "fixed"), ("weld", "b", R), ("b", "mark", "fixed")),
+            *(("mark", "c", R, "b", 0.7), ("weld", "d", R)),
+        ),
+        tree(
+            "leader is fixed",
+            *(("base", "a", R), ("a", "weld", "fixed"), ("weld", "b", R, "weld", 2.0, 0.4), ("b", "c", R, "b", 3.0)),
+            *(("c", "d", R), ("d", "e", R, "d", 0.5)),
+        ),
+        tree(
+            "snake of two",
+            *((str(k - 1) if k else "base", str(k), R, *((str(k % 2), 0.9**k) if k > 1 else ())) for k in range(10)),
+        ),
+        tree(
+            "nested three deep",
+            *(("base", "a", R), ("a", "b", R, "a", 0.5), ("b", "c", R), ("b", "d", R, "c", -0.5)),
+            *(("d", "e", R), ("d", "f", P, "e", 0.4), ("e", "g", R), ("g", "h", R, "g", 0.3), ("a", "i", R)),
+        ),
+        tree(
+            "merged through a third group",
+            *(("base", "a", R), ("a", "b", R), ("b", "c", R), ("c", "d", R), ("d", "e", R)),
+            *(("b", "a2", R, "a", 0.5), ("e", "d2", R, "d", -0.5), ("e", "b2", R, "b", 0.4)),
+        ),
+        _parallel_gripper(),
+    )
+}
+"""Robots of one feature each, by name; and a few that have a name of their own."""
+
+
+SEEDS = range(24)
+
+
+def coupled_tree(seed: int) -> Robot:
+    """Return a tree of mixed joints with random groups of them coupled, geared at random."""
+    rng = np.random.default_rng([seed, 77])
+    count = int(rng.integers(5, 15))
+    kinds = rng.choice([R, C, P, "planar", "floating"], count, p=(0.35, 0.15, 0.3, 0.12, 0.08))
+    names = [f"{chr(ord('a') + int(rng.integers(26)))}_{k}" for k in range(count)]
+    hub, bushy = int(rng.integers(-1, 3)), float(rng.choice([0.1, 0.3, 0.7]))  # one link has many children
+    parents = []
+    for k in range(count):
+        draw = rng.random()
+        parents.append(min(hub, k - 1) if draw < bushy else int(rng.integers(-1, k)) if draw > 0.85 else k - 1)
+    mimics = _random_groups(rng, [k for k in range(count) if kinds[k] in SINGLE], parents)
+    elements = [_body("base", rng)]
+    for k in range(count):
+        parent = f"link_{parents[k]}" if parents[k] >= 0 else "base"
+        if rng.random() < 0.15:
+            elements.append(joint(f"weld_{k}", "fixed", parent, f"plate_{k}", xyz=rng.uniform(-0.2, 0.2, 3)))
+            elements.append(_body(f"plate_{k}", rng) if rng.random() < 0.5 else link(f"plate_{k}"))
+            parent = f"plate_{k}"
+        element = _crooked(names[k], str(kinds[k]), parent, f"link_{k}", rng)
+        if k in mimics:
+            leader, *numbers = mimics[k]
+            element = mimicking(element, names[leader], *numbers)
+        elements.append(element)
+        bare = k in mimics and rng.random() < 0.3
+        elements.append(link(f"link_{k}") if bare else _body(f"link_{k}", rng))
+    armature = {
+        names[k]: float(rng.uniform(0.01, 0.5)) for k in range(count) if kinds[k] in SINGLE and rng.random() < 0.4
+    }
+    return Robot(f"coupled_tree_{seed}", description(f"coupled_tree_{seed}", *elements), armature)
+
+
+def _random_groups(rng: np.random.Generator, single: list[int], parents: list[int]) -> dict[int, tuple]:
+    """Return leader, multiplier and offset by follower: groups of joints that are near each other, mostly."""
+
+    def path(k):
+        return [] if k < 0 else [*path(parents[k]), k]
+
+    mimics, free = {}, list(single)
+    for _ in range(int(rng.integers(1, 5))):
+        if len(free) < 2:
+            break
+        first = int(rng.choice(free))
+        near = sorted((len(set(path(first)) ^ set(path(k))) + rng.uniform(0, 4), k) for k in free if k != first)
+        members = [first, *(k for _, k in near[: int(rng.choice([1, 1, 2, 3]))])]
+        rng.shuffle(members)
+        for i, k in enumerate(members[1:], start=1):
+            leader = members[int(rng.integers(i)) if rng.random() < 0.4 else 0]
+            multiplier = 0.0 if rng.random() < 0.08 else float(rng.choice([-1, 1]) * rng.uniform(0.3, 1.5))
+            mimics[k] = (leader, multiplier, float(rng.uniform(-1, 1)) if rng.random() < 0.5 else None)
+        free = [k for k in free if k not in members]
+    return mimics

@@ -1,0 +1,237 @@
+"""Oracles, from Pinocchio, of what goes with rates of change: ∂M/∂q, B, frame Jacobians, coupled joints.
+
+Imports nothing of diag_dynamics. What `oracles.State` has already (ṁ, Ḋ, C_s, all exact) is not repeated here.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+
+from oracles import COORDINATES, Oracle, State
+
+
+def bracket(t: State) -> np.ndarray:
+    """Return B = ℓ (C_s − m ṁᵀ) ℓᵀ."""
+    return np.linalg.solve(t.m, np.linalg.solve(t.m, t.C_s.T).T) - np.linalg.solve(t.m, t.mdot).T
+
+
+def bracket_scale(t: State) -> float:
+    """Return the size of the terms of which B is the sum: those of ℓ C_s ℓᵀ, and ℓ ṁ; 10⁻²|q̇| where all vanish."""
+    terms = [t.l @ part @ t.l.T for part in t.oracle.coriolis_terms(t.q, t.qd)] + [t.l @ t.mdot]
+    return float(max(sum(map(np.linalg.norm, terms)), 1e-2 * np.linalg.norm(t.qd)))
+
+
+def coriolis_scale(t: State) -> float:
+    """Return the size of the terms of which C_s is the sum, or 10⁻²|M||q̇|; in units in which M_kk = 1."""
+    unit = np.sqrt(np.diag(t.M))
+    weigh = np.outer(unit, unit)
+    terms = [np.linalg.norm(part / weigh) for part in t.oracle.coriolis_terms(t.q, t.qd)]
+    return float(max(sum(terms), 1e-2 * np.linalg.norm(t.M / weigh) * np.linalg.norm(t.qd)))
+
+
+class RateOracle(Oracle):
+    """An `Oracle` whose Coriolis matrix does not lose digits.
+
+    Pinocchio's own is made of inertias about the world's origin: at a light wrist far from it, tiago's arm_7_joint with
+    M_kk = 4e-6 kg m², it is good to 1e-11 only. What it is made of here is exact to some 1e-14; the two are compared
+    in `test_derivatives.py`.
+    """
+
+    def newton_euler_by_position(self, q: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Return ∂(M(q) x)/∂q, that of Newton–Euler at rest and without gravity.
+
+        Of a joint with several degrees of freedom ∂/∂q is along its twist, and so is what is meant in this file.
+        """
+        gravity = self.model.gravity.linear.copy()
+        self.model.gravity.linear = np.zeros(3)
+        args = self.configuration(q), np.zeros(self.nv), self.to_pin(x)
+        by_position = pin.computeRNEADerivatives(self.model, self.data, *args)[0]
+        self.model.gravity.linear = gravity
+        return self.from_pin(by_position)
+
+    def mass_matrix_rate(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        """Return Ṁ = Σ q̇_i ∂M/∂q_i."""
+        columns = [self.newton_euler_by_position(q, e) @ qd for e in np.eye(self.nv)]
+        return np.reshape(columns, (self.nv, self.nv)).T
+
+    def coriolis_matrix(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        """Return C_s of the Levi-Civita connection of M: C_s x is the covariant derivative of a constant x along q̇."""
+        return sum(self.coriolis_terms(q, qd))
+
+    def coriolis_terms(self, q: np.ndarray, qd: np.ndarray) -> list[np.ndarray]:
+        """Return what C_s is the sum of.
+
+        For joints of one degree of freedom these are the Christoffel symbols, ½[Ṁ + N − Nᵀ] with N = ∂(Mq̇)/∂q. Rates
+        of the others are no derivatives of coordinates, so their Lie brackets ad come in (Koszul's formula).
+        """
+        N = self.newton_euler_by_position(q, qd)
+        terms = [self.mass_matrix_rate(q, qd), N, -N.T]
+        if max(self.model.nvs) > 1:
+            M, ad = self.mass_matrix(q), self.brackets(qd)
+            momentum, e = M @ qd, np.eye(self.nv)
+            terms += [M @ ad, -ad.T @ M, -np.column_stack([self.brackets(x).T @ momentum for x in e])]
+        return [0.5 * part for part in terms]
+
+    def brackets(self, x: np.ndarray) -> np.ndarray:
+        """Return ad_x: y ↦ [x, y], joint by joint; 0 for a joint of one degree of freedom."""
+        ad, x = np.zeros((self.nv, self.nv)), self.to_pin(x)
+        for j in range(1, self.model.njoints):
+            count, at = self.model.nvs[j], self.model.idx_vs[j]
+            if count > 1:
+                own = [0, 1, 5] if count == 3 else list(range(6))
+                twist = np.zeros(6)
+                twist[own] = x[at : at + count]
+                ad[at : at + count, at : at + count] = pin.Motion(twist).action[np.ix_(own, own)]
+        return self.from_pin(ad)
+
+
+def link_placement(oracle, q: np.ndarray, link: str) -> pin.SE3:
+    """Return where a link's frame is in the world."""
+    if isinstance(oracle, Coupled):
+        return link_placement(oracle.free, oracle.full(q), link)
+    at = oracle.model.getFrameId(link, pin.FrameType.BODY)
+    pin.framesForwardKinematics(oracle.model, oracle.data, oracle.configuration(q))
+    return oracle.data.oMf[at].copy()
+
+
+def jacobian(oracle, q: np.ndarray, link: str, point=(0.0, 0.0, 0.0), frame: str = "link") -> np.ndarray:
+    """Return J (6 × nv), linear first, of the velocity of a point given in the link's axes; in axes of link or world."""
+    if isinstance(oracle, Coupled):
+        return jacobian(oracle.free, oracle.full(q), link, point, frame) @ oracle.G
+    at = oracle.model.getFrameId(link, pin.FrameType.BODY)
+    J = pin.computeFrameJacobian(oracle.model, oracle.data, oracle.configuration(q), at, pin.LOCAL)
+    J = J.reshape(6, oracle.nv)[:, oracle._order]  # of one joint Pinocchio gives a vector
+    J[:3] -= np.cross(np.asarray(point, float), J[3:], axis=0)  # v_p = v + ω × r
+    if frame == "world":
+        R = link_placement(oracle, q, link).rotation
+        J = np.vstack([R @ J[:3], R @ J[3:]])
+    return J
+
+
+def carriers(oracle, link: str) -> set[int]:
+    """Return the dofs that carry a link."""
+    if isinstance(oracle, Coupled):
+        free = carriers(oracle.free, link)
+        return {k for k in range(oracle.nv) if oracle.G[sorted(free), k].any()}
+    joint = oracle.model.frames[oracle.model.getFrameId(link, pin.FrameType.BODY)].parentJoint
+    if joint == 0:
+        return set()
+    last = oracle._at[oracle.model.idx_vs[joint] + oracle.model.nvs[joint] - 1]
+    return set(oracle.ancestors(last)) | {last}
+
+
+class Coupled:
+    """A robot whose mimic joints follow: q = G q_r + q_0 over an oracle in which every joint is its own.
+
+    It answers what `State` asks of an `Oracle`, in independent coordinates: M_r = GᵀMG and its upper factor in the
+    caller's order of dofs, c_r = Gᵀc, C_s,r = GᵀC_sG.
+    """
+
+    def __init__(self, urdf: str, dof_names: tuple[str, ...], **options):
+        """Read the couplings from the XML; options as of `Oracle`."""
+        self.free = RateOracle(urdf, None, **options)
+        self.dof_names, self.nv = tuple(dof_names), len(dof_names)
+        mimics = {}
+        for joint in self.free.xml.findall("joint"):
+            mimic = joint.find("mimic")
+            if mimic is not None:
+                numbers = (float(mimic.get("multiplier", 1)), float(mimic.get("offset", 0)))
+                mimics[joint.get("name")] = mimic.get("joint"), *numbers
+        self.G, self.offset = np.zeros((self.free.nv, self.nv)), np.zeros(self.free.nv)
+        for i, name in enumerate(self.free.dof_names):
+            scale, offset = 1.0, 0.0
+            while name in mimics:
+                name, multiplier, shift = mimics[name]
+                scale, offset = scale * multiplier, offset + scale * shift
+            self.G[i, self.dof_names.index(name)], self.offset[i] = scale, offset
+        if len(self.dof_names) != len(set(self.free.dof_names) - set(mimics)):
+            raise ValueError(f"dofs {sorted(self.dof_names)} are not those that follow no other")
+        # of every joint that follows no other: its first dof, its first coordinate here and in the oracle, their number
+        self._joints, self.nq = [], 0
+        for joint in dict.fromkeys(name.split("/")[0] for name in self.dof_names):
+            k = next(k for k, name in enumerate(self.dof_names) if name.split("/")[0] == joint)
+            there = self.free._joint[self.free.dof_names.index(self.dof_names[k])]
+            count = COORDINATES[self.free.model.nvs[there]]
+            self._joints.append((k, self.nq, self.free._first[there], count))
+            self.nq += count
+        self._order = np.arange(self.nv)
+
+    def full(self, q: np.ndarray) -> np.ndarray:
+        """Return the positions of all joints."""
+        out = np.empty(self.free.nq)
+        for k, here, there, count in self._joints:
+            if count > 1:
+                out[there : there + count] = q[here : here + count]
+                continue
+            for i in np.flatnonzero(self.G[:, k]):
+                out[self.free._first[self.free._joint[i]]] = self.G[i, k] * q[here] + self.offset[i]
+        return out
+
+    @property
+    def neutral(self) -> np.ndarray:
+        """Return the positions of zero, quaternions at the identity."""
+        q = np.zeros(self.nq)
+        for _, here, _, count in self._joints:
+            if count == COORDINATES[6]:
+                q[here + 6] = 1.0
+        return q
+
+    def moved(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Return q after a step."""
+        out, end = np.array(q, float), self.free.moved(self.full(q), self.G @ step)
+        for k, here, there, count in self._joints:
+            out[here : here + count] = q[here] + step[k] if count == 1 else end[there : there + count]
+        return out
+
+    def is_prismatic(self, k: int) -> bool:
+        """Whether dof k is a translation."""
+        return self.free.is_prismatic(self.free.dof_names.index(self.dof_names[k]))
+
+    def is_circular(self, k: int) -> bool:
+        """Whether dof k is a continuous joint."""
+        return self.free.is_circular(self.free.dof_names.index(self.dof_names[k]))
+
+    at, factor, derivative = Oracle.at, Oracle.factor, Oracle.derivative
+
+    @staticmethod
+    def from_pin(x: np.ndarray) -> np.ndarray:
+        """Return it as it is: nothing here is in another order."""
+        return x
+
+    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
+        """Return GᵀMG."""
+        return self.G.T @ self.free.mass_matrix(self.full(q)) @ self.G
+
+    def unit_factor(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return U with unit diagonal, and D, of M_r = U D Uᵀ, by elimination from the last dof."""
+        m = np.linalg.cholesky(self.mass_matrix(q)[::-1, ::-1])[::-1, ::-1]
+        return m / np.diag(m), np.diag(m) ** 2
+
+    def gravity_torque(self, q: np.ndarray) -> np.ndarray:
+        """Return Gᵀg."""
+        return self.G.T @ self.free.gravity_torque(self.full(q))
+
+    def bias(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        """Return Gᵀc."""
+        return self.G.T @ self.free.bias(self.full(q), self.G @ qd)
+
+    def coriolis_matrix(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        """Return GᵀC_sG."""
+        return self.G.T @ self.free.coriolis_matrix(self.full(q), self.G @ qd) @ self.G
+
+    def coriolis_terms(self, q: np.ndarray, qd: np.ndarray) -> list[np.ndarray]:
+        """Return what GᵀC_sG is the sum of."""
+        return [self.G.T @ part @ self.G for part in self.free.coriolis_terms(self.full(q), self.G @ qd)]
+
+    def mass_matrix_rate(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        """Return GᵀṀG."""
+        return self.G.T @ self.free.mass_matrix_rate(self.full(q), self.G @ qd) @ self.G
+
+    def forward_dynamics(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Return q̈ by solving M_r q̈ = τ − c_r − g_r."""
+        return np.linalg.solve(self.mass_matrix(q), tau - self.bias(q, qd) - self.gravity_torque(q))
+
+    def effort_of(self, q: np.ndarray, wrenches: Mapping[str, np.ndarray], frame: str) -> np.ndarray:
+        """Return GᵀJᵀf."""
+        return self.G.T @ self.free.effort_of(self.full(q), wrenches, frame)
