@@ -13,7 +13,9 @@ def generate_launch_description():
     return LaunchDescription(
         [
             DeclareLaunchArgument(
-                "mimic", default_value="free", description="mimic joints, for both: embed, free or lock"
+                "mimic",
+                default_value="embed",
+                description="mimic joints, for both: coupled to their leaders (embed), independent (free) or locked (lock)",
             ),
             *(
                 GroupAction([IncludeLaunchDescription(PathJoinSubstitution([*launch, file]))])

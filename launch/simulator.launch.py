@@ -21,7 +21,11 @@ def generate_launch_description():
             ),
             DeclareLaunchArgument("namespace", default_value="", description="namespace of the robot"),
             DeclareLaunchArgument("params_file", default_value=params_file, description="parameters (YAML)"),
-            DeclareLaunchArgument("mimic", default_value="free", description="mimic joints: embed, free or lock"),
+            DeclareLaunchArgument(
+                "mimic",
+                default_value="embed",
+                description="mimic joints: coupled to their leaders (embed), independent (free) or locked (lock)",
+            ),
             DeclareLaunchArgument("use_sim_time", default_value="false", description="take time from /clock"),
             Node(
                 package="diag_dynamics",

@@ -9,10 +9,13 @@ from pathlib import Path
 
 import pytest
 
+import examples  # noqa: F401 (its profiles must be known before pytest looks for one)
+
 ROS_FILES = (
     "test_demo.py",
     "test_floating_base.py",
     "test_joint_states.py",
+    "test_mimic_nodes.py",
     "test_monitor.py",
     "test_services.py",
     "test_simulator_node.py",

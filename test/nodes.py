@@ -31,7 +31,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 import robots
-from oracles import Oracle
+from coupling import NAMED, Coupled
+from oracles import EARTH, Oracle
 
 START = 120.0
 """Longest time for a node to start [s]; on a slow disk the imports alone take long."""
@@ -374,13 +375,14 @@ class Monitor(contextlib.AbstractContextManager):
 
 
 class Robot:
-    """A robot of the wheel, its oracle, and its states."""
+    """A robot, its oracle, and its states; mimic joints are coupled, or else `free`."""
 
-    def __init__(self, id):
+    def __init__(self, id, free=False):
         """Load it into the oracle."""
-        self.id, self.path = id, robots.robot_path(id)
-        self.urdf = robots.robot(id).urdf
-        self.oracle = Oracle(self.urdf)
+        self.id, self.path = id, None if id in NAMED else robots.robot_path(id)
+        self.urdf = (NAMED[id] if id in NAMED else robots.robot(id)).urdf
+        self.make_oracle = Oracle if free else Coupled
+        self.oracle = self.make_oracle(self.urdf)
         self.names = self.oracle.dof_names
         self.samples = robots.samples(id, self.oracle)
         self.root = next(
@@ -403,9 +405,9 @@ class Robot:
 
 
 @cache
-def robot(id):
-    """Return a robot, loaded once."""
-    return Robot(id)
+def robot(id, free=False):
+    """Return a robot of the wheel, or one of `coupling.NAMED`, loaded once."""
+    return Robot(id, free)
 
 
 def joint_state(names=(), position=(), velocity=(), effort=(), stamp=0):
@@ -454,11 +456,11 @@ class Truth:
     def __init__(self, robot, q, qd, tau=None, gravity=None):
         """Take the state in the order of robot.names."""
         self.robot = robot
-        oracle = robot.oracle if gravity is None else Oracle(robot.urdf, gravity=gravity)
+        oracle = robot.oracle if gravity is None else robot.make_oracle(robot.urdf, gravity=gravity)
         self.state = oracle.at(q, qd, tau)
         self.tolerance = tolerance(self.state)
         # |ε_g| ≤ √mass |g|: where gravity happens to have little moment, errors are relative to that
-        self.gravity_scale = np.sqrt(oracle.mass) * np.linalg.norm(oracle.model.gravity.linear)
+        self.gravity_scale = np.sqrt(oracle.mass) * np.linalg.norm(EARTH if gravity is None else gravity)
         self.unit = np.sqrt(np.diag(self.state.M))
 
     def check_header(self, message, stamp):
@@ -546,7 +548,7 @@ class Truth:
         s = self.state
         assert list(message.position) == s.q.tolist()
         assert list(message.velocity) == s.qd.tolist()
-        assert list(message.effort) == ([] if s.tau is None else s.tau.tolist())
+        assert_close(np.array(message.effort), [] if s.tau is None else s.tau, 1e-15)
         assert not message.velocity_estimated
         self.check_total_joint_rates(message)
         self.check_working_moments(message)

@@ -7,12 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from diag_dynamics.model import Mimic
 from diag_dynamics.nodes.joint_states import JointStateAssembler, RejectedError
 from nodes import MS, S, joint_state
 
 NAMES = ("shoulder", "elbow", "wrist")
 TIMEOUT = 0.5
 NOW = 77 * S
+
+MIMICS = {"thumb": Mimic("wrist", -2.0, 0.5), "heel": Mimic("elbow", 0.5, 0.0), "pinky": Mimic("wrist", 3.0, -1.0)}
+TOLERANCE = 0.01
+IN_PLACE = {"thumb": -5.5, "heel": 1.0, "pinky": 8.0}
+"""Where the followers belong, with the joints as in `whole`."""
 
 
 @pytest.fixture
@@ -309,6 +315,189 @@ def test_simulated_time_of_zero(assembler):
     assert assembler.missing == []
 
 
+# --- followers
+
+
+@pytest.fixture
+def coupled():
+    """Return an assembler of three joints, which three others follow."""
+    return JointStateAssembler(NAMES, TIMEOUT, MIMICS, TOLERANCE)
+
+
+def hand(stamp, effort=(), **position):
+    """Return a message with followers alone, in place but for those given."""
+    position = IN_PLACE | position
+    return joint_state(position, position.values(), [math.nan] * len(position), effort, stamp)
+
+
+def all_of(stamp, *, effort=(0, 0, 0), **position):
+    """Return a message with the joints of `whole` and the followers, in place but for those given, among them."""
+    joints, followers = whole(stamp), hand(stamp, effort, **position)
+    order = [5, 0, 3, 1, 4, 2]
+    fields = (
+        [[*getattr(joints, field), *getattr(followers, field)][k] for k in order]
+        for field in ("name", "position", "velocity", "effort")
+    )
+    return joint_state(*fields, stamp=stamp)
+
+
+def test_followers_may_be_listed(coupled):
+    """The same state with and without them; and they are not needed."""
+    assert coupled.missing == list(NAMES)
+    assert_state(coupled.update(whole(1 * S), NOW), [1, 2, 3], 1 * S, 1 * S)
+    assert_state(coupled.update(all_of(2 * S), NOW), [1, 2, 3], 2 * S, 2 * S)
+    assert_state(coupled.update(whole(3 * S), NOW), [1, 2, 3], 3 * S, 3 * S)
+    assert coupled.missing == coupled.stale(3 * S) == []
+    assert not coupled.counts
+
+
+def test_followers_alone(coupled):
+    """They are known to be this robot's, but make no state, be the others known or not, nor do they hold one back."""
+    assert coupled.update(hand(1 * S), NOW) is None
+    assert coupled.missing == list(NAMES)
+    coupled.update(whole(2 * S), NOW)
+    assert coupled.update(hand(2 * S + 100 * MS), NOW) is None
+    assert not coupled.counts
+    state = coupled.update(whole(2 * S + 50 * MS), NOW)  # older than the followers, which does not make it late
+    assert_state(state, [1, 2, 3], 2 * S + 50 * MS, 2 * S + 50 * MS)
+    assert_state(coupled.update(whole(9 * S), NOW), [1, 2, 3], 9 * S, 9 * S)  # nobody waits for followers
+    assert not coupled.counts
+
+
+@pytest.mark.parametrize(
+    ("own", "reflected"),
+    [
+        ((0, 0, 0), (0, 0, 0)),
+        ((10, 20, 30), (0, 10, 70)),
+        ((math.nan, 20, 30), (0, 10, 90)),
+        ((10, math.nan, math.inf), (0, 0, -20)),
+        ((math.nan,) * 3, (0, 0, 0)),
+    ],
+)
+def test_effort_of_followers(coupled, own, reflected):
+    """It acts on the leader, multiplied, so that the power is that of all efforts; one that is unknown is zero."""
+    expected = np.array([100, 200, 300]) + reflected
+    state = coupled.update(all_of(1 * S, effort=own), NOW)
+    assert state.effort.tolist() == expected.tolist()
+    rates = [10, 20, 30, -2 * 30, 0.5 * 20, 3 * 30]
+    assert state.velocity @ state.effort == rates @ np.array([100, 200, 300, *np.where(np.isfinite(own), own, 0.0)])
+    # and likewise from a message of their own, until there is another one
+    assert coupled.update(whole(2 * S), NOW).effort.tolist() == [100, 200, 300]  # that of before is stale
+    coupled.update(hand(2 * S, own), NOW)
+    assert coupled.update(whole(2 * S), NOW).effort.tolist() == expected.tolist()
+    coupled.update(hand(2 * S), NOW)
+    assert coupled.update(whole(2 * S), NOW).effort.tolist() == [100, 200, 300]
+
+
+def test_effort_of_followers_ages(coupled):
+    """Exactly as old as the timeout it counts, older not; after time has jumped back it is forgotten."""
+    coupled.update(hand(1 * S, [0, 20, 0]), NOW)
+    assert coupled.update(whole(1 * S + 500 * MS), NOW).effort.tolist() == [100, 210, 300]
+    assert coupled.update(whole(1 * S + 500 * MS + 1), NOW).effort.tolist() == [100, 200, 300]
+    coupled.update(hand(90 * S, [0, 20, 0]), NOW)
+    coupled.update(whole(90 * S), NOW)
+    assert coupled.update(whole(5 * S), NOW).effort.tolist() == [100, 200, 300]
+    coupled.timeout = 0.0
+    coupled.update(hand(5 * S, [0, 20, 0]), NOW)
+    assert coupled.update(whole(900 * S), NOW).effort.tolist() == [100, 210, 300]
+
+
+def test_effort_of_a_leader_is_needed(coupled):
+    """That of a follower does not stand for it."""
+    message = all_of(1 * S, effort=(10, 20, 30))
+    message.effort[message.name.index("wrist")] = math.nan
+    assert coupled.update(message, NOW).effort is None
+
+
+def disagrees(assembler, message, *named, now=NOW):
+    """The message brings a state all the same, if it would; what it disagrees in is counted once, and named."""
+    before = assembler.counts["mimic disagreement"]
+    state = assembler.update(message, now)
+    assert assembler.counts["mimic disagreement"] == before + bool(named)
+    for text in named:
+        assert text in assembler.last_disagreement
+    return state
+
+
+def test_disagreement(coupled):
+    """Follower, its position, that by the leader, and the tolerance; over as soon as they agree."""
+    named = ("'thumb' is -5.4,", "-5.5", "'wrist'", "0.01")
+    assert_state(disagrees(coupled, all_of(1 * S, thumb=-5.4), *named), [1, 2, 3], 1 * S, 1 * S)
+    disagrees(coupled, all_of(2 * S))
+    disagrees(coupled, all_of(3 * S, thumb=-5.6, heel=1.2), "'thumb' is -5.6,", "'heel' is 1.2,", "'elbow'")
+    assert "pinky" not in coupled.last_disagreement
+    assert coupled.counts == {"mimic disagreement": 2}
+
+
+@pytest.mark.parametrize(("position", "apart"), [(1.0099, False), (1.0101, True), (0.9901, False), (0.9899, True)])
+def test_tolerance(coupled, position, apart):
+    """On both sides; as it is changed, and without one."""
+    disagrees(coupled, all_of(1 * S, heel=position), *["heel"] * apart)
+    coupled.followers.tolerance = 1.0
+    disagrees(coupled, all_of(2 * S, heel=position))
+    disagrees(coupled, all_of(3 * S, heel=2.1), "heel")
+    coupled.followers.tolerance = 0.0
+    disagrees(coupled, all_of(4 * S, heel=1e9))
+
+
+@pytest.mark.parametrize("position", [7.0, 1.0 + 2.0 * math.pi, 1.0 - 4.0 * math.pi, math.inf])
+def test_whole_turns_of_a_continuous_joint_are_no_distance(position):
+    """Drivers wrap such angles as they like."""
+    wheel = JointStateAssembler(["drive"], 0.5, {"wheel": Mimic("drive", 1.0, 0.0)}, 0.01, ("wheel",))
+    message = joint_state(["drive", "wheel"], [1.0, position], [0.0, 0.0], stamp=1 * S)
+    disagrees(wheel, message, *["'wheel' is 7,"] * (position == 7.0))
+
+
+@pytest.mark.parametrize("position", [math.nan, math.inf, -math.inf])
+def test_position_that_is_no_number(coupled, position):
+    """Of a follower it is not compared; the others are."""
+    state = disagrees(coupled, all_of(1 * S, thumb=position))
+    assert_state(state, [1, 2, 3], 1 * S, 1 * S)
+    disagrees(coupled, all_of(2 * S, thumb=position, heel=7.0), "heel")
+
+
+def test_only_efforts_of_followers(coupled):
+    """Without any position there is nothing to compare."""
+    coupled.update(whole(1 * S), NOW)
+    assert coupled.update(joint_state(["heel"], [], [], [20.0], 1 * S), NOW) is None
+    assert coupled.update(whole(1 * S), NOW).effort.tolist() == [100, 210, 300]
+    assert not coupled.counts
+
+
+def test_compared_with_a_leader_of_before(coupled):
+    """As long as the two are within the timeout of each other, whichever is older."""
+    disagrees(coupled, hand(1 * S, thumb=9.0))  # no leader yet
+    coupled.update(whole(10 * S), NOW)
+    for stamp, apart in ((10 * S, True), (10 * S + 500 * MS, True), (10 * S + 501 * MS, False), (9 * S, False)):
+        assert disagrees(coupled, hand(stamp, thumb=9.0), *["'thumb' is 9,"] * apart) is None
+    disagrees(coupled, hand(10 * S))
+    coupled.timeout = 0.0
+    disagrees(coupled, hand(500 * S, heel=9.0), "heel")
+
+
+def test_not_compared_with_a_leader_of_another_time(coupled):
+    """After time has jumped back, the leader has to be heard of anew."""
+    coupled.update(whole(100 * S), NOW)
+    coupled.timeout = 0.0
+    coupled.update(whole(10 * S, names=["shoulder"]), NOW)
+    disagrees(coupled, hand(10 * S, thumb=9.0))
+    disagrees(coupled, all_of(10 * S, thumb=9.0), "thumb")
+
+
+@pytest.mark.parametrize(
+    ("message", "cause", "named"),
+    [
+        (joint_state(["thumb", "heel"], [1.0], [], [], 2 * S), "wrong length", "heel"),
+        (joint_state(["thumb", "heel"], [], [], [1.0, 2.0, 3.0], 2 * S), "wrong length", "effort"),
+        (joint_state(["thumb", "thumb"], [1.0, 2.0], [], [], 2 * S), "duplicate name", "thumb"),
+    ],
+)
+def test_malformed_followers(coupled, message, cause, named):
+    """They are rejected like others."""
+    coupled.update(whole(1 * S), NOW)
+    refused(coupled, message, cause, named)
+
+
 # --- any sequence, against a model that keeps a dictionary
 
 
@@ -316,14 +505,15 @@ class Model:
     """The same, slowly: what is known of each joint, by name."""
 
     def __init__(self):
-        self.known = {}
+        self.known, self.efforts, self.disagreements = {}, {}, 0
 
     def update(self, message, now):
         """Return the state's fields, None, or the causes of a rejection: where there are several, any will do."""
         if len(set(message.name)) < len(message.name):
             return {"duplicate name"}
         names = [name for name in message.name if name in NAMES]
-        if not names:
+        followers = {name: {} for name in message.name if name in MIMICS}
+        if not names and not followers:
             return None
         stamp = message.header.stamp.sec * S + message.header.stamp.nanosec
         at = stamp or now
@@ -338,14 +528,25 @@ class Model:
             for name, value in zip(message.name, values, strict=True):
                 if name in entries:
                     entries[name][field] = value
+                if name in followers:
+                    followers[name][field] = value
         if not all(math.isfinite(entry.get("position", 0.0)) for entry in entries.values()):
             causes.add("no position")
         if causes:
             return causes
         if last > at:
             self.known.clear()
+            self.efforts.clear()
         self.known |= entries
-        return self._state()
+        self.efforts |= {name: (at, own["effort"]) for name, own in followers.items()}
+        self.disagreements += any(self._apart(name, own["position"], at) for name, own in followers.items())
+        return self._state() if names else None
+
+    def _apart(self, name, position, at):
+        leader, multiplier, offset = MIMICS[name]
+        if leader not in self.known or abs(self.known[leader]["at"] - at) > TIMEOUT * S:
+            return False
+        return math.isfinite(position) and abs(position - multiplier * self.known[leader]["position"] - offset) > 0.01
 
     def _state(self):
         if len(self.known) < len(NAMES):
@@ -359,14 +560,20 @@ class Model:
         position, velocity, effort = ([joint[f] for joint in joints] for f in ("position", "velocity", "effort"))
         if not all(map(math.isfinite, effort)):
             effort = None
+        for name, (leader, multiplier, _) in MIMICS.items() if effort else ():
+            at, own = self.efforts.get(name, (0, math.nan))
+            if math.isfinite(own) and newest - at <= TIMEOUT * S:
+                effort[NAMES.index(leader)] += multiplier * own
         return position, velocity, effort, newest, oldest, any(joint["unstamped"] for joint in joints)
 
 
 @st.composite
 def messages(draw):
     """Draw a message, mostly good, with some of the joints, and a time of reception."""
-    names = draw(st.lists(st.sampled_from((*NAMES, "lid")), max_size=4, unique=draw(st.integers(0, 9)) > 0))
-    number = st.floats(-9, 9) if draw(st.integers(0, 5)) else st.sampled_from((1.0, math.nan, math.inf))
+    known = draw(st.sampled_from(((*NAMES, "lid"), (*NAMES, "lid", *MIMICS))))
+    names = draw(st.lists(st.sampled_from(known), max_size=len(known), unique=draw(st.integers(0, 9)) > 0))
+    number = draw(st.sampled_from((st.integers(-9, 9).map(float), st.floats(-9, 9), st.floats(-9, 9))))
+    number = number if draw(st.integers(0, 5)) else st.sampled_from((1.0, math.nan, math.inf))
     fields = []
     for _ in range(3):
         length = draw(st.sampled_from([len(names)] * 12 + [0, 0, 1, 5]))
@@ -380,7 +587,7 @@ def messages(draw):
 @given(st.lists(messages(), max_size=12))
 def test_any_sequence(sequence):
     """Assembler and model agree on every message, whatever came before."""
-    assembler, model = JointStateAssembler(NAMES, TIMEOUT), Model()
+    assembler, model = JointStateAssembler(NAMES, TIMEOUT, MIMICS, TOLERANCE), Model()
     for message, now in sequence:
         expected = model.update(message, now)
         try:
@@ -397,3 +604,4 @@ def test_any_sequence(sequence):
             )
             assert actual == expected
         assert assembler.missing == [name for name in NAMES if name not in model.known]
+        assert assembler.counts["mimic disagreement"] == model.disagreements

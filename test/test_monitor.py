@@ -28,7 +28,7 @@ from nodes import (
     robot,
 )
 
-FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
+GRIPPER = ("panda_finger_joint1",)  # the other finger follows
 OK, WARN, ERROR, STALE = b"\x00", b"\x01", b"\x02", b"\x03"
 
 
@@ -36,7 +36,7 @@ OK, WARN, ERROR, STALE = b"\x00", b"\x01", b"\x02", b"\x03"
 def running(peer):
     """Start a monitor of the Panda: one for the whole file, as each test leaves it able to go on."""
     panda = robot(PANDA)
-    with Monitor(peer, "/panda", robot_description=panda.path, mimic="free") as monitor:
+    with Monitor(peer, "/panda", robot_description=panda.path) as monitor:
         yield monitor.connect(panda)
 
 
@@ -102,7 +102,7 @@ def test_at_rest(monitor, panda):
 
 def test_arm_and_gripper_apart(monitor, panda):
     """Two publishers, each with joints of its own: every message brings a state of the newest values of all."""
-    arm = [name for name in panda.shuffled if name not in FINGERS]
+    arm = [name for name in panda.shuffled if name not in GRIPPER]
     (q0, qd0, tau0, _), (q1, qd1, tau1, _) = panda.samples[0], panda.samples[1]
     moved = np.isin(panda.names, arm)
     before = monitor.now
@@ -114,19 +114,19 @@ def test_arm_and_gripper_apart(monitor, panda):
     assert nanoseconds(published["state"].oldest_stamp) == before
 
     at_gripper = monitor.tick(100 * MS)
-    published = monitor.feed(panda.message(at_gripper, panda.samples[1], FINGERS))
+    published = monitor.feed(panda.message(at_gripper, panda.samples[1], GRIPPER))
     Truth(panda, q1, qd1, tau1).check(published, at_gripper)
     assert nanoseconds(published["state"].oldest_stamp) == at_arm
 
 
 def test_gripper_behind_arm(monitor, panda):
     """A message may be older than another publisher's: the stamp stays the newest one, the oldest moves on."""
-    arm = [name for name in panda.names if name not in FINGERS]
+    arm = [name for name in panda.names if name not in GRIPPER]
     at_arm = monitor.tick(100 * MS)
     monitor.feed(panda.message(at_arm, panda.samples[1], arm))
     monitor.forget()
     at_gripper = at_arm - 30 * MS
-    monitor.feeder.publish(panda.message(at_gripper, panda.samples[1], FINGERS))
+    monitor.feeder.publish(panda.message(at_gripper, panda.samples[1], GRIPPER))
     state = monitor.peer.wait_until(lambda: monitor.topics["state"].at(at_arm), "the state with both")
     assert nanoseconds(state.oldest_stamp) == at_gripper
     Truth(panda, *panda.samples[1][:3]).check({"state": state}, at_arm)
@@ -157,7 +157,7 @@ def unusable(panda):
     def with_value(values, value):
         return [value if name == joint else x for name, x in zip(names, values, strict=True)]
 
-    arm = [name for name in names if name not in FINGERS]
+    arm = [name for name in names if name not in GRIPPER]
     at = [names.index(name) for name in arm]
     return {
         "no velocity": ((names, q, [], tau), 100 * MS, "no velocity", names[0]),
@@ -171,7 +171,7 @@ def unusable(panda):
         "effort too long": ((names, q, qd, [*tau, 0.0]), 100 * MS, "wrong length", "effort"),
         "joint twice": (([*names, joint], [*q, 0], [*qd, 0], [*tau, 0]), 100 * MS, "duplicate name", joint),
         "late": ((names, q, qd, tau), -100 * MS, "late", "0.1"),
-        "gripper stale": ((arm, q[at], qd[at], tau[at]), 600 * MS, "stale joint", FINGERS[0]),
+        "gripper stale": ((arm, q[at], qd[at], tau[at]), 600 * MS, "stale joint", GRIPPER[0]),
         "velocity overflows": ((names, q, with_value(qd, 1e200), tau), 100 * MS, "", ""),
         "position overflows": ((names, with_value(q, 1e308), with_value(qd, 1e308), tau), 100 * MS, "", ""),
     }
@@ -207,14 +207,14 @@ def rejections(report):
 def test_time_jumps_back(monitor, panda):
     """A recording starts over: all joints are forgotten, and none of before is mixed with those of now."""
     before = monitor.next_report()
-    arm = [name for name in panda.names if name not in FINGERS]
+    arm = [name for name in panda.names if name not in GRIPPER]
     good(monitor, panda)
     monitor.forget()
     last = monitor.now
     monitor.tick(-500 * S)
     monitor.feeder.publish(panda.message(monitor.now, panda.samples[1], arm))
     stamp = monitor.tick(100 * MS)
-    published = monitor.feed(panda.message(stamp, panda.samples[1], FINGERS))
+    published = monitor.feed(panda.message(stamp, panda.samples[1], GRIPPER))
     Truth(panda, *panda.samples[1][:3]).check(published, stamp)
     assert nanoseconds(published["state"].oldest_stamp) == stamp - 100 * MS
     assert monitor.topics["state"].stamps == [stamp]
@@ -244,7 +244,9 @@ def test_report_when_all_is_well(monitor, panda):
     good(monitor, panda)
     values = monitor.wait_for_report(lambda report: report.level == OK, "states").values
     assert values["robot"] == "panda"
-    assert values["degrees of freedom"] == "9"
+    assert values["degrees of freedom"] == "8"
+    assert values["mimic joints"] == "1: panda_finger_joint2"
+    assert values["locked joints"] == "0"
     assert float(values["total mass [kg]"]) == pytest.approx(
         sum(float(mass.get("value")) for mass in panda.oracle.xml.findall("link/inertial/mass")), rel=1e-5
     )
@@ -329,7 +331,7 @@ def test_gravity_at_run_time(monitor, panda):
 
 def test_joint_timeout_at_run_time(monitor, panda):
     """Without a limit of age, a gripper that spoke long ago still counts."""
-    arm = [name for name in panda.names if name not in FINGERS]
+    arm = [name for name in panda.names if name not in GRIPPER]
     before = monitor.now
     monitor.set_parameter("joint_timeout", 0.0)
     try:
@@ -352,6 +354,8 @@ def test_joint_timeout_at_run_time(monitor, panda):
         ("max_rate.mass_matrix_factors", "fast", "Wrong parameter type"),
         ("joint_timeout", -0.5, "joint_timeout"),
         ("joint_timeout", math.nan, "joint_timeout"),
+        ("mimic_tolerance", -0.01, "mimic_tolerance"),
+        ("mimic_tolerance", math.nan, "mimic_tolerance"),
         ("publish_inverse_factor", "yes", "Wrong parameter type"),
         ("mimic", "lock", "read-only"),
         ("robot_description", "<robot/>", "read-only"),
@@ -436,7 +440,6 @@ def test_joints_that_never_arrive(by_topic):
 
 
 REFUSED = {
-    "mimic joints, not to be embedded yet": (robot(PANDA).urdf, FINGERS[1]),
     "malformed": ("<robot name='broken'><link name='a'/>", "not well-formed"),
     "empty": ("", "empty"),
     "singular": (robots.robot("romeo_description/urdf/romeo_laas_small.urdf").urdf, "l_gripper_joint"),
@@ -489,19 +492,21 @@ def test_motionless_robot(by_topic):
     good(by_topic, talos)
 
 
-def test_embedding_is_refused_by_name(peer):
-    """Under mimic:=embed, the default, a robot with mimic joints is refused; the node lives, and a Ctrl-C ends it.
+def test_circular_mimics_are_refused_by_name(peer):
+    """Joints that follow each other are named; the node lives, and a Ctrl-C ends it, without a robot as with one.
 
     Under a launcher, a Ctrl-C comes as two signals.
     """
-    descriptions = peer.publisher(String, "/embed/robot_description", LATCHED)
-    descriptions.publish(description(robot(PANDA).urdf))
-    with Monitor(peer, "/embed") as monitor:
+    panda = robot(PANDA)
+    begin, leader, end = panda.urdf.partition('<joint name="panda_finger_joint1"')
+    circle = begin + leader + end.replace("</joint>", '<mimic joint="panda_finger_joint2"/></joint>', 1)
+    descriptions = peer.publisher(String, "/circle/robot_description", LATCHED)
+    descriptions.publish(description(circle))
+    with Monitor(peer, "/circle") as monitor:
         report = monitor.wait_for_report(lambda report: report.level == ERROR, "the refusal")
-        assert FINGERS[1] in report.message
-        assert "mimic='free'" in report.message
+        assert "'panda_finger_joint1' mimics itself" in report.message
+        assert "panda_finger_joint2" in report.message
         peer.wait_until(monitor.feeder.get_subscription_count, "the subscription to joint_states")
-        panda = robot(PANDA)
         monitor.feeder.publish(panda.message(monitor.tick(), panda.samples[0]))
         monitor.wait_for_report(lambda report: report.count("before the model") == 1, "a state without a model")
         assert not monitor.topics["state"].messages

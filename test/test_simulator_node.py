@@ -74,20 +74,20 @@ def simulator(request):
 
 
 def vectors(simulator, message):
-    """Position, velocity and effort in the order of the oracle's dofs."""
+    """Position, velocity and effort of the independent joints, in the order of the oracle's dofs."""
     names = list(message.name)
     at = [names.index(name) for name in simulator.robot.names]
     return tuple(np.array(values)[at] for values in (message.position, message.velocity, message.effort))
 
 
 def damping(robot):
-    """Joint damping of the URDF, in the order of the oracle's dofs."""
+    """Joint damping of the URDF, that of followers reflected, in the order of the oracle's dofs."""
     by_name = {
         joint.get("name"): float(joint.find("dynamics").get("damping", 0))
         for joint in robot.oracle.xml.findall("joint")
         if joint.find("dynamics") is not None
     }
-    return np.array([by_name.get(name, 0.0) for name in robot.names])
+    return np.array([by_name.get(name, 0.0) for name in robot.oracle.full.dof_names]) @ robot.oracle.G**2
 
 
 def integrate(oracle, q, qd, tau, damping, span, steps):
@@ -110,9 +110,11 @@ def integrate(oracle, q, qd, tau, damping, span, steps):
 
 
 def test_joint_states(simulator):
-    """All joints, with positions, velocities and efforts that are numbers."""
+    """All joints, followers last, with positions, velocities and efforts that are numbers."""
+    robot = simulator.robot
     for message in simulator.recorded:
-        assert sorted(message.name) == sorted(simulator.robot.names)
+        assert tuple(message.name[: len(robot.names)]) == robot.names
+        assert sorted(message.name) == sorted(robot.oracle.full.dof_names)
         for values in (message.position, message.velocity, message.effort):
             assert len(values) == len(message.name)
             assert np.isfinite(values).all()
@@ -151,6 +153,15 @@ def test_description(simulator):
     assert text.startswith("<")
     assert simulator.robot.urdf.endswith(text)  # what is cut off is the XML declaration, which is for files
     assert len(text) > 0.9 * len(simulator.robot.urdf)
+
+
+def test_followers(wave):
+    """The second finger is where the first one is, moves with it, and has no effort of its own."""
+    leader, follower = (wave.recorded[0].name.index(f"panda_finger_joint{k}") for k in (1, 2))
+    for message in wave.recorded:
+        assert message.position[follower] == message.position[leader]
+        assert message.velocity[follower] == message.velocity[leader]
+        assert message.effort[follower] == 0.0
 
 
 # --- how it moves
@@ -219,7 +230,7 @@ def test_falling_obeys_the_dynamics(falling):
 
 def test_monitor_of_a_simulator(wave):
     """The monitor takes description and states from the graph; all it says of them is Pinocchio's, stamp by stamp."""
-    with Monitor(wave.peer, "/wave", mimic="free") as monitor:
+    with Monitor(wave.peer, "/wave") as monitor:
         wave.states.forget()
         topics = monitor.topics
         wave.peer.wait_until(lambda: len(topics["kinetic_energy"].messages) >= 300, "kinetic energies", START)
@@ -234,6 +245,9 @@ def test_monitor_of_a_simulator(wave):
             truth.check(published, stamp)
             compared += 1
         assert compared >= 200
+        report = monitor.next_report()
+        assert report.values["mimic joints"] == "1: panda_finger_joint2"
+        assert not report.count("mimic disagreement")
         assert len(topics["mass_matrix_factors"].messages) < len(topics["state"].messages)
 
 

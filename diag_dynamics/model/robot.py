@@ -75,6 +75,8 @@ class RobotModel:
         Joints, independent ones and followers, of each coupled group, base to tip.
     fixed_joints : tuple of str
         Joints of the URDF that do not move.
+    continuous_joints : tuple of str
+        Joints whose position is an angle that turns round, be they independent or not.
     locked_joints : mapping
         Joints that are held, with their positions [rad, m]; followers of joints that stand still are among them.
     payloads : mapping
@@ -101,6 +103,7 @@ class RobotModel:
     mimics: Mapping
     coupled_groups: tuple
     fixed_joints: tuple
+    continuous_joints: tuple
     locked_joints: Mapping
     payloads: Mapping
     total_mass: float
@@ -412,7 +415,8 @@ def _model_of(tree, options):
         mimic_joints=tuple(joint.name for joint in tree.robot.joints if joint.mimic is not None),
         mimics=MappingProxyType(tree.mimics),
         coupled_groups=tuple(tree.groups),
-        fixed_joints=tuple(joint.name for joint in tree.robot.joints if joint.type == "fixed"),
+        fixed_joints=tree.of_type("fixed"),
+        continuous_joints=tree.of_type("continuous"),
         locked_joints=MappingProxyType(dict(tree.locked)),
         payloads=MappingProxyType(dict(options.payloads)),
         total_mass=float(links["mass"].sum()),

@@ -269,6 +269,10 @@ class Tree:
             for k in range(len(COORDINATES[joint.kind]))
         )
 
+    def of_type(self, kind):
+        """Names of the URDF's joints of a type, in its order."""
+        return tuple(joint.name for joint in self.robot.joints if joint.type == kind)
+
     def per_dof(self, element, attribute, default):
         """A number of the URDF for each degree of freedom; those of a joint that has several share it."""
         return np.array(

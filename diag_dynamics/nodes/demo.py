@@ -13,6 +13,7 @@ from diag_dynamics.example_robots import find_urdf
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import load_urdf
 from diag_dynamics.nodes.energy_view import EnergyView, checked, options
+from diag_dynamics.nodes.robot import COMPILED
 from diag_dynamics.nodes.runner import run
 from diag_dynamics.nodes.start import listen, stop
 from diag_dynamics.simulation import Simulation
@@ -60,10 +61,10 @@ class Processes:
 
 def _prepare(urdf):
     """Load the robot and compile what the nodes will need, once instead of in each of them."""
-    model = load_urdf(urdf, mimic="free")
+    model = load_urdf(urdf)
     if model.nv == 0:
         raise InputError(f"robot '{model.name}' has no moving joint: there is nothing to show.")
-    DiagonalDynamics(model).compile()
+    DiagonalDynamics(model).compile(*COMPILED)
     Simulation(model).advance(steps=0)
     return model
 
@@ -92,7 +93,7 @@ def main(args=None):
             patience.cancel()
             stop.callback = None
         processes.start("simulator", robot_description=urdf, motion="wave", rate=chosen.rate)
-        processes.start("monitor", mimic="free")
+        processes.start("monitor")
         view = None
 
         def make_view():

@@ -5,6 +5,14 @@ from rclpy.clock import Clock, ClockType
 
 PERIOD = 1.0
 
+FEW = 8
+"""Names that a value lists at most."""
+
+
+def counted(names):
+    """How many there are, and the names of few."""
+    return f"{len(names)}: {', '.join(names)}" if 0 < len(names) <= FEW else str(len(names))
+
 
 class Diagnostics:
     """Publishes what `report` says, once a second of wall time even where simulated time stands still.

@@ -2,9 +2,12 @@
 
 import math
 from collections import Counter
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+
+from diag_dynamics.nodes.followers import Followers
 
 
 class RejectedError(Exception):
@@ -29,24 +32,38 @@ class RobotState(NamedTuple):
 class JointStateAssembler:
     """Keeps the newest values of every joint and hands out a state once all of them are known and fresh.
 
+    Joints that follow one of these may be listed, too. Their efforts are reflected to their leaders; one that is missing,
+    NaN or stale counts as zero. Their positions are compared with those that their leaders give them, and disagreement is
+    counted, but keeps no state back. A state's stamps are those of the joints that are needed.
+
     Parameters
     ----------
     names : sequence of str
-        The joints that are needed; others in a message are ignored.
+        The joints that are needed; others in a message are ignored, unless they follow one of these.
     timeout : float
         Largest age of a joint against the newest one [s]; 0 for any.
+    mimics : mapping
+        :class:`Mimic` by name of the follower.
+    mimic_tolerance : float
+        Largest disagreement of a follower that is not counted [rad, m]; 0 for any.
+    continuous : container of str
+        Joints whose position is an angle that turns round.
     """
 
-    def __init__(self, names, timeout):
+    def __init__(self, names, timeout, mimics=MappingProxyType({}), mimic_tolerance=0.0, continuous=()):
         self.names = tuple(names)
         self.timeout = timeout
+        self.followers = Followers(self.names, mimics, mimic_tolerance, continuous)
         self.counts = Counter()
+        self.last_disagreement = ""
         self._index = {name: k for k, name in enumerate(self.names)}
-        self._columns = None  # (names of the last message, places in the message, places in the state)
+        self._columns = None  # (names of the last message, what _match returned for them)
         self._position, self._velocity, self._effort = np.full((3, len(self.names)), math.nan)
         self._stamp = np.zeros(len(self.names), dtype=np.int64)
         self._known = np.zeros(len(self.names), dtype=bool)
         self._without_stamp = np.zeros(len(self.names), dtype=bool)
+        self._follower_effort = self.followers.unknown()
+        self._follower_stamp = np.zeros(len(self.followers.names), dtype=np.int64)
 
     @property
     def missing(self):
@@ -55,14 +72,17 @@ class JointStateAssembler:
 
     def stale(self, now):
         """Joints that have arrived, but not within the timeout before `now` [ns]."""
-        if not self.timeout:
-            return []
-        limit = now - int(self.timeout * 1e9)
-        return [self.names[k] for k in np.flatnonzero(self._known & (self._stamp < limit))]
+        return [self.names[k] for k in np.flatnonzero(self._known & (now - self._stamp > self._span))]
+
+    @property
+    def _span(self):
+        """The timeout in nanoseconds."""
+        return self.timeout * 1e9 or math.inf
 
     def forget(self):
         """Start anew, as after a jump of time."""
         self._known[:] = False
+        self._follower_effort[:] = math.nan
 
     def update(self, message, now):
         """Take a message in and return the state it completes.
@@ -76,15 +96,15 @@ class JointStateAssembler:
         Returns
         -------
         RobotState or None
-            None if the message brings none of this robot's joints, or others have not arrived yet.
+            None if the message brings none of the joints that are needed, or others have not arrived yet.
 
         Raises
         ------
         RejectedError
             The message is malformed, too late or without velocity, or a joint is stale.
         """
-        there, here = self._match(message)
-        if not len(here):
+        (there, here), (beside, following) = self._match(message)
+        if not len(here) and not len(following):
             self.counts["foreign"] += 1
             return None
         stamp = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
@@ -95,24 +115,25 @@ class JointStateAssembler:
             self._values(message, field, there) for field in ("position", "velocity", "effort")
         )
         self._require(position, "position", here)
-        self._keep_order(stamp, here)
+        if len(here):
+            self._keep_order(stamp, here)
         self._position[here], self._velocity[here], self._effort[here] = position, velocity, effort
         self._stamp[here] = stamp
         self._known[here] = True
         self._without_stamp[here] = unstamped
-        return self._assembled()
+        if len(following):
+            self._follow(message, beside, following, stamp)
+        return self._assembled() if len(here) else None
 
     def _match(self, message):
-        """Where the message's joints are in it, and where they belong."""
+        """Where the needed joints are in the message and where they belong; and likewise for the followers."""
         names = message.name
         if self._columns is None or names != self._columns[0]:
             if len(set(names)) != len(names):
                 twice = next(name for name, count in Counter(names).items() if count > 1)
                 raise RejectedError("duplicate name", f"joint '{twice}' is listed twice in one message")
-            known = [(k, self._index[name]) for k, name in enumerate(names) if name in self._index]
-            there, here = np.array(known, dtype=int).reshape(-1, 2).T
-            self._columns = (list(names), there, here)
-        return self._columns[1:]
+            self._columns = (list(names), [_places(names, index) for index in (self._index, self.followers.index)])
+        return self._columns[1]
 
     def _keep_order(self, stamp, here):
         """Drop what is older than what is known, unless time itself has jumped back."""
@@ -152,6 +173,18 @@ class JointStateAssembler:
                 f"no {what}", f"joint '{self.names[here[k]]}': {what} is {values[k]}, expected a finite number"
             )
 
+    def _follow(self, message, there, here, stamp):
+        """Take in the efforts of followers, and compare their positions where their leaders' are fresh."""
+        own = self.followers.unknown()
+        own[here] = self._values(message, "position", there)
+        self._follower_effort[here] = self._values(message, "effort", there)
+        self._follower_stamp[here] = stamp
+        fresh = self._known & (np.abs(self._stamp - stamp) <= self._span)
+        disagreements = self.followers.disagreements(np.where(fresh, self._position, math.nan), own)
+        if disagreements:
+            self.counts["mimic disagreement"] += 1
+            self.last_disagreement = "; ".join(disagreements)
+
     def _assembled(self):
         if not self._known.all():
             self.counts["incomplete"] += 1
@@ -161,6 +194,15 @@ class JointStateAssembler:
         if stale:
             raise RejectedError("stale joint", f"joint '{stale[0]}' is older than {self.timeout} s")
         self._require(self._velocity, "velocity", range(len(self.names)))
-        effort = self._effort.copy() if np.isfinite(self._effort).all() else None
+        effort = None
+        if np.isfinite(self._effort).all():
+            fresh = newest - self._follower_stamp <= self._span
+            effort = self.followers.reflected(self._effort, np.where(fresh, self._follower_effort, math.nan))
         unstamped = bool(self._without_stamp.any())
         return RobotState(self._position.copy(), self._velocity.copy(), effort, newest, oldest, unstamped)
+
+
+def _places(names, index):
+    """Where those of the names that are in an index stand among the names, and what the index says of them."""
+    known = [(k, index[name]) for k, name in enumerate(names) if name in index]
+    return np.array(known, dtype=int).reshape(-1, 2).T

@@ -134,6 +134,7 @@ class Listed(NamedTuple):
     names: tuple
     order: np.ndarray
     count: int
+    following: np.ndarray  # places of the followers, -1 for those not listed
 
     def vector(self, field, values):
         """One field of a request, checked, in the model's order; None if it is empty although joints are listed.
@@ -153,22 +154,33 @@ class Listed(NamedTuple):
                 raise InputError(f"{field} of joint '{name}' is {value}, expected a finite number.")
         return vector
 
+    def of_followers(self, values):
+        """One field of a request, of the right length, as the followers have it; NaN for those not listed."""
+        return np.append(np.array(values, dtype=np.float64), np.nan)[self.following]
 
-def requested_state(model, request):
+
+def requested_state(model, request, followers):
     """State of a request: its JointState `state` and, for a floating base, base_pose and base_twist.
+
+    Followers may be listed: their positions are compared with those that their leaders give them, their efforts reflected
+    to these; what is not finite is unknown. Their velocities are not looked at.
 
     Raises
     ------
     InputError
-        A joint is missing, unknown or listed twice, or a field has the wrong length or is not finite.
+        A joint is missing, unknown or listed twice, a field has the wrong length or is not finite, or a follower is not
+        where its leader puts it.
     """
     state = request.state
-    joints = _listed(model, state.name)
+    joints = _listed(model, state.name, followers)
     position = joints.vector("state.position", state.position)
     if position is None:
         raise InputError(f"state.position is empty, expected {joints.count} entries.")
+    for disagreement in followers.disagreements(position, joints.of_followers(state.position)):
+        raise InputError(f"state.{disagreement}.")
     velocity = joints.vector("state.velocity", state.velocity)
     effort = joints.vector("state.effort", state.effort)
+    effort = None if effort is None else followers.reflected(effort, joints.of_followers(state.effort))
     velocity = np.zeros(len(position)) if velocity is None else velocity
     if model.floating_base:
         p, o = request.base_pose.position, request.base_pose.orientation
@@ -200,7 +212,7 @@ def requested_wrenches(request):
     return wrenches, "world" if request.wrenches_in_world else "link"
 
 
-def _listed(model, names):
+def _listed(model, names, followers):
     places = {}
     known = set(single_joints(model)) | set(model.fixed_joints) | set(model.mimic_joints) | set(model.locked_joints)
     for k, name in enumerate(names):
@@ -210,10 +222,13 @@ def _listed(model, names):
             raise InputError(f"state.name: joint '{name}' is listed twice.")
         places[name] = k
     wanted = single_joints(model)
+    if alone := followers.without_leader(places):
+        raise InputError(f"state.name: joint '{alone[1]}' is missing, which '{alone[0]}' follows.")
     missing = [name for name in wanted if name not in places]
     if missing:
         raise InputError(f"state.name: joint '{missing[0]}' is missing ({len(missing)} of {len(wanted)} are).")
-    return Listed(wanted, np.array([places[name] for name in wanted], dtype=int), len(names))
+    order = np.array([places[name] for name in wanted], dtype=int)
+    return Listed(wanted, order, len(names), np.array([places.get(name, -1) for name in followers.names], dtype=int))
 
 
 def _six(field, twist):

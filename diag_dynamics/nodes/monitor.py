@@ -24,13 +24,13 @@ from diag_dynamics.msg import (
     TotalJointRates,
     WorkingMoments,
 )
-from diag_dynamics.nodes.diagnostics import Diagnostics
+from diag_dynamics.nodes.diagnostics import Diagnostics, counted
 from diag_dynamics.nodes.joint_states import JointStateAssembler, RejectedError, RobotState
 from diag_dynamics.nodes.messages import MessageMaker, to_time
 from diag_dynamics.nodes.odometry import OdometryBase
 from diag_dynamics.nodes.parameters import Spec, declare, wrong
+from diag_dynamics.nodes.robot import COMPILED, load_robot, single_joints
 from diag_dynamics.nodes.robot import PARAMETERS as ROBOT_PARAMETERS
-from diag_dynamics.nodes.robot import load_robot, single_joints
 from diag_dynamics.nodes.runner import main_of
 from diag_dynamics.nodes.services import DynamicsServices
 
@@ -68,6 +68,12 @@ PARAMETERS = {
         0.5,
         "Largest age of a joint's last values against the newest joint's [s]; where one is older, nothing is "
         "published. 0 for no limit.",
+        minimum=0.0,
+    ),
+    "mimic_tolerance": Spec(
+        0.01,
+        "Largest distance of a coupled mimic joint's own position from that which its leader gives it [rad, m]; beyond it, "
+        "diagnostics warn and services refuse. 0: not compared.",
         minimum=0.0,
     ),
     "publish_inverse_factor": Spec(False, "Whether mass_matrix_factors carries l, the inverse of m."),
@@ -118,7 +124,7 @@ class MonitorNode(Node):
         self._last_stamp = None
 
         self.add_on_set_parameters_callback(self._set_parameters)
-        DynamicsServices(self, lambda: (self._dynamics, self._maker) if self._dynamics else None, self._use)
+        DynamicsServices(self, self._in_force, self._use)
         self._diagnostics = Diagnostics(self, "joint states", self._report)
         if values["robot_description"]:
             self._load(values["robot_description"])
@@ -147,7 +153,7 @@ class MonitorNode(Node):
         try:
             model = load_robot(self, description, self._values)
             dynamics = DiagonalDynamics(model)
-            dynamics.compile()
+            dynamics.compile(*COMPILED)
         except DiagDynamicsError as error:
             kept = f"; keeping robot '{self._dynamics.model.name}'" if self._dynamics else ""
             self._description_error = str(error)
@@ -162,7 +168,13 @@ class MonitorNode(Node):
             self.get_logger().warning(f"The payloads on {gone} are gone with the robot_description they belonged to.")
         self._description, self._description_error = description, ""
         self._use(model, dynamics)
-        self._assembler = JointStateAssembler(single_joints(model), self._values["joint_timeout"])
+        self._assembler = JointStateAssembler(
+            single_joints(model),
+            self._values["joint_timeout"],
+            model.mimics,
+            self._values["mimic_tolerance"],
+            model.continuous_joints,
+        )
         self._base = OdometryBase(model, self._values["odom_twist_frame"] == "header") if model.floating_base else None
         self.get_logger().info(
             f"Ready: robot '{model.name}', {model.nv} degrees of freedom, {model.total_mass:.6g} kg; "
@@ -174,6 +186,10 @@ class MonitorNode(Node):
         self._revision += 1
         self._dynamics = dynamics or DiagonalDynamics(model)
         self._maker = MessageMaker(model, self._revision)
+
+    def _in_force(self):
+        """What the services work with."""
+        return (self._dynamics, self._maker, self._assembler.followers) if self._dynamics else None
 
     # --- Every message ---
 
@@ -264,6 +280,8 @@ class MonitorNode(Node):
             self._limits[name.removeprefix("max_rate.")] = RateLimit(value)
         elif name == "joint_timeout" and self._assembler:
             self._assembler.timeout = value
+        elif name == "mimic_tolerance" and self._assembler:
+            self._assembler.followers.tolerance = value
         elif name == "gravity" and self._dynamics:
             self._use(self._dynamics.model.with_gravity(value))
 
@@ -279,6 +297,8 @@ class MonitorNode(Node):
                 "robot": model.name,
                 "degrees of freedom": model.nv,
                 "total mass [kg]": f"{model.total_mass:.6g}",
+                "mimic joints": counted(model.mimics),
+                "locked joints": counted(model.locked_joints),
             }
         if self._last_stamp is not None:
             age = (self.get_clock().now().nanoseconds - self._last_stamp) * 1e-9
@@ -286,6 +306,8 @@ class MonitorNode(Node):
         values |= dict(sorted(counts.items()))
         if self._last_rejection:
             values["last rejection"] = self._last_rejection
+        if self._assembler and self._assembler.last_disagreement:
+            values["last mimic disagreement"] = self._assembler.last_disagreement
         return level, message, values
 
     def _judge(self, recent):
@@ -295,10 +317,16 @@ class MonitorNode(Node):
         if self._dynamics is None:
             return DiagnosticStatus.WARN, "no robot_description yet"
         rejected = sum(count for cause, count in recent.items() if cause.startswith("rejected"))
-        if recent["published"] and not rejected:
-            return DiagnosticStatus.OK, "publishing"
+        disagreeing = recent["mimic disagreement"]
         if rejected:
             return DiagnosticStatus.WARN, f"{rejected} messages rejected: {self._last_rejection}"
+        if disagreeing:
+            return (
+                DiagnosticStatus.WARN,
+                f"{disagreeing} messages with mimic joints astray: {self._assembler.last_disagreement}",
+            )
+        if recent["published"]:
+            return DiagnosticStatus.OK, "publishing"
         if recent["before odometry"]:
             return DiagnosticStatus.WARN, f"no odometry yet on {self.resolve_topic_name('odom')}"
         missing = self._assembler.missing

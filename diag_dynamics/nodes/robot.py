@@ -9,7 +9,7 @@ from diag_dynamics.nodes.parameters import Spec
 PARAMETERS = {
     "mimic": Spec(
         "embed",
-        "Mimic joints: coupled to their leaders (embed, not offered yet), independent (free), or locked (lock).",
+        "Mimic joints: coupled to their leaders (embed), independent (free), or locked (lock).",
         read_only=True,
         choices=("embed", "free", "lock"),
     ),
@@ -26,6 +26,20 @@ PARAMETERS = {
         False, "Whether the root link moves freely; its state then comes from the topic odom.", read_only=True
     ),
 }
+
+
+COMPILED = (
+    "evaluate",
+    "factors",
+    "forward_dynamics",
+    "inverse_dynamics",
+    "mass_matrix",
+    "bias",
+    "gravity_torque",
+    "nu_from_qd",
+    "qd_from_nu",
+)
+"""Methods of DiagonalDynamics that nodes call."""
 
 
 def load_robot(node, description, values):

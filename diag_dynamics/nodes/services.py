@@ -22,7 +22,7 @@ class DynamicsServices:
     ----------
     node : rclpy.node.Node
     current : callable
-        Returns the (DiagonalDynamics, MessageMaker) in force, or None while there is no model.
+        Returns the (DiagonalDynamics, MessageMaker, Followers) in force, or None while there is no model.
     replace : callable
         Called with a model that takes the place of the one in force.
     """
@@ -59,9 +59,9 @@ class DynamicsServices:
 
         return callback
 
-    def _forward(self, request, response, dynamics, maker):
+    def _forward(self, request, response, dynamics, maker, followers):
         dynamics = _with_gravity(dynamics, request)
-        asked = requested_state(dynamics.model, request)
+        asked = requested_state(dynamics.model, request, followers)
         f_ext, frame = requested_wrenches(request)
         q, qd = asked.position, asked.velocity
         tau = np.zeros(dynamics.model.nv) if asked.effort is None else asked.effort
@@ -72,18 +72,18 @@ class DynamicsServices:
         response.acceleration = doubles(acceleration)
         response.nu_dot = doubles(s.nu_dot)
 
-    def _inverse(self, request, response, dynamics, maker):
+    def _inverse(self, request, response, dynamics, maker, followers):
         dynamics = _with_gravity(dynamics, request)
-        asked = requested_state(dynamics.model, request)
+        asked = requested_state(dynamics.model, request, followers)
         qdd = requested_acceleration(dynamics.model, request, asked.joints)
         f_ext, frame = requested_wrenches(request)
         response.dof_names = list(dynamics.model.dof_names)
         options = {"frame": frame, "friction": request.include_friction}
         response.effort = doubles(dynamics.inverse_dynamics(asked.position, asked.velocity, qdd, f_ext, **options))
 
-    def _diagonalize(self, request, response, dynamics, maker):
+    def _diagonalize(self, request, response, dynamics, maker, followers):
         dynamics = _with_gravity(dynamics, request)
-        q, qd, tau, _ = requested_state(dynamics.model, request)
+        q, qd, tau, _ = requested_state(dynamics.model, request, followers)
         f_ext, frame = requested_wrenches(request)
         s = dynamics.evaluate(q, qd, tau, f_ext, frame=frame, friction=request.include_friction)
         stamp = request.state.header.stamp
@@ -97,7 +97,7 @@ class DynamicsServices:
         response.kinetic_energy = maker.kinetic_energy(stamp, s, state)
         response.joint_space_dynamics = maker.joint_space_dynamics(stamp, M, c, g, state)
 
-    def _set_payload(self, request, response, dynamics, maker):
+    def _set_payload(self, request, response, dynamics, maker, followers):
         i = request.inertia
         inertia = [[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]]
         model = dynamics.model.with_payload(request.link, i.m, (i.com.x, i.com.y, i.com.z), inertia)

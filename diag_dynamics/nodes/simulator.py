@@ -12,17 +12,17 @@ from std_msgs.msg import String
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import urdf_text
 from diag_dynamics.nodes.diagnostics import Diagnostics
+from diag_dynamics.nodes.followers import Followers
 from diag_dynamics.nodes.messages import doubles, to_time
 from diag_dynamics.nodes.parameters import Spec, declare
+from diag_dynamics.nodes.robot import COMPILED, load_robot
 from diag_dynamics.nodes.robot import PARAMETERS as ROBOT_PARAMETERS
-from diag_dynamics.nodes.robot import load_robot
 from diag_dynamics.nodes.runner import main_of
 from diag_dynamics.simulation import Simulation, Wave
 
 PARAMETERS = {
     "robot_description": Spec("", "URDF, or the path of one; required.", read_only=True),
-    **{name: ROBOT_PARAMETERS[name] for name in ("massless", "locked_joints", "armature")},
-    "mimic": ROBOT_PARAMETERS["mimic"]._replace(default="free"),
+    **{name: ROBOT_PARAMETERS[name] for name in ("mimic", "massless", "locked_joints", "armature")},
     "gravity": ROBOT_PARAMETERS["gravity"]._replace(read_only=True),
     "rate": Spec(500.0, "joint_states per second [Hz].", read_only=True, minimum=1.0, maximum=10000.0),
     "step": Spec(0.001, "Integration step [s].", read_only=True, minimum=1e-6, maximum=0.1),
@@ -49,11 +49,12 @@ class SimulatorNode(Node):
         text = urdf_text(values["robot_description"])
         model = load_robot(self, text, values | {"floating_base": False})
         self._simulation = Simulation(model, step=min(values["step"], 1.0 / values["rate"]))
-        self._simulation.dynamics.compile()
+        self._simulation.dynamics.compile(*COMPILED)
         self._wave = Wave(self._simulation) if values["motion"] == "wave" else None
         self._effort = np.zeros(model.nv)
         self._simulation.advance(steps=0)
-        self._names = list(model.dof_names)
+        self._followers = Followers(model.dof_names, model.mimics)
+        self._names = [*model.dof_names, *self._followers.names]
         self._period = 1.0 / values["rate"]
         self._let_go = 0.0
         self._failure = ""
@@ -95,12 +96,15 @@ class SimulatorNode(Node):
         self._publish()
 
     def _publish(self):
+        """Where the robot is: its independent joints, then those that follow them, on which no effort acts of their own."""
         simulation = self._simulation
         stamp = self._start + int((simulation.time + self._let_go) * 1e9)
         message = JointState(name=self._names)
         message.header.stamp = to_time(stamp)
-        message.position, message.velocity = doubles(simulation.q), doubles(simulation.qd)
-        message.effort = doubles(self._effort)
+        q, qd, followers = simulation.q, simulation.qd, self._followers
+        message.position = doubles(np.append(q, followers.positions(q)))
+        message.velocity = doubles(np.append(qd, followers.velocities(qd)))
+        message.effort = doubles(np.append(self._effort, np.zeros(len(followers.names))))
         self._joint_states.publish(message)
 
     def _report(self):
