@@ -39,6 +39,7 @@ class DiagonalDynamics:
             raise InputError(f"DiagonalDynamics needs a RobotModel, as load_urdf returns, not {type(model).__name__}.")
         self.model = model
         self._work, self._table = sweeps.workspace(model.bodies)
+        self._shapes = (sweeps.ROWS, model.nv), (len(model.bodies), 6)
         self._q = np.zeros(model.nq)
         self._a, self._b, self._zero = np.zeros((3, model.nv))
 
@@ -68,14 +69,13 @@ class DiagonalDynamics:
         _check_frame(frame)
         q, rate = self._positions(q), self._vector("qd", qd, self._a)
         effort = self._zero if tau is None else self._vector("tau", tau, self._b)
-        rows, twists = np.empty((sweeps.ROWS, model.nv)), np.empty((len(model.bodies), 6))
+        rows, twists = np.empty(self._shapes[0]), np.empty(self._shapes[1])
         status = sweeps.evaluate(model.bodies, model.gravity, q, rate, effort, self._work, self._table, rows, twists)
         if status:
             self._fail(status, qd=rate, tau=effort)
-        rate = rate.copy()
         external = self.epsilon_from_tau(q, self._effort_of(f_ext, frame)) if _given(f_ext) else None
-        resisting = self.epsilon_from_tau(q, self.friction_torque(rate)) if friction else None
-        return Evaluation(model, rows, twists, rate, tau is not None, external, resisting)
+        resisting = self.epsilon_from_tau(q, self.friction_torque(rows[sweeps.RATES])) if friction else None
+        return Evaluation(model, rows, twists, tau is not None, external, resisting)
 
     def factors(self, q):
         """m, ℓ, the unit factor and D at q: see :class:`Factors`."""
@@ -414,6 +414,7 @@ class DiagonalDynamics:
         raise InputError(f"{', '.join(['q', *inputs])} are too large: a result overflows.")
 
 
+_FLOAT = np.dtype(np.float64)
 _NO_GRAVITY = np.zeros(3)
 _NO_GRAVITY.flags.writeable = False
 
@@ -445,6 +446,9 @@ def _given(f_ext):
 
 def _fill(buffer, name, value, names):
     """Copy an argument into a buffer, checking its shape."""
+    if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == buffer.shape:
+        buffer[:] = value
+        return buffer
     try:
         array = np.asarray(value)
     except ValueError as error:

@@ -8,6 +8,15 @@ import numpy as np
 from diag_dynamics import sweeps
 
 
+def _row(k, of_tau=False):
+    """Attribute that is a row of what the sweep has filled, taken when it is first asked for: a slice costs 0.1 µs."""
+
+    def row(self):
+        return None if of_tau and not self._with_tau else self._rows[k]
+
+    return cached_property(row)
+
+
 class Evaluation:
     """Everything the sweeps compute at one state; arrays have shape (nv,) unless said otherwise.
 
@@ -40,20 +49,19 @@ class Evaluation:
         ε_fric = ℓ τ_fric [J^½/s], on the side of C; None unless asked for.
     """
 
-    __slots__ = ("__dict__", "_model", "_qd", "_rows", "_twists")
-
-    def __init__(self, model, rows, twists, qd, with_tau, external=None, friction=None):
-        self._model, self._rows, self._twists, self._qd = model, rows, twists, qd
+    def __init__(self, model, rows, twists, with_tau, external=None, friction=None):
+        self._model, self._rows, self._twists, self._with_tau = model, rows, twists, with_tau
         self.external, self.friction = external, friction
-        self.nu = rows[sweeps.NU]
-        self.xi = rows[sweeps.XI]
-        self.epsilon = rows[sweeps.EPSILON] if with_tau else None
-        self.kappa = rows[sweeps.KAPPA] if with_tau else None
-        self.coriolis = rows[sweeps.CORIOLIS]
-        self.coriolis_unnormalized = rows[sweeps.CORIOLIS_UNNORMALIZED]
-        self.gravity = rows[sweeps.GRAVITY]
-        self.articulated_inertia = rows[sweeps.ARTICULATED_INERTIA]
-        self.articulated_inertia_rate = rows[sweeps.ARTICULATED_INERTIA_RATE]
+
+    nu = _row(sweeps.NU)
+    xi = _row(sweeps.XI)
+    epsilon = _row(sweeps.EPSILON, of_tau=True)
+    kappa = _row(sweeps.KAPPA, of_tau=True)
+    coriolis = _row(sweeps.CORIOLIS)
+    coriolis_unnormalized = _row(sweeps.CORIOLIS_UNNORMALIZED)
+    gravity = _row(sweeps.GRAVITY)
+    articulated_inertia = _row(sweeps.ARTICULATED_INERTIA)
+    articulated_inertia_rate = _row(sweeps.ARTICULATED_INERTIA_RATE)
 
     @cached_property
     def kinetic_energy(self):
@@ -80,7 +88,7 @@ class Evaluation:
     def link_energy(self):
         """Kinetic energy of each link [J], shape (len(model.link_names),): ½VᵀIV plus its joint's rotor; sums to K."""
         energy = np.empty(len(self._model.link_names))
-        sweeps.link_energy(self._model.bodies, self._model.links, self._twists, self._qd, energy)
+        sweeps.link_energy(self._model.bodies, self._model.links, self._twists, self._rows[sweeps.RATES], energy)
         return energy
 
     @cached_property

@@ -215,6 +215,12 @@ def rigid_momentum(mass, first_moment, rotational, V):
 
 
 @kernel
+def add_inertia(P, Q):
+    """P + Q."""
+    return Inertia(matrix_sum(P.A, Q.A), matrix_sum(P.B, Q.B), matrix_sum(P.C, Q.C))
+
+
+@kernel
 def inertia_times(P, V):
     """P V."""
     return Force(

@@ -7,6 +7,7 @@ from diag_dynamics.spatial import (
     ZERO,
     Motion,
     add_force,
+    add_inertia,
     add_motion,
     along,
     apply_transposed,
@@ -70,7 +71,7 @@ from diag_dynamics.sweeps.steps import (
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
 """Rows of the output of :func:`evaluate`."""
 
-ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, ROWS = range(7, 10)
+ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, RATES, ROWS = range(7, 11)
 
 
 @large_kernel
@@ -134,8 +135,7 @@ def _axis(bodies, i, qd, tau, work, out):
         y_plus = subtract_force(y, scale_force(G, along(direction, y)))
         z_plus = add_force(z, scale_force(G, kappa))
         pass_inertia(X, P, P_plus, parent)
-        add_to_inertia(parent.P_rate, inertia_to_parent(X, filtered))
-        add_to_inertia(parent.P_rate, inertia_to_parent(X, moved))
+        add_to_inertia(parent.P_rate, inertia_to_parent(X, add_inertia(filtered, moved)))
         zeta = cross_motion(V, v_J)
         add_to_force(parent.y, force_to_parent(X, add_force(y_plus, inertia_times(P_plus, zeta))))
         add_to_force(parent.z, force_to_parent(X, z_plus))
@@ -203,11 +203,12 @@ def evaluate(bodies, gravity, q, qd, tau, work, table, out, twists):
     """ν, ξ, ε, κ, C, C_ξ, ε_g, D and Ḋ at one state, in an outward and an inward sweep.
 
     Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. Rows of `out` are those of :data:`NU` and so on;
-    `twists` receives V of every body.
+    `twists` receives V of every body, and the last row q̇.
     """
     if not (are_positions(bodies, q) and are_finite(qd) and are_finite(tau)):
         return -1
     _outward(bodies, gravity, q, qd, work)
+    out[RATES] = qd
     twists[0] = 0.0
     for i in range(1, len(bodies)):
         twists[i] = work[i].V
