@@ -9,14 +9,15 @@ from diag_dynamics import sweeps
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError, UnsupportedError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.options import numbers
+from diag_dynamics.model.wrenches import wrenches_at, wrenches_on_links
 from diag_dynamics.results import Evaluation, Factors
 
-ROUNDING = 1e-14
-"""What ℓJᵀu may be of the entries of ℓJᵀ and still be nothing but rounding."""
+ROUNDING = 4e-15
+"""What ℓJᵀu may be of the entries of ℓJᵀ, for each degree of freedom, and still be nothing but rounding."""
 
 
 class DiagonalDynamics:
-    """Diagonalized and classical dynamics of one robot, each in O(N) sweeps over its links.
+    """Diagonalized and classical dynamics of one robot, in O(N) sweeps over its links, matrices row by row along its tree.
 
     It owns a workspace: use one per thread. Results never alias the workspace.
 
@@ -264,7 +265,7 @@ class DiagonalDynamics:
         u /= np.linalg.norm(u)
         factor = self.wrench_factor(q, link, point, frame)
         w = factor[:, :3] @ u
-        if np.abs(w).max(initial=0.0) <= ROUNDING * np.abs(factor).max(initial=0.0):
+        if np.abs(w).max(initial=0.0) <= ROUNDING * max(self.model.nv, 3) * np.abs(factor).max(initial=0.0):
             return math.inf
         return 1.0 / float(_squared(w, point))
 
@@ -353,7 +354,7 @@ class DiagonalDynamics:
 
     def _factor_of_wrenches(self, q, link, wrenches, point, frame):
         """ℓJᵀw of wrenches, shape (number, 6), at a point of a link, a column each."""
-        records = self.model.wrenches_at(link, wrenches, point, frame)
+        records = wrenches_at(self.model, link, wrenches, point, frame)
         q, epsilon = self._positions(q), np.empty((self.model.nv, len(records)))
         bodies, world = self.model.bodies, frame == "world"
         self._checked(sweeps.factor_of_wrenches(bodies, q, records, world, self._work, self._table, epsilon))
@@ -379,7 +380,7 @@ class DiagonalDynamics:
     def _effort_of(self, f_ext, frame):
         """Jᵀf_ext at the positions in the buffer of this object."""
         model, tau = self.model, np.empty(self.model.nv)
-        wrenches = model.wrenches(f_ext, frame)
+        wrenches = wrenches_on_links(model, f_ext, frame)
         status = sweeps.effort_of_wrenches(model.bodies, self._q, wrenches, frame == "world", self._work, tau)
         self._checked(status)
         return tau
@@ -395,7 +396,7 @@ class DiagonalDynamics:
             joint, D = names[self.model.bodies["dof"][status]], float(self._work["D"][status])
             raise SingularMassMatrixError(
                 f"The mass matrix of robot '{self.model.name}' is singular at this configuration: joint '{joint}' "
-                f"moves no inertia there (D = {D:.3g}, within rounding of the inertias that it comes from).",
+                f"moves no inertia there (D = {D:.3g}, less than {sweeps.SINGULAR:g} of the inertias that it comes from).",
                 joint,
                 D,
             )

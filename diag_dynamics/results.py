@@ -37,10 +37,10 @@ class Evaluation:
     coriolis_unnormalized : ndarray
         C_ξ(q, ξ) of D ξ̇ + C_ξ = κ [N m, N] (Lemma 7.3), without gravity.
     gravity : ndarray
-        ε_g = ℓ g(q) [J^½/s].
+        ε_g = ℓ g(q) [J^½/s]; its un-normalized form κ_g [N m, N], as that of any such term, is √D times it.
     articulated_inertia : ndarray
-        D [kg m², kg] (Algorithm 4.1); at a joint of several degrees of freedom, and so for a floating base, the diagonal
-        of its block's factor U D Uᵀ.
+        D [kg m², kg] (Algorithm 4.1); of a joint of several degrees of freedom, and so of a floating base, and of a
+        coupled group the diagonal of its block's factor U D Uᵀ, in the order of the degrees of freedom.
     articulated_inertia_rate : ndarray
         Ḋ along the motion [kg m²/s, kg/s] (7.2).
     external : ndarray or None

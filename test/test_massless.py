@@ -252,3 +252,31 @@ def test_light_link_before_a_heavy_one(ratio):
     )
     D = dd.DiagonalDynamics(dd.load_urdf(urdf)).factors(np.array([0.1, 0.2, 0.3])).D
     assert D[1] == pytest.approx(ratio, rel=1e-15 / ratio + 1e-12)
+
+
+def concurrent_wrist(joints):
+    """Return an arm whose axes meet in the centre of mass of its only heavy link."""
+    parts = [link("l0")]
+    for k in range(joints):
+        parts.append(joint(f"j{k + 1}", "revolute", f"l{k}", f"l{k + 1}", axis=((0, 0, 1), (0, 1, 0))[k % 2]))
+        heavy = (2.0, (0, 0, 0), (0.01, 0, 0, 0.012, 0, 0.009)) if k == joints - 1 else ()
+        parts.append(link(f"l{k + 1}", *heavy))
+    return description("wrist", *parts)
+
+
+@pytest.mark.parametrize("joints", [5, 6, 7])
+def test_rounding_that_joints_outboard_leave_is_no_inertia(joints):
+    """Three axes take up all inertia of the tip; what is left for those inboard is noise, be there a rotor between or not."""
+    urdf = concurrent_wrist(joints)
+    with pytest.raises(dd.MasslessLinkError) as caught:
+        dd.load_urdf(urdf, armature={"j2": 0.1})
+    assert "j1" in caught.value.joints
+    assert "j2" not in caught.value.joints
+    held = dd.load_urdf(urdf, armature={"j2": 0.1}, massless="lock")
+    dyn = dd.DiagonalDynamics(held)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        q, qd, tau = rng.uniform(-1.0, 1.0, (3, held.nv))
+        M = dyn.mass_matrix(q)
+        assert np.linalg.cond(M) < 1e6
+        assert_close(M @ dyn.forward_dynamics(q, qd, tau), tau - dyn.bias(q, qd) - dyn.gravity_torque(q), 1e-10)

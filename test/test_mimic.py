@@ -698,6 +698,18 @@ def test_refused(case):
     assert set(model.joint_names) == {"a", "b", "c"}
 
 
+@pytest.mark.parametrize(("multiplier", "length"), [(1e30, 2), (-1e30, 7), (1e-30, 11)])
+def test_chain_beyond_all_numbers_is_refused(multiplier, length):
+    """Of single multipliers that are legal; where the product of tiny ones vanishes it would hold the follower in silence."""
+    body = {"mass": 1.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0, 0, 0.1, 0, 0.1)}
+    elements = [link("base"), link("l0", **body), joint("j0", "revolute", "base", "l0", axis=(0, 0, 1))]
+    for k in range(1, length + 1):
+        hinge_ = joint(f"j{k}", "revolute", "base", f"l{k}", axis=(0, 0, 1))
+        elements += [link(f"l{k}", **body), mimicking(hinge_, f"j{k - 1}", multiplier)]
+    with pytest.raises(dd.MimicJointError, match=r"'j\d+' follows 'j\d+' with multiplier .*beyond 1e\+30"):
+        dd.load_urdf(description("chain", *elements))
+
+
 def test_errors_are_urdf_errors():
     assert issubclass(dd.MimicJointError, dd.UrdfError) and issubclass(dd.UrdfError, dd.ModelError)
 

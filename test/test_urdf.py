@@ -186,6 +186,20 @@ def test_mimic_is_embedded_unless_free_or_locked():
     assert dd.load_urdf(urdf, mimic="lock").locked_joints == {"follower": 0.0}
 
 
+def test_positions_of_one_name_are_refused():
+    """A planar joint's are called <joint>/x and so on, which another joint may be called, too."""
+    urdf = description(
+        "r",
+        link("a", **BOX),
+        link("b", **BOX),
+        link("c", **BOX),
+        joint("slide", "planar", "a", "b", axis=(0, 0, 1)),
+        joint("slide/x", "revolute", "b", "c", axis=(0, 0, 1)),
+    )
+    with pytest.raises(dd.UrdfError, match="Two positions would have the name 'slide/x'"):
+        dd.load_urdf(urdf)
+
+
 def test_mimic_of_an_unknown_joint_is_refused():
     urdf = arm(link("l", **BOX), FOLLOWER.format("nobody"))
     with pytest.raises(dd.MimicJointError, match=r"'follower'.*mimics 'nobody'.*mimic='free'") as caught:

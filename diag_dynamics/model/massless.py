@@ -66,12 +66,10 @@ def refuse_massless(model, found):
 
 def positions_to_hold(model, found):
     """Positions at which joints that move no inertia are locked: zero, or their limit next to it."""
-    joints = _joints_of_dofs(model)
+    joints, coordinates = _joints_of_dofs(model), model.coordinate_names
     held = {}
     for k in found[0]:
         if joints[k].is_single:
-            lower, upper = (
-                joints[k].number("limit", side, sign * np.inf) for side, sign in (("lower", -1), ("upper", 1))
-            )
-            held[joints[k].name] = float(np.clip(0.0, lower, upper))
+            at = coordinates.index(joints[k].name)
+            held[joints[k].name] = float(np.clip(0.0, model.lower[at], model.upper[at]))
     return held

@@ -4,6 +4,9 @@ from typing import NamedTuple
 
 from diag_dynamics.exceptions import MimicJointError
 from diag_dynamics.model.options import SINGLE
+from diag_dynamics.model.urdf import LARGEST
+
+_CURE = "mimic='free' takes every joint as independent."
 
 
 class Mimic(NamedTuple):
@@ -71,17 +74,24 @@ def _followed(joint, joints, locked):
     while joint.mimic is not None and joint.name not in locked and joint.type != "fixed":
         _require_single(joint, chain)
         own = joint.mimic
+        factor = 1.0 if own.multiplier is None else own.multiplier
         offset += multiplier * (own.offset or 0.0)
-        multiplier *= 1.0 if own.multiplier is None else own.multiplier
+        vanished = multiplier * factor == 0.0 and multiplier != 0.0 and factor != 0.0
+        multiplier *= factor
+        if vanished or not (abs(multiplier) <= LARGEST and abs(offset) <= LARGEST):
+            raise MimicJointError(
+                f"joint '{chain[0]}' follows '{own.joint}' with multiplier {multiplier:g} and offset {offset:g}: these are "
+                f"beyond {LARGEST:g}, or vanish. {_CURE}",
+                chain,
+            )
         if own.joint not in joints:
             raise MimicJointError(
-                f"joint '{joint.name}': it mimics '{own.joint}', which is not a joint of this URDF. "
-                "mimic='free' treats it as an independent joint.",
+                f"joint '{joint.name}': it mimics '{own.joint}', which is not a joint of this URDF. {_CURE}",
                 [joint.name],
             )
         if own.joint in chain:
             raise MimicJointError(
-                f"joint '{own.joint}' mimics itself: {' → '.join(map(repr, [*chain, own.joint]))}.", chain
+                f"joint '{own.joint}' mimics itself: {' → '.join(map(repr, [*chain, own.joint]))}. {_CURE}", chain
             )
         joint = joints[own.joint]
         chain.append(joint.name)
@@ -93,7 +103,8 @@ def _require_single(joint, chain):
     if joint.type not in (*SINGLE, "fixed"):
         follows = f"joint '{chain[-2]}' mimics it" if len(chain) > 1 else "it mimics another joint"
         raise MimicJointError(
-            f"joint '{joint.name}' is {joint.type}, and {follows}: that takes joints of one degree of freedom.", chain
+            f"joint '{joint.name}' is {joint.type}, and {follows}: that takes joints of one degree of freedom. {_CURE}",
+            chain,
         )
 
 

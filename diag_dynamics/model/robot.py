@@ -6,7 +6,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from diag_dynamics import sweeps
 from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, refuse_massless
 from diag_dynamics.model.mimic import resolve_mimics
@@ -17,8 +16,6 @@ from diag_dynamics.model.options import (
     choice,
     gravity_vector,
     locked_positions,
-    mapping,
-    numbers,
     warn_of_inertias,
 )
 from diag_dynamics.model.tree import Tree
@@ -135,14 +132,6 @@ class RobotModel:
         reflected.flags.writeable = False
         return reflected
 
-    def follower_positions(self, q):
-        """Position [rad, m] of each coupled mimic joint, by name, at the positions q, shape (nq,)."""
-        index = self.coordinate_names.index
-        return {
-            name: multiplier * float(q[index(leader)]) + offset
-            for name, (leader, multiplier, offset) in self.mimics.items()
-        }
-
     @property
     def neutral(self):
         """Positions of zero, floating joints at the identity; shape (nq,)."""
@@ -232,57 +221,6 @@ class RobotModel:
             raise InputError(f"link '{link}' is not rigidly attached to the root link '{self.root_link}'.")
         return placement
 
-    def wrenches(self, f_ext, frame):
-        """Records of external wrenches for the sweeps: see :data:`sweeps.WRENCH`.
-
-        Parameters
-        ----------
-        f_ext : dict
-            Force [N] and moment [N m] at the link's origin, six numbers, by link name.
-        frame : {"link", "world"}
-            Axes they are in.
-
-        Raises
-        ------
-        InputError
-            No such link, or not six finite numbers.
-        """
-        choice("frame", frame, ("link", "world"))
-        mapping("f_ext", f_ext)
-        records = np.zeros(len(f_ext), sweeps.WRENCH)
-        for k, (name, wrench) in enumerate(f_ext.items()):
-            if name not in self.link_names:
-                raise InputError(f"f_ext: '{name}' is not a link of robot '{self.name}'.")
-            wrench = numbers(f"f_ext on link '{name}'", wrench, (6,), "six finite numbers, force [N] then moment [N m]")
-            records[k] = self.wrenches_at(name, wrench[None], (0.0, 0.0, 0.0), frame)[0]
-        return records
-
-    def wrenches_at(self, link, wrenches, point, frame):
-        """Records of wrenches, shape (number, 6), that act at a point of one link: see :data:`sweeps.WRENCH`.
-
-        Parameters
-        ----------
-        point : array_like, shape (3,)
-            From the link's origin, in its axes [m].
-        frame : {"link", "world"}
-            Axes of the wrenches.
-
-        Raises
-        ------
-        InputError
-            No such link, or a point that is not three finite numbers.
-        """
-        choice("frame", frame, ("link", "world"))
-        point = numbers("point", point, (3,), "three finite numbers [m]")
-        if link not in self.link_names:
-            raise InputError(f"'{link}' is not a link of robot '{self.name}'.")
-        _, body, placement = self._tree.links[self.link_names.index(link)]
-        turn = np.eye(3) if frame == "world" else placement[:3, :3]
-        records = np.zeros(len(wrenches), sweeps.WRENCH)
-        records["body"], records["point"] = body, placement[:3, 3] + placement[:3, :3] @ point
-        records["force"], records["moment"] = wrenches[:, :3] @ turn.T, wrenches[:, 3:] @ turn.T
-        return records
-
     def __repr__(self):
         return f"<RobotModel '{self.name}': {self.nv} dof, {len(self.link_names)} links, {self.total_mass:.6g} kg>"
 
@@ -321,7 +259,7 @@ def load_urdf(
         Joints that are held, with their positions [rad, m].
     armature : dict or float
         Reflected rotor inertia [kg m², prismatic: kg] by joint name, or one number for all joints of one degree of
-        freedom.
+        freedom. Of a joint that is held it has no effect.
     payloads : dict
         :class:`Payload`, or a tuple of its fields, by link name.
 
@@ -390,16 +328,20 @@ def _restored(robot, root, options):
     return _model(robot, root, options._replace(payloads=checked_payloads(options.payloads, robot)))
 
 
+def _refuse_same_names(what, names):
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise UrdfError(f"Two {what} would have the name '{twice}': rename one of the joints.")
+
+
 def _model_of(tree, options):
     """Model of a tree as it is."""
     bodies, links = tree.records(options.armature, options.payloads)
-    names = tree.dof_names
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise UrdfError(f"Two degrees of freedom would have the name '{twice}': rename one of the joints.")
+    _refuse_same_names("degrees of freedom", tree.dof_names)
+    _refuse_same_names("positions", tree.coordinate_names)
     return RobotModel(
         name=tree.robot.name,
-        dof_names=names,
+        dof_names=tree.dof_names,
         coordinate_names=tree.coordinate_names,
         joint_names=tuple(joint.name for joint in tree.joints),
         link_names=tuple(link.name for link, _, _ in tree.links),
@@ -412,7 +354,7 @@ def _model_of(tree, options):
         effort_limit=tree.per_dof("limit", "effort", np.inf),
         damping=tree.resistance("damping", 2),
         friction=tree.resistance("friction", 1),
-        mimic_joints=tuple(joint.name for joint in tree.robot.joints if joint.mimic is not None),
+        mimic_joints=tuple(j.name for j in tree.robot.joints if j.mimic is not None and j.type != "fixed"),
         mimics=MappingProxyType(tree.mimics),
         coupled_groups=tuple(tree.groups),
         fixed_joints=tree.of_type("fixed"),

@@ -56,6 +56,7 @@ from diag_dynamics.sweeps.steps import (
     place,
     place_all,
     rest_at_world,
+    start,
     start_inertia,
     zeta,
 )
@@ -107,7 +108,7 @@ def forward_dynamics(bodies, gravity, q, qd, tau, work, table, qdd):
             P_plus = less_rank_one(P, G, column)
             y_plus = add_force(y, scale_force(G, remainder))
             y_plus = add_force(y_plus, inertia_times(P_plus, zeta(bodies, i, qd, work)))
-            pass_inertia(X, P, P_plus, parent)
+            pass_inertia(w, P, P_plus, parent)
             add_to_force(parent.y, force_to_parent(X, y_plus))
         i -= 1
 
@@ -190,9 +191,7 @@ def mass_matrix(bodies, q, work, M):
     """M from the inertias of the composite rigid bodies outboard of each joint."""
     if not are_positions(bodies, q):
         return -1
-    place_all(bodies, q, work)
-    for i in range(1, len(bodies)):
-        start_inertia(bodies[i], work[i])
+    start(bodies, q, work)
     if len(bodies) > 1:
         compose(bodies, 1, len(bodies) - 1, work, M)  # the whole robot as one group
     return 0 if are_finite(M.ravel()) else -1

@@ -22,6 +22,7 @@ from diag_dynamics.sweeps.groups import (
     filter_moments,
     gather_bias,
     induced_rate,
+    momentum_rate,
     owns,
     rate_inboard,
 )
@@ -35,9 +36,8 @@ from diag_dynamics.sweeps.steps import (
     motion_outboard,
     move,
     own_motion,
-    place_all,
     rest_at_world,
-    start_inertia,
+    start,
 )
 
 
@@ -46,15 +46,14 @@ def _start(bodies, q, qd, work):
     """Placed bodies with their own inertias, at rest as yet."""
     if not (are_positions(bodies, q) and are_finite(qd)):
         return -1
-    place_all(bodies, q, work)
+    start(bodies, q, work)
     for i in range(1, len(bodies)):
-        start_inertia(bodies[i], work[i])
         work[i].P_rate[:] = 0.0
     return 0
 
 
 @large_kernel
-def _factorize(bodies, q, qd, work, table):
+def _factorize_with_rates(bodies, q, qd, work, table):
     """D, G and g of every degree of freedom and, of the row c of 𝓜̇ that it was eliminated with, u and Q̇[:, c].
 
     Every joint is taken as a group here: what these sweeps need is in the axes of what carries it.
@@ -67,24 +66,14 @@ def _factorize(bodies, q, qd, work, table):
         compose_rates(bodies, first, last, qd, work, table[1])
         status = eliminate(bodies, first, last, work, table[0], False)
         for i in range(last, first - 1, -1):
-            if owns(bodies, i):
+            if status == 0 and owns(bodies, i):
                 eliminate_rate(bodies, first, i, work, table[0], table[1])
         last = first - 1
     return status
 
 
 @kernel
-def _momentum_rate(bodies, i, W_A, x, work, Q_rate):
-    """𝓜̇_c (W_A, x) of the degree of freedom c that body i owns."""
-    body = bodies[i]
-    rate = power(force_of(work[i].u), W_A)
-    for b in range(body.start, body.dof + 1):
-        rate += Q_rate[b, body.dof - body.start] * x[b]
-    return rate
-
-
-@kernel
-def _carry(bodies, qd, x, work, i):
+def _carry(bodies, i, qd, x, work):
     """W of body i for rates x, and its rate in the body's axes along the motion q̇, x constant."""
     body, w, parent = bodies[i], work[i], work[bodies[i].parent]
     W = motion_outboard(body, w, motion_of(parent.W))
@@ -105,7 +94,7 @@ def _still_world(work):
 @entry_kernel
 def articulated_inertias(bodies, q, qd, work, table, D, D_rate):
     """D and Ḋ along the motion (7.2)."""
-    status = _factorize(bodies, q, qd, work, table)
+    status = _factorize_with_rates(bodies, q, qd, work, table)
     if status != 0:
         return status
     for i in range(1, len(bodies)):
@@ -136,7 +125,7 @@ def mass_matrix_rate_times(bodies, q, qd, x, work, table, result):
     _still_world(work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
-        _carry(bodies, qd, x, work, i)
+        _carry(bodies, i, qd, x, work)
         set_force(w.y, momentum(body, motion_of(w.W)))
         set_force(w.z, momentum(body, motion_of(w.W_rate)))
     result[:] = 0.0
@@ -168,7 +157,7 @@ def coriolis_product(bodies, q, qd, x, work, table, result):
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         V = move(body, qd, work, w)
-        _carry(bodies, qd, x, work, i)
+        _carry(bodies, i, qd, x, work)
         b = _two_velocity_force(body, V, motion_of(w.W))
         set_force(w.y, add_force(momentum(body, motion_of(w.W_rate)), b))
     result[:] = 0.0
@@ -186,7 +175,7 @@ def m_rate_transposed(bodies, q, qd, x, work, table, result):
     """ṁᵀx, x constant: D^−½[𝓜̇_c (W_A, x) − ½ Ḋ η] + D^½ GᵀẆ_A with η = D^−½ mᵀx."""
     if not are_finite(x):
         return -1
-    status = _factorize(bodies, q, qd, work, table)
+    status = _factorize_with_rates(bodies, q, qd, work, table)
     if status != 0:
         return status
     _still_world(work)
@@ -196,9 +185,9 @@ def m_rate_transposed(bodies, q, qd, x, work, table, result):
             k, carrier = body.dof, work[bodies[body.first].parent]
             W_A, G = motion_of(carrier.W), force_of(w.G)
             eta = x[k] + induced_rate(bodies, i, W_A, x, table[0], G)
-            rate = _momentum_rate(bodies, i, W_A, x, work, table[1]) - 0.5 * table[1, k, k - body.start] * eta
+            rate = momentum_rate(bodies, i, W_A, x, work, table[1]) - 0.5 * table[1, k, k - body.start] * eta
             result[k] = rate / math.sqrt(w.D) + math.sqrt(w.D) * power(G, motion_of(carrier.W_rate))
-        _carry(bodies, qd, x, work, i)
+        _carry(bodies, i, qd, x, work)
     return 0 if are_finite(result) else -1
 
 
@@ -210,7 +199,7 @@ def coriolis_bracket(bodies, q, qd, x, work, table, eta, u, result):
     """
     if not are_finite(x):
         return -1
-    status = _factorize(bodies, q, qd, work, table)
+    status = _factorize_with_rates(bodies, q, qd, work, table)
     if status != 0:
         return status
     rest_at_world(work)
@@ -240,8 +229,8 @@ def coriolis_bracket(bodies, q, qd, x, work, table, eta, u, result):
             if owns(bodies, i):
                 k = bodies[i].dof
                 D_rate = table[1, k, k - bodies[i].start]
-                momentum_rate = _momentum_rate(bodies, i, W_A, u, work, table[1])
-                result[k] = (-result[k] - momentum_rate + 0.5 * D_rate * eta[k]) / math.sqrt(work[i].D)
+                rate = momentum_rate(bodies, i, W_A, u, work, table[1])
+                result[k] = (-result[k] - rate + 0.5 * D_rate * eta[k]) / math.sqrt(work[i].D)
         if carrier > 0:
             add_to_force(work[carrier].y, y)
         last = first - 1

@@ -47,8 +47,8 @@ from diag_dynamics.sweeps.steps import (
     move,
     orientation,
     pass_inertia,
-    place_all,
     rest_at_world,
+    start,
     start_inertia,
 )
 
@@ -79,7 +79,7 @@ def factorize(bodies, work, Q, pass_over=False):
         elif not pass_over:
             return i
         if body.parent > 0:
-            pass_inertia(placement_of(w), P, P_plus, work[body.parent])
+            pass_inertia(w, P, P_plus, work[body.parent])
         i -= 1
     return 0
 
@@ -89,9 +89,7 @@ def place_and_factorize(bodies, q, work, Q):
     """D and G of every body at the positions q."""
     if not are_positions(bodies, q):
         return -1
-    place_all(bodies, q, work)
-    for i in range(1, len(bodies)):
-        start_inertia(bodies[i], work[i])
+    start(bodies, q, work)
     return factorize(bodies, work, Q)
 
 
@@ -108,9 +106,7 @@ def scale_by_inertia(bodies, work, exponent, x):
 @entry_kernel
 def joint_inertias(bodies, q, work, table, D, size):
     """D of every joint; one that moves no inertia is passed over as if it were locked. For judging a model."""
-    place_all(bodies, q, work)
-    for i in range(1, len(bodies)):
-        start_inertia(bodies[i], work[i])
+    start(bodies, q, work)
     factorize(bodies, work, table[0], True)
     for i in range(1, len(bodies)):
         if owns(bodies, i):

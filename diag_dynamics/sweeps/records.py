@@ -19,6 +19,7 @@ WORK = np.dtype(
         ("P", "f8", 21),
         ("P_rate", "f8", 21),
         ("magnitude", "f8", 2),
+        ("total", "f8", 2),
         ("armature", "f8"),
         ("y", "f8", 6),
         ("z", "f8", 6),

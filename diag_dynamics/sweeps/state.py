@@ -40,6 +40,7 @@ from diag_dynamics.sweeps.groups import (
     gather_bias,
     induced_rate,
     is_grouped,
+    momentum_rate,
     owns,
 )
 from diag_dynamics.sweeps.records import (
@@ -134,7 +135,7 @@ def _axis(bodies, i, qd, tau, work, out):
         moved = transport_along_z(direction, rate, P_plus)
         y_plus = subtract_force(y, scale_force(G, along(direction, y)))
         z_plus = add_force(z, scale_force(G, kappa))
-        pass_inertia(X, P, P_plus, parent)
+        pass_inertia(w, P, P_plus, parent)
         add_to_inertia(parent.P_rate, inertia_to_parent(X, add_inertia(filtered, moved)))
         zeta = cross_motion(V, v_J)
         add_to_force(parent.y, force_to_parent(X, add_force(y_plus, inertia_times(P_plus, zeta))))
@@ -167,10 +168,7 @@ def _group(bodies, last, qd, tau, work, table, out):
         w, k, start = work[i], bodies[i].dof, bodies[i].start
         G, D, D_rate = force_of(w.G), w.D, Q_rate[k, k - start]
         root, xi = math.sqrt(D), qd[k] + induced_rate(bodies, i, V_A, qd, Q, G)
-        momentum_rate = power(force_of(w.u), V_A)
-        for b in range(start, k + 1):
-            momentum_rate += Q_rate[b, k - start] * qd[b]
-        without_xi = -bias[k] - momentum_rate
+        without_xi = -bias[k] - momentum_rate(bodies, i, V_A, qd, work, Q_rate)
         out[NU, k] = root * xi
         out[XI, k] = xi
         out[EPSILON, k] = kappa[k] / root

@@ -49,6 +49,10 @@ UNIT_TOLERANCE = 1e-3
 SINGULAR = 1e-10
 """A joint counts as moving no inertia where D is below this part of the inertias that D is the remainder of."""
 
+REMOTE = 1e-4
+"""How much less than what its children hand on the inertia of all links outboard counts when D is judged: what is left of it
+in 1e-14 is rounding."""
+
 # --- Positions --------------------------------------------------------------------------------------------
 
 
@@ -90,6 +94,14 @@ def orientation(bodies, i, work):
         R = product(matrix_of(work[i].rotation), R)
         i = bodies[i].parent
     return R
+
+
+@kernel
+def start(bodies, q, work):
+    """X of every body and P before any child has been added."""
+    place_all(bodies, q, work)
+    for i in range(1, len(bodies)):
+        start_inertia(bodies[i], work[i])
 
 
 @kernel
@@ -184,6 +196,7 @@ def start_inertia(body, w):
     set_inertia(w.P, rigid)
     w.magnitude[0] = 3.0 * body.mass
     w.magnitude[1] = rigid.C[0][0] + rigid.C[1][1] + rigid.C[2][2]
+    w.total[0], w.total[1] = w.magnitude[0], w.magnitude[1]
     w.armature = body.armature
 
 
@@ -197,8 +210,12 @@ def joint_inertia(direction, w, P):
 
 @kernel
 def magnitude_along(body, w):
-    """The size of the inertias that D of this body came from."""
-    return w.magnitude[0] if body.direction < ANGULAR_X else w.magnitude[1]
+    """The size of the inertias that D of this body came from.
+
+    These are what the joints outboard have left over. Where they have left nothing but rounding, that of all they had.
+    """
+    k = 0 if body.direction < ANGULAR_X else 1
+    return max(w.magnitude[k], REMOTE * w.total[k])
 
 
 @kernel
@@ -208,13 +225,17 @@ def is_singular(size, D):
 
 
 @kernel
-def pass_inertia(X, P, P_plus, parent):
+def pass_inertia(w, P, P_plus, parent):
     """Add XᵀP⁺X to the parent's P, and the size of P itself to the parent's magnitudes."""
+    X = placement_of(w)
     add_to_inertia(parent.P, inertia_to_parent(X, P_plus))
     linear = P.A[0][0] + P.A[1][1] + P.A[2][2]
     angular = P.C[0][0] + P.C[1][1] + P.C[2][2]
+    lever = dot(X.translation, X.translation)
     parent.magnitude[0] += linear
-    parent.magnitude[1] += angular + linear * dot(X.translation, X.translation)
+    parent.magnitude[1] += angular + linear * lever
+    parent.total[0] += w.total[0]
+    parent.total[1] += w.total[1] + w.total[0] * lever
 
 
 @kernel

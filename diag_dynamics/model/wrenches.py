@@ -1,0 +1,60 @@
+"""External wrenches on links, as records for the sweeps."""
+
+import numpy as np
+
+from diag_dynamics import sweeps
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.options import choice, mapping, numbers
+
+
+def wrenches_on_links(model, f_ext, frame):
+    """Records of external wrenches for the sweeps: see :data:`sweeps.WRENCH`.
+
+    Parameters
+    ----------
+    f_ext : dict
+        Force [N] and moment [N m] at the link's origin, six numbers, by link name.
+    frame : {"link", "world"}
+        Axes they are in.
+
+    Raises
+    ------
+    InputError
+        No such link, or not six finite numbers.
+    """
+    choice("frame", frame, ("link", "world"))
+    mapping("f_ext", f_ext)
+    records = np.zeros(len(f_ext), sweeps.WRENCH)
+    for k, (name, wrench) in enumerate(f_ext.items()):
+        if name not in model.link_names:
+            raise InputError(f"f_ext: '{name}' is not a link of robot '{model.name}'.")
+        wrench = numbers(f"f_ext on link '{name}'", wrench, (6,), "six finite numbers, force [N] then moment [N m]")
+        records[k] = wrenches_at(model, name, wrench[None], (0.0, 0.0, 0.0), frame)[0]
+    return records
+
+
+def wrenches_at(model, link, wrenches, point, frame):
+    """Records of wrenches, shape (number, 6), that act at a point of one link: see :data:`sweeps.WRENCH`.
+
+    Parameters
+    ----------
+    point : array_like, shape (3,)
+        From the link's origin, in its axes [m].
+    frame : {"link", "world"}
+        Axes of the wrenches.
+
+    Raises
+    ------
+    InputError
+        No such link, or a point that is not three finite numbers.
+    """
+    choice("frame", frame, ("link", "world"))
+    point = numbers("point", point, (3,), "three finite numbers [m]")
+    if link not in model.link_names:
+        raise InputError(f"'{link}' is not a link of robot '{model.name}'.")
+    _, body, placement = model._tree.links[model.link_names.index(link)]
+    turn = np.eye(3) if frame == "world" else placement[:3, :3]
+    records = np.zeros(len(wrenches), sweeps.WRENCH)
+    records["body"], records["point"] = body, placement[:3, 3] + placement[:3, :3] @ point
+    records["force"], records["moment"] = wrenches[:, :3] @ turn.T, wrenches[:, 3:] @ turn.T
+    return records
