@@ -15,6 +15,7 @@ _HOME = {
     "Payload": "model",
     "RobotModel": "model",
     "DiagonalDynamics": "dynamics",
+    "BatchEvaluation": "results",
     "Evaluation": "results",
     "Factors": "results",
     "DiagDynamicsError": "exceptions",

@@ -5,12 +5,12 @@ from contextlib import suppress
 
 import numpy as np
 
-from diag_dynamics import sweeps
-from diag_dynamics.exceptions import InputError, SingularMassMatrixError, UnsupportedError
+from diag_dynamics import batch, sweeps
+from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.options import numbers
 from diag_dynamics.model.wrenches import wrenches_at, wrenches_on_links
-from diag_dynamics.results import Evaluation, Factors
+from diag_dynamics.results import BatchEvaluation, Evaluation, Factors
 
 ROUNDING = 4e-15
 """What ℓJᵀu may be of the entries of ℓJᵀ, for each degree of freedom, and still be nothing but rounding."""
@@ -269,9 +269,71 @@ class DiagonalDynamics:
             return math.inf
         return 1.0 / float(_squared(w, point))
 
-    def evaluate_batch(self, Q, QD, TAU=None):
-        """Not offered yet: raises :class:`UnsupportedError`."""
-        raise UnsupportedError("evaluate_batch is not offered yet: call evaluate for each state.")
+    # --- Many states ---
+
+    def evaluate_batch(self, Q, QD, TAU=None, *, threads=None):
+        """:meth:`evaluate` at many states, on all cores; the numbers are those of single calls to the last bit.
+
+        Parameters
+        ----------
+        Q : array_like, shape (T, nq)
+            Positions.
+        QD : array_like, shape (T, nv)
+            Rates.
+        TAU : array_like, shape (T, nv), optional
+            Joint efforts.
+        threads : int, optional
+            How many to use, by default as many as there are processors for this process.
+
+        Returns
+        -------
+        BatchEvaluation
+
+        Raises
+        ------
+        InputError, SingularMassMatrixError
+            As :meth:`evaluate`, naming the first state that fails.
+        """
+        if threads is not None and not (isinstance(threads, (int, np.integer)) and threads >= 1):
+            raise InputError(f"threads is {threads!r}, expected a whole number >= 1.")
+        model = self.model
+        Q = batch.states("Q", Q, model.coordinate_names)
+        QD = batch.states("QD", QD, model.dof_names, len(Q))
+        efforts = self._zero[None] if TAU is None else batch.states("TAU", TAU, model.dof_names, len(Q))
+        rows, twists, failed = batch.evaluate(model, Q, QD, efforts, threads or batch.cores())
+        if failed is not None:
+            try:
+                self.evaluate(Q[failed], QD[failed], None if TAU is None else efforts[failed])
+            except SingularMassMatrixError as error:
+                raise SingularMassMatrixError(
+                    f"state {failed}: {error}", error.joint, error.articulated_inertia
+                ) from None
+            except InputError as error:
+                raise InputError(f"state {failed}: {error}") from None
+        return BatchEvaluation(model, rows, twists, TAU is not None)
+
+    def evaluate_stream(self, Q, QD, TAU=None, *, size=16384, threads=None):
+        """:meth:`evaluate_batch` of any number of states in bounded memory: a generator of one batch after the other.
+
+        Parameters
+        ----------
+        Q, QD, TAU
+            As there; an array that is mapped from a file is read piece by piece.
+        size : int
+            States of a batch.
+
+        Yields
+        ------
+        BatchEvaluation
+        """
+        if not (isinstance(size, (int, np.integer)) and size >= 1):
+            raise InputError(f"size is {size!r}, expected a whole number >= 1.")
+        for name, value in (("QD", QD), ("TAU", TAU)):
+            if value is not None and len(value) != len(Q):
+                raise InputError(f"{name} has {len(value)} states, expected as many as Q, {len(Q)}.")
+        for first in range(0, len(Q), size):
+            part = slice(first, first + size)
+            yield self.evaluate_batch(Q[part], QD[part], None if TAU is None else TAU[part], threads=threads)
 
     def compile(self, *methods):
         """Compile methods, or load them from the cache: afterwards no call of them waits for the compiler.
@@ -291,6 +353,7 @@ class DiagonalDynamics:
         wrench = {root: np.zeros(6)}
         steps = {
             "evaluate": lambda: probe.evaluate(q, zero, zero, wrench).link_energy,
+            "evaluate_batch": lambda: probe.evaluate_batch(q[None], zero[None], zero[None]).link_energy,
             "factors": lambda: probe.factors(q),
             "forward_dynamics": lambda: probe.forward_dynamics(q, zero, zero, wrench),
             "inverse_dynamics": lambda: probe.inverse_dynamics(q, zero, zero, wrench),

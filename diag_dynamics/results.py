@@ -117,6 +117,42 @@ class Evaluation:
         return float(self.nu @ (self.nu_dot + self.coriolis))
 
 
+class BatchEvaluation(Evaluation):
+    """What :class:`Evaluation` holds, of T states at once: every attribute has a leading axis of length T.
+
+    Numbers such as kinetic_energy are arrays of shape (T,). There are no wrenches and no friction.
+    """
+
+    def __init__(self, model, rows, twists, with_tau):
+        super().__init__(model, rows.transpose(1, 0, 2), twists, with_tau)
+        self._states = rows
+
+    def __len__(self):
+        return len(self._states)
+
+    @cached_property
+    def kinetic_energy(self):
+        """K [J], shape (T,)."""
+        return 0.5 * np.einsum("tk,tk->t", self.nu, self.nu)
+
+    @cached_property
+    def base_energy(self):
+        """Sum of the shares of a floating base [J], shape (T,)."""
+        return self.energy_share[:, : 6 if self._model.floating_base else 0].sum(axis=1)
+
+    @cached_property
+    def link_energy(self):
+        """Kinetic energy of each link [J], shape (T, len(model.link_names))."""
+        energy = np.empty((len(self), len(self._model.link_names)))
+        sweeps.link_energies(self._model.bodies, self._model.links, self._twists, self._states, energy)
+        return energy
+
+    @cached_property
+    def power(self):
+        """dK/dt [W], shape (T,); None without TAU."""
+        return None if self.epsilon is None else np.einsum("tk,tk->t", self.nu, self.nu_dot + self.coriolis)
+
+
 class Factors(NamedTuple):
     """Factors of the mass matrix at one configuration, M = m mᵀ = unit diag(D) unitᵀ and M⁻¹ = ℓᵀℓ (Identity 4.1).
 

@@ -35,7 +35,7 @@ FLOORS = [
     "exceptions kernel",
     "spatial",
     "sweeps",
-    "model results",
+    "model results batch",
     "dynamics",
     "simulation history example_robots",
     "terminal",

@@ -527,17 +527,6 @@ def test_wrong_arguments_are_named(two, call, message):
     assert two.evaluate([0.1, 0.2], [0.3, 0.4]).kinetic_energy > 0.0  # and nothing is broken afterwards
 
 
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda d: d.evaluate_batch([[0, 0]], [[0, 0]]),
-    ],
-)
-def test_not_yet(two, call):
-    with pytest.raises(dd.UnsupportedError, match="not offered yet"):
-        call(two)
-
-
 def test_any_kind_of_vector_is_taken(two):
     """Lists, other dtypes, strided and read-only arrays give the same, and are not written to."""
     q, qd = np.array([0.1, 0.2]), np.array([0.3, 0.4])

@@ -60,6 +60,8 @@ from diag_dynamics.sweeps.state import (
     ROWS,
     XI,
     evaluate,
+    evaluate_many,
+    link_energies,
     link_energy,
 )
 from diag_dynamics.sweeps.steps import FLOATING, PLANAR, SINGULAR, UNIT_TOLERANCE
@@ -88,12 +90,14 @@ __all__ = [
     "effort_of_wrenches",
     "epsilon_from_tau",
     "evaluate",
+    "evaluate_many",
     "factor_of_wrenches",
     "factors",
     "first_moment",
     "forward_dynamics",
     "inverse_dynamics",
     "joint_inertias",
+    "link_energies",
     "link_energy",
     "m_rate_transposed",
     "mass_matrix",

@@ -232,3 +232,27 @@ def link_energy(bodies, links, twists, qd, out):
     for i in range(1, len(bodies)):
         body = bodies[i]
         out[body.link] += 0.5 * body.armature * (body.multiplier * qd[body.dof]) ** 2
+
+
+# --- Many states ------------------------------------------------------------------------------------------
+
+
+@entry_kernel
+def evaluate_many(bodies, gravity, Q, QD, TAU, work, table, out, twists, failed):
+    """:func:`evaluate` at each of many states, the first axis of all arguments; `failed` receives the first that fails.
+
+    Without efforts TAU has one row, of zeros.
+    """
+    for t in range(len(Q)):
+        status = evaluate(bodies, gravity, Q[t], QD[t], TAU[min(t, len(TAU) - 1)], work, table, out[t], twists[t])
+        if status != 0:
+            failed[0] = t
+            return status
+    return 0
+
+
+@entry_kernel
+def link_energies(bodies, links, twists, out, energies):
+    """:func:`link_energy` at each of many states, of what :func:`evaluate_many` has filled."""
+    for t in range(len(out)):
+        link_energy(bodies, links, twists[t], out[t, RATES], energies[t])

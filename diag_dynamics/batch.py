@@ -1,0 +1,79 @@
+"""Many states at once: cut into pieces, each evaluated by a thread of its own, without the interpreter's lock."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from diag_dynamics import sweeps
+from diag_dynamics.exceptions import InputError
+
+PIECES = 4
+"""Pieces for each thread: one that is held up leaves its share to the others."""
+
+LEAST = 64
+"""States that are worth a piece."""
+
+
+def cores():
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def states(name, value, names, length=None):
+    """An argument as a contiguous float64 array with a row for each state.
+
+    Raises
+    ------
+    InputError
+        It is not an array of numbers of shape (T, len(names)), T being `length` where that is given.
+    """
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise InputError(f"{name} is not an array of numbers: {error}.") from error
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{name} is not an array of numbers: it has dtype {array.dtype}.")
+    if array.ndim != 2 or array.shape[1] != len(names) or length not in (None, len(array)):
+        rows = "T" if length is None else length
+        raise InputError(f"{name} has shape {array.shape}, expected ({rows}, {len(names)}): a row for each state.")
+    array = np.ascontiguousarray(array, dtype=np.float64)
+    return array if array.flags.writeable else array.copy()  # what is read-only would be compiled for anew
+
+
+def evaluate(model, Q, QD, TAU, threads):
+    """Rows and twists of all states, and the first state that fails, or None.
+
+    Parameters
+    ----------
+    Q, QD, TAU : ndarray
+        As :func:`states` returns them; TAU may have one row for all.
+    threads : int
+    """
+    count = len(Q)
+    rows, twists = np.empty((count, sweeps.ROWS, model.nv)), np.empty((count, len(model.bodies), 6))
+
+    def piece(first, last):
+        failed = np.zeros(1, dtype=np.int64)
+        part = slice(first, last)
+        tau = TAU if len(TAU) < count else TAU[part]
+        status = sweeps.evaluate_many(
+            model.bodies,
+            model.gravity,
+            Q[part],
+            QD[part],
+            tau,
+            *sweeps.workspace(model.bodies),
+            rows[part],
+            twists[part],
+            failed,
+        )
+        return first + int(failed[0]) if status else None
+
+    cuts = np.linspace(0, count, max(1, min(PIECES * threads, count // LEAST)) + 1, dtype=int)
+    if len(cuts) == 2 or threads == 1:
+        found = [piece(0, count)]
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            found = list(pool.map(piece, cuts[:-1], cuts[1:]))
+    return rows, twists, min((at for at in found if at is not None), default=None)
