@@ -57,17 +57,8 @@ def evaluate(model, Q, QD, TAU, threads):
         failed = np.zeros(1, dtype=np.int64)
         part = slice(first, last)
         tau = TAU if len(TAU) < count else TAU[part]
-        status = sweeps.evaluate_many(
-            model.bodies,
-            model.gravity,
-            Q[part],
-            QD[part],
-            tau,
-            *sweeps.workspace(model.bodies),
-            rows[part],
-            twists[part],
-            failed,
-        )
+        own = sweeps.Workspace(model.bodies, model.gravity)
+        status = sweeps.evaluate_many(own.robot, Q[part], QD[part], tau, rows[part], twists[part], failed)
         return first + int(failed[0]) if status else None
 
     cuts = np.linspace(0, count, max(1, min(PIECES * threads, count // LEAST)) + 1, dtype=int)

@@ -39,10 +39,14 @@ class DiagonalDynamics:
         if not isinstance(model, RobotModel):
             raise InputError(f"DiagonalDynamics needs a RobotModel, as load_urdf returns, not {type(model).__name__}.")
         self.model = model
-        self._work, self._table = sweeps.workspace(model.bodies)
+        self._workspace = sweeps.Workspace(model.bodies, model.gravity)
+        self._robot = self._workspace.robot
         self._shapes = (sweeps.ROWS, model.nv), (len(model.bodies), 6)
         self._q = np.zeros(model.nq)
         self._a, self._b, self._zero = np.zeros((3, model.nv))
+
+    def __reduce__(self):
+        return type(self), (self.model,)  # a copy has a workspace of its own
 
     def evaluate(self, q, qd, tau=None, f_ext=None, *, frame="link", friction=False):
         """Every quantity of the diagonalized equations of motion at one state.
@@ -71,7 +75,7 @@ class DiagonalDynamics:
         q, rate = self._positions(q), self._vector("qd", qd, self._a)
         effort = self._zero if tau is None else self._vector("tau", tau, self._b)
         rows, twists = np.empty(self._shapes[0]), np.empty(self._shapes[1])
-        status = sweeps.evaluate(model.bodies, model.gravity, q, rate, effort, self._work, self._table, rows, twists)
+        status = sweeps.evaluate(self._robot, q, rate, effort, rows, twists)
         if status:
             self._fail(status, qd=rate, tau=effort)
         external = self.epsilon_from_tau(q, self._effort_of(f_ext, frame)) if _given(f_ext) else None
@@ -83,7 +87,7 @@ class DiagonalDynamics:
         q = self._positions(q)
         unit, inverse = np.empty((2, self.model.nv, self.model.nv))
         D = np.empty(self.model.nv)
-        self._checked(sweeps.factors(self.model.bodies, q, self._work, self._table, unit, inverse, D))
+        self._checked(sweeps.factors(self._robot, q, unit, inverse, D))
         root = np.sqrt(D)
         return Factors(unit * root, inverse / root[:, None], unit, D)
 
@@ -101,9 +105,7 @@ class DiagonalDynamics:
             tau += self._effort_of(f_ext, frame)
         _check_sum(tau, friction, f_ext)
         qdd = np.empty(self.model.nv)
-        status = sweeps.forward_dynamics(
-            self.model.bodies, self.model.gravity, q, qd, tau, self._work, self._table, qdd
-        )
+        status = sweeps.forward_dynamics(self._robot, q, qd, tau, qdd)
         self._checked(status, qd=qd, tau=tau)
         return qdd
 
@@ -113,7 +115,7 @@ class DiagonalDynamics:
         τ_fric only where `friction` is true.
         """
         _check_frame(frame)
-        tau = self._newton_euler(self.model.gravity, q, qd, qdd)
+        tau = self._newton_euler(1.0, q, qd, qdd)
         if friction:
             tau += self.friction_torque(qd)
         if _given(f_ext):
@@ -133,16 +135,16 @@ class DiagonalDynamics:
         """M(q) [kg m², kg, mixed kg m], shape (nv, nv), armature included."""
         q = self._positions(q)
         M = np.empty((self.model.nv, self.model.nv))
-        self._checked(sweeps.mass_matrix(self.model.bodies, q, self._work, M))
+        self._checked(sweeps.mass_matrix(self._robot, q, M))
         return M
 
     def bias(self, q, qd):
         """c(q, q̇) of M q̈ + c + g = τ [N m, N], shape (nv,), without gravity. It is not C(q, ν)."""
-        return self._newton_euler(_NO_GRAVITY, q, qd, self._zero)
+        return self._newton_euler(0.0, q, qd, self._zero)
 
     def gravity_torque(self, q):
         """g(q) [N m, N], shape (nv,): the effort that holds the robot still."""
-        return self._newton_euler(self.model.gravity, q, self._zero, self._zero)
+        return self._newton_euler(1.0, q, self._zero, self._zero)
 
     def nu_from_qd(self, q, qd):
         """ν = mᵀq̇ [J^½], shape (nv,), in O(N) (Table 1)."""
@@ -190,7 +192,7 @@ class DiagonalDynamics:
         """
         q, rate = self._positions(q), self._finite("qd", qd, self._a)
         M, M_rate = np.zeros((2, self.model.nv, self.model.nv))
-        self._checked(sweeps.mass_matrix_rate(self.model.bodies, q, rate, self._work, self._table, M, M_rate), qd=rate)
+        self._checked(sweeps.mass_matrix_rate(self._robot, q, rate, M, M_rate), qd=rate)
         return M_rate
 
     def mass_matrix_rate_times(self, q, qd, x):
@@ -403,7 +405,7 @@ class DiagonalDynamics:
         """A sweep along q̇ that takes x to a new vector."""
         q, qd, x = self._positions(q), self._vector("qd", qd, self._a), self._vector("x", x, self._b)
         more, result = np.empty((scratch, self.model.nv)), np.empty(self.model.nv)
-        status = sweep(self.model.bodies, q, qd, x, self._work, self._table, *more, result)
+        status = sweep(self._robot, q, qd, x, *more, result)
         self._checked(status, qd=qd, x=x)
         return result
 
@@ -411,7 +413,7 @@ class DiagonalDynamics:
         """D and Ḋ."""
         q, qd = self._positions(q), self._vector("qd", qd, self._a)
         D, D_rate = np.empty((2, self.model.nv))
-        status = sweeps.articulated_inertias(self.model.bodies, q, qd, self._work, self._table, D, D_rate)
+        status = sweeps.articulated_inertias(self._robot, q, qd, D, D_rate)
         self._checked(status, qd=qd)
         return D, D_rate
 
@@ -419,23 +421,22 @@ class DiagonalDynamics:
         """ℓJᵀw of wrenches, shape (number, 6), at a point of a link, a column each."""
         records = wrenches_at(self.model, link, wrenches, point, frame)
         q, epsilon = self._positions(q), np.empty((self.model.nv, len(records)))
-        bodies, world = self.model.bodies, frame == "world"
-        self._checked(sweeps.factor_of_wrenches(bodies, q, records, world, self._work, self._table, epsilon))
+        self._checked(sweeps.factor_of_wrenches(self._robot, q, records, frame == "world", epsilon))
         if not np.isfinite(epsilon).all():
             raise InputError(f"point {list(point)} or the wrench are too large: a result overflows.")
         return epsilon
 
-    def _newton_euler(self, gravity, q, qd, qdd):
+    def _newton_euler(self, weight, q, qd, qdd):
         q, qd, qdd = self._positions(q), self._vector("qd", qd, self._a), self._vector("qdd", qdd, self._b)
         tau = np.empty(self.model.nv)
-        status = sweeps.inverse_dynamics(self.model.bodies, gravity, q, qd, qdd, self._work, tau)
+        status = sweeps.inverse_dynamics(self._robot, q, qd, qdd, weight, tau)
         self._checked(status, qd=qd, qdd=qdd)
         return tau
 
     def _sweep(self, sweep, q, name, value):
         q, x = self._positions(q), self._finite(name, value, self._a)
         result = np.empty(self.model.nv)
-        self._checked(sweep(self.model.bodies, q, x, self._work, self._table, result))
+        self._checked(sweep(self._robot, q, x, result))
         if not np.isfinite(result).all():
             self._fail(-1, **{name: x})
         return result
@@ -444,7 +445,7 @@ class DiagonalDynamics:
         """Jᵀf_ext at the positions in the buffer of this object."""
         model, tau = self.model, np.empty(self.model.nv)
         wrenches = wrenches_on_links(model, f_ext, frame)
-        status = sweeps.effort_of_wrenches(model.bodies, self._q, wrenches, frame == "world", self._work, tau)
+        status = sweeps.effort_of_wrenches(self._robot, self._q, wrenches, frame == "world", tau)
         self._checked(status)
         return tau
 
@@ -455,8 +456,8 @@ class DiagonalDynamics:
     def _fail(self, status, **inputs):
         """Raise what a sweep's status stands for, naming joint and value."""
         names = self.model.dof_names
-        if status > 0 and np.isfinite(self._work["D"][status]):
-            joint, D = names[self.model.bodies["dof"][status]], float(self._work["D"][status])
+        if status > 0 and np.isfinite(self._workspace.work["D"][status]):
+            joint, D = names[self.model.bodies["dof"][status]], float(self._workspace.work["D"][status])
             raise SingularMassMatrixError(
                 f"The mass matrix of robot '{self.model.name}' is singular at this configuration: joint '{joint}' "
                 f"moves no inertia there (D = {D:.3g}, less than {sweeps.SINGULAR:g} of the inertias that it comes from).",
@@ -479,8 +480,6 @@ class DiagonalDynamics:
 
 
 _FLOAT = np.dtype(np.float64)
-_NO_GRAVITY = np.zeros(3)
-_NO_GRAVITY.flags.writeable = False
 
 
 def _squared(factor, point):

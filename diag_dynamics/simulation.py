@@ -109,7 +109,7 @@ class Simulation:
             raise InputError(f"damping is {self.damping.tolist()}, expected {model.nv} finite numbers >= 0.")
         unlimited = np.full(model.nv, np.inf)
         self._lower, self._upper = (model.lower, model.upper) if limits else (-unlimited, unlimited)
-        self._work, self._table = sweeps.workspace(model.bodies)
+        self._workspace = sweeps.Workspace(model.bodies, model.gravity)
         self._buffers = np.zeros((5 + 3 * STAGES, model.nv))
         self._rows, self._twists = np.zeros((sweeps.ROWS, model.nv)), np.zeros((len(model.bodies), 6))
         self._no_effort = np.zeros(model.nv)
@@ -152,8 +152,7 @@ class Simulation:
         if not (isinstance(steps, (int, np.integer)) and steps >= 0):
             raise InputError(f"steps is {steps!r}, expected a whole number >= 0.")
         status = _advance(
-            model.bodies,
-            model.gravity,
+            self._workspace.robot,
             self.damping,
             self._lower,
             self._upper,
@@ -162,14 +161,12 @@ class Simulation:
             tau,
             self._q,
             self._nu,
-            self._work,
-            self._table,
             self._rows,
             self._twists,
             self._buffers,
         )
         if status:
-            self.dynamics._work["D"][:] = self._work["D"]
+            self.dynamics._workspace.work["D"][:] = self._workspace.work["D"]
             self.dynamics._positions(self._q)
             self.dynamics._fail(status, nu=self._nu)
         self.time += steps * self.step_size
@@ -204,9 +201,8 @@ def rest_position(model):
 
 def potential_energy(model, q):
     """Energy of the robot in the field of gravity at q [J]: −g·Σ m_i c_i in the root link's axes."""
-    work, _ = sweeps.workspace(model.bodies)
-    moment = np.zeros(3)
-    sweeps.first_moment(model.bodies, _finite("q", q, model.nq), work, moment)
+    own, moment = sweeps.Workspace(model.bodies, model.gravity), np.zeros(3)
+    sweeps.first_moment(own.robot, _finite("q", q, model.nq), moment)
     return -float(model.gravity @ moment)
 
 
@@ -256,16 +252,16 @@ class Wave:
 
 
 @large_kernel
-def _rates(bodies, damping, implicit, q, nu, work, table, momentum, qd):
+def _rates(robot, damping, implicit, q, nu, momentum, qd):
     """q̇ of a stage and, with damping, ν after its implicit part: (M + hγ d) q̇ = m ν_before."""
     if not implicit:
-        return sweeps.qd_from_nu(bodies, q, nu, work, table, qd)
-    status = sweeps.rates_with_added_inertia(bodies, q, nu, damping, work, table, momentum, qd)
-    return status if status != 0 else sweeps.nu_from_qd(bodies, q, qd, work, table, nu)
+        return sweeps.qd_from_nu(robot, q, nu, qd)
+    status = sweeps.rates_with_added_inertia(robot, q, nu, damping, momentum, qd)
+    return status if status != 0 else sweeps.nu_from_qd(robot, q, qd, nu)
 
 
 @large_kernel
-def _step(bodies, gravity, damping, h, tau, q, nu, work, table, rows, twists, buffers):
+def _step(robot, damping, h, tau, q, nu, rows, twists, buffers):
     """One step of the Runge–Kutta pair from (q, ν), in place."""
     n = len(q)
     added, momentum, stage_q, stage_nu, before = buffers[0], buffers[1], buffers[2], buffers[3], buffers[4]
@@ -283,17 +279,17 @@ def _step(bodies, gravity, damping, h, tau, q, nu, work, table, rows, twists, bu
                 stage_q[k] += h * EXPLICIT[i, j] * rates[j, k]
                 stage_nu[k] += h * (EXPLICIT[i, j] * explicit[j, k] + IMPLICIT[i, j] * implicit[j, k])
             before[k] = stage_nu[k]
-        status = _rates(bodies, added, damped and i > 0, stage_q, stage_nu, work, table, momentum, rates[i])
+        status = _rates(robot, added, damped and i > 0, stage_q, stage_nu, momentum, rates[i])
         if status != 0:
             return status
         if damped and i == 0:  # the first stage is explicit: ε_d from the rates
             for k in range(n):
                 momentum[k] = -damping[k] * rates[0, k]
-            sweeps.epsilon_from_tau(bodies, stage_q, momentum, work, table, implicit[0])
+            sweeps.epsilon_from_tau(robot, stage_q, momentum, implicit[0])
         elif damped:
             for k in range(n):
                 implicit[i, k] = (stage_nu[k] - before[k]) / (h * GAMMA)
-        status = sweeps.evaluate(bodies, gravity, stage_q, rates[i], tau, work, table, rows, twists)
+        status = sweeps.evaluate(robot, stage_q, rates[i], tau, rows, twists)
         if status != 0:
             return status
         for k in range(n):
@@ -306,7 +302,7 @@ def _step(bodies, gravity, damping, h, tau, q, nu, work, table, rows, twists, bu
 
 
 @large_kernel
-def _stop_at_limits(bodies, lower, upper, q, nu, work, table, momentum, held, qd):
+def _stop_at_limits(robot, lower, upper, q, nu, momentum, held, qd):
     """Bring joints beyond their limits back to them and take away their outward motion by impulses.
 
     Holding a joint can set another one moving outward at its own limit: it is held too. As held joints only get more,
@@ -321,7 +317,7 @@ def _stop_at_limits(bodies, lower, upper, q, nu, work, table, momentum, held, qd
     if not beyond:
         return 0
     held[:] = 0.0
-    status = sweeps.qd_from_nu(bodies, q, nu, work, table, qd)
+    status = sweeps.qd_from_nu(robot, q, nu, qd)
     while status == 0:
         more = False
         for k in range(n):
@@ -331,20 +327,20 @@ def _stop_at_limits(bodies, lower, upper, q, nu, work, table, momentum, held, qd
                 more = True
         if not more:
             break
-        status = sweeps.rates_with_added_inertia(bodies, q, nu, held, work, table, momentum, qd)
-    return status if status != 0 else sweeps.nu_from_qd(bodies, q, qd, work, table, nu)
+        status = sweeps.rates_with_added_inertia(robot, q, nu, held, momentum, qd)
+    return status if status != 0 else sweeps.nu_from_qd(robot, q, qd, nu)
 
 
 @entry_kernel
-def _advance(bodies, gravity, damping, lower, upper, h, steps, tau, q, nu, work, table, rows, twists, buffers):
+def _advance(robot, damping, lower, upper, h, steps, tau, q, nu, rows, twists, buffers):
     """`steps` steps from (q, ν), in place; on failure the state before the failing step is left."""
     last_q, last_nu = q.copy(), nu.copy()
     for _ in range(steps):
         last_q[:] = q
         last_nu[:] = nu
-        status = _step(bodies, gravity, damping, h, tau, q, nu, work, table, rows, twists, buffers)
+        status = _step(robot, damping, h, tau, q, nu, rows, twists, buffers)
         if status == 0:
-            status = _stop_at_limits(bodies, lower, upper, q, nu, work, table, buffers[1], buffers[0], buffers[2])
+            status = _stop_at_limits(robot, lower, upper, q, nu, buffers[1], buffers[0], buffers[2])
         if status != 0:
             q[:] = last_q
             nu[:] = last_nu

@@ -1,6 +1,7 @@
 """A model is immutable: payloads, gravity and locks give a new one, the old one stays as it was, byte for byte."""
 
 import copy
+import gc
 import pickle
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 import diag_dynamics as dd
 import robots
 from accuracy import assert_close, norm, tolerance
+from diag_dynamics import sweeps
 from oracles import Oracle
 
 PANDA = "panda_description/urdf/panda.urdf"
@@ -274,3 +276,24 @@ def test_rotated_payload_is_symmetric_enough():
         inertia = turn @ np.diag([0.1, 0.1, 0.1]) @ turn.T
         kept = model.with_payload("tip", 1.0, inertia=inertia).payloads["tip"].inertia
         np.testing.assert_array_equal(kept, kept.T)
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda dyn: pickle.loads(pickle.dumps(dyn))])
+def test_copies_of_dynamics_work_in_memory_of_their_own(copied):
+    """What a sweep works in lies at an address: a copy must not take it along."""
+    dyn = dd.DiagonalDynamics(load())
+    q, qd = np.full(dyn.model.nq, 0.1), np.ones(dyn.model.nv)
+    expected = dyn.evaluate(q, qd).coriolis
+    twin = copied(dyn)
+    assert not np.shares_memory(twin._workspace.work, dyn._workspace.work)
+    assert (twin._robot[:4] != dyn._robot[:4]).any() and (twin._robot == twin._workspace.robot).all()
+    del dyn
+    gc.collect()
+    np.testing.assert_array_equal(twin.evaluate(q, qd).coriolis, expected)
+
+
+def test_copied_workspace_lies_elsewhere():
+    own = sweeps.Workspace(load().bodies, np.zeros(3))
+    for twin in (copy.copy(own), copy.deepcopy(own), pickle.loads(pickle.dumps(own))):
+        assert twin.robot[2] == twin.work.ctypes.data != own.work.ctypes.data
+        assert twin.robot[0] == twin.bodies.ctypes.data and twin.robot[3] == twin.table.ctypes.data

@@ -22,8 +22,8 @@ urdf = '''<robot name="r"><link name="a"/><link name="b"><inertial><origin xyz="
 <joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint></robot>'''
 model = dd.load_urdf(urdf)
 D, size = np.zeros((2, 1))
-work, table = sweeps.workspace(model.bodies)
-sweeps.joint_inertias(model.bodies, np.zeros(1), work, table, D, size)
+own = sweeps.Workspace(model.bodies, model.gravity)
+sweeps.joint_inertias(own.robot, np.zeros(1), D, size)
 print(D[0], sum(sweeps.joint_inertias.stats.cache_hits.values()))
 """
 

@@ -12,14 +12,14 @@ def massless_freedoms(model):
     At a single configuration M may be merely singular there.
     """
     rng = np.random.default_rng(0)
-    work, table = sweeps.workspace(model.bodies)
+    own = sweeps.Workspace(model.bodies, model.gravity)
     smallest, massless = np.full(model.nv, np.inf), np.ones(model.nv, dtype=bool)
     for spread in (0.0, 1.0, 1.0, 1.0):
         q = model.neutral
         turning = np.array([orientation < 0 for orientation in model._tree.orientations], dtype=bool)
         q[turning] += spread * rng.uniform(-1.0, 1.0, turning.sum())
         D, magnitude = np.zeros(model.nv), np.zeros(model.nv)
-        sweeps.joint_inertias(model.bodies, q, work, table, D, magnitude)
+        sweeps.joint_inertias(own.robot, q, D, magnitude)
         massless &= ~(sweeps.SINGULAR * magnitude < D)
         smallest = np.minimum(smallest, D)
     return np.flatnonzero(massless), smallest

@@ -5,46 +5,7 @@ import numpy as np
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.mimic import coupled_groups
 from diag_dynamics.spatial import ANGULAR_X, ANGULAR_Y, ANGULAR_Z, LINEAR_X, LINEAR_Y, LINEAR_Z
-
-BODY = np.dtype(
-    [
-        ("parent", "i8"),  # body that carries this one; 0 is the world
-        ("direction", "i8"),  # of its degree of freedom: LINEAR_X … ANGULAR_Z
-        ("dofs", "i8"),  # degrees of freedom of its joint
-        ("rank", "i8"),  # which of them this one is, from 0
-        ("q", "i8"),  # first position coordinate of its joint, or of the leader that it follows
-        ("dof", "i8"),  # index of its degree of freedom, or of its leader's
-        ("owner", "i8"),  # body whose own degree of freedom that is: this one, unless it follows
-        ("multiplier", "f8"),  # position = multiplier q[q] + offset; 1 and 0 unless it follows
-        ("offset", "f8"),
-        ("first", "i8"),  # first and last body of those that are eliminated together with it
-        ("last", "i8"),
-        ("start", "i8"),  # first degree of freedom of those
-        ("link", "i8"),  # index of the link that the joint moves
-        ("rotation", "f8", 9),  # constant placement in the parent at q = 0, row-major
-        ("translation", "f8", 3),
-        ("mass", "f8"),
-        ("first_moment", "f8", 3),  # mass times centre of mass
-        ("inertia", "f8", 6),  # about the origin: xx xy xz yy yz zz
-        ("armature", "f8"),
-    ],
-    align=True,
-)
-"""One degree of freedom and the rigid body it moves, all links that move as one, in a frame at the joint whose z is the
-joint's axis. A joint of several degrees of freedom is several bodies in one frame, all but the last without inertia. A
-mimic joint is a body, but no degree of freedom."""
-
-LINK = np.dtype(
-    [
-        ("body", "i8"),
-        ("index", "i8"),
-        ("mass", "f8"),
-        ("first_moment", "f8", 3),
-        ("inertia", "f8", 6),
-    ],
-    align=True,
-)
-"""One link with inertia, in the frame of the body it belongs to."""
+from diag_dynamics.sweeps import BODY, LINK
 
 _LINEAR = (("v_x", LINEAR_X), ("v_y", LINEAR_Y), ("v_z", LINEAR_Z))
 _ANGULAR = (("w_x", ANGULAR_X), ("w_y", ANGULAR_Y), ("w_z", ANGULAR_Z))

@@ -13,9 +13,10 @@ by mimicry, are a group: degrees of freedom that are eliminated together, see gr
     v_J motion of the joint, sum of S q̇           P⁺, Ṗ⁺, y⁺, z⁺   the same beyond the joint, τ̄ = I − G Sᵀ applied
     ζ   V × v_J, velocity-dependent acceleration
 
-`bodies` are the records of RobotModel (see model), `work` those of :data:`WORK`, one each per body, `table` the matrices
-𝓜 and 𝓜̇ of groups. Sweeps that can fail return a status: 0, `i` if body i has no articulated inertia, -1 if an input is
-not finite or no orientation, or is so large that a result is not finite.
+A sweep takes a robot as :class:`Workspace` holds it: `bodies` are the records of RobotModel (see model), `work` those of
+:data:`WORK`, one each per body, `table` the matrices 𝓜 and 𝓜̇ of groups. Sweeps that can fail return a status: 0, `i` if
+body i has no articulated inertia, -1 if an input is not finite or no orientation, or is so large that a result is not
+finite.
 
 records: what sweeps work on. steps: what they share. groups: degrees of freedom that belong together. state,
 factorization, classical, derivatives: the sweeps.
@@ -46,7 +47,7 @@ from diag_dynamics.sweeps.factorization import (
     rates_with_added_inertia,
     tau_from_epsilon,
 )
-from diag_dynamics.sweeps.records import WORK, WRENCH, workspace
+from diag_dynamics.sweeps.records import BODY, LINK, WORK, WRENCH, Workspace
 from diag_dynamics.sweeps.state import (
     ARTICULATED_INERTIA,
     ARTICULATED_INERTIA_RATE,
@@ -69,12 +70,14 @@ from diag_dynamics.sweeps.steps import FLOATING, PLANAR, SINGULAR, UNIT_TOLERANC
 __all__ = [
     "ARTICULATED_INERTIA",
     "ARTICULATED_INERTIA_RATE",
+    "BODY",
     "CORIOLIS",
     "CORIOLIS_UNNORMALIZED",
     "EPSILON",
     "FLOATING",
     "GRAVITY",
     "KAPPA",
+    "LINK",
     "NU",
     "PLANAR",
     "RATES",
@@ -84,6 +87,7 @@ __all__ = [
     "WORK",
     "WRENCH",
     "XI",
+    "Workspace",
     "articulated_inertias",
     "coriolis_bracket",
     "coriolis_product",
@@ -107,5 +111,4 @@ __all__ = [
     "qd_from_nu",
     "rates_with_added_inertia",
     "tau_from_epsilon",
-    "workspace",
 ]

@@ -35,6 +35,7 @@ from diag_dynamics.sweeps.records import (
     inertia_of,
     matrix_of,
     motion_of,
+    opened,
     placement_of,
     set_force,
     set_matrix,
@@ -63,8 +64,9 @@ from diag_dynamics.sweeps.steps import (
 
 
 @entry_kernel
-def forward_dynamics(bodies, gravity, q, qd, tau, work, table, qdd):
+def forward_dynamics(robot, q, qd, tau, qdd):
     """q̈ from τ: an outward, an inward and another outward sweep (theory: A₀ = −g, κ with gravity left in)."""
+    bodies, gravity, work, table = opened(robot)
     if not (are_positions(bodies, q) and are_finite(qd) and are_finite(tau)):
         return -1
     n, Q = len(bodies), table[0]
@@ -112,7 +114,7 @@ def forward_dynamics(bodies, gravity, q, qd, tau, work, table, qdd):
             add_to_force(parent.y, force_to_parent(X, y_plus))
         i -= 1
 
-    accelerate_world(gravity, work)
+    accelerate_world(gravity, 1.0, work)
     for i in range(1, n):
         body, w = bodies[i], work[i]
         A = motion_to_child(placement_of(w), motion_of(work[body.parent].acceleration))
@@ -130,13 +132,14 @@ def forward_dynamics(bodies, gravity, q, qd, tau, work, table, qdd):
 
 
 @entry_kernel
-def inverse_dynamics(bodies, gravity, q, qd, qdd, work, tau):
-    """τ = M q̈ + c + g (Newton–Euler, eq. 4.3)."""
+def inverse_dynamics(robot, q, qd, qdd, weight, tau):
+    """τ = M q̈ + c + g (Newton–Euler, eq. 4.3), g times a weight of 0 or 1."""
+    bodies, gravity, work, _ = opened(robot)
     if not (are_positions(bodies, q) and are_finite(qd) and are_finite(qdd)):
         return -1
     n = len(bodies)
     rest_at_world(work)
-    accelerate_world(gravity, work)
+    accelerate_world(gravity, weight, work)
     for i in range(1, n):
         body, w, parent = bodies[i], work[i], work[bodies[i].parent]
         X = place(body, q, w)
@@ -158,8 +161,9 @@ def inverse_dynamics(bodies, gravity, q, qd, qdd, work, tau):
 
 
 @entry_kernel
-def effort_of_wrenches(bodies, q, wrenches, in_world, work, tau):
+def effort_of_wrenches(robot, q, wrenches, in_world, tau):
     """Jᵀf of wrenches at points of bodies, in the axes of the body or of the world."""
+    bodies, _, work, _ = opened(robot)
     if not are_positions(bodies, q):
         return -1
     n = len(bodies)
@@ -187,8 +191,9 @@ def effort_of_wrenches(bodies, q, wrenches, in_world, work, tau):
 
 
 @entry_kernel
-def mass_matrix(bodies, q, work, M):
+def mass_matrix(robot, q, M):
     """M from the inertias of the composite rigid bodies outboard of each joint."""
+    bodies, _, work, _ = opened(robot)
     if not are_positions(bodies, q):
         return -1
     start(bodies, q, work)
@@ -198,8 +203,9 @@ def mass_matrix(bodies, q, work, M):
 
 
 @entry_kernel
-def first_moment(bodies, q, work, moment):
+def first_moment(robot, q, moment):
     """Σ m_i c_i of all moving bodies in the world's axes [kg m], in an inward sweep."""
+    bodies, _, work, _ = opened(robot)
     n = len(bodies)
     place_all(bodies, q, work)
     for i in range(n):

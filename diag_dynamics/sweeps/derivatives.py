@@ -26,7 +26,7 @@ from diag_dynamics.sweeps.groups import (
     owns,
     rate_inboard,
 )
-from diag_dynamics.sweeps.records import add_to_force, force_of, motion_of, set_force, set_motion
+from diag_dynamics.sweeps.records import add_to_force, force_of, motion_of, opened, set_force, set_motion
 from diag_dynamics.sweeps.steps import (
     are_finite,
     are_positions,
@@ -92,8 +92,9 @@ def _still_world(work):
 
 
 @entry_kernel
-def articulated_inertias(bodies, q, qd, work, table, D, D_rate):
+def articulated_inertias(robot, q, qd, D, D_rate):
     """D and Ḋ along the motion (7.2)."""
+    bodies, _, work, table = opened(robot)
     status = _factorize_with_rates(bodies, q, qd, work, table)
     if status != 0:
         return status
@@ -105,8 +106,9 @@ def articulated_inertias(bodies, q, qd, work, table, D, D_rate):
 
 
 @entry_kernel
-def mass_matrix_rate(bodies, q, qd, work, table, M, M_rate):
+def mass_matrix_rate(robot, q, qd, M, M_rate):
     """M and Ṁ along the motion (Identity 6.3): the whole robot as one group."""
+    bodies, _, work, _ = opened(robot)
     status = _start(bodies, q, qd, work)
     if status != 0:
         return status
@@ -117,8 +119,9 @@ def mass_matrix_rate(bodies, q, qd, work, table, M, M_rate):
 
 
 @entry_kernel
-def mass_matrix_rate_times(bodies, q, qd, x, work, table, result):
+def mass_matrix_rate_times(robot, q, qd, x, result):
     """Ṁx: the rate of the momenta M x while x is constant, in an outward and an inward sweep."""
+    bodies, _, work, _ = opened(robot)
     status = _start(bodies, q, qd, work)
     if status != 0 or not are_finite(x):
         return -1
@@ -147,8 +150,9 @@ def _two_velocity_force(body, V, W):
 
 
 @entry_kernel
-def coriolis_product(bodies, q, qd, x, work, table, result):
+def coriolis_product(robot, q, qd, x, result):
     """C_s(q, q̇) x with C_s q̇ = c and Ṁ − 2C_s skew: Newton–Euler with two velocities."""
+    bodies, _, work, _ = opened(robot)
     status = _start(bodies, q, qd, work)
     if status != 0 or not are_finite(x):
         return -1
@@ -171,8 +175,9 @@ def coriolis_product(bodies, q, qd, x, work, table, result):
 
 
 @entry_kernel
-def m_rate_transposed(bodies, q, qd, x, work, table, result):
+def m_rate_transposed(robot, q, qd, x, result):
     """ṁᵀx, x constant: D^−½[𝓜̇_c (W_A, x) − ½ Ḋ η] + D^½ GᵀẆ_A with η = D^−½ mᵀx."""
+    bodies, _, work, table = opened(robot)
     if not are_finite(x):
         return -1
     status = _factorize_with_rates(bodies, q, qd, work, table)
@@ -192,11 +197,12 @@ def m_rate_transposed(bodies, q, qd, x, work, table, result):
 
 
 @entry_kernel
-def coriolis_bracket(bodies, q, qd, x, work, table, eta, u, result):
+def coriolis_bracket(robot, q, qd, x, eta, u, result):
     """B(q, ν)x, skew, B ν = C: an outward and an inward sweep over factorized bodies.
 
     Outward u = ℓᵀx and W; inward the recursion of C with W in place of one of its velocities.
     """
+    bodies, _, work, table = opened(robot)
     if not are_finite(x):
         return -1
     status = _factorize_with_rates(bodies, q, qd, work, table)

@@ -34,6 +34,7 @@ from diag_dynamics.sweeps.records import (
     force_of,
     inertia_of,
     motion_of,
+    opened,
     placement_of,
     set_force,
     vector_of,
@@ -104,8 +105,9 @@ def scale_by_inertia(bodies, work, exponent, x):
 
 
 @entry_kernel
-def joint_inertias(bodies, q, work, table, D, size):
+def joint_inertias(robot, q, D, size):
     """D of every joint; one that moves no inertia is passed over as if it were locked. For judging a model."""
+    bodies, _, work, table = opened(robot)
     start(bodies, q, work)
     factorize(bodies, work, table[0], True)
     for i in range(1, len(bodies)):
@@ -114,12 +116,13 @@ def joint_inertias(bodies, q, work, table, D, size):
 
 
 @entry_kernel
-def factors(bodies, q, work, table, unit, unit_inverse, D):
+def factors(robot, q, unit, unit_inverse, D):
     """[I + HφK], its inverse [I − HψK], and D (Identity 4.1), column by column up the tree.
 
     A unit working moment at joint j leaves G of j behind; rigid transport of it gives the column of the one,
     transport through the articulated joints the column of the other.
     """
+    bodies, _, work, table = opened(robot)
     Q = table[0]
     status = place_and_factorize(bodies, q, work, Q)
     if status != 0:
@@ -145,8 +148,9 @@ def factors(bodies, q, work, table, unit, unit_inverse, D):
 
 
 @entry_kernel
-def factor_of_wrenches(bodies, q, wrenches, in_world, work, table, epsilon):
+def factor_of_wrenches(robot, q, wrenches, in_world, epsilon):
     """ℓJᵀw of each wrench at a point of a body, a column of `epsilon` each, by walks up the tree."""
+    bodies, _, work, table = opened(robot)
     status = place_and_factorize(bodies, q, work, table[0])
     if status != 0:
         return status
@@ -245,8 +249,9 @@ def moments_inward(bodies, kappa, work, Q, tau):
 
 
 @entry_kernel
-def nu_from_qd(bodies, q, qd, work, table, nu):
+def nu_from_qd(robot, q, qd, nu):
     """ν = mᵀq̇ (Table 1)."""
+    bodies, _, work, table = opened(robot)
     status = place_and_factorize(bodies, q, work, table[0])
     if status == 0:
         rates_outward(bodies, qd, work, table[0], nu)
@@ -255,8 +260,9 @@ def nu_from_qd(bodies, q, qd, work, table, nu):
 
 
 @entry_kernel
-def qd_from_nu(bodies, q, nu, work, table, qd):
+def qd_from_nu(robot, q, nu, qd):
     """q̇ = ℓᵀν (Table 1, right)."""
+    bodies, _, work, table = opened(robot)
     status = place_and_factorize(bodies, q, work, table[0])
     if status == 0:
         qd[:] = nu
@@ -266,8 +272,9 @@ def qd_from_nu(bodies, q, nu, work, table, qd):
 
 
 @entry_kernel
-def epsilon_from_tau(bodies, q, tau, work, table, epsilon):
+def epsilon_from_tau(robot, q, tau, epsilon):
     """ε = ℓτ (Table 2)."""
+    bodies, _, work, table = opened(robot)
     status = place_and_factorize(bodies, q, work, table[0])
     if status == 0:
         working_moments_inward(bodies, tau, work, table[0], epsilon)
@@ -276,8 +283,9 @@ def epsilon_from_tau(bodies, q, tau, work, table, epsilon):
 
 
 @entry_kernel
-def tau_from_epsilon(bodies, q, epsilon, work, table, tau):
+def tau_from_epsilon(robot, q, epsilon, tau):
     """τ = mε (Table 2, right)."""
+    bodies, _, work, table = opened(robot)
     status = place_and_factorize(bodies, q, work, table[0])
     if status == 0:
         tau[:] = epsilon
@@ -287,12 +295,13 @@ def tau_from_epsilon(bodies, q, epsilon, work, table, tau):
 
 
 @entry_kernel
-def rates_with_added_inertia(bodies, q, nu, added, work, table, momentum, qd):
+def rates_with_added_inertia(robot, q, nu, added, momentum, qd):
     """q̇ = (M + diag(added))⁻¹ m ν: rates after an implicit step of joint damping, or with joints held.
 
     The added inertia enters D as armature does; `inf` holds its joint. Nothing else is changed.
     """
-    status = tau_from_epsilon(bodies, q, nu, work, table, momentum)
+    bodies, _, work, table = opened(robot)
+    status = tau_from_epsilon(robot, q, nu, momentum)
     if status != 0:
         return status
     for i in range(1, len(bodies)):

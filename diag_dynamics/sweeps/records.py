@@ -1,9 +1,53 @@
 """The records that sweeps work on, and how they become tuples and back."""
 
+import numba
 import numpy as np
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
 
 from diag_dynamics.kernel import kernel
 from diag_dynamics.spatial import Force, Inertia, Motion, Placement, add, add_force
+
+BODY = np.dtype(
+    [
+        ("parent", "i8"),  # body that carries this one; 0 is the world
+        ("direction", "i8"),  # of its degree of freedom: LINEAR_X … ANGULAR_Z
+        ("dofs", "i8"),  # degrees of freedom of its joint
+        ("rank", "i8"),  # which of them this one is, from 0
+        ("q", "i8"),  # first position coordinate of its joint, or of the leader that it follows
+        ("dof", "i8"),  # index of its degree of freedom, or of its leader's
+        ("owner", "i8"),  # body whose own degree of freedom that is: this one, unless it follows
+        ("multiplier", "f8"),  # position = multiplier q[q] + offset; 1 and 0 unless it follows
+        ("offset", "f8"),
+        ("first", "i8"),  # first and last body of those that are eliminated together with it
+        ("last", "i8"),
+        ("start", "i8"),  # first degree of freedom of those
+        ("link", "i8"),  # index of the link that the joint moves
+        ("rotation", "f8", 9),  # constant placement in the parent at q = 0, row-major
+        ("translation", "f8", 3),
+        ("mass", "f8"),
+        ("first_moment", "f8", 3),  # mass times centre of mass
+        ("inertia", "f8", 6),  # about the origin: xx xy xz yy yz zz
+        ("armature", "f8"),
+    ],
+    align=True,
+)
+"""One degree of freedom and the rigid body it moves, all links that move as one, in a frame at the joint whose z is the
+joint's axis. A joint of several degrees of freedom is several bodies in one frame, all but the last without inertia. A
+mimic joint is a body, but no degree of freedom."""
+
+LINK = np.dtype(
+    [
+        ("body", "i8"),
+        ("index", "i8"),
+        ("mass", "f8"),
+        ("first_moment", "f8", 3),
+        ("inertia", "f8", 6),
+    ],
+    align=True,
+)
+"""One link with inertia, in the frame of the body it belongs to."""
 
 WORK = np.dtype(
     [
@@ -40,13 +84,48 @@ WRENCH = np.dtype(
 """An external wrench at a point of a body, the point in the body's frame [m], force [N] and moment [N m]."""
 
 
-def workspace(bodies):
-    """Workspace of each body, and the table of the groups' matrices 𝓜 and 𝓜̇ (see groups)."""
-    moving, body = bodies[1:], np.arange(1, len(bodies))
-    own = moving["owner"] == body
-    grouped = own & (moving["last"] > moving["first"])
-    widest = np.bincount(moving["first"][grouped]).max(initial=1)
-    return np.zeros(len(bodies), WORK), np.zeros((2, int(own.sum()), int(widest)))
+class Workspace:
+    """A robot, as sweeps take it, and memory for them to work in: one for each thread.
+
+    Attributes
+    ----------
+    robot : ndarray of int64
+        Where all of it lies: the one argument that stands for `bodies`, `gravity`, `work` and `table`, which as arguments
+        of their own would cost as much as the arithmetic of a small robot. It holds addresses: keep the Workspace while a
+        sweep runs.
+    bodies, gravity, work, table : ndarray
+        Records of RobotModel, acceleration of gravity [m/s²], those of :data:`WORK`, and the matrices 𝓜 and 𝓜̇ of groups
+        (see groups).
+    """
+
+    def __init__(self, bodies, gravity):
+        moving, body = bodies[1:], np.arange(1, len(bodies))
+        own = moving["owner"] == body
+        grouped = own & (moving["last"] > moving["first"])
+        widest = np.bincount(moving["first"][grouped]).max(initial=1)
+        self.bodies, self.gravity = np.ascontiguousarray(bodies), np.ascontiguousarray(gravity, dtype=np.float64)
+        self.work, self.table = np.zeros(len(bodies), WORK), np.zeros((2, int(own.sum()), int(widest)))
+        arrays = (self.bodies, self.gravity, self.work, self.table)
+        self.robot = np.array([*(array.ctypes.data for array in arrays), len(bodies), *self.table.shape[1:]], np.int64)
+
+    def __reduce__(self):
+        return Workspace, (self.bodies, self.gravity)  # a copy lies elsewhere
+
+
+@intrinsic
+def _pointer(context, address):
+    """The pointer that an integer is."""
+    return types.voidptr(address), lambda _, builder, __, args: builder.inttoptr(args[0], cgutils.voidptr_t)
+
+
+@kernel
+def opened(robot):
+    """`bodies`, `gravity`, `work` and `table` of a :class:`Workspace`."""
+    bodies = numba.carray(_pointer(robot[0]), (robot[4],), BODY)
+    gravity = numba.carray(_pointer(robot[1]), (3,), np.float64)
+    work = numba.carray(_pointer(robot[2]), (robot[4],), WORK)
+    table = numba.carray(_pointer(robot[3]), (2, robot[5], robot[6]), np.float64)
+    return bodies, gravity, work, table
 
 
 @kernel

@@ -49,6 +49,7 @@ from diag_dynamics.sweeps.records import (
     force_of,
     inertia_of,
     motion_of,
+    opened,
     placement_of,
     set_force,
     set_motion,
@@ -197,12 +198,13 @@ def _is_finite_result(out):
 
 
 @entry_kernel
-def evaluate(bodies, gravity, q, qd, tau, work, table, out, twists):
+def evaluate(robot, q, qd, tau, out, twists):
     """ν, ξ, ε, κ, C, C_ξ, ε_g, D and Ḋ at one state, in an outward and an inward sweep.
 
     Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. Rows of `out` are those of :data:`NU` and so on;
     `twists` receives V of every body, and the last row q̇.
     """
+    bodies, gravity, work, table = opened(robot)
     if not (are_positions(bodies, q) and are_finite(qd) and are_finite(tau)):
         return -1
     _outward(bodies, gravity, q, qd, work)
@@ -238,13 +240,13 @@ def link_energy(bodies, links, twists, qd, out):
 
 
 @entry_kernel
-def evaluate_many(bodies, gravity, Q, QD, TAU, work, table, out, twists, failed):
+def evaluate_many(robot, Q, QD, TAU, out, twists, failed):
     """:func:`evaluate` at each of many states, the first axis of all arguments; `failed` receives the first that fails.
 
     Without efforts TAU has one row, of zeros.
     """
     for t in range(len(Q)):
-        status = evaluate(bodies, gravity, Q[t], QD[t], TAU[min(t, len(TAU) - 1)], work, table, out[t], twists[t])
+        status = evaluate(robot, Q[t], QD[t], TAU[min(t, len(TAU) - 1)], out[t], twists[t])
         if status != 0:
             failed[0] = t
             return status

@@ -161,9 +161,9 @@ def rest_at_world(work):
 
 
 @kernel
-def accelerate_world(gravity, work):
-    """Gravity as an acceleration of the world, −g."""
-    set_motion(work[0].acceleration, Motion(scale(vector_of(gravity), -1.0), ZERO))
+def accelerate_world(gravity, weight, work):
+    """Gravity as an acceleration of the world, −g, times a weight."""
+    set_motion(work[0].acceleration, Motion(scale(vector_of(gravity), -weight), ZERO))
 
 
 @kernel
