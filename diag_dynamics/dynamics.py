@@ -17,9 +17,9 @@ ROUNDING = 4e-15
 
 
 class DiagonalDynamics:
-    """Diagonalized and classical dynamics of one robot, in O(N) sweeps over its links, matrices row by row along its tree.
+    """Diagonalized and classical dynamics of one robot, in O(N) sweeps over its links.
 
-    It owns a workspace: use one per thread. Results never alias the workspace.
+    Only what is a matrix takes as long as its entries. It owns a workspace: use one per thread. Results never alias it.
 
     Vectors of rates and efforts have shape (nv,) and are in the order of ``model.dof_names``: qd [rad/s, m/s], tau [N m,
     N], nu [J^½], epsilon [J^½/s]. Positions q [rad, m] have shape (nq,), in the order of ``model.coordinate_names``.
