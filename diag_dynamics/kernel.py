@@ -120,7 +120,7 @@ def kernel(function):
     """Compile `function` with numba on first use, into every function that calls it: for the steps of a sweep.
 
     Without the GIL, division by zero giving inf as in NumPy. Tuples then stay in registers, where a call passes them
-    through memory: it makes forward dynamics a third faster.
+    through memory.
     """
     return numba.njit(forceinline=True, **_OPTIONS)(function)
 

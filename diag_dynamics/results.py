@@ -9,7 +9,7 @@ from diag_dynamics import sweeps
 
 
 def _row(k, of_tau=False):
-    """Attribute that is a row of what the sweep has filled, taken when it is first asked for: a slice costs 0.1 µs."""
+    """Attribute that is a row of what the sweep has filled, taken when it is first asked for: nine slices cost time."""
 
     def row(self):
         return None if of_tau and not self._with_tau else self._rows[k]
