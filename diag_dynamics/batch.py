@@ -7,6 +7,7 @@ import numpy as np
 
 from diag_dynamics import sweeps
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.lanes import WIDTH
 
 PIECES = 4
 """Pieces for each thread: one that is held up leaves its share to the others."""
@@ -41,30 +42,34 @@ def states(name, value, names, length=None):
     return array if array.flags.writeable else array.copy()  # what is read-only would be compiled for anew
 
 
-def evaluate(model, Q, QD, TAU, threads):
-    """Rows and twists of all states, and the first state that fails, or None.
+def evaluate(model, Q, QD, TAU, states, threads):
+    """Fill `states`, shape (T, sweeps.ROWS, nq), with what sweeps.evaluate gives.
 
     Parameters
     ----------
     Q, QD, TAU : ndarray
         As :func:`states` returns them; TAU may have one row for all.
+    states : ndarray
     threads : int
+
+    Returns
+    -------
+    range
+        States one of which fails; empty if none does.
     """
     count = len(Q)
-    rows, twists = np.empty((count, sweeps.ROWS, model.nv)), np.empty((count, len(model.bodies), 6))
 
     def piece(first, last):
-        failed = np.zeros(1, dtype=np.int64)
         part = slice(first, last)
         tau = TAU if len(TAU) < count else TAU[part]
-        own = sweeps.Workspace(model.bodies, model.gravity)
-        status = sweeps.evaluate_many(own.robot, Q[part], QD[part], tau, rows[part], twists[part], failed)
-        return first + int(failed[0]) if status else None
+        own = sweeps.WideWorkspace(model.bodies, model.gravity)
+        done = first + sweeps.evaluate_many(own.robot, Q[part], QD[part], tau, states[part])
+        return range(done, min(done + WIDTH, last))
 
     cuts = np.linspace(0, count, max(1, min(PIECES * threads, count // LEAST)) + 1, dtype=int)
     if len(cuts) == 2 or threads == 1:
-        found = [piece(0, count)]
+        failing = [piece(0, count)]
     else:
         with ThreadPoolExecutor(threads) as pool:
-            found = list(pool.map(piece, cuts[:-1], cuts[1:]))
-    return rows, twists, min((at for at in found if at is not None), default=None)
+            failing = list(pool.map(piece, cuts[:-1], cuts[1:]))
+    return next((found for found in failing if found), range(0))

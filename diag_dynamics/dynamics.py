@@ -41,7 +41,7 @@ class DiagonalDynamics:
         self.model = model
         self._workspace = sweeps.Workspace(model.bodies, model.gravity)
         self._robot = self._workspace.robot
-        self._shapes = (sweeps.ROWS, model.nv), (len(model.bodies), 6)
+        self._nv, self._shape = model.nv, (sweeps.ROWS, model.nq)
         self._q = np.zeros(model.nq)
         self._a, self._b, self._zero = np.zeros((3, model.nv))
 
@@ -70,26 +70,39 @@ class DiagonalDynamics:
         -------
         Evaluation
         """
+        state = np.empty(self._shape)
+        try:
+            status = sweeps.evaluate(self._robot, q, qd, self._zero if tau is None else tau, state)
+        except (TypeError, ValueError):  # not vectors of float64: no error yet
+            status = sweeps.MISFIT
+        if status or friction or f_ext is not None or frame != "link":
+            return self._evaluate(q, qd, tau, f_ext, frame, friction, state)
+        return Evaluation(self.model, state, tau is not None)
+
+    def _evaluate(self, q, qd, tau, f_ext, frame, friction, state):
+        """What :meth:`evaluate` does with arguments that are not plain vectors, are wrong, or not all there is."""
         model = self.model
         _check_frame(frame)
         q, rate = self._positions(q), self._vector("qd", qd, self._a)
         effort = self._zero if tau is None else self._vector("tau", tau, self._b)
-        rows, twists = np.empty(self._shapes[0]), np.empty(self._shapes[1])
-        status = sweeps.evaluate(self._robot, q, rate, effort, rows, twists)
-        if status:
-            self._fail(status, qd=rate, tau=effort)
-        external = self.epsilon_from_tau(q, self._effort_of(f_ext, frame)) if _given(f_ext) else None
-        resisting = self.epsilon_from_tau(q, self.friction_torque(rows[sweeps.RATES])) if friction else None
-        return Evaluation(model, rows, twists, tau is not None, external, resisting)
+        self._checked(sweeps.evaluate(self._robot, q, rate, effort, state), qd=rate, tau=effort)
+        result = Evaluation(model, state, tau is not None)
+        if _given(f_ext):
+            result.external = self.epsilon_from_tau(q, self._effort_of(f_ext, frame))
+        if friction:
+            result.friction = self.epsilon_from_tau(q, self.friction_torque(state[sweeps.RATES, : model.nv]))
+        return result
 
     def factors(self, q):
         """m, ℓ, the unit factor and D at q: see :class:`Factors`."""
-        q = self._positions(q)
-        unit, inverse = np.empty((2, self.model.nv, self.model.nv))
-        D = np.empty(self.model.nv)
-        self._checked(sweeps.factors(self._robot, q, unit, inverse, D))
-        root = np.sqrt(D)
-        return Factors(unit * root, inverse / root[:, None], unit, D)
+        factors, D = np.empty((3, self._nv, self._nv)), np.empty(self._nv)
+        try:
+            status = sweeps.factors(self._robot, q, factors, D)
+        except (TypeError, ValueError):  # no vector of float64: no error yet
+            status = sweeps.MISFIT
+        if status:
+            self._checked(sweeps.factors(self._robot, self._positions(q), factors, D))
+        return Factors(factors[0], factors[1], factors[2], D)
 
     def forward_dynamics(self, q, qd, tau, f_ext=None, *, frame="link", friction=False):
         """q̈ [rad/s², m/s²], shape (nv,), from M q̈ + c + g + τ_fric = τ + Jᵀf_ext (Algorithm 8.1 in closed form).
@@ -97,6 +110,13 @@ class DiagonalDynamics:
         τ_fric, see :meth:`friction_torque`, only where `friction` is true. Of a joint of several degrees of freedom it is
         the rate of its twist's components.
         """
+        qdd = np.empty(self._nv)
+        if f_ext is None and not friction and frame == "link":
+            try:
+                if not sweeps.forward_dynamics(self._robot, q, qd, tau, qdd):
+                    return qdd
+            except (TypeError, ValueError):  # not vectors of float64: no error yet
+                pass
         _check_frame(frame)
         q, qd, tau = self._positions(q), self._vector("qd", qd, self._a), self._vector("tau", tau, self._b)
         if friction:
@@ -104,9 +124,7 @@ class DiagonalDynamics:
         if _given(f_ext):
             tau += self._effort_of(f_ext, frame)
         _check_sum(tau, friction, f_ext)
-        qdd = np.empty(self.model.nv)
-        status = sweeps.forward_dynamics(self._robot, q, qd, tau, qdd)
-        self._checked(status, qd=qd, tau=tau)
+        self._checked(sweeps.forward_dynamics(self._robot, q, qd, tau, qdd), qd=qd, tau=tau)
         return qdd
 
     def inverse_dynamics(self, q, qd, qdd, f_ext=None, *, frame="link", friction=False):
@@ -302,17 +320,15 @@ class DiagonalDynamics:
         Q = batch.states("Q", Q, model.coordinate_names)
         QD = batch.states("QD", QD, model.dof_names, len(Q))
         efforts = self._zero[None] if TAU is None else batch.states("TAU", TAU, model.dof_names, len(Q))
-        rows, twists, failed = batch.evaluate(model, Q, QD, efforts, threads or batch.cores())
-        if failed is not None:
+        states = np.empty((len(Q), *self._shape))
+        for t in batch.evaluate(model, Q, QD, efforts, states, threads or batch.cores()):
             try:
-                self.evaluate(Q[failed], QD[failed], None if TAU is None else efforts[failed])
+                self.evaluate(Q[t], QD[t], None if TAU is None else efforts[t])
             except SingularMassMatrixError as error:
-                raise SingularMassMatrixError(
-                    f"state {failed}: {error}", error.joint, error.articulated_inertia
-                ) from None
+                raise SingularMassMatrixError(f"state {t}: {error}", error.joint, error.articulated_inertia) from None
             except InputError as error:
-                raise InputError(f"state {failed}: {error}") from None
-        return BatchEvaluation(model, rows, twists, TAU is not None)
+                raise InputError(f"state {t}: {error}") from None
+        return BatchEvaluation(model, states, TAU is not None)
 
     def evaluate_stream(self, Q, QD, TAU=None, *, size=16384, threads=None):
         """:meth:`evaluate_batch` of any number of states in bounded memory: a generator of one batch after the other.

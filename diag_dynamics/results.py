@@ -1,6 +1,5 @@
 """What DiagonalDynamics hands out: everything at one state, and the factors of the mass matrix."""
 
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -8,13 +7,30 @@ import numpy as np
 from diag_dynamics import sweeps
 
 
+class _Lazy:
+    """Attribute that is computed when it is first asked for, and kept.
+
+    functools.cached_property, but for a lock that would cost more than the sweep of a small robot.
+    """
+
+    def __init__(self, function):
+        self._function, self._name, self.__doc__ = function, function.__name__, function.__doc__
+
+    def __set_name__(self, owner, name):
+        self._name = name
+
+    def __get__(self, instance, owner=None):
+        if instance is None:
+            return self
+        value = instance.__dict__[self._name] = self._function(instance)
+        return value
+
+
 def _row(k, of_tau=False):
-    """Attribute that is a row of what the sweep has filled, taken when it is first asked for: nine slices cost time."""
-
-    def row(self):
-        return None if of_tau and not self._with_tau else self._rows[k]
-
-    return cached_property(row)
+    """Attribute that is a row of what the sweep has filled; with a condition, None without efforts."""
+    if of_tau:
+        return _Lazy(lambda evaluation: evaluation._take(k) if evaluation._with_tau else None)
+    return _Lazy(lambda evaluation: evaluation._take(k))
 
 
 class Evaluation:
@@ -49,9 +65,14 @@ class Evaluation:
         ε_fric = ℓ τ_fric [J^½/s], on the side of C; None unless asked for.
     """
 
-    def __init__(self, model, rows, twists, with_tau, external=None, friction=None):
-        self._model, self._rows, self._twists, self._with_tau = model, rows, twists, with_tau
-        self.external, self.friction = external, friction
+    external = friction = None
+
+    def __init__(self, model, states, with_tau):
+        self._model, self._states, self._with_tau = model, states, with_tau
+
+    def _take(self, k):
+        row = self._states[k]
+        return row if len(row) == len(self._model.dof_names) else row[: self._model.nv]  # rows are of length nq
 
     nu = _row(sweeps.NU)
     xi = _row(sweeps.XI)
@@ -63,12 +84,12 @@ class Evaluation:
     articulated_inertia = _row(sweeps.ARTICULATED_INERTIA)
     articulated_inertia_rate = _row(sweeps.ARTICULATED_INERTIA_RATE)
 
-    @cached_property
+    @_Lazy
     def kinetic_energy(self):
         """K = ½νᵀν [J]."""
         return 0.5 * float(self.nu @ self.nu)
 
-    @cached_property
+    @_Lazy
     def energy_share(self):
         """½ν_k² of each total rate [J]; sums to K. It is not the energy of link k.
 
@@ -76,7 +97,7 @@ class Evaluation:
         """
         return 0.5 * self.nu * self.nu
 
-    @cached_property
+    @_Lazy
     def base_energy(self):
         """Sum of the shares of a floating base's six degrees of freedom [J]; 0 with a fixed base.
 
@@ -84,14 +105,14 @@ class Evaluation:
         """
         return float(self.energy_share[:6].sum()) if self._model.floating_base else 0.0
 
-    @cached_property
+    @_Lazy
     def link_energy(self):
         """Kinetic energy of each link [J], shape (len(model.link_names),): ½VᵀIV plus its joint's rotor; sums to K."""
-        energy = np.empty(len(self._model.link_names))
-        sweeps.link_energy(self._model.bodies, self._model.links, self._twists, self._rows[sweeps.RATES], energy)
-        return energy
+        energy = np.empty((1, len(self._model.link_names)))
+        sweeps.link_energies(self._model.bodies, self._model.links, self._states[None], energy)
+        return energy[0]
 
-    @cached_property
+    @_Lazy
     def nu_dot(self):
         """dν/dt = ε − C − ε_g + ℓJᵀf_ext − ε_fric [J^½/s] (eq. 3.1), of those terms asked for; None without tau."""
         if self.epsilon is None:
@@ -101,7 +122,7 @@ class Evaluation:
             rate = rate + self.external
         return rate if self.friction is None else rate - self.friction
 
-    @cached_property
+    @_Lazy
     def xi_dot(self):
         """dξ/dt = D⁻¹(κ − κ_g − C_ξ + …) [rad/s², m/s²] (eq. 7.9), of the terms that nu_dot has; None without tau."""
         if self.epsilon is None:
@@ -109,7 +130,7 @@ class Evaluation:
         moments = np.sqrt(self.articulated_inertia) * (self.nu_dot + self.coriolis)
         return (moments - self.coriolis_unnormalized) / self.articulated_inertia
 
-    @cached_property
+    @_Lazy
     def power(self):
         """dK/dt = νᵀ(ε − ε_g + ℓJᵀf_ext − ε_fric) [W] (Lemma 7.2), of those terms that were asked for; None without tau."""
         if self.epsilon is None:
@@ -123,31 +144,30 @@ class BatchEvaluation(Evaluation):
     Numbers such as kinetic_energy are arrays of shape (T,). There are no wrenches and no friction.
     """
 
-    def __init__(self, model, rows, twists, with_tau):
-        super().__init__(model, rows.transpose(1, 0, 2), twists, with_tau)
-        self._states = rows
-
     def __len__(self):
         return len(self._states)
 
-    @cached_property
+    def _take(self, k):
+        return self._states[:, k, : self._model.nv]
+
+    @_Lazy
     def kinetic_energy(self):
         """K [J], shape (T,)."""
         return 0.5 * np.einsum("tk,tk->t", self.nu, self.nu)
 
-    @cached_property
+    @_Lazy
     def base_energy(self):
         """Sum of the shares of a floating base [J], shape (T,)."""
         return self.energy_share[:, : 6 if self._model.floating_base else 0].sum(axis=1)
 
-    @cached_property
+    @_Lazy
     def link_energy(self):
         """Kinetic energy of each link [J], shape (T, len(model.link_names))."""
         energy = np.empty((len(self), len(self._model.link_names)))
-        sweeps.link_energies(self._model.bodies, self._model.links, self._twists, self._states, energy)
+        sweeps.link_energies(self._model.bodies, self._model.links, self._states, energy)
         return energy
 
-    @cached_property
+    @_Lazy
     def power(self):
         """dK/dt [W], shape (T,); None without TAU."""
         return None if self.epsilon is None else np.einsum("tk,tk->t", self.nu, self.nu_dot + self.coriolis)

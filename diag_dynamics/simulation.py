@@ -18,7 +18,7 @@ import numpy as np
 from diag_dynamics import sweeps
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError, UnsupportedError
-from diag_dynamics.kernel import entry_kernel, large_kernel
+from diag_dynamics.kernel import COUNT, MATRIX, NUMBER, ROBOT, VECTOR, entry_kernel, large_kernel
 from diag_dynamics.results import Evaluation
 
 STAGES = 6
@@ -108,10 +108,10 @@ class Simulation:
         if (self.damping < 0.0).any():
             raise InputError(f"damping is {self.damping.tolist()}, expected {model.nv} finite numbers >= 0.")
         unlimited = np.full(model.nv, np.inf)
-        self._lower, self._upper = (model.lower, model.upper) if limits else (-unlimited, unlimited)
+        self._lower, self._upper = (model.lower.copy(), model.upper.copy()) if limits else (-unlimited, unlimited)
         self._workspace = sweeps.Workspace(model.bodies, model.gravity)
         self._buffers = np.zeros((5 + 3 * STAGES, model.nv))
-        self._rows, self._twists = np.zeros((sweeps.ROWS, model.nv)), np.zeros((len(model.bodies), 6))
+        self._rows = np.zeros((sweeps.ROWS, model.nq))
         self._no_effort = np.zeros(model.nv)
         self.time = 0.0
         self.reset(rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
@@ -162,7 +162,6 @@ class Simulation:
             self._q,
             self._nu,
             self._rows,
-            self._twists,
             self._buffers,
         )
         if status:
@@ -261,7 +260,7 @@ def _rates(robot, damping, implicit, q, nu, momentum, qd):
 
 
 @large_kernel
-def _step(robot, damping, h, tau, q, nu, rows, twists, buffers):
+def _step(robot, damping, h, tau, q, nu, rows, buffers):
     """One step of the Runge–Kutta pair from (q, ν), in place."""
     n = len(q)
     added, momentum, stage_q, stage_nu, before = buffers[0], buffers[1], buffers[2], buffers[3], buffers[4]
@@ -289,7 +288,7 @@ def _step(robot, damping, h, tau, q, nu, rows, twists, buffers):
         elif damped:
             for k in range(n):
                 implicit[i, k] = (stage_nu[k] - before[k]) / (h * GAMMA)
-        status = sweeps.evaluate(robot, stage_q, rates[i], tau, rows, twists)
+        status = sweeps.evaluate(robot, stage_q, rates[i], tau, rows)
         if status != 0:
             return status
         for k in range(n):
@@ -331,14 +330,14 @@ def _stop_at_limits(robot, lower, upper, q, nu, momentum, held, qd):
     return status if status != 0 else sweeps.nu_from_qd(robot, q, qd, nu)
 
 
-@entry_kernel
-def _advance(robot, damping, lower, upper, h, steps, tau, q, nu, rows, twists, buffers):
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, NUMBER, COUNT, VECTOR, VECTOR, VECTOR, MATRIX, MATRIX, nogil=True)
+def _advance(robot, damping, lower, upper, h, steps, tau, q, nu, rows, buffers):
     """`steps` steps from (q, ν), in place; on failure the state before the failing step is left."""
     last_q, last_nu = q.copy(), nu.copy()
     for _ in range(steps):
         last_q[:] = q
         last_nu[:] = nu
-        status = _step(robot, damping, h, tau, q, nu, rows, twists, buffers)
+        status = _step(robot, damping, h, tau, q, nu, rows, buffers)
         if status == 0:
             status = _stop_at_limits(robot, lower, upper, q, nu, buffers[1], buffers[0], buffers[2])
         if status != 0:

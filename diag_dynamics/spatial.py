@@ -5,10 +5,11 @@ rows. Body frames are chosen so that the axis of every joint is z (see model), a
 freedom moves along axes of its body; what projects on a degree of freedom S therefore picks an entry.
 """
 
-import math
 from collections import namedtuple
 
 from diag_dynamics.kernel import kernel
+from diag_dynamics.lanes import nought
+from diag_dynamics.trigonometry import sine_and_cosine
 
 Motion = namedtuple("Motion", ["linear", "angular"])
 """Twist or spatial acceleration about the frame's origin."""
@@ -26,6 +27,8 @@ LINEAR_X, LINEAR_Y, LINEAR_Z, ANGULAR_X, ANGULAR_Y, ANGULAR_Z = range(6)
 """Directions of a degree of freedom: entries of a Motion. A revolute joint has ANGULAR_Z, a prismatic one LINEAR_Z."""
 
 ZERO = (0.0, 0.0, 0.0)
+
+NOTHING = (ZERO, ZERO, ZERO)
 
 # --- 3-vectors and 3x3 matrices ---------------------------------------------------------------------------
 
@@ -120,6 +123,12 @@ def cross_columns(a, M):
         subtract(scale(M[0], a[2]), scale(M[2], a[0])),
         subtract(scale(M[1], a[0]), scale(M[0], a[1])),
     )
+
+
+@kernel
+def turn_columns(M, rate):
+    """ã M for a = rate along z."""
+    return (scale(M[1], -rate), scale(M[0], rate), scale(M[2], 0.0))
 
 
 @kernel
@@ -233,14 +242,11 @@ def inertia_times(P, V):
 def inertia_to_parent(X, P):
     """XᵀP X: the child's inertia seen in the parent's frame."""
     r = X.translation
-    A = mirror(rotated(X.rotation, P.A))
-    B = rotated(X.rotation, P.B)
-    C = rotated(X.rotation, P.C)
-    half_shifted = B  # [[A, B], [Bᵀ, C]] [[1, −r̃], [0, 1]] adds −A r̃ = (r̃ A)ᵀ to B
-    B = matrix_sum(B, transpose(cross_columns(r, A)))
-    C = matrix_sum(C, cross_columns(r, B))
-    C = matrix_sum(C, transpose(cross_columns(r, half_shifted)))
-    return Inertia(A, B, mirror(C))
+    A, B, C = mirror(rotated(X.rotation, P.A)), rotated(X.rotation, P.B), mirror(rotated(X.rotation, P.C))
+    # [[A, B], [Bᵀ, C]] [[1, −r̃], [0, 1]] adds −A r̃ = (r̃ A)ᵀ to B and −Bᵀr̃ = (r̃ B)ᵀ to C
+    shifted = matrix_sum(B, transpose(cross_columns(r, A)))
+    C = matrix_sum(matrix_sum(C, transpose(cross_columns(r, B))), cross_columns(r, shifted))
+    return Inertia(A, shifted, mirror(C))
 
 
 @kernel
@@ -287,13 +293,40 @@ def along(direction, F):
 @kernel
 def motion_along(direction, rate):
     """S rate."""
+    zero = nought(rate)
+    nothing = (zero, zero, zero)
     if direction == ANGULAR_Z:
-        return Motion(ZERO, (0.0, 0.0, rate))
+        return Motion(nothing, (zero, zero, rate))
     if direction == LINEAR_Z:
-        return Motion((0.0, 0.0, rate), ZERO)
-    x = rate if direction in (LINEAR_X, ANGULAR_X) else 0.0
-    y = rate if direction in (LINEAR_Y, ANGULAR_Y) else 0.0
-    return Motion((x, y, 0.0), ZERO) if direction < ANGULAR_X else Motion(ZERO, (x, y, 0.0))
+        return Motion((zero, zero, rate), nothing)
+    x = rate if direction in (LINEAR_X, ANGULAR_X) else zero
+    y = rate if direction in (LINEAR_Y, ANGULAR_Y) else zero
+    return Motion((x, y, zero), nothing) if direction < ANGULAR_X else Motion(nothing, (x, y, zero))
+
+
+@kernel
+def cross_along_z(direction, V, rate):
+    """V × S rate for a joint motion about or along z."""
+    zero = nought(rate)
+    if direction == ANGULAR_Z:
+        v, w = V.linear, V.angular
+        return Motion((v[1] * rate, -(v[0] * rate), zero), (w[1] * rate, -(w[0] * rate), zero))
+    w = V.angular
+    return Motion((w[1] * rate, -(w[0] * rate), zero), (zero, zero, zero))
+
+
+@kernel
+def no_motion(like):
+    """Motion of zeros, of the kind of number that an array holds."""
+    zero = nought(like)
+    return Motion((zero, zero, zero), (zero, zero, zero))
+
+
+@kernel
+def no_force(like):
+    """Force of zeros, of the kind of number that an array holds."""
+    zero = nought(like)
+    return Force((zero, zero, zero), (zero, zero, zero))
 
 
 @kernel
@@ -313,7 +346,7 @@ def column_along(direction, P):
 @kernel
 def turned_about_z(rotation, angle):
     """R Rz(angle)."""
-    c, s = math.cos(angle), math.sin(angle)
+    s, c = sine_and_cosine(angle)
     x, y, z = transpose(rotation)
     return transpose((add(scale(x, c), scale(y, s)), subtract(scale(y, c), scale(x, s)), z))
 
@@ -348,12 +381,16 @@ def _commutator_of_block(axis, B):
 @kernel
 def transport_along_z(direction, rate, P):
     """−(v_J×)ᵀP − P(v_J×) for a joint motion v_J = S rate about or along z."""
-    axis = (0.0, 0.0, rate)
+    B = turn_columns(P.B, rate)
     if direction == ANGULAR_Z:
-        return Inertia(_commutator(axis, P.A), _commutator_of_block(axis, P.B), _commutator(axis, P.C))
-    B = cross_columns(axis, P.B)
-    zero = (ZERO, ZERO, ZERO)
-    return Inertia(zero, transpose(cross_columns(axis, P.A)), mirror(matrix_sum(B, transpose(B))))
+        A, C = turn_columns(P.A, rate), turn_columns(P.C, rate)
+        return Inertia(
+            mirror(matrix_sum(A, transpose(A))),
+            matrix_sum(B, transpose(turn_columns(transpose(P.B), rate))),
+            mirror(matrix_sum(C, transpose(C))),
+        )
+    row = scale(P.A[0], 0.0)
+    return Inertia((row, row, row), transpose(turn_columns(P.A, rate)), mirror(matrix_sum(B, transpose(B))))
 
 
 @kernel

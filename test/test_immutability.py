@@ -286,7 +286,7 @@ def test_copies_of_dynamics_work_in_memory_of_their_own(copied):
     expected = dyn.evaluate(q, qd).coriolis
     twin = copied(dyn)
     assert not np.shares_memory(twin._workspace.work, dyn._workspace.work)
-    assert (twin._robot[:4] != dyn._robot[:4]).any() and (twin._robot == twin._workspace.robot).all()
+    assert twin._robot == twin._workspace.robot != dyn._robot
     del dyn
     gc.collect()
     np.testing.assert_array_equal(twin.evaluate(q, qd).coriolis, expected)
@@ -295,5 +295,6 @@ def test_copies_of_dynamics_work_in_memory_of_their_own(copied):
 def test_copied_workspace_lies_elsewhere():
     own = sweeps.Workspace(load().bodies, np.zeros(3))
     for twin in (copy.copy(own), copy.deepcopy(own), pickle.loads(pickle.dumps(own))):
-        assert twin.robot[2] == twin.work.ctypes.data != own.work.ctypes.data
-        assert twin.robot[0] == twin.bodies.ctypes.data and twin.robot[3] == twin.table.ctypes.data
+        assert twin.robot == twin.addresses.ctypes.data != own.robot
+        assert twin.addresses[2] == twin.work.ctypes.data != own.work.ctypes.data
+        assert twin.addresses[0] == twin.bodies.ctypes.data and twin.addresses[3] == twin.table.ctypes.data

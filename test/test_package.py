@@ -33,6 +33,8 @@ def imports(path):
 
 FLOORS = [
     "exceptions kernel",
+    "lanes",
+    "trigonometry",
     "spatial",
     "sweeps",
     "model results batch",
@@ -177,6 +179,7 @@ def test_package_xml_is_complete():
     declared = {e.text for e in package if e.tag.endswith("depend")}
     third_party = {"numba", "numpy", "lxml", "yourdfpy", "rich", "matplotlib"}
     keys = {name: f"python3-{name}" for name in third_party} | {"yourdfpy": "python3-yourdfpy-pip"}
+    keys["llvmlite"] = keys["numba"]  # numba's code generator, which it brings along
     standard = set(sys.stdlib_module_names) | {"diag_dynamics"}
     for path in SOURCES:
         for name in {name.split(".")[0] for name in imports(path)} - standard:

@@ -711,9 +711,17 @@ def test_no_coriolis_term(urdf):
 
 MUTANTS = {
     "unchanged": (),
-    "sign of the rate of P in C": ("along(direction, y) - power(u, V)", "along(direction, y) + power(u, V)"),
-    "sign of its source": ("transport_along_z(direction, rate, P_plus)", "transport_along_z(direction, -rate, P_plus)"),
-    "sign of it in a block": ("-bias[k] - momentum_rate", "-bias[k] + momentum_rate"),
+    "sign of the rate of P in C": (
+        "state.py",
+        "along(direction, y) - power(u, V)",
+        "along(direction, y) + power(u, V)",
+    ),
+    "sign of its source": (
+        "inertias.py",
+        "matrix_sum(M, _moved(direction, rate, M))",
+        "matrix_difference(M, _moved(direction, rate, M))",
+    ),
+    "sign of it in a block": ("state.py", "-bias[k] - momentum_rate", "-bias[k] + momentum_rate"),
 }
 IN_A_BLOCK = "sign of it in a block"
 COMPARISONS = (
@@ -736,10 +744,11 @@ def mutants(tmp_path_factory):
         for file in ("accuracy.py", "oracles.py", "robots.py", "test_physics.py"):
             shutil.copy(here / file, folder)
         if replacement:
-            sweep = package / "sweeps" / "state.py"
+            file, right, wrong = replacement
+            sweep = package / "sweeps" / file
             source = sweep.read_text(encoding="utf-8")
-            assert source.count(replacement[0]) == 1, f"{sweep.name} has changed: mutate it anew ({name})"
-            sweep.write_text(source.replace(*replacement), encoding="utf-8")
+            assert source.count(right) == 1, f"{file} has changed: mutate it anew ({name})"
+            sweep.write_text(source.replace(right, wrong), encoding="utf-8")
         paths = os.pathsep.join(filter(None, (str(folder), os.environ.get("PYTHONPATH"))))
         robot = f"{PANDA}+floating" if name == IN_A_BLOCK else PANDA
         tests = [f"test_physics.py::{test}[{robot}]" for test in COMPARISONS]

@@ -16,10 +16,10 @@ by mimicry, are a group: degrees of freedom that are eliminated together, see gr
 A sweep takes a robot as :class:`Workspace` holds it: `bodies` are the records of RobotModel (see model), `work` those of
 :data:`WORK`, one each per body, `table` the matrices 𝓜 and 𝓜̇ of groups. Sweeps that can fail return a status: 0, `i` if
 body i has no articulated inertia, -1 if an input is not finite or no orientation, or is so large that a result is not
-finite.
+finite, MISFIT if a vector has not the robot's length.
 
-records: what sweeps work on. steps: what they share. groups: degrees of freedom that belong together. state,
-factorization, classical, derivatives: the sweeps.
+records: what sweeps work on; workspace: where it is. steps: what they share; inertias: how P is handed on. groups: degrees
+of freedom that belong together. state, factorization, classical, derivatives: the sweeps; many: state's, over many states.
 """
 
 from diag_dynamics.sweeps.classical import (
@@ -47,8 +47,11 @@ from diag_dynamics.sweeps.factorization import (
     rates_with_added_inertia,
     tau_from_epsilon,
 )
-from diag_dynamics.sweeps.records import BODY, LINK, WORK, WRENCH, Workspace
-from diag_dynamics.sweeps.state import (
+from diag_dynamics.sweeps.many import evaluate_many
+from diag_dynamics.sweeps.records import BODY, LINK, WORK, WRENCH
+from diag_dynamics.sweeps.state import evaluate, link_energies
+from diag_dynamics.sweeps.steps import FLOATING, PLANAR, SINGULAR, UNIT_TOLERANCE
+from diag_dynamics.sweeps.workspace import (
     ARTICULATED_INERTIA,
     ARTICULATED_INERTIA_RATE,
     CORIOLIS,
@@ -56,16 +59,15 @@ from diag_dynamics.sweeps.state import (
     EPSILON,
     GRAVITY,
     KAPPA,
+    MISFIT,
     NU,
+    POSITIONS,
     RATES,
     ROWS,
     XI,
-    evaluate,
-    evaluate_many,
-    link_energies,
-    link_energy,
+    WideWorkspace,
+    Workspace,
 )
-from diag_dynamics.sweeps.steps import FLOATING, PLANAR, SINGULAR, UNIT_TOLERANCE
 
 __all__ = [
     "ARTICULATED_INERTIA",
@@ -78,8 +80,10 @@ __all__ = [
     "GRAVITY",
     "KAPPA",
     "LINK",
+    "MISFIT",
     "NU",
     "PLANAR",
+    "POSITIONS",
     "RATES",
     "ROWS",
     "SINGULAR",
@@ -87,6 +91,7 @@ __all__ = [
     "WORK",
     "WRENCH",
     "XI",
+    "WideWorkspace",
     "Workspace",
     "articulated_inertias",
     "coriolis_bracket",
@@ -102,7 +107,6 @@ __all__ = [
     "inverse_dynamics",
     "joint_inertias",
     "link_energies",
-    "link_energy",
     "m_rate_transposed",
     "mass_matrix",
     "mass_matrix_rate",

@@ -1,7 +1,9 @@
 """The classical form: M(q) q̈ + c(q, q̇) + g(q) = τ + Jᵀf, its forward and inverse dynamics."""
 
-from diag_dynamics.kernel import entry_kernel
+from diag_dynamics.kernel import FLAG, MATRIX, NUMBER, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
 from diag_dynamics.spatial import (
+    ANGULAR_Z,
+    LINEAR_Z,
     Force,
     add,
     add_force,
@@ -10,10 +12,10 @@ from diag_dynamics.spatial import (
     apply,
     apply_transposed,
     cross,
+    cross_along_z,
     cross_force,
     force_to_parent,
     inertia_times,
-    less_rank_one,
     motion_to_child,
     power,
     product,
@@ -29,13 +31,14 @@ from diag_dynamics.sweeps.groups import (
     is_grouped,
     owns,
 )
+from diag_dynamics.sweeps.inertias import hand_on
 from diag_dynamics.sweeps.records import (
+    WRENCHES,
     add_to_force,
     force_of,
     inertia_of,
     matrix_of,
     motion_of,
-    opened,
     placement_of,
     set_force,
     set_matrix,
@@ -51,9 +54,10 @@ from diag_dynamics.sweeps.steps import (
     joint_inertia,
     magnitude_along,
     momentum,
+    motion_outboard,
     move,
     own_motion,
-    pass_inertia,
+    pass_size,
     place,
     place_all,
     rest_at_world,
@@ -61,11 +65,72 @@ from diag_dynamics.sweeps.steps import (
     start_inertia,
     zeta,
 )
+from diag_dynamics.sweeps.workspace import MISFIT, copy, fit, opened
 
 
-@entry_kernel
+@kernel
+def _spend(bodies, i, direction, qd, work, qdd):
+    """The inward step of :func:`forward_dynamics` at a joint of one degree of freedom; the direction is a constant."""
+    body, w = bodies[i], work[i]
+    k, P, y = body.dof, inertia_of(w.P), force_of(w.y)
+    D, column, G = joint_inertia(direction, w, P)
+    w.D = D
+    if is_singular(magnitude_along(body, w), D):
+        return i
+    set_force(w.G, G)
+    remainder = qdd[k] - along(direction, y)
+    qdd[k] = remainder / D
+    zeta = cross_along_z(direction, motion_of(w.V), qd[k])
+    set_motion(w.zeta, zeta)
+    if body.parent > 0:
+        X, parent = placement_of(w), work[body.parent]
+        y_plus = add_force(y, scale_force(G, remainder - power(column, zeta)))  # P⁺ζ = Pζ − G (P S)ᵀζ
+        y_plus = add_force(y_plus, inertia_times(P, zeta))
+        pass_size(w, X, parent)
+        hand_on(w, G, column, X, parent)
+        add_to_force(parent.y, force_to_parent(X, y_plus))
+    return 0
+
+
+@large_kernel
+def _spend_of_group(bodies, last, qd, work, Q, qdd):
+    """The inward step of :func:`forward_dynamics` at degrees of freedom that are eliminated together: see groups."""
+    first = bodies[last].first
+    compose(bodies, first, last, work, Q)
+    y = gather_bias(bodies, first, last, qd, work, work.V, -1.0, qdd)
+    status = eliminate(bodies, first, last, work, Q, False)
+    if status != 0:
+        return status
+    y = add_force(y, filter_moments(bodies, first, last, work, Q, qdd))
+    if bodies[first].parent > 0:
+        add_to_force(work[bodies[first].parent].y, y)
+    for i in range(first, last + 1):
+        if owns(bodies, i):
+            qdd[bodies[i].dof] /= work[i].D
+    return 0
+
+
+@large_kernel
+def _accelerate(bodies, i, qd, work, Q, qdd):
+    """The last outward step of :func:`forward_dynamics` at a body of a group."""
+    body, w, carrier = bodies[i], work[i], work[bodies[bodies[i].first].parent]
+    A = motion_outboard(body, w, motion_of(work[body.parent].acceleration))
+    if body.rank == 0:
+        A = add_motion(A, zeta(bodies, i, qd, work))
+    if i == body.first:
+        for j in range(i, body.last + 1):
+            if owns(bodies, j):
+                qdd[bodies[j].dof] -= induced_rate(
+                    bodies, j, motion_of(carrier.acceleration), qdd, Q, force_of(work[j].G)
+                )
+    set_motion(w.acceleration, add_motion(A, own_motion(body, qdd)))
+
+
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR)
 def forward_dynamics(robot, q, qd, tau, qdd):
     """q̈ from τ: an outward, an inward and another outward sweep (theory: A₀ = −g, κ with gravity left in)."""
+    if not fit(robot, q, qd, tau):
+        return MISFIT
     bodies, gravity, work, table = opened(robot)
     if not (are_positions(bodies, q) and are_finite(qd) and are_finite(tau)):
         return -1
@@ -78,60 +143,34 @@ def forward_dynamics(robot, q, qd, tau, qdd):
         start_inertia(body, w)
         set_force(w.y, cross_force(V, momentum(body, V)))
 
-    qdd[:] = tau
+    copy(tau, qdd)
     i = n - 1
     while i > 0:  # qdd becomes D⁻¹(τ − Sᵀy), y that of the links outboard with the torques already spent on them
-        body, w, parent = bodies[i], work[i], work[bodies[i].parent]
+        body = bodies[i]
         if is_grouped(body):
-            first = body.first
-            compose(bodies, first, i, work, Q)
-            y = gather_bias(bodies, first, i, qd, work, work.V, -1.0, qdd)
-            status = eliminate(bodies, first, i, work, Q, False)
-            if status != 0:
-                return status
-            y = add_force(y, filter_moments(bodies, first, i, work, Q, qdd))
-            if bodies[first].parent > 0:
-                add_to_force(work[bodies[first].parent].y, y)
-            for j in range(first, i + 1):
-                if owns(bodies, j):
-                    qdd[bodies[j].dof] /= work[j].D
-            i = first - 1
-            continue
-        P, y = inertia_of(w.P), force_of(w.y)
-        D, column, G = joint_inertia(body.direction, w, P)
-        w.D = D
-        if is_singular(magnitude_along(body, w), D):
-            return i
-        set_force(w.G, G)
-        remainder = qdd[body.dof] - along(body.direction, y)
-        qdd[body.dof] = remainder / D
-        if body.parent > 0:
-            X = placement_of(w)
-            P_plus = less_rank_one(P, G, column)
-            y_plus = add_force(y, scale_force(G, remainder))
-            y_plus = add_force(y_plus, inertia_times(P_plus, zeta(bodies, i, qd, work)))
-            pass_inertia(w, P, P_plus, parent)
-            add_to_force(parent.y, force_to_parent(X, y_plus))
-        i -= 1
+            status = _spend_of_group(bodies, i, qd, work, Q, qdd)
+        elif body.direction == ANGULAR_Z:
+            status = _spend(bodies, i, ANGULAR_Z, qd, work, qdd)
+        else:
+            status = _spend(bodies, i, LINEAR_Z, qd, work, qdd)
+        if status != 0:
+            return status
+        i = body.first - 1
 
     accelerate_world(gravity, 1.0, work)
     for i in range(1, n):
         body, w = bodies[i], work[i]
+        if is_grouped(body):
+            _accelerate(bodies, i, qd, work, Q, qdd)
+            continue
         A = motion_to_child(placement_of(w), motion_of(work[body.parent].acceleration))
-        if body.rank == 0:
-            A = add_motion(A, zeta(bodies, i, qd, work))
-        if not is_grouped(body):
-            qdd[body.dof] -= power(force_of(w.G), A)
-        elif i == body.first:
-            carried = motion_of(work[body.parent].acceleration)
-            for j in range(i, body.last + 1):
-                if owns(bodies, j):
-                    qdd[bodies[j].dof] -= induced_rate(bodies, j, carried, qdd, Q, force_of(work[j].G))
+        A = add_motion(A, motion_of(w.zeta))
+        qdd[body.dof] -= power(force_of(w.G), A)
         set_motion(w.acceleration, add_motion(A, own_motion(body, qdd)))
     return 0 if are_finite(qdd) else -1
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, NUMBER, VECTOR)
 def inverse_dynamics(robot, q, qd, qdd, weight, tau):
     """τ = M q̈ + c + g (Newton–Euler, eq. 4.3), g times a weight of 0 or 1."""
     bodies, gravity, work, _ = opened(robot)
@@ -160,7 +199,7 @@ def inverse_dynamics(robot, q, qd, qdd, weight, tau):
     return 0 if are_finite(tau) else -1
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, WRENCHES, FLAG, VECTOR)
 def effort_of_wrenches(robot, q, wrenches, in_world, tau):
     """Jᵀf of wrenches at points of bodies, in the axes of the body or of the world."""
     bodies, _, work, _ = opened(robot)
@@ -190,7 +229,7 @@ def effort_of_wrenches(robot, q, wrenches, in_world, tau):
     return 0
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, MATRIX)
 def mass_matrix(robot, q, M):
     """M from the inertias of the composite rigid bodies outboard of each joint."""
     bodies, _, work, _ = opened(robot)
@@ -202,7 +241,7 @@ def mass_matrix(robot, q, M):
     return 0 if are_finite(M.ravel()) else -1
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, VECTOR)
 def first_moment(robot, q, moment):
     """Σ m_i c_i of all moving bodies in the world's axes [kg m], in an inward sweep."""
     bodies, _, work, _ = opened(robot)

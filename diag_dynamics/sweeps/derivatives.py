@@ -2,7 +2,7 @@
 
 import math
 
-from diag_dynamics.kernel import entry_kernel, kernel, large_kernel
+from diag_dynamics.kernel import MATRIX, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
 from diag_dynamics.spatial import (
     ZERO,
     Motion,
@@ -26,7 +26,7 @@ from diag_dynamics.sweeps.groups import (
     owns,
     rate_inboard,
 )
-from diag_dynamics.sweeps.records import add_to_force, force_of, motion_of, opened, set_force, set_motion
+from diag_dynamics.sweeps.records import add_to_force, force_of, motion_of, set_force, set_motion
 from diag_dynamics.sweeps.steps import (
     are_finite,
     are_positions,
@@ -39,6 +39,7 @@ from diag_dynamics.sweeps.steps import (
     rest_at_world,
     start,
 )
+from diag_dynamics.sweeps.workspace import opened
 
 
 @large_kernel
@@ -47,8 +48,6 @@ def _start(bodies, q, qd, work):
     if not (are_positions(bodies, q) and are_finite(qd)):
         return -1
     start(bodies, q, work)
-    for i in range(1, len(bodies)):
-        work[i].P_rate[:] = 0.0
     return 0
 
 
@@ -91,7 +90,7 @@ def _still_world(work):
     set_motion(work[0].W_rate, Motion(ZERO, ZERO))
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR)
 def articulated_inertias(robot, q, qd, D, D_rate):
     """D and Ḋ along the motion (7.2)."""
     bodies, _, work, table = opened(robot)
@@ -105,7 +104,7 @@ def articulated_inertias(robot, q, qd, D, D_rate):
     return 0 if are_finite(D_rate) else -1
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, VECTOR, MATRIX, MATRIX)
 def mass_matrix_rate(robot, q, qd, M, M_rate):
     """M and Ṁ along the motion (Identity 6.3): the whole robot as one group."""
     bodies, _, work, _ = opened(robot)
@@ -118,7 +117,7 @@ def mass_matrix_rate(robot, q, qd, M, M_rate):
     return 0 if are_finite(M_rate.ravel()) else -1
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR)
 def mass_matrix_rate_times(robot, q, qd, x, result):
     """Ṁx: the rate of the momenta M x while x is constant, in an outward and an inward sweep."""
     bodies, _, work, _ = opened(robot)
@@ -149,7 +148,7 @@ def _two_velocity_force(body, V, W):
     return scale_force(add_force(sum_, momentum(body, cross_motion(V, W))), 0.5)
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR)
 def coriolis_product(robot, q, qd, x, result):
     """C_s(q, q̇) x with C_s q̇ = c and Ṁ − 2C_s skew: Newton–Euler with two velocities."""
     bodies, _, work, _ = opened(robot)
@@ -174,7 +173,7 @@ def coriolis_product(robot, q, qd, x, result):
     return 0 if are_finite(result) else -1
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR)
 def m_rate_transposed(robot, q, qd, x, result):
     """ṁᵀx, x constant: D^−½[𝓜̇_c (W_A, x) − ½ Ḋ η] + D^½ GᵀẆ_A with η = D^−½ mᵀx."""
     bodies, _, work, table = opened(robot)
@@ -196,7 +195,7 @@ def m_rate_transposed(robot, q, qd, x, result):
     return 0 if are_finite(result) else -1
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
 def coriolis_bracket(robot, q, qd, x, eta, u, result):
     """B(q, ν)x, skew, B ν = C: an outward and an inward sweep over factorized bodies.
 

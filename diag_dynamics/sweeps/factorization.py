@@ -2,7 +2,7 @@
 
 import math
 
-from diag_dynamics.kernel import entry_kernel, large_kernel
+from diag_dynamics.kernel import FLAG, MATRIX, ROBOT, STATES, VECTOR, entry_kernel, large_kernel
 from diag_dynamics.spatial import (
     Force,
     add,
@@ -11,7 +11,6 @@ from diag_dynamics.spatial import (
     apply_transposed,
     cross,
     force_to_parent,
-    less_rank_one,
     motion_to_child,
     power,
     scale_force,
@@ -29,12 +28,13 @@ from diag_dynamics.sweeps.groups import (
     unfilter_moments,
     working_moments_of_wrench,
 )
+from diag_dynamics.sweeps.inertias import hand_on
 from diag_dynamics.sweeps.records import (
+    WRENCHES,
     add_to_force,
     force_of,
     inertia_of,
     motion_of,
-    opened,
     placement_of,
     set_force,
     vector_of,
@@ -48,10 +48,12 @@ from diag_dynamics.sweeps.steps import (
     move,
     orientation,
     pass_inertia,
+    pass_size,
     rest_at_world,
     start,
     start_inertia,
 )
+from diag_dynamics.sweeps.workspace import MISFIT, copy, fit_positions, opened
 
 
 @large_kernel
@@ -73,14 +75,19 @@ def factorize(bodies, work, Q, pass_over=False):
         P = inertia_of(w.P)
         D, column, G = joint_inertia(body.direction, w, P)
         w.D, w.size = D, magnitude_along(body, w)
-        P_plus = P
-        if not is_singular(w.size, D):
-            set_force(w.G, G)
-            P_plus = less_rank_one(P, G, column)  # not G D, which may be 0 times infinity
-        elif not pass_over:
+        singular = is_singular(w.size, D)
+        if singular and not pass_over:
             return i
+        if not singular:
+            set_force(w.G, G)
         if body.parent > 0:
-            pass_inertia(w, P, P_plus, work[body.parent])
+            parent = work[body.parent]
+            if singular:
+                pass_inertia(w, P, parent)
+            else:
+                X = placement_of(w)
+                pass_size(w, X, parent)
+                hand_on(w, G, column, X, parent)
         i -= 1
     return 0
 
@@ -104,7 +111,7 @@ def scale_by_inertia(bodies, work, exponent, x):
             x[bodies[i].dof] = x[bodies[i].dof] * factor if exponent > 0.0 else x[bodies[i].dof] / factor
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR)
 def joint_inertias(robot, q, D, size):
     """D of every joint; one that moves no inertia is passed over as if it were locked. For judging a model."""
     bodies, _, work, table = opened(robot)
@@ -115,26 +122,30 @@ def joint_inertias(robot, q, D, size):
             D[bodies[i].dof], size[bodies[i].dof] = work[i].D, work[i].size
 
 
-@entry_kernel
-def factors(robot, q, unit, unit_inverse, D):
-    """[I + HφK], its inverse [I − HψK], and D (Identity 4.1), column by column up the tree.
+@entry_kernel(ROBOT, VECTOR, STATES, VECTOR)
+def factors(robot, q, m_l_unit, D):
+    """Fill m = [I + HφK]D^½, ℓ = D^−½[I − HψK] and [I + HφK], the unit factor, and D (Identity 4.1), column by column.
 
-    A unit working moment at joint j leaves G of j behind; rigid transport of it gives the column of the one,
-    transport through the articulated joints the column of the other.
+    A unit working moment at joint j leaves G of j behind; rigid transport of it up the tree gives the column of the unit
+    factor, transport through the articulated joints that of its inverse.
     """
+    if not fit_positions(robot, q):
+        return MISFIT
     bodies, _, work, table = opened(robot)
-    Q = table[0]
+    Q, m, inverse, unit = table[0], m_l_unit[0], m_l_unit[1], m_l_unit[2]
     status = place_and_factorize(bodies, q, work, Q)
     if status != 0:
         return status
-    unit[:] = 0.0
-    unit_inverse[:] = 0.0
+    for i in range(len(D)):
+        for k in range(len(D)):
+            m[i, k] = inverse[i, k] = 0.0
     for j in range(1, len(bodies)):
         if not owns(bodies, j):
             continue
-        column, inverse_column = unit[:, bodies[j].dof], unit_inverse[:, bodies[j].dof]
-        D[bodies[j].dof] = work[j].D
-        column[bodies[j].dof] = inverse_column[bodies[j].dof] = 1.0
+        k = bodies[j].dof
+        column, inverse_column = m[:, k], inverse[:, k]
+        D[k] = work[j].D
+        column[k] = inverse_column[k] = 1.0
         if is_grouped(bodies[j]):
             i = bodies[bodies[j].first].parent
             rigid = unfilter_moments(bodies, bodies[j].first, j, work, Q, column)
@@ -144,10 +155,16 @@ def factors(robot, q, unit, unit_inverse, D):
             rigid = articulated = force_inboard(bodies[j], work[j], force_of(work[j].G))
         moments_of_wrench(bodies, i, work, rigid, column)
         working_moments_of_wrench(bodies, i, work, Q, scale_force(articulated, -1.0), inverse_column)
+    for k in range(len(D)):
+        root = math.sqrt(D[k])
+        for i in range(len(D)):
+            unit[i, k] = m[i, k]
+            m[i, k] *= root
+            inverse[k, i] /= root
     return 0
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, WRENCHES, FLAG, MATRIX)
 def factor_of_wrenches(robot, q, wrenches, in_world, epsilon):
     """ℓJᵀw of each wrench at a point of a body, a column of `epsilon` each, by walks up the tree."""
     bodies, _, work, table = opened(robot)
@@ -209,7 +226,7 @@ def working_moments_inward(bodies, tau, work, Q, kappa):
     """κ = [I − HψK]τ (Table 2); kappa may be tau."""
     for i in range(len(bodies)):
         work[i].z[:] = 0.0
-    kappa[:] = tau
+    copy(tau, kappa)
     i = len(bodies) - 1
     while i > 0:
         body, w = bodies[i], work[i]
@@ -231,7 +248,7 @@ def moments_inward(bodies, kappa, work, Q, tau):
     """τ = [I + HφK]κ (Table 2, right); tau may be kappa."""
     for i in range(len(bodies)):
         work[i].z[:] = 0.0
-    tau[:] = kappa
+    copy(kappa, tau)
     i = len(bodies) - 1
     while i > 0:
         body, w = bodies[i], work[i]
@@ -248,7 +265,7 @@ def moments_inward(bodies, kappa, work, Q, tau):
         i -= 1
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR)
 def nu_from_qd(robot, q, qd, nu):
     """ν = mᵀq̇ (Table 1)."""
     bodies, _, work, table = opened(robot)
@@ -259,19 +276,19 @@ def nu_from_qd(robot, q, qd, nu):
     return status
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR)
 def qd_from_nu(robot, q, nu, qd):
     """q̇ = ℓᵀν (Table 1, right)."""
     bodies, _, work, table = opened(robot)
     status = place_and_factorize(bodies, q, work, table[0])
     if status == 0:
-        qd[:] = nu
+        copy(nu, qd)
         scale_by_inertia(bodies, work, -0.5, qd)
         own_rates_outward(bodies, qd, work, table[0], qd)
     return status
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR)
 def epsilon_from_tau(robot, q, tau, epsilon):
     """ε = ℓτ (Table 2)."""
     bodies, _, work, table = opened(robot)
@@ -282,19 +299,19 @@ def epsilon_from_tau(robot, q, tau, epsilon):
     return status
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR)
 def tau_from_epsilon(robot, q, epsilon, tau):
     """τ = mε (Table 2, right)."""
     bodies, _, work, table = opened(robot)
     status = place_and_factorize(bodies, q, work, table[0])
     if status == 0:
-        tau[:] = epsilon
+        copy(epsilon, tau)
         scale_by_inertia(bodies, work, 0.5, tau)
         moments_inward(bodies, tau, work, table[0], tau)
     return status
 
 
-@entry_kernel
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
 def rates_with_added_inertia(robot, q, nu, added, momentum, qd):
     """q̇ = (M + diag(added))⁻¹ m ν: rates after an implicit step of joint damping, or with joints held.
 

@@ -26,7 +26,6 @@ from diag_dynamics.kernel import kernel, large_kernel
 from diag_dynamics.spatial import (
     ZERO,
     Force,
-    Motion,
     add_force,
     add_motion,
     along,
@@ -39,6 +38,8 @@ from diag_dynamics.spatial import (
     less_rank_one,
     less_rank_two,
     motion_to_child,
+    no_force,
+    no_motion,
     power,
     scale_force,
     subtract_force,
@@ -112,7 +113,7 @@ def compose(bodies, first, last, work, Q):
                 work[body.parent].magnitude[k] += w.magnitude[k]
                 work[body.parent].total[k] += w.total[k]
         elif body.parent > 0:
-            pass_inertia(w, P, P, work[body.parent])
+            pass_inertia(w, P, work[body.parent])
 
 
 @large_kernel
@@ -234,7 +235,7 @@ def induced_rate(bodies, i, V_A, qd, Q, G):
 @kernel
 def filter_moments(bodies, first, last, work, Q, moments):
     """Moments τ along a group's degrees of freedom become κ, in place; returns Σ G κ on the carrier."""
-    F = NOTHING
+    F = no_force(moments)
     for i in range(last, first - 1, -1):
         if owns(bodies, i):
             c, start = bodies[i].dof, bodies[i].start
@@ -247,7 +248,7 @@ def filter_moments(bodies, first, last, work, Q, moments):
 @kernel
 def unfilter_moments(bodies, first, last, work, Q, moments):
     """Moments κ become τ of them alone, in place: [I + HφK] within the group; returns Σ G κ on the carrier."""
-    F = NOTHING
+    F = no_force(moments)
     for i in range(first, last + 1):
         if owns(bodies, i):
             c, start = bodies[i].dof, bodies[i].start
@@ -301,7 +302,7 @@ def gather(bodies, first, last, work, forces, sign, moments):
 
     The wrenches are summed inboard, and the one on the carrier returned.
     """
-    F = NOTHING
+    F = no_force(moments)
     for i in range(last, first - 1, -1):
         body = bodies[i]
         f = force_of(forces[i])
@@ -322,7 +323,7 @@ def gather_bias(bodies, first, last, qd, work, V, sign, moments):
     """
     for i in range(first, last + 1):
         body, w = bodies[i], work[i]
-        A, zeta = Motion(ZERO, ZERO), Motion(ZERO, ZERO)
+        A = zeta = no_motion(moments)
         if body.parent >= first:
             A = motion_outboard(body, w, motion_of(work[body.parent].bias))
         if body.rank == 0:
@@ -331,7 +332,7 @@ def gather_bias(bodies, first, last, qd, work, V, sign, moments):
             )
         set_motion(w.zeta, zeta)
         set_motion(w.bias, add_motion(A, zeta))
-    F = NOTHING
+    F = no_force(moments)
     for i in range(last, first - 1, -1):
         body, w = bodies[i], work[i]
         P, y = inertia_of(w.P), force_of(w.y)

@@ -3,8 +3,6 @@
 import numba
 import numpy as np
 from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
 
 from diag_dynamics.kernel import kernel
 from diag_dynamics.spatial import Force, Inertia, Motion, Placement, add, add_force
@@ -49,33 +47,55 @@ LINK = np.dtype(
 )
 """One link with inertia, in the frame of the body it belongs to."""
 
-WORK = np.dtype(
-    [
-        ("rotation", "f8", 9),
-        ("translation", "f8", 3),
-        ("orientation", "f8", 9),
-        ("V", "f8", 6),
-        ("W", "f8", 6),
-        ("W_rate", "f8", 6),
-        ("acceleration", "f8", 6),
-        ("zeta", "f8", 6),
-        ("bias", "f8", 6),
-        ("P", "f8", 21),
-        ("P_rate", "f8", 21),
-        ("magnitude", "f8", 2),
-        ("total", "f8", 2),
-        ("armature", "f8"),
-        ("y", "f8", 6),
-        ("z", "f8", 6),
-        ("D", "f8"),
-        ("size", "f8"),
-        ("G", "f8", 6),
-        ("u", "f8", 6),
-    ],
-    align=True,
-)
+INERTIA, RATE = 72, 4
+"""Numbers that a body's P and Ṗ take together, and by how many Ṗ comes after P.
+
+Row by row, each entry of the 3x3 blocks A, B and C of P, a gap, those of Ṗ, a gap: eight numbers that are next to each other
+make one vector register (see inertias).
+"""
+
+
+def _work():
+    """Fields of a body's workspace, each where a vector register may start."""
+    fields = {"P": ((np.float64, INERTIA - RATE), 0), "P_rate": ((np.float64, INERTIA - RATE), 8 * RATE)}
+    end = 8 * INERTIA
+    for name, length in (
+        ("rigid", INERTIA // 2),
+        ("rotation", 9),
+        ("translation", 3),
+        ("V", 6),
+        ("acceleration", 6),
+        ("y", 6),
+        ("z", 6),
+        ("magnitude", 2),
+        ("total", 2),
+        ("armature", None),
+        ("D", None),
+        ("size", None),
+        ("G", 6),
+        ("u", 6),
+        ("orientation", 9),
+        ("W", 6),
+        ("W_rate", 6),
+        ("zeta", 6),
+        ("bias", 6),
+    ):
+        fields[name] = (np.float64 if length is None else (np.float64, length)), end
+        end += 8 * (length or 1)
+    return np.dtype(
+        {
+            "names": list(fields),
+            "formats": [format_ for format_, _ in fields.values()],
+            "offsets": [offset for _, offset in fields.values()],
+            "itemsize": -(-end // 64) * 64,
+        },
+        align=True,
+    )
+
+
+WORK = _work()
 """Workspace of one body; which fields are alive depends on the sweep. D, size, G and u belong to the degree of freedom
-that the body owns."""
+that the body owns; rigid is its own inertia, as P holds it."""
 
 WRENCH = np.dtype(
     [("body", "i8"), ("point", "f8", 3), ("force", "f8", 3), ("moment", "f8", 3)],
@@ -83,49 +103,9 @@ WRENCH = np.dtype(
 )
 """An external wrench at a point of a body, the point in the body's frame [m], force [N] and moment [N m]."""
 
-
-class Workspace:
-    """A robot, as sweeps take it, and memory for them to work in: one for each thread.
-
-    Attributes
-    ----------
-    robot : ndarray of int64
-        Where all of it lies: the one argument that stands for `bodies`, `gravity`, `work` and `table`, which as arguments
-        of their own would cost as much as the arithmetic of a small robot. It holds addresses: keep the Workspace while a
-        sweep runs.
-    bodies, gravity, work, table : ndarray
-        Records of RobotModel, acceleration of gravity [m/s²], those of :data:`WORK`, and the matrices 𝓜 and 𝓜̇ of groups
-        (see groups).
-    """
-
-    def __init__(self, bodies, gravity):
-        moving, body = bodies[1:], np.arange(1, len(bodies))
-        own = moving["owner"] == body
-        grouped = own & (moving["last"] > moving["first"])
-        widest = np.bincount(moving["first"][grouped]).max(initial=1)
-        self.bodies, self.gravity = np.ascontiguousarray(bodies), np.ascontiguousarray(gravity, dtype=np.float64)
-        self.work, self.table = np.zeros(len(bodies), WORK), np.zeros((2, int(own.sum()), int(widest)))
-        arrays = (self.bodies, self.gravity, self.work, self.table)
-        self.robot = np.array([*(array.ctypes.data for array in arrays), len(bodies), *self.table.shape[1:]], np.int64)
-
-    def __reduce__(self):
-        return Workspace, (self.bodies, self.gravity)  # a copy lies elsewhere
-
-
-@intrinsic
-def _pointer(context, address):
-    """The pointer that an integer is."""
-    return types.voidptr(address), lambda _, builder, __, args: builder.inttoptr(args[0], cgutils.voidptr_t)
-
-
-@kernel
-def opened(robot):
-    """`bodies`, `gravity`, `work` and `table` of a :class:`Workspace`."""
-    bodies = numba.carray(_pointer(robot[0]), (robot[4],), BODY)
-    gravity = numba.carray(_pointer(robot[1]), (3,), np.float64)
-    work = numba.carray(_pointer(robot[2]), (robot[4],), WORK)
-    table = numba.carray(_pointer(robot[3]), (2, robot[5], robot[6]), np.float64)
-    return bodies, gravity, work, table
+BODIES, LINKS = (types.Array(numba.from_dtype(record), 1, "C", readonly=True) for record in (BODY, LINK))
+WRENCHES = numba.from_dtype(WRENCH)[::1]
+"""Types of arrays of records."""
 
 
 @kernel
@@ -160,11 +140,11 @@ def force_of(a):
 
 @kernel
 def inertia_of(a):
-    """Inertia of 21 numbers: the upper triangle of A, all of B, the upper triangle of C."""
+    """Inertia of the field P or P_rate."""
     return Inertia(
-        ((a[0], a[1], a[2]), (a[1], a[3], a[4]), (a[2], a[4], a[5])),
-        ((a[6], a[7], a[8]), (a[9], a[10], a[11]), (a[12], a[13], a[14])),
-        ((a[15], a[16], a[17]), (a[16], a[18], a[19]), (a[17], a[19], a[20])),
+        ((a[0], a[8], a[16]), (a[8], a[32], a[40]), (a[16], a[40], a[64])),
+        ((a[1], a[9], a[17]), (a[25], a[33], a[41]), (a[49], a[57], a[65])),
+        ((a[2], a[10], a[18]), (a[10], a[34], a[42]), (a[18], a[42], a[66])),
     )
 
 
@@ -218,10 +198,10 @@ def set_placement(w, X):
 @kernel
 def set_inertia(a, P):
     """Write an Inertia."""
-    a[0], a[1], a[2], a[3], a[4], a[5] = P.A[0] + P.A[1][1:] + P.A[2][2:]
     for row in range(3):
-        set_vector(a, 6 + 3 * row, P.B[row])
-    a[15], a[16], a[17], a[18], a[19], a[20] = P.C[0] + P.C[1][1:] + P.C[2][2:]
+        for column in range(3):
+            k = 24 * row + 8 * column
+            a[k], a[k + 1], a[k + 2] = P.A[row][column], P.B[row][column], P.C[row][column]
 
 
 @kernel

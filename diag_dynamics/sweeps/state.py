@@ -2,24 +2,25 @@
 
 import math
 
-from diag_dynamics.kernel import entry_kernel, large_kernel
+import numpy as np
+
+from diag_dynamics.kernel import MATRIX, ROBOT, STATES, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.lanes import nought
 from diag_dynamics.spatial import (
+    ANGULAR_Z,
+    LINEAR_Z,
     ZERO,
     Motion,
     add_force,
-    add_inertia,
     add_motion,
     along,
     apply_transposed,
     column_along,
+    cross_along_z,
     cross_force,
-    cross_motion,
     dot,
     force_to_parent,
     inertia_times,
-    inertia_to_parent,
-    less_rank_one,
-    less_rank_two,
     motion_along,
     motion_to_child,
     power,
@@ -27,7 +28,6 @@ from diag_dynamics.spatial import (
     scale_force,
     subtract_force,
     subtract_motion,
-    transport_along_z,
 )
 from diag_dynamics.sweeps.groups import (
     carried_motion,
@@ -43,13 +43,15 @@ from diag_dynamics.sweeps.groups import (
     momentum_rate,
     owns,
 )
+from diag_dynamics.sweeps.inertias import hand_on_with_rate
 from diag_dynamics.sweeps.records import (
+    BODIES,
+    LINKS,
+    WORK,
     add_to_force,
-    add_to_inertia,
     force_of,
     inertia_of,
     motion_of,
-    opened,
     placement_of,
     set_force,
     set_motion,
@@ -58,22 +60,34 @@ from diag_dynamics.sweeps.records import (
 )
 from diag_dynamics.sweeps.steps import (
     are_finite,
-    are_positions,
+    are_orientations,
     is_singular,
     joint_inertia,
     magnitude_along,
     momentum,
+    move,
     own_motion,
-    pass_inertia,
+    pass_size,
     place,
     rest_at_world,
     start_inertia,
 )
-
-NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
-"""Rows of the output of :func:`evaluate`."""
-
-ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, RATES, ROWS = range(7, 11)
+from diag_dynamics.sweeps.workspace import (
+    ARTICULATED_INERTIA,
+    ARTICULATED_INERTIA_RATE,
+    CORIOLIS,
+    CORIOLIS_UNNORMALIZED,
+    EPSILON,
+    GRAVITY,
+    KAPPA,
+    MISFIT,
+    NU,
+    POSITIONS,
+    RATES,
+    XI,
+    fit,
+    opened,
+)
 
 
 @large_kernel
@@ -89,16 +103,15 @@ def _outward(bodies, gravity, q, qd, work):
         set_motion(w.V, V)
         set_vector(w.acceleration, 0, apply_transposed(X.rotation, vector_of(parent.acceleration)))
         start_inertia(body, w)
-        w.P_rate[:] = 0.0
         set_force(w.y, cross_force(V, momentum(body, V)))
         w.z[:] = 0.0
 
 
-@large_kernel
-def _axis(bodies, i, qd, tau, work, out):
-    """The inward step at a joint of one degree of freedom."""
+@kernel
+def _axis(bodies, i, direction, qd, tau, work, out):
+    """The inward step at a joint of one degree of freedom; the direction is a constant, for the compiler's sake."""
     body, w = bodies[i], work[i]
-    k, direction = body.dof, body.direction
+    k = body.dof
     rate = qd[k]
     V, P, P_rate, y, z = motion_of(w.V), inertia_of(w.P), inertia_of(w.P_rate), force_of(w.y), force_of(w.z)
 
@@ -129,17 +142,15 @@ def _axis(bodies, i, qd, tau, work, out):
     out[ARTICULATED_INERTIA_RATE, k] = D_rate
 
     if body.parent > 0:
-        # P⁺ = τ̄ P;  Ṗ⁺ = τ̄ Ṗ τ̄ᵀ − (v_J×)ᵀP⁺ − P⁺(v_J×);  y⁺ = τ̄ y + P⁺ζ;  z⁺ = z + G κ
+        # y⁺ = τ̄ y + P⁺ζ, P⁺ζ = Pζ − G (P S)ᵀζ;  z⁺ = z + G κ
         X, parent = placement_of(w), work[body.parent]
-        P_plus = less_rank_one(P, G, column)
-        filtered = less_rank_two(P_rate, G, subtract_force(u, scale_force(G, 0.5 * D_rate)))
-        moved = transport_along_z(direction, rate, P_plus)
-        y_plus = subtract_force(y, scale_force(G, along(direction, y)))
+        zeta = cross_along_z(direction, V, rate)
+        y_plus = subtract_force(y, scale_force(G, along(direction, y) + power(column, zeta)))
+        y_plus = add_force(y_plus, inertia_times(P, zeta))
         z_plus = add_force(z, scale_force(G, kappa))
-        pass_inertia(w, P, P_plus, parent)
-        add_to_inertia(parent.P_rate, inertia_to_parent(X, add_inertia(filtered, moved)))
-        zeta = cross_motion(V, v_J)
-        add_to_force(parent.y, force_to_parent(X, add_force(y_plus, inertia_times(P_plus, zeta))))
+        pass_size(w, X, parent)
+        hand_on_with_rate(w, direction, rate, G, column, subtract_force(u, scale_force(G, 0.5 * D_rate)), X, parent)
+        add_to_force(parent.y, force_to_parent(X, y_plus))
         add_to_force(parent.z, force_to_parent(X, z_plus))
     return 0
 
@@ -185,76 +196,75 @@ def _group(bodies, last, qd, tau, work, table, out):
     return 0
 
 
-@large_kernel
-def _is_finite_result(out):
-    """Whether every row is finite, and the kinetic energy too."""
-    energy = 0.0
-    for k in range(out.shape[1]):
-        energy += out[NU, k] ** 2
-    for row in range(out.shape[0]):
-        if not are_finite(out[row]):
+@kernel
+def _is_finite_result(out, n):
+    """Whether all that has been filled is finite, and the kinetic energy too."""
+    energy = nought(out)
+    for k in range(n):
+        rows = out[XI, k] + out[EPSILON, k] + out[KAPPA, k] + out[CORIOLIS, k] + out[CORIOLIS_UNNORMALIZED, k]
+        rows += out[GRAVITY, k] + out[ARTICULATED_INERTIA, k] + out[ARTICULATED_INERTIA_RATE, k]
+        if not math.isfinite(rows):
             return False
+        energy += out[NU, k] * out[NU, k]
     return math.isfinite(energy)
 
 
-@entry_kernel
-def evaluate(robot, q, qd, tau, out, twists):
-    """ν, ξ, ε, κ, C, C_ξ, ε_g, D and Ḋ at one state, in an outward and an inward sweep.
-
-    Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. Rows of `out` are those of :data:`NU` and so on;
-    `twists` receives V of every body, and the last row q̇.
-    """
-    bodies, gravity, work, table = opened(robot)
-    if not (are_positions(bodies, q) and are_finite(qd) and are_finite(tau)):
-        return -1
+@kernel
+def sweep(bodies, gravity, q, qd, tau, work, table, out):
+    """Fill the rows of `out` from NU on with what :func:`evaluate` gives; q, q̇ and τ are finite."""
     _outward(bodies, gravity, q, qd, work)
-    out[RATES] = qd
-    twists[0] = 0.0
-    for i in range(1, len(bodies)):
-        twists[i] = work[i].V
     i = len(bodies) - 1
     while i > 0:
         first = bodies[i].first
-        grouped = is_grouped(bodies[i])
-        status = _group(bodies, i, qd, tau, work, table, out) if grouped else _axis(bodies, i, qd, tau, work, out)
+        if is_grouped(bodies[i]):
+            status = _group(bodies, i, qd, tau, work, table, out)
+        elif bodies[i].direction == ANGULAR_Z:
+            status = _axis(bodies, i, ANGULAR_Z, qd, tau, work, out)
+        else:
+            status = _axis(bodies, i, LINEAR_Z, qd, tau, work, out)
         if status != 0:
             return status
         i = first - 1
-    return 0 if _is_finite_result(out) else -1
+    return 0 if _is_finite_result(out, len(qd)) else -1
 
 
-@entry_kernel
-def link_energy(bodies, links, twists, qd, out):
-    """½VᵀIV of each link with inertia, in the frame of the body it belongs to, and ½ armature q̇² of its joint."""
-    out[:] = 0.0
-    for j in range(len(links)):
-        link = links[j]
-        V = motion_of(twists[link.body])
-        out[link.index] += 0.5 * power(momentum(link, V), V)
-    for i in range(1, len(bodies)):
-        body = bodies[i]
-        out[body.link] += 0.5 * body.armature * (body.multiplier * qd[body.dof]) ** 2
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, MATRIX)
+def evaluate(robot, q, qd, tau, out):
+    """ν, ξ, ε, κ, C, C_ξ, ε_g, D and Ḋ at one state, in an outward and an inward sweep.
 
-
-# --- Many states ------------------------------------------------------------------------------------------
-
-
-@entry_kernel
-def evaluate_many(robot, Q, QD, TAU, out, twists, failed):
-    """:func:`evaluate` at each of many states, the first axis of all arguments; `failed` receives the first that fails.
-
-    Without efforts TAU has one row, of zeros.
+    Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. Rows of `out`, of length nq, are those of :data:`NU` and so on; the
+    last two receive q and q̇.
     """
-    for t in range(len(Q)):
-        status = evaluate(robot, Q[t], QD[t], TAU[min(t, len(TAU) - 1)], out[t], twists[t])
-        if status != 0:
-            failed[0] = t
-            return status
-    return 0
+    if not fit(robot, q, qd, tau):
+        return MISFIT
+    if not (are_finite(q) and are_finite(qd) and are_finite(tau)):
+        return -1
+    bodies, gravity, work, table = opened(robot)
+    if not are_orientations(bodies, q):
+        return -1
+    for k in range(len(q)):
+        out[POSITIONS, k] = q[k]
+    for k in range(len(qd)):
+        out[RATES, k] = qd[k]
+    return sweep(bodies, gravity, q, qd, tau, work, table, out)
 
 
-@entry_kernel
-def link_energies(bodies, links, twists, out, energies):
-    """:func:`link_energy` at each of many states, of what :func:`evaluate_many` has filled."""
-    for t in range(len(out)):
-        link_energy(bodies, links, twists[t], out[t, RATES], energies[t])
+@entry_kernel(BODIES, LINKS, STATES, MATRIX, nogil=True)
+def link_energies(bodies, links, states, energies):
+    """Kinetic energy of every link, ½VᵀIV and ½ armature q̇² of its joint, at each state that :func:`evaluate` was at.
+
+    A state is what it filled; I is taken in the frame of the body that the link belongs to.
+    """
+    work = np.empty(len(bodies), WORK)
+    for t in range(len(states)):
+        q, qd, energy = states[t, POSITIONS], states[t, RATES], energies[t]
+        energy[:] = 0.0
+        rest_at_world(work)
+        for i in range(1, len(bodies)):
+            body, w = bodies[i], work[i]
+            place(body, q, w)
+            move(body, qd, work, w)
+            energy[body.link] += 0.5 * body.armature * (body.multiplier * qd[body.dof]) ** 2
+        for j in range(len(links)):
+            V = motion_of(work[links[j].body].V)
+            energy[links[j].index] += 0.5 * power(momentum(links[j], V), V)

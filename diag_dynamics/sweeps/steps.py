@@ -2,7 +2,7 @@
 
 import math
 
-from diag_dynamics.kernel import kernel
+from diag_dynamics.kernel import kernel, large_kernel
 from diag_dynamics.spatial import (
     ANGULAR_X,
     ANGULAR_Z,
@@ -20,20 +20,20 @@ from diag_dynamics.spatial import (
     inertia_to_parent,
     motion_along,
     motion_to_child,
+    no_motion,
     product,
-    rigid_inertia,
     rigid_momentum,
     rotation_of_quaternion,
     scale,
     scale_force,
     turned_about_z,
 )
+from diag_dynamics.sweeps.inertias import start_own
 from diag_dynamics.sweeps.records import (
     add_to_inertia,
     matrix_of,
     motion_of,
     placement_of,
-    set_inertia,
     set_motion,
     set_placement,
     symmetric_of,
@@ -59,13 +59,21 @@ in 1e-14 is rounding."""
 @kernel
 def place(body, q, w):
     """X of the body at the positions q, kept in its workspace; the later bodies of a joint are where the first is."""
+    if body.dofs == 1 and body.direction == ANGULAR_Z:
+        position = body.multiplier * q[body.q] + body.offset
+        set_placement(w, Placement(turned_about_z(matrix_of(body.rotation), position), vector_of(body.translation)))
+    else:
+        _place_rarer(body, q, w)
+    return placement_of(w)
+
+
+@large_kernel
+def _place_rarer(body, q, w):
+    """What :func:`place` does with all but a revolute joint."""
     rotation, translation = matrix_of(body.rotation), vector_of(body.translation)
     if body.dofs == 1:
         position = body.multiplier * q[body.q] + body.offset
-        if body.direction == ANGULAR_Z:
-            rotation = turned_about_z(rotation, position)
-        else:
-            translation = add(translation, apply(rotation, (0.0, 0.0, position)))
+        translation = add(translation, apply(rotation, (0.0, 0.0, position)))
     elif body.rank == 0:
         k = body.q
         if body.dofs == PLANAR:
@@ -74,9 +82,7 @@ def place(body, q, w):
         else:
             translation = add(translation, apply(rotation, (q[k], q[k + 1], q[k + 2])))
             rotation = product(rotation, rotation_of_quaternion(q[k + 3], q[k + 4], q[k + 5], q[k + 6]))
-    X = Placement(rotation, translation)
-    set_placement(w, X)
-    return X
+    set_placement(w, Placement(rotation, translation))
 
 
 @kernel
@@ -107,12 +113,16 @@ def start(bodies, q, work):
 @kernel
 def are_positions(bodies, q):
     """Whether all positions are finite, and orientations near unit length."""
-    if not are_finite(q):
-        return False
+    return are_finite(q) and are_orientations(bodies, q)
+
+
+@kernel
+def are_orientations(bodies, q):
+    """Whether orientations are near unit length."""
     for i in range(1, len(bodies)):
         if bodies[i].dofs == FLOATING and bodies[i].rank == 0:
             k = bodies[i].q + 3
-            length = q[k] ** 2 + q[k + 1] ** 2 + q[k + 2] ** 2 + q[k + 3] ** 2
+            length = q[k] * q[k] + q[k + 1] * q[k + 1] + q[k + 2] * q[k + 2] + q[k + 3] * q[k + 3]
             if not abs(length - 1.0) < UNIT_TOLERANCE:
                 return False
     return True
@@ -141,7 +151,7 @@ def joint_motion(bodies, i, rates):
     """v_J, what moves the frame of body i against its parent's; nothing for the later bodies of a joint."""
     if bodies[i].dofs == 1:
         return own_motion(bodies[i], rates)
-    v_J = Motion(ZERO, ZERO)
+    v_J = no_motion(rates)
     if bodies[i].rank == 0:
         for j in range(i, i + bodies[i].dofs):
             v_J = add_motion(v_J, own_motion(bodies[j], rates))
@@ -178,12 +188,6 @@ def move(body, rates, work, w):
 
 
 @kernel
-def body_inertia(body):
-    """I of a body."""
-    return rigid_inertia(body.mass, vector_of(body.first_moment), symmetric_of(body.inertia))
-
-
-@kernel
 def momentum(body, V):
     """I V."""
     return rigid_momentum(body.mass, vector_of(body.first_moment), symmetric_of(body.inertia), V)
@@ -192,10 +196,9 @@ def momentum(body, V):
 @kernel
 def start_inertia(body, w):
     """P of a body before its children have been added, and the magnitudes that D will be judged by."""
-    rigid = body_inertia(body)
-    set_inertia(w.P, rigid)
+    start_own(body, w)
     w.magnitude[0] = 3.0 * body.mass
-    w.magnitude[1] = rigid.C[0][0] + rigid.C[1][1] + rigid.C[2][2]
+    w.magnitude[1] = body.inertia[0] + body.inertia[3] + body.inertia[5]
     w.total[0], w.total[1] = w.magnitude[0], w.magnitude[1]
     w.armature = body.armature
 
@@ -225,17 +228,23 @@ def is_singular(size, D):
 
 
 @kernel
-def pass_inertia(w, P, P_plus, parent):
-    """Add XᵀP⁺X to the parent's P, and the size of P itself to the parent's magnitudes."""
-    X = placement_of(w)
-    add_to_inertia(parent.P, inertia_to_parent(X, P_plus))
-    linear = P.A[0][0] + P.A[1][1] + P.A[2][2]
-    angular = P.C[0][0] + P.C[1][1] + P.C[2][2]
+def pass_size(w, X, parent):
+    """Add the size of P to the parent's magnitudes."""
+    P = w.P
+    linear, angular = P[0] + P[32] + P[64], P[2] + P[34] + P[66]
     lever = dot(X.translation, X.translation)
     parent.magnitude[0] += linear
     parent.magnitude[1] += angular + linear * lever
     parent.total[0] += w.total[0]
     parent.total[1] += w.total[1] + w.total[0] * lever
+
+
+@kernel
+def pass_inertia(w, P, parent):
+    """Add XᵀP X to the parent's P, and its size to the parent's magnitudes: P of the body w, nothing taken out."""
+    X = placement_of(w)
+    add_to_inertia(parent.P, inertia_to_parent(X, P))
+    pass_size(w, X, parent)
 
 
 @kernel

@@ -1,0 +1,140 @@
+"""The memory that sweeps work in, and how they are told of it."""
+
+import numba
+import numpy as np
+
+from diag_dynamics.kernel import kernel
+from diag_dynamics.lanes import EIGHT, WIDTH, array_at, record_of_lanes
+from diag_dynamics.sweeps.records import BODY, WORK
+
+NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
+"""Rows of what state.evaluate fills."""
+
+ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, RESULTS = range(7, 10)
+
+POSITIONS, RATES, ROWS = range(9, 12)
+
+MISFIT = -2
+"""Status of a sweep whose vectors are not of the robot's lengths."""
+
+POSITIONS_OF = {1: 1, 3: 3, 6: 7}
+"""Position coordinates of a joint of so many degrees of freedom."""
+
+
+class Workspace:
+    """A robot, as sweeps take it, and memory for them to work in: one for each thread.
+
+    Attributes
+    ----------
+    robot : int
+        Address of `addresses`: the one argument that stands for `bodies`, `gravity`, `work` and `table`, which as arguments
+        of their own would cost as much as the arithmetic of a small robot. Keep the Workspace while a sweep runs.
+    addresses : ndarray of int64
+        Where these arrays lie, and the numbers of bodies, of degrees of freedom, of the widest group's degrees of freedom
+        and of position coordinates.
+    bodies, gravity, work, table : ndarray
+        Records of RobotModel, acceleration of gravity [m/s²], those of :data:`WORK`, and the matrices 𝓜 and 𝓜̇ of groups
+        (see groups).
+    """
+
+    def __init__(self, bodies, gravity):
+        moving, body = bodies[1:], np.arange(1, len(bodies))
+        own = moving["owner"] == body
+        grouped = own & (moving["last"] > moving["first"])
+        widest = np.bincount(moving["first"][grouped]).max(initial=1)
+        self.bodies, self.gravity = np.ascontiguousarray(bodies), np.ascontiguousarray(gravity, dtype=np.float64)
+        self.work, self.table = aligned(len(bodies), WORK), np.zeros((2, int(own.sum()), int(widest)))
+        for k, block in enumerate(_rigid_blocks(self.bodies)):
+            self.work["rigid"][:, k::4] = block.reshape(-1, 9)
+        nq = max((int(body["q"]) + POSITIONS_OF[int(body["dofs"])] for body in moving), default=0)
+        arrays = (self.bodies, self.gravity, self.work, self.table)
+        self._locate([*(array.ctypes.data for array in arrays), len(bodies), *self.table.shape[1:], nq])
+
+    def _locate(self, addresses):
+        self.addresses = np.array(addresses, np.int64)
+        self.robot = self.addresses.ctypes.data
+
+    def __reduce__(self):
+        return type(self), (self.bodies, self.gravity)  # a copy lies elsewhere
+
+
+class WideWorkspace(Workspace):
+    """A robot and memory for a sweep over as many states as there are lanes: `addresses` says further where that is."""
+
+    def __init__(self, bodies, gravity):
+        super().__init__(bodies, gravity)
+        n, nv, widest, nq = (int(size) for size in self.addresses[4:])
+        parts = n * WORK.itemsize // 8, 2 * nv * widest, nq, nv, nv, RESULTS * nv
+        self._memory = aligned(WIDTH * sum(parts), np.dtype(np.float64))
+        starts = 8 * WIDTH * np.cumsum([0, *parts[:-1]])
+        self._locate([*self.addresses, *(self._memory.ctypes.data + starts)])
+
+
+def aligned(count, dtype):
+    """Zeros that begin where a vector register may."""
+    memory = np.zeros(count * dtype.itemsize + 64, np.uint8)
+    start = -memory.ctypes.data % 64
+    return memory[start : start + count * dtype.itemsize].view(dtype)
+
+
+def _rigid_blocks(bodies):
+    """A, B and C of the bodies' own inertias, shape (number, 3, 3) each."""
+    x, y, z = bodies["first_moment"].T
+    zero = np.zeros_like(x)
+    A = bodies["mass"][:, None, None] * np.eye(3)
+    B = np.array([[zero, z, -y], [-z, zero, x], [y, -x, zero]]).transpose(2, 0, 1)
+    return A, B, bodies["inertia"][:, [0, 1, 2, 1, 3, 4, 2, 4, 5]]
+
+
+_bodies_at, _work_at = array_at(numba.from_dtype(BODY), 1), array_at(numba.from_dtype(WORK), 1)
+_vector_at, _matrix_at, _table_at = (array_at(numba.float64, ndim) for ndim in (1, 2, 3))
+_wide_work_at = array_at(record_of_lanes(WORK, EIGHT), 1)
+_wide_vector_at, _wide_matrix_at, _wide_table_at = (array_at(EIGHT, ndim) for ndim in (1, 2, 3))
+_addresses_at = array_at(numba.int64, 1)
+
+
+@kernel
+def opened(robot):
+    """`bodies`, `gravity`, `work` and `table` of a :class:`Workspace`."""
+    at = _addresses_at(robot, (8,))
+    return (
+        _bodies_at(at[0], (at[4],)),
+        _vector_at(at[1], (3,)),
+        _work_at(at[2], (at[4],)),
+        _table_at(at[3], (2, at[5], at[6])),
+    )
+
+
+@kernel
+def opened_wide(robot):
+    """`work` and `table` of a :class:`WideWorkspace`, lanes for q, q̇, τ and results, and these as numbers."""
+    at = _addresses_at(robot, (14,))
+    n, nv, widest, nq = at[4], at[5], at[6], at[7]
+    return (
+        _wide_work_at(at[8], (n,)),
+        _wide_table_at(at[9], (2, nv, widest)),
+        (_wide_vector_at(at[10], (nq,)), _wide_vector_at(at[11], (nv,)), _wide_vector_at(at[12], (nv,))),
+        _wide_matrix_at(at[13], (RESULTS, nv)),
+        (_matrix_at(at[10], (nq, WIDTH)), _matrix_at(at[11], (nv, WIDTH)), _matrix_at(at[12], (nv, WIDTH))),
+        _table_at(at[13], (RESULTS, nv, WIDTH)),
+    )
+
+
+@kernel
+def fit(robot, q, qd, tau):
+    """Whether vectors have the lengths that the robot's have."""
+    at = _addresses_at(robot, (8,))
+    return len(q) == at[7] and len(qd) == at[5] and len(tau) == at[5]
+
+
+@kernel
+def fit_positions(robot, q):
+    """Whether q has as many entries as the robot has position coordinates."""
+    return len(q) == _addresses_at(robot, (8,))[7]
+
+
+@kernel
+def copy(source, target):
+    """target[:] = source, without a look at whether they overlap."""
+    for k in range(len(source)):
+        target[k] = source[k]
