@@ -1,0 +1,44 @@
+"""Times of calls that take turns, and ratios of them: what the machine does besides hits all of them alike."""
+
+import time
+import timeit
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Ratio(NamedTuple):
+    """Median over all rounds, and quartiles."""
+
+    median: float
+    low: float
+    high: float
+
+
+def interleaved(calls, rounds, seconds=2e-3, pause=0.0):
+    """Seconds per call, an array of one entry a round for each name in `calls`.
+
+    In every round each call is repeated for about `seconds`, one call after the other, each after a `pause` [s].
+    """
+    timers = {name: timeit.Timer(call) for name, call in calls.items()}
+    numbers = {name: _calibrated(timer, seconds) for name, timer in timers.items()}
+    times = {name: np.empty(rounds) for name in calls}
+    for k in range(rounds):
+        for name, timer in timers.items():
+            time.sleep(pause)
+            times[name][k] = timer.timeit(numbers[name]) / numbers[name]
+    return times
+
+
+def ratio(ours, theirs):
+    """Ratio of two arrays of times, round by round."""
+    return Ratio(*np.percentile(np.asarray(ours) / np.asarray(theirs), (50, 25, 75)))
+
+
+def _calibrated(timer, seconds):
+    """How often to call in `seconds`; the first call, which may compile, does not count."""
+    timer.timeit(1)
+    number = 1
+    while (taken := timer.timeit(number)) < 0.25 * seconds:
+        number *= 2
+    return max(1, round(number * seconds / taken))
