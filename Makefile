@@ -6,7 +6,7 @@ in_env := source scripts/env.bash &&
 # Neither the demo nor the tests should meet other people's robots on the network.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help setup demo test lint format lock clean
+.PHONY: help setup demo test bench lint format lock clean
 
 help:  ## this list
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
@@ -19,6 +19,9 @@ demo: setup  ## a simulated robot and its kinetic energy, live; ROBOT=<name or U
 
 test: lint  ## lint, then every test; ARGS=<pytest options>
 	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest $(ARGS)
+
+bench: setup  ## speed against other libraries, into benchmarks/results/ and the README; ARGS=--short: a minute's worth
+	@$(in_env) python3 benchmarks/run.py $(ARGS)
 
 lint: setup  ## code style and docstrings
 	@$(in_env) ruff check && ruff format --check

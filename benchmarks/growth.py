@@ -1,27 +1,23 @@
 """How cost grows with the number of joints: chains, balanced trees, and chains with a coupled gripper of fixed size.
 
-The exponent is that of a line fitted to the logarithms of median times above 32 joints; 1 is O(N). Beside it stands the
-time on the longest chain against that of `nu_from_qd`, which is little more than the factorization.
+The exponent is that of a line fitted to the logarithms of median times from 32 joints on; 1 is O(N).
 """
 
-import timeit
-
 import numpy as np
+from rows import Row
+from timing import Ratio, interleaved
 from trees import balanced, chain
 
 import diag_dynamics as dd
 
 SIZES = (8, 16, 32, 64, 128, 256, 512, 1024)
-KINDS = {
-    "serial chain": chain,
-    "balanced tree": balanced,
-    "chain with a coupled gripper": lambda joints: chain(joints, coupled=True),
-}
-REPEATS = 15
+FIRST = 32  # joints from which on the fit counts: below, what Python does for a call counts too
+CHAIN, TREE, COUPLED = "serial chain", "balanced tree", "chain with a coupled gripper"
+KINDS = {CHAIN: chain, TREE: balanced, COUPLED: lambda joints: chain(joints, coupled=True)}
 
 
 def calls(dyn):
-    """Return what is timed: one call of each method, at one state."""
+    """What is timed: one call of each method, at one state."""
     rng = np.random.default_rng(0)
     q, qd, tau = rng.uniform(-1.0, 1.0, (3, dyn.model.nv))
     tip = dyn.model.link_names[-1]
@@ -42,39 +38,35 @@ def calls(dyn):
     }
 
 
-def measure():
-    """Return median seconds by kind, method and size; repeats of all of them are interleaved."""
-    timers = {}
+def measure(sizes, rounds):
+    """Seconds per call by kind, method and size; all of them take turns."""
+    timed = {}
     for kind, make in KINDS.items():
-        for size in SIZES:
+        for size in sizes:
             dyn = dd.DiagonalDynamics(dd.load_urdf(make(size)))
-            for method, call in calls(dyn).items():
-                call()
-                timers[kind, method, size] = timeit.Timer(call), max(1, 4000 // size)
-    times = {key: [] for key in timers}
-    for _ in range(REPEATS):
-        for key, (timer, number) in timers.items():
-            times[key].append(timer.timeit(number) / number)
-    return {key: float(np.median(values)) for key, values in times.items()}
+            timed |= {(kind, method, size): call for method, call in calls(dyn).items()}
+    return interleaved(timed, rounds)
 
 
-def exponent(times, kind, method):
-    """Return the slope of log time over log size above 32 joints."""
-    sizes = [size for size in SIZES if size >= 32]
-    return float(np.polyfit(np.log(sizes), [np.log(times[kind, method, size]) for size in sizes], 1)[0])
+def exponents(times):
+    """Slope of log time over log size by kind and method, each with the quartiles of the slopes of single rounds."""
+    found = {}
+    for kind, method, _ in times:
+        sizes = sorted(n for k, m, n in times if (k, m) == (kind, method) and n >= FIRST)
+        taken = np.array([times[kind, method, n] for n in sizes])
+        slope = np.polyfit(np.log(sizes), np.log(np.median(taken, axis=1)), 1)[0]
+        single = np.polyfit(np.log(sizes), np.log(taken), 1)[0]
+        found[kind, method] = Ratio(slope, *np.percentile(single, (25, 75)))
+    return found
 
 
-def main():
-    """Measure, and print a Markdown table."""
-    times = measure()
-    print("| | " + " | ".join(KINDS) + " | against `nu_from_qd` |\n|---|" + "---|" * (len(KINDS) + 1))
-    chain_of = {
-        method: time for (kind, method, size), time in times.items() if (kind, size) == ("serial chain", SIZES[-1])
-    }
-    for method in dict.fromkeys(method for _, method, _ in times):
-        row = [f"{exponent(times, kind, method):.3f}" for kind in KINDS]
-        print(f"| `{method}` | " + " | ".join(row) + f" | {chain_of[method] / chain_of['nu_from_qd']:.2f} |")
-
-
-if __name__ == "__main__":
-    main()
+def row(slopes, sizes):
+    """The line of the table: every O(N) method, on chains and trees."""
+    found = {f"`{method}`, {kind}": slope for (kind, method), slope in slopes.items() if kind != COUPLED}
+    return Row(
+        "growth of every O(N) method",
+        f"exponent of N, from {FIRST} to {sizes[-1]}",
+        f"{CHAIN}s, {TREE}s",
+        1.05,
+        found,
+    )

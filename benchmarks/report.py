@@ -1,0 +1,146 @@
+"""What was measured, as Markdown."""
+
+import os
+import platform
+import re
+import subprocess
+from datetime import date
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from growth import CHAIN, KINDS
+from single import COLUMNS
+from timing import ratio
+
+import diag_dynamics as dd
+
+ROOT = Path(__file__).resolve().parents[1]
+BEGIN, END = "<!-- benchmarks: begin -->\n", "<!-- benchmarks: end -->\n"
+
+
+def summary(rows):
+    """The table of the README: a line for each target, the worst of it deciding."""
+    lines = ["| measured | against | on | target | median | worst | |", "|---|---|---|---|---|---|---|"]
+    for row in rows:
+        target, verdict = ("", "") if row.target is None else (f"≤ {row.target:g}", "met" if row.met else "missed")
+        median = np.median([r.median for r in row.ratios.values()])
+        worst = f"{_text(row.ratios[row.worst].median)} ({row.worst})"
+        cells = row.subject, row.peer, row.over, target, _text(median), worst, verdict
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def page(measured):
+    """The whole report: the summary, then every robot and method, and where it was measured."""
+    error, where = measured.agreement
+    return f"""\
+# Measured
+
+{BEGIN}{summary(measured.rows)}{END}
+Ratios of times, smaller is better: in every round all that is compared takes its turn, and the ratio is the median over
+rounds. *Median* and *worst* are over the robots, or whatever the line is about; the worst decides whether a target is met.
+Lines without a target stand beside the line above. Fields of an evaluation that are made when they are read are left
+out of the bare call and counted in the line after it.
+
+Before anything was timed, outputs were compared: they agree to {error:.0e} relative to their norms ({where}).
+
+![Time of a call against degrees of freedom](dof.png)
+
+![Time against the number of joints](growth.png)
+
+![States per second against the size of a batch](batch.png)
+
+## The peers
+
+* `pin.aba`: q̈ by Pinocchio, from Python, its data allocated once, in the faster of its two conventions (`WORLD`).
+* NumPy and Pinocchio route, *dense*: everything that `evaluate` returns, by `crba`, `cholesky.decompose`,
+  `computeCoriolisMatrix`, `computeGeneralizedGravity` and triangular solves of LAPACK (`benchmarks/peers.py`).
+* `mj_forward`: MuJoCo's kinematics, M, its LᵀDL, bias forces and q̈; constraints, contacts and sensors are off.
+* `pin.abaInParallel`: q̈ only, on the same number of threads, a model for each, into memory that is allocated once.
+
+## Robots, one state at a time
+
+Medians, and quartiles in brackets.
+
+{_robots(measured.single, measured.dof)}
+## Growth
+
+Exponents from N = 32 on, and the time on the longest chain against that of `nu_from_qd`.
+
+{_growth(measured.growth, measured.slopes)}
+## Other lines, one by one
+
+{_details(measured.others)}
+## Machine
+
+{_machine()}"""
+
+
+def put_into_readme(table, readme=ROOT / "README.md"):
+    """Replace the table of the README."""
+    text = readme.read_text(encoding="utf-8")
+    if not re.search(f"{BEGIN}.*{END}", text, re.S):
+        raise ValueError(f"{readme} has no lines {BEGIN.strip()} and {END.strip()} to put the table between")
+    readme.write_text(re.sub(f"{BEGIN}.*{END}", lambda _: f"{BEGIN}{table}{END}", text, flags=re.S), encoding="utf-8")
+
+
+def _text(number):
+    """A number with three digits, and not fewer than two places if small."""
+    return f"{number:.3f}" if number < 0.1 else f"{number:.2f}" if number < 100 else f"{number:.0f}"
+
+
+def _quartiles(r):
+    return f"{_text(r.median)} ({_text(r.low)}–{_text(r.high)})"
+
+
+def _robots(times, dof):
+    lines = [f"| robot | dof | {' | '.join(COLUMNS)} |", "|---|---|" + "---|" * len(COLUMNS)]
+    for name, t in times.items():
+        cells = (_quartiles(ratio(t[ours], t[theirs])) for ours, theirs in COLUMNS.values())
+        lines.append(f"| {name} | {dof[name]} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _growth(times, slopes):
+    lines = [f"| | {' | '.join(KINDS)} | against `nu_from_qd` |", "|---|" + "---|" * (len(KINDS) + 1)]
+    longest = max(n for _, _, n in times)
+    for method in dict.fromkeys(method for _, method in slopes):
+        cells = [_quartiles(slopes[kind, method]) for kind in KINDS]
+        more = ratio(times[CHAIN, method, longest], times[CHAIN, "nu_from_qd", longest])
+        lines.append(f"| `{method}` | {' | '.join(cells)} | {_text(more.median)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _details(rows):
+    lines = ["| measured | against | on | ratio |", "|---|---|---|---|"]
+    for row in rows:
+        lines += [f"| {row.subject} | {row.peer} | {name} | {_quartiles(r)} |" for name, r in row.ratios.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _machine():
+    """Versions, processor, date and commit."""
+    names = ("numpy", "scipy", "numba", "pin", "mujoco", "yourdfpy", "example-robot-data")
+    packages = ", ".join(f"{name} {version(name)}" for name in names)
+    return (
+        f"{_processor()}, {len(os.sched_getaffinity(0))} cores, {platform.system()} {platform.machine()}; "
+        f"{date.today()}, commit {_commit()}\n\n"
+        f"diag_dynamics {dd.__version__}, Python {platform.python_version()}, {packages}\n"
+    )
+
+
+def _processor():
+    try:
+        found = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text())
+    except OSError:
+        found = None
+    return found[1] if found else platform.processor() or "unknown processor"
+
+
+def _commit():
+    git = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude=*"]
+    try:
+        return subprocess.run(git, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"

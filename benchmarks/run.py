@@ -1,0 +1,156 @@
+"""All benchmarks: `make bench`, or this file in the sourced environment. See `benchmarks/results/table.md`."""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+# Matrices are small: threads of the linear algebra would only be in the way of the dense route.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+try:
+    import agreement
+    import growth
+    import memory
+    import plots
+    import report
+    import single
+    import start
+    import stepping
+    import throughput
+    from cases import FEW, ROBOTS, Case, Robot
+    from peers import Mujoco, Pinocchio
+    from rows import Measured
+except ModuleNotFoundError as error:
+    sys.exit(f"{error.name} is not installed. The benchmarks need what requirements/python.in lists: make setup.")
+
+RESULTS = Path(__file__).resolve().parent / "results"
+
+
+class Plan(NamedTuple):
+    """How much is measured."""
+
+    robots: tuple[Robot, ...]
+    rounds: int
+    growth_sizes: tuple[int, ...]
+    growth_rounds: int
+    batch: int  # states
+    batch_sizes: tuple[int, ...]
+    steps: int
+    states: int  # of the stream
+    starts: tuple[str, ...]
+    start_rounds: int
+
+
+FULL = Plan(
+    robots=ROBOTS,
+    rounds=51,
+    growth_sizes=growth.SIZES,
+    growth_rounds=15,
+    batch=16384,
+    batch_sizes=(1, 10, 100, 1000, 10_000, 100_000),
+    steps=200,
+    states=1_000_000,
+    starts=("panda", "talos_reduced"),
+    start_rounds=9,
+)
+
+SHORT = Plan(
+    robots=FEW,
+    rounds=3,
+    growth_sizes=(32, 64, 128),
+    growth_rounds=2,
+    batch=1024,
+    batch_sizes=(1, 100),
+    steps=10,
+    states=8 * memory.SIZE,
+    starts=("panda",),
+    start_rounds=1,
+)
+
+
+def main():
+    """Compare outputs, measure, and print the table; with a folder, write table and plots into it."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--short", action="store_true", help="a minute's worth, which writes nothing by default")
+    options.add_argument(
+        "--output",
+        type=Path,
+        metavar="FOLDER",
+        help="where to write; by default benchmarks/results, and the README's table",
+    )
+    arguments = options.parse_args()
+    plan, folder = (SHORT if arguments.short else FULL), arguments.output
+    official = folder is None and not arguments.short
+    folder = RESULTS if official else folder
+    if folder:
+        if folder.exists() and not folder.is_dir():
+            options.error(f"--output: {folder} is not a folder")
+        folder.mkdir(parents=True, exist_ok=True)
+
+    try:
+        measured = measure(plan)
+    except agreement.DisagreementError as error:
+        sys.exit(f"Nothing is timed, outputs disagree: {error}")
+    table = report.summary(measured.rows)
+    print(table)
+    if folder:
+        plots.draw(folder, measured)
+        (folder / "table.md").write_text(report.page(measured), encoding="utf-8")
+    if official:
+        report.put_into_readme(table)
+
+
+def measure(plan):
+    """Compare all outputs, then measure."""
+    cases = [Case(robot) for robot in plan.robots]
+    dof = {case.label: case.dof for case in cases}
+    pinocchios, mujocos = [Pinocchio(case) for case in cases], [Mujoco(case) for case in cases]
+    arms = throughput.chosen(cases, pinocchios)
+    moving = [(case, Pinocchio(case)) for case in map(Case, map(Robot, stepping.ROBOTS))]
+
+    _say("compares outputs")
+    errors = [agreement.check(*peers) for peers in zip(cases, pinocchios, mujocos, strict=True)]
+    worst = max(*errors, *(stepping.check(*pair) for pair in moving))
+    _say(f"outputs of {len(cases)} robots agree to {worst[0]:.0e} ({worst[1]})")
+
+    _say("measures single states")
+    single_times = {
+        case.label: single.measure(case, *peers, plan.rounds)
+        for case, *peers in zip(cases, pinocchios, mujocos, strict=True)
+    }
+    _say("measures batches")
+    batches = throughput.row(arms, plan.batch, plan.rounds)
+    curves = throughput.curves(*arms[-1], plan.batch_sizes, max(3, plan.rounds // 5))
+    _say("measures the simulator")
+    steps = stepping.rows(moving, plan.steps, plan.rounds)
+    _say("measures growth")
+    growth_times = growth.measure(plan.growth_sizes, plan.growth_rounds)
+    slopes = growth.exponents(growth_times)
+    _say("measures memory")
+    memories = memory.rows(plan.states)
+    _say("measures starts")
+    starts = start.row(plan.starts, plan.start_rounds)
+
+    grows = growth.row(slopes, plan.growth_sizes)
+    return Measured(
+        agreement=worst,
+        single=single_times,
+        dof=dof,
+        growth=growth_times,
+        slopes=slopes,
+        throughput=curves,
+        batch_sizes=plan.batch_sizes,
+        batch_robot=arms[-1][0].label,
+        rows=[*single.rows(single_times, dof), batches, *steps, grows, *memories, starts],
+        others=[batches, *steps, *memories, starts],
+    )
+
+
+def _say(what):
+    print(f"… {what}", file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    main()

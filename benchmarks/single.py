@@ -1,0 +1,59 @@
+"""One state at a time, called from Python."""
+
+from functools import partial
+from operator import attrgetter
+
+from cases import CLASSES
+from peers import QUANTITIES
+from rows import Row
+from timing import interleaved, ratio
+
+FIELDS = f"`evaluate`, then its {len(QUANTITIES)} fields read"
+
+fields = attrgetter(*QUANTITIES)
+
+
+def measure(case, pinocchio, mujoco, rounds):
+    """Seconds per call of the library and its peers, in turns."""
+    dyn, q, qd, tau = case.dynamics, case.q, case.qd, case.tau
+    evaluate = partial(dyn.evaluate, q, qd, tau)
+    ours = {
+        "evaluate": evaluate,
+        "fields": lambda: fields(evaluate()),
+        "forward_dynamics": partial(dyn.forward_dynamics, q, qd, tau),
+        "factors": partial(dyn.factors, q),
+    }
+    own = pinocchio.positions(q), pinocchio.vectors(qd), pinocchio.vectors(tau)
+    return interleaved(ours | pinocchio.calls(*own) | {"mj_forward": mujoco.forward}, rounds)
+
+
+def rows(times, dof):
+    """Lines of the table, from times and degrees of freedom by robot."""
+
+    def row(subject, ours, peer, theirs, over, target):
+        found = {name: ratio(t[ours], t[theirs]) for name, t in times.items() if dof[name] in CLASSES[over]}
+        return Row(subject, peer, over, target, found)
+
+    bare, aba, dense = "`evaluate`", "`pin.aba`", "NumPy and Pinocchio route"
+    return [
+        row(bare, "evaluate", aba, "aba", "6–9 dof", 0.9),
+        row(FIELDS, "fields", aba, "aba", "6–9 dof", None),
+        row(bare, "evaluate", aba, "aba", "29–50 dof", 0.6),
+        row(FIELDS, "fields", aba, "aba", "29–50 dof", None),
+        row(bare, "evaluate", dense, "dense_evaluate", "all robots", 0.1),
+        row(FIELDS, "fields", dense, "dense_evaluate", "all robots", None),
+        row("`forward_dynamics`", "forward_dynamics", aba, "aba", "6–50 dof", 0.7),
+        row("`factors`", "factors", "`crba`, `cholesky.decompose`, U√D, inverse", "dense_factors", "6–50 dof", 0.5),
+    ]
+
+
+COLUMNS = {
+    "`evaluate` / `pin.aba`": ("evaluate", "aba"),
+    "fields read / `pin.aba`": ("fields", "aba"),
+    "`evaluate` / `pin.aba`, default convention": ("evaluate", "aba_default"),
+    "`evaluate` / dense": ("evaluate", "dense_evaluate"),
+    "`forward_dynamics` / `pin.aba`": ("forward_dynamics", "aba"),
+    "`factors` / dense": ("factors", "dense_factors"),
+    "`evaluate` / `mj_forward`": ("evaluate", "mj_forward"),
+}
+"""What the table of single robots shows: ours and theirs."""
