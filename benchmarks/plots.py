@@ -107,7 +107,9 @@ def _apart(values):
     return kept
 
 
-def _plain(*axes):
-    """Numbers as they are, and not powers of ten."""
-    for axis in axes:
+def _plain(x, y):
+    """Numbers as they are, not powers of ten, and enough of them."""
+    y.set_major_locator(matplotlib.ticker.LogLocator(subs=(1, 2, 5)))
+    y.set_minor_locator(matplotlib.ticker.NullLocator())
+    for axis in (x, y):
         axis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
