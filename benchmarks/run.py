@@ -89,6 +89,9 @@ def main():
             options.error(f"--output: {folder} is not a folder")
         folder.mkdir(parents=True, exist_ok=True)
 
+    load = os.getloadavg()[0]
+    if load > 0.25 * throughput.cores():
+        _say(f"this machine is busy (load {load:.1f}): ratios of what takes several threads will suffer")
     try:
         measured = measure(plan)
     except agreement.DisagreementError as error:

@@ -40,13 +40,15 @@ def row(pairs, size, rounds):
 
 def curves(case, pinocchio, sizes, rounds):
     """States per second, by library and threads an array of one entry for each batch size."""
-    found = {}
+    calls = {}
     for count in threads():
-        calls = [_calls(case, pinocchio, size, count) for size in sizes]
-        for who, name in (("ours", "evaluate_batch"), ("theirs", "pin.abaInParallel")):
-            times = interleaved({size: call[who] for size, call in zip(sizes, calls, strict=True)}, rounds, pause=PAUSE)
-            found[name, count] = np.array([size / np.median(times[size]) for size in sizes])
-    return found
+        for size in sizes:
+            both = _calls(case, pinocchio, size, count)
+            calls["evaluate_batch", count, size] = both["ours"]
+            calls["pin.abaInParallel", count, size] = both["theirs"]
+    times = interleaved(calls, rounds, pause=PAUSE)
+    lines = dict.fromkeys((name, count) for name, count, _ in calls)
+    return {line: np.array([size / np.median(times[(*line, size)]) for size in sizes]) for line in lines}
 
 
 def _calls(case, pinocchio, size, count):
