@@ -126,3 +126,11 @@ def test_a_file_is_no_folder_to_write_into(tmp_path):
     done = run(tmp_path, BENCHMARKS / "run.py", "--short", "--output", file)
     assert done.returncode == 2
     assert "file is not a folder" in done.stderr
+
+
+def test_readme_shows_what_was_measured():
+    table = summary(ROOT / "README.md")
+    assert table == summary(BENCHMARKS / "results" / "table.md")
+    check(table)
+    for plot in PLOTS:
+        assert (BENCHMARKS / "results" / plot).is_file()
