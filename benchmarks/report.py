@@ -51,6 +51,9 @@ Before anything was timed, outputs were compared: they agree to {error:.0e} rela
 
 ![States per second against the size of a batch](batch.png)
 
+While batches were measured, other work kept {measured.other_work:.2f} processors busy: the more, the less is to be made
+of what takes all of them.
+
 ## The peers
 
 * `pin.aba`: q̈ by Pinocchio, from Python, its data allocated once, in the faster of its two conventions (`WORLD`).

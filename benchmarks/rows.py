@@ -37,5 +37,6 @@ class Measured(NamedTuple):
     throughput: dict[tuple[str, int], np.ndarray]  # states per second by library and threads
     batch_sizes: tuple[int, ...]
     batch_robot: str
+    other_work: float  # processors that others kept busy meanwhile
     rows: list[Row]
     others: list[Row]  # those of the rows that have no table of their own

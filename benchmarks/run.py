@@ -22,6 +22,7 @@ try:
     from cases import FEW, ROBOTS, Case, Robot
     from peers import Mujoco, Pinocchio
     from rows import Measured
+    from timing import OtherWork
 except ModuleNotFoundError as error:
     sys.exit(f"{error.name} is not installed. The benchmarks need what requirements/python.in lists: make setup.")
 
@@ -89,9 +90,6 @@ def main():
             options.error(f"--output: {folder} is not a folder")
         folder.mkdir(parents=True, exist_ok=True)
 
-    load = os.getloadavg()[0]
-    if load > 0.25 * throughput.cores():
-        _say(f"this machine is busy (load {load:.1f}): ratios of what takes several threads will suffer")
     try:
         measured = measure(plan)
     except agreement.DisagreementError as error:
@@ -124,8 +122,11 @@ def measure(plan):
         for case, *peers in zip(cases, pinocchios, mujocos, strict=True)
     }
     _say("measures batches")
+    others = OtherWork()
     batches = throughput.row(arms, plan.batch, plan.rounds)
     curves = throughput.curves(*arms[-1], plan.batch_sizes, max(3, plan.rounds // 5))
+    other_work = others.processors()
+    _say(f"other work kept {other_work:.2f} processors busy meanwhile, which batches on all of them suffer from")
     _say("measures the simulator")
     steps = stepping.rows(moving, plan.steps, plan.rounds)
     _say("measures growth")
@@ -146,6 +147,7 @@ def measure(plan):
         throughput=curves,
         batch_sizes=plan.batch_sizes,
         batch_robot=arms[-1][0].label,
+        other_work=other_work,
         rows=[*single.rows(single_times, dof), batches, *steps, grows, *memories, starts],
         others=[batches, *steps, *memories, starts],
     )

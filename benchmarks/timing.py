@@ -5,6 +5,7 @@ import timeit
 from typing import NamedTuple
 
 import numpy as np
+import psutil
 
 
 class Ratio(NamedTuple):
@@ -33,6 +34,23 @@ def interleaved(calls, rounds, seconds=2e-3, pause=0.0):
 def ratio(ours, theirs):
     """Ratio of two arrays of times, round by round."""
     return Ratio(*np.percentile(np.asarray(ours) / np.asarray(theirs), (50, 25, 75)))
+
+
+class OtherWork:
+    """What other processes do from now on."""
+
+    def __init__(self):
+        self._start = self._now()
+
+    def processors(self):
+        """How many processors they have kept busy."""
+        (work, now), (work_before, before) = self._now(), self._start
+        return max(0.0, (work - work_before) / (now - before))
+
+    def _now(self):
+        everybody, we = psutil.cpu_times(), time.process_time()
+        idle = everybody.idle + getattr(everybody, "iowait", 0.0)
+        return sum(everybody) - idle - we, time.perf_counter()
 
 
 def _calibrated(timer, seconds):
