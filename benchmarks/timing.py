@@ -19,14 +19,17 @@ class Ratio(NamedTuple):
 def interleaved(calls, rounds, seconds=2e-3, pause=0.0):
     """Seconds per call, an array of one entry a round for each name in `calls`.
 
-    In every round each call is repeated for about `seconds`, one call after the other, each after a `pause` [s].
+    In every round each call is repeated for about `seconds`, one call after the other, each after a `pause` [s] and a
+    call that does not count.
     """
     timers = {name: timeit.Timer(call) for name, call in calls.items()}
     numbers = {name: _calibrated(timer, seconds) for name, timer in timers.items()}
     times = {name: np.empty(rounds) for name in calls}
     for k in range(rounds):
         for name, timer in timers.items():
-            time.sleep(pause)
+            if pause:
+                time.sleep(pause)
+                timer.timeit(1)  # wakes threads up
             times[name][k] = timer.timeit(numbers[name]) / numbers[name]
     return times
 
