@@ -23,6 +23,7 @@ of freedom that belong together. state, factorization, classical, derivatives: t
 """
 
 from diag_dynamics.sweeps.classical import (
+    accelerations,
     effort_of_wrenches,
     first_moment,
     forward_dynamics,
@@ -67,6 +68,8 @@ from diag_dynamics.sweeps.workspace import (
     XI,
     WideWorkspace,
     Workspace,
+    copy,
+    opened,
 )
 
 __all__ = [
@@ -93,7 +96,9 @@ __all__ = [
     "XI",
     "WideWorkspace",
     "Workspace",
+    "accelerations",
     "articulated_inertias",
+    "copy",
     "coriolis_bracket",
     "coriolis_product",
     "effort_of_wrenches",
@@ -112,6 +117,7 @@ __all__ = [
     "mass_matrix_rate",
     "mass_matrix_rate_times",
     "nu_from_qd",
+    "opened",
     "qd_from_nu",
     "rates_with_added_inertia",
     "tau_from_epsilon",

@@ -126,21 +126,21 @@ def _accelerate(bodies, i, qd, work, Q, qdd):
     set_motion(w.acceleration, add_motion(A, own_motion(body, qdd)))
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR)
-def forward_dynamics(robot, q, qd, tau, qdd):
-    """q̈ from τ: an outward, an inward and another outward sweep (theory: A₀ = −g, κ with gravity left in)."""
-    if not fit(robot, q, qd, tau):
-        return MISFIT
-    bodies, gravity, work, table = opened(robot)
-    if not (are_positions(bodies, q) and are_finite(qd) and are_finite(tau)):
-        return -1
-    n, Q = len(bodies), table[0]
+@kernel
+def accelerations(bodies, gravity, q, qd, tau, added, work, Q, qdd):
+    """q̈ from τ: an outward, an inward and another outward sweep (theory: A₀ = −g, κ with gravity left in).
+
+    Where `added` is given, it enters D as armature does.
+    """
+    n = len(bodies)
     rest_at_world(work)
     for i in range(1, n):
         body, w = bodies[i], work[i]
         place(body, q, w)
         V = move(body, qd, work, w)
         start_inertia(body, w)
+        if added is not None and owns(bodies, i):
+            w.armature += added[body.dof]
         set_force(w.y, cross_force(V, momentum(body, V)))
 
     copy(tau, qdd)
@@ -168,6 +168,17 @@ def forward_dynamics(robot, q, qd, tau, qdd):
         qdd[body.dof] -= power(force_of(w.G), A)
         set_motion(w.acceleration, add_motion(A, own_motion(body, qdd)))
     return 0 if are_finite(qdd) else -1
+
+
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR)
+def forward_dynamics(robot, q, qd, tau, qdd):
+    """q̈ from τ."""
+    if not fit(robot, q, qd, tau):
+        return MISFIT
+    bodies, gravity, work, table = opened(robot)
+    if not (are_positions(bodies, q) and are_finite(qd) and are_finite(tau)):
+        return -1
+    return accelerations(bodies, gravity, q, qd, tau, None, work, table[0], qdd)
 
 
 @entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, NUMBER, VECTOR)
