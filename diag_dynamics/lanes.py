@@ -90,6 +90,32 @@ def nought(typingctx, like):
 
 
 @intrinsic
+def side_by_side(typingctx, numbers):
+    """Lanes of a tuple of numbers."""
+    lanes = Lanes(numbers.count)
+
+    def lower(_, builder, __, args):
+        x = ir.Constant(lanes.vector, ir.Undefined)
+        for lane in range(lanes.width):
+            x = builder.insert_element(x, builder.extract_value(args[0], lane), _INT(lane))
+        return x
+
+    return lanes(numbers), lower
+
+
+@intrinsic
+def numbers_of(typingctx, x):
+    """Tuple of the numbers in lanes."""
+    numbers = types.UniTuple(types.float64, x.width)
+
+    def lower(context, builder, __, args):
+        lanes = [builder.extract_element(args[0], _INT(lane)) for lane in range(x.width)]
+        return context.make_tuple(builder, numbers, lanes)
+
+    return numbers(x), lower
+
+
+@intrinsic
 def lane_of(typingctx, x, lane):
     """Return the number in one lane."""
     return types.float64(x, types.intp), lambda _, builder, __, args: builder.extract_element(*args)

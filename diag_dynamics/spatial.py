@@ -9,7 +9,6 @@ from collections import namedtuple
 
 from diag_dynamics.kernel import kernel
 from diag_dynamics.lanes import nought
-from diag_dynamics.trigonometry import sine_and_cosine
 
 Motion = namedtuple("Motion", ["linear", "angular"])
 """Twist or spatial acceleration about the frame's origin."""
@@ -344,11 +343,12 @@ def column_along(direction, P):
 
 
 @kernel
-def turned_about_z(rotation, angle):
-    """R Rz(angle)."""
-    s, c = sine_and_cosine(angle)
+def turned_about_z(rotation, sine, cosine):
+    """R Rz of an angle with this sine and cosine."""
     x, y, z = transpose(rotation)
-    return transpose((add(scale(x, c), scale(y, s)), subtract(scale(y, c), scale(x, s)), z))
+    return transpose(
+        (add(scale(x, cosine), scale(y, sine)), subtract(scale(y, cosine), scale(x, sine)), z),
+    )
 
 
 @kernel

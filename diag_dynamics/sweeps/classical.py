@@ -63,6 +63,7 @@ from diag_dynamics.sweeps.steps import (
     rest_at_world,
     start,
     start_inertia,
+    turn,
     zeta,
 )
 from diag_dynamics.sweeps.workspace import MISFIT, copy, fit, opened
@@ -134,6 +135,7 @@ def accelerations(bodies, gravity, q, qd, tau, added, work, Q, qdd):
     """
     n = len(bodies)
     rest_at_world(work)
+    turn(bodies, q, work)
     for i in range(1, n):
         body, w = bodies[i], work[i]
         place(body, q, w)
@@ -190,6 +192,7 @@ def inverse_dynamics(robot, q, qd, qdd, weight, tau):
     n = len(bodies)
     rest_at_world(work)
     accelerate_world(gravity, weight, work)
+    turn(bodies, q, work)
     for i in range(1, n):
         body, w, parent = bodies[i], work[i], work[bodies[i].parent]
         X = place(body, q, w)
@@ -218,6 +221,7 @@ def effort_of_wrenches(robot, q, wrenches, in_world, tau):
         return -1
     n = len(bodies)
     set_matrix(work[0].orientation, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+    turn(bodies, q, work)
     for i in range(1, n):
         X = place(bodies[i], q, work[i])
         set_matrix(work[i].orientation, product(matrix_of(work[bodies[i].parent].orientation), X.rotation))

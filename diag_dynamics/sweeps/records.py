@@ -61,6 +61,8 @@ def _work():
     end = 8 * INERTIA
     for name, length in (
         ("rigid", INERTIA // 2),
+        ("sine", None),
+        ("cosine", None),
         ("rotation", 9),
         ("translation", 3),
         ("V", 6),
@@ -95,7 +97,7 @@ def _work():
 
 WORK = _work()
 """Workspace of one body; which fields are alive depends on the sweep. D, size, G and u belong to the degree of freedom
-that the body owns; rigid is its own inertia, as P holds it."""
+that the body owns; rigid is its own inertia, as P holds it; sine and cosine are those of its joint's angle."""
 
 WRENCH = np.dtype(
     [("body", "i8"), ("point", "f8", 3), ("force", "f8", 3), ("moment", "f8", 3)],

@@ -71,6 +71,7 @@ from diag_dynamics.sweeps.steps import (
     place,
     rest_at_world,
     start_inertia,
+    turn,
 )
 from diag_dynamics.sweeps.workspace import (
     ARTICULATED_INERTIA,
@@ -96,6 +97,7 @@ def _outward(bodies, gravity, q, qd, work):
     world = work[0]
     rest_at_world(work)
     set_vector(world.acceleration, 0, scale(vector_of(gravity), -1.0))
+    turn(bodies, q, work)
     for i in range(1, len(bodies)):
         body, w, parent = bodies[i], work[i], work[bodies[i].parent]
         X = place(body, q, w)
@@ -260,6 +262,7 @@ def link_energies(bodies, links, states, energies):
         q, qd, energy = states[t, POSITIONS], states[t, RATES], energies[t]
         energy[:] = 0.0
         rest_at_world(work)
+        turn(bodies, q, work)
         for i in range(1, len(bodies)):
             body, w = bodies[i], work[i]
             place(body, q, w)
