@@ -721,7 +721,7 @@ MUTANTS = {
         "matrix_sum(M, _moved(direction, rate, M))",
         "matrix_difference(M, _moved(direction, rate, M))",
     ),
-    "sign of it in a block": ("state.py", "-bias[k] - momentum_rate", "-bias[k] + momentum_rate"),
+    "sign of it in a block": ("state.py", "bias[c] - momentum_rate", "bias[c] + momentum_rate"),
 }
 IN_A_BLOCK = "sign of it in a block"
 COMPARISONS = (

@@ -198,6 +198,63 @@ def _group(bodies, last, qd, tau, work, table, out):
     return 0
 
 
+@large_kernel
+def _base(bodies, last, qd, tau, work, table, out):
+    """As :func:`_group`, at a joint of several degrees of freedom that the world carries.
+
+    There V_A is zero, and 𝓜 and 𝓜̇ are P and Ṗ in the joint's own axes: most of what a group needs is not there.
+    """
+    first, start, w, Q, Q_rate = bodies[last].first, bodies[last].start, work[last], table[0], table[1]
+    kappa, bias, gravity = out[KAPPA], out[CORIOLIS], out[GRAVITY]
+    P, P_rate, y, z = inertia_of(w.P), inertia_of(w.P_rate), force_of(w.y), force_of(w.z)
+    weight = inertia_times(P, Motion(vector_of(w.acceleration), ZERO))
+    for i in range(first, last + 1):
+        c, direction = bodies[i].dof, bodies[i].direction
+        kappa[c], bias[c], gravity[c] = tau[c] - along(direction, z), along(direction, y), along(direction, weight)
+        column, rate = column_along(direction, P), column_along(direction, P_rate)
+        for j in range(first, i + 1):
+            b = bodies[j].dof
+            Q[b, c - start] = along(bodies[j].direction, column)
+            Q_rate[b, c - start] = along(bodies[j].direction, rate)
+        Q[c, c - start] += work[i].armature
+
+    for i in range(last, first - 1, -1):
+        c = bodies[i].dof
+        D, D_rate = Q[c, c - start], Q_rate[c, c - start]
+        work[i].D = D
+        if is_singular(magnitude_along(bodies[i], w), D):
+            return i
+        inverse, root = 1.0 / D, math.sqrt(D)
+        xi, momentum_rate = qd[c], D_rate * qd[c]
+        for b in range(start, c):
+            g, u = Q[b, c - start] * inverse, Q_rate[b, c - start]
+            xi += g * qd[b]
+            momentum_rate += u * qd[b]
+            kappa[b] -= g * kappa[c]
+            bias[b] -= g * bias[c]
+            gravity[b] -= g * gravity[c]
+            for a in range(start, b + 1):  # as eliminate and eliminate_rate of groups
+                g_a = Q[a, c - start] * inverse
+                Q[a, b - start] -= g_a * Q[b, c - start]
+                Q_rate[a, b - start] -= g_a * (u - g * D_rate) + Q_rate[a, c - start] * g
+        without_xi = bias[c] - momentum_rate
+        out[NU, c] = root * xi
+        out[XI, c] = xi
+        out[EPSILON, c] = kappa[c] / root
+        out[CORIOLIS, c] = (without_xi + 0.5 * D_rate * xi) / root
+        out[CORIOLIS_UNNORMALIZED, c] = without_xi + D_rate * xi
+        out[GRAVITY, c] = gravity[c] / root
+        out[ARTICULATED_INERTIA, c] = D
+        out[ARTICULATED_INERTIA_RATE, c] = D_rate
+    return 0
+
+
+@kernel
+def _is_base(bodies, last):
+    """Whether a group is one joint, carried by the world."""
+    return bodies[bodies[last].first].parent == 0 and bodies[last].dofs == last - bodies[last].first + 1
+
+
 @kernel
 def _is_finite_result(out, n):
     """Whether all that has been filled is finite, and the kinetic energy too."""
@@ -218,7 +275,9 @@ def sweep(bodies, gravity, q, qd, tau, work, table, out):
     i = len(bodies) - 1
     while i > 0:
         first = bodies[i].first
-        if is_grouped(bodies[i]):
+        if is_grouped(bodies[i]) and _is_base(bodies, i):
+            status = _base(bodies, i, qd, tau, work, table, out)
+        elif is_grouped(bodies[i]):
             status = _group(bodies, i, qd, tau, work, table, out)
         elif bodies[i].direction == ANGULAR_Z:
             status = _axis(bodies, i, ANGULAR_Z, qd, tau, work, out)
