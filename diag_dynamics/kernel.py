@@ -10,6 +10,7 @@ from pathlib import Path
 import numba
 from llvmlite import ir
 from numba.core import caching, cgutils, types
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.datamodel import models
 from numba.extending import NativeValue, lower_cast, register_model, unbox
 
@@ -189,6 +190,8 @@ def entry_kernel(*arguments, nogil=False):
 
 def _compile_once(dispatcher, arguments, *given):
     """What numba calls when it has no code for the arguments of a call."""
-    dispatcher.compile(arguments)
-    dispatcher.disable_compile()
+    with global_compiler_lock:
+        if not dispatcher.overloads:  # else another thread was first
+            dispatcher.compile(arguments)
+            dispatcher.disable_compile()
     return dispatcher  # numba calls it with what was given; now it looks at the types

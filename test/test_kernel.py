@@ -4,9 +4,12 @@ import os
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+
+from diag_dynamics.kernel import NUMBER, entry_kernel
 
 PACKAGE = Path(__file__).parents[1] / "diag_dynamics"
 
@@ -66,6 +69,19 @@ def test_cache_is_used_and_a_change_of_any_kernel_source_invalidates(copy, tmp_p
     changed, hits, _ = run(copy, cache)
     assert changed == 2 * first
     assert hits == 0
+
+
+def test_threads_may_call_first_together():
+    """Who waits while another thread compiles finds the code."""
+
+    @entry_kernel(NUMBER)
+    def doubled(x):
+        return 2.0 * x
+
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(doubled, [1.0, 2.0, 3.0, 4.0])) == [2.0, 4.0, 6.0, 8.0]
+    with pytest.raises(TypeError):
+        doubled("x")
 
 
 def test_unwritable_cache_folder_is_survived(copy, tmp_path):
