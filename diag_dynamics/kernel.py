@@ -12,6 +12,7 @@ from llvmlite import ir
 from numba.core import caching, cgutils, types
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.datamodel import models
+from numba.core.runtime import rtsys
 from numba.extending import NativeValue, lower_cast, register_model, unbox
 
 logger = logging.getLogger(__name__)
@@ -135,13 +136,17 @@ class _CacheImpl(caching.CompileResultCacheImpl):
 
 
 class _Cache(caching.FunctionCache):
-    """numba's function cache, except that a failing disk costs compile time and nothing else."""
+    """numba's function cache, except that a failing disk costs compile time and nothing else, and loading much less."""
 
     _impl_class = _CacheImpl
 
     def load_overload(self, sig, target_context):
+        # numba first gathers what it knows how to compile, which takes ten times as long as the loading. Its compiler does
+        # so itself; code that is compiled already needs of all that only the runtime that manages memory.
+        rtsys.initialize(target_context)
         try:
-            return super().load_overload(sig, target_context)
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
         except Exception as error:  # a damaged file may unpickle into any of them
             logger.warning("Compiled code in %s is unreadable and made anew: %r", self.cache_path, error)
             self._without_disk_errors(self.flush)

@@ -15,7 +15,6 @@ from numba.core.datamodel import models
 from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global
 from numba.extending import intrinsic, lower_builtin, lower_cast, register_model
-from numba.np.arrayobj import populate_array
 
 _DOUBLE, _INT = ir.DoubleType(), ir.IntType(32)
 
@@ -225,6 +224,8 @@ def array_at(dtype, ndim):
     @intrinsic
     def at(typingctx, address, shape):
         def lower(context, builder, sig, args):
+            from numba.np.arrayobj import populate_array  # half of numba, which only who compiles has to wait for
+
             result = context.make_array(array)(context, builder)
             size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(dtype)))
             shape, strides = cgutils.unpack_tuple(builder, args[1], ndim), [size]
