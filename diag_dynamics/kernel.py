@@ -196,7 +196,7 @@ def entry_kernel(*arguments, nogil=False):
 def _compile_once(dispatcher, arguments, *given):
     """What numba calls when it has no code for the arguments of a call."""
     with global_compiler_lock:
-        if not dispatcher.overloads:  # else another thread was first
+        if dispatcher._can_compile:  # else another thread was first
             dispatcher.compile(arguments)
             dispatcher.disable_compile()
     return dispatcher  # numba calls it with what was given; now it looks at the types

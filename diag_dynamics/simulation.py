@@ -377,7 +377,11 @@ def _advance_at_order_1(robot, damping, lower, upper, h, steps, tau, q, nu, buff
             sweeps.copy(last_q, q)
             sweeps.copy(last_qd, qd)
             break
+    _, _, work, _ = sweeps.opened(robot)
+    failing = work[status].D if status > 0 else 0.0
     at_the_end = sweeps.nu_from_qd(robot, q, qd, nu)
+    if status > 0:
+        work[status].D = failing  # what is to be told of
     return status if status != 0 else at_the_end
 
 

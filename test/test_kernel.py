@@ -7,9 +7,11 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numba
+import numpy as np
 import pytest
 
-from diag_dynamics.kernel import NUMBER, entry_kernel
+from diag_dynamics.kernel import NUMBER, VECTOR, entry_kernel
 
 PACKAGE = Path(__file__).parents[1] / "diag_dynamics"
 
@@ -136,3 +138,20 @@ def test_damaged_cache_is_made_anew(copy, tmp_path):
         assert (D, hits) == (13, 0)
         assert "unreadable" in said
         assert run(copy, cache)[1] >= 1
+
+
+def test_compiled_code_may_call_first():
+    """An entry kernel that compiled code has called, with arrays of its own, still takes what Python gives it."""
+
+    @entry_kernel(VECTOR)
+    def total(x):
+        return x.sum()
+
+    @numba.njit
+    def doubled(x):
+        return 2.0 * total(x)
+
+    assert doubled(np.ones(3)) == 6.0
+    assert total(np.ones(3)) == 3.0
+    with pytest.raises(TypeError, match="argument type"):
+        total(np.ones(3, np.int64))
