@@ -41,7 +41,7 @@ class DiagonalDynamics:
         self.model = model
         self._workspace = sweeps.Workspace(model.bodies, model.gravity)
         self._robot = self._workspace.robot
-        self._nv, self._shape = model.nv, (sweeps.ROWS, model.nq)
+        self._nv, self._shape, self._factors_shape = model.nv, (sweeps.ROWS, model.nq), (3, model.nv, model.nv)
         self._q = np.zeros(model.nq)
         self._a, self._b, self._zero = np.zeros((3, model.nv))
 
@@ -95,14 +95,14 @@ class DiagonalDynamics:
 
     def factors(self, q):
         """m, ℓ, the unit factor and D at q: see :class:`Factors`."""
-        factors, D = np.empty((3, self._nv, self._nv)), np.empty(self._nv)
+        factors, D = np.empty(self._factors_shape), np.empty(self._nv)
         try:
             status = sweeps.factors(self._robot, q, factors, D)
         except (TypeError, ValueError):  # no vector of float64: no error yet
             status = sweeps.MISFIT
         if status:
             self._checked(sweeps.factors(self._robot, self._positions(q), factors, D))
-        return Factors(factors[0], factors[1], factors[2], D)
+        return _new(Factors, (factors[0], factors[1], factors[2], D))
 
     def forward_dynamics(self, q, qd, tau, f_ext=None, *, frame="link", friction=False):
         """q̈ [rad/s², m/s²], shape (nv,), from M q̈ + c + g + τ_fric = τ + Jᵀf_ext (Algorithm 8.1 in closed form).
@@ -496,6 +496,7 @@ class DiagonalDynamics:
 
 
 _FLOAT = np.dtype(np.float64)
+_new = tuple.__new__  # half of the time that a namedtuple's own takes
 
 
 def _squared(factor, point):

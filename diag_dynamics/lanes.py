@@ -172,6 +172,68 @@ def _entries(context, builder, lanes, step, array, value):
     ]
 
 
+@intrinsic
+def lanes_at(typingctx, a, k):
+    """Numbers of a contiguous vector from index k on, as :data:`EIGHT`."""
+
+    def lower(context, builder, sig, args):
+        return builder.load(_place(context, builder, sig.args[0], *args), align=8)
+
+    return EIGHT(a, types.intp), lower
+
+
+@intrinsic
+def set_lanes(typingctx, a, k, x):
+    """Write lanes where :func:`lanes_at` would read them."""
+
+    def lower(context, builder, sig, args):
+        builder.store(args[2], _place(context, builder, sig.args[0], *args[:2]), align=8)
+        return context.get_dummy_value()
+
+    return types.void(a, types.intp, EIGHT), lower
+
+
+@intrinsic
+def set_lanes_from(typingctx, a, k, x, first):
+    """As :func:`set_lanes`, of the lanes from `first` on; the others need no place in the vector."""
+
+    def lower(context, builder, sig, args):
+        at, mask = _place(context, builder, sig.args[0], *args[:2]), _from(builder, args[3])
+        signature = ir.FunctionType(ir.VoidType(), [EIGHT.vector, at.type, _INT, mask.type])
+        write = cgutils.get_or_insert_function(
+            builder.module, signature, f"llvm.masked.store.v{WIDTH}f64.p0v{WIDTH}f64"
+        )
+        builder.call(write, [args[2], at, _INT(8), mask])
+        return context.get_dummy_value()
+
+    return types.void(a, types.intp, EIGHT, types.intp), lower
+
+
+@intrinsic
+def from_lane(typingctx, first, x, y):
+    """Lanes of x from `first` on, of y before."""
+
+    def lower(_, builder, __, args):
+        return builder.select(_from(builder, args[0]), *args[1:])
+
+    return EIGHT(types.intp, EIGHT, EIGHT), lower
+
+
+def _place(context, builder, array, value, k):
+    """Where lanes begin in a vector of numbers."""
+    data = context.make_array(array)(context, builder, value).data
+    return builder.bitcast(builder.gep(data, [k]), EIGHT.vector.as_pointer())
+
+
+def _from(builder, first):
+    """Which lanes come at `first` or later."""
+    lanes = ir.VectorType(first.type, WIDTH)
+    nothing = ir.Constant(lanes, ir.Undefined)
+    spread = builder.insert_element(nothing, first, _INT(0))
+    spread = builder.shuffle_vector(spread, nothing, _indices([0] * WIDTH))
+    return builder.icmp_signed(">=", ir.Constant(lanes, list(range(WIDTH))), spread)
+
+
 def mover(*sources):
     """Kernel (M) that fills each lane of a 3x3 matrix with another lane's numbers, or with zeros where the source is None.
 

@@ -7,7 +7,22 @@ import numpy as np
 import pytest
 
 from diag_dynamics.kernel import VECTOR, entry_kernel
-from diag_dynamics.lanes import EIGHT, FOUR, WIDTH, array_at, chooser, loader, mover, nought, spreader, store
+from diag_dynamics.lanes import (
+    EIGHT,
+    FOUR,
+    WIDTH,
+    array_at,
+    chooser,
+    from_lane,
+    lanes_at,
+    loader,
+    mover,
+    nought,
+    set_lanes,
+    set_lanes_from,
+    spreader,
+    store,
+)
 from diag_dynamics.sweeps.workspace import aligned
 from diag_dynamics.trigonometry import LARGEST, sine_and_cosine
 
@@ -107,6 +122,24 @@ def test_matrices_of_lanes_are_read_moved_and_written(lanes, width):
     expected[0, 1::2] = 7.0
     np.testing.assert_array_equal(found[:, :width], expected)
     assert not found[:, width:].any()
+
+
+@pytest.mark.parametrize("first", [-1, 0, 3, 7, 8, 9])
+def test_lanes_from_one_on_are_chosen_and_written(first):
+    """Where a row is shorter than a register, the lanes before `first` have no place in it."""
+
+    @numba.njit
+    def write(a, b, first):
+        x = lanes_at(a, 1)
+        set_lanes_from(b, 2, x, first)
+        set_lanes(b, 12, from_lane(first, x, lanes_at(a, 9)))
+
+    a, b = np.arange(20.0), np.full(22, -1.0)
+    write(a, b, first)
+    later = np.arange(WIDTH) >= first
+    np.testing.assert_array_equal(b[2:10], np.where(later, a[1:9], -1.0))
+    np.testing.assert_array_equal(b[12:20], np.where(later, a[1:9], a[9:17]))
+    assert (b[[0, 1, 10, 11, 20, 21]] == -1.0).all()
 
 
 # --- Sine and cosine ----------------------------------------------------------------------------------------

@@ -19,7 +19,8 @@ body i has no articulated inertia, -1 if an input is not finite or no orientatio
 finite, MISFIT if a vector has not the robot's length.
 
 records: what sweeps work on; workspace: where it is. steps: what they share; inertias: how P is handed on. groups: degrees
-of freedom that belong together. state, factorization, classical, derivatives: the sweeps; many: state's, over many states.
+of freedom that belong together. state, factorization, factors, classical, derivatives: the sweeps; many: that of state,
+over many states.
 """
 
 from diag_dynamics.sweeps.classical import (
@@ -41,13 +42,13 @@ from diag_dynamics.sweeps.derivatives import (
 from diag_dynamics.sweeps.factorization import (
     epsilon_from_tau,
     factor_of_wrenches,
-    factors,
     joint_inertias,
     nu_from_qd,
     qd_from_nu,
     rates_with_added_inertia,
     tau_from_epsilon,
 )
+from diag_dynamics.sweeps.factors import factors
 from diag_dynamics.sweeps.many import evaluate_many
 from diag_dynamics.sweeps.records import BODY, LINK, WORK, WRENCH
 from diag_dynamics.sweeps.state import evaluate, link_energies

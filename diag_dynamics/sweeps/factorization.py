@@ -2,7 +2,7 @@
 
 import math
 
-from diag_dynamics.kernel import FLAG, MATRIX, ROBOT, STATES, VECTOR, entry_kernel, large_kernel
+from diag_dynamics.kernel import FLAG, MATRIX, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
 from diag_dynamics.spatial import (
     Force,
     add,
@@ -23,7 +23,6 @@ from diag_dynamics.sweeps.groups import (
     gather,
     induced_rate,
     is_grouped,
-    moments_of_wrench,
     owns,
     unfilter_moments,
     working_moments_of_wrench,
@@ -41,7 +40,6 @@ from diag_dynamics.sweeps.records import (
 )
 from diag_dynamics.sweeps.steps import (
     are_positions,
-    force_inboard,
     is_singular,
     joint_inertia,
     magnitude_along,
@@ -53,41 +51,57 @@ from diag_dynamics.sweeps.steps import (
     start,
     start_inertia,
 )
-from diag_dynamics.sweeps.workspace import MISFIT, copy, fit_positions, opened
+from diag_dynamics.sweeps.workspace import copy, opened
+
+
+@kernel
+def take_out(body, w, parent, pass_over):
+    """Riccati step (Algorithm 4.1) at a body that is in no group: D and G of it, and what is left goes to its parent.
+
+    Returns whether it went on: a joint that moves no inertia ends it, or is passed over as if it were locked.
+    """
+    P = inertia_of(w.P)
+    D, column, G = joint_inertia(body.direction, w, P)
+    w.D, w.size = D, magnitude_along(body, w)
+    singular = is_singular(w.size, D)
+    if singular and not pass_over:
+        return False
+    if not singular:
+        set_force(w.G, G)
+    if body.parent > 0:
+        if singular:
+            pass_inertia(w, P, parent)
+        else:
+            X = placement_of(w)
+            pass_size(w, X, parent)
+            hand_on(w, G, column, X, parent)
+    return True
+
+
+@kernel
+def take_out_group(bodies, last, work, Q, pass_over):
+    """As :func:`take_out`, of a group; returns 0, or which body ended it."""
+    compose(bodies, bodies[last].first, last, work, Q)
+    return eliminate(bodies, bodies[last].first, last, work, Q, pass_over)
 
 
 @large_kernel
 def factorize(bodies, work, Q, pass_over=False):
-    """Riccati sweep (Algorithm 4.1) over placed bodies whose inertias are started: D and G of every one. Inward.
+    """D and G of every one of placed bodies whose inertias are started, inward.
 
     A joint that moves no inertia ends it with the index of its body, or is passed over as if it were locked.
     """
     i = len(bodies) - 1
     while i > 0:
-        body, w = bodies[i], work[i]
+        body = bodies[i]
         if is_grouped(body):
-            compose(bodies, body.first, i, work, Q)
-            status = eliminate(bodies, body.first, i, work, Q, pass_over)
+            status = take_out_group(bodies, i, work, Q, pass_over)
             if status != 0:
                 return status
             i = body.first - 1
             continue
-        P = inertia_of(w.P)
-        D, column, G = joint_inertia(body.direction, w, P)
-        w.D, w.size = D, magnitude_along(body, w)
-        singular = is_singular(w.size, D)
-        if singular and not pass_over:
+        if not take_out(body, work[i], work[body.parent], pass_over):
             return i
-        if not singular:
-            set_force(w.G, G)
-        if body.parent > 0:
-            parent = work[body.parent]
-            if singular:
-                pass_inertia(w, P, parent)
-            else:
-                X = placement_of(w)
-                pass_size(w, X, parent)
-                hand_on(w, G, column, X, parent)
         i -= 1
     return 0
 
@@ -120,48 +134,6 @@ def joint_inertias(robot, q, D, size):
     for i in range(1, len(bodies)):
         if owns(bodies, i):
             D[bodies[i].dof], size[bodies[i].dof] = work[i].D, work[i].size
-
-
-@entry_kernel(ROBOT, VECTOR, STATES, VECTOR)
-def factors(robot, q, m_l_unit, D):
-    """Fill m = [I + HφK]D^½, ℓ = D^−½[I − HψK] and [I + HφK], the unit factor, and D (Identity 4.1), column by column.
-
-    A unit working moment at joint j leaves G of j behind; rigid transport of it up the tree gives the column of the unit
-    factor, transport through the articulated joints that of its inverse.
-    """
-    if not fit_positions(robot, q):
-        return MISFIT
-    bodies, _, work, table = opened(robot)
-    Q, m, inverse, unit = table[0], m_l_unit[0], m_l_unit[1], m_l_unit[2]
-    status = place_and_factorize(bodies, q, work, Q)
-    if status != 0:
-        return status
-    for i in range(len(D)):
-        for k in range(len(D)):
-            m[i, k] = inverse[i, k] = 0.0
-    for j in range(1, len(bodies)):
-        if not owns(bodies, j):
-            continue
-        k = bodies[j].dof
-        column, inverse_column = m[:, k], inverse[:, k]
-        D[k] = work[j].D
-        column[k] = inverse_column[k] = 1.0
-        if is_grouped(bodies[j]):
-            i = bodies[bodies[j].first].parent
-            rigid = unfilter_moments(bodies, bodies[j].first, j, work, Q, column)
-            articulated = filter_moments(bodies, bodies[j].first, j, work, Q, inverse_column)
-        else:
-            i = bodies[j].parent
-            rigid = articulated = force_inboard(bodies[j], work[j], force_of(work[j].G))
-        moments_of_wrench(bodies, i, work, rigid, column)
-        working_moments_of_wrench(bodies, i, work, Q, scale_force(articulated, -1.0), inverse_column)
-    for k in range(len(D)):
-        root = math.sqrt(D[k])
-        for i in range(len(D)):
-            unit[i, k] = m[i, k]
-            m[i, k] *= root
-            inverse[k, i] /= root
-    return 0
 
 
 @entry_kernel(ROBOT, VECTOR, WRENCHES, FLAG, MATRIX)

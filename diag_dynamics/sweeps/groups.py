@@ -269,15 +269,6 @@ def momentum_rate(bodies, i, V_A, qd, work, Q_rate):
 
 
 @kernel
-def moments_of_wrench(bodies, i, work, F, moments):
-    """Add SᵀF of a wrench on body i along every degree of freedom that carries it, all joints rigid."""
-    while i > 0:
-        moments[bodies[i].dof] += bodies[i].multiplier * along(bodies[i].direction, F)
-        F = force_inboard(bodies[i], work[i], F)
-        i = bodies[i].parent
-
-
-@kernel
 def working_moments_of_wrench(bodies, i, work, Q, F, kappa):
     """Add SᵀF of a wrench on body i along every degree of freedom that carries it, all of them articulated: κ."""
     while i > 0:

@@ -159,8 +159,9 @@ def orientation(bodies, i, work):
 @kernel
 def start(bodies, q, work):
     """X of every body and P before any child has been added."""
-    place_all(bodies, q, work)
+    turn(bodies, q, work)
     for i in range(1, len(bodies)):
+        place(bodies[i], q, work[i])
         start_inertia(bodies[i], work[i])
 
 

@@ -1,5 +1,7 @@
 """The memory that sweeps work in, and how they are told of it."""
 
+from collections import namedtuple
+
 import numba
 import numpy as np
 
@@ -31,10 +33,14 @@ class Workspace:
         of their own would cost as much as the arithmetic of a small robot. Keep the Workspace while a sweep runs.
     addresses : ndarray of int64
         Where these arrays lie, and the numbers of bodies, of degrees of freedom, of the widest group's degrees of freedom
-        and of position coordinates.
+        and of position coordinates; then where `spans` and `columns` lie.
     bodies, gravity, work, table : ndarray
         Records of RobotModel, acceleration of gravity [m/s²], those of :data:`WORK`, and the matrices 𝓜 and 𝓜̇ of groups
         (see groups).
+    spans : ndarray, shape (number of bodies, 2)
+        First and end of the columns, one for each degree of freedom, that a body carries in all, less those of its group.
+    columns : ndarray
+        The rows of :data:`Columns`; a vector register's width of nothing comes before the first column.
     """
 
     def __init__(self, bodies, gravity):
@@ -48,7 +54,12 @@ class Workspace:
             self.work["rigid"][:, k::4] = block.reshape(-1, 9)
         nq = max((int(body["q"]) + POSITIONS_OF[int(body["dofs"])] for body in moving), default=0)
         arrays = (self.bodies, self.gravity, self.work, self.table)
-        self._locate([*(array.ctypes.data for array in arrays), len(bodies), *self.table.shape[1:], nq])
+        self.spans = _spans(self.bodies, int(own.sum()))
+        self.columns = np.zeros((2 * (6 + int(widest)) + 1, int(own.sum()) + WIDTH))
+        sizes = len(bodies), *self.table.shape[1:], nq
+        self._locate(
+            [*(array.ctypes.data for array in arrays), *sizes, self.spans.ctypes.data, self.columns.ctypes.data]
+        )
 
     def _locate(self, addresses):
         self.addresses = np.array(addresses, np.int64)
@@ -63,7 +74,7 @@ class WideWorkspace(Workspace):
 
     def __init__(self, bodies, gravity):
         super().__init__(bodies, gravity)
-        n, nv, widest, nq = (int(size) for size in self.addresses[4:])
+        n, nv, widest, nq = (int(size) for size in self.addresses[4:8])
         parts = n * WORK.itemsize // 8, 2 * nv * widest, nq, nv, nv, RESULTS * nv
         self._memory = aligned(WIDTH * sum(parts), np.dtype(np.float64))
         starts = 8 * WIDTH * np.cumsum([0, *parts[:-1]])
@@ -75,6 +86,21 @@ def aligned(count, dtype):
     memory = np.zeros(count * dtype.itemsize + 64, np.uint8)
     start = -memory.ctypes.data % 64
     return memory[start : start + count * dtype.itemsize].view(dtype)
+
+
+def _spans(bodies, nv):
+    """Columns that each body carries; they are next to each other, for what a body or group carries comes right after it.
+
+    Where there are none the first is nv, and the end that of its group's own.
+    """
+    first, end = np.full(len(bodies), nv), np.zeros(len(bodies), np.int64)
+    for i in range(len(bodies) - 1, 0, -1):
+        body = bodies[i]
+        end[i] = max(end[i], 1 + bodies["dof"][body["first"] : body["last"] + 1].max())
+        carrier = body["parent"]
+        first[carrier] = min(first[carrier], first[i] if i > body["first"] else body["start"])
+        end[carrier] = max(end[carrier], end[i])
+    return np.ascontiguousarray(np.transpose([first, end]))
 
 
 def _rigid_blocks(bodies):
@@ -90,7 +116,7 @@ _bodies_at, _work_at = array_at(numba.from_dtype(BODY), 1), array_at(numba.from_
 _vector_at, _matrix_at, _table_at = (array_at(numba.float64, ndim) for ndim in (1, 2, 3))
 _wide_work_at = array_at(record_of_lanes(WORK, EIGHT), 1)
 _wide_vector_at, _wide_matrix_at, _wide_table_at = (array_at(EIGHT, ndim) for ndim in (1, 2, 3))
-_addresses_at = array_at(numba.int64, 1)
+_addresses_at, _spans_at = array_at(numba.int64, 1), array_at(numba.int64, 2)
 
 
 @kernel
@@ -105,18 +131,38 @@ def opened(robot):
     )
 
 
+Columns = namedtuple("Columns", ["spans", "rigid", "articulated", "moments", "kappas", "roots"])
+"""Forces of rigid and of articulated joints, moments along a group's degrees of freedom, and roots of D, by column."""
+
+
+@kernel
+def opened_columns(robot):
+    """`spans` and `columns` of a :class:`Workspace`."""
+    at = _addresses_at(robot, (10,))
+    n, nv, widest = at[4], at[5], at[6]
+    columns = _matrix_at(at[9], (2 * (6 + widest) + 1, nv + WIDTH))
+    return Columns(
+        _spans_at(at[8], (n, 2)),
+        columns[:6],
+        columns[6:12],
+        columns[12 : 12 + widest],
+        columns[12 + widest : 12 + 2 * widest],
+        columns[12 + 2 * widest],
+    )
+
+
 @kernel
 def opened_wide(robot):
     """`work` and `table` of a :class:`WideWorkspace`, lanes for q, q̇, τ and results, and these as numbers."""
-    at = _addresses_at(robot, (14,))
+    at = _addresses_at(robot, (16,))
     n, nv, widest, nq = at[4], at[5], at[6], at[7]
     return (
-        _wide_work_at(at[8], (n,)),
-        _wide_table_at(at[9], (2, nv, widest)),
-        (_wide_vector_at(at[10], (nq,)), _wide_vector_at(at[11], (nv,)), _wide_vector_at(at[12], (nv,))),
-        _wide_matrix_at(at[13], (RESULTS, nv)),
-        (_matrix_at(at[10], (nq, WIDTH)), _matrix_at(at[11], (nv, WIDTH)), _matrix_at(at[12], (nv, WIDTH))),
-        _table_at(at[13], (RESULTS, nv, WIDTH)),
+        _wide_work_at(at[10], (n,)),
+        _wide_table_at(at[11], (2, nv, widest)),
+        (_wide_vector_at(at[12], (nq,)), _wide_vector_at(at[13], (nv,)), _wide_vector_at(at[14], (nv,))),
+        _wide_matrix_at(at[15], (RESULTS, nv)),
+        (_matrix_at(at[12], (nq, WIDTH)), _matrix_at(at[13], (nv, WIDTH)), _matrix_at(at[14], (nv, WIDTH))),
+        _table_at(at[15], (RESULTS, nv, WIDTH)),
     )
 
 
