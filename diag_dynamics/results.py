@@ -87,7 +87,7 @@ class Evaluation:
     @_Lazy
     def kinetic_energy(self):
         """K = ½νᵀν [J]."""
-        return 0.5 * float(self.nu @ self.nu)
+        return 0.5 * float(self.nu.dot(self.nu))
 
     @_Lazy
     def energy_share(self):
