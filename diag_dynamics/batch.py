@@ -39,7 +39,7 @@ def states(name, value, names, length=None):
         rows = "T" if length is None else length
         raise InputError(f"{name} has shape {array.shape}, expected ({rows}, {len(names)}): a row for each state.")
     array = np.ascontiguousarray(array, dtype=np.float64)
-    return array if array.flags.writeable else array.copy()  # what is read-only would be compiled for anew
+    return array if array.flags.writeable else array.copy()  # compiled code takes no array that is read-only
 
 
 def evaluate(model, Q, QD, TAU, states, threads):

@@ -70,11 +70,12 @@ class DiagonalDynamics:
         -------
         Evaluation
         """
-        state = np.empty(self._shape)
+        state, effort, status = np.empty(self._shape), self._zero if tau is None else tau, sweeps.MISFIT
         try:
-            status = sweeps.evaluate(self._robot, q, qd, self._zero if tau is None else tau, state)
-        except (TypeError, ValueError):  # not vectors of float64: no error yet
-            status = sweeps.MISFIT
+            if q.dtype is qd.dtype is effort.dtype is _FLOAT:  # numba may take another byte order for this one
+                status = sweeps.evaluate(self._robot, q, qd, effort, state)
+        except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet
+            pass
         if status or friction or f_ext is not None or frame != "link":
             return self._evaluate(q, qd, tau, f_ext, frame, friction, state)
         return Evaluation(self.model, state, tau is not None)
@@ -95,11 +96,12 @@ class DiagonalDynamics:
 
     def factors(self, q):
         """m, ℓ, the unit factor and D at q: see :class:`Factors`."""
-        factors, D = np.empty(self._factors_shape), np.empty(self._nv)
+        factors, D, status = np.empty(self._factors_shape), np.empty(self._nv), sweeps.MISFIT
         try:
-            status = sweeps.factors(self._robot, q, factors, D)
-        except (TypeError, ValueError):  # no vector of float64: no error yet
-            status = sweeps.MISFIT
+            if q.dtype is _FLOAT:  # as in evaluate
+                status = sweeps.factors(self._robot, q, factors, D)
+        except (AttributeError, TypeError, ValueError):  # no vector of float64: no error yet
+            pass
         if status:
             self._checked(sweeps.factors(self._robot, self._positions(q), factors, D))
         return _new(Factors, (factors[0], factors[1], factors[2], D))
@@ -113,9 +115,11 @@ class DiagonalDynamics:
         qdd = np.empty(self._nv)
         if f_ext is None and not friction and frame == "link":
             try:
-                if not sweeps.forward_dynamics(self._robot, q, qd, tau, qdd):
+                if q.dtype is qd.dtype is tau.dtype is _FLOAT and not sweeps.forward_dynamics(
+                    self._robot, q, qd, tau, qdd
+                ):  # as in evaluate
                     return qdd
-            except (TypeError, ValueError):  # not vectors of float64: no error yet
+            except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet
                 pass
         _check_frame(frame)
         q, qd, tau = self._positions(q), self._vector("qd", qd, self._a), self._vector("tau", tau, self._b)
@@ -292,7 +296,7 @@ class DiagonalDynamics:
     # --- Many states ---
 
     def evaluate_batch(self, Q, QD, TAU=None, *, threads=None):
-        """:meth:`evaluate` at many states, on all cores; the numbers are those of single calls to the last bit.
+        """:meth:`evaluate` at many states, on all cores; what sweeps compute has the bits of single calls.
 
         Parameters
         ----------
@@ -321,13 +325,16 @@ class DiagonalDynamics:
         QD = batch.states("QD", QD, model.dof_names, len(Q))
         efforts = self._zero[None] if TAU is None else batch.states("TAU", TAU, model.dof_names, len(Q))
         states = np.empty((len(Q), *self._shape))
-        for t in batch.evaluate(model, Q, QD, efforts, states, threads or batch.cores()):
+        failing = batch.evaluate(model, Q, QD, efforts, states, threads or batch.cores())
+        for t in failing:
             try:
                 self.evaluate(Q[t], QD[t], None if TAU is None else efforts[t])
             except SingularMassMatrixError as error:
                 raise SingularMassMatrixError(f"state {t}: {error}", error.joint, error.articulated_inertia) from None
             except InputError as error:
                 raise InputError(f"state {t}: {error}") from None
+        if failing:
+            raise InputError(f"Q, QD or TAU have changed while states {failing[0]} to {failing[-1]} were evaluated.")
         return BatchEvaluation(model, states, TAU is not None)
 
     def evaluate_stream(self, Q, QD, TAU=None, *, size=16384, threads=None):

@@ -65,6 +65,8 @@ class Evaluation:
         ε_fric = ℓ τ_fric [J^½/s], on the side of C; None unless asked for.
     """
 
+    __slots__ = ("__dict__", "_model", "_states", "_with_tau")  # made in less time
+
     external = friction = None
 
     def __init__(self, model, states, with_tau):

@@ -16,6 +16,8 @@ Position limits are hard stops without rebound. A joint that arrives at its limi
 is the projection that takes the least kinetic energy away and never adds any.
 """
 
+import math
+
 import numpy as np
 
 from diag_dynamics import sweeps
@@ -111,9 +113,7 @@ class Simulation:
         if order not in (1, 4):
             raise InputError(f"order is {order!r}, expected 4 or 1.")
         self.step_size, self._order = float(step), int(order)
-        self.damping = _finite("damping", model.damping if damping is None else damping, model.nv)
-        if (self.damping < 0.0).any():
-            raise InputError(f"damping is {self.damping.tolist()}, expected {model.nv} finite numbers >= 0.")
+        self.damping = model.damping if damping is None else damping
         unlimited = np.full(model.nv, np.inf)
         self._lower, self._upper = (model.lower.copy(), model.upper.copy()) if limits else (-unlimited, unlimited)
         self._workspace = sweeps.Workspace(model.bodies, model.gravity)
@@ -128,6 +128,18 @@ class Simulation:
         self._nu = self.dynamics.nu_from_qd(q, qd)
         self._q = np.array(q, dtype=float)
         self.time = 0.0
+
+    @property
+    def damping(self):
+        """Joint damping in force [N m s/rad, N s/m], shape (nv,); a copy."""
+        return self._damping.copy()
+
+    @damping.setter
+    def damping(self, value):
+        damping = _finite("damping", value, self.model.nv)
+        if (damping < 0.0).any():
+            raise InputError(f"damping is {damping.tolist()}, expected {self.model.nv} finite numbers >= 0.")
+        self._damping = damping
 
     @property
     def q(self):
@@ -156,12 +168,12 @@ class Simulation:
         """
         model = self.model
         tau = self._no_effort if tau is None else _finite("tau", tau, model.nv)
-        if not (isinstance(steps, (int, np.integer)) and steps >= 0):
-            raise InputError(f"steps is {steps!r}, expected a whole number >= 0.")
+        if not (isinstance(steps, (int, np.integer)) and 0 <= steps < 2**63):
+            raise InputError(f"steps is {steps!r}, expected a whole number >= 0 and below 2**63.")
         status = _advance(
             self._workspace.robot,
             self._order,
-            self.damping,
+            self._damping,
             self._lower,
             self._upper,
             self.step_size,
@@ -341,10 +353,14 @@ def _euler_step(robot, damping, h, tau, q, qd, buffers):
     for k in range(len(q)):
         added[k], effort[k] = h * damping[k], tau[k] - damping[k] * qd[k]
     status = sweeps.accelerations(bodies, gravity, q, qd, effort, added, work, table[0], qdd)
+    if status != 0:
+        return status
     for k in range(len(q)):
         qd[k] += h * qdd[k]
         q[k] += h * qd[k]
-    return status
+        if not (math.isfinite(q[k]) and math.isfinite(qd[k])):
+            return -1
+    return 0
 
 
 @large_kernel
@@ -363,26 +379,32 @@ def _advance_at_order_1(robot, damping, lower, upper, h, steps, tau, q, nu, buff
     status = sweeps.qd_from_nu(robot, q, nu, qd)
     if status != 0:
         return status
-    for _ in range(steps):
+    for step in range(steps):
         sweeps.copy(q, last_q)
         sweeps.copy(qd, last_qd)
         status = _euler_step(robot, damping, h, tau, q, qd, buffers)
-        if status == 0 and _is_beyond(lower, upper, q):
+        stopped = status == 0 and _is_beyond(lower, upper, q)
+        if stopped or (status == 0 and step == steps - 1):
             status = sweeps.nu_from_qd(robot, q, qd, nu)
-            if status == 0:
-                status = _stop_at_limits(robot, lower, upper, q, nu, buffers[1], buffers[0], buffers[2])
+        if stopped and status == 0:
+            status = _stop_at_limits(robot, lower, upper, q, nu, buffers[1], buffers[0], buffers[2])
             if status == 0:
                 status = sweeps.qd_from_nu(robot, q, nu, qd)
         if status != 0:
-            sweeps.copy(last_q, q)
-            sweeps.copy(last_qd, qd)
-            break
+            return _back(robot, last_q, last_qd, status, q, nu)
+    return 0
+
+
+@large_kernel
+def _back(robot, last_q, last_qd, status, q, nu):
+    """Return to the state before a step that failed with this status, and hand the status on."""
     _, _, work, _ = sweeps.opened(robot)
     failing = work[status].D if status > 0 else 0.0
-    at_the_end = sweeps.nu_from_qd(robot, q, qd, nu)
+    sweeps.copy(last_q, q)
+    sweeps.nu_from_qd(robot, q, last_qd, nu)
     if status > 0:
         work[status].D = failing  # what is to be told of
-    return status if status != 0 else at_the_end
+    return status
 
 
 @entry_kernel(ROBOT, COUNT, VECTOR, VECTOR, VECTOR, NUMBER, COUNT, VECTOR, VECTOR, VECTOR, MATRIX, MATRIX, nogil=True)

@@ -27,7 +27,7 @@ TARGETS = [
     ("`evaluate_batch` per state", "`pin.abaInParallel`", "6–9 dof", 0.4),
     ("`Simulation.advance` per step", "Python loop", "panda", 0.15),
     ("growth", "exponent", "serial chains, balanced trees", 1.05),
-    ("allocations of compiled code", "those of one", "7 dof", 1),
+    ("allocations of compiled code", "each further one", "7 dof", 0.001),
     ("memory of `evaluate_stream`", "that of", "7 dof", 1.1),
     ("import to first result", "`import numba` + `import yourdfpy`", "panda", 1.3),
 ]
@@ -53,12 +53,13 @@ def cells(table):
 
 
 def check(table):
-    """Every target has its line in the order of the targets, every ratio is a positive number, and verdicts are right."""
+    """Every target has its line in the order of the targets, every ratio is a number, and verdicts are right."""
     judged = []
     for subject, peer, over, target, median, worst, verdict in cells(table):
         median, worst = float(median), float(worst.split(" ")[0])
         assert np.isfinite([median, worst]).all()
-        assert 0.0 < median <= worst
+        assert 0.0 <= median <= worst
+        assert median > 0.0 or subject.startswith("allocations")
         assert bool(target) == bool(verdict)
         if target:
             limit = float(target.removeprefix("≤ "))

@@ -298,3 +298,24 @@ def test_copied_workspace_lies_elsewhere():
         assert twin.robot == twin.addresses.ctypes.data != own.robot
         assert twin.addresses[2] == twin.work.ctypes.data != own.work.ctypes.data
         assert twin.addresses[0] == twin.bodies.ctypes.data and twin.addresses[3] == twin.table.ctypes.data
+
+
+def test_byte_order_is_not_mistaken():
+    """numba takes swapped bytes for plain numbers once it has seen an array that is not aligned."""
+    dyn = dd.DiagonalDynamics(load())
+    n = dyn.model.nv
+    q, qd, tau = np.random.default_rng(0).uniform(-1.0, 1.0, (3, n))
+    record = np.zeros(1, np.dtype([("flag", "u1"), ("q", "<f8", (n,))]))
+    unaligned = record[0]["q"]
+    unaligned[:] = q
+    methods = {
+        "evaluate": lambda *x: dyn.evaluate(*x).coriolis,
+        "forward_dynamics": dyn.forward_dynamics,
+        "factors": lambda q, *_: dyn.factors(q).m,
+    }
+    for method in methods.values():
+        expected = method(q, qd, tau)
+        for given in (unaligned, q.astype(">f8"), list(q)):
+            np.testing.assert_array_equal(method(given, qd, tau), expected)
+        for swapped in ((q.astype(">f8"), qd.astype(">f8"), tau.astype(">f8")), (q, qd, tau.astype(">f8"))):
+            np.testing.assert_array_equal(method(*swapped), expected)

@@ -721,9 +721,12 @@ MUTANTS = {
         "matrix_sum(M, _moved(direction, rate, M))",
         "matrix_difference(M, _moved(direction, rate, M))",
     ),
-    "sign of it in a block": ("state.py", "bias[c] - momentum_rate", "bias[c] + momentum_rate"),
+    "sign of it in a base": ("state.py", "bias[c] - momentum_rate", "bias[c] + momentum_rate"),
+    "sign of it in a group": ("state.py", "-bias[k] - momentum_rate", "-bias[k] + momentum_rate"),
 }
-IN_A_BLOCK = "sign of it in a block"
+MUTATED = {"sign of it in a base": f"{PANDA}+floating", "sign of it in a group": "mobile_tree_20"}
+"""Robots that show it, where an arm does not."""
+
 COMPARISONS = (
     "test_coriolis",
     "test_coriolis_by_difference",
@@ -750,7 +753,7 @@ def mutants(tmp_path_factory):
             assert source.count(right) == 1, f"{file} has changed: mutate it anew ({name})"
             sweep.write_text(source.replace(right, wrong), encoding="utf-8")
         paths = os.pathsep.join(filter(None, (str(folder), os.environ.get("PYTHONPATH"))))
-        robot = f"{PANDA}+floating" if name == IN_A_BLOCK else PANDA
+        robot = MUTATED.get(name, PANDA)
         tests = [f"test_physics.py::{test}[{robot}]" for test in COMPARISONS]
         runs[name] = subprocess.Popen(
             [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-rA", "--tb=line", *tests],

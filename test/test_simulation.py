@@ -307,7 +307,27 @@ def test_bad_effort(tau):
     assert (sim.q == before).all()
 
 
-@pytest.mark.parametrize("steps", [2.7, -5, "3"])
+@pytest.mark.parametrize("order", [4, 1])
+def test_overflow_leaves_the_state_before(order):
+    model = dd.load_urdf(PENDULUM)
+    sim = dd.Simulation(model, [0.5], [0.1], step=100.0, damping=[0.0], limits=False, order=order)
+    with pytest.raises(InputError):
+        sim.advance([1e307])
+    assert sim.q[0] == 0.5 and sim.time == 0.0
+    assert sim.qd[0] == pytest.approx(0.1, rel=1e-12)
+
+
+def test_damping_in_force_is_checked():
+    sim = dd.Simulation(load(PANDA))
+    for value in (np.zeros(1), -np.ones(9), [np.nan] * 9):
+        with pytest.raises(InputError, match="damping is"):
+            sim.damping = value
+    sim.damping = [0.5] * 9
+    sim.damping[:] = -1.0  # a copy
+    assert (sim.damping == 0.5).all()
+
+
+@pytest.mark.parametrize("steps", [2.7, -5, "3", 2**70])
 def test_bad_steps(steps):
     sim = dd.Simulation(load(PANDA))
     with pytest.raises(InputError, match="steps"):

@@ -244,7 +244,7 @@ def effort_of_wrenches(robot, q, wrenches, in_world, tau):
     return 0
 
 
-@entry_kernel(ROBOT, VECTOR, MATRIX)
+@entry_kernel(ROBOT, VECTOR, MATRIX, nogil=True)
 def mass_matrix(robot, q, M):
     """M from the inertias of the composite rigid bodies outboard of each joint."""
     bodies, _, work, _ = opened(robot)

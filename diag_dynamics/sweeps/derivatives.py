@@ -104,7 +104,7 @@ def articulated_inertias(robot, q, qd, D, D_rate):
     return 0 if are_finite(D_rate) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, MATRIX, MATRIX)
+@entry_kernel(ROBOT, VECTOR, VECTOR, MATRIX, MATRIX, nogil=True)
 def mass_matrix_rate(robot, q, qd, M, M_rate):
     """M and Ṁ along the motion (Identity 6.3): the whole robot as one group."""
     bodies, _, work, _ = opened(robot)
