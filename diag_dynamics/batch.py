@@ -1,5 +1,6 @@
 """Many states at once: cut into pieces, each evaluated by a thread of its own, without the interpreter's lock."""
 
+import itertools
 import os
 from concurrent.futures import ThreadPoolExecutor
 
@@ -12,8 +13,8 @@ from diag_dynamics.lanes import WIDTH
 PIECES = 4
 """Pieces for each thread: one that is held up leaves its share to the others."""
 
-LEAST = 64
-"""States that are worth a piece."""
+LEAST = 1024
+"""States that are worth a piece: fewer are done before another thread has begun."""
 
 
 def cores():
@@ -42,11 +43,30 @@ def states(name, value, names, length=None):
     return array if array.flags.writeable else array.copy()  # compiled code takes no array that is read-only
 
 
-def evaluate(model, Q, QD, TAU, states, threads):
+class Workspaces:
+    """Those of one robot that no thread is using; making one takes as long as some hundred states."""
+
+    def __init__(self, model):
+        self._model, self._idle = model, []
+
+    def take(self):
+        """One for the calling thread alone."""
+        try:
+            return self._idle.pop()
+        except IndexError:
+            return sweeps.WideWorkspace(self._model.bodies, self._model.gravity)
+
+    def give_back(self, workspace):
+        """Say that a workspace is not in use any more."""
+        self._idle.append(workspace)
+
+
+def evaluate(workspaces, Q, QD, TAU, states, threads):
     """Fill `states`, shape (T, sweeps.ROWS, nq), with what sweeps.evaluate gives.
 
     Parameters
     ----------
+    workspaces : Workspaces
     Q, QD, TAU : ndarray
         As :func:`states` returns them; TAU may have one row for all.
     states : ndarray
@@ -62,14 +82,29 @@ def evaluate(model, Q, QD, TAU, states, threads):
     def piece(first, last):
         part = slice(first, last)
         tau = TAU if len(TAU) < count else TAU[part]
-        own = sweeps.WideWorkspace(model.bodies, model.gravity)
+        own = workspaces.take()
         done = first + sweeps.evaluate_many(own.robot, Q[part], QD[part], tau, states[part])
+        workspaces.give_back(own)
         return range(done, min(done + WIDTH, last))
 
-    cuts = np.linspace(0, count, max(1, min(PIECES * threads, count // LEAST)) + 1, dtype=int)
-    if len(cuts) == 2 or threads == 1:
-        failing = [piece(0, count)]
-    else:
-        with ThreadPoolExecutor(threads) as pool:
-            failing = list(pool.map(piece, cuts[:-1], cuts[1:]))
-    return next((found for found in failing if found), range(0))
+    def work():
+        """Evaluate pieces, the first before the later ones, until none is left or one fails; returns states that do."""
+        failing = range(0)
+        while pieces and not failing:
+            try:
+                first, last = pieces.pop()
+            except IndexError:  # another thread was faster
+                break
+            failing = piece(first, last)
+        return failing
+
+    count_of_pieces = min(PIECES * threads, count // LEAST) if threads > 1 else 1
+    cuts = np.linspace(0, count, max(1, count_of_pieces) + 1, dtype=int)
+    pieces = list(itertools.pairwise(cuts))[::-1]
+    helpers = min(threads, len(pieces)) - 1
+    if not helpers:
+        return work()
+    with ThreadPoolExecutor(helpers) as pool:  # the calling thread is one of them
+        others = [pool.submit(work) for _ in range(helpers)]
+        failing = [work(), *(other.result() for other in others)]
+    return min((found for found in failing if found), key=lambda found: found[0], default=range(0))

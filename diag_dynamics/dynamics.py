@@ -41,6 +41,7 @@ class DiagonalDynamics:
         self.model = model
         self._workspace = sweeps.Workspace(model.bodies, model.gravity)
         self._robot = self._workspace.robot
+        self._workspaces = batch.Workspaces(model)
         self._nv, self._shape, self._factors_shape = model.nv, (sweeps.ROWS, model.nq), (3, model.nv, model.nv)
         self._q = np.zeros(model.nq)
         self._a, self._b, self._zero = np.zeros((3, model.nv))
@@ -325,7 +326,7 @@ class DiagonalDynamics:
         QD = batch.states("QD", QD, model.dof_names, len(Q))
         efforts = self._zero[None] if TAU is None else batch.states("TAU", TAU, model.dof_names, len(Q))
         states = np.empty((len(Q), *self._shape))
-        failing = batch.evaluate(model, Q, QD, efforts, states, threads or batch.cores())
+        failing = batch.evaluate(self._workspaces, Q, QD, efforts, states, threads or batch.cores())
         for t in failing:
             try:
                 self.evaluate(Q[t], QD[t], None if TAU is None else efforts[t])
@@ -457,11 +458,15 @@ class DiagonalDynamics:
         return tau
 
     def _sweep(self, sweep, q, name, value):
-        q, x = self._positions(q), self._finite(name, value, self._a)
-        result = np.empty(self.model.nv)
-        self._checked(sweep(self._robot, q, x, result))
-        if not np.isfinite(result).all():
-            self._fail(-1, **{name: x})
+        result, status = np.empty(self._nv), sweeps.MISFIT
+        try:
+            if q.dtype is value.dtype is _FLOAT:  # as in evaluate
+                status = sweep(self._robot, q, value, result)
+        except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet
+            pass
+        if status:
+            q, x = self._positions(q), self._vector(name, value, self._a)
+            self._checked(sweep(self._robot, q, x, result), **{name: x})
         return result
 
     def _effort_of(self, f_ext, frame):

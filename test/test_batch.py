@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
+from diag_dynamics import batch
 from robots import TwoLinkArm, robot_path
 
 ROBOTS = {
@@ -29,6 +30,12 @@ ALWAYS = [
 WITH_TAU = ["epsilon", "kappa", "nu_dot", "xi_dot", "power"]
 
 
+@pytest.fixture(autouse=True)
+def small_pieces(monkeypatch):
+    """Threads share what one would do alone otherwise."""
+    monkeypatch.setattr(batch, "LEAST", 16)
+
+
 @pytest.fixture(scope="module", params=ROBOTS)
 def dyn(request):
     path, options = ROBOTS[request.param]
@@ -47,12 +54,12 @@ def states(dyn, count, seed=0):
     return Q, *rng.standard_normal((2, count, dyn.model.nv))
 
 
-def assert_same(batch, singles, fields):
+def assert_same(many, singles, fields):
     """To the last bit where the sweep wrote it, else but for the order of a sum."""
-    assert len(batch) == len(singles)
+    assert len(many) == len(singles)
     for field in fields:
         expected = np.array([getattr(s, field) for s in singles])
-        got = getattr(batch, field)
+        got = getattr(many, field)
         assert got.shape == expected.shape, field
         if field in ("kinetic_energy", "base_energy", "power"):
             scale = [
@@ -79,7 +86,7 @@ def test_without_efforts(dyn):
     assert all(getattr(batch, field) is None for field in WITH_TAU)
 
 
-@pytest.mark.parametrize("count", [0, 1, 63, 64, 129])
+@pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 63, 64, 129])
 def test_any_number_of_states(dyn, count):
     Q, QD, TAU = states(dyn, count)
     batch = dyn.evaluate_batch(Q, QD, TAU, threads=2)

@@ -39,6 +39,7 @@ from diag_dynamics.sweeps.records import (
     vector_of,
 )
 from diag_dynamics.sweeps.steps import (
+    are_finite,
     are_positions,
     is_singular,
     joint_inertia,
@@ -51,7 +52,7 @@ from diag_dynamics.sweeps.steps import (
     start,
     start_inertia,
 )
-from diag_dynamics.sweeps.workspace import copy, opened
+from diag_dynamics.sweeps.workspace import MISFIT, copy, fit, opened
 
 
 @kernel
@@ -237,50 +238,63 @@ def moments_inward(bodies, kappa, work, Q, tau):
         i -= 1
 
 
+@large_kernel
+def _factorized(robot, q, x):
+    """Place and factorize for a sweep of x, unless one of them is not as it should be."""
+    bodies, _, work, table = opened(robot)
+    if not fit(robot, q, x, x):
+        return MISFIT
+    return place_and_factorize(bodies, q, work, table[0]) if are_finite(x) else -1
+
+
 @entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR)
 def nu_from_qd(robot, q, qd, nu):
     """ν = mᵀq̇ (Table 1)."""
     bodies, _, work, table = opened(robot)
-    status = place_and_factorize(bodies, q, work, table[0])
-    if status == 0:
-        rates_outward(bodies, qd, work, table[0], nu)
-        scale_by_inertia(bodies, work, 0.5, nu)
-    return status
+    status = _factorized(robot, q, qd)
+    if status != 0:
+        return status
+    rates_outward(bodies, qd, work, table[0], nu)
+    scale_by_inertia(bodies, work, 0.5, nu)
+    return 0 if are_finite(nu) else -1
 
 
 @entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR)
 def qd_from_nu(robot, q, nu, qd):
     """q̇ = ℓᵀν (Table 1, right)."""
     bodies, _, work, table = opened(robot)
-    status = place_and_factorize(bodies, q, work, table[0])
-    if status == 0:
-        copy(nu, qd)
-        scale_by_inertia(bodies, work, -0.5, qd)
-        own_rates_outward(bodies, qd, work, table[0], qd)
-    return status
+    status = _factorized(robot, q, nu)
+    if status != 0:
+        return status
+    copy(nu, qd)
+    scale_by_inertia(bodies, work, -0.5, qd)
+    own_rates_outward(bodies, qd, work, table[0], qd)
+    return 0 if are_finite(qd) else -1
 
 
 @entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR)
 def epsilon_from_tau(robot, q, tau, epsilon):
     """ε = ℓτ (Table 2)."""
     bodies, _, work, table = opened(robot)
-    status = place_and_factorize(bodies, q, work, table[0])
-    if status == 0:
-        working_moments_inward(bodies, tau, work, table[0], epsilon)
-        scale_by_inertia(bodies, work, -0.5, epsilon)
-    return status
+    status = _factorized(robot, q, tau)
+    if status != 0:
+        return status
+    working_moments_inward(bodies, tau, work, table[0], epsilon)
+    scale_by_inertia(bodies, work, -0.5, epsilon)
+    return 0 if are_finite(epsilon) else -1
 
 
 @entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR)
 def tau_from_epsilon(robot, q, epsilon, tau):
     """τ = mε (Table 2, right)."""
     bodies, _, work, table = opened(robot)
-    status = place_and_factorize(bodies, q, work, table[0])
-    if status == 0:
-        copy(epsilon, tau)
-        scale_by_inertia(bodies, work, 0.5, tau)
-        moments_inward(bodies, tau, work, table[0], tau)
-    return status
+    status = _factorized(robot, q, epsilon)
+    if status != 0:
+        return status
+    copy(epsilon, tau)
+    scale_by_inertia(bodies, work, 0.5, tau)
+    moments_inward(bodies, tau, work, table[0], tau)
+    return 0 if are_finite(tau) else -1
 
 
 @entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
