@@ -8,8 +8,6 @@ from typing import NamedTuple
 
 # Matrices are small: threads of the linear algebra would only be in the way of the dense route.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# Pinocchio's threads go on spinning when they have done their part, on the processors of what is measured next.
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 try:
     import agreement
