@@ -266,15 +266,23 @@ def parameter_value(value):
 
 
 class Report(NamedTuple):
-    """A monitor's entry on /diagnostics."""
+    """A monitor's entries on /diagnostics: level and message of the worst, the values of all, and each by its name."""
 
     level: bytes
     message: str
     values: dict
+    entries: dict
 
     def count(self, key):
         """Return how often something has happened."""
         return int(self.values.get(key, 0))
+
+
+def report_of(statuses):
+    """Put the entries of one node together."""
+    worst = max(statuses, key=lambda status: status.level)
+    values = {pair.key: pair.value for status in statuses for pair in status.values}
+    return Report(worst.level, worst.message, values, {status.name.split(": ")[1]: status for status in statuses})
 
 
 class Monitor(contextlib.AbstractContextManager):
@@ -292,6 +300,7 @@ class Monitor(contextlib.AbstractContextManager):
         self.topics = {topic: peer.topic(kind, f"{self.name}/{topic}") for topic, kind in OUTPUTS.items()}
         self.reports = []
         peer.node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, MANY)
+        parameters = {"max_age": 0.0} | parameters  # the stamps are the test's own
         self.process = node_process("monitor", "-r", f"__ns:={namespace}", *arguments, **parameters)
 
     def __exit__(self, *error):
@@ -341,10 +350,9 @@ class Monitor(contextlib.AbstractContextManager):
         del self.reports[:-1]
 
     def _take_diagnostics(self, array):
-        for status in array.status:
-            if status.name.startswith(f"{self.name.lstrip('/')}:"):
-                values = {pair.key: pair.value for pair in status.values}
-                self.reports.append(Report(status.level, status.message, values))
+        statuses = [status for status in array.status if status.name.startswith(f"{self.name.lstrip('/')}:")]
+        if statuses:
+            self.reports.append(report_of(statuses))
 
     def wait_for_report(self, condition, what):
         """Wait for the first report from now on that fulfils a condition, and return it."""

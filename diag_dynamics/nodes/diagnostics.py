@@ -1,17 +1,44 @@
-"""One entry on /diagnostics, once a second: what came in, what was wrong with it, and which model is in force."""
+"""The entries of a node on /diagnostics, once a second."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
+
+OK, WARN, ERROR, STALE = (
+    DiagnosticStatus.OK,
+    DiagnosticStatus.WARN,
+    DiagnosticStatus.ERROR,
+    DiagnosticStatus.STALE,
+)
 
 PERIOD = 1.0
 
 FEW = 8
 """Names that a value lists at most."""
 
+LONG = 1000
+"""Characters that a message or a value has at most."""
+
+
+class Status(NamedTuple):
+    """One entry: its name after the node's, its level, what is to be said, and values by key."""
+
+    name: str
+    level: bytes
+    message: str
+    values: Mapping = {}
+
 
 def counted(names):
     """How many there are, and the names of few."""
     return f"{len(names)}: {', '.join(names)}" if 0 < len(names) <= FEW else str(len(names))
+
+
+def shortened(text, most=LONG):
+    """The text, or its beginning: what arrives may be of any length, what is said of it not."""
+    return text if len(text) <= most else f"{text[:most]}… ({len(text)} characters)"
 
 
 class Diagnostics:
@@ -20,24 +47,23 @@ class Diagnostics:
     Parameters
     ----------
     node : rclpy.node.Node
-    name : str
-        Name of the status, after the node's.
     report : callable
-        Returns level (DiagnosticStatus.OK …), a message, and a dict of values.
+        Returns a list of :class:`Status`.
     """
 
-    def __init__(self, node, name, report):
+    def __init__(self, node, report):
         self._node = node
-        self._name = f"{node.get_fully_qualified_name().lstrip('/')}: {name}"
+        self._name = node.get_fully_qualified_name().lstrip("/")
         self._report = report
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._timer = node.create_timer(PERIOD, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def publish(self):
         """Publish the present report."""
-        level, message, values = self._report()
-        status = DiagnosticStatus(level=level, name=self._name, message=message, hardware_id="")
-        status.values = [KeyValue(key=str(key), value=str(value)) for key, value in values.items()]
-        array = DiagnosticArray(status=[status])
+        array = DiagnosticArray()
+        for name, level, message, values in self._report():
+            status = DiagnosticStatus(level=level, name=f"{self._name}: {name}", message=shortened(message))
+            status.values = [KeyValue(key=str(key), value=shortened(str(value))) for key, value in values.items()]
+            array.status.append(status)
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)

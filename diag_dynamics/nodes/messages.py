@@ -20,6 +20,9 @@ from diag_dynamics.msg import (
 )
 from diag_dynamics.nodes.robot import single_joints
 
+MOST_WRENCHES = 1000
+"""Wrenches of one request: more would keep the node from its other work."""
+
 
 def doubles(values):
     """float64[] of a vector or, row-major, a matrix; empty for None."""
@@ -34,7 +37,7 @@ def to_time(nanoseconds):
     return Time(sec=sec, nanosec=nanosec)
 
 
-def _power(s):
+def power_of(s):
     """νᵀ(ε − ε_g), as the messages say: without the wrenches and the friction that an Evaluation may hold."""
     return 0.0 if s.epsilon is None else float(s.nu @ (s.epsilon - s.gravity))
 
@@ -58,6 +61,7 @@ class MessageMaker:
     def total_joint_rates(self, stamp, s, state):
         """ν and ξ of an Evaluation."""
         message = self._begin(TotalJointRates, stamp, state)
+        message.velocity_estimated = state.velocity_estimated
         message.nu, message.xi = doubles(s.nu), doubles(s.xi)
         return message
 
@@ -71,6 +75,7 @@ class MessageMaker:
     def coriolis(self, stamp, s, state):
         """C, C_ξ and ε_g."""
         message = self._begin(CoriolisTerm, stamp, state)
+        message.velocity_estimated = state.velocity_estimated
         message.coriolis = doubles(s.coriolis)
         message.coriolis_unnormalized = doubles(s.coriolis_unnormalized)
         message.gravity = doubles(s.gravity)
@@ -80,12 +85,13 @@ class MessageMaker:
     def kinetic_energy(self, stamp, s, state):
         """K, its two splits and its rate."""
         message = self._begin(KineticEnergy, stamp, state)
+        message.velocity_estimated = state.velocity_estimated
         message.total = s.kinetic_energy
         message.energy_share = doubles(s.energy_share)
         message.base_energy = s.base_energy
         message.link_names, message.link_energy = self._links, doubles(s.link_energy)
         message.power_valid = s.power is not None
-        message.power = _power(s)
+        message.power = power_of(s)
         return message
 
     def mass_matrix_factors(self, stamp, factors, with_inverse, state):
@@ -99,6 +105,7 @@ class MessageMaker:
     def joint_space_dynamics(self, stamp, mass_matrix, bias, gravity, state):
         """M, c and g."""
         message = self._begin(JointSpaceDynamics, stamp, state)
+        message.velocity_estimated = state.velocity_estimated
         message.mass_matrix = doubles(mass_matrix)
         message.bias, message.gravity = doubles(bias), doubles(gravity)
         return message
@@ -106,6 +113,7 @@ class MessageMaker:
     def state(self, stamp, s, state):
         """One evaluation, whole, with the RobotState it came from."""
         message = self._begin(DiagonalizedState, stamp, state)
+        message.velocity_estimated = state.velocity_estimated
         message.oldest_stamp = to_time(state.oldest)
         message.model_revision, message.position_names = self._revision, self._positions
         message.position, message.velocity = doubles(state.position), doubles(state.velocity)
@@ -115,7 +123,7 @@ class MessageMaker:
         message.coriolis, message.gravity = doubles(s.coriolis), doubles(s.gravity)
         message.friction, message.friction_valid = doubles(s.friction), s.friction is not None
         message.articulated_inertia = doubles(s.articulated_inertia)
-        message.kinetic_energy, message.power = s.kinetic_energy, _power(s)
+        message.kinetic_energy, message.power = s.kinetic_energy, power_of(s)
         return message
 
 
@@ -204,6 +212,8 @@ def requested_wrenches(request):
     """External wrenches of a request by link name, and the frame they are in."""
     if len(request.wrench_links) != len(request.wrenches):
         raise InputError(f"wrenches has {len(request.wrenches)} entries for {len(request.wrench_links)} wrench_links.")
+    if len(request.wrenches) > MOST_WRENCHES:
+        raise InputError(f"wrenches has {len(request.wrenches)} entries, expected no more than {MOST_WRENCHES}.")
     wrenches = {}
     for link, wrench in zip(request.wrench_links, request.wrenches, strict=True):
         f, n = wrench.force, wrench.torque

@@ -2,337 +2,403 @@
 
 import codecs
 import sys
-from collections import Counter
 
-import numpy as np
-from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.clock import JumpThreshold
+from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.msg import (
-    CoriolisTerm,
-    DiagonalizedState,
-    JointSpaceDynamics,
-    KineticEnergy,
-    MassMatrixFactors,
-    TotalJointRates,
-    WorkingMoments,
-)
-from diag_dynamics.nodes.diagnostics import Diagnostics, counted
-from diag_dynamics.nodes.joint_states import JointStateAssembler, RejectedError, RobotState
-from diag_dynamics.nodes.messages import MessageMaker, to_time
-from diag_dynamics.nodes.odometry import OdometryBase
-from diag_dynamics.nodes.parameters import Spec, declare, wrong
-from diag_dynamics.nodes.robot import COMPILED, load_robot, single_joints
-from diag_dynamics.nodes.robot import PARAMETERS as ROBOT_PARAMETERS
+from diag_dynamics.model import Payload
+from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Status, counted
+from diag_dynamics.nodes.graph import publishers
+from diag_dynamics.nodes.health import numerical_health
+from diag_dynamics.nodes.inputs.rejected import RejectedError
+from diag_dynamics.nodes.monitored import MonitoredRobot
+from diag_dynamics.nodes.outputs import TOPICS, Outputs, overridable
+from diag_dynamics.nodes.parameters import declare
+from diag_dynamics.nodes.robot import load_robot, payload_entry, payloads_of
 from diag_dynamics.nodes.runner import main_of
 from diag_dynamics.nodes.services import DynamicsServices
+from diag_dynamics.nodes.settings import PARAMETERS, Settings
+from diag_dynamics.nodes.traffic import Traffic
 
-TOPICS = {
-    "total_joint_rates": (TotalJointRates, 0.0),
-    "working_moments": (WorkingMoments, 0.0),
-    "coriolis": (CoriolisTerm, 0.0),
-    "mass_matrix_factors": (MassMatrixFactors, 50.0),
-    "kinetic_energy": (KineticEnergy, 0.0),
-    "joint_space_dynamics": (JointSpaceDynamics, 50.0),
-    "state": (DiagonalizedState, 0.0),
-}
-"""Each output topic: its type, and the highest rate it is published at by default [Hz], 0 for every state."""
+SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
-PARAMETERS = {
-    "robot_description": Spec(
-        "",
-        "URDF, or the path of one. If it is empty, the topic robot_description is used, and used again whenever a new "
-        "description arrives there.",
-        read_only=True,
-    ),
-    **ROBOT_PARAMETERS,
-    "odom_twist_frame": Spec(
-        "child",
-        "Axes of the twist in odom: those of child_frame_id (child), as REP 147 has it, or of header.frame_id (header).",
-        read_only=True,
-        choices=("child", "header"),
-    ),
-    "odom_timeout": Spec(
-        0.5,
-        "Largest time between the stamps of odom and of the joints [s]; 0 for no limit.",
-        minimum=0.0,
-    ),
-    "joint_timeout": Spec(
-        0.5,
-        "Largest age of a joint's last values against the newest joint's [s]; where one is older, nothing is "
-        "published. 0 for no limit.",
-        minimum=0.0,
-    ),
-    "mimic_tolerance": Spec(
-        0.01,
-        "Largest distance of a coupled mimic joint's own position from that which its leader gives it [rad, m]; beyond it, "
-        "diagnostics warn and services refuse. 0: not compared.",
-        minimum=0.0,
-    ),
-    "publish_inverse_factor": Spec(False, "Whether mass_matrix_factors carries l, the inverse of m."),
-    "publish_friction": Spec(
-        False, "Whether state and coriolis carry the URDF's damping and friction, which no other term ever holds."
-    ),
-    **{
-        f"max_rate.{topic}": Spec(rate, f"Highest rate of ~/{topic} [Hz]; 0 for every state.", minimum=0.0)
-        for topic, (_, rate) in TOPICS.items()
-    },
-}
+UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active", "finalized"
+
+NOTHING = Payload(0.0)
+"""What takes a payload off."""
 
 
-class RateLimit:
-    """Lets through what comes no sooner than a period after what it let through before, by the stamps."""
+class MonitorNode(LifecycleNode):
+    """See the module; parameters are in :data:`PARAMETERS`, topics in :data:`TOPICS`.
 
-    def __init__(self, rate):
-        self._period = 1e9 / rate if rate else 0.0
-        self._last = self._next = None
-
-    def due(self, stamp):
-        """Whether a message stamped `stamp` [ns] goes out, and note that it does."""
-        if not self._period:
-            return True
-        # A hair early is on time, lest a source of exactly this rate with jittering stamps lose every second message.
-        # A stamp before the last one means that time has started anew.
-        if self._last is not None and self._last <= stamp < self._next - 0.05 * self._period:
-            return False
-        on_time = self._last is not None and abs(stamp - self._next) < self._period
-        self._next = (self._next if on_time else stamp) + self._period
-        self._last = stamp
-        return True
-
-
-class MonitorNode(Node):
-    """See the module; parameters are in :data:`PARAMETERS`, topics in :data:`TOPICS`."""
+    A managed node. Configured, it has a robot or waits for one, and its services answer; active, it listens to states and
+    publishes. With `autostart` it goes there by itself.
+    """
 
     def __init__(self, **kwargs):
         super().__init__("diag_dynamics", **kwargs)
-        self._values = values = declare(self, PARAMETERS)
-        self._limits = {topic: RateLimit(values[f"max_rate.{topic}"]) for topic in TOPICS}
-        self._out = {topic: self.create_publisher(kind, f"~/{topic}", 10) for topic, (kind, _) in TOPICS.items()}
-        self._dynamics = self._maker = self._assembler = self._base = self._description = None
+        self._settings = Settings.of(declare(self, PARAMETERS))
+        self._phase = UNCONFIGURED
+        self._robot = self._outputs = self._offered = self._descriptions = None
+        self._inputs = ()
         self._revision = 0
-        self._description_error = ""
-        self._counts, self._last_counts = Counter(), Counter()
-        self._last_rejection = ""
-        self._last_stamp = None
-
+        self._refusal = ""  # why the last description is not in force
+        self._traffic = Traffic()
         self.add_on_set_parameters_callback(self._set_parameters)
-        DynamicsServices(self, self._in_force, self._use)
-        self._diagnostics = Diagnostics(self, "joint states", self._report)
-        if values["robot_description"]:
-            self._load(values["robot_description"])
-            if self._description_error:
-                raise InputError(f"parameter 'robot_description' refused: {self._description_error}")
-        else:
-            once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-            self.create_subscription(String, "robot_description", self._take_description, once)
-            self.get_logger().info(f"Waiting for a robot on {self.resolve_topic_name('robot_description')}.")
-        if values["floating_base"]:
-            self.create_subscription(Odometry, "odom", self._take_odometry, qos_profile_sensor_data)
-        self.create_subscription(JointState, "joint_states", self._take_joint_state, qos_profile_sensor_data)
+        backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
+        self._jumps = self.get_clock().create_jump_callback(backward, post_callback=self._clock_jumped)
+        self._diagnostics = Diagnostics(self, self._report)
+        if self._settings.values["autostart"]:
+            if self.trigger_configure() != SUCCESS:
+                raise InputError(self._refusal)
+            self.trigger_activate()
+
+    # --- Lifecycle ---
+
+    def on_configure(self, state):
+        """Make the outputs and services, and load the robot or wait for one."""
+        try:
+            self._refusal = ""
+            self._outputs = Outputs(self)
+            for topic in TOPICS:
+                self._outputs.limit(topic, self._settings.values[f"max_rate.{topic}"])
+            self._offered = DynamicsServices(self, self._in_force, self._put_on)
+            description = self._settings.values["robot_description"]
+            if description:
+                try:
+                    self._adopt(self._loaded(description, self._settings))
+                except DiagDynamicsError as error:
+                    raise InputError(f"parameter 'robot_description' refused: {error}") from error
+            else:
+                self._wait_for_description()
+        except Exception as error:  # rclpy would swallow it
+            self._refusal = str(error) if isinstance(error, DiagDynamicsError) else repr(error)
+            self.get_logger().error(f"Not configured: {self._refusal}")
+            self._tear_down()
+            return FAILURE
+        self._phase = INACTIVE
+        return super().on_configure(state)
+
+    def on_activate(self, state):
+        """Listen to states and publish."""
+        try:
+            self._inputs = tuple(self._listen())
+        except Exception as error:
+            self.get_logger().error(f"Not activated: {error}")
+            self._stop_listening()
+            return FAILURE
+        self._phase = ACTIVE
+        return super().on_activate(state)
+
+    def on_deactivate(self, state):
+        """Stop listening; of the states that came before, none counts any more."""
+        self._stop_listening()
+        self._phase = INACTIVE
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state):
+        """Let the robot go, and all that was made for it."""
+        self._tear_down()
+        self._phase = UNCONFIGURED
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state):
+        """Let all go, for good."""
+        self._tear_down()
+        self._phase = FINALIZED
+        return super().on_shutdown(state)
+
+    def on_error(self, state):
+        """Let all go; the node can be configured anew."""
+        self._tear_down()
+        self._phase = UNCONFIGURED
+        return SUCCESS
+
+    def _listen(self):
+        """Subscribe to the inputs."""
+        sources = [(JointState, "joint_states", self._take_joint_state)]
+        if self._settings.values["floating_base"]:
+            sources.append((Odometry, "odom", self._take_odometry))
+        for kind, topic, take in sources:
+            yield self.create_subscription(
+                kind,
+                topic,
+                take,
+                QoSProfile(depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT),
+                event_callbacks=SubscriptionEventCallbacks(message_lost=self._lost),
+                qos_overriding_options=overridable(),
+            )
+
+    def _stop_listening(self):
+        for subscription in self._inputs:
+            self.destroy_subscription(subscription)
+        self._inputs = ()
+        if self._robot:
+            self._robot.forget()
+
+    def _tear_down(self):
+        self._stop_listening()
+        if self._descriptions:
+            self.destroy_subscription(self._descriptions)
+        for part in (self._offered, self._outputs):
+            if part:
+                part.destroy()
+        if self._robot:
+            self._traffic.keep(self._robot)
+        self._robot = self._outputs = self._offered = self._descriptions = None
+
+    def _lost(self, info):
+        self._traffic.counts["lost in transport"] += info.total_count_change
+
+    def _clock_jumped(self, jump):
+        """Simulated time has started anew, or another clock is in force."""
+        if self._robot:
+            self._robot.forget()
+            self._traffic.counts["clock jumped back"] += 1
 
     # --- The model ---
 
+    def _wait_for_description(self):
+        once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._descriptions = self.create_subscription(
+            String, "robot_description", self._take_description, once, qos_overriding_options=overridable()
+        )
+        self.get_logger().info(f"Waiting for a robot on {self.resolve_topic_name('robot_description')}.")
+
     def _take_description(self, message):
+        """Make a new robot the one in force; keep the old one if the new one is not valid."""
         # What comes from a topic is text and never a path: bytes are not looked up. It has been decoded already, whatever
         # encoding it declares, which the byte-order mark says.
-        self._load(codecs.BOM_UTF8 + message.data.lstrip("\ufeff").encode(errors="replace"))
-
-    def _load(self, description):
-        """Make a new robot the one in force; keep the old one if the new one is not valid."""
-        if description == self._description:
-            self._description_error = ""
-            return
+        description = codecs.BOM_UTF8 + message.data.lstrip("\ufeff").encode(errors="replace")
         try:
-            model = load_robot(self, description, self._values)
-            dynamics = DiagonalDynamics(model)
-            dynamics.compile(*COMPILED)
-        except DiagDynamicsError as error:
-            kept = f"; keeping robot '{self._dynamics.model.name}'" if self._dynamics else ""
-            self._description_error = str(error)
-            self.get_logger().error(f"robot_description refused{kept}: {error}")
-            return
+            if not self._robot or description != self._robot.description:
+                self._adopt(self._loaded(description, self._settings))
+            self._refusal = ""
         except Exception as error:  # nothing that arrives may end the node
-            self._description_error = f"internal error: {error!r}"
-            self.get_logger().error(f"robot_description refused: {error!r}")
-            return
-        if self._dynamics and self._dynamics.model.payloads:
-            gone = ", ".join(self._dynamics.model.payloads)
-            self.get_logger().warning(f"The payloads on {gone} are gone with the robot_description they belonged to.")
-        self._description, self._description_error = description, ""
-        self._use(model, dynamics)
-        self._assembler = JointStateAssembler(
-            single_joints(model),
-            self._values["joint_timeout"],
-            model.mimics,
-            self._values["mimic_tolerance"],
-            model.continuous_joints,
-        )
-        self._base = OdometryBase(model, self._values["odom_twist_frame"] == "header") if model.floating_base else None
+            known = isinstance(error, DiagDynamicsError)
+            self._refusal = str(error) if known else f"internal error: {error!r}"
+            kept = f"; keeping robot '{self._robot.model.name}'" if self._robot else ""
+            self.get_logger().error(f"robot_description refused{kept}: {self._refusal}")
+
+    def _loaded(self, description, settings):
+        """The robot of a description.
+
+        Raises
+        ------
+        DiagDynamicsError
+            The description is not valid, or the settings do not fit it.
+        """
+        model = load_robot(self, description, settings.values)
+        return MonitoredRobot(description, model, settings, self._revision + 1)
+
+    def _adopt(self, robot):
+        """Make this robot the one in force."""
+        if self._robot:
+            self._traffic.keep(self._robot)
+        self._robot = robot
+        self._revision += 1
+        for link in robot.unapplied():
+            self.get_logger().warning(
+                f"The payload on '{link}' is not applied: robot '{robot.model.name}' has no such link."
+            )
         self.get_logger().info(
-            f"Ready: robot '{model.name}', {model.nv} degrees of freedom, {model.total_mass:.6g} kg; "
+            f"Ready: robot '{robot.model.name}', {robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg; "
             f"listening to {self.resolve_topic_name('joint_states')}."
         )
 
-    def _use(self, model, dynamics=None):
-        """Put a model in force: another robot, or the same one with another payload or gravity."""
-        self._revision += 1
-        self._dynamics = dynamics or DiagonalDynamics(model)
-        self._maker = MessageMaker(model, self._revision)
-
     def _in_force(self):
         """What the services work with."""
-        return (self._dynamics, self._maker, self._assembler.followers) if self._dynamics else None
+        robot = self._robot
+        return (robot.dynamics, robot.maker, robot.assembler.followers) if robot else None
+
+    def _put_on(self, link, payload):
+        """Change one payload, as the parameter `payloads`; returns the model with it."""
+        payloads = payloads_of(self._settings.values["payloads"]) | {link: payload}
+        entries = [payload_entry(name, one) for name, one in payloads.items() if one.mass] or [""]
+        result = self.set_parameters([Parameter("payloads", value=entries)])[0]
+        if not result.successful:
+            raise InputError(result.reason)
+        return self._robot.model
 
     # --- Every message ---
 
     def _take_joint_state(self, message):
-        self._counts["received"] += 1
-        if self._dynamics is None:
-            self._counts["before the model"] += 1
+        counts, robot = self._traffic.counts, self._robot
+        counts["received"] += 1
+        if robot is None:
+            counts["before the model"] += 1
             return
-        self._guarded(lambda: self._evaluate(self._assembler.update(message, self._now())))
+
+        def take():
+            now = self._now()
+            state = robot.assembler.update(message, now)
+            if state is not None:
+                if not state.stamp_is_receive_time:
+                    self._traffic.arrived(state.newest, now)
+                state = robot.complete(state)
+                counts["before odometry"] += state is None
+            if state is not None:
+                self._publish(robot, state)
+
+        self._guarded("rejected", take)
 
     def _take_odometry(self, message):
-        self._counts["odometry received"] += 1
-        if self._base is not None:
-            self._guarded(lambda: self._use_odometry(message))
+        self._traffic.counts["odometry received"] += 1
+        robot = self._robot
+        if robot is None or robot.base is None:
+            return
 
-    def _use_odometry(self, message):
-        self._base.update(message, self._now())
-        if not self._assembler.names:  # a robot that is all base: no joint state will ever come
-            nothing, at = np.zeros(0), self._base.stamp
-            self._evaluate(RobotState(nothing, nothing, None, at, at, False))
+        def take():
+            robot.base.update(message, self._now())
+            if state := robot.state_of_base():
+                self._publish(robot, state)
 
-    def _evaluate(self, state):
-        if state is not None and self._base is not None:
-            state = self._base.with_joints(state, self._values["odom_timeout"])
-            self._counts["before odometry"] += state is None
-        if state is not None:
-            self._publish(state)
-            self._counts["published"] += 1
-            self._last_stamp = state.newest
+        self._guarded("odometry rejected", take)
 
-    def _guarded(self, action):
+    def _guarded(self, what, action):
         """Nothing that arrives may end the node."""
         try:
             action()
+            return
         except RejectedError as rejection:
-            self._reject(rejection.cause, str(rejection))
+            cause, message = rejection.cause, str(rejection)
         except DiagDynamicsError as error:
-            self._reject(type(error).__name__, str(error))
+            cause, message = type(error).__name__, str(error)
         except Exception as error:
-            self._reject("internal error", repr(error))
+            cause, message = "internal error", repr(error)
+        self._traffic.rejected(what, cause, message)
+        self.get_logger().warning(f"Rejected: {self._traffic.last_rejection}", throttle_duration_sec=5.0)
 
     def _now(self):
         return self.get_clock().now().nanoseconds
 
-    def _reject(self, cause, message):
-        self._counts[f"rejected: {cause}"] += 1
-        self._last_rejection = message
-        self.get_logger().warning(f"Rejected: {message}", throttle_duration_sec=5.0)
+    def _publish(self, robot, state):
+        """Evaluate, watch, and publish where somebody listens."""
+        s, state = robot.evaluate(state)
+        self._outputs.publish(robot.dynamics, robot.maker, state, s, self._settings.values["publish_inverse_factor"])
+        self._traffic.published(state.newest)
+        if robot.energy.take(state.newest, s):
+            self._diagnostics.publish()
 
-    def _publish(self, state):
-        """Evaluate, and publish where somebody listens."""
-        dynamics, maker = self._dynamics, self._maker
-        q, qd = state.position, state.velocity
-        s = dynamics.evaluate(q, qd, state.effort, friction=self._values["publish_friction"])
-        stamp, inverse = to_time(state.newest), self._values["publish_inverse_factor"]
-        for topic, make in (
-            ("state", lambda: maker.state(stamp, s, state)),
-            ("kinetic_energy", lambda: maker.kinetic_energy(stamp, s, state)),
-            ("total_joint_rates", lambda: maker.total_joint_rates(stamp, s, state)),
-            ("working_moments", lambda: maker.working_moments(stamp, s, state)),
-            ("coriolis", lambda: maker.coriolis(stamp, s, state)),
-            ("mass_matrix_factors", lambda: maker.mass_matrix_factors(stamp, dynamics.factors(q), inverse, state)),
-            ("joint_space_dynamics", lambda: self._joint_space_dynamics(stamp, q, qd, state)),
-        ):
-            publisher = self._out[topic]
-            if publisher.get_subscription_count() and self._limits[topic].due(state.newest):
-                publisher.publish(make())
-
-    def _joint_space_dynamics(self, stamp, q, qd, state):
-        dynamics = self._dynamics
-        M, c, g = dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q)
-        return self._maker.joint_space_dynamics(stamp, M, c, g, state)
-
-    # --- Parameters and diagnostics ---
+    # --- Parameters ---
 
     def _set_parameters(self, parameters):
-        for parameter in parameters:
-            reason = wrong(parameter.name, parameter.value, PARAMETERS)
-            if reason:
-                return SetParametersResult(successful=False, reason=reason)
-        for parameter in parameters:
-            self._apply(parameter.name, parameter.value)
+        """Take new values over if all of them together make sense."""
+        try:
+            changed = {parameter.name: parameter.value for parameter in parameters if parameter.name in PARAMETERS}
+            self._refuse_now(changed)
+            settings = Settings.of(self._settings.values | changed)
+            robot = self._robot
+            if robot and settings.values["robot_description"] != self._settings.values["robot_description"]:
+                robot = self._loaded(settings.values["robot_description"], settings)
+            elif robot:
+                self._reconsider(robot, settings, changed)
+        except DiagDynamicsError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        except Exception as error:
+            self.get_logger().error(f"Parameters refused: {error!r}")
+            return SetParametersResult(successful=False, reason=f"internal error: {error!r}")
+        self._settings = settings
+        if robot is not self._robot:
+            self._refusal = ""
+            self._adopt(robot)
+        for topic in TOPICS if self._outputs else ():
+            if f"max_rate.{topic}" in changed:
+                self._outputs.limit(topic, changed[f"max_rate.{topic}"])
         return SetParametersResult(successful=True)
 
-    def _apply(self, name, value):
-        self._values[name] = value
-        if name.startswith("max_rate."):
-            self._limits[name.removeprefix("max_rate.")] = RateLimit(value)
-        elif name == "joint_timeout" and self._assembler:
-            self._assembler.timeout = value
-        elif name == "mimic_tolerance" and self._assembler:
-            self._assembler.followers.tolerance = value
-        elif name == "gravity" and self._dynamics:
-            self._use(self._dynamics.model.with_gravity(value))
+    def _refuse_now(self, changed):
+        """Refuse what only an unconfigured node can take over."""
+        if self._phase == UNCONFIGURED:
+            return
+        for name in changed:
+            if PARAMETERS[name].while_unconfigured and changed[name] != self._settings.values[name]:
+                raise InputError(f"parameter '{name}' is read-only while the node is configured: clean it up first.")
+        description = changed.get("robot_description", self._settings.values["robot_description"])
+        if bool(description) != bool(self._settings.values["robot_description"]):
+            raise InputError(
+                "parameter 'robot_description' is read-only while the robot comes from the topic, and cannot become empty "
+                "while it does not: clean the node up first."
+            )
+
+    def _reconsider(self, robot, settings, changed):
+        """Put the robot in force with other settings."""
+        model = robot.model
+        if "payloads" in changed:
+            wanted = payloads_of(changed["payloads"])
+            for link in robot.unapplied():  # has been left out before, and is said to be
+                wanted.pop(link, None)
+            for link in {**model.payloads, **wanted}:
+                model = model.with_payload(link, *wanted.get(link, NOTHING))
+        if "gravity" in changed:
+            model = model.with_gravity(changed["gravity"])
+        revision = self._revision + (model is not robot.model)
+        robot.use(model, settings, revision)
+        self._revision = revision
+
+    # --- Diagnostics ---
 
     def _report(self):
-        counts = self._counts + (self._assembler.counts if self._assembler else Counter())
-        recent = counts - self._last_counts
-        self._last_counts = counts
-        level, message = self._judge(recent)
-        values = {"input rate [Hz]": recent["received"], "output rate [Hz]": recent["published"]}
-        if self._dynamics:
-            model = self._dynamics.model
+        robot = self._robot
+        active = self._phase == ACTIVE
+        statuses = [self._traffic.status(robot, self._now(), self._notes())]
+        if not active:
+            values = statuses[0].values
+            statuses[0] = Status("joint states", WARN, f"{self._phase}: nothing is listened to", values)
+        elif robot is None:
+            statuses[0] = statuses[0]._replace(level=WARN, message=f"no robot yet; {statuses[0].message}")
+        statuses += [
+            self._model_status(),
+            numerical_health(*((robot.dynamics, robot.state) if robot else (None, None))),
+        ]
+        if robot:
+            statuses.append(robot.energy.report())
+        return statuses
+
+    def _notes(self):
+        """Who publishes the inputs, and what is wrong with that."""
+        notes, problems = {}, []
+        kinds = ("sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry")
+        for subscription, kind in [
+            *zip(self._inputs, kinds, strict=False),
+            (self._descriptions, "std_msgs/msg/String"),
+        ]:
+            if subscription:
+                names, wrong = publishers(self, subscription, kind)
+                notes[f"publishers of {subscription.topic_name}"] = counted(names)
+                problems += wrong
+        return notes | {None: problems}
+
+    def _model_status(self):
+        robot = self._robot
+        values = {"lifecycle": self._phase, "model revision": self._revision}
+        if robot:
+            model = robot.model
             values |= {
                 "robot": model.name,
                 "degrees of freedom": model.nv,
                 "total mass [kg]": f"{model.total_mass:.6g}",
                 "mimic joints": counted(model.mimics),
                 "locked joints": counted(model.locked_joints),
+                "payloads": counted(model.payloads),
             }
-        if self._last_stamp is not None:
-            age = (self.get_clock().now().nanoseconds - self._last_stamp) * 1e-9
-            values["age of the last state [s]"] = f"{age:.6f}"
-        values |= dict(sorted(counts.items()))
-        if self._last_rejection:
-            values["last rejection"] = self._last_rejection
-        if self._assembler and self._assembler.last_disagreement:
-            values["last mimic disagreement"] = self._assembler.last_disagreement
-        return level, message, values
-
-    def _judge(self, recent):
-        """Level and message for what happened within the last second."""
-        if self._description_error:
-            return DiagnosticStatus.ERROR, f"robot_description refused: {self._description_error}"
-        if self._dynamics is None:
-            return DiagnosticStatus.WARN, "no robot_description yet"
-        rejected = sum(count for cause, count in recent.items() if cause.startswith("rejected"))
-        disagreeing = recent["mimic disagreement"]
-        if rejected:
-            return DiagnosticStatus.WARN, f"{rejected} messages rejected: {self._last_rejection}"
-        if disagreeing:
-            return (
-                DiagnosticStatus.WARN,
-                f"{disagreeing} messages with mimic joints astray: {self._assembler.last_disagreement}",
-            )
-        if recent["published"]:
-            return DiagnosticStatus.OK, "publishing"
-        if recent["before odometry"]:
-            return DiagnosticStatus.WARN, f"no odometry yet on {self.resolve_topic_name('odom')}"
-        missing = self._assembler.missing
-        if recent["received"] and missing:
-            return DiagnosticStatus.WARN, f"joints that never arrived: {', '.join(missing)}"
-        return DiagnosticStatus.STALE, "no joint states"
+        if self._refusal:
+            return Status("model", ERROR, f"robot_description refused: {self._refusal}", values)
+        if robot is None:
+            waiting = "no robot_description yet" if self._phase in (INACTIVE, ACTIVE) else self._phase
+            return Status("model", WARN, waiting, values)
+        if unapplied := robot.unapplied():
+            return Status("model", WARN, f"payloads on links that are not there: {', '.join(unapplied)}", values)
+        return Status("model", OK, f"robot '{robot.model.name}'", values)
 
 
 main = main_of(MonitorNode)

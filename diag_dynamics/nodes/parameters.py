@@ -1,4 +1,4 @@
-"""Declaring parameters from a table: type, default, description, range, and whether they change at run time."""
+"""Declaring parameters from a table: type, default, description, range, and when they may change."""
 
 import math
 from typing import Any, NamedTuple
@@ -6,6 +6,9 @@ from typing import Any, NamedTuple
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 
 from diag_dynamics.exceptions import InputError
+
+ALL = "*"
+"""Stands for every joint that has no entry of its own."""
 
 
 class Spec(NamedTuple):
@@ -17,6 +20,8 @@ class Spec(NamedTuple):
     minimum: float | None = None
     maximum: float = 1e9
     choices: tuple = ()
+    while_unconfigured: bool = False
+    """Whether a managed node takes another value only before it is configured."""
 
 
 def declare(node, specs):
@@ -48,3 +53,73 @@ def wrong(name, value, specs):
     if numbers is value and len(numbers) != len(spec.default):
         return f"parameter '{name}' is {list(value)!r}, expected {len(spec.default)} numbers"
     return None
+
+
+def assignments(parameter, entries, kind=float, minimum=None):
+    """Values by name from strings such as ``joint=0.5``.
+
+    Parameters
+    ----------
+    parameter : str
+        Whose entries they are.
+    entries : sequence of str
+        Empty strings count for nothing: an empty list of strings cannot be told from one of anything else.
+    kind : {float, bool, str}
+        What stands behind the last ``=`` (str: behind the first).
+    minimum : float or None
+        Smallest number allowed.
+
+    Raises
+    ------
+    InputError
+        An entry is malformed, of the wrong kind or out of range, or a name has two.
+    """
+    values = {}
+    for entry in entries:
+        if not entry:
+            continue
+        name, equals, text = entry.partition("=") if kind is str else entry.rpartition("=")
+        name, text = name.strip(), text.strip()
+        if not equals or not name:
+            raise InputError(f"parameter '{parameter}' has {entry!r}, expected name={_EXPECTED[kind]}.")
+        if name in values:
+            raise InputError(f"parameter '{parameter}' has two entries for '{name}'.")
+        value = _parsed(text, kind)
+        if value is None:
+            raise InputError(f"parameter '{parameter}' has {entry!r}, expected name={_EXPECTED[kind]}.")
+        if minimum is not None and value < minimum:
+            raise InputError(f"parameter '{parameter}' has {entry!r}, expected no less than {minimum:g}.")
+        values[name] = value
+    return values
+
+
+_EXPECTED = {float: "number", bool: "true or name=false", str: "text"}
+
+
+def _parsed(text, kind):
+    """The value of a text, or None."""
+    if kind is bool:
+        return {"true": True, "false": False}.get(text.lower())
+    if kind is str:
+        return text
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def by_name(parameter, entries, names):
+    """Entries with :data:`ALL` written out for these names.
+
+    Raises
+    ------
+    InputError
+        An entry for another name.
+    """
+    for name in entries:
+        if name != ALL and name not in names:
+            raise InputError(f"parameter '{parameter}' names '{name}', which is no joint whose state is needed here.")
+    if ALL in entries:
+        return {name: entries.get(name, entries[ALL]) for name in names}
+    return dict(entries)

@@ -2,28 +2,39 @@
 
 import warnings
 
+import numpy as np
+
 from diag_dynamics.exceptions import InertiaWarning, InputError, UnsupportedError
-from diag_dynamics.model import load_urdf
-from diag_dynamics.nodes.parameters import Spec
+from diag_dynamics.model import Payload, load_urdf
+from diag_dynamics.model.urdf import read_urdf
+from diag_dynamics.nodes.inputs.joint_states import Joints
+from diag_dynamics.nodes.parameters import Spec, assignments
 
 PARAMETERS = {
     "mimic": Spec(
         "embed",
         "Mimic joints: coupled to their leaders (embed), independent (free), or locked (lock).",
-        read_only=True,
+        while_unconfigured=True,
         choices=("embed", "free", "lock"),
     ),
     "massless": Spec(
         "error",
         "Joints that move no inertia: refuse the robot (error), or lock them (lock).",
-        read_only=True,
+        while_unconfigured=True,
         choices=("error", "lock"),
     ),
-    "locked_joints": Spec([""], "Joints that are held, each as joint=position [rad, m].", read_only=True),
-    "armature": Spec([""], "Reflected rotor inertias, each as joint=inertia [kg m^2, prismatic: kg].", read_only=True),
+    "locked_joints": Spec([""], "Joints that are held, each as joint=position [rad, m].", while_unconfigured=True),
+    "armature": Spec(
+        [""], "Reflected rotor inertias, each as joint=inertia [kg m^2, prismatic: kg].", while_unconfigured=True
+    ),
     "gravity": Spec([0.0, 0.0, -9.81], "Acceleration of gravity in the world, for a fixed base the root link [m/s^2]."),
+    "payloads": Spec(
+        [""],
+        "Payloads, each as link=mass, link=mass x y z, or link=mass x y z ixx iyy izz ixy ixz iyz: centre of mass and "
+        "inertia about it in the link's axes [kg, m, kg m^2]. Those on links that a robot lacks are not applied.",
+    ),
     "floating_base": Spec(
-        False, "Whether the root link moves freely; its state then comes from the topic odom.", read_only=True
+        False, "Whether the root link moves freely; its state then comes from the topic odom.", while_unconfigured=True
     ),
 }
 
@@ -58,6 +69,10 @@ def load_robot(node, description, values):
     DiagDynamicsError
         As :func:`load_urdf`; and for a robot with a joint whose state no ROS topic brings.
     """
+    payloads = payloads_of(values["payloads"])
+    if payloads:
+        links = {link.name for link in read_urdf(description)[0].links}
+        payloads = {link: payload for link, payload in payloads.items() if link in links}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", InertiaWarning)
         model = load_urdf(
@@ -68,6 +83,7 @@ def load_robot(node, description, values):
             massless=values["massless"],
             locked_joints=assignments("locked_joints", values["locked_joints"]),
             armature=assignments("armature", values["armature"]),
+            payloads=payloads,
         )
     for warning in caught:
         node.get_logger().warning(str(warning.message))
@@ -85,17 +101,36 @@ def single_joints(model):
     return tuple(name for name in model.joint_names if name in model.dof_names)
 
 
-def assignments(parameter, entries):
-    """Numbers by name from strings such as ``joint=0.5``."""
-    numbers = {}
-    for entry in entries:
-        if not entry:
-            continue  # an empty list of strings cannot be told from one of anything else
-        name, equals, number = entry.rpartition("=")
+def joints_of(model):
+    """What assembling joint states has to know of a model."""
+    at = [model.coordinate_names.index(name) for name in single_joints(model)]
+    return Joints(single_joints(model), model.mimics, model.continuous_joints, model.lower[at], model.upper[at])
+
+
+def payloads_of(entries):
+    """:class:`Payload` by link, from the parameter `payloads`.
+
+    Raises
+    ------
+    InputError
+        An entry is no link with 1, 4 or 10 numbers.
+    """
+    payloads = {}
+    for link, text in assignments("payloads", entries, str).items():
         try:
-            numbers[name] = float(number)
+            numbers = [float(number) for number in text.split()]
         except ValueError:
-            equals = ""
-        if not equals or not name:
-            raise InputError(f"parameter '{parameter}' has {entry!r}, expected name=number.")
-    return numbers
+            numbers = []
+        if len(numbers) not in (1, 4, 10) or not np.isfinite(numbers).all():
+            raise InputError(f"parameter 'payloads' has {link}={text}, expected link= and 1, 4 or 10 finite numbers.")
+        mass, com, inertia = numbers[0], numbers[1:4] or (0.0, 0.0, 0.0), numbers[4:] or (0.0,) * 6
+        xx, yy, zz, xy, xz, yz = inertia
+        payloads[link] = Payload(mass, tuple(com), ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+    return payloads
+
+
+def payload_entry(link, payload):
+    """Entry of the parameter `payloads`: the inverse of :func:`payloads_of`."""
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = payload.inertia
+    numbers = (payload.mass, *payload.com, xx, yy, zz, xy, xz, yz)
+    return f"{link}=" + " ".join(repr(float(number)) for number in numbers)

@@ -4,7 +4,9 @@ import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
-from diag_dynamics.nodes.joint_states import RobotState
+from diag_dynamics.model import Payload
+from diag_dynamics.nodes.diagnostics import shortened
+from diag_dynamics.nodes.inputs.joint_states import RobotState
 from diag_dynamics.nodes.messages import (
     doubles,
     requested_acceleration,
@@ -23,21 +25,28 @@ class DynamicsServices:
     node : rclpy.node.Node
     current : callable
         Returns the (DiagonalDynamics, MessageMaker, Followers) in force, or None while there is no model.
-    replace : callable
-        Called with a model that takes the place of the one in force.
+    put_on : callable
+        Called with a link and its :class:`Payload`, which is checked, to put it in force; returns the model then in force.
     """
 
-    def __init__(self, node, current, replace):
+    def __init__(self, node, current, put_on):
         self._node = node
         self._current = current
-        self._replace = replace
+        self._put_on = put_on
+        self._services = []
         for kind, name, answer in (
             (ForwardDynamics, "forward_dynamics", self._forward),
             (InverseDynamics, "inverse_dynamics", self._inverse),
             (Diagonalize, "diagonalize", self._diagonalize),
             (SetPayload, "set_payload", self._set_payload),
         ):
-            node.create_service(kind, f"~/{name}", self._guarded(kind, answer))
+            self._services.append(node.create_service(kind, f"~/{name}", self._guarded(kind, answer)))
+
+    def destroy(self):
+        """Take the services off the graph."""
+        for service in self._services:
+            self._node.destroy_service(service)
+        self._services = []
 
     def _guarded(self, kind, answer):
         """`answer`, with every failure turned into a response."""
@@ -51,10 +60,10 @@ class DynamicsServices:
                 answer(request, response, *current)
                 response.success = True
             except DiagDynamicsError as error:
-                response = kind.Response(success=False, message=str(error))
+                response = kind.Response(success=False, message=shortened(str(error)))
             except Exception as error:  # a request must not end the node
-                self._node.get_logger().error(f"{kind.__name__}: {error!r}")
-                response = kind.Response(success=False, message=f"Internal error: {error!r}")
+                self._node.get_logger().error(f"{kind.__name__}: {error!r}", throttle_duration_sec=5.0)
+                response = kind.Response(success=False, message=shortened(f"Internal error: {error!r}"))
             return response
 
         return callback
@@ -100,9 +109,9 @@ class DynamicsServices:
     def _set_payload(self, request, response, dynamics, maker, followers):
         i = request.inertia
         inertia = [[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]]
-        model = dynamics.model.with_payload(request.link, i.m, (i.com.x, i.com.y, i.com.z), inertia)
-        self._replace(model)
-        response.total_mass = model.total_mass
+        com = (i.com.x, i.com.y, i.com.z)
+        dynamics.model.with_payload(request.link, i.m, com, inertia)  # refuses what is wrong, by name
+        response.total_mass = self._put_on(request.link, Payload(i.m, com, inertia)).total_mass
 
 
 def _with_gravity(dynamics, request):

@@ -3,7 +3,6 @@
 import sys
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
@@ -11,8 +10,8 @@ from std_msgs.msg import String
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import urdf_text
-from diag_dynamics.nodes.diagnostics import Diagnostics
-from diag_dynamics.nodes.followers import Followers
+from diag_dynamics.nodes.diagnostics import ERROR, OK, Diagnostics, Status
+from diag_dynamics.nodes.inputs.followers import Followers
 from diag_dynamics.nodes.messages import doubles, to_time
 from diag_dynamics.nodes.parameters import Spec, declare
 from diag_dynamics.nodes.robot import COMPILED, load_robot
@@ -22,8 +21,10 @@ from diag_dynamics.simulation import Simulation, Wave
 
 PARAMETERS = {
     "robot_description": Spec("", "URDF, or the path of one; required.", read_only=True),
-    **{name: ROBOT_PARAMETERS[name] for name in ("mimic", "massless", "locked_joints", "armature")},
-    "gravity": ROBOT_PARAMETERS["gravity"]._replace(read_only=True),
+    **{
+        name: ROBOT_PARAMETERS[name]._replace(read_only=True)
+        for name in ("mimic", "massless", "locked_joints", "armature", "gravity")
+    },
     "rate": Spec(500.0, "joint_states per second [Hz].", read_only=True, minimum=1.0, maximum=10000.0),
     "step": Spec(0.001, "Integration step [s].", read_only=True, minimum=1e-6, maximum=0.1),
     "motion": Spec(
@@ -47,7 +48,7 @@ class SimulatorNode(Node):
         if not values["robot_description"]:
             raise InputError("parameter 'robot_description' is empty: give the simulator a URDF or the path of one.")
         text = urdf_text(values["robot_description"])
-        model = load_robot(self, text, values | {"floating_base": False})
+        model = load_robot(self, text, values | {"floating_base": False, "payloads": []})
         self._simulation = Simulation(model, step=min(values["step"], 1.0 / values["rate"]))
         self._simulation.dynamics.compile(*COMPILED)
         self._wave = Wave(self._simulation) if values["motion"] == "wave" else None
@@ -63,7 +64,7 @@ class SimulatorNode(Node):
         self._description = self.create_publisher(String, "robot_description", once)
         self._description.publish(String(data=text))
         self._joint_states = self.create_publisher(JointState, "joint_states", 10)
-        self._diagnostics = Diagnostics(self, "simulation", self._report)
+        self._diagnostics = Diagnostics(self, self._report)
         self._start = self.get_clock().now().nanoseconds
         self._timer = self.create_timer(self._period, self._tick)
         self.get_logger().info(
@@ -110,8 +111,8 @@ class SimulatorNode(Node):
     def _report(self):
         values = {"simulated time [s]": f"{self._simulation.time:.3f}", "time let go [s]": f"{self._let_go:.3f}"}
         if self._failure:
-            return DiagnosticStatus.ERROR, f"stopped: {self._failure}", values
-        return DiagnosticStatus.OK, "running", values
+            return [Status("simulation", ERROR, f"stopped: {self._failure}", values)]
+        return [Status("simulation", OK, "running", values)]
 
 
 main = main_of(SimulatorNode)

@@ -4,7 +4,8 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.base import base_state
-from diag_dynamics.nodes.joint_states import RejectedError
+from diag_dynamics.nodes.inputs.rejected import RejectedError
+from diag_dynamics.nodes.inputs.stamps import SECOND, Stamps, stamp_of
 
 
 class OdometryBase:
@@ -16,12 +17,30 @@ class OdometryBase:
         With a floating base.
     twist_in_header : bool
         Whether the twist of messages is in the axes of ``header.frame_id`` rather than of ``child_frame_id``.
+
+    Attributes
+    ----------
+    stamps : Stamps
+    jumps : int
+        How often its time has started anew.
     """
 
     def __init__(self, model, twist_in_header):
         self._model = model
         self.twist_in_header = twist_in_header
-        self.stamp = -1
+        self.stamps = Stamps()
+        self.jumps = 0
+        self._farthest = self._fastest = np.inf
+        self.forget()
+
+    def configure(self, options):
+        """Judge what comes from now on by these :class:`Options`."""
+        self.stamps.max_age, self.stamps.refuse_foreign = options.max_age, options.refuse_foreign
+        self._farthest, self._fastest = options.max_position or np.inf, options.max_velocity or np.inf
+
+    def forget(self):
+        """Start anew, as after a jump of time."""
+        self.stamp = None
         self.position = self.velocity = None
         self._unstamped = False
 
@@ -31,23 +50,19 @@ class OdometryBase:
         Raises
         ------
         RejectedError
-            The child frame is not the root link nor attached to it, or a number is no good, or the message is late.
+            The child frame is not the root link nor attached to it, a number is no good or absurd, or the message is out of
+            time.
         """
         link = message.child_frame_id.lstrip("/")
         if not link:
             raise RejectedError(
-                "odometry", f"odom: child_frame_id is empty, expected '{self._model.root_link}' or a link on it"
+                "malformed", f"odom: child_frame_id is empty, expected '{self._model.root_link}' or a link on it"
             )
         pose, twist = message.pose.pose, message.twist.twist
         p, o, v, w = pose.position, pose.orientation, twist.linear, twist.angular
-        stamp = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
-        unstamped, stamp = stamp == 0, stamp or now
-        if -1_000_000_000 < stamp - self.stamp < 0:
-            raise RejectedError(
-                "late odometry", f"odom: stamp {(self.stamp - stamp) * 1e-9:.6f} s older than the one before"
-            )
+        stamp, unstamped = stamp_of(message, now)
         try:
-            self.position, self.velocity = base_state(
+            position, velocity = base_state(
                 self._model,
                 link,
                 (p.x, p.y, p.z),
@@ -56,8 +71,17 @@ class OdometryBase:
                 self.twist_in_header,
             )
         except InputError as error:
-            raise RejectedError("odometry", f"odom: {error}") from error
-        self.stamp, self._unstamped = stamp, unstamped
+            raise RejectedError("malformed", f"odom: {error}") from error
+        for what, values, most in (
+            ("position", position[:3], self._farthest),
+            ("twist", velocity, self._fastest),
+        ):
+            if np.abs(values).max() > most:
+                raise RejectedError(
+                    "absurd value", f"odom: {what} is {values.tolist()}, expected within ±{most:g} (absurd.*)"
+                )
+        self.jumps += self.stamps.judge("odom", stamp, 0 if unstamped else now, self.stamp, SECOND)
+        self.position, self.velocity, self.stamp, self._unstamped = position, velocity, stamp, unstamped
 
     def with_joints(self, state, timeout):
         """The state of the whole robot from that of its joints, or None before the base is known.
@@ -67,10 +91,10 @@ class OdometryBase:
         RejectedError
             The base's state is more than `timeout` [s] older or newer than the joints'; 0 for no limit.
         """
-        if self.stamp < 0:
+        if self.stamp is None:
             return None
         apart = abs(state.newest - self.stamp) * 1e-9
-        ahead = self.stamp - state.newest > 1_000_000_000  # of joints whose time has started anew
+        ahead = self.stamp - state.newest > SECOND  # of joints whose time has started anew
         if (timeout and apart > timeout) or ahead:
             raise RejectedError("stale odometry", f"odom is {apart:.3f} s away from the joints, more than {timeout} s")
         effort = None if state.effort is None else np.concatenate([np.zeros(6), state.effort])

@@ -1,0 +1,34 @@
+"""Who publishes on a topic, and whether anything of it can arrive."""
+
+from rclpy.qos import QoSCompatibility, qos_check_compatible
+
+
+def publishers(node, subscription, kind):
+    """Publishers of a subscription's topic.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    subscription : rclpy.subscription.Subscription
+    kind : str
+        Type of its messages, as ``sensor_msgs/msg/JointState``.
+
+    Returns
+    -------
+    names : list of str
+        Their nodes, each as often as it publishes there.
+    problems : list of str
+        Why nothing can arrive from some of them.
+    """
+    names, problems = [], []
+    topic = subscription.topic_name
+    for info in node.get_publishers_info_by_topic(topic):
+        name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+        names.append(name)
+        if info.topic_type != kind:
+            problems.append(f"{name} publishes {info.topic_type} on {topic}, expected {kind}")
+            continue
+        compatible, reason = qos_check_compatible(info.qos_profile, subscription.qos_profile)
+        if compatible == QoSCompatibility.ERROR:
+            problems.append(f"QoS of {name} on {topic} is not compatible with this node's subscription: {reason}")
+    return names, problems

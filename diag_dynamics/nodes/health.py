@@ -1,0 +1,140 @@
+"""What is watched over all states: energies against their thresholds, the balance of power, and the numbers' health."""
+
+import numpy as np
+
+from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Status
+from diag_dynamics.nodes.messages import power_of
+from diag_dynamics.nodes.robot import single_joints
+from diag_dynamics.nodes.settings import share_thresholds
+
+HEALTHY = 1e-9
+"""Relative error up to which what must hold exactly does."""
+
+CONTINUOUS = 0.5
+"""Time between two states [s] beyond which the change of energy is not put down to the power in between."""
+
+
+class EnergyWatch:
+    """Kinetic energy of every state against thresholds, and its change against the power of the efforts.
+
+    The power-balance residual is the measured change of K less the integral of ν·(ε − ε_g), both over the time since the
+    last report: what friction, contact and payloads that the model does not know take out or put in, or efforts that are
+    not what they are declared to be.
+
+    Parameters
+    ----------
+    model : RobotModel
+    thresholds : Thresholds
+
+    Raises
+    ------
+    InputError
+        The thresholds name a joint that is not there.
+    """
+
+    def __init__(self, model, thresholds):
+        self.configure(model, thresholds)
+        self._K = self._power = None
+        self._last = None
+        self._reported = OK
+        self._begin()
+
+    def configure(self, model, thresholds):
+        """Watch a model, which may be another one, by these thresholds; nothing changes if they are refused.
+
+        Raises
+        ------
+        InputError
+            They name a joint that is not there.
+        """
+        names = single_joints(model)
+        warn, error = (np.array(shares) for shares in share_thresholds(thresholds, names))
+        self._names, self._at = names, np.array([model.dof_names.index(name) for name in names], dtype=int)
+        self._thresholds, self._shares = thresholds, ((ERROR, "error", error), (WARN, "warn", warn))
+        self._watch_shares = bool(np.isfinite([*warn, *error]).any())
+        self.forget()
+
+    def forget(self):
+        """Take the next state as the first one."""
+        self._last = None
+
+    def _begin(self):
+        """Begin another interval between two reports."""
+        self._largest, self._level, self._alarm = 0.0, OK, ""
+        self._gained = self._explained = self._time = 0.0
+
+    def take(self, stamp, s):
+        """Take the Evaluation of a state stamped `stamp` [ns]; return whether this is worse than all reported last."""
+        K = s.kinetic_energy
+        self._largest = max(self._largest, K)
+        self._judge(K, s)
+        power = None if s.epsilon is None else power_of(s)
+        if self._last is not None and power is not None and self._power is not None:
+            dt = (stamp - self._last) * 1e-9
+            if 0.0 < dt <= CONTINUOUS:
+                self._gained += K - self._K
+                self._explained += 0.5 * (power + self._power) * dt
+                self._time += dt
+        if stamp != self._last:
+            self._last, self._K, self._power = stamp, K, power
+        return self._level > self._reported
+
+    def _judge(self, K, s):
+        warn, error = self._thresholds.warn, self._thresholds.error
+        if error and error < K:
+            self._raise(ERROR, f"kinetic energy {K:.6g} J > error_energy = {error:g} J")
+        elif warn and warn < K:
+            self._raise(WARN, f"kinetic energy {K:.6g} J > warn_energy = {warn:g} J")
+        if self._watch_shares:
+            share = s.energy_share[self._at]
+            for level, word, most in self._shares:
+                beyond = np.flatnonzero(share > most)
+                if len(beyond):
+                    k = beyond[0]
+                    self._raise(
+                        level,
+                        f"energy share of joint '{self._names[k]}' {share[k]:.6g} J > {word}_energy_share = {most[k]:g} J",
+                    )
+
+    def _raise(self, level, alarm):
+        if level > self._level:
+            self._level, self._alarm = level, alarm
+
+    def report(self):
+        """Status of all states since the last report."""
+        values = {"largest kinetic energy [J]": f"{self._largest:.6g}"}
+        if self._last is not None:
+            values["kinetic energy [J]"] = f"{self._K:.6g}"
+            if self._power is not None:
+                values["power [W]"] = f"{self._power:.6g}"
+        if self._time:
+            values["power-balance residual [W]"] = f"{(self._gained - self._explained) / self._time:.6g}"
+        level, message = self._level, self._alarm or "within thresholds"
+        self._begin()
+        self._reported = level
+        return Status("energy", level, message, values)
+
+
+def numerical_health(dynamics, state):
+    """Status of one RobotState: what must hold exactly, and how near the robot is to a singular mass matrix."""
+    if dynamics is None or state is None:
+        return Status("numerical health", OK, "no state yet")
+    q, qd = state.position, state.velocity
+    s = dynamics.evaluate(q, qd)
+    size = np.linalg.norm(s.nu) * np.linalg.norm(s.coriolis)
+    work = abs(s.nu @ s.coriolis) / size if size > 0.0 else 0.0
+    K = 0.5 * qd @ dynamics.mass_matrix(q) @ qd
+    apart = abs(s.kinetic_energy - K) / K if K > 0.0 else 0.0
+    values = {"|nu.C| / (|nu| |C|)": f"{work:.1e}", "|K - qd.M.qd / 2| / K": f"{apart:.1e}"}
+    D = s.articulated_inertia
+    if len(D):
+        k = int(np.argmin(D))
+        values |= {"smallest D [kg m^2, kg]": f"{D[k]:.6g}", "its joint": dynamics.model.dof_names[k]}
+    unhealthy = [
+        f"{key} is {value}"
+        for key, value, number in zip(values, values.values(), (work, apart), strict=False)
+        if not number <= HEALTHY
+    ]
+    if unhealthy:
+        return Status("numerical health", WARN, f"{'; '.join(unhealthy)}, expected no more than {HEALTHY:g}", values)
+    return Status("numerical health", OK, "exact but for rounding", values)

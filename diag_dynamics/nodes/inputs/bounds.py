@@ -1,0 +1,53 @@
+"""Values that no joint can have, whatever a driver says: degrees for radians, a counter that ran over, a sick encoder."""
+
+import numpy as np
+
+from diag_dynamics.nodes.inputs.rejected import RejectedError
+
+
+class Bounds:
+    """Bounds of positions and velocities.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The joints.
+    lower, upper : array_like, shape (n,)
+        Their position limits [rad, m], infinite where there are none.
+    options : Options
+        Its `max_position` [rad, m], `max_velocity` [rad/s, m/s] and `beyond_limits`, how far outside of its limits a joint
+        may be [rad, m]; 0 for no bound.
+    """
+
+    def __init__(self, names, lower, upper, options):
+        self._names = names
+        most, slack = options.max_position or np.inf, options.beyond_limits or np.inf
+        self._lower = np.maximum(np.asarray(lower, dtype=float) - slack, -most)
+        self._upper = np.minimum(np.asarray(upper, dtype=float) + slack, most)
+        self._fastest = options.max_velocity or np.inf
+
+    def check(self, position, velocity, here):
+        """Refuse what is beyond the bounds; NaN is not looked at.
+
+        Raises
+        ------
+        RejectedError
+            Names the joint, the value and the bounds.
+        """
+        outside = (position < self._lower[here]) | (position > self._upper[here])
+        if outside.any():
+            k = int(np.argmax(outside))
+            at = here[k]
+            raise RejectedError(
+                "absurd value",
+                f"joint '{self._names[at]}': position is {position[k]:.9g}, expected within "
+                f"{self._lower[at]:g} … {self._upper[at]:g} (absurd.position, absurd.beyond_limits)",
+            )
+        fast = (np.abs(velocity) > self._fastest) & np.isfinite(velocity)
+        if fast.any():
+            k = int(np.argmax(fast))
+            raise RejectedError(
+                "absurd value",
+                f"joint '{self._names[here[k]]}': velocity is {velocity[k]:.9g}, expected within "
+                f"±{self._fastest:g} (absurd.velocity)",
+            )

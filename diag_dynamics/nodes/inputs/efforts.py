@@ -1,0 +1,68 @@
+"""What drivers mean by effort: its unit, whether it holds gravity, and whether it can be believed at all."""
+
+import numpy as np
+
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.parameters import by_name
+
+
+class Efforts:
+    """Efforts in N m (prismatic: N) from what is sent, joint by joint.
+
+    Parameters
+    ----------
+    joints : sequence of str
+        The independent joints.
+    followers : sequence of str
+        Joints that follow one of these.
+    options : Options
+        Its `effort_available`, `effort_scale` and `effort_includes_gravity` by joint, ``*`` for all others. What is
+        undeclared is taken as available where it is sent, in N m, gravity included.
+
+    Attributes
+    ----------
+    without_gravity : ndarray or None
+        1 for each joint whose effort has gravity taken out, 0 for the others; None if there is none.
+    undeclared : tuple of str
+        Joints of which scale or gravity is not declared, although their efforts count.
+
+    Raises
+    ------
+    InputError
+        A joint that is not the robot's, or gravity of a follower, which is its leader's.
+    """
+
+    def __init__(self, joints, followers, options):
+        for name in options.effort_includes_gravity:
+            if name in followers:
+                raise InputError(
+                    f"parameter 'effort_includes_gravity' names '{name}', which follows another joint: gravity is "
+                    "declared for the joint it follows."
+                )
+        names = (*joints, *followers)
+        available = by_name("effort_available", options.effort_available, names)
+        scale = by_name("effort_scale", options.effort_scale, names)
+        gravity = by_name("effort_includes_gravity", options.effort_includes_gravity, names)
+
+        def factors(some):
+            return np.array([scale.get(n, 1.0) if available.get(n, True) else np.nan for n in some], dtype=float)
+
+        self._factor, self._follower_factor = factors(joints), factors(followers)
+        self._most = options.max_effort or np.inf
+        without = np.array([not gravity.get(name, True) for name in joints], dtype=float)
+        self.without_gravity = without if without.any() else None
+        self.undeclared = tuple(n for n in joints if available.get(n, True) and (n not in scale or n not in gravity))
+
+    def of(self, effort, here):
+        """Efforts of joints [N m, N], NaN where unknown; and whether one of them was absurd, which is as unknown."""
+        return self._taken(effort * self._factor[here])
+
+    def of_followers(self, effort, here):
+        """Likewise of followers."""
+        return self._taken(effort * self._follower_factor[here])
+
+    def _taken(self, effort):
+        absurd = np.abs(effort) > self._most
+        if absurd.any() or np.isinf(effort).any():
+            return np.where(absurd | np.isinf(effort), np.nan, effort), True
+        return effort, False

@@ -1,0 +1,319 @@
+"""Assembling the state of a whole robot from JointState messages that each bring some of its joints."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.nodes.inputs.bounds import Bounds
+from diag_dynamics.nodes.inputs.efforts import Efforts
+from diag_dynamics.nodes.inputs.followers import Followers
+from diag_dynamics.nodes.inputs.rejected import RejectedError
+from diag_dynamics.nodes.inputs.stamps import SECOND, Stamps, stamp_of
+from diag_dynamics.nodes.inputs.velocities import VelocityEstimator
+from diag_dynamics.nodes.parameters import by_name
+
+_NONE = MappingProxyType({})
+
+
+class Joints(NamedTuple):
+    """The joints of a robot whose states are needed, and those that follow them.
+
+    `mimics` holds a :class:`Mimic` by name of the follower, `continuous` the joints whose position is an angle that turns
+    round; `lower` and `upper` are position limits [rad, m], None for none.
+    """
+
+    names: tuple
+    mimics: Mapping = _NONE
+    continuous: tuple = ()
+    lower: np.ndarray | None = None
+    upper: np.ndarray | None = None
+
+
+class Options(NamedTuple):
+    """How messages are judged; see the monitor's parameters. Mappings are by joint, ``*`` for all others."""
+
+    timeout: float = 0.5
+    timeouts: Mapping = _NONE
+    mimic_tolerance: float = 0.0
+    max_age: float = 0.0
+    refuse_foreign: bool = False
+    estimate_velocity: bool = False
+    velocity_filter_time: float = 0.01
+    effort_available: Mapping = _NONE
+    effort_scale: Mapping = _NONE
+    effort_includes_gravity: Mapping = _NONE
+    max_position: float = 0.0
+    max_velocity: float = 0.0
+    max_effort: float = 0.0
+    beyond_limits: float = 0.0
+
+
+class RobotState(NamedTuple):
+    """A whole state; times are in nanoseconds."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray | None
+    newest: int
+    oldest: int
+    stamp_is_receive_time: bool
+    velocity_estimated: bool = False
+
+
+class JointStateAssembler:
+    """Keeps the newest values of every joint and hands out a state once all of them are known and fresh.
+
+    Joints that follow one of these may be listed, too. Their efforts are reflected to their leaders; one that is missing,
+    NaN or stale counts as zero. Their positions are compared with those that their leaders give them, and disagreement is
+    counted, but keeps no state back. A state's stamps are those of the joints that are needed. Joints that are neither are
+    ignored.
+
+    Parameters
+    ----------
+    joints : Joints
+    options : Options
+
+    Attributes
+    ----------
+    counts : Counter
+        What has happened to messages that made no state and were not rejected, and what else is worth counting.
+    last_disagreement : str
+        Which followers were astray.
+    stamps : Stamps
+    efforts : Efforts
+
+    Raises
+    ------
+    InputError
+        The options name a joint that is not there.
+    """
+
+    def __init__(self, joints, options):
+        count = len(joints.names)
+        self.names = tuple(joints.names)
+        self.followers = Followers(self.names, joints.mimics, options.mimic_tolerance, joints.continuous)
+        self.counts = Counter()
+        self.last_disagreement = ""
+        self.stamps = Stamps()
+        self._joints = joints
+        self._index = {name: k for k, name in enumerate(self.names)}
+        self._columns = None  # (names of the last message, what _match returned for them)
+        self._position, self._velocity, self._effort = np.full((3, count), math.nan)
+        self._stamp = np.zeros(count, dtype=np.int64)
+        self._known, self._without_stamp, self._estimated = np.zeros((3, count), dtype=bool)
+        self._follower_effort = self.followers.unknown()
+        self._follower_stamp = np.zeros(len(self.followers.names), dtype=np.int64)
+        self._estimator = VelocityEstimator([name in joints.continuous for name in self.names])
+        self.configure(options)
+
+    def configure(self, options):
+        """Judge what comes from now on by other options; nothing changes if they are refused.
+
+        Raises
+        ------
+        InputError
+            They name a joint that is not there.
+        """
+        efforts, bounds, spans = self.judges(options)
+        self.efforts, self._bounds, (self._spans, self._follower_spans) = efforts, bounds, spans
+        self.options = options
+        self.followers.tolerance = options.mimic_tolerance
+        self.stamps.max_age, self.stamps.refuse_foreign = options.max_age, options.refuse_foreign
+
+    def judges(self, options):
+        """What `options` would judge by.
+
+        Raises
+        ------
+        InputError
+            They name a joint that is not there.
+        """
+        joints, count = self._joints, len(self.names)
+        timeouts = by_name("joint_timeouts", options.timeouts, (*self.names, *self.followers.names))
+        ages = [
+            np.array([timeouts.get(name, options.timeout) * 1e9 or math.inf for name in names])
+            for names in (self.names, self.followers.names)
+        ]
+        lower = np.full(count, -math.inf) if joints.lower is None else joints.lower
+        upper = np.full(count, math.inf) if joints.upper is None else joints.upper
+        efforts = Efforts(self.names, self.followers.names, options)
+        return efforts, Bounds(self.names, lower, upper, options), ages
+
+    @property
+    def missing(self):
+        """Joints that have never arrived."""
+        return [name for name, known in zip(self.names, self._known, strict=True) if not known]
+
+    @property
+    def without_effort(self):
+        """Joints that have arrived, their efforts not."""
+        return [self.names[k] for k in np.flatnonzero(self._known & ~np.isfinite(self._effort))]
+
+    @property
+    def estimated(self):
+        """Joints whose velocities are estimated from their positions."""
+        return [self.names[k] for k in np.flatnonzero(self._known & self._estimated)]
+
+    def stale(self, now):
+        """Joints that have arrived, but not within their age limit before `now` [ns]."""
+        return [self.names[k] for k in np.flatnonzero(self._known & (now - self._stamp > self._spans))]
+
+    def forget(self):
+        """Start anew, as after a jump of time."""
+        self._known[:] = False
+        self._follower_effort[:] = math.nan
+        self._estimator.forget()
+
+    def update(self, message, now):
+        """Take a message in and return the state it completes.
+
+        Parameters
+        ----------
+        message : sensor_msgs.msg.JointState
+        now : int
+            Time of reception [ns], which stands for a stamp of zero.
+
+        Returns
+        -------
+        RobotState or None
+            None if the message brings none of the joints that are needed, or others have not arrived yet, or a velocity
+            cannot be estimated yet.
+
+        Raises
+        ------
+        RejectedError
+            The message is malformed, out of time, absurd or without velocity, or a joint is stale.
+        """
+        (there, here), (beside, following) = self._match(message)
+        if not len(here) and not len(following):
+            self.counts["foreign"] += 1
+            return None
+        stamp, unstamped = stamp_of(message, now)
+        position, velocity, effort = (
+            self._values(message, field, there) for field in ("position", "velocity", "effort")
+        )
+        self._require(position, "position", here)
+        self._bounds.check(position, velocity, here)
+        self._judge_stamp(stamp, unstamped, now, here, following)
+        if len(here):
+            self._take(stamp, here, position, velocity, effort)
+            self._without_stamp[here] = unstamped
+        if len(following):
+            self._follow(message, beside, following, stamp)
+        if len(here):
+            return self._assembled()
+        self.counts["followers only"] += 1
+        return None
+
+    def _match(self, message):
+        """Where the needed joints are in the message and where they belong; and likewise for the followers."""
+        names = message.name
+        if self._columns is None or names != self._columns[0]:
+            if len(set(names)) != len(names):
+                twice = next(name for name, count in Counter(names).items() if count > 1)
+                raise RejectedError("duplicate name", f"joint '{twice}' is listed twice in one message")
+            self._columns = (list(names), [_places(names, index) for index in (self._index, self.followers.index)])
+        return self._columns[1]
+
+    def _judge_stamp(self, stamp, unstamped, now, here, following):
+        """Refuse what is out of time, and forget all if time has started anew."""
+        last = None
+        if len(here):
+            # Stamps and times of reception may be those of different clocks, so only like is compared with like.
+            comparable = self._known[here] & (self._without_stamp[here] == unstamped)
+            before = np.where(comparable, self._stamp[here], stamp)
+            newest = int(np.argmax(before))
+            last = int(before[newest])
+            what = f"joint '{self.names[here[newest]]}'"
+        else:  # nobody waits for followers, so they have no order
+            what = f"joint '{self.followers.names[following[0]]}'"
+        span = int(max(self.options.timeout, 1.0) * SECOND)
+        if self.stamps.judge(what, stamp, 0 if unstamped else now, last, span):
+            self.counts["time jumped back"] += 1
+            self.forget()
+
+    def _values(self, message, field, there):
+        """One field of a message at the places wanted; an empty array stands for unknown."""
+        values = getattr(message, field)
+        if len(values) == 0:
+            return np.full(len(there), math.nan)
+        if len(values) != len(message.name):
+            # The joint at which the two part is the first one that cannot be right.
+            at = min(len(values), len(message.name) - 1)
+            raise RejectedError(
+                "wrong length",
+                f"{field} has {len(values)} entries for {len(message.name)} names (first at '{message.name[at]}')",
+            )
+        return np.frombuffer(values, dtype=np.float64)[there]
+
+    def _require(self, values, what, here):
+        good = np.isfinite(values)
+        if not good.all():
+            k = int(np.argmin(good))
+            raise RejectedError(
+                f"no {what}", f"joint '{self.names[here[k]]}': {what} is {values[k]}, expected a finite number"
+            )
+
+    def _take(self, stamp, here, position, velocity, effort):
+        """Keep the values of joints."""
+        options = self.options
+        if options.estimate_velocity:
+            missing = np.isnan(velocity)
+            estimate = self._estimator.update(here, position, stamp, options.velocity_filter_time, self._spans[here])
+            velocity = np.where(missing, estimate, velocity)
+            self._estimated[here] = missing
+        effort, absurd = self.efforts.of(effort, here)
+        self.counts["absurd effort"] += absurd
+        self._position[here], self._velocity[here], self._effort[here] = position, velocity, effort
+        self._stamp[here] = stamp
+        self._known[here] = True
+
+    def _follow(self, message, there, here, stamp):
+        """Take in the efforts of followers, and compare their positions where their leaders' are fresh."""
+        own = self.followers.unknown()
+        own[here] = self._values(message, "position", there)
+        self._follower_effort[here], absurd = self.efforts.of_followers(self._values(message, "effort", there), here)
+        self.counts["absurd effort"] += absurd
+        self._follower_stamp[here] = stamp
+        fresh = self._known & (np.abs(self._stamp - stamp) <= self._spans)
+        disagreements = self.followers.disagreements(np.where(fresh, self._position, math.nan), own)
+        if disagreements:
+            self.counts["mimic disagreement"] += 1
+            self.last_disagreement = "; ".join(disagreements)
+
+    def _assembled(self):
+        if not self._known.all():
+            self.counts["incomplete"] += 1
+            return None
+        newest, oldest = int(self._stamp.max()), int(self._stamp.min())
+        stale = self.stale(newest)
+        if stale:
+            k = self._index[stale[0]]
+            raise RejectedError("stale joint", f"joint '{stale[0]}' is older than {self._spans[k] * 1e-9:g} s")
+        if self.options.estimate_velocity and np.isnan(self._velocity).any():
+            self.counts["awaiting velocity"] += 1
+            return None
+        self._require(self._velocity, "velocity", range(len(self.names)))
+        effort = None
+        if np.isfinite(self._effort).all():
+            fresh = newest - self._follower_stamp <= self._follower_spans
+            effort = self.followers.reflected(self._effort, np.where(fresh, self._follower_effort, math.nan))
+        return RobotState(
+            self._position.copy(),
+            self._velocity.copy(),
+            effort,
+            newest,
+            oldest,
+            bool(self._without_stamp.any()),
+            bool(self._estimated.any()),
+        )
+
+
+def _places(names, index):
+    """Where those of the names that are in an index stand among the names, and what the index says of them."""
+    known = [(k, index[name]) for k, name in enumerate(names) if name in index]
+    return np.array(known, dtype=int).reshape(-1, 2).T

@@ -1,0 +1,9 @@
+"""How an input says that it is not usable."""
+
+
+class RejectedError(Exception):
+    """A message, or what would have been assembled from it, is not usable; `cause` is a short key to count by."""
+
+    def __init__(self, cause, message):
+        super().__init__(message)
+        self.cause = cause

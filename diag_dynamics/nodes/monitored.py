@@ -1,0 +1,110 @@
+"""A robot as the monitor keeps it: the model in force, what has arrived of its state, and its energies."""
+
+import numpy as np
+
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.nodes.health import EnergyWatch
+from diag_dynamics.nodes.inputs.joint_states import JointStateAssembler, RobotState
+from diag_dynamics.nodes.inputs.odometry import OdometryBase
+from diag_dynamics.nodes.messages import MessageMaker
+from diag_dynamics.nodes.robot import COMPILED, joints_of, payloads_of
+
+
+class MonitoredRobot:
+    """All that belongs to one description and goes with it, so that nothing of two robots is ever mixed.
+
+    Parameters
+    ----------
+    description : str or bytes
+        What the model was made of.
+    model : RobotModel
+    settings : Settings
+    revision : int
+        Number of the model.
+
+    Attributes
+    ----------
+    dynamics : DiagonalDynamics
+    maker : MessageMaker
+    assembler : JointStateAssembler
+    base : OdometryBase or None
+    energy : EnergyWatch
+    state : RobotState or None
+        The last one that was evaluated.
+
+    Raises
+    ------
+    InputError
+        The settings name a joint that this robot has not.
+    """
+
+    def __init__(self, description, model, settings, revision):
+        self.description = description
+        self.assembler = JointStateAssembler(joints_of(model), settings.inputs)
+        in_header = settings.values["odom_twist_frame"] == "header"
+        self.base = OdometryBase(model, in_header) if model.floating_base else None
+        self.energy = EnergyWatch(model, settings.thresholds)
+        self.use(model, settings, revision)
+        self.dynamics.compile(*COMPILED)
+
+    @property
+    def model(self):
+        """The model in force."""
+        return self.dynamics.model
+
+    def use(self, model, settings, revision):
+        """Put the same robot in force with other settings or another gravity or payload; `model` is as it shall be.
+
+        Raises
+        ------
+        InputError
+            The settings name a joint that this robot has not; nothing has changed then.
+        """
+        self.assembler.judges(settings.inputs)
+        self.energy.configure(model, settings.thresholds)
+        self.assembler.configure(settings.inputs)
+        if self.base:
+            self.base.configure(settings.inputs)
+        self.settings = settings
+        self.dynamics = DiagonalDynamics(model)
+        self.maker = MessageMaker(model, revision)
+        self.state = None
+
+    def unapplied(self):
+        """Links of payloads that are wanted, but not on this robot."""
+        wanted = payloads_of(self.settings.values["payloads"])
+        return [link for link, payload in wanted.items() if payload.mass and link not in self.model.link_names]
+
+    def forget(self):
+        """Start anew, as after a jump of time or a pause."""
+        self.assembler.forget()
+        if self.base:
+            self.base.forget()
+        self.energy.forget()
+        self.state = None
+
+    def complete(self, state):
+        """The whole robot's state from that of its joints: with the base, None while it is unknown."""
+        if self.base:
+            state = self.base.with_joints(state, self.settings.values["odom_timeout"])
+        return state
+
+    def state_of_base(self):
+        """The state after odometry: of a robot that is all base, for which no joint state will ever come, else None."""
+        if self.assembler.names:
+            return None
+        nothing, at = np.zeros(0), self.base.stamp
+        return self.complete(RobotState(nothing, nothing, None, at, at, False))
+
+    def evaluate(self, state):
+        """Evaluation of a whole state, and that state with efforts that hold gravity."""
+        without = self.assembler.efforts.without_gravity
+        if state.effort is not None and without is not None:
+            gravity = self.dynamics.gravity_torque(state.position)
+            gravity[: len(gravity) - len(without)] = 0.0  # of a base, on which no effort acts
+            gravity[len(gravity) - len(without) :] *= without
+            state = state._replace(effort=state.effort + gravity)
+        friction = self.settings.values["publish_friction"]
+        s = self.dynamics.evaluate(state.position, state.velocity, state.effort, friction=friction)
+        self.state = state
+        return s, state

@@ -1,0 +1,202 @@
+"""The monitor's parameters, and what they say together."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.inputs.joint_states import Options
+from diag_dynamics.nodes.outputs import TOPICS
+from diag_dynamics.nodes.parameters import Spec, assignments, by_name, wrong
+from diag_dynamics.nodes.robot import PARAMETERS as ROBOT_PARAMETERS
+from diag_dynamics.nodes.robot import payloads_of
+
+PARAMETERS = {
+    "autostart": Spec(True, "Whether the node configures and activates itself when it starts.", read_only=True),
+    "robot_description": Spec(
+        "",
+        "URDF, or the path of one. If it is empty, the topic robot_description is used, and used again whenever a new "
+        "description arrives there.",
+    ),
+    **ROBOT_PARAMETERS,
+    "odom_twist_frame": Spec(
+        "child",
+        "Axes of the twist in odom: those of child_frame_id (child), as REP 147 has it, or of header.frame_id (header).",
+        while_unconfigured=True,
+        choices=("child", "header"),
+    ),
+    "odom_timeout": Spec(
+        0.5,
+        "Largest time between the stamps of odom and of the joints [s]; 0 for no limit.",
+        minimum=0.0,
+    ),
+    "joint_timeout": Spec(
+        0.5,
+        "Largest age of a joint's last values against the newest joint's [s]; where one is older, nothing is "
+        "published. 0 for no limit.",
+        minimum=0.0,
+    ),
+    "joint_timeouts": Spec([""], "The same for single joints, each as joint=seconds."),
+    "max_age": Spec(
+        1.0,
+        "Largest distance of a stamp from this node's clock when it is received [s], into the past or the future; what is "
+        "further away is rejected. 0: not judged.",
+        minimum=0.0,
+    ),
+    "foreign_time": Spec(
+        "warn",
+        "Stamps further than max_age from this node's clock from the first one on (a recording without use_sim_time, hosts "
+        "whose clocks differ): accepted, and diagnostics warn (warn), or rejected (refuse).",
+        choices=("warn", "refuse"),
+    ),
+    "missing_velocity": Spec(
+        "refuse",
+        "Joints without velocity: nothing is published (refuse), or it is estimated from positions and flagged (estimate).",
+        choices=("refuse", "estimate"),
+    ),
+    "velocity_filter_time": Spec(
+        0.01,
+        "Time constant of the filter of estimated velocities, and their delay where samples are dense [s].",
+        minimum=0.0,
+        maximum=10.0,
+    ),
+    "effort_available": Spec(
+        [""], "Whether efforts of a joint can be used, each as joint=true or joint=false; * for all other joints."
+    ),
+    "effort_scale": Spec(
+        [""],
+        "Effort [N m, prismatic: N] per unit sent, as of motor currents, each as joint=factor; * for all other joints.",
+    ),
+    "effort_includes_gravity": Spec(
+        [""],
+        "Whether the efforts sent for a joint hold what carries its weight, each as joint=true or joint=false; * for all "
+        "other joints. Where they do not, gravity of the model is added.",
+    ),
+    "absurd.position": Spec(
+        1e6, "Positions beyond it reject the message [rad, m]; 0: no bound.", minimum=0.0, maximum=1e12
+    ),
+    "absurd.velocity": Spec(
+        1e4, "Velocities beyond it reject the message [rad/s, m/s]; 0: no bound.", minimum=0.0, maximum=1e12
+    ),
+    "absurd.effort": Spec(
+        1e6, "Efforts beyond it are taken as unknown [N m, prismatic: N]; 0: no bound.", minimum=0.0, maximum=1e12
+    ),
+    "absurd.beyond_limits": Spec(
+        6.3,
+        "Positions further outside the URDF's limits, by default a turn, reject the message [rad, m]; 0: no bound.",
+        minimum=0.0,
+    ),
+    "mimic_tolerance": Spec(
+        0.01,
+        "Largest distance of a coupled mimic joint's own position from that which its leader gives it [rad, m]; beyond it, "
+        "diagnostics warn and services refuse. 0: not compared.",
+        minimum=0.0,
+    ),
+    "warn_energy": Spec(0.0, "Kinetic energy beyond which diagnostics warn [J]; 0: none.", minimum=0.0),
+    "error_energy": Spec(0.0, "Kinetic energy beyond which diagnostics report an error [J]; 0: none.", minimum=0.0),
+    "warn_energy_share": Spec(
+        [""], "The same for the energy shares of single joints, each as joint=energy; * for all."
+    ),
+    "error_energy_share": Spec(
+        [""], "The same for the energy shares of single joints, each as joint=energy; * for all."
+    ),
+    "publish_inverse_factor": Spec(False, "Whether mass_matrix_factors carries l, the inverse of m."),
+    "publish_friction": Spec(
+        False, "Whether state and coriolis carry the URDF's damping and friction, which no other term ever holds."
+    ),
+    **{
+        f"max_rate.{topic}": Spec(rate, f"Highest rate of ~/{topic} [Hz]; 0 for every state.", minimum=0.0)
+        for topic, (_, rate) in TOPICS.items()
+    },
+}
+
+
+class Thresholds(NamedTuple):
+    """Kinetic energies that are too high [J]: in all, and of single joints by name, ``*`` for all others; 0 for none."""
+
+    warn: float = 0.0
+    error: float = 0.0
+    warn_share: Mapping = {}
+    error_share: Mapping = {}
+
+
+class Settings(NamedTuple):
+    """All parameters as the node works with them."""
+
+    values: dict
+    inputs: Options
+    thresholds: Thresholds
+
+    @classmethod
+    def of(cls, values):
+        """Of parameters by name, judged one by one and together.
+
+        Raises
+        ------
+        InputError
+            Names the parameter, its value and what was expected.
+        """
+        for name, value in values.items():
+            if reason := wrong(name, value, PARAMETERS):
+                raise InputError(reason + ".")
+        payloads_of(values["payloads"])
+        for name in ("locked_joints", "armature"):
+            assignments(name, values[name])
+        inputs = Options(
+            timeout=values["joint_timeout"],
+            timeouts=assignments("joint_timeouts", values["joint_timeouts"], minimum=0.0),
+            mimic_tolerance=values["mimic_tolerance"],
+            max_age=values["max_age"],
+            refuse_foreign=values["foreign_time"] == "refuse",
+            estimate_velocity=values["missing_velocity"] == "estimate",
+            velocity_filter_time=values["velocity_filter_time"],
+            effort_available=assignments("effort_available", values["effort_available"], bool),
+            effort_scale=assignments("effort_scale", values["effort_scale"]),
+            effort_includes_gravity=assignments("effort_includes_gravity", values["effort_includes_gravity"], bool),
+            max_position=values["absurd.position"],
+            max_velocity=values["absurd.velocity"],
+            max_effort=values["absurd.effort"],
+            beyond_limits=values["absurd.beyond_limits"],
+        )
+        thresholds = Thresholds(
+            values["warn_energy"],
+            values["error_energy"],
+            assignments("warn_energy_share", values["warn_energy_share"], minimum=0.0),
+            assignments("error_energy_share", values["error_energy_share"], minimum=0.0),
+        )
+        _require_order(thresholds)
+        return cls(values, inputs, thresholds)
+
+
+def _require_order(thresholds):
+    """Refuse an error that would come before its warning."""
+    pairs = [("warn_energy", thresholds.warn, "error_energy", thresholds.error)]
+    pairs += [
+        (
+            f"warn_energy_share of '{name}'",
+            thresholds.warn_share.get(name, 0.0),
+            f"error_energy_share of '{name}'",
+            thresholds.error_share.get(name, 0.0),
+        )
+        for name in {*thresholds.warn_share, *thresholds.error_share}
+    ]
+    for low, warn, high, error in pairs:
+        if warn and error and error < warn:
+            raise InputError(f"parameter {low} is {warn:g} J and {high} {error:g} J, expected no less than the former.")
+
+
+def share_thresholds(thresholds, names):
+    """Thresholds of the energy shares of these joints, infinite where there is none.
+
+    Raises
+    ------
+    InputError
+        A joint that is not among them.
+    """
+    shares = []
+    for parameter, given in (
+        ("warn_energy_share", thresholds.warn_share),
+        ("error_energy_share", thresholds.error_share),
+    ):
+        entries = by_name(parameter, given, names)
+        shares.append([entries.get(name, 0.0) or float("inf") for name in names])
+    return shares
