@@ -19,6 +19,7 @@ ROS_FILES = (
     "test_monitor.py",
     "test_services.py",
     "test_simulator_node.py",
+    "test_soak.py",
 )
 """Files that import ROS 2 at their top, and whose tests are all marked `ros`."""
 

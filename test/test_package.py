@@ -109,10 +109,14 @@ def test_every_field_has_a_meaning(path):
 # --- Parameters: code, configuration and README ---
 
 
+MODULES = {"monitor": "settings", "simulator": "simulator"}
+"""Where a node's table of parameters is."""
+
+
 def node_parameters(node):
     if os.environ.get("DIAG_DYNAMICS_REQUIRE_ROS") != "1":
         pytest.importorskip("rclpy", reason="rclpy is not installed: parameters cannot be read")
-    module = __import__(f"diag_dynamics.nodes.{node}", fromlist=["PARAMETERS"])
+    module = __import__(f"diag_dynamics.nodes.{MODULES[node]}", fromlist=["PARAMETERS"])
     return module.PARAMETERS
 
 

@@ -72,12 +72,8 @@ class MonitorNode(LifecycleNode):
             for topic in TOPICS:
                 self._outputs.limit(topic, self._settings.values[f"max_rate.{topic}"])
             self._offered = DynamicsServices(self, self._in_force, self._put_on)
-            description = self._settings.values["robot_description"]
-            if description:
-                try:
-                    self._adopt(self._loaded(description, self._settings))
-                except DiagDynamicsError as error:
-                    raise InputError(f"parameter 'robot_description' refused: {error}") from error
+            if self._settings.values["robot_description"]:
+                self._adopt(self._loaded_from_parameter(self._settings))
             else:
                 self._wait_for_description()
         except Exception as error:  # rclpy would swallow it
@@ -200,6 +196,12 @@ class MonitorNode(LifecycleNode):
         model = load_robot(self, description, settings.values)
         return MonitoredRobot(description, model, settings, self._revision + 1)
 
+    def _loaded_from_parameter(self, settings):
+        try:
+            return self._loaded(settings.values["robot_description"], settings)
+        except DiagDynamicsError as error:
+            raise InputError(f"parameter 'robot_description' refused: {error}") from error
+
     def _adopt(self, robot):
         """Make this robot the one in force."""
         if self._robot:
@@ -299,7 +301,7 @@ class MonitorNode(LifecycleNode):
             settings = Settings.of(self._settings.values | changed)
             robot = self._robot
             if robot and settings.values["robot_description"] != self._settings.values["robot_description"]:
-                robot = self._loaded(settings.values["robot_description"], settings)
+                robot = self._loaded_from_parameter(settings)
             elif robot:
                 self._reconsider(robot, settings, changed)
         except DiagDynamicsError as error:

@@ -1,0 +1,391 @@
+"""A soak of the monitor: a stream of states at a high rate with faults among them, and whether all of it is accounted for.
+
+As a program, for hours: ``python test/soak.py --seconds 3600 --figure soak.png``; as a test, for seconds: test_soak.py.
+
+A feeder in a process of its own publishes the states of a UR5 by two publishers, its arm and its wrist, and in between,
+drawn by seed, messages that are wrong in every way known. Positions, velocities and efforts are functions of the time, so
+whatever the monitor publishes can be traced to the message it came from, and computed anew by Pinocchio.
+"""
+
+import argparse
+import json
+import math
+import os
+import random
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+import psutil
+import rclpy
+from diag_dynamics.msg import DiagonalizedState
+from rclpy.experimental import EventsExecutor
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+
+import robots
+from nodes import MS, START, TIMEOUT, UR5, Monitor, Peer, Process, S, joint_state
+
+NAMESPACE = "/soak"
+RATE = 1000.0
+SOURCES = {"arm": slice(0, 4), "wrist": slice(4, 6)}
+"""Joints of each publisher; one message in five is the wrist's."""
+DEEP = QoSProfile(depth=20000)
+MAX_AGE = 30.0
+"""A busy machine may keep messages waiting for seconds: [s]."""
+
+
+# --- what is sent
+
+
+class Motion:
+    """Where the joints are at a time, how fast, and with which efforts: sums of no common period."""
+
+    def __init__(self, count):
+        rng = np.random.default_rng(7)
+        self._amplitude = rng.uniform(0.3, 1.2, count)
+        self._rate = rng.uniform(0.7, 3.1, count)
+        self._phase = rng.uniform(0.0, 6.0, count)
+
+    def at(self, stamp):
+        """Return q, q̇ and τ at a stamp [ns]."""
+        angle = self._rate * (stamp % (10_000 * S)) * 1e-9 + self._phase
+        return (
+            self._amplitude * np.sin(angle),
+            self._amplitude * self._rate * np.cos(angle),
+            10.0 * np.sin(2.0 * angle),
+        )
+
+
+def with_entry(values, value):
+    """Return the values with another first one."""
+    return [value, *values[1:]]
+
+
+FAULTS = {
+    "none": lambda names, q, qd, tau, stamp: (names, q, qd, tau, stamp),
+    "no effort": lambda names, q, qd, tau, stamp: (names, q, qd, [], stamp),
+    "effort is inf": lambda names, q, qd, tau, stamp: (names, q, qd, with_entry(tau, math.inf), stamp),
+    "extra joint": lambda names, q, qd, tau, stamp: ([*names, "lid"], [*q, math.nan], [*qd, 1e30], [*tau, 0.0], stamp),
+    "other robot": lambda names, q, qd, tau, stamp: (["wheel"], [1.0], [math.nan], [], stamp),
+    "empty": lambda names, q, qd, tau, stamp: ([], [], [], [], stamp),
+    "velocity is NaN": lambda names, q, qd, tau, stamp: (names, q, with_entry(qd, math.nan), tau, stamp),
+    "no velocity": lambda names, q, qd, tau, stamp: (names, q, [], tau, stamp),
+    "position is NaN": lambda names, q, qd, tau, stamp: (names, with_entry(q, math.nan), qd, tau, stamp),
+    "position is inf": lambda names, q, qd, tau, stamp: (names, with_entry(q, -math.inf), qd, tau, stamp),
+    "no position": lambda names, q, qd, tau, stamp: (names, [], qd, tau, stamp),
+    "position in degrees": lambda names, q, qd, tau, stamp: (names, with_entry(q, 80.0), qd, tau, stamp),
+    "velocity is absurd": lambda names, q, qd, tau, stamp: (names, q, with_entry(qd, 1e9), tau, stamp),
+    "too short": lambda names, q, qd, tau, stamp: (names, q[:-1], qd, tau, stamp),
+    "too long": lambda names, q, qd, tau, stamp: (names, q, qd, [*tau, 0.0], stamp),
+    "joint twice": lambda names, q, qd, tau, stamp: ([*names, names[0]], [*q, 0], [*qd, 0], [*tau, 0], stamp),
+    "of last minute": lambda names, q, qd, tau, stamp: (names, with_entry(q, 0.5), qd, tau, stamp - 60 * S),
+    "of next minute": lambda names, q, qd, tau, stamp: (names, with_entry(q, 0.5), qd, tau, stamp + 60 * S),
+    "late": lambda names, q, qd, tau, stamp: (names, with_entry(q, 0.5), qd, tau, stamp - 400 * MS),
+    "lost": None,
+    "pause": None,
+}
+"""What becomes of a good message, by the name of the fault."""
+
+CAUSES = {
+    "position is NaN": "no position",
+    "position is inf": "no position",
+    "no position": "no position",
+    "position in degrees": "absurd value",
+    "velocity is absurd": "absurd value",
+    "too short": "wrong length",
+    "too long": "wrong length",
+    "joint twice": "duplicate name",
+    "of last minute": "stamp from the past",
+    "of next minute": "stamp from the future",
+}
+"""Faults that are refused whatever came before, and the cause they are counted under."""
+
+USABLE = ("none", "no effort", "effort is inf", "extra joint")
+"""Messages whose positions and velocities are good."""
+
+
+class Sent(NamedTuple):
+    """What the feeder has sent: of which source, its stamp [ns], the fault, and whether its efforts were good."""
+
+    source: str
+    stamp: int
+    fault: str
+
+
+def feed(seed, seconds, record):
+    """Publish; write down what was sent."""
+    rng = random.Random(seed)
+    names = robot_names()
+    motion = Motion(len(names))
+    rclpy.init()
+    node = rclpy.create_node("feeder", namespace=NAMESPACE)
+    publishers = {source: node.create_publisher(JointState, "joint_states", DEEP) for source in SOURCES}
+    deadline = time.monotonic() + START
+    while not all(publisher.get_subscription_count() for publisher in publishers.values()):
+        assert time.monotonic() < deadline, "nobody listens to the feeder"
+        time.sleep(0.01)
+    sent, begin, last = [], time.perf_counter(), 0
+    k = 0
+    while time.perf_counter() - begin < seconds:
+        time.sleep(max(begin + k / RATE - time.perf_counter(), 0.0))
+        source = "wrist" if k % 5 == 0 else "arm"
+        k += 1
+        fault = rng.choice([*FAULTS][1:]) if rng.random() < 0.05 and k > 20 else "none"
+        if fault == "pause":
+            time.sleep(0.05)
+        if FAULTS[fault] is None:
+            continue
+        last = stamp = max(time.time_ns(), last + 1)
+        part = SOURCES[source]
+        values = FAULTS[fault](names[part], *(x[part].tolist() for x in motion.at(stamp)), stamp)
+        publishers[source].publish(joint_state(*values[:4], stamp=values[4]))
+        sent.append(Sent(source, stamp, fault))
+    Path(record).write_text(json.dumps(sent))
+    for publisher in publishers.values():
+        publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=TIMEOUT))
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def robot_names():
+    """Return the joints of the UR5, base to tip."""
+    return list(pin.buildModelFromXML(robots.robot(UR5).urdf).names)[1:]
+
+
+# --- what is to come of it
+
+
+class Reference:
+    """The states that may be published, and what Pinocchio makes of them."""
+
+    def __init__(self, sent):
+        self.model = pin.buildModelFromXML(robots.robot(UR5).urdf)
+        self.data = self.model.createData()
+        self.motion = Motion(self.model.nv)
+        # of each source, the position of its first joint says which message it is of
+        self._sent = {source: {} for source in SOURCES}
+        for source, stamp, fault in sent:
+            if fault in USABLE:
+                self._sent[source][self.motion.at(stamp)[0][SOURCES[source]][0]] = (stamp, fault)
+
+    def check(self, message):
+        """Trace a published state to the messages it came from, and compute it anew; return the stamps of these."""
+        q, qd = np.array(message.position), np.array(message.velocity)
+        tau = np.array(message.effort) if message.effort_valid else None
+        origins, believed = {}, True
+        for source, part in SOURCES.items():
+            stamp, fault = self._sent[source][q[part][0]]  # KeyError: no good message has this position
+            expected = self.motion.at(stamp)
+            assert q[part].tolist() == expected[0][part].tolist()
+            assert qd[part].tolist() == expected[1][part].tolist()
+            believed &= fault not in ("no effort", "effort is inf")
+            if tau is not None:
+                assert tau[part].tolist() == expected[2][part].tolist()
+            origins[source] = stamp
+        assert message.effort_valid == believed
+        at = message.header.stamp.sec * S + message.header.stamp.nanosec
+        oldest = message.oldest_stamp.sec * S + message.oldest_stamp.nanosec
+        assert (at, oldest) == (max(origins.values()), min(origins.values()))
+        self._check_dynamics(message, q, qd, tau)
+        return origins
+
+    def _check_dynamics(self, message, q, qd, tau):
+        model, data = self.model, self.data
+        pin.crba(model, data, q)
+        pin.cholesky.decompose(model, data)
+        m = data.U * np.sqrt(data.D)
+        nu = m.T @ qd
+        close(message.nu, nu)
+        close([message.kinetic_energy], [0.5 * nu @ nu])
+        close(message.gravity, np.linalg.solve(m, pin.computeGeneralizedGravity(model, data, q)))
+        size = np.linalg.norm(message.nu) * np.linalg.norm(message.coriolis)
+        assert abs(np.dot(message.nu, message.coriolis)) <= 1e-12 * size
+        if tau is None:
+            assert len(message.epsilon) == len(message.kappa) == 0
+        else:
+            close(message.epsilon, np.linalg.solve(m, tau))
+
+
+def close(actual, expected):
+    """Assert that vectors agree but for rounding."""
+    error, size = np.linalg.norm(np.array(actual) - expected), np.linalg.norm(expected)
+    assert error <= 1e-10 * size, f"error {error:.1e} of {size:.1e}"
+
+
+class Usage(NamedTuple):
+    """What the monitor holds at a time [s]: resident memory [MB], threads, file descriptors; and CPU time used [s]."""
+
+    time: float
+    memory: float
+    threads: int
+    descriptors: int
+    cpu: float
+
+
+class Listener:
+    """Keeps the states that a monitor publishes, in a thread: a node of its own."""
+
+    def __init__(self, domain):
+        self.messages = []
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, domain_id=domain)
+        self._node = rclpy.create_node("listener", context=self._context, namespace=NAMESPACE)
+        self._node.create_subscription(
+            DiagonalizedState, f"{NAMESPACE}/diag_dynamics/state", self.messages.append, DEEP
+        )
+        self._executor = EventsExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._done = rclpy.task.Future()
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def _spin(self):
+        while not self._done.done():
+            self._executor.spin_until_future_complete(self._done, timeout_sec=0.2)
+
+    def stop(self):
+        """Leave the graph."""
+        self._done.set_result(None)
+        self._thread.join()
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+
+class Outcome(NamedTuple):
+    """What a soak has come to."""
+
+    sent: list
+    checked: int
+    report: object
+    usage: list
+
+
+def soak(peer, domain, seed, seconds):
+    """Run a soak and check every state published; returns an :class:`Outcome`."""
+    state = f"qos_overrides.{NAMESPACE}/diag_dynamics/state.publisher.depth"
+    states = f"qos_overrides.{NAMESPACE}/joint_states.subscription"
+    parameters = {f"{states}.reliability": "reliable", f"{states}.depth": 20000, state: 20000, "max_age": MAX_AGE}
+    listener = Listener(domain)
+    usage = []
+    with Monitor(peer, NAMESPACE, robot_description=robots.robot_path(UR5), **parameters) as monitor:
+        peer.wait_until(
+            lambda: all(topic.subscription.get_publisher_count() for topic in monitor.topics.values()),
+            "the monitor",
+            START,
+        )
+        for topic in monitor.topics.values():  # but the listener's, nobody's
+            peer.node.destroy_subscription(topic.subscription)
+        process = psutil.Process(monitor.process.popen.pid)
+        with tempfile.TemporaryDirectory() as folder:
+            record = Path(folder, "sent.json")
+            feeder = Process([sys.executable, __file__, "--feed", record, "--seed", seed, "--seconds", seconds])
+            begin = time.monotonic()
+            while feeder.popen.poll() is None:
+                with process.oneshot():
+                    cpu = process.cpu_times()
+                    usage.append(
+                        Usage(
+                            time.monotonic() - begin,
+                            process.memory_info().rss / 1e6,
+                            process.num_threads(),
+                            process.num_fds(),
+                            cpu.user + cpu.system,
+                        )
+                    )
+                monitor.next_report()
+            assert feeder.wait() == 0, feeder.tail()
+            sent = [Sent(*entry) for entry in json.loads(record.read_text())]
+        report = monitor.wait_for_report(lambda report: report.count("received") == len(sent), "all messages")
+        peer.wait_until(lambda: len(listener.messages) >= report.count("published"), "all states")
+    listener.stop()
+    reference, newest = Reference(sent), 0
+    for message in listener.messages:
+        at = max(reference.check(message).values())
+        assert at >= newest, "time went back"
+        newest = at
+    return Outcome(sent, len(listener.messages), report, usage)
+
+
+def check(outcome):
+    """Hold what was sent, received, rejected and published against each other."""
+    sent, report = Counter(entry.fault for entry in outcome.sent), outcome.report
+    assert report.count("received") == len(outcome.sent)
+    assert report.count("published") == outcome.checked
+    unpublished = sum(
+        report.count(key)
+        for key in report.values
+        if key.startswith("rejected: ") or key in ("incomplete", "foreign", "awaiting velocity", "followers only")
+    )
+    assert report.count("received") == report.count("published") + unpublished
+    for cause in set(CAUSES.values()):
+        expected = sum(sent[fault] for fault, its in CAUSES.items() if its == cause)
+        assert report.count(f"rejected: {cause}") == expected, cause
+    assert report.count("foreign") == sent["other robot"] + sent["empty"]
+    assert report.count("absurd effort") == sent["effort is inf"]
+    assert report.count("rejected: late") >= 0.9 * sent["late"]  # after a pause they are not late
+    assert "rejected: internal error" not in report.values
+    assert outcome.checked > 0.7 * sum(sent[fault] for fault in USABLE)
+
+
+def plot(outcome, path):
+    """Draw memory over time."""
+    import matplotlib as mpl
+
+    mpl.use("agg")
+    import matplotlib.pyplot as plt
+
+    time, memory, threads, descriptors, _ = map(np.array, zip(*outcome.usage, strict=True))
+    figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(8, 5), layout="constrained")
+    above.plot(time / 60, memory, color="tab:blue")
+    above.set_ylim(0, 1.2 * memory.max())
+    above.set_ylabel("resident memory [MB]")
+    below.plot(time / 60, threads, label="threads", color="tab:orange")
+    below.plot(time / 60, descriptors, label="file descriptors", color="tab:green")
+    below.set_ylim(0, 1.3 * max(threads.max(), descriptors.max()))
+    below.legend(loc="lower right", frameon=False)
+    below.set_xlabel("time [min]")
+    for axes in (above, below):
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(alpha=0.3)
+    figure.suptitle(
+        f"Monitor of a UR5, {len(outcome.sent):,} messages, of which {sum(s.fault != 'none' for s in outcome.sent):,} "
+        f"faulty; {outcome.checked:,} states published, none wrong",
+        fontsize=10,
+    )
+    figure.savefig(path, dpi=100)
+
+
+def main():
+    """Feed, or run a soak and say what came of it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--figure", type=Path)
+    parser.add_argument("--feed", type=Path, help=argparse.SUPPRESS)
+    chosen = parser.parse_args()
+    if chosen.feed:
+        feed(chosen.seed, chosen.seconds, chosen.feed)
+        return
+    domain = int(os.environ.setdefault("ROS_DOMAIN_ID", "42"))
+    with Peer(domain) as peer:
+        outcome = soak(peer, domain, chosen.seed, chosen.seconds)
+    check(outcome)
+    first, last = outcome.usage[len(outcome.usage) // 5], outcome.usage[-1]
+    per_message = (last.cpu - first.cpu) / (last.time - first.time) / len(outcome.sent) * last.time
+    print(f"{len(outcome.sent)} messages, {outcome.checked} states published and checked, none wrong")
+    print(f"memory {first.memory:.1f} -> {last.memory:.1f} MB, threads {first.threads} -> {last.threads}, ", end="")
+    print(f"descriptors {first.descriptors} -> {last.descriptors}, {1e6 * per_message:.0f} us of CPU time a message")
+    if chosen.figure:
+        plot(outcome, chosen.figure)
+
+
+if __name__ == "__main__":
+    main()
