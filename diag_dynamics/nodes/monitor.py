@@ -57,12 +57,14 @@ class MonitorNode(LifecycleNode):
         backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
         self._jumps = self.get_clock().create_jump_callback(backward, post_callback=self._clock_jumped)
         self._diagnostics = Diagnostics(self, self._report)
-        if self._settings.values["autostart"]:
-            if self.trigger_configure() != SUCCESS:
-                raise InputError(self._refusal)
-            self.trigger_activate()
+        if self._settings.values["autostart"] and not self._started():
+            raise InputError(self._refusal)
 
     # --- Lifecycle ---
+
+    def _started(self):
+        """Whether the node could be configured and activated."""
+        return self.trigger_configure() == SUCCESS and self.trigger_activate() == SUCCESS
 
     def on_configure(self, state):
         """Make the outputs and services, and load the robot or wait for one."""
@@ -89,7 +91,8 @@ class MonitorNode(LifecycleNode):
         try:
             self._inputs = tuple(self._listen())
         except Exception as error:
-            self.get_logger().error(f"Not activated: {error}")
+            self._refusal = str(error) if isinstance(error, DiagDynamicsError) else repr(error)
+            self.get_logger().error(f"Not activated: {self._refusal}")
             self._stop_listening()
             return FAILURE
         self._phase = ACTIVE
@@ -120,7 +123,7 @@ class MonitorNode(LifecycleNode):
         return SUCCESS
 
     def _listen(self):
-        """Subscribe to the inputs."""
+        """Subscribe to the inputs, one after the other."""
         sources = [(JointState, "joint_states", self._take_joint_state)]
         if self._settings.values["floating_base"]:
             sources.append((Odometry, "odom", self._take_odometry))
@@ -300,7 +303,7 @@ class MonitorNode(LifecycleNode):
             self._refuse_now(changed)
             settings = Settings.of(self._settings.values | changed)
             robot = self._robot
-            if robot and settings.values["robot_description"] != self._settings.values["robot_description"]:
+            if robot and changed.get("robot_description"):  # be it the same path: what is there may have changed
                 robot = self._loaded_from_parameter(settings)
             elif robot:
                 self._reconsider(robot, settings, changed)

@@ -83,7 +83,9 @@ class Stamps:
                 )
         anew = last is not None and stamp < last and self._anew(what, stamp, last, span)
         if far is not None:
-            self.in_step = not far
+            # One that is foreign must come well into the bound to be held to it, lest a clock that is apart by as much as
+            # the bound be let in and shut out by turns.
+            self.in_step = not far and (self.in_step is not False or abs(self.offset) <= 0.5 * self.max_age)
         if not anew:
             self._suspect = None
         return anew
