@@ -56,12 +56,15 @@ class Diagnostics:
         self._name = node.get_fully_qualified_name().lstrip("/")
         self._report = report
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._timer = node.create_timer(PERIOD, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = node.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def publish(self):
-        """Publish the present report."""
+    def _tick(self):
+        self.publish(self._report())
+
+    def publish(self, statuses):
+        """Publish some statuses at once."""
         array = DiagnosticArray()
-        for name, level, message, values in self._report():
+        for name, level, message, values in statuses:
             status = DiagnosticStatus(level=level, name=f"{self._name}: {name}", message=shortened(message))
             status.values = [KeyValue(key=str(key), value=shortened(str(value))) for key, value in values.items()]
             array.status.append(status)

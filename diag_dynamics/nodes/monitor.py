@@ -291,8 +291,8 @@ class MonitorNode(LifecycleNode):
         s, state = robot.evaluate(state)
         self._outputs.publish(robot.dynamics, robot.maker, state, s, self._settings.values["publish_inverse_factor"])
         self._traffic.published(state.newest)
-        if robot.energy.take(state.newest, s):
-            self._diagnostics.publish()
+        if robot.energy.take(state.newest, s):  # an alarm does not wait for the second to be over
+            self._diagnostics.publish([robot.energy.report()])
 
     # --- Parameters ---
 

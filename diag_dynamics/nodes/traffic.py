@@ -1,5 +1,6 @@
 """Counting what comes in and what becomes of it, and saying so."""
 
+import time
 from collections import Counter
 
 from diag_dynamics.nodes.diagnostics import OK, STALE, WARN, Status, counted, shortened
@@ -25,6 +26,7 @@ class Traffic:
         self.last_stamp = None
         self._of_assemblers = Counter()
         self._latencies = []
+        self._since = time.monotonic()
 
     def arrived(self, stamp, now):
         """Note how old a stamp [ns] is that has been accepted."""
@@ -62,7 +64,12 @@ class Traffic:
             counts += _counts_of(robot)
         recent = counts - self._reported
         self._reported = counts
-        values = {"input rate [Hz]": recent["received"], "output rate [Hz]": recent["published"]}
+        before, self._since = self._since, time.monotonic()
+        elapsed = max(self._since - before, 1e-3)
+        values = {
+            "input rate [Hz]": f"{recent['received'] / elapsed:.1f}",
+            "output rate [Hz]": f"{recent['published'] / elapsed:.1f}",
+        }
         if self.last_stamp is not None:
             values["age of the last state [s]"] = f"{(now - self.last_stamp) * 1e-9:.6f}"
         if self._latencies:
