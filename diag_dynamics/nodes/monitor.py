@@ -49,9 +49,9 @@ class MonitorNode(LifecycleNode):
         self._settings = Settings.of(declare(self, PARAMETERS))
         self._phase = UNCONFIGURED
         self._robot = self._outputs = self._offered = self._descriptions = None
-        self._inputs = ()
+        self._inputs = []
         self._revision = 0
-        self._refusal = ""  # why the last description is not in force
+        self._refusal = ""  # why the last description, or the node, is not in force
         self._traffic = Traffic()
         self.add_on_set_parameters_callback(self._set_parameters)
         backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
@@ -89,7 +89,7 @@ class MonitorNode(LifecycleNode):
     def on_activate(self, state):
         """Listen to states and publish."""
         try:
-            self._inputs = tuple(self._listen())
+            self._listen()
         except Exception as error:
             self._refusal = str(error) if isinstance(error, DiagDynamicsError) else repr(error)
             self.get_logger().error(f"Not activated: {self._refusal}")
@@ -123,12 +123,12 @@ class MonitorNode(LifecycleNode):
         return SUCCESS
 
     def _listen(self):
-        """Subscribe to the inputs, one after the other."""
+        """Subscribe to the inputs."""
         sources = [(JointState, "joint_states", self._take_joint_state)]
         if self._settings.values["floating_base"]:
             sources.append((Odometry, "odom", self._take_odometry))
         for kind, topic, take in sources:
-            yield self.create_subscription(
+            subscription = self.create_subscription(
                 kind,
                 topic,
                 take,
@@ -136,11 +136,12 @@ class MonitorNode(LifecycleNode):
                 event_callbacks=SubscriptionEventCallbacks(message_lost=self._lost),
                 qos_overriding_options=overridable(),
             )
+            self._inputs.append(subscription)
 
     def _stop_listening(self):
         for subscription in self._inputs:
             self.destroy_subscription(subscription)
-        self._inputs = ()
+        self._inputs = []
         if self._robot:
             self._robot.forget()
 
@@ -184,9 +185,10 @@ class MonitorNode(LifecycleNode):
             self._refusal = ""
         except Exception as error:  # nothing that arrives may end the node
             known = isinstance(error, DiagDynamicsError)
-            self._refusal = str(error) if known else f"internal error: {error!r}"
+            reason = str(error) if known else f"internal error: {error!r}"
+            self._refusal = f"robot_description refused: {reason}"
             kept = f"; keeping robot '{self._robot.model.name}'" if self._robot else ""
-            self.get_logger().error(f"robot_description refused{kept}: {self._refusal}")
+            self.get_logger().error(f"robot_description refused{kept}: {reason}")
 
     def _loaded(self, description, settings):
         """The robot of a description.
@@ -397,7 +399,7 @@ class MonitorNode(LifecycleNode):
                 "payloads": counted(model.payloads),
             }
         if self._refusal:
-            return Status("model", ERROR, f"robot_description refused: {self._refusal}", values)
+            return Status("model", ERROR, self._refusal, values)
         if robot is None:
             waiting = "no robot_description yet" if self._phase in (INACTIVE, ACTIVE) else self._phase
             return Status("model", WARN, waiting, values)
