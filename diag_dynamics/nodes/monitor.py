@@ -8,7 +8,6 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -20,6 +19,7 @@ from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Status
 from diag_dynamics.nodes.graph import publishers
 from diag_dynamics.nodes.health import numerical_health
 from diag_dynamics.nodes.inputs.rejected import RejectedError
+from diag_dynamics.nodes.managed import ACTIVE, INACTIVE, UNCONFIGURED, ManagedNode
 from diag_dynamics.nodes.monitored import MonitoredRobot
 from diag_dynamics.nodes.outputs import TOPICS, Outputs, overridable
 from diag_dynamics.nodes.parameters import declare
@@ -29,15 +29,11 @@ from diag_dynamics.nodes.services import DynamicsServices
 from diag_dynamics.nodes.settings import PARAMETERS, Settings
 from diag_dynamics.nodes.traffic import Traffic
 
-SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
-
-UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active", "finalized"
-
 NOTHING = Payload(0.0)
 """What takes a payload off."""
 
 
-class MonitorNode(LifecycleNode):
+class MonitorNode(ManagedNode):
     """See the module; parameters are in :data:`PARAMETERS`, topics in :data:`TOPICS`.
 
     A managed node. Configured, it has a robot or waits for one, and its services answer; active, it listens to states and
@@ -47,82 +43,31 @@ class MonitorNode(LifecycleNode):
     def __init__(self, **kwargs):
         super().__init__("diag_dynamics", **kwargs)
         self._settings = Settings.of(declare(self, PARAMETERS))
-        self._phase = UNCONFIGURED
         self._robot = self._outputs = self._offered = self._descriptions = None
         self._inputs = []
         self._revision = 0
-        self._refusal = ""  # why the last description, or the node, is not in force
         self._traffic = Traffic()
         self.add_on_set_parameters_callback(self._set_parameters)
         backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
         self._jumps = self.get_clock().create_jump_callback(backward, post_callback=self._clock_jumped)
         self._diagnostics = Diagnostics(self, self._report)
-        if self._settings.values["autostart"] and not self._started():
-            raise InputError(self._refusal)
+        if self._settings.values["autostart"]:
+            self.start()
 
     # --- Lifecycle ---
 
-    def _started(self):
-        """Whether the node could be configured and activated."""
-        return self.trigger_configure() == SUCCESS and self.trigger_activate() == SUCCESS
-
-    def on_configure(self, state):
+    def set_up(self):
         """Make the outputs and services, and load the robot or wait for one."""
-        try:
-            self._refusal = ""
-            self._outputs = Outputs(self)
-            for topic in TOPICS:
-                self._outputs.limit(topic, self._settings.values[f"max_rate.{topic}"])
-            self._offered = DynamicsServices(self, self._in_force, self._put_on)
-            if self._settings.values["robot_description"]:
-                self._adopt(self._loaded_from_parameter(self._settings))
-            else:
-                self._wait_for_description()
-        except Exception as error:  # rclpy would swallow it
-            self._refusal = str(error) if isinstance(error, DiagDynamicsError) else repr(error)
-            self.get_logger().error(f"Not configured: {self._refusal}")
-            self._tear_down()
-            return FAILURE
-        self._phase = INACTIVE
-        return super().on_configure(state)
+        self._outputs = Outputs(self)
+        for topic in TOPICS:
+            self._outputs.limit(topic, self._settings.values[f"max_rate.{topic}"])
+        self._offered = DynamicsServices(self, self._in_force, self._put_on)
+        if self._settings.values["robot_description"]:
+            self._adopt(self._loaded_from_parameter(self._settings))
+        else:
+            self._wait_for_description()
 
-    def on_activate(self, state):
-        """Listen to states and publish."""
-        try:
-            self._listen()
-        except Exception as error:
-            self._refusal = str(error) if isinstance(error, DiagDynamicsError) else repr(error)
-            self.get_logger().error(f"Not activated: {self._refusal}")
-            self._stop_listening()
-            return FAILURE
-        self._phase = ACTIVE
-        return super().on_activate(state)
-
-    def on_deactivate(self, state):
-        """Stop listening; of the states that came before, none counts any more."""
-        self._stop_listening()
-        self._phase = INACTIVE
-        return super().on_deactivate(state)
-
-    def on_cleanup(self, state):
-        """Let the robot go, and all that was made for it."""
-        self._tear_down()
-        self._phase = UNCONFIGURED
-        return super().on_cleanup(state)
-
-    def on_shutdown(self, state):
-        """Let all go, for good."""
-        self._tear_down()
-        self._phase = FINALIZED
-        return super().on_shutdown(state)
-
-    def on_error(self, state):
-        """Let all go; the node can be configured anew."""
-        self._tear_down()
-        self._phase = UNCONFIGURED
-        return SUCCESS
-
-    def _listen(self):
+    def listen(self):
         """Subscribe to the inputs."""
         sources = [(JointState, "joint_states", self._take_joint_state)]
         if self._settings.values["floating_base"]:
@@ -138,15 +83,17 @@ class MonitorNode(LifecycleNode):
             )
             self._inputs.append(subscription)
 
-    def _stop_listening(self):
+    def stop_listening(self):
+        """Take no states any more; of those that came before, none counts."""
         for subscription in self._inputs:
             self.destroy_subscription(subscription)
         self._inputs = []
         if self._robot:
             self._robot.forget()
+            self._robot.forget_clocks()
 
-    def _tear_down(self):
-        self._stop_listening()
+    def tear_down(self):
+        """Let the robot go, and all that was made for it."""
         if self._descriptions:
             self.destroy_subscription(self._descriptions)
         for part in (self._offered, self._outputs):
@@ -182,11 +129,11 @@ class MonitorNode(LifecycleNode):
         try:
             if not self._robot or description != self._robot.description:
                 self._adopt(self._loaded(description, self._settings))
-            self._refusal = ""
+            self.refusal = ""
         except Exception as error:  # nothing that arrives may end the node
             known = isinstance(error, DiagDynamicsError)
             reason = str(error) if known else f"internal error: {error!r}"
-            self._refusal = f"robot_description refused: {reason}"
+            self.refusal = f"robot_description refused: {reason}"
             kept = f"; keeping robot '{self._robot.model.name}'" if self._robot else ""
             self.get_logger().error(f"robot_description refused{kept}: {reason}")
 
@@ -316,7 +263,7 @@ class MonitorNode(LifecycleNode):
             return SetParametersResult(successful=False, reason=f"internal error: {error!r}")
         self._settings = settings
         if robot is not self._robot:
-            self._refusal = ""
+            self.refusal = ""
             self._adopt(robot)
         for topic in TOPICS if self._outputs else ():
             if f"max_rate.{topic}" in changed:
@@ -325,7 +272,7 @@ class MonitorNode(LifecycleNode):
 
     def _refuse_now(self, changed):
         """Refuse what only an unconfigured node can take over."""
-        if self._phase == UNCONFIGURED:
+        if self.phase == UNCONFIGURED:
             return
         for name in changed:
             if PARAMETERS[name].while_unconfigured and changed[name] != self._settings.values[name]:
@@ -356,11 +303,11 @@ class MonitorNode(LifecycleNode):
 
     def _report(self):
         robot = self._robot
-        active = self._phase == ACTIVE
+        active = self.phase == ACTIVE
         statuses = [self._traffic.status(robot, self._now(), self._notes())]
         if not active:
             values = statuses[0].values
-            statuses[0] = Status("joint states", WARN, f"{self._phase}: nothing is listened to", values)
+            statuses[0] = Status("joint states", WARN, f"{self.phase}: nothing is listened to", values)
         elif robot is None:
             statuses[0] = statuses[0]._replace(level=WARN, message=f"no robot yet; {statuses[0].message}")
         statuses += [
@@ -387,7 +334,7 @@ class MonitorNode(LifecycleNode):
 
     def _model_status(self):
         robot = self._robot
-        values = {"lifecycle": self._phase, "model revision": self._revision}
+        values = {"lifecycle": self.phase, "model revision": self._revision}
         if robot:
             model = robot.model
             values |= {
@@ -398,10 +345,10 @@ class MonitorNode(LifecycleNode):
                 "locked joints": counted(model.locked_joints),
                 "payloads": counted(model.payloads),
             }
-        if self._refusal:
-            return Status("model", ERROR, self._refusal, values)
+        if self.refusal:
+            return Status("model", ERROR, self.refusal, values)
         if robot is None:
-            waiting = "no robot_description yet" if self._phase in (INACTIVE, ACTIVE) else self._phase
+            waiting = "no robot_description yet" if self.phase in (INACTIVE, ACTIVE) else self.phase
             return Status("model", WARN, waiting, values)
         if unapplied := robot.unapplied():
             return Status("model", WARN, f"payloads on links that are not there: {', '.join(unapplied)}", values)

@@ -83,6 +83,12 @@ class MonitoredRobot:
         self.energy.forget()
         self.state = None
 
+    def forget_clocks(self):
+        """Forget whether stamps agree with this node's clock: what comes next comes from a new subscription."""
+        self.assembler.stamps.in_step = None
+        if self.base:
+            self.base.stamps.in_step = None
+
     def complete(self, state):
         """The whole robot's state from that of its joints: with the base, None while it is unknown."""
         if self.base:

@@ -1,0 +1,109 @@
+"""A managed node that can bring itself up, and that no transition, however wrong, brings down."""
+
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
+
+SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+
+UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active", "finalized"
+
+
+class ManagedNode(LifecycleNode):
+    """A lifecycle node in four steps, of which the first two may raise: the node stays as it was before, then.
+
+    Subclasses have :meth:`set_up` (to be configured), :meth:`listen` (to be active), :meth:`stop_listening` and
+    :meth:`tear_down`, both of which may find things half made.
+
+    Attributes
+    ----------
+    phase : str
+        Unconfigured, inactive, active or finalized.
+    refusal : str
+        Why the node could not be configured or activated, or whatever else it was asked to take over; empty if it could.
+    """
+
+    def __init__(self, name, **kwargs):
+        self.phase, self.refusal = UNCONFIGURED, ""
+        super().__init__(name, **kwargs)
+        service = self._service_change_state
+        service.callback = self._harmless(service.callback)
+
+    def _harmless(self, answer):
+        """Answer to a wrong transition, at which rclpy before 9 would end the node."""
+
+        def callback(request, response):
+            try:
+                return answer(request, response)
+            except Exception as error:
+                self.get_logger().error(f"Transition refused in state {self.phase}: {error}")
+                response.success = False
+                return response
+
+        return callback
+
+    def start(self):
+        """Configure and activate.
+
+        Raises
+        ------
+        InputError
+            That was not possible.
+        """
+        if self.trigger_configure() != SUCCESS or self.trigger_activate() != SUCCESS:
+            raise InputError(self.refusal)
+
+    def _tried(self, step, undo, what):
+        """Whether a step could be taken; rclpy would swallow why not."""
+        try:
+            step()
+            return True
+        except Exception as error:
+            reason = str(error) if isinstance(error, DiagDynamicsError) else repr(error)
+            self.refusal = f"{what}: {reason}"
+            self.get_logger().error(self.refusal)
+            undo()
+            return False
+
+    def on_configure(self, state):
+        """Set up."""
+        self.refusal = ""
+        if not self._tried(self.set_up, self.tear_down, "not configured"):
+            return FAILURE
+        self.phase = INACTIVE
+        return super().on_configure(state)
+
+    def on_activate(self, state):
+        """Listen."""
+        if not self._tried(self.listen, self.stop_listening, "not activated"):
+            return FAILURE
+        self.phase = ACTIVE
+        return super().on_activate(state)
+
+    def on_deactivate(self, state):
+        """Stop listening."""
+        self.stop_listening()
+        self.phase = INACTIVE
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state):
+        """Let all go that was set up."""
+        self._let_go()
+        self.phase = UNCONFIGURED
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state):
+        """Let all go, for good."""
+        self._let_go()
+        self.phase = FINALIZED
+        return super().on_shutdown(state)
+
+    def on_error(self, state):
+        """Let all go; the node can be configured anew."""
+        self._let_go()
+        self.phase = UNCONFIGURED
+        return SUCCESS
+
+    def _let_go(self):
+        self.stop_listening()
+        self.tear_down()
