@@ -29,8 +29,9 @@ def declare(node, specs):
     values = {}
     for name, spec in specs.items():
         descriptor = ParameterDescriptor(description=spec.description, read_only=spec.read_only)
-        if spec.choices:
-            descriptor.additional_constraints = "one of " + ", ".join(spec.choices)
+        constraints = ["one of " + ", ".join(spec.choices)] if spec.choices else []
+        constraints += ["changes only while the node is unconfigured"] if spec.while_unconfigured else []
+        descriptor.additional_constraints = "; ".join(constraints)
         if spec.minimum is not None:
             descriptor.floating_point_range = [FloatingPointRange(from_value=spec.minimum, to_value=spec.maximum)]
         values[name] = node.declare_parameter(name, spec.default, descriptor).value
