@@ -265,6 +265,10 @@ def parameter_value(value):
 # --- a monitor
 
 
+SEVERITY = (b"\x00", b"\x03", b"\x01", b"\x02")
+"""Levels OK, STALE, WARN and ERROR: without states every entry is stale, and only one of them may say why."""
+
+
 class Report(NamedTuple):
     """A monitor's entries on /diagnostics: level and message of the worst, the values of all, and each by its name."""
 
@@ -280,7 +284,7 @@ class Report(NamedTuple):
 
 def report_of(statuses):
     """Put the entries of one node together."""
-    worst = max(statuses, key=lambda status: status.level)
+    worst = max(statuses, key=lambda status: SEVERITY.index(status.level))
     values = {pair.key: pair.value for status in statuses for pair in status.values}
     return Report(worst.level, worst.message, values, {status.name.split(": ")[1]: status for status in statuses})
 

@@ -322,15 +322,17 @@ def check(outcome):
     unpublished = sum(
         report.count(key)
         for key in report.values
-        if key.startswith("rejected: ") or key in ("incomplete", "foreign", "awaiting velocity", "followers only")
+        if key.startswith(("rejected: ", "skipped: ")) or key in ("incomplete", "foreign")
     )
     assert report.count("received") == report.count("published") + unpublished
-    for cause in set(CAUSES.values()):
-        expected = sum(sent[fault] for fault, its in CAUSES.items() if its == cause)
-        assert report.count(f"rejected: {cause}") == expected, cause
-    assert report.count("foreign") == sent["other robot"] + sent["empty"]
-    assert report.count("absurd effort") == sent["effort is inf"]
-    assert report.count("rejected: late") >= 0.9 * sent["late"]  # after a pause they are not late
+    skipped = report.count("skipped: overload")  # on a machine that stood still for a second
+    expected = {f"rejected: {cause}": 0 for cause in CAUSES.values()}
+    for fault, cause in CAUSES.items():
+        expected[f"rejected: {cause}"] += sent[fault]
+    expected |= {"foreign": sent["other robot"] + sent["empty"], "absurd effort": sent["effort is inf"]}
+    for key, count in expected.items():
+        assert count - skipped <= report.count(key) <= count, key
+    assert report.count("rejected: late") >= 0.9 * sent["late"] - skipped  # after a pause they are not late
     assert "rejected: internal error" not in report.values
     assert outcome.checked > 0.7 * sum(sent[fault] for fault in USABLE)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Status
+from diag_dynamics.nodes.diagnostics import ERROR, OK, STALE, WARN, Status
 from diag_dynamics.nodes.messages import power_of
 from diag_dynamics.nodes.robot import single_joints
 from diag_dynamics.nodes.settings import share_thresholds
@@ -36,7 +36,7 @@ class EnergyWatch:
         self.configure(model, thresholds)
         self._K = self._power = None
         self._last = None
-        self._reported = OK
+        self._reported, self._alarm_reported = OK, ""
         self._begin()
 
     def configure(self, model, thresholds):
@@ -60,12 +60,13 @@ class EnergyWatch:
 
     def _begin(self):
         """Begin another interval between two reports."""
-        self._largest, self._level, self._alarm = 0.0, OK, ""
+        self._count, self._largest, self._level, self._alarm = 0, 0.0, OK, ""
         self._gained = self._explained = self._time = 0.0
 
     def take(self, stamp, s):
         """Take the Evaluation of a state stamped `stamp` [ns]; return whether this is worse than all reported last."""
         K = s.kinetic_energy
+        self._count += 1
         self._largest = max(self._largest, K)
         self._judge(K, s)
         power = None if s.epsilon is None else power_of(s)
@@ -101,7 +102,9 @@ class EnergyWatch:
             self._level, self._alarm = level, alarm
 
     def report(self):
-        """Status of all states since the last report."""
+        """Status of all states since the last report; without any, what was reported last does not become better."""
+        if not self._count:
+            return Status("energy", STALE, f"no state since: {self._alarm_reported or 'within thresholds'}")
         values = {"largest kinetic energy [J]": f"{self._largest:.6g}"}
         if self._last is not None:
             values["kinetic energy [J]"] = f"{self._K:.6g}"
@@ -109,16 +112,15 @@ class EnergyWatch:
                 values["power [W]"] = f"{self._power:.6g}"
         if self._time:
             values["power-balance residual [W]"] = f"{(self._gained - self._explained) / self._time:.6g}"
-        level, message = self._level, self._alarm or "within thresholds"
+        self._reported, self._alarm_reported = self._level, self._alarm
         self._begin()
-        self._reported = level
-        return Status("energy", level, message, values)
+        return Status("energy", self._reported, self._alarm_reported or "within thresholds", values)
 
 
 def numerical_health(dynamics, state):
-    """Status of one RobotState: what must hold exactly, and how near the robot is to a singular mass matrix."""
+    """Status of one RobotState, or of none: what must hold exactly, and how near the mass matrix is to a singular one."""
     if dynamics is None or state is None:
-        return Status("numerical health", OK, "no state yet")
+        return Status("numerical health", STALE, "no state")
     q, qd = state.position, state.velocity
     s = dynamics.evaluate(q, qd)
     size = np.linalg.norm(s.nu) * np.linalg.norm(s.coriolis)

@@ -3,6 +3,7 @@
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.nodes.diagnostics import shortened
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
@@ -19,12 +20,12 @@ class ManagedNode(LifecycleNode):
     ----------
     phase : str
         Unconfigured, inactive, active or finalized.
-    refusal : str
-        Why the node could not be configured or activated, or whatever else it was asked to take over; empty if it could.
+    failure : str
+        Why the node could not be configured or activated, empty if it could.
     """
 
     def __init__(self, name, **kwargs):
-        self.phase, self.refusal = UNCONFIGURED, ""
+        self.phase, self.failure = UNCONFIGURED, ""
         super().__init__(name, **kwargs)
         service = self._service_change_state
         service.callback = self._harmless(service.callback)
@@ -51,23 +52,24 @@ class ManagedNode(LifecycleNode):
             That was not possible.
         """
         if self.trigger_configure() != SUCCESS or self.trigger_activate() != SUCCESS:
-            raise InputError(self.refusal)
+            self.destroy_node()
+            raise InputError(self.failure)
 
     def _tried(self, step, undo, what):
         """Whether a step could be taken; rclpy would swallow why not."""
         try:
             step()
+            self.failure = ""
             return True
         except Exception as error:
             reason = str(error) if isinstance(error, DiagDynamicsError) else repr(error)
-            self.refusal = f"{what}: {reason}"
-            self.get_logger().error(self.refusal)
+            self.failure = shortened(f"{what}: {reason}")
+            self.get_logger().error(self.failure)
             undo()
             return False
 
     def on_configure(self, state):
         """Set up."""
-        self.refusal = ""
         if not self._tried(self.set_up, self.tear_down, "not configured"):
             return FAILURE
         self.phase = INACTIVE
@@ -107,3 +109,4 @@ class ManagedNode(LifecycleNode):
     def _let_go(self):
         self.stop_listening()
         self.tear_down()
+        self.failure = ""

@@ -1,11 +1,14 @@
 """The monitor node: joint_states and robot_description in, diagonalized dynamics out."""
 
 import codecs
+import contextlib
 import sys
+import time
+from functools import partial
 
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import JumpThreshold
+from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.parameter import Parameter
@@ -15,19 +18,26 @@ from std_msgs.msg import String
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import Payload
-from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Status, counted
+from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Status, counted, shortened
 from diag_dynamics.nodes.graph import publishers
 from diag_dynamics.nodes.health import numerical_health
 from diag_dynamics.nodes.inputs.rejected import RejectedError
 from diag_dynamics.nodes.managed import ACTIVE, INACTIVE, UNCONFIGURED, ManagedNode
 from diag_dynamics.nodes.monitored import MonitoredRobot
-from diag_dynamics.nodes.outputs import TOPICS, Outputs, overridable
+from diag_dynamics.nodes.outputs import TOPICS, Outputs, connected
 from diag_dynamics.nodes.parameters import declare
 from diag_dynamics.nodes.robot import load_robot, payload_entry, payloads_of
 from diag_dynamics.nodes.runner import main_of
 from diag_dynamics.nodes.services import DynamicsServices
 from diag_dynamics.nodes.settings import PARAMETERS, Settings
-from diag_dynamics.nodes.traffic import Traffic
+from diag_dynamics.nodes.traffic import OVERLOAD, Traffic
+
+HEARTBEAT, OVERDUE = 0.1, 1.0
+"""Period of the heartbeat, and how long it may be overdue before states are skipped [s].
+
+An executor that serves events in their order puts everything off, services and diagnostics too, as long as states come in
+faster than they can be evaluated.
+"""
 
 NOTHING = Payload(0.0)
 """What takes a payload off."""
@@ -45,12 +55,17 @@ class MonitorNode(ManagedNode):
         self._settings = Settings.of(declare(self, PARAMETERS))
         self._robot = self._outputs = self._offered = self._descriptions = None
         self._inputs = []
+        self._refused = None  # description that is not in force, and why
+        self._listening = 0  # number of the activation
         self._revision = 0
         self._traffic = Traffic()
+        self._sampled = None  # the state whose numerical health was reported last
         self.add_on_set_parameters_callback(self._set_parameters)
         backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
         self._jumps = self.get_clock().create_jump_callback(backward, post_callback=self._clock_jumped)
         self._diagnostics = Diagnostics(self, self._report)
+        self._beat = time.monotonic()
+        self.create_timer(HEARTBEAT, self._take_heartbeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
         if self._settings.values["autostart"]:
             self.start()
 
@@ -72,19 +87,21 @@ class MonitorNode(ManagedNode):
         sources = [(JointState, "joint_states", self._take_joint_state)]
         if self._settings.values["floating_base"]:
             sources.append((Odometry, "odom", self._take_odometry))
+        self._listening += 1
         for kind, topic, take in sources:
-            subscription = self.create_subscription(
+            subscription = connected(
+                self.create_subscription,
                 kind,
                 topic,
-                take,
+                partial(take, self._listening),
                 QoSProfile(depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT),
                 event_callbacks=SubscriptionEventCallbacks(message_lost=self._lost),
-                qos_overriding_options=overridable(),
             )
             self._inputs.append(subscription)
 
     def stop_listening(self):
         """Take no states any more; of those that came before, none counts."""
+        self._listening += 1  # events of a subscription that is gone may be served yet
         for subscription in self._inputs:
             self.destroy_subscription(subscription)
         self._inputs = []
@@ -101,7 +118,7 @@ class MonitorNode(ManagedNode):
                 part.destroy()
         if self._robot:
             self._traffic.keep(self._robot)
-        self._robot = self._outputs = self._offered = self._descriptions = None
+        self._robot = self._outputs = self._offered = self._descriptions = self._refused = None
 
     def _lost(self, info):
         self._traffic.counts["lost in transport"] += info.total_count_change
@@ -116,8 +133,8 @@ class MonitorNode(ManagedNode):
 
     def _wait_for_description(self):
         once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._descriptions = self.create_subscription(
-            String, "robot_description", self._take_description, once, qos_overriding_options=overridable()
+        self._descriptions = connected(
+            self.create_subscription, String, "robot_description", self._take_description, once
         )
         self.get_logger().info(f"Waiting for a robot on {self.resolve_topic_name('robot_description')}.")
 
@@ -126,16 +143,17 @@ class MonitorNode(ManagedNode):
         # What comes from a topic is text and never a path: bytes are not looked up. It has been decoded already, whatever
         # encoding it declares, which the byte-order mark says.
         description = codecs.BOM_UTF8 + message.data.lstrip("\ufeff").encode(errors="replace")
+        if self.phase not in (INACTIVE, ACTIVE):
+            return  # an event of a subscription that is gone
         try:
             if not self._robot or description != self._robot.description:
                 self._adopt(self._loaded(description, self._settings))
-            self.refusal = ""
+            self._refused = None
         except Exception as error:  # nothing that arrives may end the node
-            known = isinstance(error, DiagDynamicsError)
-            reason = str(error) if known else f"internal error: {error!r}"
-            self.refusal = f"robot_description refused: {reason}"
+            reason = shortened(str(error) if isinstance(error, DiagDynamicsError) else f"internal error: {error!r}")
+            self._refused = description, reason
             kept = f"; keeping robot '{self._robot.model.name}'" if self._robot else ""
-            self.get_logger().error(f"robot_description refused{kept}: {reason}")
+            self.get_logger().error(f"robot_description refused{kept}: {reason}", throttle_duration_sec=0.5)
 
     def _loaded(self, description, settings):
         """The robot of a description.
@@ -185,9 +203,20 @@ class MonitorNode(ManagedNode):
 
     # --- Every message ---
 
-    def _take_joint_state(self, message):
+    def _take_heartbeat(self):
+        self._beat = time.monotonic()
+
+    def _overloaded(self):
+        return time.monotonic() - self._beat > OVERDUE
+
+    def _take_joint_state(self, listening, message):
+        if listening != self._listening:
+            return
         counts, robot = self._traffic.counts, self._robot
         counts["received"] += 1
+        if self._overloaded():
+            counts[OVERLOAD] += 1
+            return
         if robot is None:
             counts["before the model"] += 1
             return
@@ -201,20 +230,25 @@ class MonitorNode(ManagedNode):
                 state = robot.complete(state)
                 counts["before odometry"] += state is None
             if state is not None:
-                self._publish(robot, state)
+                self._publish(robot, state, "published")
 
         self._guarded("rejected", take)
 
-    def _take_odometry(self, message):
+    def _take_odometry(self, listening, message):
+        if listening != self._listening:
+            return
         self._traffic.counts["odometry received"] += 1
         robot = self._robot
         if robot is None or robot.base is None:
+            return
+        if self._overloaded():
+            self._traffic.counts[f"odometry {OVERLOAD}"] += 1
             return
 
         def take():
             robot.base.update(message, self._now())
             if state := robot.state_of_base():
-                self._publish(robot, state)
+                self._publish(robot, state, "published from odometry")
 
         self._guarded("odometry rejected", take)
 
@@ -235,11 +269,11 @@ class MonitorNode(ManagedNode):
     def _now(self):
         return self.get_clock().now().nanoseconds
 
-    def _publish(self, robot, state):
+    def _publish(self, robot, state, what):
         """Evaluate, watch, and publish where somebody listens."""
         s, state = robot.evaluate(state)
         self._outputs.publish(robot.dynamics, robot.maker, state, s, self._settings.values["publish_inverse_factor"])
-        self._traffic.published(state.newest)
+        self._traffic.published(what, state.newest)
         if robot.energy.take(state.newest, s):  # an alarm does not wait for the second to be over
             self._diagnostics.publish([robot.energy.report()])
 
@@ -251,11 +285,7 @@ class MonitorNode(ManagedNode):
             changed = {parameter.name: parameter.value for parameter in parameters if parameter.name in PARAMETERS}
             self._refuse_now(changed)
             settings = Settings.of(self._settings.values | changed)
-            robot = self._robot
-            if robot and changed.get("robot_description"):  # be it the same path: what is there may have changed
-                robot = self._loaded_from_parameter(settings)
-            elif robot:
-                self._reconsider(robot, settings, changed)
+            robot = self._reconsidered(settings, changed)
         except DiagDynamicsError as error:
             return SetParametersResult(successful=False, reason=str(error))
         except Exception as error:
@@ -263,7 +293,7 @@ class MonitorNode(ManagedNode):
             return SetParametersResult(successful=False, reason=f"internal error: {error!r}")
         self._settings = settings
         if robot is not self._robot:
-            self.refusal = ""
+            self._refused = None
             self._adopt(robot)
         for topic in TOPICS if self._outputs else ():
             if f"max_rate.{topic}" in changed:
@@ -284,7 +314,28 @@ class MonitorNode(ManagedNode):
                 "while it does not: clean the node up first."
             )
 
-    def _reconsider(self, robot, settings, changed):
+    def _reconsidered(self, settings, changed):
+        """The robot with other settings: another one, or that in force, or none if there is none.
+
+        Raises
+        ------
+        DiagDynamicsError
+            The settings do not fit it; nothing has changed then.
+        """
+        robot = self._robot
+        if changed.get("robot_description") and self.phase in (
+            INACTIVE,
+            ACTIVE,
+        ):  # be it the same path: its file may not be
+            return self._loaded_from_parameter(settings)
+        if self._refused:  # for want of these settings, perhaps
+            with contextlib.suppress(DiagDynamicsError):
+                return self._loaded(self._refused[0], settings)
+        if robot:
+            self._use(robot, settings, changed)
+        return robot
+
+    def _use(self, robot, settings, changed):
         """Put the robot in force with other settings."""
         model = robot.model
         if "payloads" in changed:
@@ -330,6 +381,8 @@ class MonitorNode(ManagedNode):
                 names, wrong = publishers(self, subscription, kind)
                 notes[f"publishers of {subscription.topic_name}"] = counted(names)
                 problems += wrong
+        if not self._now():
+            problems.append("use_sim_time, but nothing on /clock yet")
         return notes | {None: problems}
 
     def _model_status(self):
@@ -345,8 +398,9 @@ class MonitorNode(ManagedNode):
                 "locked joints": counted(model.locked_joints),
                 "payloads": counted(model.payloads),
             }
-        if self.refusal:
-            return Status("model", ERROR, self.refusal, values)
+        if self.failure or self._refused:
+            message = self.failure or f"robot_description refused: {self._refused[1]}"
+            return Status("model", ERROR, message, values)
         if robot is None:
             waiting = "no robot_description yet" if self.phase in (INACTIVE, ACTIVE) else self.phase
             return Status("model", WARN, waiting, values)

@@ -44,6 +44,7 @@ class MonitoredRobot:
         in_header = settings.values["odom_twist_frame"] == "header"
         self.base = OdometryBase(model, in_header) if model.floating_base else None
         self.energy = EnergyWatch(model, settings.thresholds)
+        self.dynamics = None
         self.use(model, settings, revision)
         self.dynamics.compile(*COMPILED)
 
@@ -66,9 +67,10 @@ class MonitoredRobot:
         if self.base:
             self.base.configure(settings.inputs)
         self.settings = settings
-        self.dynamics = DiagonalDynamics(model)
-        self.maker = MessageMaker(model, revision)
-        self.state = None
+        if self.dynamics is None or model is not self.model:
+            self.dynamics = DiagonalDynamics(model)
+            self.maker = MessageMaker(model, revision)
+            self.state = None
 
     def unapplied(self):
         """Links of payloads that are wanted, but not on this robot."""
@@ -85,9 +87,9 @@ class MonitoredRobot:
 
     def forget_clocks(self):
         """Forget whether stamps agree with this node's clock: what comes next comes from a new subscription."""
-        self.assembler.stamps.in_step = None
+        self.assembler.stamps.forget()
         if self.base:
-            self.base.stamps.in_step = None
+            self.base.stamps.forget()
 
     def complete(self, state):
         """The whole robot's state from that of its joints: with the base, None while it is unknown."""

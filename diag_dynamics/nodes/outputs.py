@@ -3,6 +3,7 @@
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.msg import (
     CoriolisTerm,
     DiagonalizedState,
@@ -26,11 +27,24 @@ TOPICS = {
 """Each output topic: its type, and the highest rate it is published at by default [Hz], 0 for every state."""
 
 
-def overridable():
-    """Let the parameters qos_overrides.<topic>.<publisher|subscription>.<policy> have a say."""
-    return QoSOverridingOptions(
-        (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
-    )
+OVERRIDABLE = QoSOverridingOptions(
+    (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
+)
+"""Lets the parameters qos_overrides.<topic>.<publisher|subscription>.<policy> have a say."""
+
+
+def connected(create, kind, topic, *arguments, **options):
+    """Publisher or subscription that `create` makes, whose QoS parameters may override.
+
+    Raises
+    ------
+    InputError
+        They make no sense.
+    """
+    try:
+        return create(kind, topic, *arguments, qos_overriding_options=OVERRIDABLE, **options)
+    except Exception as error:  # rclpy names neither the topic nor the parameter
+        raise InputError(f"topic '{topic}', parameters qos_overrides: {error}") from error
 
 
 class RateLimit:
@@ -68,8 +82,8 @@ class Outputs:
         self._publishers = {}
         try:
             for topic, (kind, _) in TOPICS.items():
-                self._publishers[topic] = node.create_lifecycle_publisher(
-                    kind, f"~/{topic}", QoSProfile(depth=10), qos_overriding_options=overridable()
+                self._publishers[topic] = connected(
+                    node.create_lifecycle_publisher, kind, f"~/{topic}", QoSProfile(depth=10)
                 )
         except BaseException:
             self.destroy()

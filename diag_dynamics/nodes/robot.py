@@ -121,8 +121,10 @@ def payloads_of(entries):
             numbers = [float(number) for number in text.split()]
         except ValueError:
             numbers = []
-        if len(numbers) not in (1, 4, 10) or not np.isfinite(numbers).all():
-            raise InputError(f"parameter 'payloads' has {link}={text}, expected link= and 1, 4 or 10 finite numbers.")
+        if len(numbers) not in (1, 4, 10) or not np.isfinite(numbers).all() or numbers[0] < 0.0:
+            raise InputError(
+                f"parameter 'payloads' has {link}={text}, expected link= and 1, 4 or 10 finite numbers, no mass below 0."
+            )
         mass, com, inertia = numbers[0], numbers[1:4] or (0.0, 0.0, 0.0), numbers[4:] or (0.0,) * 6
         xx, yy, zz, xy, xz, yz = inertia
         payloads[link] = Payload(mass, tuple(com), ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.inputs.joint_states import Options
 from diag_dynamics.nodes.outputs import TOPICS
-from diag_dynamics.nodes.parameters import Spec, assignments, by_name, wrong
+from diag_dynamics.nodes.parameters import ALL, Spec, assignments, by_name, wrong
 from diag_dynamics.nodes.robot import PARAMETERS as ROBOT_PARAMETERS
 from diag_dynamics.nodes.robot import payloads_of
 
@@ -72,7 +72,10 @@ PARAMETERS = {
         "other joints. Where they do not, gravity of the model is added.",
     ),
     "absurd.position": Spec(
-        1e6, "Positions beyond it reject the message [rad, m]; 0: no bound.", minimum=0.0, maximum=1e12
+        1e8,
+        "Positions beyond it reject the message [rad, m], but for those of continuous joints; 0: no bound.",
+        minimum=0.0,
+        maximum=1e12,
     ),
     "absurd.velocity": Spec(
         1e4, "Velocities beyond it reject the message [rad/s, m/s]; 0: no bound.", minimum=0.0, maximum=1e12
@@ -169,19 +172,16 @@ class Settings(NamedTuple):
 
 def _require_order(thresholds):
     """Refuse an error that would come before its warning."""
-    pairs = [("warn_energy", thresholds.warn, "error_energy", thresholds.error)]
-    pairs += [
-        (
-            f"warn_energy_share of '{name}'",
-            thresholds.warn_share.get(name, 0.0),
-            f"error_energy_share of '{name}'",
-            thresholds.error_share.get(name, 0.0),
-        )
-        for name in {*thresholds.warn_share, *thresholds.error_share}
-    ]
-    for low, warn, high, error in pairs:
-        if warn and error and error < warn:
-            raise InputError(f"parameter {low} is {warn:g} J and {high} {error:g} J, expected no less than the former.")
+    _require_no_less("warn_energy", thresholds.warn, "error_energy", thresholds.error)
+    warn, error = thresholds.warn_share, thresholds.error_share
+    for name in {*warn, *error}:
+        low, high = (share.get(name, share.get(ALL, 0.0)) for share in (warn, error))
+        _require_no_less(f"warn_energy_share of '{name}'", low, f"error_energy_share of '{name}'", high)
+
+
+def _require_no_less(low, warn, high, error):
+    if warn and error and error < warn:
+        raise InputError(f"parameter {low} is {warn:g} J and {high} {error:g} J, expected no less than the former.")
 
 
 def share_thresholds(thresholds, names):

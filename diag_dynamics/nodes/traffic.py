@@ -5,12 +5,18 @@ from collections import Counter
 
 from diag_dynamics.nodes.diagnostics import OK, STALE, WARN, Status, counted, shortened
 
+OVERLOAD = "skipped: overload"
+"""Outcome of what comes while there is more to do than can be done."""
+
+PUBLISHED = ("published", "published from odometry")
+"""Outcomes that are states which went out; the second, of a robot that is all base, is none of a joint state."""
+
 
 class Traffic:
     """Counters of a monitor's messages.
 
     Every joint state that was received has exactly one outcome: published, incomplete, foreign, followers only, before the
-    model, before odometry, awaiting velocity, or rejected with its cause.
+    model, before odometry, awaiting velocity, skipped for want of time, or rejected with its cause.
 
     Attributes
     ----------
@@ -25,21 +31,27 @@ class Traffic:
         self.last_rejection = ""
         self.last_stamp = None
         self._of_assemblers = Counter()
-        self._latencies = []
+        self._begin()
+
+    def _begin(self):
+        """Begin another interval between two statuses."""
         self._since = time.monotonic()
+        self._aged, self._age, self._oldest = 0, 0.0, 0.0
 
     def arrived(self, stamp, now):
         """Note how old a stamp [ns] is that has been accepted."""
-        self._latencies.append((now - stamp) * 1e-9)
+        age = (now - stamp) * 1e-9
+        self._oldest = max(self._oldest, age) if self._aged else age
+        self._aged, self._age = self._aged + 1, self._age + age
 
     def rejected(self, what, cause, message):
         """Count a rejection of `what`, "rejected" or "odometry rejected"."""
         self.counts[f"{what}: {cause}"] += 1
         self.last_rejection = shortened(message)
 
-    def published(self, stamp):
-        """Count a state stamped `stamp` [ns] that was evaluated and went to all who listen."""
-        self.counts["published"] += 1
+    def published(self, what, stamp):
+        """Count a state stamped `stamp` [ns] that was evaluated and went to all who listen, as `what`."""
+        self.counts[what] += 1
         self.last_stamp = stamp
 
     def keep(self, robot):
@@ -64,18 +76,17 @@ class Traffic:
             counts += _counts_of(robot)
         recent = counts - self._reported
         self._reported = counts
-        before, self._since = self._since, time.monotonic()
-        elapsed = max(self._since - before, 1e-3)
+        elapsed = max(time.monotonic() - self._since, 1e-3)
         values = {
             "input rate [Hz]": f"{recent['received'] / elapsed:.1f}",
-            "output rate [Hz]": f"{recent['published'] / elapsed:.1f}",
+            "output rate [Hz]": f"{sum(recent[what] for what in PUBLISHED) / elapsed:.1f}",
         }
         if self.last_stamp is not None:
             values["age of the last state [s]"] = f"{(now - self.last_stamp) * 1e-9:.6f}"
-        if self._latencies:
-            values["latency of input, mean [s]"] = f"{sum(self._latencies) / len(self._latencies):.6f}"
-            values["latency of input, largest [s]"] = f"{max(self._latencies):.6f}"
-            self._latencies = []
+        if self._aged:
+            values["latency of input, mean [s]"] = f"{self._age / self._aged:.6f}"
+            values["latency of input, largest [s]"] = f"{self._oldest:.6f}"
+        self._begin()
         if robot:
             values |= _of_inputs(robot.assembler, now)
             problems += _of_stamps(robot)
@@ -93,13 +104,18 @@ class Traffic:
             problems.append(f"{disagreeing} messages with mimic joints astray: {robot.assembler.last_disagreement}")
         if absurd := recent["absurd effort"]:
             problems.append(f"{absurd} messages with efforts that cannot be: taken as unknown")
+        if skipped := recent[OVERLOAD] + recent[f"odometry {OVERLOAD}"]:
+            problems.append(f"{skipped} messages skipped: more come in than this machine can take")
+        for jump in ("time jumped back", "clock jumped back"):
+            if recent[jump]:
+                problems.append(f"{jump}: all joints were forgotten")
         if robot and recent["received"] and robot.assembler.missing:
             problems.append(f"joints that never arrived: {', '.join(robot.assembler.missing)}")
         if recent["before odometry"]:
             problems.append("no odometry yet")
         if problems:
             return WARN, "; ".join(problems)
-        if recent["published"]:
+        if any(recent[what] for what in PUBLISHED):
             return OK, "publishing"
         if recent["awaiting velocity"]:
             return WARN, "no velocity has been estimated yet"
@@ -114,6 +130,8 @@ def _counts_of(robot):
 
 def _of_inputs(assembler, now):
     """What is known of the joints, by key."""
+    if assembler.stamps.in_step is False:
+        now -= int(assembler.stamps.offset * 1e9)  # theirs is another time
     values = {
         "missing joints": counted(assembler.missing),
         "stale joints": counted(assembler.stale(now)),

@@ -14,14 +14,17 @@ class Bounds:
         The joints.
     lower, upper : array_like, shape (n,)
         Their position limits [rad, m], infinite where there are none.
+    turns : array_like of bool, shape (n,)
+        Joints whose position is an angle that turns round: it has no bound, however often it has turned.
     options : Options
         Its `max_position` [rad, m], `max_velocity` [rad/s, m/s] and `beyond_limits`, how far outside of its limits a joint
         may be [rad, m]; 0 for no bound.
     """
 
-    def __init__(self, names, lower, upper, options):
+    def __init__(self, names, lower, upper, turns, options):
         self._names = names
-        most, slack = options.max_position or np.inf, options.beyond_limits or np.inf
+        most = np.where(turns, np.inf, options.max_position or np.inf)
+        slack = options.beyond_limits or np.inf
         self._lower = np.maximum(np.asarray(lower, dtype=float) - slack, -most)
         self._upper = np.minimum(np.asarray(upper, dtype=float) + slack, most)
         self._fastest = options.max_velocity or np.inf

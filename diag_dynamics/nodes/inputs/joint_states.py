@@ -121,6 +121,10 @@ class JointStateAssembler:
         efforts, bounds, spans = self.judges(options)
         self.efforts, self._bounds, (self._spans, self._follower_spans) = efforts, bounds, spans
         self.options = options
+        if not options.estimate_velocity:
+            self._velocity[self._estimated] = math.nan
+            self._estimated[:] = False
+            self._estimator.forget()
         self.followers.tolerance = options.mimic_tolerance
         self.stamps.max_age, self.stamps.refuse_foreign = options.max_age, options.refuse_foreign
 
@@ -141,7 +145,8 @@ class JointStateAssembler:
         lower = np.full(count, -math.inf) if joints.lower is None else joints.lower
         upper = np.full(count, math.inf) if joints.upper is None else joints.upper
         efforts = Efforts(self.names, self.followers.names, options)
-        return efforts, Bounds(self.names, lower, upper, options), ages
+        turns = [name in joints.continuous for name in self.names]
+        return efforts, Bounds(self.names, lower, upper, turns, options), ages
 
     @property
     def missing(self):
@@ -165,6 +170,7 @@ class JointStateAssembler:
     def forget(self):
         """Start anew, as after a jump of time."""
         self._known[:] = False
+        self._estimated[:] = False
         self._follower_effort[:] = math.nan
         self._estimator.forget()
 
@@ -221,18 +227,19 @@ class JointStateAssembler:
 
     def _judge_stamp(self, stamp, unstamped, now, here, following):
         """Refuse what is out of time, and forget all if time has started anew."""
-        last = None
         if len(here):
             # Stamps and times of reception may be those of different clocks, so only like is compared with like.
             comparable = self._known[here] & (self._without_stamp[here] == unstamped)
-            before = np.where(comparable, self._stamp[here], stamp)
-            newest = int(np.argmax(before))
-            last = int(before[newest])
-            what = f"joint '{self.names[here[newest]]}'"
+            before = np.where(comparable, self._stamp[here], -1)
+            k = int(np.argmax(before))
+            last = int(before[k]) if comparable[k] else None
+            source, what = int(here.min()), f"joint '{self.names[here[k]]}'"
+            span = self._spans[here[k]]
         else:  # nobody waits for followers, so they have no order
-            what = f"joint '{self.followers.names[following[0]]}'"
-        span = int(max(self.options.timeout, 1.0) * SECOND)
-        if self.stamps.judge(what, stamp, 0 if unstamped else now, last, span):
+            source = last = None
+            what, span = f"joint '{self.followers.names[following[0]]}'", 0.0
+        span = max(int(span), SECOND) if math.isfinite(span) else SECOND
+        if self.stamps.judge(source, what, stamp, 0 if unstamped else now, last, span):
             self.counts["time jumped back"] += 1
             self.forget()
 
@@ -260,17 +267,32 @@ class JointStateAssembler:
 
     def _take(self, stamp, here, position, velocity, effort):
         """Keep the values of joints."""
-        options = self.options
-        if options.estimate_velocity:
+        if self.options.estimate_velocity:
             missing = np.isnan(velocity)
-            estimate = self._estimator.update(here, position, stamp, options.velocity_filter_time, self._spans[here])
-            velocity = np.where(missing, estimate, velocity)
+            velocity = np.where(missing, self._estimate(stamp, here, position), velocity)
             self._estimated[here] = missing
+        else:
+            self._estimated[here] = False
         effort, absurd = self.efforts.of(effort, here)
         self.counts["absurd effort"] += absurd
         self._position[here], self._velocity[here], self._effort[here] = position, velocity, effort
         self._stamp[here] = stamp
         self._known[here] = True
+
+    def _estimate(self, stamp, here, position):
+        """Velocities from positions."""
+        longest = np.where(np.isfinite(self._spans[here]), self._spans[here], 0.0)
+        fastest = self.options.max_velocity or math.inf
+        estimate = self._estimator.update(here, position, stamp, self.options.velocity_filter_time, longest, fastest)
+        absurd = np.isinf(estimate)
+        if absurd.any():
+            k = int(np.argmax(absurd))
+            raise RejectedError(
+                "absurd value",
+                f"joint '{self.names[here[k]]}': its step to position {position[k]:.9g} is faster than {fastest:g} "
+                "(absurd.velocity)",
+            )
+        return estimate
 
     def _follow(self, message, there, here, stamp):
         """Take in the efforts of followers, and compare their positions where their leaders' are fresh."""

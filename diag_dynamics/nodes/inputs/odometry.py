@@ -80,7 +80,7 @@ class OdometryBase:
                 raise RejectedError(
                     "absurd value", f"odom: {what} is {values.tolist()}, expected within ±{most:g} (absurd.*)"
                 )
-        self.jumps += self.stamps.judge("odom", stamp, 0 if unstamped else now, self.stamp, SECOND)
+        self.jumps += self.stamps.judge("odom", "odom", stamp, 0 if unstamped else now, self.stamp, SECOND)
         self.position, self.velocity, self.stamp, self._unstamped = position, velocity, stamp, unstamped
 
     def with_joints(self, state, timeout):

@@ -4,8 +4,11 @@ from diag_dynamics.nodes.inputs.rejected import RejectedError
 
 SECOND = 1_000_000_000
 
-CONTINUES = SECOND
-"""A stamp from the past is not alone if another one follows it by no more than this [ns]."""
+PATIENCE = 10 * SECOND
+"""How long all stamps have to be apart from this node's clock, by the same amount, to be believed anew [ns]."""
+
+LATE_COUNT, LATE_TIME = 5, SECOND // 2
+"""Late stamps in a row, and the time between the first and the last of them [ns], that are not late but of another time."""
 
 
 def stamp_of(message, now):
@@ -14,27 +17,32 @@ def stamp_of(message, now):
     Raises
     ------
     RejectedError
-        It is negative, or its nanoseconds are a second or more.
+        It is negative, or its nanoseconds are a second or more; or it is zero, and so is this node's clock.
     """
     sec, nanosec = message.header.stamp.sec, message.header.stamp.nanosec
     if sec < 0 or nanosec >= SECOND:
         raise RejectedError("malformed stamp", f"header.stamp is {sec} s and {nanosec} ns, expected no less than 0 s")
     stamp = sec * SECOND + nanosec
-    return (stamp, False) if stamp else (now, True)
+    if stamp:
+        return stamp, False
+    if not now:
+        raise RejectedError("no time", "header.stamp is zero, and so is the clock: use_sim_time without /clock")
+    return now, True
 
 
 class Stamps:
     """Tells a stamp that is right from one that is late, from another time, or after time has started anew.
 
     A source whose stamps are far from this node's clock from the first one on lives in another time: a recording, or a
-    host whose clock is not synchronized. As soon as a stamp agrees with the clock, those that do not are refused.
+    host whose clock is not synchronized. As soon as a stamp agrees with the clock, those that do not are refused, unless
+    all of them are apart by the same amount for :data:`PATIENCE`: then one of the clocks has been set.
 
     Parameters
     ----------
     max_age : float
         Largest distance of a stamp from this node's clock [s]; 0: not judged.
     refuse_foreign : bool
-        Whether stamps of another time are refused from the first one on.
+        Whether stamps of another time are refused whatever came before.
 
     Attributes
     ----------
@@ -46,19 +54,26 @@ class Stamps:
 
     def __init__(self, max_age=0.0, refuse_foreign=False):
         self.max_age, self.refuse_foreign = max_age, refuse_foreign
-        self.in_step = None
         self.offset = 0.0
-        self._suspect = None
+        self.forget()
 
-    def judge(self, what, stamp, now, last, span):
+    def forget(self):
+        """Know nothing of the sources any more."""
+        self.in_step = None
+        self._refused = None  # when refusals by the clock began, and the offset then
+        self._suspects = {}  # of each source the first and last stamp, and the number, of those that were too old
+
+    def judge(self, source, what, stamp, now, last, span):
         """Accept a stamp; return whether time has started anew, so that all that came before has to be forgotten.
 
         Parameters
         ----------
+        source : hashable or None
+            Whose stamps are in order; None: nobody's.
         what : str
-            Whose stamp it is.
+            Its name.
         stamp, now : int
-            The stamp, and this node's clock, where 0 is a clock that has not begun [ns].
+            The stamp, and this node's clock, where 0 is a clock that has not begun, or is no measure of it [ns].
         last : int or None
             The newest stamp of the same source [ns].
         span : int
@@ -69,34 +84,48 @@ class Stamps:
         RejectedError
             It is late, from the past or from the future.
         """
-        age = now - stamp
         far = None
         if self.max_age and now:
-            self.offset = age * 1e-9
-            far = abs(self.offset) > self.max_age
-            if far and (self.in_step or self.refuse_foreign):
-                when, word = ("past", "behind") if age > 0 else ("future", "ahead of")
-                raise RejectedError(
-                    f"stamp from the {when}",
-                    f"{what}: stamp {abs(self.offset):.3f} s {word} this node's clock, expected within max_age = "
-                    f"{self.max_age:g} s",
-                )
-        anew = last is not None and stamp < last and self._anew(what, stamp, last, span)
+            far = self._far(what, stamp, now)
+        anew = last is not None and stamp < last
+        if anew:
+            self._suspect(source, what, stamp, last, span)
+            self._suspects.clear()
+        elif last is not None:
+            self._suspects.pop(source, None)
         if far is not None:
+            self._refused = None
             # One that is foreign must come well into the bound to be held to it, lest a clock that is apart by as much as
             # the bound be let in and shut out by turns.
             self.in_step = not far and (self.in_step is not False or abs(self.offset) <= 0.5 * self.max_age)
-        if not anew:
-            self._suspect = None
         return anew
 
-    def _anew(self, what, stamp, last, span):
-        """Whether a stamp older than `last` goes on from one that was suspected of the same."""
-        behind = f"{what}: stamp {(last - stamp) * 1e-9:.6f} s older than the one before"
-        if last - stamp <= span:
-            raise RejectedError("late", behind)
-        suspect, self._suspect = self._suspect, stamp
-        if suspect is None or not 0 <= stamp - suspect <= CONTINUES:
-            raise RejectedError("stamp from the past", behind)
-        self._suspect = None
+    def _far(self, what, stamp, now):
+        """Whether a stamp is far from the clock, and may be."""
+        self.offset = (now - stamp) * 1e-9
+        far = abs(self.offset) > self.max_age
+        if not far or not (self.in_step or self.refuse_foreign):
+            return far
+        if self._refused is None or abs(self.offset - self._refused[1]) > self.max_age or now < self._refused[0]:
+            self._refused = now, self.offset
+        if self.refuse_foreign or now - self._refused[0] < PATIENCE:
+            when, word = ("past", "behind") if self.offset > 0.0 else ("future", "ahead of")
+            raise RejectedError(
+                f"stamp from the {when}",
+                f"{what}: stamp {abs(self.offset):.3f} s {word} this node's clock, expected within max_age = "
+                f"{self.max_age:g} s",
+            )
         return True
+
+    def _suspect(self, source, what, stamp, last, span):
+        """Refuse a stamp older than `last`, unless those of the source go on from there."""
+        behind = f"{what}: stamp {(last - stamp) * 1e-9:.6f} s older than the one before"
+        first, before, count = self._suspects.get(source, (stamp, stamp, 0))
+        if count and not 0 <= stamp - before <= span:
+            first, count = stamp, 0
+        self._suspects[source] = first, stamp, count + 1
+        if last - stamp <= span:
+            if count + 1 < LATE_COUNT or stamp - first < LATE_TIME:
+                raise RejectedError("late", behind)
+        elif not count:
+            raise RejectedError("stamp from the past", behind)

@@ -2,6 +2,14 @@
 
 import numpy as np
 
+SECOND = 1e9
+
+LONGEST = 10.0 * SECOND
+"""Time between the first two positions [ns] beyond which they say nothing of the velocity."""
+
+PERIODS = 3.0
+"""Periods without a position after which the next one says nothing of the velocity."""
+
 
 class VelocityEstimator:
     """Exponentially weighted mean of the difference quotients of each joint's positions.
@@ -9,7 +17,7 @@ class VelocityEstimator:
     A quotient that is older by the filter time T counts 1/e as much, so a constant acceleration is seen with a delay of
     dt/2 + dt/(exp(dt/T) − 1): T where samples are dense, dt/2 where they are sparse. However short the time between two
     positions is, a step of one of them changes the estimate by no more than the step over T, once T has passed; nothing
-    is handed out before.
+    is handed out before. Positions of one stamp count as one, the last of them with the next stamp.
 
     Parameters
     ----------
@@ -22,14 +30,14 @@ class VelocityEstimator:
         count = len(self._turns)
         self._position = np.zeros(count)
         self._stamp, self._since = np.zeros((2, count), dtype=np.int64)
-        self._sum, self._weight = np.zeros((2, count))
+        self._sum, self._weight, self._period = np.zeros((3, count))
         self._known = np.zeros(count, dtype=bool)
 
     def forget(self):
         """Start anew, as after a jump of time."""
         self._known[:] = False
 
-    def update(self, here, position, stamp, time, longest):
+    def update(self, here, position, stamp, time, longest, fastest=np.inf):
         """Velocities of joints by their newest positions.
 
         Parameters
@@ -43,26 +51,36 @@ class VelocityEstimator:
         time : float
             Filter time T [s]; 0: the last difference quotient alone.
         longest : ndarray, shape (k,)
-            Time between two positions [ns] beyond which the estimate starts anew.
+            Time between two positions [ns] up to which the estimate goes on, as it does up to :data:`PERIODS` periods.
+        fastest : float
+            Quotients beyond it are no velocities [rad/s, m/s]: the joint starts anew.
 
         Returns
         -------
         ndarray, shape (k,)
-            [rad/s, m/s]; NaN where it is not known yet.
+            [rad/s, m/s]; NaN where it is not known yet, infinite where a quotient was beyond `fastest`.
         """
         elapsed = stamp - self._stamp[here]
-        goes_on = self._known[here] & (elapsed <= longest)
+        goes_on = self._known[here] & (elapsed <= np.maximum(longest, PERIODS * self._period[here]))
         begun = here[~goes_on]
         self._since[begun], self._sum[begun], self._weight[begun] = stamp, 0.0, 0.0
+        self._period[begun] = LONGEST / PERIODS
         moved = goes_on & (elapsed > 0)
-        if moved.any():
-            at = here[moved]
-            dt = elapsed[moved] * 1e-9
-            step = position[moved] - self._position[at]
-            step = np.where(self._turns[at], np.remainder(step + np.pi, 2.0 * np.pi) - np.pi, step)
-            stays = np.exp(-dt / time) if time else np.zeros(len(at))
-            self._sum[at] = stays * self._sum[at] + (1.0 - stays) * step / dt
-            self._weight[at] = stays * self._weight[at] + (1.0 - stays)
-        self._position[here], self._stamp[here], self._known[here] = position, stamp, True
-        ready = (self._weight[here] > 0.0) & ((stamp - self._since[here]) * 1e-9 >= time)
-        return np.where(ready, self._sum[here] / np.where(ready, self._weight[here], 1.0), np.nan)
+        at = here[moved]
+        dt = elapsed[moved] / SECOND
+        step = position[moved] - self._position[at]
+        step = np.where(self._turns[at], np.remainder(step + np.pi, 2.0 * np.pi) - np.pi, step)
+        quotient = step / dt
+        stays = np.exp(-dt / time) if time else np.zeros(len(at))
+        self._sum[at] = stays * self._sum[at] + (1.0 - stays) * quotient
+        self._weight[at] = stays * self._weight[at] + (1.0 - stays)
+        self._period[at] = elapsed[moved]
+        new = moved | ~goes_on
+        self._position[here[new]], self._stamp[here[new]], self._known[here[new]] = position[new], stamp, True
+        ready = (self._weight[here] > 0.0) & ((stamp - self._since[here]) / SECOND >= time)
+        velocity = np.where(ready, self._sum[here] / np.where(ready, self._weight[here], 1.0), np.nan)
+        absurd = np.zeros(len(here), dtype=bool)
+        absurd[moved] = np.abs(quotient) > fastest
+        self._known[here[absurd]] = False
+        velocity[absurd] = np.inf
+        return velocity
