@@ -1,0 +1,324 @@
+"""The robot on one host, the monitor on another, and a wire between them that is cut, loses, delays and reorders."""
+
+import contextlib
+import itertools
+import time
+
+import numpy as np
+import pytest
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+
+from network import Network, Watch, random_state, unavailable, values
+from nodes import MANY, PANDA, START, TIMEOUT, UR5, Topic, joint_state, robot
+
+OK, WARN, ERROR, STALE = b"\x00", b"\x01", b"\x02", b"\x03"
+
+LEASE = """<?xml version="1.0" encoding="UTF-8"?>
+<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+  <participant profile_name="short lease" is_default_profile="true">
+    <rtps><builtin><discovery_config>
+      <leaseDuration><sec>3</sec></leaseDuration>
+      <leaseAnnouncement><sec>0</sec><nanosec>500000000</nanosec></leaseAnnouncement>
+    </discovery_config></builtin></rtps>
+  </participant>
+</profiles>
+"""
+"""Participants that are silent for 3 s are taken for gone; by default it is 20 s."""
+
+PAST = "rejected: stamp from the past"
+
+PERIOD = 0.005
+"""Time between two states of a driver [s]."""
+
+
+@pytest.fixture(scope="module")
+def network(ros_domain, tmp_path_factory):
+    """Two hosts, on whose wire nothing happens to the frames."""
+    if reason := unavailable():
+        pytest.skip(f"no second host: {reason}")
+    lease = tmp_path_factory.mktemp("dds") / "lease.xml"
+    lease.write_text(LEASE)
+    profiles = dict.fromkeys(("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"), str(lease))
+    with Network(ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET", **profiles) as network:
+        yield network
+
+
+@pytest.fixture(autouse=True)
+def mended(network):
+    """Leave the wire as it was."""
+    yield
+    network.wire.treat()
+    network.wire.restore()
+
+
+# --- known states, with stamps of this machine's clock
+
+
+class Driver:
+    """Publishes states of a robot, each different, best effort, by one or two writers; and what a monitor makes of them.
+
+    Of one writer, DDS drops what arrives late, of two it cannot know.
+    """
+
+    def __init__(self, network, namespace):
+        self.network, self.robot, self.namespace = network, robot(UR5), namespace
+        self.watch = Watch(network.monitor_node, network.wait_until, f"{namespace}/diag_dynamics")
+        self._publish = [
+            network.robot_node.publisher(JointState, f"{namespace}/joint_states", qos_profile_sensor_data)
+            for _ in range(2)
+        ]
+        self._rng = np.random.default_rng(1)
+        self.sent = {}
+
+    def monitor(self, **parameters):
+        """Start a monitor of its states on the other host."""
+        parameters |= {"robot_description": self.robot.path}
+        return self.network.monitor_host.process("monitor", "-r", f"__ns:={self.namespace}", **parameters)
+
+    def run_until(self, condition, what, writers=2, timeout=TIMEOUT):
+        """Publish a state after the other, the writers taking turns, until a condition holds."""
+        deadline = time.monotonic() + timeout
+        turns = itertools.cycle(self._publish[:writers])
+        while not self.network.wait(condition, PERIOD):
+            assert time.monotonic() < deadline, f"waited {timeout:g} s in vain for {what}"
+            stamp = time.time_ns()
+            self.sent[stamp] = state = random_state(self.robot, self._rng)
+            next(turns)(joint_state(self.robot.names, *state, stamp=stamp))
+
+    def run_until_all_arrive(self, writers=2):
+        """Publish until all of the latest states, but for those that may be on their way, have come out."""
+        begin = len(self.sent)
+
+        def arrived():
+            latest = list(self.sent)[begin:][-35:-5]
+            return len(latest) == 30 and all(map(self.watch.topics["state"].at, latest))
+
+        self.run_until(arrived, "all states", writers, timeout=START)
+
+    def run_until_report(self, condition, what):
+        """Publish until a report that comes from now on fulfils a condition."""
+        reports, begin = self.watch.reports, len(self.watch.reports)
+        self.run_until(lambda: any(map(condition, reports[begin:])), f"a report of {what}")
+
+    def run(self, count, writers=2):
+        """Publish so many states."""
+        end = len(self.sent) + count
+        self.run_until(lambda: len(self.sent) >= end, f"{count} states to be sent", writers)
+
+    def check(self):
+        """Everything that came out is right and has the stamp of a state that was sent."""
+        return self.watch.check(self.robot, self.sent)
+
+    def forget(self):
+        """Drop all that was sent and heard so far, but for the last report."""
+        self.sent.clear()
+        self.watch.forget()
+
+    def settled(self):
+        """Wait until no more comes in, and return the report that says so."""
+        last = None
+
+        def the_same(report):
+            nonlocal last
+            before, last = last, report
+            return before is not None and before.count("received") == report.count("received")
+
+        return self.watch.wait_for_report(the_same, "rest")
+
+
+@pytest.fixture(scope="module")
+def running(network):
+    """Start a monitor of known states once for the tests that treat it alike."""
+    driver = Driver(network, "/known")
+    with driver.monitor():
+        yield driver
+
+
+@pytest.fixture
+def driver(running):
+    """Return a driver all of whose states arrive, with nothing sent and nothing heard."""
+    running.run_until_all_arrive()
+    running.settled()
+    running.forget()
+    return running
+
+
+def rejected(report):
+    """Return how many joint states have been rejected, for whatever reason."""
+    return sum(report.count(name) for name in report.values if name.startswith("rejected: "))
+
+
+def outcomes(report):
+    """Return how many joint states there are whose outcome is known."""
+    names = "published", "incomplete", "foreign", "followers only", "before the model", "before odometry"
+    return rejected(report) + report.count("awaiting velocity") + sum(map(report.count, names))
+
+
+TREATMENTS = {
+    "loss": {"loss": 0.2},
+    "reordering": {"delay": 0.01, "jitter": 0.05},
+    "loss and reordering": {"loss": 0.2, "delay": 0.01, "jitter": 0.05},
+}
+
+
+@pytest.mark.parametrize("case", TREATMENTS)
+def test_bad_wire(network, driver, case):
+    """A fifth is lost, frames overtake each other: output goes on, and it is only ever right and newer than before.
+
+    What is late is counted as such, and every state that arrives has one outcome. On a good wire everything comes again.
+    """
+    wire, treatment = network.wire, TREATMENTS[case]
+    before, lost, overtaken = driver.watch.reports[-1], wire.lost[0], wire.overtaken[0]
+    wire.treat(**treatment)
+    driver.run(300)
+    report = driver.settled()
+    wire.treat()
+    states, sent = len(driver.watch.topics["state"].stamps), len(driver.sent)
+    late, received, published = (
+        report.count(what) - before.count(what) for what in ("rejected: late", "received", "published")
+    )
+    assert 50 <= states <= published
+    assert outcomes(report) - outcomes(before) == received <= sent
+    assert (wire.lost[0] > lost) == ("loss" in treatment)
+    assert (wire.overtaken[0] > overtaken) == (late > 0) == ("jitter" in treatment)
+    driver.run_until_all_arrive()
+    assert driver.check() >= states
+
+
+def test_lost_states_are_counted(network, driver):
+    """What the wire loses of a writer's states is counted as lost in transport."""
+    driver.run_until_all_arrive(writers=1)
+    before, sent = driver.settled(), len(driver.sent)
+    network.wire.treat(loss=0.2)
+    driver.run(200, writers=1)
+    network.wire.treat()
+    driver.run_until_all_arrive(writers=1)
+    report = driver.settled()
+    lost, received = (report.count(what) - before.count(what) for what in ("lost in transport", "received"))
+    assert 0 < lost <= len(driver.sent) - sent - received
+
+
+# --- a wire so slow that states are old when they arrive
+
+
+def test_delay_beyond_max_age(network, driver):
+    """States that arrive older than a second, after others have not, are rejected and never published; then all goes on."""
+    before = driver.watch.reports[-1].count(PAST)
+    network.wire.treat(delay=1.5)
+    since = time.time_ns()
+    driver.run_until_report(
+        lambda report: report.level == WARN and report.count(PAST) > before + 20, "states from the past"
+    )
+    until = list(driver.sent)[-1]
+    network.wire.treat()
+    driver.run_until_all_arrive()
+    driver.run_until_report(lambda report: report.level == OK, "all being well")
+    assert not [stamp for stamp in driver.watch.topics["state"].stamps if since < stamp <= until]
+    assert driver.check() >= 50
+
+
+def test_slow_from_the_first_on(network):
+    """Stamps that have never been those of the monitor's clock are used with a warning, or refused, as asked for.
+
+    When they are in step, both go on, and nothing is wrong any more.
+    """
+    warned, refused = Driver(network, "/warned"), Driver(network, "/refused")
+    with (
+        warned.monitor(max_age=0.2, foreign_time="warn"),
+        refused.monitor(max_age=0.2, foreign_time="refuse"),
+    ):
+        for driver in (warned, refused):
+            network.wait_until(lambda driver=driver: driver.watch.reports, "the first report", START)
+        network.wire.treat(delay=0.4)
+        warned.run_until(lambda: len(warned.watch.topics["state"].stamps) >= 50, "states")
+        warned.run_until_report(lambda report: report.level == WARN and not rejected(report), "another time")
+        refused.run_until_report(lambda report: report.level == WARN and rejected(report) > 20, "another time")
+        assert not refused.watch.topics["state"].stamps
+        network.wire.treat()
+        for driver in (warned, refused):
+            driver.run_until_all_arrive()
+            driver.run_until_report(lambda report: report.level == OK, "all being well")
+            assert driver.check() >= 30
+
+
+# --- the package's own robot
+
+
+class Simulated:
+    """A simulated Panda on the one host, its monitor on the other, and what either says, heard on its own host."""
+
+    def __init__(self, network, stack):
+        """Start them, the monitor without a robot: the description has to come over the wire."""
+        self.network, self.robot = network, robot(PANDA)
+        self.states = Topic(network.robot_node, JointState, "/sim/joint_states", MANY)
+        self.watch = Watch(network.monitor_node, network.wait_until, "/sim/diag_dynamics")
+        here = "-r", "__ns:=/sim"
+        motion = {"robot_description": self.robot.path, "motion": "wave", "rate": 100.0}
+        stack.enter_context(network.robot_host.process("simulator", *here, **motion))
+        stack.enter_context(network.monitor_host.process("monitor", *here))
+        self.wait(1, since=0, timeout=START)
+
+    def wait(self, count, since, timeout=TIMEOUT):
+        """Wait for so many states that are newer than a stamp."""
+        self.watch.wait_for_states(count, since, self.states, timeout)
+
+    def check(self):
+        """All states that came out are right; return how many were compared.
+
+        The observer on the robot's host may miss one that the monitor has got.
+        """
+        return self.watch.check(self.robot, values(self.robot, list(self.states.messages)), complete=False)
+
+
+@pytest.fixture(scope="module")
+def simulated(network):
+    """Start robot and monitor once for the tests that treat them alike."""
+    with contextlib.ExitStack() as stack:
+        yield Simulated(network, stack)
+
+
+def test_states_come_over_the_wire(network, simulated):
+    """Description and states are taken from the other host, and all that is said of them is Pinocchio's."""
+    before = network.wire.carried[0]
+    simulated.wait(100, since=time.time_ns())
+    assert network.wire.carried[0] - before >= 100
+    assert simulated.check() >= 100
+    simulated.watch.wait_for_report(lambda report: report.level == OK, "all being well")
+
+
+@pytest.mark.parametrize("longer", [False, True], ids=["shorter than the lease", "longer than the lease"])
+def test_cut_wire(network, simulated, longer):
+    """The monitor says that nothing comes, ever longer, and publishes nothing; mended, all is as before without help.
+
+    A cut that outlasts the lease makes the hosts forget each other, and find each other anew.
+    """
+    watch, wire = simulated.watch, network.wire
+    simulated.wait(1, since=time.time_ns())
+    wire.cut()
+    since, carried, cut_off = time.time_ns(), wire.carried.copy(), wire.cut_off.copy()
+
+    def silent(report):
+        return report.level in (WARN, STALE) and "no joint states" in report.message
+
+    ages = [float(watch.wait_for_report(silent, "silence").values["age of the last state [s]"])]
+    if longer:
+        network.wait_until(
+            lambda: not network.monitor_node.count_publishers("/sim/joint_states"), "the robot to be forgotten"
+        )
+    report = watch.wait_for_report(silent, "silence")
+    ages.append(float(report.values["age of the last state [s]"]))
+    assert report.count("input rate [Hz]") == report.count("output rate [Hz]") == 0
+    assert ages[1] > ages[0]
+    assert wire.carried == carried and wire.cut_off[0] > cut_off[0]
+
+    # The last one that the robot has said may be on its way to the wire yet.
+    meanwhile = [stamp for stamp in list(simulated.states.stamps)[:-1] if stamp > since]
+    wire.restore()
+    mended = time.time_ns()
+    simulated.wait(50, since=mended)
+    watch.wait_for_report(lambda report: report.level == OK, "all being well")
+    assert len(meanwhile) >= 20
+    for topic in watch.topics.values():
+        assert not [stamp for stamp in topic.stamps if since < stamp <= meanwhile[-1]]
+    assert simulated.check() >= 50
