@@ -18,6 +18,7 @@ ROS_FILES = (
     "test_mimic_nodes.py",
     "test_monitor.py",
     "test_services.py",
+    "test_restarts.py",
     "test_simulator_node.py",
     "test_soak.py",
     "test_two_hosts.py",
