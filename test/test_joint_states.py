@@ -1,14 +1,18 @@
 """Assembling a robot's state from JointState messages: every way a message can be, and any sequence of them."""
 
 import math
+from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Mimic
-from diag_dynamics.nodes.joint_states import JointStateAssembler, RejectedError
+from diag_dynamics.nodes.inputs.joint_states import Joints, JointStateAssembler, Options
+from diag_dynamics.nodes.inputs.rejected import RejectedError
+from examples import examples
 from nodes import MS, S, joint_state
 
 NAMES = ("shoulder", "elbow", "wrist")
@@ -21,10 +25,26 @@ IN_PLACE = {"thumb": -5.5, "heel": 1.0, "pinky": 8.0}
 """Where the followers belong, with the joints as in `whole`."""
 
 
+def assembling(names=NAMES, mimics=None, continuous=(), lower=None, upper=None, **options):
+    """Return an assembler; options as given, joint_timeout as in all these tests unless it is."""
+    joints = Joints(tuple(names), mimics or {}, tuple(continuous), lower, upper)
+    return JointStateAssembler(joints, Options(**({"timeout": TIMEOUT} | options)))
+
+
 @pytest.fixture
 def assembler():
     """Return an assembler of three joints."""
-    return JointStateAssembler(NAMES, TIMEOUT)
+    return assembling()
+
+
+def configure(assembler, **options):
+    """Change some options of an assembler."""
+    assembler.configure(assembler.options._replace(**options))
+
+
+def counted(assembler):
+    """Return what an assembler has counted, as a dictionary without zeros."""
+    return {key: count for key, count in assembler.counts.items() if count}
 
 
 def whole(stamp, shift=0.0, names=NAMES, **fields):
@@ -59,7 +79,10 @@ def refused(assembler, message, cause, *named, now=NOW):
 
 def snapshot(assembler):
     """Return all that the assembler knows of the joints, as text, in which NaN is equal to itself."""
-    return repr((assembler._position, assembler._velocity, assembler._effort, assembler._stamp))
+    of_joints = ("_position", "_velocity", "_effort", "_stamp", "_known", "_without_stamp", "_estimated")
+    of_followers = ("_follower_effort", "_follower_stamp")
+    known = [getattr(assembler, name) for name in of_joints + of_followers]
+    return repr((known, vars(assembler._estimator), counted(assembler)))
 
 
 # --- good messages
@@ -71,8 +94,9 @@ def test_whole_message(assembler, names):
     state = assembler.update(whole(5 * S, names=names), NOW)
     assert_state(state, [1, 2, 3], 5 * S, 5 * S)
     assert not state.stamp_is_receive_time
+    assert not state.velocity_estimated
     assert assembler.missing == []
-    assert not assembler.counts
+    assert not counted(assembler)
 
 
 def test_order_may_change(assembler):
@@ -115,7 +139,8 @@ def test_message_of_another_robot(assembler, names):
     assembler.update(whole(5 * S), NOW)
     before = snapshot(assembler)
     assert assembler.update(joint_state(names, [math.nan] * 5, stamp=1 * S), NOW) is None
-    assert assembler.counts == {"foreign": 1}
+    assert counted(assembler) == {"foreign": 1}
+    assembler.counts.clear()
     assert snapshot(assembler) == before
 
 
@@ -125,22 +150,22 @@ def test_pieces(assembler):
     assert assembler.update(whole(1 * S, names=["elbow"]), NOW) is None
     assert assembler.missing == ["shoulder", "wrist"]
     assert assembler.update(whole(1 * S + 100 * MS, names=["wrist"]), NOW) is None
-    assert assembler.counts == {"incomplete": 2}
+    assert counted(assembler) == {"incomplete": 2}
     state = assembler.update(whole(1 * S + 50 * MS, names=["shoulder"]), NOW)
     assert assembler.missing == []
     assert_state(state, [1, 2, 3], 1 * S + 100 * MS, 1 * S)
     state = assembler.update(whole(1 * S + 200 * MS, 4.0, ["elbow"]), NOW)
     assert_state(state, [1, 6, 3], 1 * S + 200 * MS, 1 * S + 50 * MS)
-    assert assembler.counts == {"incomplete": 2}
+    assert counted(assembler) == {"incomplete": 2}
 
 
 def test_no_joints():
     """A robot without joints has no state, and nothing is missing."""
-    assembler = JointStateAssembler((), TIMEOUT)
+    assembler = assembling(())
     assert assembler.missing == []
     assert assembler.update(whole(1 * S), NOW) is None
     assert assembler.update(joint_state(stamp=2 * S), NOW) is None
-    assert assembler.counts == {"foreign": 2}
+    assert counted(assembler) == {"foreign": 2}
 
 
 # --- efforts and velocities that are not there
@@ -213,7 +238,7 @@ def test_malformed_does_not_turn_time_back(assembler):
     assembler.update(whole(50 * S), NOW)
     refused(assembler, whole(1 * S, position=[1, 2]), "wrong length")
     refused(assembler, whole(1 * S, position=[1, 2, math.nan]), "no position")
-    assert assembler.counts == {}
+    assert counted(assembler) == {}
 
 
 # --- time
@@ -227,16 +252,14 @@ def test_same_stamp_again(assembler):
 
 @pytest.mark.parametrize(("timeout", "most"), [(0.5, 1.0), (0.0, 1.0), (3.0, 3.0)])
 def test_late(timeout, most):
-    """Overtaken by a newer message: dropped, up to a second or the timeout. Beyond that, time has jumped back."""
-    assembler = JointStateAssembler(NAMES, timeout)
+    """Overtaken by a newer message: dropped, up to a second or the timeout. Beyond that, it is from the past."""
+    assembler = assembling(timeout=timeout)
     assembler.update(whole(100 * S), NOW)
     refused(assembler, whole(100 * S - 1, 5.0), "late", "shoulder")
     refused(assembler, whole(100 * S - int(most * S), 5.0), "late", f"{most:.6f} s")
+    refused(assembler, whole(100 * S - int(most * S) - 1, 5.0), "stamp from the past", "shoulder", f"{most:.6f} s")
     assert_state(assembler.update(whole(100 * S), NOW), [1, 2, 3], 100 * S, 100 * S)
-    assert assembler.counts == {}
-    stamp = 100 * S - int(most * S) - 1000
-    assert_state(assembler.update(whole(stamp, 5.0), NOW), [6, 7, 8], stamp, stamp)
-    assert assembler.counts == {"time jumped back": 1}
+    assert not counted(assembler)
 
 
 def test_late_names_the_joint_concerned(assembler):
@@ -254,14 +277,121 @@ def test_older_than_others_is_not_late(assembler):
     assert_state(state, [2, 3, 3], 1 * S + 300 * MS, 1 * S + 100 * MS)
 
 
+def jump(assembler, stamp, now=NOW):
+    """Let time jump back: the first message is rejected, the second one, an instant later, is believed."""
+    refused(assembler, whole(stamp), "stamp from the past", now=now)
+    return assembler.update(whole(stamp + 1), now)
+
+
 def test_time_jumps_back(assembler):
     """All joints have to arrive anew: none of before is mixed with those of now."""
     assembler.update(whole(100 * S), NOW)
+    refused(assembler, whole(10 * S, 9.0, ["wrist"]), "stamp from the past", "wrist", "90.000000 s")
+    assert assembler.missing == []
     assert assembler.update(whole(10 * S, 1.0, ["wrist"]), NOW) is None
     assert assembler.missing == ["shoulder", "elbow"]
-    assert assembler.counts == {"time jumped back": 1, "incomplete": 1}
+    assert counted(assembler) == {"time jumped back": 1, "incomplete": 1}
     state = assembler.update(whole(10 * S, 2.0, ["shoulder", "elbow"]), NOW)
     assert_state(state, [3, 4, 4], 10 * S, 10 * S)
+
+
+def test_time_jumps_back_again(assembler):
+    """Each time it takes two messages, and what came before is no confirmation of what comes later."""
+    assembler.update(whole(100 * S), NOW)
+    for k, stamp in enumerate((90 * S, 80 * S, 60 * S, 30 * S), start=1):
+        assert_state(jump(assembler, stamp), [1, 2, 3], stamp + 1, stamp + 1)
+        assert counted(assembler) == {"time jumped back": k}
+
+
+@pytest.mark.parametrize(
+    ("step", "confirmed"), [(0, True), (1, True), (10 * MS, True), (S, True), (S + 1, False), (-1, False), (-S, False)]
+)
+def test_what_confirms_a_jump(assembler, step, confirmed):
+    """A stamp no earlier than the one that was rejected, and no more than a second later; any other has to be confirmed."""
+    assembler.update(whole(100 * S), NOW)
+    refused(assembler, whole(50 * S), "stamp from the past")
+    if not confirmed:
+        refused(assembler, whole(50 * S + step), "stamp from the past")
+        step += 10 * MS
+    assert_state(assembler.update(whole(50 * S + step, 1.0), NOW), [2, 3, 4], 50 * S + step, 50 * S + step)
+    assert counted(assembler) == {"time jumped back": 1}
+
+
+def test_strays_are_no_jump(assembler):
+    """Messages from the past, each alone among others that go on as before, never turn time back."""
+    for k in range(5):
+        assembler.update(whole(100 * S + k * 10 * MS), NOW)
+        refused(assembler, whole(50 * S + k * 10 * MS, 9.0), "stamp from the past")
+    assert not counted(assembler)
+
+
+def test_late_message_does_not_refute_a_jump(assembler):
+    """It says nothing of the time, as it has been overtaken; nor does one that is malformed."""
+    assembler.update(whole(100 * S), NOW)
+    refused(assembler, whole(50 * S), "stamp from the past")
+    refused(assembler, whole(99 * S + 500 * MS), "late")
+    refused(assembler, whole(100 * S, position=[1, 2, math.nan]), "no position")
+    assert_state(assembler.update(whole(50 * S), NOW), [1, 2, 3], 50 * S, 50 * S)
+    assert counted(assembler) == {"time jumped back": 1}
+
+
+def test_two_sources_jump_back(assembler):
+    """Messages with other joints confirm a jump, too, if theirs are in the past as well."""
+    arm, gripper = ["shoulder", "elbow"], ["wrist"]
+    assembler.update(whole(100 * S, names=arm), NOW)
+    assembler.update(whole(100 * S, names=gripper), NOW)
+    refused(assembler, whole(5 * S, names=arm), "stamp from the past", "shoulder")
+    assert assembler.update(whole(5 * S + MS, names=gripper), NOW) is None
+    assert_state(assembler.update(whole(5 * S + MS, names=arm), NOW), [1, 2, 3], 5 * S + MS, 5 * S + MS)
+    assert counted(assembler) == {"time jumped back": 1, "incomplete": 2}
+
+
+BETWEEN = {
+    "followers": (lambda stamp: hand(stamp), NAMES),
+    "a joint never heard of": (lambda stamp: whole(stamp, names=["wrist"]), ["shoulder", "elbow"]),
+    "a joint without stamps": (lambda stamp: whole(0, names=["wrist"]), ["shoulder", "elbow"]),
+}
+
+
+@pytest.mark.parametrize(("other", "names"), BETWEEN.values(), ids=BETWEEN)
+def test_jump_is_confirmed_whatever_comes_between(coupled, other, names):
+    """Messages that cannot tell whether time has jumped, because nothing of theirs is to be compared, do not refute it."""
+    configure(coupled, timeout=0.0)
+    coupled.update(whole(100 * S, names=names), NOW)
+    refused(coupled, whole(50 * S, names=names), "stamp from the past")
+    coupled.update(other(50 * S), NOW)
+    coupled.update(whole(50 * S + MS, names=names), NOW)
+    assert counted(coupled)["time jumped back"] == 1
+
+
+def test_stamps_and_times_of_reception_are_not_compared(assembler):
+    """They may be those of different clocks: a driver that begins or ceases to stamp is neither late nor from the past."""
+    for k in range(3):
+        at = NOW + k * 10 * MS
+        assert_state(assembler.update(whole(0, k), at), [k + 1, k + 2, k + 3], at, at)
+        stamp = 20 * S + k * 10 * MS
+        assert_state(assembler.update(whole(stamp, k + 3.0), at), [k + 4, k + 5, k + 6], stamp, stamp)
+    assert not counted(assembler)
+    refused(assembler, whole(20 * S), "late")
+
+
+def test_times_of_reception_have_an_order(assembler):
+    """Among messages without stamps those of reception count like stamps."""
+    assembler.update(whole(0), NOW)
+    refused(assembler, whole(0), "late", now=NOW - 1)
+    refused(assembler, whole(0), "stamp from the past", now=NOW - S - 1)
+    assert not counted(assembler)
+
+
+@pytest.mark.parametrize(("sec", "nanosec"), [(-1, 0), (-1, 999_999_999), (-(2**31), 0), (5, 10**9), (0, 2**32 - 1)])
+@pytest.mark.parametrize("names", [NAMES, ("wrist",), tuple(MIMICS)], ids=["all", "one", "followers"])
+def test_malformed_stamp(coupled, sec, nanosec, names):
+    """Negative, or with a second or more in its nanoseconds: rejected with both numbers, and as if it had never come."""
+    coupled.update(all_of(1 * S), NOW)
+    message = hand(0) if names == tuple(MIMICS) else whole(0, 9.0, names)
+    message.header.stamp.sec, message.header.stamp.nanosec = sec, nanosec
+    refused(coupled, message, "malformed stamp", "header.stamp", str(sec), str(nanosec))
+    assert_state(coupled.update(whole(2 * S), NOW), [1, 2, 3], 2 * S, 2 * S)
 
 
 def test_stale(assembler):
@@ -282,7 +412,7 @@ def test_stale(assembler):
 
 def test_no_timeout():
     """With a timeout of 0 no age is too old."""
-    assembler = JointStateAssembler(NAMES, 0.0)
+    assembler = assembling(timeout=0.0)
     assembler.update(whole(1 * S), NOW)
     state = assembler.update(whole(9000 * S, names=["wrist"]), NOW)
     assert_state(state, [1, 2, 3], 9000 * S, 1 * S)
@@ -321,7 +451,7 @@ def test_simulated_time_of_zero(assembler):
 @pytest.fixture
 def coupled():
     """Return an assembler of three joints, which three others follow."""
-    return JointStateAssembler(NAMES, TIMEOUT, MIMICS, TOLERANCE)
+    return assembling(mimics=MIMICS, mimic_tolerance=TOLERANCE)
 
 
 def hand(stamp, effort=(), **position):
@@ -348,7 +478,7 @@ def test_followers_may_be_listed(coupled):
     assert_state(coupled.update(all_of(2 * S), NOW), [1, 2, 3], 2 * S, 2 * S)
     assert_state(coupled.update(whole(3 * S), NOW), [1, 2, 3], 3 * S, 3 * S)
     assert coupled.missing == coupled.stale(3 * S) == []
-    assert not coupled.counts
+    assert not counted(coupled)
 
 
 def test_followers_alone(coupled):
@@ -357,11 +487,11 @@ def test_followers_alone(coupled):
     assert coupled.missing == list(NAMES)
     coupled.update(whole(2 * S), NOW)
     assert coupled.update(hand(2 * S + 100 * MS), NOW) is None
-    assert not coupled.counts
+    assert counted(coupled) == {"followers only": 2}
     state = coupled.update(whole(2 * S + 50 * MS), NOW)  # older than the followers, which does not make it late
     assert_state(state, [1, 2, 3], 2 * S + 50 * MS, 2 * S + 50 * MS)
     assert_state(coupled.update(whole(9 * S), NOW), [1, 2, 3], 9 * S, 9 * S)  # nobody waits for followers
-    assert not coupled.counts
+    assert counted(coupled) == {"followers only": 2}
 
 
 @pytest.mark.parametrize(
@@ -396,8 +526,8 @@ def test_effort_of_followers_ages(coupled):
     assert coupled.update(whole(1 * S + 500 * MS + 1), NOW).effort.tolist() == [100, 200, 300]
     coupled.update(hand(90 * S, [0, 20, 0]), NOW)
     coupled.update(whole(90 * S), NOW)
-    assert coupled.update(whole(5 * S), NOW).effort.tolist() == [100, 200, 300]
-    coupled.timeout = 0.0
+    assert jump(coupled, 5 * S).effort.tolist() == [100, 200, 300]
+    configure(coupled, timeout=0.0)
     coupled.update(hand(5 * S, [0, 20, 0]), NOW)
     assert coupled.update(whole(900 * S), NOW).effort.tolist() == [100, 210, 300]
 
@@ -426,24 +556,25 @@ def test_disagreement(coupled):
     disagrees(coupled, all_of(2 * S))
     disagrees(coupled, all_of(3 * S, thumb=-5.6, heel=1.2), "'thumb' is -5.6,", "'heel' is 1.2,", "'elbow'")
     assert "pinky" not in coupled.last_disagreement
-    assert coupled.counts == {"mimic disagreement": 2}
+    assert counted(coupled) == {"mimic disagreement": 2}
 
 
 @pytest.mark.parametrize(("position", "apart"), [(1.0099, False), (1.0101, True), (0.9901, False), (0.9899, True)])
 def test_tolerance(coupled, position, apart):
     """On both sides; as it is changed, and without one."""
     disagrees(coupled, all_of(1 * S, heel=position), *["heel"] * apart)
-    coupled.followers.tolerance = 1.0
+    configure(coupled, mimic_tolerance=1.0)
     disagrees(coupled, all_of(2 * S, heel=position))
     disagrees(coupled, all_of(3 * S, heel=2.1), "heel")
-    coupled.followers.tolerance = 0.0
+    configure(coupled, mimic_tolerance=0.0)
     disagrees(coupled, all_of(4 * S, heel=1e9))
 
 
 @pytest.mark.parametrize("position", [7.0, 1.0 + 2.0 * math.pi, 1.0 - 4.0 * math.pi, math.inf])
 def test_whole_turns_of_a_continuous_joint_are_no_distance(position):
     """Drivers wrap such angles as they like."""
-    wheel = JointStateAssembler(["drive"], 0.5, {"wheel": Mimic("drive", 1.0, 0.0)}, 0.01, ("wheel",))
+    mimics = {"wheel": Mimic("drive", 1.0, 0.0)}
+    wheel = assembling(["drive"], mimics, ["wheel"], mimic_tolerance=TOLERANCE)
     message = joint_state(["drive", "wheel"], [1.0, position], [0.0, 0.0], stamp=1 * S)
     disagrees(wheel, message, *["'wheel' is 7,"] * (position == 7.0))
 
@@ -461,7 +592,7 @@ def test_only_efforts_of_followers(coupled):
     coupled.update(whole(1 * S), NOW)
     assert coupled.update(joint_state(["heel"], [], [], [20.0], 1 * S), NOW) is None
     assert coupled.update(whole(1 * S), NOW).effort.tolist() == [100, 210, 300]
-    assert not coupled.counts
+    assert counted(coupled) == {"followers only": 1}
 
 
 def test_compared_with_a_leader_of_before(coupled):
@@ -471,14 +602,15 @@ def test_compared_with_a_leader_of_before(coupled):
     for stamp, apart in ((10 * S, True), (10 * S + 500 * MS, True), (10 * S + 501 * MS, False), (9 * S, False)):
         assert disagrees(coupled, hand(stamp, thumb=9.0), *["'thumb' is 9,"] * apart) is None
     disagrees(coupled, hand(10 * S))
-    coupled.timeout = 0.0
+    configure(coupled, timeout=0.0)
     disagrees(coupled, hand(500 * S, heel=9.0), "heel")
 
 
 def test_not_compared_with_a_leader_of_another_time(coupled):
     """After time has jumped back, the leader has to be heard of anew."""
     coupled.update(whole(100 * S), NOW)
-    coupled.timeout = 0.0
+    configure(coupled, timeout=0.0)
+    refused(coupled, whole(10 * S, names=["shoulder"]), "stamp from the past")
     coupled.update(whole(10 * S, names=["shoulder"]), NOW)
     disagrees(coupled, hand(10 * S, thumb=9.0))
     disagrees(coupled, all_of(10 * S, thumb=9.0), "thumb")
@@ -498,110 +630,697 @@ def test_malformed_followers(coupled, message, cause, named):
     refused(coupled, message, cause, named)
 
 
-# --- any sequence, against a model that keeps a dictionary
+# --- options
+
+
+def test_timeouts_of_single_joints():
+    """Each joint has its own, 0 for none; * stands for all others, and joint_timeout for those that have none."""
+    assembler = assembling(timeouts={"wrist": 2.0, "elbow": 0.0})
+    assembler.update(whole(10 * S), NOW)
+    state = assembler.update(whole(12 * S, names=["shoulder"]), NOW)
+    assert_state(state, [1, 2, 3], 12 * S, 10 * S)
+    with pytest.raises(RejectedError, match=r"'wrist' is older than 2 s"):
+        assembler.update(whole(12 * S + 1, names=["shoulder"]), NOW)
+    assert assembler.stale(13 * S) == ["shoulder", "wrist"]
+    configure(assembler, timeouts={"wrist": 3.0, "*": 5.0})
+    assert assembler.update(whole(13 * S, names=["shoulder"]), NOW).oldest == 10 * S
+    assert assembler.stale(13 * S + 1) == ["wrist"]
+    assert assembler.stale(15 * S + 1) == ["elbow", "wrist"]
+
+
+@pytest.mark.parametrize("timeout", [k / 1000 for k in (1, 70, 290, 300, 1001, 1003, 1013, 2301)])
+def test_exactly_as_old_as_the_timeout(timeout):
+    """A joint is fresh, also where the timeout in nanoseconds is no whole number in floating point."""
+    assembler = assembling(timeout=timeout)
+    age = round(timeout * 1000) * MS
+    assembler.update(whole(50 * S), NOW)
+    assert assembler.stale(50 * S + age) == []
+    assert assembler.stale(50 * S + age + 1) == list(NAMES)
+    assert assembler.update(whole(50 * S + age, names=["wrist"]), NOW).oldest == 50 * S
+
+
+def test_timeout_of_a_follower(coupled):
+    """For so long its effort counts."""
+    configure(coupled, timeouts={"heel": 2.0})
+    coupled.update(hand(1 * S, [10, 20, 0]), NOW)
+    assert coupled.update(whole(3 * S), NOW).effort.tolist() == [100, 210, 300]
+    assert coupled.update(whole(3 * S + 1), NOW).effort.tolist() == [100, 200, 300]
+
+
+BY_JOINT = {
+    "timeouts": ("joint_timeouts", 1.0),
+    "effort_available": ("effort_available", True),
+    "effort_scale": ("effort_scale", 2.0),
+    "effort_includes_gravity": ("effort_includes_gravity", False),
+}
+
+
+@pytest.mark.parametrize(("option", "parameter", "value"), [(k, *v) for k, v in BY_JOINT.items()], ids=BY_JOINT)
+def test_options_of_a_joint_that_is_not_there(coupled, option, parameter, value):
+    """They are refused, naming parameter and joint; those in force stay, all of them."""
+    configure(coupled, timeout=1.5)
+    before, options = snapshot(coupled), coupled.options
+    with pytest.raises(InputError, match=f"'{parameter}' names 'knee'"):
+        configure(coupled, timeout=9.0, mimic_tolerance=9.0, max_age=9.0, max_position=0.1, **{option: {"knee": value}})
+    assert coupled.options == options and snapshot(coupled) == before
+    assert coupled.followers.tolerance == TOLERANCE and coupled.stamps.max_age == 0.0
+    coupled.update(whole(10 * S), NOW)
+    assert coupled.stale(10 * S + 1500 * MS + 1) == list(NAMES)
+    with pytest.raises(InputError, match=f"'{parameter}' names 'knee'"):
+        assembling(mimics=MIMICS, **{option: {"elbow": value, "knee": value}})
+
+
+# --- values that cannot be
+
+
+@pytest.mark.parametrize(
+    ("options", "message", "named"),
+    [
+        ({"max_position": 2.5}, whole(2 * S), ["'wrist': position is 3,", "-2.5 … 2.5", "absurd.position"]),
+        ({"max_position": 2.5}, whole(2 * S, position=[1, -2.6, 0]), ["'elbow': position is -2.6,", "-2.5 … 2.5"]),
+        (
+            {"beyond_limits": 0.5},
+            whole(2 * S, 0.6),
+            ["'elbow': position is 2.6,", "-4.5 … 2.5", "absurd.beyond_limits"],
+        ),
+        ({"beyond_limits": 0.5}, whole(2 * S, position=[1, -4.6, 3]), ["'elbow': position is -4.6,"]),
+        ({"max_velocity": 29.0}, whole(2 * S), ["'wrist': velocity is 30,", "±29", "absurd.velocity"]),
+        ({"max_velocity": 29.0}, whole(2 * S, velocity=[-29.1, 0, 0]), ["'shoulder': velocity is -29.1,"]),
+        ({"max_position": 2.5}, whole(2 * S, names=["wrist"]), ["'wrist': position is 3,"]),
+    ],
+)
+def test_absurd_value(options, message, named):
+    """Position or velocity beyond what can be: the message is rejected by name, value and bounds, without a trace."""
+    assembler = assembling(lower=np.array([-np.inf, -4, -np.inf]), upper=np.array([np.inf, 2, np.inf]), **options)
+    good = {"position": [1, 1, 1], "velocity": [10, 10, 10], "effort": [100, 100, 100]}
+    assembler.update(whole(1 * S, **good), NOW)
+    refused(assembler, message, "absurd value", *named)
+    assert_state(assembler.update(whole(2 * S, **good), NOW), [1, 1, 1], 2 * S, 2 * S)
+    configure(assembler, **dict.fromkeys(options, 0.0))
+    assert assembler.update(message, NOW).newest == 2 * S
+
+
+def test_bounds_are_inclusive_and_zero_is_none():
+    """Exactly at a bound a value is taken; 0 is no bound at all."""
+    limits = {"lower": np.array([0.0, -1.0, -np.inf]), "upper": np.array([0.5, 1.0, np.inf])}
+    assembler = assembling(**limits, beyond_limits=1.0, max_position=3.0, max_velocity=30.0)
+    state = assembler.update(whole(1 * S, position=[-1.0, 2.0, -3.0], velocity=[-30, 30, 0]), NOW)
+    assert state.position.tolist() == [-1, 2, -3]
+    configure(assembler, beyond_limits=0.0, max_position=0.0, max_velocity=0.0)
+    state = assembler.update(whole(2 * S, position=[1e300, -1e300, 0], velocity=[1e300, -1e300, 0]), NOW)
+    assert state.velocity.tolist() == [1e300, -1e300, 0]
+
+
+def test_joints_of_others_may_be_absurd(coupled):
+    """What is not needed is not judged, nor are followers, who are compared with their leaders."""
+    configure(coupled, max_position=3.0, max_velocity=30.0)
+    message = joint_state([*NAMES, "lid"], [1, 2, 3, 1e9], [10, 20, 30, 1e9], [100, 200, 300, 1e9], 1 * S)
+    assert_state(coupled.update(message, NOW), [1, 2, 3], 1 * S, 1 * S)
+    disagrees(coupled, all_of(2 * S, pinky=1e9), "pinky")
+
+
+@pytest.mark.parametrize("absurd", [1001.0, -1001.0, math.inf, -math.inf, 1e300])
+def test_absurd_effort(absurd):
+    """Beyond what can be it is unknown, and the message is counted; the state comes without efforts."""
+    assembler = assembling(max_effort=1000.0)
+    state = assembler.update(whole(1 * S, effort=[1000, absurd, -1000]), NOW)
+    assert_state(state, [1, 2, 3], 1 * S, 1 * S, effort=False)
+    assert assembler.without_effort == ["elbow"]
+    assert counted(assembler) == {"absurd effort": 1}
+    assert_state(assembler.update(whole(2 * S), NOW), [1, 2, 3], 2 * S, 2 * S)
+    assert assembler.without_effort == []
+    assert assembler.update(whole(3 * S, effort=[1000, 0, -1000]), NOW).effort.tolist() == [1000, 0, -1000]
+    assert counted(assembler) == {"absurd effort": 1}
+
+
+def test_without_a_bound_only_infinite_efforts_are_absurd(assembler):
+    """NaN is how a driver says that it does not know, and is not counted."""
+    assert assembler.update(whole(1 * S, effort=[1e300, -1e300, 0]), NOW).effort.tolist() == [1e300, -1e300, 0]
+    assert assembler.update(whole(2 * S, effort=[math.nan] * 3), NOW).effort is None
+    assert not counted(assembler)
+    assert assembler.update(whole(3 * S, effort=[math.inf, 0, 0]), NOW).effort is None
+    assert counted(assembler) == {"absurd effort": 1}
+
+
+def test_absurd_effort_of_a_follower(coupled):
+    """It counts as zero, like one that is unknown."""
+    configure(coupled, max_effort=1000.0)
+    assert coupled.update(all_of(1 * S, effort=(0, 2000, 10)), NOW).effort.tolist() == [100, 200, 330]
+    assert counted(coupled) == {"absurd effort": 1}
+
+
+def test_a_message_with_absurd_efforts_counts_once(coupled):
+    """However many of its joints and followers have them: it is messages that are counted."""
+    configure(coupled, max_effort=1000.0)
+    message = all_of(1 * S, effort=(2000, 2000, math.inf))
+    message.effort[message.name.index("wrist")] = message.effort[message.name.index("elbow")] = 1e4
+    coupled.update(message, NOW)
+    assert counted(coupled) == {"absurd effort": 1}
+
+
+# --- efforts as they are meant
+
+
+def test_scaled_efforts(coupled):
+    """In N m per unit sent, of joints and of followers; the bound is on N m."""
+    configure(coupled, effort_scale={"elbow": -0.5, "thumb": 2.0, "*": 10.0}, max_effort=3000.0)
+    assert coupled.update(whole(1 * S), NOW).effort.tolist() == [1000, -100, 3000]
+    assert coupled.update(all_of(1 * S, effort=(1, 2, 3)), NOW).effort.tolist() == [1000, -90, 3000 - 2 * 2 + 3 * 30]
+    assert not counted(coupled)
+    assert coupled.update(whole(1 * S, 1.0, ["wrist"]), NOW).effort is None
+    assert counted(coupled) == {"absurd effort": 1}
+
+
+def test_efforts_that_are_not_to_be_used(coupled):
+    """They are unknown, whatever is sent, and not even absurd."""
+    configure(coupled, effort_available={"thumb": False})
+    assert coupled.update(all_of(1 * S, effort=(5, 2, 3)), NOW).effort.tolist() == [100, 201, 309]
+    configure(coupled, effort_available={"elbow": False}, max_effort=1e6)
+    message = all_of(2 * S, effort=(5, 2, 3))
+    message.effort[message.name.index("elbow")] = math.inf
+    assert_state(coupled.update(message, NOW), [1, 2, 3], 2 * S, 2 * S, effort=False)
+    assert coupled.without_effort == ["elbow"]
+    assert not counted(coupled)
+    configure(coupled, effort_available={"*": False, "elbow": True})
+    coupled.update(whole(3 * S), NOW)
+    assert coupled.without_effort == ["shoulder", "wrist"]
+
+
+# --- stamps by the clock
+
+
+def test_stamps_in_step():
+    """As soon as one stamp agrees with the clock, those further away than max_age are rejected, by name and distance."""
+    assembler = assembling(max_age=1.0)
+    assert_state(assembler.update(whole(50 * S), 50 * S + 100 * MS), [1, 2, 3], 50 * S, 50 * S)
+    refused(assembler, whole(60 * S), "stamp from the past", "shoulder", "1.001 s", "max_age = 1 s", now=61 * S + MS)
+    refused(assembler, whole(62 * S), "stamp from the future", "1.001 s", now=61 * S - MS)
+    for stamp, now in ((60 * S, 61 * S), (62 * S, 61 * S)):  # exactly max_age
+        assert_state(assembler.update(whole(stamp), now), [1, 2, 3], stamp, stamp)
+    assert assembler.stamps.in_step is True
+
+
+def test_stamps_of_another_time():
+    """From the first one on far away: accepted, until one agrees with the clock."""
+    assembler = assembling(max_age=1.0)
+    for k in range(3):
+        stamp = 5 * S + k * 10 * MS
+        assert_state(assembler.update(whole(stamp), NOW), [1, 2, 3], stamp, stamp)
+        assert assembler.stamps.in_step is False
+        assert assembler.stamps.offset == pytest.approx(72.0 - k * 0.01)
+    assert_state(assembler.update(whole(NOW), NOW), [1, 2, 3], NOW, NOW)
+    assert assembler.stamps.in_step is True
+    refused(assembler, whole(5 * S + 30 * MS), "stamp from the past")
+
+
+def test_a_recording_in_a_loop():
+    """Its stamps are of another time, and jump back at its beginning: published but for one message of every round."""
+    assembler = assembling(max_age=1.0)
+    published = 0
+    for k in range(40):
+        try:
+            published += assembler.update(whole(5 * S + (k % 10) * 200 * MS), NOW + k * 200 * MS) is not None
+        except RejectedError as rejection:
+            assert rejection.cause == "stamp from the past"
+            assert k % 10 == 0
+    assert published == 37
+    assert counted(assembler) == {"time jumped back": 3}
+
+
+def test_stamps_of_another_time_refused():
+    """With foreign_time refuse none of them counts, and the cause says why."""
+    assembler = assembling(max_age=1.0, refuse_foreign=True)
+    refused(assembler, whole(5 * S), "foreign time", "shoulder", "72.000 s", "max_age = 1 s")
+    refused(assembler, whole(NOW + 2 * S), "foreign time", "2.000 s")
+    assert assembler.missing == list(NAMES)
+    assert_state(assembler.update(whole(NOW), NOW), [1, 2, 3], NOW, NOW)
+    refused(assembler, whole(5 * S), "stamp from the past")
+
+
+def test_followers_are_judged_by_the_clock():
+    """They have no order, but an age."""
+    assembler = assembling(mimics=MIMICS, max_age=1.0)
+    assembler.update(whole(NOW), NOW)
+    refused(assembler, hand(NOW - S - 1), "stamp from the past", "thumb")
+    refused(assembler, hand(NOW + S + 1), "stamp from the future", "thumb")
+    assert assembler.update(hand(NOW - S), NOW) is None
+
+
+def test_before_the_clock_has_begun():
+    """Simulated time of zero is no time to compare a stamp with; nor is one without stamp compared with anything."""
+    assembler = assembling(max_age=1.0, refuse_foreign=True)
+    assert_state(assembler.update(whole(50 * S), 0), [1, 2, 3], 50 * S, 50 * S)
+    assert assembler.stamps.in_step is None
+    assert_state(assembler.update(whole(0), 7 * S), [1, 2, 3], 7 * S, 7 * S)
+    assert assembler.stamps.in_step is None
+
+
+# --- velocities that are not sent
+
+
+def positions(stamp, *values, names=NAMES, **fields):
+    """Return a message with positions alone, unless there is more."""
+    return joint_state(names, values, fields.get("velocity", ()), fields.get("effort", ()), stamp)
+
+
+@pytest.fixture
+def estimating():
+    """Return an assembler that estimates velocities, with a filter time of 0.1 s."""
+    return assembling(estimate_velocity=True, velocity_filter_time=0.1)
+
+
+def test_estimated_velocity(estimating):
+    """Handed out and flagged once the filter time has passed; until then counted, and no state."""
+    for k in range(10):
+        assert estimating.update(positions(S + k * 10 * MS, 0.02 * k, -0.03 * k, 1.0), NOW) is None
+    assert counted(estimating) == {"awaiting velocity": 10}
+    assert estimating.missing == []
+    state = estimating.update(positions(S + 100 * MS, 0.2, -0.3, 1.0), NOW)
+    np.testing.assert_allclose(state.velocity, [2.0, -3.0, 0.0], rtol=1e-12)
+    assert state.velocity_estimated
+    assert estimating.estimated == list(NAMES)
+    assert counted(estimating) == {"awaiting velocity": 10}
+
+
+def test_only_what_is_missing_is_estimated(estimating):
+    """Velocities that are sent count as they are; the flag is up as long as one joint needs an estimate."""
+    for k in range(11):
+        velocity = [7.0, math.nan, 9.0]
+        state = estimating.update(positions(S + k * 10 * MS, k, 0.5 * k, k, velocity=velocity), NOW)
+        assert (state is not None) == (k == 10)
+    np.testing.assert_allclose(state.velocity, [7.0, 50.0, 9.0], rtol=1e-12)
+    assert state.velocity_estimated and estimating.estimated == ["elbow"]
+    state = estimating.update(positions(S + 110 * MS, 9, 5.5, 9, velocity=[1, 2, 3]), NOW)
+    assert state.velocity.tolist() == [1, 2, 3]
+    assert not state.velocity_estimated and estimating.estimated == []
+    # and the estimate is ready when it is needed again, as positions have been followed all the while
+    state = estimating.update(positions(S + 120 * MS, 10, 6.0, 9, velocity=[1, math.nan, 3]), NOW)
+    np.testing.assert_allclose(state.velocity, [1.0, 50.0, 3.0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("velocity", [math.inf, -math.inf])
+def test_infinite_velocity_is_not_estimated(estimating, velocity):
+    """It is no way of saying that there is none."""
+    with pytest.raises(RejectedError, match="elbow") as rejection:
+        estimating.update(positions(S, 1, 2, 3, velocity=[1, velocity, 3]), NOW)
+    assert rejection.value.cause == "no velocity"
+
+
+def test_rejected_messages_do_not_enter_estimates(estimating):
+    """Late, malformed or from the past: none of them is a step."""
+    for k in range(11):
+        estimating.update(positions(10 * S + k * 10 * MS, k, k, k), NOW)
+    for message, cause in (
+        (positions(10 * S, 99, 99, 99), "late"),
+        (positions(2 * S, 99, 99, 99), "stamp from the past"),
+        (positions(10 * S + 110 * MS, 99, 99, math.nan), "no position"),
+    ):
+        refused(estimating, message, cause)
+    state = estimating.update(positions(10 * S + 110 * MS, 11, 11, 11), NOW)
+    np.testing.assert_allclose(state.velocity, 100.0, rtol=1e-12)
+
+
+def test_estimates_start_anew_after_a_gap(estimating):
+    """Of each joint after the timeout that it has; meanwhile there is no state."""
+    configure(estimating, timeouts={"wrist": 2.0})
+    for k in range(11):
+        estimating.update(positions(S + k * 10 * MS, k, k, k), NOW)
+    at = S + 100 * MS + 500 * MS + 1
+    assert estimating.update(positions(at, 60, 60, 60), NOW) is None
+    for k in range(1, 10):
+        assert estimating.update(positions(at + k * 10 * MS, 60 + 2 * k, 60 + 2 * k, 60 + 2 * k), NOW) is None
+    state = estimating.update(positions(at + 100 * MS, 80, 80, 80), NOW)
+    np.testing.assert_allclose(state.velocity[:2], 200.0, rtol=1e-12)
+    assert 99.0 < state.velocity[2] < 199.0  # that of before counts still a little
+
+
+def test_estimates_start_anew_when_time_jumps_back(estimating):
+    """No step leads from the one time to the other."""
+    for k in range(11):
+        estimating.update(positions(50 * S + k * 10 * MS, k, k, k), NOW)
+    refused(estimating, positions(10 * S, 500, 500, 500), "stamp from the past")
+    for k in range(1, 11):
+        assert estimating.update(positions(10 * S + k * 10 * MS, 500 + 2 * k, 500, 500), NOW) is None
+    state = estimating.update(positions(10 * S + 110 * MS, 522, 500, 500), NOW)
+    np.testing.assert_allclose(state.velocity, [200, 0, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("behind", [0, 5 * MS, 60 * S], ids=["at once", "by a delay", "of another time"])
+def test_estimates_start_anew_when_stamps_begin(estimating, behind):
+    """A driver's stamps need not be of the clock that took the time of reception: no step leads from one to the other."""
+    for k in range(11):
+        estimating.update(positions(0, k, k, k), NOW + k * 10 * MS)
+    begin = NOW + 100 * MS - behind
+    states = [estimating.update(positions(begin + k * 10 * MS, 10 - k, 0, 0), NOW) for k in range(30)]
+    assert [state is not None for state in states] == [k >= 10 for k in range(30)]
+    for state in states[10:]:
+        np.testing.assert_allclose(state.velocity, [-100, 0, 0], atol=1e-9)
+
+
+def test_no_longer_estimated(estimating):
+    """Once estimates are refused, velocities that are sent bear no flag, and those that are not are missed."""
+    for k in range(11):
+        state = estimating.update(positions(S + k * 10 * MS, k, k, k), NOW)
+    assert state.velocity_estimated
+    configure(estimating, estimate_velocity=False)
+    state = estimating.update(whole(2 * S), NOW)
+    assert_state(state, [1, 2, 3], 2 * S, 2 * S)
+    assert not state.velocity_estimated
+    assert estimating.estimated == []
+    with pytest.raises(RejectedError) as rejection:
+        estimating.update(positions(3 * S, 1, 2, 3), NOW)
+    assert rejection.value.cause == "no velocity"
+
+
+def test_without_filter_time():
+    """Of the two newest positions alone; the second message brings a state."""
+    assembler = assembling(estimate_velocity=True, velocity_filter_time=0.0)
+    assert assembler.update(positions(1 * S, 1, 2, 3), NOW) is None
+    state = assembler.update(positions(1 * S + 250 * MS, 2, 2, 2.5), NOW)
+    np.testing.assert_allclose(state.velocity, [4, 0, -2], atol=1e-12)
+
+
+def test_estimate_of_a_joint_that_turns_round():
+    """A step of a continuous joint is the shorter way; of another joint it is what it is."""
+    assembler = assembling(continuous=["wrist"], estimate_velocity=True, velocity_filter_time=0.0)
+    assembler.update(positions(1 * S, 0, 3.1, 3.1), NOW)
+    state = assembler.update(positions(1 * S + 100 * MS, 0, -3.1, -3.1), NOW)
+    np.testing.assert_allclose(state.velocity, [0, -62, 10 * (2 * math.pi - 6.2)], atol=1e-9)
+
+
+# --- any sequence, against a model that keeps dictionaries
+
+
+LIMITS = {"shoulder": (-math.inf, math.inf), "elbow": (-5.0, 4.0), "wrist": (-6.0, math.inf)}
+CONTINUOUS = ("shoulder",)
+OUTCOMES = ("incomplete", "foreign", "followers only", "awaiting velocity")
+
+
+def of(name, entries, default):
+    """Return what is said of a joint, else of all others, else the default."""
+    return entries.get(name, entries.get("*", default))
+
+
+def span(seconds):
+    """Return tenths of a second, given in seconds, in nanoseconds."""
+    return round(10 * seconds) * 100 * MS
 
 
 class Model:
-    """The same, slowly: what is known of each joint, by name."""
+    """The same, slowly: what is known of each joint, by name; of its positions, all steps it ever made."""
 
-    def __init__(self):
-        self.known, self.efforts, self.disagreements = {}, {}, 0
+    def __init__(self, options):
+        self.options = options
+        self.known, self.efforts, self.tracks = {}, {}, {}
+        self.jumps = self.disagreements = self.absurd = 0
+        self.in_step = self.suspect = None
 
     def update(self, message, now):
-        """Return the state's fields, None, or the causes of a rejection: where there are several, any will do."""
+        """Return the state's fields, an outcome, or the causes of a rejection: where there are several, any will do."""
         if len(set(message.name)) < len(message.name):
             return {"duplicate name"}
         names = [name for name in message.name if name in NAMES]
-        followers = {name: {} for name in message.name if name in MIMICS}
+        followers = [name for name in message.name if name in MIMICS]
         if not names and not followers:
-            return None
-        stamp = message.header.stamp.sec * S + message.header.stamp.nanosec
-        at = stamp or now
-        last = max((self.known[name]["at"] for name in names if name in self.known), default=at)
-        causes = {"late"} if last > at >= last - max(TIMEOUT, 1.0) * S else set()
-        entries = {name: {"at": at, "unstamped": stamp == 0} for name in names}
+            return "foreign"
+        entries = {name: {} for name in message.name}
+        if causes := self._malformed(message, names, entries):
+            return causes
+        at = message.header.stamp.sec * S + message.header.stamp.nanosec
+        stamped = at != 0
+        at = at if stamped else now
+        if cause := self._out_of_time(at, stamped, now, names):
+            return {cause}
+        for name in names:
+            self._take(name, entries[name] | {"at": at, "stamped": stamped})
+        for name in followers:
+            self.efforts[name] = (at, self._effort(name, entries[name]["effort"]))
+        self.absurd += any(self._is_absurd(name, entries[name]["effort"]) for name in names + followers)
+        self.disagreements += any(self._is_apart(name, entries[name]["position"], at) for name in followers)
+        return self._state() if names else "followers only"
+
+    def _malformed(self, message, names, entries):
+        """Return all that is wrong with a message as such, and put its values into the entries."""
+        causes, most = set(), self.options
+        stamp = message.header.stamp
+        if stamp.sec < 0 or stamp.nanosec >= S:
+            causes.add("malformed stamp")
         for field in ("position", "velocity", "effort"):
             values = getattr(message, field) or [math.nan] * len(message.name)
             if len(values) != len(message.name):
                 causes.add("wrong length")
-                continue
-            for name, value in zip(message.name, values, strict=True):
-                if name in entries:
-                    entries[name][field] = value
-                if name in followers:
-                    followers[name][field] = value
-        if not all(math.isfinite(entry.get("position", 0.0)) for entry in entries.values()):
-            causes.add("no position")
-        if causes:
-            return causes
-        if last > at:
-            self.known.clear()
-            self.efforts.clear()
-        self.known |= entries
-        self.efforts |= {name: (at, own["effort"]) for name, own in followers.items()}
-        self.disagreements += any(self._apart(name, own["position"], at) for name, own in followers.items())
-        return self._state() if names else None
+            for name, value in zip(message.name, values, strict=False):
+                entries[name][field] = value
+        for name in names:
+            position, velocity = entries[name].get("position", 0.0), entries[name].get("velocity", 0.0)
+            lower, upper = LIMITS[name]
+            if not math.isfinite(position):
+                causes.add("no position")
+            excesses = [
+                (abs(position), most.max_position),
+                (max(lower - position, position - upper), most.beyond_limits),
+                (abs(velocity) if math.isfinite(velocity) else 0.0, most.max_velocity),
+            ]
+            if any(0.0 < bound < size for size, bound in excesses):
+                causes.add("absurd value")
+        return causes
 
-    def _apart(self, name, position, at):
-        leader, multiplier, offset = MIMICS[name]
-        if leader not in self.known or abs(self.known[leader]["at"] - at) > TIMEOUT * S:
+    def _out_of_time(self, at, stamped, now, names):
+        """Return why a stamp is not accepted; if it says that time has jumped back, forget all."""
+        far = None
+        if stamped and now and self.options.max_age:
+            far = abs(now - at) > span(self.options.max_age)
+            if far and self.in_step:
+                return "stamp from the past" if at < now else "stamp from the future"
+            if far and self.options.refuse_foreign:
+                return "foreign time"
+        alike = [self.known[name]["at"] for name in names if self.known.get(name, {}).get("stamped") == stamped]
+        if alike and max(alike) > at:
+            if max(alike) - at <= max(S, span(self.options.timeout)):
+                return "late"
+            begin, self.suspect = self.suspect, at
+            if begin is None or not begin <= at <= begin + S:
+                return "stamp from the past"
+            self.jumps += 1
+            self.known, self.efforts, self.tracks = {}, {}, {}
+        if alike:
+            self.suspect = None
+        if far is not None:
+            near = abs(now - at) <= span(self.options.max_age) / 2
+            self.in_step = near if self.in_step is False else not far
+        return None
+
+    def _take(self, name, entry):
+        before = self.known.get(name)
+        self.known[name] = entry
+        track = self.tracks.setdefault(name, {"since": entry["at"], "steps": []})
+        if before:
+            elapsed = entry["at"] - before["at"]
+            timeout = self._timeout(name)
+            if before["stamped"] != entry["stamped"] or (timeout and elapsed > timeout):
+                self.tracks[name] = {"since": entry["at"], "steps": []}
+            elif elapsed:
+                step = entry["position"] - before["position"]
+                if name in CONTINUOUS:
+                    step = (step + math.pi) % (2.0 * math.pi) - math.pi
+                track["steps"].append((entry["at"], elapsed * 1e-9, step))
+
+    def _velocity(self, name):
+        """Return the velocity of a joint, NaN where it is not known, and whether it is an estimate."""
+        sent, at = self.known[name]["velocity"], self.known[name]["at"]
+        if not (math.isnan(sent) and self.options.estimate_velocity):
+            return sent, False
+        track, time = self.tracks[name], self.options.velocity_filter_time
+        if not track["steps"] or at - track["since"] < round(time * S):
+            return math.nan, True
+        if not time:
+            _, elapsed, step = track["steps"][-1]
+            return step / elapsed, True
+        weighted, weights = 0.0, 0.0
+        for then, elapsed, step in track["steps"]:
+            weight = math.exp(-(at - then) * 1e-9 / time) * (1.0 - math.exp(-elapsed / time))
+            weighted, weights = weighted + weight * step / elapsed, weights + weight
+        return weighted / weights, True
+
+    def _effort(self, name, sent):
+        """Return N m, NaN where it is not known."""
+        if not of(name, self.options.effort_available, True) or self._is_absurd(name, sent):
+            return math.nan
+        return sent * of(name, self.options.effort_scale, 1.0)
+
+    def _is_absurd(self, name, sent):
+        if not of(name, self.options.effort_available, True) or math.isnan(sent):
             return False
-        return math.isfinite(position) and abs(position - multiplier * self.known[leader]["position"] - offset) > 0.01
+        size = abs(sent * of(name, self.options.effort_scale, 1.0))
+        return size == math.inf or (self.options.max_effort > 0 and size > self.options.max_effort)
+
+    def _is_apart(self, name, position, at):
+        leader, multiplier, offset = MIMICS[name]
+        timeout = self._timeout(leader)
+        if leader not in self.known or (timeout and abs(self.known[leader]["at"] - at) > timeout):
+            return False
+        distance = abs(position - multiplier * self.known[leader]["position"] - offset)
+        return math.isfinite(position) and 0.0 < self.options.mimic_tolerance < distance
+
+    def _timeout(self, name):
+        """Return the timeout of a joint [ns], 0 for none."""
+        return span(of(name, self.options.timeouts, self.options.timeout))
+
+    def stale(self, now):
+        """Return the joints that are known but too old."""
+        timeouts = {name: self._timeout(name) for name in NAMES if name in self.known}
+        return [name for name, timeout in timeouts.items() if timeout and now - self.known[name]["at"] > timeout]
 
     def _state(self):
         if len(self.known) < len(NAMES):
-            return None
+            return "incomplete"
         joints = [self.known[name] for name in NAMES]
         newest, oldest = (choose(joint["at"] for joint in joints) for choose in (max, min))
-        if newest - oldest > TIMEOUT * S:
+        if self.stale(newest):
             return {"stale joint"}
-        if not all(math.isfinite(joint["velocity"]) for joint in joints):
+        velocity, estimated = zip(*map(self._velocity, NAMES), strict=True)
+        if any(math.isnan(one) for one in velocity) and self.options.estimate_velocity:
+            return "awaiting velocity"
+        if not all(map(math.isfinite, velocity)):
             return {"no velocity"}
-        position, velocity, effort = ([joint[f] for joint in joints] for f in ("position", "velocity", "effort"))
+        effort = [self._effort(name, joint["effort"]) for name, joint in zip(NAMES, joints, strict=True)]
         if not all(map(math.isfinite, effort)):
             effort = None
         for name, (leader, multiplier, _) in MIMICS.items() if effort else ():
             at, own = self.efforts.get(name, (0, math.nan))
-            if math.isfinite(own) and newest - at <= TIMEOUT * S:
+            if math.isfinite(own) and (not self._timeout(name) or newest - at <= self._timeout(name)):
                 effort[NAMES.index(leader)] += multiplier * own
-        return position, velocity, effort, newest, oldest, any(joint["unstamped"] for joint in joints)
+        position = [joint["position"] for joint in joints]
+        unstamped = any(not joint["stamped"] for joint in joints)
+        return position, list(velocity), effort, newest, oldest, unstamped, any(estimated)
+
+
+def by_joint(values):
+    """Draw values of some joints by name, perhaps of all others."""
+    return st.dictionaries(st.sampled_from((*NAMES, *MIMICS, "*")), values, max_size=3)
+
+
+@st.composite
+def some_options(draw):
+    """Draw options: each of them often as it is by default, and times in tenths of a second, which occur exactly."""
+
+    def seldom(default, values):
+        return draw(values) if draw(st.integers(0, 2)) == 0 else default
+
+    return Options(
+        timeout=draw(st.sampled_from((0.5, 0.5, 0.0, 0.3, 2.0))),
+        timeouts=seldom({}, by_joint(st.sampled_from((0.0, 0.2, 0.5, 1.0)))),
+        mimic_tolerance=draw(st.sampled_from((0.01, 0.0, 2.0))),
+        max_age=draw(st.sampled_from((1.0, 0.0, 0.5, 2.0))),
+        refuse_foreign=seldom(False, st.booleans()),
+        estimate_velocity=draw(st.booleans()),
+        velocity_filter_time=draw(st.sampled_from((0.1, 0.0, 0.01, 0.2, 0.5))),
+        effort_available=seldom({}, by_joint(st.booleans())),
+        effort_scale=seldom({}, by_joint(st.sampled_from((2.0, -0.5, 1e-3)))),
+        max_position=seldom(0.0, st.sampled_from((6.0, 8.5))),
+        max_velocity=seldom(0.0, st.sampled_from((7.0, 8.5))),
+        max_effort=seldom(0.0, st.sampled_from((3.0, 8.0))),
+        beyond_limits=seldom(0.0, st.sampled_from((0.5, 3.0))),
+    )
 
 
 @st.composite
 def messages(draw):
-    """Draw a message, mostly good, with some of the joints, and a time of reception."""
-    known = draw(st.sampled_from(((*NAMES, "lid"), (*NAMES, "lid", *MIMICS))))
-    names = draw(st.lists(st.sampled_from(known), max_size=len(known), unique=draw(st.integers(0, 9)) > 0))
-    number = draw(st.sampled_from((st.integers(-9, 9).map(float), st.floats(-9, 9), st.floats(-9, 9))))
-    number = number if draw(st.integers(0, 5)) else st.sampled_from((1.0, math.nan, math.inf))
+    """Draw a message, mostly good, with some of the joints, but without its stamp."""
+    known = draw(st.sampled_from((NAMES, NAMES, (*NAMES, "lid"), (*NAMES, *MIMICS), (*NAMES, "lid", *MIMICS))))
+    if draw(st.integers(0, 2)):
+        names = draw(st.permutations(known))
+    else:
+        names = draw(st.lists(st.sampled_from(known), max_size=len(known), unique=draw(st.integers(0, 5)) > 0))
+    number = draw(st.sampled_from((st.integers(-9, 9).map(float), st.floats(-9, 9), st.floats(-3, 3))))
+    odd = st.sampled_from((1.0, math.nan, math.inf))
     fields = []
-    for _ in range(3):
-        length = draw(st.sampled_from([len(names)] * 12 + [0, 0, 1, 5]))
-        fields.append(draw(st.lists(number, min_size=length, max_size=length)))
-    # tenths of a second: equal stamps, exact timeouts, late messages and jumps all occur
-    stamp = draw(st.integers(20, 28) | st.sampled_from((0, 1, 5, 90)))
-    return joint_state(names, *fields, stamp=stamp * 100 * MS), draw(st.integers(20, 28)) * 100 * MS
+    for often in (20, 2, 4):
+        good = draw(st.integers(0, often)) > 0
+        length = draw(st.sampled_from([len(names)] * 12 + [0, 0, 1, 5])) if not good else len(names)
+        fields.append(draw(st.lists(number if good else odd, min_size=length, max_size=length)))
+    return joint_state(names, *fields)
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
-@given(st.lists(messages(), max_size=12))
-def test_any_sequence(sequence):
-    """Assembler and model agree on every message, whatever came before."""
-    assembler, model = JointStateAssembler(NAMES, TIMEOUT, MIMICS, TOLERANCE), Model()
-    for message, now in sequence:
+@st.composite
+def journeys(draw):
+    """Draw messages and times of their reception: behind the clock by an offset that may change, and by a delay.
+
+    All is in tenths of a second, so that equal stamps, exact timeouts and all kinds of jumps occur.
+    """
+    now, offset = 3000, draw(st.sampled_from((0, 0, 0, 700, -700, 9)))
+    journey = []
+    for message in draw(st.lists(messages(), min_size=1, max_size=14)):
+        now += draw(st.sampled_from((1, 0, 1, 1, 2, 4, 9)))
+        kind = draw(st.integers(0, 15))
+        offset += draw(st.sampled_from((12, 30, 100, 5, -12, -30))) if kind == 0 else 0
+        delay = draw(st.sampled_from((15, 40, 6, -15, -40))) if kind == 1 else draw(st.sampled_from((0, 0, 0, 0, 1, 2)))
+        stamp = 0 if kind == 2 else (now - offset - delay) * 100 * MS
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, S)
+        if kind == 3:
+            sec, nanosec = draw(st.sampled_from(((-1, 5), (300, 10**9), (300, 2**32 - 1), (300, 10**9 - 1))))
+            message.header.stamp.sec, message.header.stamp.nanosec = sec, nanosec
+        journey.append((message, now * 100 * MS))
+    return journey
+
+
+def follow(options, journey):
+    """Compare assembler and model, message by message; yield what became of each."""
+    lower, upper = np.array([LIMITS[name] for name in NAMES]).T
+    joints = Joints(NAMES, MIMICS, CONTINUOUS, lower, upper)
+    assembler, model = JointStateAssembler(joints, options), Model(options)
+    for message, now in journey:
+        before = Counter(assembler.counts)
         expected = model.update(message, now)
         try:
             state = assembler.update(message, now)
         except RejectedError as rejection:
             assert isinstance(expected, set)
             assert rejection.cause in expected
+            outcome = rejection.cause
         else:
-            actual = state and (
-                state.position.tolist(),
-                state.velocity.tolist(),
-                None if state.effort is None else state.effort.tolist(),
-                *state[3:],
-            )
-            assert actual == expected
+            if state is None:
+                outcome = expected
+                assert expected in OUTCOMES
+                before[expected] += 1
+            else:
+                outcome = "published"
+                agree(state, expected)
+        assert [assembler.counts[key] for key in OUTCOMES] == [before[key] for key in OUTCOMES]
         assert assembler.missing == [name for name in NAMES if name not in model.known]
+        assert assembler.stale(now) == model.stale(now)
+        assert assembler.counts["time jumped back"] == model.jumps
         assert assembler.counts["mimic disagreement"] == model.disagreements
+        assert assembler.counts["absurd effort"] == model.absurd
+        assert assembler.stamps.in_step == model.in_step
+        yield outcome
+    if model.jumps:
+        yield "time jumped back"
+
+
+def agree(state, expected):
+    """The state is the model's: exactly, but for estimates, which are sums in another order."""
+    position, velocity, effort, newest, oldest, unstamped, estimated = expected
+    assert state.position.tolist() == position
+    if estimated:
+        np.testing.assert_allclose(state.velocity, velocity, rtol=1e-9, atol=1e-9)
+    else:
+        assert state.velocity.tolist() == velocity
+    assert (None if state.effort is None else state.effort.tolist()) == effort
+    assert state[3:] == (newest, oldest, unstamped, estimated)
+
+
+def test_any_sequence():
+    """Assembler and model agree on every message, whatever came before; each has exactly one outcome, and each occurs."""
+    seen = Counter()
+
+    @examples(500)
+    @given(some_options(), journeys())
+    def compare(options, journey):
+        seen.update(follow(options, journey))
+
+    compare()
+    stamps = ("malformed stamp", "stamp from the past", "stamp from the future", "foreign time", "late")
+    values = ("wrong length", "duplicate name", "no position", "no velocity", "absurd value", "stale joint")
+    never = {*OUTCOMES, *stamps, *values, "published", "time jumped back"} - set(seen)
+    assert not never, seen
