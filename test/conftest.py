@@ -14,6 +14,7 @@ import examples  # noqa: F401 (its profiles must be known before pytest looks fo
 ROS_FILES = (
     "test_demo.py",
     "test_floating_base.py",
+    "test_inputs.py",
     "test_joint_states.py",
     "test_mimic_nodes.py",
     "test_monitor.py",
