@@ -922,6 +922,8 @@ def test_absurd_odometry(base):
     odometry_refused(base, odometry(CLOCK + 1, (0, -100.1, 0)), "absurd value", "position", "-100.1", "±100")
     odometry_refused(base, odometry(CLOCK + 1, twist=(0, 0, 10.1, 0, 0, 0)), "absurd value", "twist", "10.1", "±10")
     odometry_refused(base, odometry(CLOCK + 1, twist=(0, 0, 0, 0, 0, -10.1)), "absurd value", "twist")
+    base.configure(Options(max_position=0.5))
+    base.update(odometry(CLOCK, (0.5, 0, 0)), CLOCK)  # the quaternion is no position
     base.configure(Options())
     base.update(odometry(CLOCK + 1, (1e9, 0, 0), twist=(1e9, 0, 0, 0, 0, 0)), CLOCK)
     assert base.position[0] == base.velocity[0] == 1e9

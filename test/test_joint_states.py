@@ -965,6 +965,17 @@ def test_estimates_start_anew_when_time_jumps_back(estimating):
     np.testing.assert_allclose(state.velocity, [200, 0, 0], atol=1e-9)
 
 
+def test_estimates_start_anew_after_all_was_forgotten(estimating):
+    """As after a pause, be it ever so short: nothing of before is left."""
+    for k in range(11):
+        estimating.update(positions(S + k * 10 * MS, k, k, k), NOW)
+    estimating.forget()
+    assert estimating.missing == list(NAMES)
+    states = [estimating.update(positions(S + k * 10 * MS, 0, 0, 50 - 2 * k), NOW) for k in range(11, 22)]
+    assert states[:-1] == [None] * 10
+    np.testing.assert_allclose(states[-1].velocity, [0, 0, -200], atol=1e-9)
+
+
 @pytest.mark.parametrize("behind", [0, 5 * MS, 60 * S], ids=["at once", "by a delay", "of another time"])
 def test_estimates_start_anew_when_stamps_begin(estimating, behind):
     """A driver's stamps need not be of the clock that took the time of reception: no step leads from one to the other."""
