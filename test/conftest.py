@@ -13,9 +13,15 @@ import examples  # noqa: F401 (its profiles must be known before pytest looks fo
 
 ROS_FILES = (
     "test_demo.py",
+    "test_faults_diagnostics.py",
+    "test_faults_graph.py",
+    "test_faults_input.py",
+    "test_faults_model.py",
+    "test_faults_services.py",
     "test_floating_base.py",
     "test_inputs.py",
     "test_joint_states.py",
+    "test_lifecycle.py",
     "test_mimic_nodes.py",
     "test_monitor.py",
     "test_services.py",

@@ -1,13 +1,14 @@
 """Nodes in processes of their own, a node to talk to them, and what their messages have to say."""
 
 import contextlib
+import copy
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
-from functools import cache
+from functools import cache, partial
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -23,8 +24,10 @@ from diag_dynamics.msg import (
     WorkingMoments,
 )
 from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
@@ -198,11 +201,11 @@ class Topic:
 class Peer(contextlib.AbstractContextManager):
     """A node in the test's process, whose callbacks are served while the test waits."""
 
-    def __init__(self, domain):
+    def __init__(self, domain, name="test"):
         """Join a ROS domain."""
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=domain)
-        self.node = rclpy.create_node("test", context=self.context)
+        self.node = rclpy.create_node(name, context=self.context)
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._clients = {}
@@ -247,6 +250,26 @@ class Peer(contextlib.AbstractContextManager):
         request = SetParameters.Request(parameters=[Parameter(name=name, value=parameter_value(value))])
         return self.call(SetParameters, f"{node}/set_parameters", request).results[0]
 
+    def set_parameters_atomically(self, node, values):
+        """Set several parameters of a node, all or none, and return the result."""
+        parameters = [Parameter(name=name, value=parameter_value(value)) for name, value in values.items()]
+        request = SetParametersAtomically.Request(parameters=parameters)
+        return self.call(SetParametersAtomically, f"{node}/set_parameters_atomically", request).result
+
+    def get_parameters(self, node, names):
+        """Return parameters of a node as Python values, by name."""
+        values = self.call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=list(names))).values
+        return {name: python_value(value) for name, value in zip(names, values, strict=True)}
+
+    def transition(self, node, label):
+        """Ask a managed node for a transition, and return whether it succeeded."""
+        request = ChangeState.Request(transition=Transition(label=label))
+        return self.call(ChangeState, f"{node}/change_state", request).success
+
+    def phase(self, node):
+        """Return the lifecycle state of a managed node."""
+        return self.call(GetState, f"{node}/get_state", GetState.Request()).current_state.label
+
 
 def parameter_value(value):
     """Return the message for a Python value."""
@@ -257,9 +280,18 @@ def parameter_value(value):
         (str, ParameterType.PARAMETER_STRING, "string_value"),
         (list, ParameterType.PARAMETER_DOUBLE_ARRAY, "double_array_value"),
     ):
+        if isinstance(value, list) and isinstance(value[0], str):
+            return ParameterValue(type=ParameterType.PARAMETER_STRING_ARRAY, string_array_value=value)
         if isinstance(value, kind):
             return ParameterValue(type=number, **{field: value})
     raise TypeError(value)
+
+
+def python_value(value):
+    """Return the Python value of a message."""
+    fields = ("bool", "integer", "double", "string", "byte_array", "bool_array", "integer_array", "double_array")
+    found = getattr(value, f"{[*fields, 'string_array'][value.type - 1]}_value")
+    return found if isinstance(found, (bool, int, float, str)) else list(found)
 
 
 # --- a monitor
@@ -267,6 +299,28 @@ def parameter_value(value):
 
 SEVERITY = (b"\x00", b"\x03", b"\x01", b"\x02")
 """Levels OK, STALE, WARN and ERROR: without states every entry is stale, and only one of them may say why."""
+
+OUTCOMES = (
+    "published",
+    "incomplete",
+    "foreign",
+    "followers only",
+    "before the model",
+    "before odometry",
+    "awaiting velocity",
+    "skipped: overload",
+)
+"""What becomes of a joint state that is not rejected, as /diagnostics count it."""
+
+OTHER_COUNTERS = (
+    "received",
+    "odometry received",
+    "time jumped back",
+    "clock jumped back",
+    "mimic disagreement",
+    "absurd effort",
+    "lost in transport",
+)
 
 
 class Report(NamedTuple):
@@ -281,6 +335,21 @@ class Report(NamedTuple):
         """Return how often something has happened."""
         return int(self.values.get(key, 0))
 
+    def counts(self):
+        """Return all counters that are not zero."""
+        known = (*OUTCOMES, *OTHER_COUNTERS)
+        names = [key for key in self.values if key in known or key.startswith(("rejected: ", "odometry rejected: "))]
+        return {key: self.count(key) for key in names if self.count(key)}
+
+    def since(self, before):
+        """Return what has been counted since an earlier report, by key."""
+        counts, earlier = self.counts(), before.counts()
+        return {key: n - earlier.get(key, 0) for key, n in counts.items() if n != earlier.get(key, 0)}
+
+    def outcomes(self):
+        """Return what has become of all joint states received, in all."""
+        return sum(n for key, n in self.counts().items() if key in OUTCOMES or key.startswith("rejected: "))
+
 
 def report_of(statuses):
     """Put the entries of one node together."""
@@ -292,19 +361,26 @@ def report_of(statuses):
 class Monitor(contextlib.AbstractContextManager):
     """A monitor in a process of its own, seen from outside: all its inputs and outputs.
 
-    Stamps are the test's own: `tick` advances them by so much that every rate limit lets the next state through.
+    Stamps are the test's own: `tick` advances them by so much that every rate limit lets the next state through. With
+    `live`, they are those of the clock instead, and no topic has a highest rate.
     """
 
-    def __init__(self, peer, namespace, *arguments, joint_states="joint_states", name="diag_dynamics", **parameters):
+    def __init__(
+        self, peer, namespace, *arguments, joint_states="joint_states", name="diag_dynamics", live=False, **parameters
+    ):
         """Start it in a namespace."""
         self.peer = peer
+        self.live = live
         self.name = f"{namespace}/{name}"
         self.now = 1000 * S
         self.feeder = peer.publisher(JointState, f"{namespace}/{joint_states}")
         self.topics = {topic: peer.topic(kind, f"{self.name}/{topic}") for topic, kind in OUTPUTS.items()}
         self.reports = []
         peer.node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, MANY)
-        parameters = {"max_age": 0.0} | parameters  # the stamps are the test's own
+        if live:
+            parameters = {f"max_rate.{topic}": 0.0 for topic in OUTPUTS} | parameters
+        else:
+            parameters = {"max_age": 0.0} | parameters
         self.process = node_process("monitor", "-r", f"__ns:={namespace}", *arguments, **parameters)
 
     def __exit__(self, *error):
@@ -331,13 +407,21 @@ class Monitor(contextlib.AbstractContextManager):
 
     def tick(self, step=S):
         """Advance the stamps by a step [ns] and return the new one."""
-        self.now += step
+        self.now = self.peer.now() if self.live else self.now + step
         return self.now
 
     def feed(self, message, topics=tuple(OUTPUTS)):
         """Publish a joint state and return what comes back by topic; its stamp is that of the message."""
         self.feeder.publish(message)
         return self._all_at(nanoseconds(message.header.stamp), topics)
+
+    def serves(self, robot, sample=0, truth=None):
+        """Feed a whole state, and check all that comes of it against Pinocchio; return it by topic."""
+        q, qd, tau, _ = robot.samples[sample]
+        stamp = self.tick()
+        published = self.feed(robot.message(stamp, robot.samples[sample]))
+        (truth or Truth(robot, q, qd, tau)).check(published, stamp)
+        return published
 
     def _all_at(self, stamp, topics, timeout=TIMEOUT):
         self.peer.wait_until(
@@ -378,6 +462,28 @@ class Monitor(contextlib.AbstractContextManager):
         result = self.peer.set_parameter(self.name, name, value)
         assert result.successful, result.reason
 
+    def set_parameters(self, values):
+        """Set several of its parameters, all or none, and return the result."""
+        return self.peer.set_parameters_atomically(self.name, values)
+
+    @contextlib.contextmanager
+    def having(self, **values):
+        """Set parameters, which must succeed, and put them back at the end."""
+        values = {name.replace("__", "."): value for name, value in values.items()}
+        before = self.peer.get_parameters(self.name, values)
+        result = self.set_parameters(values)
+        assert result.successful, result.reason
+        try:
+            yield
+        finally:
+            result = self.set_parameters(before)
+            assert result.successful, result.reason
+
+    def transition(self, *labels):
+        """Lead it through its lifecycle, every transition with success."""
+        for label in labels:
+            assert self.peer.transition(self.name, label), f"{self.name} refused to {label}"
+
     def alive(self):
         """Whether it still runs."""
         return self.process.popen.poll() is None
@@ -404,6 +510,15 @@ class Robot:
         )
         rng = np.random.default_rng(len(self.names))
         self.shuffled = tuple(rng.permutation(self.names).tolist())
+
+    def changed(self, urdf=None, **options):
+        """Return the same robot by another description of the same joints, or with options of the oracle."""
+        other = copy.copy(self)
+        other.urdf = urdf or self.urdf
+        other.make_oracle = partial(self.make_oracle, **options)
+        other.oracle = other.make_oracle(other.urdf)
+        assert other.oracle.dof_names == self.names
+        return other
 
     def message(self, stamp, sample, names=None):
         """Return a JointState with some or all joints, in the order of `names`, shuffled by default."""
@@ -462,12 +577,13 @@ def assert_close(actual, expected, tolerance, scale=None):
 class Truth:
     """What Pinocchio says of a robot in a state, in its own order of dofs; checks messages by name.
 
-    Efforts are unknown where tau is None.
+    Efforts are unknown where tau is None. `estimated`: velocities are the node's, from positions. `computed`: what efforts
+    are sent is not what they are taken for, so they agree but for rounding.
     """
 
-    def __init__(self, robot, q, qd, tau=None, gravity=None):
+    def __init__(self, robot, q, qd, tau=None, gravity=None, estimated=False, computed=False):
         """Take the state in the order of robot.names."""
-        self.robot = robot
+        self.robot, self.estimated, self.effort_tolerance = robot, estimated, 1e-13 if computed else 1e-15
         oracle = robot.oracle if gravity is None else robot.make_oracle(robot.urdf, gravity=gravity)
         self.state = oracle.at(q, qd, tau)
         self.tolerance = tolerance(self.state)
@@ -560,8 +676,8 @@ class Truth:
         s = self.state
         assert list(message.position) == s.q.tolist()
         assert list(message.velocity) == s.qd.tolist()
-        assert_close(np.array(message.effort), [] if s.tau is None else s.tau, 1e-15)
-        assert not message.velocity_estimated
+        assert_close(np.array(message.effort), [] if s.tau is None else s.tau, self.effort_tolerance)
+        assert message.velocity_estimated == self.estimated
         self.check_total_joint_rates(message)
         self.check_working_moments(message)
         self.check_vector(message.coriolis, s.coriolis, s.coriolis_scale)
@@ -574,4 +690,6 @@ class Truth:
         """Every message of a dict by topic."""
         for topic, message in published.items():
             self.check_header(message, stamp)
+            if hasattr(message, "velocity_estimated"):
+                assert message.velocity_estimated == self.estimated
             getattr(self, f"check_{topic}")(message)

@@ -1,0 +1,292 @@
+"""What /diagnostics say: every key with its right value, energies that are too high at once, and counters that add up."""
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+
+from nodes import (
+    MANY,
+    MS,
+    PANDA,
+    Monitor,
+    S,
+    Truth,
+    joint_state,
+    nanoseconds,
+    robot,
+)
+
+OK, WARN, ERROR, STALE = b"\x00", b"\x01", b"\x02", b"\x03"
+
+KEYS = {
+    "joint states": {
+        "input rate [Hz]",
+        "output rate [Hz]",
+        "age of the last state [s]",
+        "received",
+        "published",
+        "missing joints",
+        "stale joints",
+        "joints without effort",
+        "effort undeclared (taken as N m, with gravity)",
+        "joints with estimated velocity",
+        "publishers of /told/joint_states",
+    },
+    "model": {
+        "robot",
+        "degrees of freedom",
+        "total mass [kg]",
+        "mimic joints",
+        "locked joints",
+        "payloads",
+        "model revision",
+        "lifecycle",
+    },
+    "numerical health": {"|nu.C| / (|nu| |C|)", "|K - qd.M.qd / 2| / K", "smallest D [kg m^2, kg]", "its joint"},
+    "energy": {"kinetic energy [J]", "largest kinetic energy [J]", "power [W]"},
+}
+
+
+@pytest.fixture
+def panda():
+    """Return the robot of the monitor."""
+    return robot(PANDA)
+
+
+@pytest.fixture(scope="module")
+def running(peer):
+    """Start the monitor of this file, and keep the times of its reports."""
+    with Monitor(peer, "/told", robot_description=robot(PANDA).path) as monitor:
+        monitor.times = []
+
+        def take(array):
+            if any(status.name.startswith("told/") for status in array.status):
+                monitor.times.append(nanoseconds(array.header.stamp))
+
+        peer.node.create_subscription(DiagnosticArray, "/diagnostics", take, MANY)
+        yield monitor.connect(robot(PANDA))
+
+
+@pytest.fixture
+def monitor(running, panda):
+    """Return it, all joints fresh; it gives right numbers afterwards."""
+    running.serves(panda)
+    running.forget()
+    yield running
+    running.serves(panda, 1)
+
+
+def values(report, name):
+    """Return the values of one entry by key."""
+    return {pair.key: pair.value for pair in report.entries[name].values}
+
+
+def at_rest(panda, sample=0):
+    """Return a sample of the robot without its motion."""
+    q, qd, tau, qdd = panda.samples[sample]
+    return type(panda.samples[sample])(q, np.zeros(len(qd)), tau, qdd)
+
+
+@pytest.mark.parametrize("sample", range(3))
+def test_every_entry(monitor, panda, sample):
+    """All keys are there; health, smallest D and energies are Pinocchio's, the model's numbers the robot's."""
+    q, qd, tau, _ = panda.samples[sample]
+    truth = Truth(panda, q, qd, tau)
+
+    def told(report):
+        monitor.serves(panda, sample)
+        return report.level == OK
+
+    monitor.wait_for_report(told, "states")
+    monitor.serves(panda, sample)
+    report = monitor.wait_for_report(told, "states")
+    assert set(report.entries) == set(KEYS)
+    for name, keys in KEYS.items():
+        assert keys <= set(values(report, name)), name
+        assert report.entries[name].level == OK
+    health = values(report, "numerical health")
+    assert float(health["|nu.C| / (|nu| |C|)"]) < 1e-9
+    assert float(health["|K - qd.M.qd / 2| / K"]) < 1e-9
+    D = truth.state.D
+    assert health["its joint"] == panda.names[int(np.argmin(D))]
+    assert float(health["smallest D [kg m^2, kg]"]) == pytest.approx(D.min(), rel=1e-5)
+    energy = values(report, "energy")
+    assert float(energy["kinetic energy [J]"]) == pytest.approx(truth.state.kinetic_energy, rel=1e-5)
+    assert float(energy["largest kinetic energy [J]"]) == pytest.approx(truth.state.kinetic_energy, rel=1e-5)
+    assert float(energy["power [W]"]) == pytest.approx(truth.state.power, rel=1e-4)
+    joints = values(report, "joint states")
+    assert joints["missing joints"] == joints["stale joints"] == joints["joints without effort"] == "0"
+    assert float(joints["age of the last state [s]"]) > 0.0
+    model = values(report, "model")
+    assert (model["robot"], model["degrees of freedom"], model["lifecycle"]) == ("panda", "8", "active")
+    assert int(model["model revision"]) == monitor.topics["state"].messages[-1].model_revision
+
+
+def test_rates_add_up(monitor, panda):
+    """What each report says of its second, over all reports, is what was sent and what came out."""
+    before = monitor.next_report()
+    begin = len(monitor.reports)
+    count = 40
+    for k in range(count):
+        monitor.feed(panda.message(monitor.tick(), panda.samples[k % 3]), ["state"])
+        if k % 4 == 0:
+            monitor.feeder.publish(joint_state(panda.names, panda.samples[0].q, [], [], monitor.now + MS))
+    total = count + count // 4
+    report = monitor.wait_for_report(lambda report: report.count("received") >= before.count("received") + total, "all")
+    assert sum(report.count("input rate [Hz]") for report in monitor.reports[begin:]) == total
+    assert sum(report.count("output rate [Hz]") for report in monitor.reports[begin:]) == count
+    assert report.since(before) == {"received": total, "published": count, "rejected: no velocity": count // 4}
+    assert report.count("received") == report.outcomes()
+
+
+def test_whose_time_the_stamps_are(monitor):
+    """Whether stamps are in step with the clock is a value of its own, which says so also where all is well."""
+    assert any(key.startswith("stamps") for key in values(monitor.next_report(), "joint states"))
+
+
+def test_stale_joints_are_named(monitor, panda):
+    """Joints whose last values are too old by the clock are named."""
+    # stamps of the test are those of long ago
+    report = monitor.next_report()
+    assert values(report, "joint states")["stale joints"] == f"{len(panda.names)}: {', '.join(panda.names)}"
+
+
+# --- energies
+
+
+def alarm(monitor, panda, sample, level):
+    """Rest, then move beyond a threshold; return the report of it, which is one between two that come by the second.
+
+    Three reports span two periods when they come by the second alone, and no more than one when the one in the middle is
+    out of turn. A machine that stalls for longer may hide that, so there are several attempts.
+    """
+    for _ in range(5):
+        quiet = monitor.wait_for_report(lambda report: report.entries["energy"].level == OK, "rest")
+        assert quiet.entries["energy"].message == "within thresholds"
+        begin = len(monitor.times)
+        monitor.serves(panda, sample)
+        report = monitor.next_report()
+        assert report.entries["energy"].level == level
+        monitor.next_report()
+        first, _, third = monitor.times[begin - 1 : begin + 2]
+        rest(monitor, panda)
+        if third - first < 1.5 * S:
+            return report
+    raise AssertionError("no report came before its second was over")
+
+
+def rest(monitor, panda):
+    """Feed a state at rest."""
+    stamp = monitor.tick()
+    monitor.feed(panda.message(stamp, at_rest(panda)), ["state"])
+
+
+@pytest.mark.parametrize(("word", "level"), [("warn", WARN), ("error", ERROR)])
+def test_energy_too_high(monitor, panda, word, level):
+    """The level rises at once, says energy and threshold, and is back to OK when the energy is."""
+    K = Truth(panda, *panda.samples[2][:3]).state.kinetic_energy
+    slow = Truth(panda, *panda.samples[1][:3]).state.kinetic_energy
+    most = round(0.5 * (K + slow), 2)
+    assert slow < most < K
+    with monitor.having(**{f"{word}_energy": most}):
+        rest(monitor, panda)
+        report = alarm(monitor, panda, 2, level)
+        energy = report.entries["energy"]
+        assert energy.message == f"kinetic energy {K:.6g} J > {word}_energy = {most:g} J"
+        assert float(values(report, "energy")["largest kinetic energy [J]"]) == pytest.approx(K, rel=1e-5)
+        monitor.serves(panda, 1)  # below the threshold, if not at rest
+        over = monitor.wait_for_report(lambda report: report.entries["energy"].level == OK, "its end")
+        assert over.entries["energy"].message == "within thresholds"
+
+
+@pytest.mark.parametrize(("word", "level"), [("warn", WARN), ("error", ERROR)])
+def test_energy_share_too_high(monitor, panda, word, level):
+    """The joint is named whose share it is, be the threshold its own or that of all others."""
+    nu = Truth(panda, *panda.samples[2][:3]).state.nu
+    share = 0.5 * nu**2
+    k = int(np.argsort(share)[-2])
+    name = panda.names[k]
+    most = float(f"{0.5 * share[k]:.3g}")
+    others = float(f"{2 * share.max():.3g}")
+    for entries in ([f"{name}={most}", f"*={others}"], [f"{other}=1e9" for other in panda.names if other != name]):
+        entries = entries if len(entries) == 2 else [*entries, f"*={most}"]
+        with monitor.having(**{f"{word}_energy_share": entries}):
+            rest(monitor, panda)
+            report = alarm(monitor, panda, 2, level)
+        message = report.entries["energy"].message
+        assert message == f"energy share of joint '{name}' {share[k]:.6g} J > {word}_energy_share = {most:g} J"
+    rest(monitor, panda)
+    monitor.wait_for_report(lambda report: report.entries["energy"].level == OK, "its end")
+
+
+def test_warning_becomes_error(monitor, panda):
+    """An error is reported at once where a warning has been reported already."""
+    slow, fast = (Truth(panda, *panda.samples[k][:3]).state.kinetic_energy for k in (1, 2))
+    with monitor.having(warn_energy=round(0.5 * slow, 4), error_energy=round(0.5 * (slow + fast), 4)):
+        rest(monitor, panda)
+        monitor.wait_for_report(lambda report: report.entries["energy"].level == OK, "rest")
+        for sample, level, word in ((1, WARN, "warn_energy"), (2, ERROR, "error_energy")):
+            monitor.serves(panda, sample)
+            report = monitor.next_report()
+            assert report.entries["energy"].level == level
+            assert word in report.entries["energy"].message
+
+
+# --- the balance of power
+
+
+def residual(monitor, panda, motion):
+    """Feed a motion (q, q̇, τ of time) at 500 Hz by its stamps until a report tells the residual of nothing else."""
+    first = monitor.tick()
+    count = iter(range(100_000))
+    seen = []
+
+    def moving(report):
+        while len(seen) < 1 or seen[-1] is not report:
+            seen.append(report)
+            for _ in range(50):
+                k = next(count)
+                q, qd, tau = motion(k * 2e-3)
+                monitor.now = first + k * 2 * MS
+                monitor.feeder.publish(joint_state(panda.names, q, qd, tau, monitor.now))
+                if k % 4 == 3:  # no more under way than the node's queue holds
+                    monitor._all_at(monitor.now, ["state"])
+        return "power-balance residual [W]" in values(report, "energy") and len(seen) > 2
+
+    feed_until = monitor.wait_for_report(moving, "the residual")
+    return float(values(feed_until, "energy")["power-balance residual [W]"])
+
+
+def swing(panda, torque):
+    """Return a motion in which K and power change all the time; `torque` adds to the efforts that it takes."""
+    q0, oracle = panda.samples[1].q, panda.oracle
+    size = 0.3 * np.cos(np.arange(len(q0)))
+    w = 4.0
+
+    def motion(t):
+        q, qd, qdd = q0 + size * np.sin(w * t), size * w * np.cos(w * t), -size * w**2 * np.sin(w * t)
+        return q, qd, oracle.inverse_dynamics(q, qd, qdd) + torque(qd)
+
+    return motion
+
+
+def test_power_balance_of_a_consistent_motion(monitor, panda):
+    """Efforts that explain the motion leave nothing over, but for the trapezoids of 2 ms."""
+    motion = swing(panda, lambda qd: 0.0)
+    power = max(abs(Truth(panda, *motion(t)).state.power) for t in np.arange(0.0, 1.6, 0.05))
+    assert power > 1.0
+    assert abs(residual(monitor, panda, motion)) < 1e-4 * power
+
+
+def test_power_balance_with_friction(monitor, panda):
+    """Efforts that overcome friction put in more than K gains: the residual is what friction takes, and negative."""
+    q0, qd = panda.samples[0].q, 0.5 * np.cos(np.arange(len(panda.names)))
+    damping = np.linspace(1.0, 3.0, len(panda.names))
+    lost = float(damping @ qd**2)  # [W], all the time the same at constant rates
+    zero = np.zeros(len(qd))
+
+    def motion(t):
+        q = q0 + t * qd
+        return q, qd, panda.oracle.inverse_dynamics(q, qd, zero) + damping * qd
+
+    assert residual(monitor, panda, motion) == pytest.approx(-lost, rel=1e-3)

@@ -1,0 +1,299 @@
+"""The monitor as a managed node: every transition, what each state offers, a thousand changes, and every end."""
+
+import signal
+
+import numpy as np
+import psutil
+import pytest
+from diag_dynamics.srv import Diagonalize
+from sensor_msgs.msg import JointState
+
+from nodes import (
+    MS,
+    OUTPUTS,
+    PANDA,
+    START,
+    UR5,
+    Monitor,
+    Truth,
+    nanoseconds,
+    node_process,
+    robot,
+)
+
+OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
+
+
+@pytest.fixture
+def panda():
+    """Return the robot of the monitors."""
+    return robot(PANDA)
+
+
+@pytest.fixture(scope="module")
+def managed(peer):
+    """Start a monitor that does nothing by itself."""
+    with Monitor(peer, "/managed", autostart=False) as monitor:
+        yield monitor
+
+
+def unconfigured(monitor):
+    """Lead a monitor back to the beginning, from wherever it is, with its parameters as they were."""
+    phase = monitor.peer.phase(monitor.name)
+    monitor.transition(*{"active": ("deactivate", "cleanup"), "inactive": ("cleanup",)}.get(phase, ()))
+    result = monitor.set_parameters({"mimic": "embed", "robot_description": ""})
+    assert result.successful, result.reason
+    assert monitor.peer.phase(monitor.name) == "unconfigured"
+
+
+@pytest.fixture
+def monitor(managed):
+    """Return it unconfigured."""
+    unconfigured(managed)
+    managed.forget()
+    return managed
+
+
+def offers(monitor):
+    """Return on which outputs it publishes, which inputs it listens to, and which of its services there are."""
+    node, at = monitor.peer.node, monitor.name
+    namespace = at.rpartition("/")[0]
+    outputs = {topic for topic in OUTPUTS if node.get_publishers_info_by_topic(f"{at}/{topic}")}
+    inputs = {
+        topic
+        for topic in ("joint_states", "odom", "robot_description")
+        if node.get_subscriptions_info_by_topic(f"{namespace}/{topic}")
+    }
+    names = ("forward_dynamics", "inverse_dynamics", "diagonalize", "set_payload")
+    known = {name for name, _ in node.get_service_names_and_types()}
+    return outputs, inputs, {name for name in names if f"{at}/{name}" in known}
+
+
+SERVICES = {"forward_dynamics", "inverse_dynamics", "diagonalize", "set_payload"}
+
+
+def wait_for_offers(monitor, outputs, inputs, services):
+    """Wait until the graph says that it offers just this."""
+    expected = (set(outputs), set(inputs), set(services))
+    monitor.peer.wait_until(lambda: offers(monitor) == expected, f"the graph to show {expected}")
+
+
+def test_what_each_state_offers(monitor, panda):
+    """Up and down again: only diagnostics; then a model and services; then states, too; and back."""
+    peer = monitor.peer
+    wait_for_offers(monitor, (), (), ())
+    report = monitor.next_report()
+    assert report.values["lifecycle"] == "unconfigured"
+    assert "unconfigured" in report.entries["joint states"].message
+
+    monitor.set_parameter("robot_description", str(panda.path))
+    monitor.transition("configure")
+    assert peer.phase(monitor.name) == "inactive"
+    wait_for_offers(monitor, OUTPUTS, (), SERVICES)
+    request = Diagonalize.Request(state=panda.message(0, panda.samples[0]))
+    response = monitor.call(Diagonalize, "diagonalize", request)
+    assert response.success, response.message
+    Truth(panda, *panda.samples[0][:3]).check_state(response.state)
+    report = monitor.next_report()
+    assert (report.values["lifecycle"], report.values["robot"]) == ("inactive", "panda")
+
+    monitor.transition("activate")
+    assert peer.phase(monitor.name) == "active"
+    wait_for_offers(monitor, OUTPUTS, ("joint_states",), SERVICES)
+    for sample in range(3):
+        monitor.connect(panda, sample).serves(panda, sample)
+
+    monitor.transition("deactivate")
+    wait_for_offers(monitor, OUTPUTS, (), SERVICES)
+    monitor.forget()
+    received = monitor.next_report().count("received")
+    monitor.feeder.publish(panda.message(monitor.tick(), panda.samples[0]))
+    report = monitor.next_report()
+    assert report.count("received") == received
+    assert "inactive: nothing is listened to" in report.entries["joint states"].message
+    assert not any(topic.messages for topic in monitor.topics.values())
+
+    monitor.transition("cleanup")
+    wait_for_offers(monitor, (), (), ())
+    assert "robot" not in monitor.next_report().values
+
+
+def test_joints_are_forgotten_when_inactive(monitor, panda):
+    """After a pause, a part of the joints is no state: what was before the pause does not stand for the rest."""
+    monitor.set_parameter("robot_description", str(panda.path))
+    monitor.transition("configure", "activate")
+    monitor.connect(panda)
+    monitor.serves(panda)
+    monitor.transition("deactivate", "activate")
+    before = monitor.next_report()
+    monitor.forget()
+    monitor.peer.wait_until(monitor.feeder.get_subscription_count, "the subscription")
+
+    def incomplete(report):
+        monitor.feeder.publish(panda.message(monitor.tick(MS), panda.samples[1], panda.names[:5]))
+        return report.count("incomplete") > before.count("incomplete")
+
+    report = monitor.wait_for_report(incomplete, "an incomplete state")
+    assert report.values["missing joints"] == f"3: {', '.join(panda.names[5:])}"
+    assert not monitor.topics["state"].messages
+    monitor.connect(panda).serves(panda, 2)
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [("/nowhere/robot.urdf", "/nowhere/robot.urdf"), ("<robot name='r'><link name='a'/>", "not well-formed")],
+    ids=["no file", "malformed"],
+)
+def test_configure_fails_and_can_be_repeated(monitor, panda, value, reason):
+    """It stays unconfigured, with nothing left over, and says why; with the parameter put right it goes on."""
+    monitor.set_parameter("robot_description", value)
+    assert not monitor.peer.transition(monitor.name, "configure")
+    assert monitor.peer.phase(monitor.name) == "unconfigured"
+    wait_for_offers(monitor, (), (), ())
+    report = monitor.next_report()
+    model = report.entries["model"]
+    assert model.level == ERROR
+    assert reason in model.message and "robot_description" in model.message
+    assert report.values["lifecycle"] == "unconfigured"
+
+    monitor.set_parameter("robot_description", str(panda.path))
+    monitor.transition("configure", "activate")
+    monitor.connect(panda).serves(panda, 1)
+    assert monitor.next_report().entries["model"].level == OK
+
+
+def test_reconfigured(monitor, panda):
+    """What shapes the model changes only while unconfigured, and holds from then on; so does another robot."""
+    monitor.set_parameter("robot_description", str(panda.path))
+    monitor.transition("configure", "activate")
+    monitor.connect(panda).serves(panda)
+    for phase in ("active", "inactive"):
+        assert monitor.peer.phase(monitor.name) == phase
+        result = monitor.set_parameters({"mimic": "free"})
+        assert not result.successful
+        assert result.reason.startswith(
+            "parameter 'mimic' is read-only while the node is configured: clean it up first"
+        )
+        if phase == "active":
+            monitor.transition("deactivate")
+    monitor.transition("cleanup")
+    monitor.set_parameter("mimic", "free")
+    monitor.transition("configure", "activate")
+    free = robot(PANDA, free=True)
+    monitor.connect(free).serves(free, 1)
+    monitor.transition("deactivate", "cleanup")
+    result = monitor.set_parameters({"mimic": "embed", "robot_description": str(robot(UR5).path)})
+    assert result.successful, result.reason
+    monitor.transition("configure", "activate")
+    monitor.connect(robot(UR5)).serves(robot(UR5), 1)
+
+
+def test_transitions_that_are_none(monitor, panda):
+    """Activating what is not configured fails and changes nothing."""
+    assert not monitor.peer.transition(monitor.name, "activate")
+    assert monitor.peer.phase(monitor.name) == "unconfigured"
+    monitor.set_parameter("robot_description", str(panda.path))
+    monitor.transition("configure")
+    assert not monitor.peer.transition(monitor.name, "configure")
+    assert monitor.peer.phase(monitor.name) == "inactive"
+    monitor.transition("activate")
+    monitor.connect(panda).serves(panda)
+
+
+CYCLES = 200
+WARM_UP = 50
+"""Cycles in which allocators and DDS's pools grow to what they need."""
+GROWTH = 4e6
+"""Bytes of memory that CYCLES may add: a fifth of what one subscription with its event handlers takes, times CYCLES."""
+
+
+def resources(process):
+    """Return threads, file descriptors and memory of a process."""
+    return process.num_threads(), process.num_fds(), process.memory_info().rss
+
+
+def test_hundreds_of_pauses(monitor, panda):
+    """With 1 kHz of input, pausing and going on leaves no thread, descriptor or memory behind; then all is right."""
+    peer = monitor.peer
+    monitor.set_parameter("robot_description", str(panda.path))
+    monitor.transition("configure", "activate")
+    process = psutil.Process(monitor.process.popen.pid)
+    simulator = node_process(
+        "simulator", "-r", "__ns:=/managed", robot_description=panda.path, motion="wave", rate=1000.0
+    )
+    with simulator:
+        monitor.wait_for_report(lambda report: report.count("published") > 200, "the simulator's states")
+
+        def cycle(times):
+            for _ in range(times):
+                monitor.transition("deactivate", "activate")
+
+        cycle(WARM_UP)
+        threads, descriptors, memory = resources(process)
+        before = monitor.next_report()
+        cycle(CYCLES)
+        now = resources(process)
+        states = monitor.topics["state"]
+        inputs = peer.topic(JointState, "/managed/joint_states")
+        last = peer.now()
+        common = peer.wait_until(
+            lambda: sorted(stamp for stamp in {*inputs.stamps} & {*states.stamps} if stamp > last)[:20], "states", START
+        )
+        for stamp in common:
+            message = inputs.at(stamp)
+            at = [message.name.index(name) for name in panda.names]
+            q, qd, tau = (np.array(x)[at] for x in (message.position, message.velocity, message.effort))
+            state = states.at(stamp)
+            assert nanoseconds(state.oldest_stamp) == stamp
+            Truth(panda, q, qd, tau).check_total_joint_rates(state)
+        report = monitor.next_report()
+        peer.node.destroy_subscription(inputs.subscription)
+    assert report.count("received") == report.outcomes()
+    assert report.count("published") > before.count("published")
+    assert now[:2] == (threads, descriptors)
+    assert now[2] <= memory + GROWTH
+
+
+# --- the end
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
+def test_signal_in_every_state(peer, panda, number):
+    """A signal ends the process with status 0, whichever state the node is in; `stop` asserts it."""
+    reached = {
+        "unconfigured": (),
+        "inactive": ("configure",),
+        "active": ("configure", "activate"),
+        "finalized": ("shutdown",),
+    }
+    arguments = {"autostart": False, "robot_description": panda.path}
+    monitors = {phase: Monitor(peer, f"/{phase}{int(number)}", **arguments) for phase in reached}
+    try:
+        for phase, monitor in monitors.items():
+            monitor.transition(*reached[phase])
+            assert peer.phase(monitor.name) == phase
+        monitors["active"].connect(panda).serves(panda)
+        for monitor in monitors.values():
+            monitor.process.stop(number)
+    finally:
+        for monitor in monitors.values():
+            monitor.process.popen.kill()
+
+
+def test_shutdown_from_active(peer, panda):
+    """The transition `shutdown` takes everything off the graph; a node that started itself is active before."""
+    with Monitor(peer, "/ending", robot_description=panda.path) as monitor:
+        monitor.connect(panda).serves(panda)
+        assert peer.phase(monitor.name) == "active"
+        monitor.transition("shutdown")
+        assert peer.phase(monitor.name) == "finalized"
+        wait_for_offers(monitor, (), (), ())
+
+
+def test_autostart_with_a_robot_that_is_none():
+    """The process ends with status 1, and one line says why."""
+    with node_process("monitor", robot_description="/nowhere/robot.urdf") as process:
+        assert process.wait(START) == 1
+        last = process.output.strip().splitlines()[-1]
+        assert "robot_description" in last and "/nowhere/robot.urdf" in last
+        assert "Traceback" not in process.output
