@@ -377,11 +377,8 @@ class Monitor(contextlib.AbstractContextManager):
         self.topics = {topic: peer.topic(kind, f"{self.name}/{topic}") for topic, kind in OUTPUTS.items()}
         self.reports = []
         peer.node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, MANY)
-        if live:
-            parameters = {f"max_rate.{topic}": 0.0 for topic in OUTPUTS} | parameters
-        else:
-            parameters = {"max_age": 0.0} | parameters
-        self.process = node_process("monitor", "-r", f"__ns:={namespace}", *arguments, **parameters)
+        defaults = {f"max_rate.{topic}": 0.0 for topic in OUTPUTS} if live else {"max_age": 0.0}
+        self.process = node_process("monitor", "-r", f"__ns:={namespace}", *arguments, **(defaults | parameters))
 
     def __exit__(self, *error):
         self.process.__exit__(*error)

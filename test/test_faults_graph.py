@@ -1,11 +1,13 @@
 """Publishers and quality of service that fit and that do not: what arrives, and what /diagnostics say of the rest."""
 
 import pytest
+from diag_dynamics.msg import DiagonalizedState, KineticEnergy
+from rcl_interfaces.srv import ListParameters
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from nodes import LATCHED, PANDA, UR5, Monitor, Peer, Truth, description, robot
+from nodes import LATCHED, OUTPUTS, PANDA, UR5, Monitor, Peer, Truth, description, robot
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
@@ -50,8 +52,6 @@ def overridden(peer):
     with Monitor(peer, "/strict", robot_description=robot(PANDA).path, **parameters) as monitor:
         # The test's own subscription to `state` is reliable, so nothing of a best-effort publisher reaches it.
         peer.node.destroy_subscription(monitor.topics["state"].subscription)
-        from diag_dynamics.msg import DiagonalizedState
-
         monitor.topics["state"] = peer.topic(DiagonalizedState, f"{monitor.name}/state", BEST_EFFORT)
         yield monitor.connect(robot(PANDA))
 
@@ -102,8 +102,6 @@ def test_overrides_are_honoured(overridden, panda):
     assert list(overridden.peer.get_parameters(at, names).values()) == [7, 3, "keep_all"]
     overridden.serves(panda)
     # a late joiner gets the last message of a transient_local output
-    from diag_dynamics.msg import KineticEnergy
-
     late = overridden.peer.topic(KineticEnergy, f"{at}/kinetic_energy", LATCHED)
     overridden.peer.wait_until(lambda: late.messages, "the last kinetic energy")
     assert late.stamps == [overridden.now]
@@ -112,10 +110,6 @@ def test_overrides_are_honoured(overridden, panda):
 
 def test_overrides_of_every_topic_can_be_read(default):
     """Every input and output has its parameters, so that they can be found."""
-    from rcl_interfaces.srv import ListParameters
-
-    from nodes import OUTPUTS
-
     listed = default.call(ListParameters, "list_parameters", ListParameters.Request()).result.names
     at = {f"/default/{topic}": "subscription" for topic in ("joint_states", "robot_description")}
     at |= {f"/default/diag_dynamics/{topic}": "publisher" for topic in OUTPUTS}
@@ -212,7 +206,7 @@ def test_publishers_are_listed(default):
     assert values["publishers of /default/robot_description"] == "1: /test"
 
 
-def test_history_is_kept(default):
+def test_defaults(default):
     """The defaults are those of sensor data in, reliable out."""
     node = default.peer.node
     (listener,) = node.get_subscriptions_info_by_topic("/default/joint_states")

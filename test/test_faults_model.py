@@ -385,6 +385,6 @@ def test_star_is_judged_for_every_joint(monitor):
     try:
         result = monitor.set_parameters(shares)
     finally:
-        monitor.set_parameters(dict.fromkeys(shares, [""]))
+        monitor.set_parameters({name: [""] for name in shares})
     assert not result.successful
     assert "panda_joint1" in result.reason

@@ -1,11 +1,13 @@
 """Services under load and under malformed requests: every answer is right or names its fault, and states go on."""
 
 import math
+from array import array
 
 import numpy as np
 import pytest
 from diag_dynamics.srv import Diagonalize, ForwardDynamics, InverseDynamics, SetPayload
 from geometry_msgs.msg import Inertia, Vector3, Wrench
+from rclpy.qos import QoSProfile
 
 from nodes import MS, PANDA, TIMEOUT, Monitor, Truth, assert_close, joint_state, robot
 
@@ -59,7 +61,11 @@ class Caller:
         self.node = peer.node
         self.service = sorted(SERVICES)[number % 3]
         self.panda = panda
-        self.client = self.node.create_client(SERVICES[self.service], f"{monitor.name}/{self.service}")
+        # Its own queue of answers is long enough for all of them.
+        queue = QoSProfile(depth=2 * CALLS)
+        self.client = self.node.create_client(
+            SERVICES[self.service], f"{monitor.name}/{self.service}", qos_profile=queue
+        )
         rng = np.random.default_rng(number)
         self.states = [rng.uniform(-1, 1, (4, len(panda.names))) for _ in range(CALLS)]
         self.futures = []
@@ -140,11 +146,11 @@ def million_names(request):
 
 
 def million_positions(request):
-    request.state.position = np.zeros(MILLION)
+    request.state.position = array("d", bytes(8 * MILLION))
 
 
 def million_velocities(request):
-    request.state.velocity = np.zeros(MILLION)
+    request.state.velocity = array("d", bytes(8 * MILLION))
 
 
 def million_copies(request):
@@ -201,7 +207,9 @@ def test_malformed_request(running, panda, case):
 
 def test_million_accelerations(running, panda):
     """So with the field that only inverse dynamics has."""
-    request = InverseDynamics.Request(state=panda.message(0, panda.samples[0]), acceleration=np.zeros(MILLION))
+    request = InverseDynamics.Request(
+        state=panda.message(0, panda.samples[0]), acceleration=array("d", bytes(8 * MILLION))
+    )
     response = running.call(InverseDynamics, "inverse_dynamics", request)
     assert not response.success
     assert "acceleration has 1000000 entries" in response.message
