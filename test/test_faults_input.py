@@ -241,8 +241,28 @@ def test_odometry_that_stops(base, panda):
     assert "odom is 0.25" in report.values["last rejection"]
     assert not monitor.topics["state"].messages
     assert report.count("received") == report.outcomes()
-    assert report.count("before odometry") > 0  # while it was being connected
     base.check(base.wait_for_state(panda.samples[1]), panda.samples[1])
+
+
+def test_joints_before_odometry(base, panda):
+    """Without a base there is no state; that is counted and said, and over with the first odometry."""
+    monitor = base.monitor
+    monitor.transition("deactivate", "activate")
+    before = monitor.next_report()
+    monitor.forget()
+    monitor.peer.wait_until(monitor.feeder.get_subscription_count, "the subscription to joint_states")
+
+    def waiting(report):
+        monitor.feeder.publish(panda.message(monitor.tick(10 * MS), panda.samples[0]))
+        return report.count("before odometry") > before.count("before odometry")
+
+    report = monitor.wait_for_report(waiting, "joints that wait for odometry")
+    assert report.level == WARN
+    assert "no odometry yet" in report.message
+    assert report.count("received") == report.outcomes()
+    assert not monitor.topics["state"].messages
+    base.connect()
+    base.check(base.wait_for_state(panda.samples[2]), panda.samples[2])
 
 
 # --- velocities that no one sends
