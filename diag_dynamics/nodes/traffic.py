@@ -78,8 +78,8 @@ class Traffic:
         self._reported = counts
         elapsed = max(time.monotonic() - self._since, 1e-3)
         values = {
-            "input rate [Hz]": f"{recent['received'] / elapsed:.1f}",
-            "output rate [Hz]": f"{sum(recent[what] for what in PUBLISHED) / elapsed:.1f}",
+            "input rate [Hz]": f"{recent['received'] / elapsed:.4g}",
+            "output rate [Hz]": f"{sum(recent[what] for what in PUBLISHED) / elapsed:.4g}",
         }
         if self.last_stamp is not None:
             values["age of the last state [s]"] = f"{(now - self.last_stamp) * 1e-9:.6f}"
@@ -130,9 +130,11 @@ def _counts_of(robot):
 
 def _of_inputs(assembler, now):
     """What is known of the joints, by key."""
-    if assembler.stamps.in_step is False:
-        now -= int(assembler.stamps.offset * 1e9)  # theirs is another time
+    in_step = assembler.stamps.in_step
+    if not in_step:
+        now = assembler.newest  # theirs may be another time
     values = {
+        "stamps": {True: "of this node's clock", False: "of another time", None: "not judged"}[in_step],
         "missing joints": counted(assembler.missing),
         "stale joints": counted(assembler.stale(now)),
         "joints without effort": counted(assembler.without_effort),

@@ -163,6 +163,11 @@ class JointStateAssembler:
         """Joints whose velocities are estimated from their positions."""
         return [self.names[k] for k in np.flatnonzero(self._known & self._estimated)]
 
+    @property
+    def newest(self):
+        """The newest stamp of the joints that have arrived [ns]; 0 without any."""
+        return int(self._stamp[self._known].max(initial=0))
+
     def stale(self, now):
         """Joints that have arrived, but not within their age limit before `now` [ns]."""
         return [self.names[k] for k in np.flatnonzero(self._known & (now - self._stamp > self._spans))]
