@@ -394,6 +394,7 @@ class Monitor(contextlib.AbstractContextManager):
             START,
         )
         # A publisher may know of a subscription before that knows of it: the first messages can get lost.
+        self.tick()  # what came by the last stamp came by another publisher, or to another robot
         deadline = time.monotonic() + TIMEOUT
         while not all(topic.at(self.now) for topic in self.topics.values()):
             assert time.monotonic() < deadline, f"nothing comes through {self.name}"
