@@ -1,6 +1,7 @@
 """The dynamics services: each answers with numbers, or with success = false and a message that names the fault."""
 
 import numpy as np
+from rclpy.qos import QoSProfile
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
@@ -15,6 +16,9 @@ from diag_dynamics.nodes.messages import (
     requested_wrenches,
 )
 from diag_dynamics.srv import Diagonalize, ForwardDynamics, InverseDynamics, SetPayload
+
+PATIENT = QoSProfile(depth=1000)
+"""Requests that wait: of many clients' at once rclpy's default keeps ten, and lets the others go without an answer."""
 
 
 class DynamicsServices:
@@ -40,7 +44,9 @@ class DynamicsServices:
             (Diagonalize, "diagonalize", self._diagonalize),
             (SetPayload, "set_payload", self._set_payload),
         ):
-            self._services.append(node.create_service(kind, f"~/{name}", self._guarded(kind, answer)))
+            self._services.append(
+                node.create_service(kind, f"~/{name}", self._guarded(kind, answer), qos_profile=PATIENT)
+            )
 
     def destroy(self):
         """Take the services off the graph."""
