@@ -24,6 +24,7 @@ ROS_FILES = (
     "test_lifecycle.py",
     "test_mimic_nodes.py",
     "test_monitor.py",
+    "test_restarts.py",
     "test_services.py",
     "test_restarts.py",
     "test_simulator_node.py",
