@@ -5,7 +5,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diag_dynamics.exceptions import InputError
@@ -250,10 +250,20 @@ def test_same_stamp_again(assembler):
     assert_state(assembler.update(whole(1 * S, 5.0), NOW), [6, 7, 8], 1 * S, 1 * S)
 
 
-@pytest.mark.parametrize(("timeout", "most"), [(0.5, 1.0), (0.0, 1.0), (3.0, 3.0)])
-def test_late(timeout, most):
-    """Overtaken by a newer message: dropped, up to a second or the timeout. Beyond that, it is from the past."""
-    assembler = assembling(timeout=timeout)
+LATE = [
+    ({"timeout": 0.5}, 1.0),
+    ({"timeout": 0.0}, 1.0),
+    ({"timeout": 3.0}, 3.0),
+    ({"timeouts": {"*": 3.0}}, 3.0),
+    ({"timeout": 3.0, "timeouts": {"*": 0.2}}, 1.0),
+    ({"timeout": 3.0, "timeouts": {"*": 0.0}}, 1.0),
+]
+
+
+@pytest.mark.parametrize(("options", "most"), LATE)
+def test_late(options, most):
+    """Overtaken by a newer message: dropped, up to a second or the joint's timeout. Beyond that, it is from the past."""
+    assembler = assembling(**options)
     assembler.update(whole(100 * S), NOW)
     refused(assembler, whole(100 * S - 1, 5.0), "late", "shoulder")
     refused(assembler, whole(100 * S - int(most * S), 5.0), "late", f"{most:.6f} s")
@@ -325,25 +335,55 @@ def test_strays_are_no_jump(assembler):
     assert not counted(assembler)
 
 
-def test_late_message_does_not_refute_a_jump(assembler):
-    """It says nothing of the time, as it has been overtaken; nor does one that is malformed."""
+def test_what_is_malformed_refutes_no_jump(assembler):
+    """It says nothing of the time."""
     assembler.update(whole(100 * S), NOW)
     refused(assembler, whole(50 * S), "stamp from the past")
-    refused(assembler, whole(99 * S + 500 * MS), "late")
     refused(assembler, whole(100 * S, position=[1, 2, math.nan]), "no position")
     assert_state(assembler.update(whole(50 * S), NOW), [1, 2, 3], 50 * S, 50 * S)
     assert counted(assembler) == {"time jumped back": 1}
 
 
+def test_small_jump_back(assembler):
+    """Within a second messages are late, until five of them in a row, over half a second, say that time has jumped."""
+    assembler.update(whole(100 * S), NOW)
+    for k in range(5):
+        refused(assembler, whole(99 * S + k * 100 * MS), "late")
+    assert_state(assembler.update(whole(99 * S + 500 * MS, 1.0), NOW), [2, 3, 4], 99 * S + 500 * MS, 99 * S + 500 * MS)
+    assert counted(assembler) == {"time jumped back": 1}
+
+
+def test_delayed_messages_are_no_jump(assembler):
+    """Two sources of the same joints, of which one is behind: its messages are late for ever, and only those."""
+    for k in range(100):
+        stamp = 100 * S + k * 20 * MS
+        assert_state(assembler.update(whole(stamp), NOW), [1, 2, 3], stamp, stamp)
+        refused(assembler, whole(stamp - 200 * MS, 9.0), "late")
+    assert not counted(assembler)
+
+
 def test_two_sources_jump_back(assembler):
-    """Messages with other joints confirm a jump, too, if theirs are in the past as well."""
+    """Each of them has to confirm it itself; the first one that does forgets all joints, those of the others, too."""
     arm, gripper = ["shoulder", "elbow"], ["wrist"]
     assembler.update(whole(100 * S, names=arm), NOW)
     assembler.update(whole(100 * S, names=gripper), NOW)
     refused(assembler, whole(5 * S, names=arm), "stamp from the past", "shoulder")
-    assert assembler.update(whole(5 * S + MS, names=gripper), NOW) is None
-    assert_state(assembler.update(whole(5 * S + MS, names=arm), NOW), [1, 2, 3], 5 * S + MS, 5 * S + MS)
+    refused(assembler, whole(5 * S, names=gripper), "stamp from the past", "wrist")
+    assert assembler.update(whole(5 * S + MS, names=arm), NOW) is None
+    assert_state(assembler.update(whole(5 * S + MS, names=gripper), NOW), [1, 2, 3], 5 * S + MS, 5 * S + MS)
     assert counted(assembler) == {"time jumped back": 1, "incomplete": 2}
+
+
+def test_one_of_two_sources_jumps_back():
+    """It is believed although the other one goes on as before, which its messages do not refute."""
+    assembler = assembling(timeout=0.0)
+    arm, gripper = ["shoulder", "elbow"], ["wrist"]
+    assembler.update(whole(100 * S), NOW)
+    refused(assembler, whole(90 * S, names=arm), "stamp from the past")
+    assert_state(assembler.update(whole(100 * S + MS, names=gripper), NOW), [1, 2, 3], 100 * S + MS, 100 * S)
+    assert assembler.update(whole(90 * S + MS, names=arm), NOW) is None
+    assert_state(assembler.update(whole(101 * S, names=gripper), NOW), [1, 2, 3], 101 * S, 90 * S + MS)
+    assert counted(assembler) == {"time jumped back": 1, "incomplete": 1}
 
 
 BETWEEN = {
@@ -438,11 +478,11 @@ def test_without_stamp(assembler):
     assert (state.newest, state.oldest) == (NOW + 100 * MS, NOW + 100 * MS)
 
 
-def test_simulated_time_of_zero(assembler):
-    """Before the first /clock, the time of reception is zero as well."""
-    state = assembler.update(whole(0), 0)
-    assert_state(state, [1, 2, 3], 0, 0)
-    assert assembler.missing == []
+def test_neither_stamp_nor_clock(assembler):
+    """Before the first /clock there is no time that could stand for a stamp of zero; other stamps do not need it."""
+    for message in (whole(0), whole(0, names=["wrist"])):
+        refused(assembler, message, "no time", "use_sim_time", now=0)
+    assert_state(assembler.update(whole(5 * S), 0), [1, 2, 3], 5 * S, 5 * S)
 
 
 # --- followers
@@ -731,6 +771,13 @@ def test_bounds_are_inclusive_and_zero_is_none():
     assert state.velocity.tolist() == [1e300, -1e300, 0]
 
 
+def test_joints_that_turn_round_have_no_bound_of_position():
+    """However often a wheel has turned."""
+    assembler = assembling(continuous=["wrist"], max_position=100.0)
+    assert assembler.update(whole(1 * S, position=[1, 2, 1e7]), NOW).position.tolist() == [1, 2, 1e7]
+    refused(assembler, whole(2 * S, position=[1, 1e7, 2]), "absurd value", "elbow")
+
+
 def test_joints_of_others_may_be_absurd(coupled):
     """What is not needed is not judged, nor are followers, who are compared with their leaders."""
     configure(coupled, max_position=3.0, max_velocity=30.0)
@@ -857,6 +904,19 @@ def test_stamps_of_another_time_refused():
     refused(assembler, whole(5 * S), "stamp from the past")
 
 
+@pytest.mark.parametrize(("refuse", "believed"), [(False, 20), (True, 25)])
+def test_a_clock_that_was_set(refuse, believed):
+    """After ten seconds in which all stamps are apart by the same amount they are foreign; with refuse they never are."""
+    assembler = assembling(max_age=1.0, refuse_foreign=refuse)
+    assembler.update(whole(NOW), NOW)
+    for k in range(25):
+        now = NOW + 5 * S + k * 500 * MS
+        if k < believed:
+            refused(assembler, whole(now - 4 * S), "stamp from the past", now=now)
+        else:
+            assert_state(assembler.update(whole(now - 4 * S), now), [1, 2, 3], now - 4 * S, now - 4 * S)
+
+
 def test_followers_are_judged_by_the_clock():
     """They have no order, but an age."""
     assembler = assembling(mimics=MIMICS, max_age=1.0)
@@ -954,6 +1014,48 @@ def test_estimates_start_anew_after_a_gap(estimating):
     assert 99.0 < state.velocity[2] < 199.0  # that of before counts still a little
 
 
+def test_sparse_positions_have_estimates():
+    """Where positions come more seldom than the timeout, three periods make a gap."""
+    assembler = assembling(timeout=0.0, estimate_velocity=True)
+    assembler.update(positions(10 * S, 0, 0, 0), NOW)
+    for k in (1, 2, 3, 6):
+        velocity = assembler.update(positions((10 + k) * S, k, 2 * k, 0), NOW).velocity
+        np.testing.assert_allclose(velocity, [1, 2, 0], rtol=1e-9)
+    assert assembler.update(positions(26 * S, 7, 7, 7), NOW) is None
+
+
+@pytest.mark.parametrize("moved", [5.0, -5.0])
+def test_absurd_step(estimating, moved):
+    """A step that is faster than any joint rejects the message; the joint starts anew, of others nothing has happened."""
+    configure(estimating, max_velocity=120.0)
+    for k in range(11):
+        estimating.update(positions(S + k * 10 * MS, k, k, k), NOW)
+    with pytest.raises(RejectedError, match=r"'elbow': its step to position .* faster than 120") as rejection:
+        estimating.update(positions(S + 110 * MS, 11, 10 + moved, 11), NOW)
+    assert rejection.value.cause == "absurd value"
+    for k in range(12, 22):
+        assert estimating.update(positions(S + k * 10 * MS, k, k, k), NOW) is None
+    np.testing.assert_allclose(estimating.update(positions(S + 220 * MS, 22, 22, 22), NOW).velocity, 100.0, rtol=1e-9)
+
+
+def test_steps_of_joints_with_velocities_are_not_judged(estimating):
+    """A position that is reset, as by homing, says nothing against a velocity that is sent."""
+    configure(estimating, max_velocity=120.0)
+    for k, position in enumerate((0.0, 50.0, 0.0)):
+        state = estimating.update(positions(S + k * 10 * MS, 1, position, 1, velocity=[1, 2, 3]), NOW)
+        assert state.velocity.tolist() == [1, 2, 3]
+
+
+@pytest.mark.parametrize("time", [0.0, 0.02])
+def test_repeated_stamps(time):
+    """A driver that sends each stamp several times has the velocities of one that sends it once."""
+    assembler = assembling(estimate_velocity=True, velocity_filter_time=time)
+    for k in range(30):
+        for _ in range(3):
+            state = assembler.update(positions(S + k * 10 * MS, 0.5 * k, -k, 0), NOW)
+    np.testing.assert_allclose(state.velocity, [50, -100, 0], atol=1e-9)
+
+
 def test_estimates_start_anew_when_time_jumps_back(estimating):
     """No step leads from the one time to the other."""
     for k in range(11):
@@ -1033,8 +1135,8 @@ def of(name, entries, default):
 
 
 def span(seconds):
-    """Return tenths of a second, given in seconds, in nanoseconds."""
-    return round(10 * seconds) * 100 * MS
+    """Return seconds in nanoseconds."""
+    return round(1000 * seconds) * MS
 
 
 class Model:
@@ -1044,7 +1146,8 @@ class Model:
         self.options = options
         self.known, self.efforts, self.tracks = {}, {}, {}
         self.jumps = self.disagreements = self.absurd = 0
-        self.in_step = self.suspect = None
+        self.in_step = self.refused = None
+        self.runs = {}  # of each source, stamps that were too old, one after the other
 
     def update(self, message, now):
         """Return the state's fields, an outcome, or the causes of a rejection: where there are several, any will do."""
@@ -1063,7 +1166,10 @@ class Model:
         if cause := self._out_of_time(at, stamped, now, names):
             return {cause}
         for name in names:
-            self._take(name, entries[name] | {"at": at, "stamped": stamped})
+            entries[name] |= {"at": at, "stamped": stamped}
+        if self.options.estimate_velocity and not self._follow_positions(names, entries):
+            return {"absurd value"}
+        self.known |= {name: entries[name] for name in names}
         for name in followers:
             self.efforts[name] = (at, self._effort(name, entries[name]["effort"]))
         self.absurd += any(self._is_absurd(name, entries[name]["effort"]) for name in names + followers)
@@ -1088,7 +1194,7 @@ class Model:
             if not math.isfinite(position):
                 causes.add("no position")
             excesses = [
-                (abs(position), most.max_position),
+                (abs(position) if name not in CONTINUOUS else 0.0, most.max_position),
                 (max(lower - position, position - upper), most.beyond_limits),
                 (abs(velocity) if math.isfinite(velocity) else 0.0, most.max_velocity),
             ]
@@ -1098,43 +1204,73 @@ class Model:
 
     def _out_of_time(self, at, stamped, now, names):
         """Return why a stamp is not accepted; if it says that time has jumped back, forget all."""
-        far = None
-        if stamped and now and self.options.max_age:
-            far = abs(now - at) > span(self.options.max_age)
-            if far and self.in_step:
-                return "stamp from the past" if at < now else "stamp from the future"
-            if far and self.options.refuse_foreign:
-                return "foreign time"
-        alike = [self.known[name]["at"] for name in names if self.known.get(name, {}).get("stamped") == stamped]
-        if alike and max(alike) > at:
-            if max(alike) - at <= max(S, span(self.options.timeout)):
-                return "late"
-            begin, self.suspect = self.suspect, at
-            if begin is None or not begin <= at <= begin + S:
-                return "stamp from the past"
-            self.jumps += 1
-            self.known, self.efforts, self.tracks = {}, {}, {}
+        far, most = None, span(self.options.max_age)
+        if stamped and now and most:
+            far = abs(now - at) > most
+            if far and (self.in_step or self.options.refuse_foreign) and self._out_of_step(now, now - at, most):
+                return (
+                    ("stamp from the past" if at < now else "stamp from the future") if self.in_step else "foreign time"
+                )
+        alike = [name for name in names if self.known.get(name, {}).get("stamped") == stamped]
         if alike:
-            self.suspect = None
+            source = min(names, key=NAMES.index)
+            newest = max(alike, key=lambda name: self.known[name]["at"])
+            last, late = self.known[newest]["at"], max(S, self._timeout(newest))
+            if at >= last:
+                self.runs.pop(source, None)
+            elif cause := self._too_old(at, last - at <= late, late, self.runs.setdefault(source, [])):
+                return cause
+            else:
+                self.jumps += 1
+                self.known, self.efforts, self.tracks, self.runs = {}, {}, {}, {}
         if far is not None:
-            near = abs(now - at) <= span(self.options.max_age) / 2
+            self.refused = None
+            near = abs(now - at) <= most / 2
             self.in_step = near if self.in_step is False else not far
         return None
 
-    def _take(self, name, entry):
-        before = self.known.get(name)
-        self.known[name] = entry
-        track = self.tracks.setdefault(name, {"since": entry["at"], "steps": []})
-        if before:
-            elapsed = entry["at"] - before["at"]
-            timeout = self._timeout(name)
-            if before["stamped"] != entry["stamped"] or (timeout and elapsed > timeout):
-                self.tracks[name] = {"since": entry["at"], "steps": []}
+    def _out_of_step(self, now, offset, most):
+        """Return whether a stamp is refused by the clock."""
+        if self.refused is None or abs(offset - self.refused[1]) > most:
+            self.refused = now, offset
+        return self.options.refuse_foreign or now < self.refused[0] + 10 * S
+
+    def _too_old(self, at, is_late, most, run):
+        """Return why a stamp is not accepted that is older than the last one, or None if it is."""
+        if run and not run[-1] <= at <= run[-1] + most:
+            run.clear()
+        run.append(at)
+        if is_late:
+            return None if len(run) >= 5 and at - run[0] >= S // 2 else "late"
+        return None if len(run) >= 2 else "stamp from the past"
+
+    def _follow_positions(self, names, entries):
+        """Keep the steps that joints make; return False, and keep none, if one is too fast to be a velocity."""
+        tracks, fast = {}, []
+        for name in names:
+            entry, track = entries[name], self.tracks.get(name)
+            at, position = entry["at"], entry["position"]
+            begun = {"stamped": entry["stamped"], "since": at, "at": at, "position": position, "steps": []}
+            if not track or track["stamped"] != entry["stamped"] or at < track["at"]:
+                tracks[name] = begun
+                continue
+            elapsed = at - track["at"]
+            periods = 3 * track["steps"][-1][1] if track["steps"] else 10.0
+            if elapsed > max(self._timeout(name), round(periods * S)):
+                tracks[name] = begun
             elif elapsed:
-                step = entry["position"] - before["position"]
+                step = position - track["position"]
                 if name in CONTINUOUS:
                     step = (step + math.pi) % (2.0 * math.pi) - math.pi
-                track["steps"].append((entry["at"], elapsed * 1e-9, step))
+                steps = [*track["steps"], (at, elapsed / S, step)]
+                tracks[name] = track | {"at": at, "position": position, "steps": steps}
+                if math.isnan(entry["velocity"]) and 0.0 < self.options.max_velocity < abs(step / (elapsed / S)):
+                    fast.append(name)
+        for name in fast:
+            del self.tracks[name]
+        if not fast:
+            self.tracks |= tracks
+        return not fast
 
     def _velocity(self, name):
         """Return the velocity of a joint, NaN where it is not known, and whether it is an estimate."""
@@ -1149,7 +1285,7 @@ class Model:
             return step / elapsed, True
         weighted, weights = 0.0, 0.0
         for then, elapsed, step in track["steps"]:
-            weight = math.exp(-(at - then) * 1e-9 / time) * (1.0 - math.exp(-elapsed / time))
+            weight = math.exp(-(at - then) / S / time) * -math.expm1(-elapsed / time)
             weighted, weights = weighted + weight * step / elapsed, weights + weight
         return weighted / weights, True
 
@@ -1213,7 +1349,7 @@ def by_joint(values):
 
 @st.composite
 def some_options(draw):
-    """Draw options: each of them often as it is by default, and times in tenths of a second, which occur exactly."""
+    """Draw options: each of them often as it is by default; timeouts are tenths of a second, which occur exactly."""
 
     def seldom(default, values):
         return draw(values) if draw(st.integers(0, 2)) == 0 else default
@@ -1222,7 +1358,7 @@ def some_options(draw):
         timeout=draw(st.sampled_from((0.5, 0.5, 0.0, 0.3, 2.0))),
         timeouts=seldom({}, by_joint(st.sampled_from((0.0, 0.2, 0.5, 1.0)))),
         mimic_tolerance=draw(st.sampled_from((0.01, 0.0, 2.0))),
-        max_age=draw(st.sampled_from((1.0, 0.0, 0.5, 2.0))),
+        max_age=draw(st.sampled_from((1.05, 0.0, 0.45, 2.05))),
         refuse_foreign=seldom(False, st.booleans()),
         estimate_velocity=draw(st.booleans()),
         velocity_filter_time=draw(st.sampled_from((0.1, 0.0, 0.01, 0.2, 0.5))),
@@ -1262,7 +1398,7 @@ def journeys(draw):
     now, offset = 3000, draw(st.sampled_from((0, 0, 0, 700, -700, 9)))
     journey = []
     for message in draw(st.lists(messages(), min_size=1, max_size=14)):
-        now += draw(st.sampled_from((1, 0, 1, 1, 2, 4, 9)))
+        now += draw(st.sampled_from((1, 0, 1, 1, 2, 4, 9, 35)))
         kind = draw(st.integers(0, 15))
         offset += draw(st.sampled_from((12, 30, 100, 5, -12, -30))) if kind == 0 else 0
         delay = draw(st.sampled_from((15, 40, 6, -15, -40))) if kind == 1 else draw(st.sampled_from((0, 0, 0, 0, 1, 2)))
@@ -1314,7 +1450,7 @@ def agree(state, expected):
     position, velocity, effort, newest, oldest, unstamped, estimated = expected
     assert state.position.tolist() == position
     if estimated:
-        np.testing.assert_allclose(state.velocity, velocity, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(state.velocity, velocity, rtol=1e-7, atol=1e-9)
     else:
         assert state.velocity.tolist() == velocity
     assert (None if state.effort is None else state.effort.tolist()) == effort
@@ -1325,7 +1461,7 @@ def test_any_sequence():
     """Assembler and model agree on every message, whatever came before; each has exactly one outcome, and each occurs."""
     seen = Counter()
 
-    @examples(500)
+    @settings(examples(500), report_multiple_bugs=False)
     @given(some_options(), journeys())
     def compare(options, journey):
         seen.update(follow(options, journey))
