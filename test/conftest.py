@@ -26,7 +26,6 @@ ROS_FILES = (
     "test_monitor.py",
     "test_restarts.py",
     "test_services.py",
-    "test_restarts.py",
     "test_simulator_node.py",
     "test_soak.py",
     "test_two_hosts.py",

@@ -36,6 +36,7 @@ class EnergyWatch:
         self.configure(model, thresholds)
         self._K = self._power = None
         self._last = None
+        self._since = 0.0  # length of the last interval that was integrated [s]
         self._reported, self._alarm_reported = OK, ""
         self._begin()
 
@@ -70,15 +71,22 @@ class EnergyWatch:
         self._largest = max(self._largest, K)
         self._judge(K, s)
         power = None if s.epsilon is None else power_of(s)
-        if self._last is not None and power is not None and self._power is not None:
-            dt = (stamp - self._last) * 1e-9
-            if 0.0 < dt <= CONTINUOUS:
-                self._gained += K - self._K
-                self._explained += 0.5 * (power + self._power) * dt
-                self._time += dt
-        if stamp != self._last:
-            self._last, self._K, self._power = stamp, K, power
+        self._balance(stamp, K, power)
+        self._last, self._K, self._power = stamp, K, power
         return self._level > self._reported
+
+    def _balance(self, stamp, K, power):
+        """Take in what K has gained since the last state and what the power explains of it."""
+        again = stamp == self._last  # in pieces: of the states with one stamp the last one counts
+        if not again:
+            self._since = 0.0 if self._last is None else (stamp - self._last) * 1e-9
+        if power is None or self._power is None or not 0.0 < self._since <= CONTINUOUS:
+            self._since = 0.0
+            return
+        self._gained += K - self._K
+        self._explained += 0.5 * (power - self._power if again else power + self._power) * self._since
+        if not again:
+            self._time += self._since
 
     def _judge(self, K, s):
         warn, error = self._thresholds.warn, self._thresholds.error

@@ -12,7 +12,7 @@ from diag_dynamics.nodes.inputs.bounds import Bounds
 from diag_dynamics.nodes.inputs.efforts import Efforts
 from diag_dynamics.nodes.inputs.followers import Followers
 from diag_dynamics.nodes.inputs.rejected import RejectedError
-from diag_dynamics.nodes.inputs.stamps import SECOND, Stamps, stamp_of
+from diag_dynamics.nodes.inputs.stamps import SECOND, Stamps, nanoseconds, stamp_of
 from diag_dynamics.nodes.inputs.velocities import VelocityEstimator
 from diag_dynamics.nodes.parameters import by_name
 
@@ -139,7 +139,7 @@ class JointStateAssembler:
         joints, count = self._joints, len(self.names)
         timeouts = by_name("joint_timeouts", options.timeouts, (*self.names, *self.followers.names))
         ages = [
-            np.array([timeouts.get(name, options.timeout) * 1e9 or math.inf for name in names])
+            np.array([nanoseconds(timeouts.get(name, options.timeout)) or math.inf for name in names])
             for names in (self.names, self.followers.names)
         ]
         lower = np.full(count, -math.inf) if joints.lower is None else joints.lower
@@ -210,11 +210,12 @@ class JointStateAssembler:
         self._require(position, "position", here)
         self._bounds.check(position, velocity, here)
         self._judge_stamp(stamp, unstamped, now, here, following)
+        absurd = False
         if len(here):
-            self._take(stamp, here, position, velocity, effort)
-            self._without_stamp[here] = unstamped
+            absurd |= self._take(stamp, unstamped, here, position, velocity, effort)
         if len(following):
-            self._follow(message, beside, following, stamp)
+            absurd |= self._follow(message, beside, following, stamp)
+        self.counts["absurd effort"] += absurd
         if len(here):
             return self._assembled()
         self.counts["followers only"] += 1
@@ -270,47 +271,51 @@ class JointStateAssembler:
                 f"no {what}", f"joint '{self.names[here[k]]}': {what} is {values[k]}, expected a finite number"
             )
 
-    def _take(self, stamp, here, position, velocity, effort):
-        """Keep the values of joints."""
+    def _take(self, stamp, unstamped, here, position, velocity, effort):
+        """Keep the values of joints; return whether an effort is absurd."""
         if self.options.estimate_velocity:
+            self._estimator.forget(here[self._without_stamp[here] != unstamped])  # another clock
             missing = np.isnan(velocity)
-            velocity = np.where(missing, self._estimate(stamp, here, position), velocity)
+            velocity = np.where(missing, self._estimate(stamp, here, position, missing), velocity)
             self._estimated[here] = missing
         else:
             self._estimated[here] = False
         effort, absurd = self.efforts.of(effort, here)
-        self.counts["absurd effort"] += absurd
         self._position[here], self._velocity[here], self._effort[here] = position, velocity, effort
-        self._stamp[here] = stamp
+        self._stamp[here], self._without_stamp[here] = stamp, unstamped
         self._known[here] = True
+        return absurd
 
-    def _estimate(self, stamp, here, position):
-        """Velocities from positions."""
+    def _estimate(self, stamp, here, position, missing):
+        """Velocities from positions, judged where they are missing."""
         longest = np.where(np.isfinite(self._spans[here]), self._spans[here], 0.0)
-        fastest = self.options.max_velocity or math.inf
+        fastest = np.where(missing, self.options.max_velocity or math.inf, math.inf)
         estimate = self._estimator.update(here, position, stamp, self.options.velocity_filter_time, longest, fastest)
         absurd = np.isinf(estimate)
         if absurd.any():
             k = int(np.argmax(absurd))
             raise RejectedError(
                 "absurd value",
-                f"joint '{self.names[here[k]]}': its step to position {position[k]:.9g} is faster than {fastest:g} "
+                f"joint '{self.names[here[k]]}': its step to position {position[k]:.9g} is faster than {fastest[k]:g} "
                 "(absurd.velocity)",
             )
         return estimate
 
     def _follow(self, message, there, here, stamp):
-        """Take in the efforts of followers, and compare their positions where their leaders' are fresh."""
+        """Take in the efforts of followers, and compare their positions where their leaders' are fresh.
+
+        Returns whether an effort is absurd.
+        """
         own = self.followers.unknown()
         own[here] = self._values(message, "position", there)
         self._follower_effort[here], absurd = self.efforts.of_followers(self._values(message, "effort", there), here)
-        self.counts["absurd effort"] += absurd
         self._follower_stamp[here] = stamp
         fresh = self._known & (np.abs(self._stamp - stamp) <= self._spans)
         disagreements = self.followers.disagreements(np.where(fresh, self._position, math.nan), own)
         if disagreements:
             self.counts["mimic disagreement"] += 1
             self.last_disagreement = "; ".join(disagreements)
+        return absurd
 
     def _assembled(self):
         if not self._known.all():

@@ -5,7 +5,7 @@ import numpy as np
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.base import base_state
 from diag_dynamics.nodes.inputs.rejected import RejectedError
-from diag_dynamics.nodes.inputs.stamps import SECOND, Stamps, stamp_of
+from diag_dynamics.nodes.inputs.stamps import SECOND, Stamps, nanoseconds, stamp_of
 
 
 class OdometryBase:
@@ -80,7 +80,9 @@ class OdometryBase:
                 raise RejectedError(
                     "absurd value", f"odom: {what} is {values.tolist()}, expected within ±{most:g} (absurd.*)"
                 )
-        self.jumps += self.stamps.judge("odom", "odom", stamp, 0 if unstamped else now, self.stamp, SECOND)
+        # Only like is compared with like: stamps and times of reception may be those of different clocks.
+        last = self.stamp if unstamped == self._unstamped else None
+        self.jumps += self.stamps.judge("odom", "odom", stamp, 0 if unstamped else now, last, SECOND)
         self.position, self.velocity, self.stamp, self._unstamped = position, velocity, stamp, unstamped
 
     def with_joints(self, state, timeout):
@@ -93,10 +95,11 @@ class OdometryBase:
         """
         if self.stamp is None:
             return None
-        apart = abs(state.newest - self.stamp) * 1e-9
-        ahead = self.stamp - state.newest > SECOND  # of joints whose time has started anew
-        if (timeout and apart > timeout) or ahead:
-            raise RejectedError("stale odometry", f"odom is {apart:.3f} s away from the joints, more than {timeout} s")
+        apart = abs(state.newest - self.stamp)
+        if timeout and apart > nanoseconds(timeout):
+            raise RejectedError(
+                "stale odometry", f"odom is {apart * 1e-9:.3f} s away from the joints, more than {timeout:g} s"
+            )
         effort = None if state.effort is None else np.concatenate([np.zeros(6), state.effort])
         return state._replace(
             position=np.concatenate([self.position, state.position]),

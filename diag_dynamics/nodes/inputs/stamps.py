@@ -11,6 +11,11 @@ LATE_COUNT, LATE_TIME = 5, SECOND // 2
 """Late stamps in a row, and the time between the first and the last of them [ns], that are not late but of another time."""
 
 
+def nanoseconds(seconds):
+    """The whole number that is meant: 1.001 s are no less than 1001 ms."""
+    return round(seconds * SECOND)
+
+
 def stamp_of(message, now):
     """Stamp of a message [ns], `now` where it is zero, and whether it was.
 
@@ -21,7 +26,10 @@ def stamp_of(message, now):
     """
     sec, nanosec = message.header.stamp.sec, message.header.stamp.nanosec
     if sec < 0 or nanosec >= SECOND:
-        raise RejectedError("malformed stamp", f"header.stamp is {sec} s and {nanosec} ns, expected no less than 0 s")
+        raise RejectedError(
+            "malformed stamp",
+            f"header.stamp is {sec} s and {nanosec} ns, expected no less than 0 s and less than 1e9 ns",
+        )
     stamp = sec * SECOND + nanosec
     if stamp:
         return stamp, False
@@ -98,12 +106,14 @@ class Stamps:
             # One that is foreign must come well into the bound to be held to it, lest a clock that is apart by as much as
             # the bound be let in and shut out by turns.
             self.in_step = not far and (self.in_step is not False or abs(self.offset) <= 0.5 * self.max_age)
+        elif not self.max_age:
+            self.in_step = self._refused = None
         return anew
 
     def _far(self, what, stamp, now):
         """Whether a stamp is far from the clock, and may be."""
         self.offset = (now - stamp) * 1e-9
-        far = abs(self.offset) > self.max_age
+        far = abs(now - stamp) > nanoseconds(self.max_age)
         if not far or not (self.in_step or self.refuse_foreign):
             return far
         if self._refused is None or abs(self.offset - self._refused[1]) > self.max_age or now < self._refused[0]:
@@ -111,7 +121,7 @@ class Stamps:
         if self.refuse_foreign or now - self._refused[0] < PATIENCE:
             when, word = ("past", "behind") if self.offset > 0.0 else ("future", "ahead of")
             raise RejectedError(
-                f"stamp from the {when}",
+                f"stamp from the {when}" if self.in_step else "foreign time",
                 f"{what}: stamp {abs(self.offset):.3f} s {word} this node's clock, expected within max_age = "
                 f"{self.max_age:g} s",
             )

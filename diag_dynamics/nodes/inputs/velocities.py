@@ -33,9 +33,9 @@ class VelocityEstimator:
         self._sum, self._weight, self._period = np.zeros((3, count))
         self._known = np.zeros(count, dtype=bool)
 
-    def forget(self):
-        """Start anew, as after a jump of time."""
-        self._known[:] = False
+    def forget(self, here=slice(None)):
+        """Start anew with all joints or some, as after a jump of time."""
+        self._known[here] = False
 
     def update(self, here, position, stamp, time, longest, fastest=np.inf):
         """Velocities of joints by their newest positions.
@@ -52,7 +52,7 @@ class VelocityEstimator:
             Filter time T [s]; 0: the last difference quotient alone.
         longest : ndarray, shape (k,)
             Time between two positions [ns] up to which the estimate goes on, as it does up to :data:`PERIODS` periods.
-        fastest : float
+        fastest : float or ndarray, shape (k,)
             Quotients beyond it are no velocities [rad/s, m/s]: the joint starts anew.
 
         Returns
@@ -61,16 +61,22 @@ class VelocityEstimator:
             [rad/s, m/s]; NaN where it is not known yet, infinite where a quotient was beyond `fastest`.
         """
         elapsed = stamp - self._stamp[here]
-        goes_on = self._known[here] & (elapsed <= np.maximum(longest, PERIODS * self._period[here]))
-        begun = here[~goes_on]
-        self._since[begun], self._sum[begun], self._weight[begun] = stamp, 0.0, 0.0
-        self._period[begun] = LONGEST / PERIODS
+        goes_on = self._known[here] & (elapsed >= 0) & (elapsed <= np.maximum(longest, PERIODS * self._period[here]))
         moved = goes_on & (elapsed > 0)
         at = here[moved]
         dt = elapsed[moved] / SECOND
         step = position[moved] - self._position[at]
         step = np.where(self._turns[at], np.remainder(step + np.pi, 2.0 * np.pi) - np.pi, step)
         quotient = step / dt
+        absurd = np.abs(quotient) > np.broadcast_to(fastest, len(here))[moved]
+        if absurd.any():  # of the others nothing is kept either
+            self._known[at[absurd]] = False
+            velocity = np.full(len(here), np.nan)
+            velocity[np.flatnonzero(moved)[absurd]] = np.inf
+            return velocity
+        begun = here[~goes_on]
+        self._since[begun], self._sum[begun], self._weight[begun] = stamp, 0.0, 0.0
+        self._period[begun] = LONGEST / PERIODS
         stays = np.exp(-dt / time) if time else np.zeros(len(at))
         self._sum[at] = stays * self._sum[at] + (1.0 - stays) * quotient
         self._weight[at] = stays * self._weight[at] + (1.0 - stays)
@@ -78,9 +84,4 @@ class VelocityEstimator:
         new = moved | ~goes_on
         self._position[here[new]], self._stamp[here[new]], self._known[here[new]] = position[new], stamp, True
         ready = (self._weight[here] > 0.0) & ((stamp - self._since[here]) / SECOND >= time)
-        velocity = np.where(ready, self._sum[here] / np.where(ready, self._weight[here], 1.0), np.nan)
-        absurd = np.zeros(len(here), dtype=bool)
-        absurd[moved] = np.abs(quotient) > fastest
-        self._known[here[absurd]] = False
-        velocity[absurd] = np.inf
-        return velocity
+        return np.where(ready, self._sum[here] / np.where(ready, self._weight[here], 1.0), np.nan)
