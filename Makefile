@@ -6,6 +6,8 @@ in_env := source scripts/env.bash &&
 # Neither the demo nor the tests should meet other people's robots on the network.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
+JOBS ?= 2
+
 .PHONY: help setup demo test bench lint format lock clean
 
 help:  ## this list
@@ -17,8 +19,8 @@ setup:  ## virtual environment, ROS 2 and the built package, all under build/
 demo: setup  ## a simulated robot and its kinetic energy, live; ROBOT=<name or URDF path> ARGS=<options>
 	@$(in_env) scripts/demo $(if $(ROBOT),--robot "$(ROBOT)") $(ARGS)
 
-test: lint  ## lint, then every test; ARGS=<pytest options>
-	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest $(ARGS)
+test: lint  ## lint, then every test; ARGS=<pytest options>, JOBS=<files at a time, 0 for a debugger>
+	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
 
 bench: setup  ## speed against other libraries, into benchmarks/results/ and the README; ARGS=--short: a minute's worth
 	@$(in_env) python3 benchmarks/run.py $(ARGS)
