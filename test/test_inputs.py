@@ -219,6 +219,18 @@ def test_step_that_no_joint_makes_leaves_others_alone():
     np.testing.assert_allclose(velocities[3], [10.0, NAN], rtol=1e-9)
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 10])
+@pytest.mark.parametrize(("dt", "time"), [(0.01, 0.0), (0.01, 0.05), (0.1, 0.05)])
+def test_many_positions_of_each_stamp(count, dt, time):
+    """Of a joint that goes on between them the velocity is the true one: no step is lost, none counts twice."""
+    stamps, t = grid(dt, 100)
+    within = np.arange(count) / count * dt
+    estimate = estimates(np.repeat(stamps, count), 0.3 - 1.7 * (t[:, None] + within).ravel(), time)
+    known = np.isfinite(estimate)
+    assert known.tolist() == np.repeat(np.isfinite(estimates(stamps, t, time)), count).tolist()
+    np.testing.assert_allclose(estimate[known], -1.7, rtol=1e-9)
+
+
 def test_stamps_that_go_back():
     """They begin anew, as if nothing had come before."""
     stamps, t = grid(0.01, 50)
@@ -591,6 +603,53 @@ def test_forgotten_stamps():
     assert stamps.in_step is False
 
 
+@pytest.mark.parametrize(
+    ("change", "believed"),
+    [(S, True), (-S, True), (S + 1, False), (-S - 1, False)],
+)
+def test_apart_by_the_same_amount(change, believed):
+    """Up to max_age more or less than at first, or else it is another amount, whose ten seconds begin then."""
+    stamps = Stamps(1.0)
+    assert judged(stamps, CLOCK) == "accepted"
+    assert judged(stamps, CLOCK - 40 * S) == "stamp from the past"
+    now = CLOCK + 10 * S
+    assert judged(stamps, now - 40 * S - change, now=now) == ("accepted" if believed else "stamp from the past")
+    if not believed:
+        now += 10 * S - 1
+        assert judged(stamps, now - 40 * S - change, now=now) == "stamp from the past"
+        assert judged(stamps, now + 1 - 40 * S - change, now=now + 1) == "accepted"
+
+
+@pytest.mark.parametrize(
+    "between",
+    [
+        lambda stamps: judged(stamps, CLOCK + 5 * S, now=CLOCK + 5 * S),
+        lambda stamps: stamps.forget() or judged(stamps, CLOCK + 5 * S, now=CLOCK + 5 * S),
+    ],
+    ids=["one in step", "all forgotten"],
+)
+def test_not_all_apart_from_the_clock(between):
+    """One that agrees with the clock, of whatever source, or forgetting: the ten seconds begin anew."""
+    stamps = Stamps(1.0)
+    assert judged(stamps, CLOCK) == "accepted"
+    assert judged(stamps, CLOCK + MS - 40 * S, now=CLOCK + MS) == "stamp from the past"
+    assert between(stamps) == "accepted"
+    for later, outcome in ((11, "stamp from the past"), (20, "stamp from the past"), (21, "accepted")):
+        now = CLOCK + later * S
+        assert judged(stamps, now - 40 * S, now=now) == outcome
+
+
+def test_ten_seconds_of_a_clock_that_goes_back():
+    """They are not over because the clock they are measured by was set back, nor do they last longer."""
+    stamps = Stamps(1.0)
+    assert judged(stamps, CLOCK) == "accepted"
+    for since in (CLOCK, CLOCK - 500 * S):
+        for later, outcome in ((0, "stamp from the past"), (10 * S - 1, "stamp from the past")):
+            assert judged(stamps, since + later - 40 * S, now=since + later) == outcome
+    now = CLOCK - 490 * S
+    assert judged(stamps, now - 40 * S, now=now) == "accepted"
+
+
 LAST = CLOCK
 PAST = LAST - 100 * S
 LATE = [LAST - 900 * MS + k * 125 * MS for k in range(7)]
@@ -646,6 +705,24 @@ def test_sources_are_suspected_each_by_itself():
     assert judged(stamps, LAST + 1, last=LAST, source="camera") == "accepted"
     assert judged(stamps, PAST + 1, last=LAST, source="arm") == "anew"
     assert judged(stamps, PAST + 1, last=LAST, source="gripper") == "stamp from the past"  # of another jump
+
+
+def test_forgotten_sources():
+    """Of another subscription: whether stamps agree with the clock is not known, and nothing is suspected."""
+    stamps = Stamps(1.0)
+    assert judged(stamps, CLOCK) == "accepted"
+    stamps.forget()
+    assert stamps.in_step is None
+    assert judged(stamps, CLOCK - 40 * S) == "accepted"
+    assert stamps.in_step is False
+    stamps = Stamps()
+    assert judged(stamps, PAST, last=LAST) == "stamp from the past"
+    stamps.forget()
+    assert judged(stamps, PAST, last=LAST) == "stamp from the past"
+    for later in range(4):
+        assert judged(stamps, LAST - SPAN + later * 200 * MS, last=LAST) == "late"
+    stamps.forget()
+    assert judged(stamps, LAST - SPAN + 800 * MS, last=LAST) == "late"
 
 
 def test_rejected_by_the_clock_is_no_suspect():
@@ -739,7 +816,18 @@ def test_payloads():
 
 @pytest.mark.parametrize(
     "entry",
-    ["tip=", "tip=a", "tip=1 2", "tip=1 2 3", "tip=1,2,3,4", "tip=nan", "tip=1 0 0 inf", "tip=-1", "tip=" + "1 " * 11],
+    [
+        "tip=",
+        "tip=a",
+        "tip=1 2",
+        "tip=1 2 3",
+        "tip=1,2,3,4",
+        "tip=nan",
+        "tip=1 0 0 inf",
+        "tip=-1",
+        "tip=-0.1 0 0 0",
+        "tip=" + "1 " * 11,
+    ],
 )
 def test_bad_payloads(entry):
     """The error names parameter and entry, and says what was expected."""
@@ -1096,6 +1184,22 @@ def test_time_of_odometry_jumps_back(base):
     assert (base.jumps, base.stamp, base.position[0]) == (1, 501 * S, 7)
     base.update(odometry(502 * S), CLOCK)
     assert base.jumps == 1
+
+
+def test_odometry_that_is_always_late(base):
+    """Its clock was set back by less than a second: five in a row, growing, over half a second."""
+    base.update(odometry(CLOCK), CLOCK)
+    for k in range(4):
+        odometry_refused(base, odometry(CLOCK - S + k * 150 * MS), "late")
+    base.update(odometry(CLOCK - 400 * MS, (7, 8, 9)), CLOCK)
+    assert (base.jumps, base.stamp, base.position[0]) == (1, CLOCK - 400 * MS, 7)
+
+
+def test_odometry_without_stamp_and_clock(base):
+    """There is no time that it could be of."""
+    with pytest.raises(RejectedError) as rejection:
+        base.update(odometry(0), 0)
+    assert rejection.value.cause == "no time" and base.stamp is None
 
 
 def test_odometry_by_the_clock(base):
