@@ -161,7 +161,7 @@ class Wire(contextlib.AbstractContextManager):
         self.carried, self.lost, self.cut_off, self.overtaken = Counter(), Counter(), Counter(), Counter()
         self._plugs = [first.plug, second.plug]
         self._random = random.Random(seed)
-        self._lock = threading.Lock()
+        self._lock = threading.Condition()
         self._whole = True
         self._under_way = []  # heap of (when to deliver, serial number, from which host, frame)
         self._serial = itertools.count()
@@ -176,6 +176,11 @@ class Wire(contextlib.AbstractContextManager):
         with self._lock:
             self._loss, self._delay, self._jitter = loss, delay, jitter
 
+    def drain(self):
+        """Wait until nothing is under way."""
+        with self._lock:
+            assert self._lock.wait_for(lambda: not self._under_way, TIMEOUT)
+
     def cut(self):
         """Cut the wire: when this returns nothing arrives any more, be it under way already."""
         with self._lock:
@@ -183,6 +188,7 @@ class Wire(contextlib.AbstractContextManager):
             for _, _, source, frame in self._under_way:
                 self.cut_off[source] += _is_udp(frame)
             self._under_way.clear()
+            self._lock.notify_all()
 
     def restore(self):
         """Mend the wire: of what was sent before, nothing arrives."""
@@ -224,6 +230,8 @@ class Wire(contextlib.AbstractContextManager):
             self.carried[source] += _is_udp(frame)
             self.overtaken[source] += serial < self._newest[source] and _is_udp(frame)
             self._newest[source] = max(self._newest[source], serial)
+        if not self._under_way:
+            self._lock.notify_all()
 
     def __exit__(self, *_):
         os.write(self._end[1], b"-")
