@@ -22,11 +22,12 @@ from diag_dynamics.nodes.inputs.odometry import OdometryBase
 from diag_dynamics.nodes.inputs.rejected import RejectedError
 from diag_dynamics.nodes.inputs.stamps import PATIENCE, Stamps, stamp_of
 from diag_dynamics.nodes.inputs.velocities import LONGEST, PERIODS, VelocityEstimator
+from diag_dynamics.nodes.monitored import MonitoredRobot
 from diag_dynamics.nodes.parameters import assignments, by_name
 from diag_dynamics.nodes.robot import payload_entry, payloads_of
 from diag_dynamics.nodes.settings import PARAMETERS, Settings, Thresholds, share_thresholds
 from examples import examples
-from nodes import MS, S
+from nodes import MS, S, joint_state
 from robots import TwoLinkArm, description, joint, link
 
 NAN, INF = math.nan, math.inf
@@ -1250,6 +1251,23 @@ def test_odometry_within_a_long_timeout(base, timeout, apart, sign):
     base.update(odometry(10_000 * S), CLOCK)
     state = base.with_joints(joints_at((10_000 + sign * apart) * S), timeout)
     assert state.newest - state.oldest == apart * S
+
+
+def test_joints_of_another_time(turtle):
+    """After the joints' time has started anew the base has to be heard of anew, be there a limit between them or not."""
+    given = {"floating_base": True, "odom_timeout": 0.0, "max_age": 0.0}
+    robot = MonitoredRobot(TURTLE, turtle, Settings.of(DEFAULTS | given), 1)
+
+    def at(stamp):
+        return robot.complete(robot.assembler.update(joint_state(["shoulder"], [0.3], [0.4], [0.0], stamp), CLOCK))
+
+    robot.base.update(odometry(100 * S), CLOCK)
+    assert at(200 * S).oldest == 100 * S
+    with pytest.raises(RejectedError, match="older"):
+        at(5 * S)
+    assert at(5 * S + MS) is None
+    robot.base.update(odometry(4 * S), CLOCK)
+    assert at(5 * S + 2 * MS)[3:5] == (5 * S + 2 * MS, 4 * S)
 
 
 class Base:
