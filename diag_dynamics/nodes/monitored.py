@@ -6,6 +6,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.nodes.health import EnergyWatch
 from diag_dynamics.nodes.inputs.joint_states import JointStateAssembler, RobotState
 from diag_dynamics.nodes.inputs.odometry import OdometryBase
+from diag_dynamics.nodes.inputs.stamps import SECOND
 from diag_dynamics.nodes.messages import MessageMaker
 from diag_dynamics.nodes.robot import COMPILED, joints_of, payloads_of
 
@@ -45,6 +46,7 @@ class MonitoredRobot:
         self.base = OdometryBase(model, in_header) if model.floating_base else None
         self.energy = EnergyWatch(model, settings.thresholds)
         self.dynamics = None
+        self._jumps = 0  # of the joints' time that the base knows of
         self.use(model, settings, revision)
         self.dynamics.compile(*COMPILED)
 
@@ -94,6 +96,10 @@ class MonitoredRobot:
     def complete(self, state):
         """The whole robot's state from that of its joints: with the base, None while it is unknown."""
         if self.base:
+            jumps = self.assembler.counts["time jumped back"]
+            if jumps > self._jumps and self.base.stamp is not None and self.base.stamp > state.newest + SECOND:
+                self.base.forget()  # it is of the time that is over
+            self._jumps = jumps
             state = self.base.with_joints(state, self.settings.values["odom_timeout"])
         return state
 

@@ -68,7 +68,7 @@ class Stamps:
     def forget(self):
         """Know nothing of the sources any more."""
         self.in_step = None
-        self._refused = None  # when refusals by the clock began, and the offset then
+        self._refused = None  # when refusals by the clock began, and how far apart it was then [ns]
         self._suspects = {}  # of each source the first and last stamp, and the number, of those that were too old
 
     def judge(self, source, what, stamp, now, last, span):
@@ -105,19 +105,21 @@ class Stamps:
             self._refused = None
             # One that is foreign must come well into the bound to be held to it, lest a clock that is apart by as much as
             # the bound be let in and shut out by turns.
-            self.in_step = not far and (self.in_step is not False or abs(self.offset) <= 0.5 * self.max_age)
+            well_within = 2 * abs(now - stamp) <= nanoseconds(self.max_age)
+            self.in_step = not far and (self.in_step is not False or well_within)
         elif not self.max_age:
             self.in_step = self._refused = None
         return anew
 
     def _far(self, what, stamp, now):
         """Whether a stamp is far from the clock, and may be."""
-        self.offset = (now - stamp) * 1e-9
-        far = abs(now - stamp) > nanoseconds(self.max_age)
+        apart, most = now - stamp, nanoseconds(self.max_age)
+        self.offset = apart * 1e-9
+        far = abs(apart) > most
         if not far or not (self.in_step or self.refuse_foreign):
             return far
-        if self._refused is None or abs(self.offset - self._refused[1]) > self.max_age or now < self._refused[0]:
-            self._refused = now, self.offset
+        if self._refused is None or abs(apart - self._refused[1]) > most or now < self._refused[0]:
+            self._refused = now, apart
         if self.refuse_foreign or now - self._refused[0] < PATIENCE:
             when, word = ("past", "behind") if self.offset > 0.0 else ("future", "ahead of")
             raise RejectedError(
