@@ -99,7 +99,7 @@ class SimulatorNode(Node):
     def _publish(self):
         """Where the robot is: its independent joints, then those that follow them, on which no effort acts of their own."""
         simulation = self._simulation
-        stamp = self._start + int((simulation.time + self._let_go) * 1e9)
+        stamp = self._start + round((simulation.time + self._let_go) * 1e9)
         message = JointState(name=self._names)
         message.header.stamp = to_time(stamp)
         q, qd, followers = simulation.q, simulation.qd, self._followers
