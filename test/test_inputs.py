@@ -672,7 +672,8 @@ BY_ORDER = [
     ([PAST, PAST, PAST], ["stamp from the past", "anew", "stamp from the past"]),
     (LATE, ["late"] * 4 + ["anew", "late", "late"]),  # five in a row that span half a second
     ([LATE[0]] * 9 + [LATE[4]], ["late"] * 9 + ["anew"]),
-    (LATE[::3], ["late"] * 3),  # too few
+    ([LAST - 900 * MS + k * 200 * MS for k in range(5)], ["late"] * 4 + ["anew"]),  # four are too few
+    ([*LATE[:4], *(LAST - 650 * MS + k * 100 * MS for k in range(5))], ["late"] * 9),  # back, so they begin anew
     ([LATE[0] + k for k in range(20)], ["late"] * 20),  # too short a time
     ([*LATE[:4], LAST, *LATE[4:]], ["late"] * 4 + ["accepted"] + ["late"] * 3),
     ([*LATE[:4], LATE[2], *LATE[3:6]], ["late"] * 8),  # back again: they begin anew
