@@ -66,7 +66,7 @@ def assignments(parameter, entries, kind=float, minimum=None):
     entries : sequence of str
         Empty strings count for nothing: an empty list of strings cannot be told from one of anything else.
     kind : {float, bool, str}
-        What stands behind the last ``=`` (str: behind the first).
+        What stands behind the last ``=``.
     minimum : float or None
         Smallest number allowed.
 
@@ -79,7 +79,7 @@ def assignments(parameter, entries, kind=float, minimum=None):
     for entry in entries:
         if not entry:
             continue
-        name, equals, text = entry.partition("=") if kind is str else entry.rpartition("=")
+        name, equals, text = entry.rpartition("=")
         name, text = name.strip(), text.strip()
         if not equals or not name:
             raise InputError(f"parameter '{parameter}' has {entry!r}, expected name={_EXPECTED[kind]}.")

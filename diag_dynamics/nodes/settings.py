@@ -167,6 +167,11 @@ class Settings(NamedTuple):
             assignments("error_energy_share", values["error_energy_share"], minimum=0.0),
         )
         _require_order(thresholds)
+        if nothing := [name for name, scale in inputs.effort_scale.items() if not scale]:
+            raise InputError(
+                f"parameter 'effort_scale' of '{nothing[0]}' is 0, expected another number; effort_available says which "
+                "efforts cannot be used."
+            )
         return cls(values, inputs, thresholds)
 
 
@@ -174,7 +179,7 @@ def _require_order(thresholds):
     """Refuse an error that would come before its warning."""
     _require_no_less("warn_energy", thresholds.warn, "error_energy", thresholds.error)
     warn, error = thresholds.warn_share, thresholds.error_share
-    for name in {*warn, *error}:
+    for name in sorted({*warn, *error}):
         low, high = (share.get(name, share.get(ALL, 0.0)) for share in (warn, error))
         _require_no_less(f"warn_energy_share of '{name}'", low, f"error_energy_share of '{name}'", high)
 

@@ -332,7 +332,7 @@ class JointStateAssembler:
         self._require(self._velocity, "velocity", range(len(self.names)))
         effort = None
         if np.isfinite(self._effort).all():
-            fresh = newest - self._follower_stamp <= self._follower_spans
+            fresh = np.abs(newest - self._follower_stamp) <= self._follower_spans
             effort = self.followers.reflected(self._effort, np.where(fresh, self._follower_effort, math.nan))
         return RobotState(
             self._position.copy(),

@@ -16,8 +16,8 @@ class VelocityEstimator:
 
     A quotient that is older by the filter time T counts 1/e as much, so a constant acceleration is seen with a delay of
     dt/2 + dt/(exp(dt/T) − 1): T where samples are dense, dt/2 where they are sparse. However short the time between two
-    positions is, a step of one of them changes the estimate by no more than the step over T, once T has passed; nothing
-    is handed out before. Positions of one stamp count as one, the last of them with the next stamp.
+    positions is, a step of one of them changes the estimate by no more than the step over T, at first by 1.6 times as much;
+    before T has passed nothing is handed out. Positions of one stamp count as one, the last of them with the next stamp.
 
     Parameters
     ----------
