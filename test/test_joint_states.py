@@ -1486,7 +1486,7 @@ class Model:
             effort = None
         for name, (leader, multiplier, _) in MIMICS.items() if effort else ():
             at, own = self.efforts.get(name, (0, math.nan))
-            if math.isfinite(own) and (not self._timeout(name) or newest - at <= self._timeout(name)):
+            if math.isfinite(own) and (not self._timeout(name) or abs(newest - at) <= self._timeout(name)):
                 effort[NAMES.index(leader)] += multiplier * own
         position = [joint["position"] for joint in joints]
         unstamped = any(not joint["stamped"] for joint in joints)
