@@ -88,6 +88,7 @@ class MonitorNode(ManagedNode):
         if self._settings.values["floating_base"]:
             sources.append((Odometry, "odom", self._take_odometry))
         self._listening += 1
+        self._beat = time.monotonic()  # loading a robot may have taken long
         for kind, topic, take in sources:
             subscription = connected(
                 self.create_subscription,
