@@ -35,6 +35,8 @@ TUN = "/dev/net/tun"
 TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x0002, 0x1000  # linux/if_tun.h
 UDP = 17
 
+GO_ON, END = b"+", b"-"  # what the thread of a wire is told
+
 PATH = os.environ.get("PATH", os.defpath) + ":/usr/sbin:/sbin"
 
 
@@ -166,15 +168,17 @@ class Wire(contextlib.AbstractContextManager):
         self._under_way = []  # heap of (when to deliver, serial number, from which host, frame)
         self._serial = itertools.count()
         self._newest = [-1, -1]  # serial number of what was delivered
-        self.treat()
-        self._end = os.pipe()
+        self._loss = self._delay = self._jitter = 0.0
+        self._orders = os.pipe()
         self._thread = threading.Thread(target=self._carry, name="wire")
         self._thread.start()
 
     def treat(self, loss=0.0, delay=0.0, jitter=0.0):
-        """From now on lose frames with this probability, delay each by `delay` to `delay + jitter` [s]."""
+        """Lose frames with this probability, delay each by `delay` to `delay + jitter` [s]: those sent from now on."""
         with self._lock:
+            self._take_all()
             self._loss, self._delay, self._jitter = loss, delay, jitter
+        os.write(self._orders[1], GO_ON)  # it waits for what was under way before
 
     def drain(self):
         """Wait until nothing is under way."""
@@ -193,8 +197,7 @@ class Wire(contextlib.AbstractContextManager):
     def restore(self):
         """Mend the wire: of what was sent before, nothing arrives."""
         with self._lock:
-            for source in (0, 1):
-                self._take(source)
+            self._take_all()
             self._whole = True
 
     def _carry(self):
@@ -202,15 +205,18 @@ class Wire(contextlib.AbstractContextManager):
             with self._lock:
                 self._deliver()
                 wait = self._under_way[0][0] - time.monotonic() if self._under_way else None
-            ready, _, _ = select.select([*self._plugs, self._end[0]], [], [], wait and max(wait, 0.0))
-            if self._end[0] in ready:
+            ready, _, _ = select.select([*self._plugs, self._orders[0]], [], [], wait and max(wait, 0.0))
+            if self._orders[0] in ready and os.read(self._orders[0], 1) == END:
                 return
             with self._lock:
-                for source in (0, 1):
-                    self._take(source)
+                self._take_all()
+
+    def _take_all(self):
+        """Take what the hosts have sent."""
+        for source in (0, 1):
+            self._take(source)
 
     def _take(self, source):
-        """Take what a host has sent."""
         with contextlib.suppress(BlockingIOError):
             while True:
                 frame = os.read(self._plugs[source], 65536)
@@ -234,9 +240,9 @@ class Wire(contextlib.AbstractContextManager):
             self._lock.notify_all()
 
     def __exit__(self, *_):
-        os.write(self._end[1], b"-")
+        os.write(self._orders[1], END)
         self._thread.join()
-        for end in self._end:
+        for end in self._orders:
             os.close(end)
 
 
