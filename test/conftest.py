@@ -131,3 +131,20 @@ def peer(ros_domain):
 
     with Peer(ros_domain) as node:
         yield node
+
+
+@pytest.fixture
+def panda():
+    """Return the robot of most monitors under test."""
+    from nodes import PANDA, robot
+
+    return robot(PANDA)
+
+
+@pytest.fixture
+def monitor(running, panda):
+    """Return the monitor that the file keeps running, all joints fresh; afterwards it must give right numbers again."""
+    running.serves(panda)
+    running.forget()
+    yield running
+    running.serves(panda, 1)

@@ -130,16 +130,16 @@ def feed(seed, seconds, record):
     deadline = time.monotonic() + START
     while not all(publisher.get_subscription_count() for publisher in publishers.values()):
         assert time.monotonic() < deadline, "nobody listens to the feeder"
-        time.sleep(0.01)
+        rclpy.spin_once(node, timeout_sec=0.1)
     sent, begin, last = [], time.perf_counter(), 0
     k = 0
     while time.perf_counter() - begin < seconds:
-        time.sleep(max(begin + k / RATE - time.perf_counter(), 0.0))
+        time.sleep(max(begin + k / RATE - time.perf_counter(), 0.0))  # the rate is what is asked for
         source = "wrist" if k % 5 == 0 else "arm"
         k += 1
         fault = rng.choice([*FAULTS][1:]) if rng.random() < 0.05 and k > 20 else "none"
         if fault == "pause":
-            time.sleep(0.05)
+            time.sleep(0.05)  # the fault itself
         if FAULTS[fault] is None:
             continue
         last = stamp = max(time.time_ns(), last + 1)

@@ -49,12 +49,6 @@ KEYS = {
 }
 
 
-@pytest.fixture
-def panda():
-    """Return the robot of the monitor."""
-    return robot(PANDA)
-
-
 @pytest.fixture(scope="module")
 def running(peer):
     """Start the monitor of this file, and keep the times of its reports."""
@@ -67,15 +61,6 @@ def running(peer):
 
         peer.node.create_subscription(DiagnosticArray, "/diagnostics", take, MANY)
         yield monitor.connect(robot(PANDA))
-
-
-@pytest.fixture
-def monitor(running, panda):
-    """Return it, all joints fresh; it gives right numbers afterwards."""
-    running.serves(panda)
-    running.forget()
-    yield running
-    running.serves(panda, 1)
 
 
 def values(report, name):

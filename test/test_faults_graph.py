@@ -15,12 +15,6 @@ BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
 
-@pytest.fixture
-def panda():
-    """Return the robot of the monitors."""
-    return robot(PANDA)
-
-
 @pytest.fixture(scope="module")
 def other(ros_domain):
     """Return a second node, in a participant of its own, as a type of a topic is fixed within one."""

@@ -35,26 +35,11 @@ ESTIMATED = ("total_joint_rates", "coriolis", "kinetic_energy", "joint_space_dyn
 """Topics whose messages say whether velocities were estimated."""
 
 
-@pytest.fixture
-def panda():
-    """Return the robot of the monitors."""
-    return robot(PANDA)
-
-
 @pytest.fixture(scope="module")
 def running(peer):
     """Start one monitor, whose stamps are the test's own; each test leaves it able to go on."""
     with Monitor(peer, "/inputs", robot_description=robot(PANDA).path) as monitor:
         yield monitor.connect(robot(PANDA))
-
-
-@pytest.fixture
-def monitor(running, panda):
-    """Return the monitor, all joints fresh; whatever a test does to it, it gives right numbers afterwards."""
-    running.serves(panda)
-    running.forget()
-    yield running
-    running.serves(panda, 1)
 
 
 @pytest.fixture(scope="module")

@@ -20,12 +20,6 @@ LOAD = (2.0, (0.0, 0.1, 0.2), np.diag([0.01, 0.02, 0.025]))
 LOAD_ENTRY = f"{HAND}=2.0 0 0.1 0.2 0.01 0.02 0.025 0 0 0"
 
 
-@pytest.fixture
-def panda():
-    """Return the robot that the monitors begin with."""
-    return robot(PANDA)
-
-
 @pytest.fixture(scope="module")
 def tool():
     """Return the Panda with another hand, under another name: its joints have the same names."""
@@ -43,15 +37,6 @@ def running(peer):
     """Start a monitor that has its robot from a parameter."""
     with Monitor(peer, "/model", robot_description=robot(PANDA).path) as monitor:
         yield monitor.connect(robot(PANDA))
-
-
-@pytest.fixture
-def monitor(running, panda):
-    """Return it with all joints fresh; after the test, it gives right numbers of the Panda."""
-    running.serves(panda)
-    running.forget()
-    yield running
-    running.serves(panda, 1)
 
 
 @pytest.fixture(scope="module")

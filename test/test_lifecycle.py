@@ -26,12 +26,6 @@ OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 SERVICES = {"forward_dynamics", "inverse_dynamics", "diagonalize", "set_payload"}
 
 
-@pytest.fixture
-def panda():
-    """Return the robot of the monitors."""
-    return robot(PANDA)
-
-
 @pytest.fixture(scope="module")
 def managed(peer):
     """Start a monitor that does nothing by itself."""
