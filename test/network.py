@@ -425,9 +425,8 @@ class Watch:
         node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, MANY)
 
     def _take_diagnostics(self, array):
-        own = [status for status in array.status if status.name.startswith(f"{self.name.lstrip('/')}:")]
-        if own:
-            self.reports.append(report_of(own))
+        if report := report_of(array, self.name):
+            self.reports.append(report)
 
     def wait_for_report(self, condition, what, timeout=TIMEOUT):
         """Wait for the first report from now on that fulfils a condition, and return it."""

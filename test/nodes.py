@@ -324,8 +324,9 @@ OTHER_COUNTERS = (
 
 
 class Report(NamedTuple):
-    """A monitor's entries on /diagnostics: level and message of the worst, the values of all, and each by its name."""
+    """A monitor's entries on /diagnostics: stamp [ns], level and message of the worst, values of all, each by its name."""
 
+    stamp: int
     level: bytes
     message: str
     values: dict
@@ -351,11 +352,15 @@ class Report(NamedTuple):
         return sum(n for key, n in self.counts().items() if key in OUTCOMES or key.startswith("rejected: "))
 
 
-def report_of(statuses):
-    """Put the entries of one node together."""
+def report_of(array, name):
+    """Put the entries of one node together; None if it has none in this array."""
+    statuses = [status for status in array.status if status.name.startswith(f"{name.lstrip('/')}: ")]
+    if not statuses:
+        return None
     worst = max(statuses, key=lambda status: SEVERITY.index(status.level))
     values = {pair.key: pair.value for status in statuses for pair in status.values}
-    return Report(worst.level, worst.message, values, {status.name.split(": ")[1]: status for status in statuses})
+    entries = {status.name.split(": ")[1]: status for status in statuses}
+    return Report(nanoseconds(array.header.stamp), worst.level, worst.message, values, entries)
 
 
 class Monitor(contextlib.AbstractContextManager):
@@ -436,9 +441,8 @@ class Monitor(contextlib.AbstractContextManager):
         del self.reports[:-1]
 
     def _take_diagnostics(self, array):
-        statuses = [status for status in array.status if status.name.startswith(f"{self.name.lstrip('/')}:")]
-        if statuses:
-            self.reports.append(report_of(statuses))
+        if report := report_of(array, self.name):
+            self.reports.append(report)
 
     def wait_for_report(self, condition, what):
         """Wait for the first report from now on that fulfils a condition, and return it."""
