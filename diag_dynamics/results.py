@@ -72,6 +72,11 @@ class Evaluation:
     def __init__(self, model, states, with_tau):
         self._model, self._states, self._with_tau = model, states, with_tau
 
+    @property
+    def rows(self):
+        """The rows that the sweep has filled, see :mod:`diag_dynamics.sweeps.workspace`, shape (ROWS, nq)."""
+        return self._states
+
     def _take(self, k):
         row = self._states[k]
         return row if len(row) == len(self._model.dof_names) else row[: self._model.nv]  # rows are of length nq
@@ -148,6 +153,11 @@ class BatchEvaluation(Evaluation):
 
     def __len__(self):
         return len(self._states)
+
+    @property
+    def rows(self):
+        """The rows that the sweep has filled, see :mod:`diag_dynamics.sweeps.workspace`, shape (ROWS, nq)."""
+        return self._states
 
     def _take(self, k):
         return self._states[:, k, : self._model.nv]

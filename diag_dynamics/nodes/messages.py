@@ -53,28 +53,28 @@ class MessageMaker:
         self._frame = model.root_link
         self._nv = model.nv
 
-    def _begin(self, kind, stamp, state):
-        message = kind(header=Header(stamp=stamp, frame_id=self._frame), dof_names=self._names)
+    def _begin(self, kind, state):
+        message = kind(header=Header(stamp=to_time(state.newest), frame_id=self._frame), dof_names=self._names)
         message.stamp_is_receive_time = state.stamp_is_receive_time
         return message
 
-    def total_joint_rates(self, stamp, s, state):
+    def total_joint_rates(self, s, state):
         """ν and ξ of an Evaluation."""
-        message = self._begin(TotalJointRates, stamp, state)
+        message = self._begin(TotalJointRates, state)
         message.velocity_estimated = state.velocity_estimated
         message.nu, message.xi = doubles(s.nu), doubles(s.xi)
         return message
 
-    def working_moments(self, stamp, s, state):
+    def working_moments(self, s, state):
         """ε and κ, empty where the effort is unknown."""
-        message = self._begin(WorkingMoments, stamp, state)
+        message = self._begin(WorkingMoments, state)
         message.epsilon, message.kappa = doubles(s.epsilon), doubles(s.kappa)
         message.effort_valid = s.epsilon is not None
         return message
 
-    def coriolis(self, stamp, s, state):
+    def coriolis(self, s, state):
         """C, C_ξ and ε_g."""
-        message = self._begin(CoriolisTerm, stamp, state)
+        message = self._begin(CoriolisTerm, state)
         message.velocity_estimated = state.velocity_estimated
         message.coriolis = doubles(s.coriolis)
         message.coriolis_unnormalized = doubles(s.coriolis_unnormalized)
@@ -82,9 +82,9 @@ class MessageMaker:
         message.friction, message.friction_valid = doubles(s.friction), s.friction is not None
         return message
 
-    def kinetic_energy(self, stamp, s, state):
+    def kinetic_energy(self, s, state):
         """K, its two splits and its rate."""
-        message = self._begin(KineticEnergy, stamp, state)
+        message = self._begin(KineticEnergy, state)
         message.velocity_estimated = state.velocity_estimated
         message.total = s.kinetic_energy
         message.energy_share = doubles(s.energy_share)
@@ -94,25 +94,25 @@ class MessageMaker:
         message.power = power_of(s)
         return message
 
-    def mass_matrix_factors(self, stamp, factors, with_inverse, state):
+    def mass_matrix_factors(self, factors, with_inverse, state):
         """M and D of Factors, and ℓ if wanted."""
-        message = self._begin(MassMatrixFactors, stamp, state)
+        message = self._begin(MassMatrixFactors, state)
         message.model_revision, message.nv = self._revision, self._nv
         message.m, message.d = doubles(factors.m), doubles(factors.D)
         message.l, message.l_valid = doubles(factors.l if with_inverse else None), with_inverse
         return message
 
-    def joint_space_dynamics(self, stamp, mass_matrix, bias, gravity, state):
+    def joint_space_dynamics(self, mass_matrix, bias, gravity, state):
         """M, c and g."""
-        message = self._begin(JointSpaceDynamics, stamp, state)
+        message = self._begin(JointSpaceDynamics, state)
         message.velocity_estimated = state.velocity_estimated
         message.mass_matrix = doubles(mass_matrix)
         message.bias, message.gravity = doubles(bias), doubles(gravity)
         return message
 
-    def state(self, stamp, s, state):
+    def state(self, s, state):
         """One evaluation, whole, with the RobotState it came from."""
-        message = self._begin(DiagonalizedState, stamp, state)
+        message = self._begin(DiagonalizedState, state)
         message.velocity_estimated = state.velocity_estimated
         message.oldest_stamp = to_time(state.oldest)
         message.model_revision, message.position_names = self._revision, self._positions

@@ -84,12 +84,13 @@ class MonitorNode(ManagedNode):
 
     def listen(self):
         """Subscribe to the inputs."""
-        sources = [(JointState, "joint_states", self._take_joint_state)]
+        raw = self._settings.values["serialization"] == "template"
+        sources = [(JointState, "joint_states", self._take_joint_state, raw)]
         if self._settings.values["floating_base"]:
-            sources.append((Odometry, "odom", self._take_odometry))
+            sources.append((Odometry, "odom", self._take_odometry, False))
         self._listening += 1
         self._beat = time.monotonic()  # loading a robot may have taken long
-        for kind, topic, take in sources:
+        for kind, topic, take, raw in sources:
             subscription = connected(
                 self.create_subscription,
                 kind,
@@ -97,6 +98,7 @@ class MonitorNode(ManagedNode):
                 partial(take, self._listening),
                 QoSProfile(depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT),
                 event_callbacks=SubscriptionEventCallbacks(message_lost=self._lost),
+                raw=raw,
             )
             self._inputs.append(subscription)
 
@@ -224,7 +226,7 @@ class MonitorNode(ManagedNode):
 
         def take():
             now = self._now()
-            state = robot.assembler.update(message, now)
+            state = robot.joint_states.update(message, now)
             if state is not None:
                 if not state.stamp_is_receive_time:
                     self._traffic.arrived(state.newest, now)
@@ -273,7 +275,7 @@ class MonitorNode(ManagedNode):
     def _publish(self, robot, state, what):
         """Evaluate, watch, and publish where somebody listens."""
         s, state = robot.evaluate(state)
-        self._outputs.publish(robot.dynamics, robot.maker, state, s, self._settings.values["publish_inverse_factor"])
+        self._outputs.publish(robot.dynamics, robot.encoder, state, s, self._settings.values["publish_inverse_factor"])
         self._traffic.published(what, state.newest)
         if robot.energy.take(state.newest, s):  # an alarm does not wait for the second to be over
             self._diagnostics.publish([robot.energy.report()])

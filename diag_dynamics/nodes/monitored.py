@@ -3,8 +3,10 @@
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.nodes.encoded import EncodedMessages
 from diag_dynamics.nodes.health import EnergyWatch
 from diag_dynamics.nodes.inputs.joint_states import JointStateAssembler, RobotState
+from diag_dynamics.nodes.inputs.known import KnownJointStates
 from diag_dynamics.nodes.inputs.odometry import OdometryBase
 from diag_dynamics.nodes.inputs.stamps import SECOND
 from diag_dynamics.nodes.messages import MessageMaker
@@ -27,6 +29,11 @@ class MonitoredRobot:
     ----------
     dynamics : DiagonalDynamics
     maker : MessageMaker
+        For services.
+    encoder : EncodedMessages or MessageMaker
+        For topics.
+    joint_states : KnownJointStates or JointStateAssembler
+        What takes in joint states: as bytes, or as messages.
     assembler : JointStateAssembler
     base : OdometryBase or None
     energy : EnergyWatch
@@ -42,6 +49,8 @@ class MonitoredRobot:
     def __init__(self, description, model, settings, revision):
         self.description = description
         self.assembler = JointStateAssembler(joints_of(model), settings.inputs)
+        self._by_template = settings.values["serialization"] == "template"
+        self.joint_states = KnownJointStates(self.assembler) if self._by_template else self.assembler
         in_header = settings.values["odom_twist_frame"] == "header"
         self.base = OdometryBase(model, in_header) if model.floating_base else None
         self.energy = EnergyWatch(model, settings.thresholds)
@@ -66,12 +75,15 @@ class MonitoredRobot:
         self.assembler.judges(settings.inputs)
         self.energy.configure(model, settings.thresholds)
         self.assembler.configure(settings.inputs)
+        if self._by_template:
+            self.joint_states.configure()
         if self.base:
             self.base.configure(settings.inputs)
         self.settings = settings
         if self.dynamics is None or model is not self.model:
             self.dynamics = DiagonalDynamics(model)
             self.maker = MessageMaker(model, revision)
+            self.encoder = EncodedMessages(self.maker) if self._by_template else self.maker
             self.state = None
 
     def unapplied(self):

@@ -13,7 +13,6 @@ from diag_dynamics.msg import (
     TotalJointRates,
     WorkingMoments,
 )
-from diag_dynamics.nodes.messages import to_time
 
 TOPICS = {
     "total_joint_rates": (TotalJointRates, 0.0),
@@ -25,6 +24,9 @@ TOPICS = {
     "state": (DiagonalizedState, 0.0),
 }
 """Each output topic: its type, and the highest rate it is published at by default [Hz], 0 for every state."""
+
+ORDER = ("kinetic_energy", *(topic for topic in TOPICS if topic != "kinetic_energy"))
+"""What is watched for safety goes out before the rest."""
 
 
 OVERRIDABLE = QoSOverridingOptions(
@@ -100,23 +102,20 @@ class Outputs:
         self._limits[topic] = RateLimit(rate)
 
     def publish(self, dynamics, maker, state, s, with_inverse):
-        """Publish an Evaluation `s` of a RobotState where somebody listens; `with_inverse` adds ℓ to the factors."""
-        stamp, q = to_time(state.newest), state.position
-        for topic, make in (
-            ("state", lambda: maker.state(stamp, s, state)),
-            ("kinetic_energy", lambda: maker.kinetic_energy(stamp, s, state)),
-            ("total_joint_rates", lambda: maker.total_joint_rates(stamp, s, state)),
-            ("working_moments", lambda: maker.working_moments(stamp, s, state)),
-            ("coriolis", lambda: maker.coriolis(stamp, s, state)),
-            (
-                "mass_matrix_factors",
-                lambda: maker.mass_matrix_factors(stamp, dynamics.factors(q), with_inverse, state),
-            ),
-            ("joint_space_dynamics", lambda: maker.joint_space_dynamics(stamp, *classical(dynamics, state), state)),
-        ):
+        """Publish an Evaluation `s` of a RobotState where somebody listens; `with_inverse` adds ℓ to the factors.
+
+        `maker` is a MessageMaker, or makes the bytes of what that makes.
+        """
+        for topic in ORDER:
             publisher = self._publishers[topic]
             if publisher.get_subscription_count() and self._limits[topic].due(state.newest):
-                publisher.publish(make())
+                if topic == "mass_matrix_factors":
+                    message = maker.mass_matrix_factors(dynamics.factors(state.position), with_inverse, state)
+                elif topic == "joint_space_dynamics":
+                    message = maker.joint_space_dynamics(*classical(dynamics, state), state)
+                else:
+                    message = getattr(maker, topic)(s, state)
+                publisher.publish(message)
 
 
 def classical(dynamics, state):

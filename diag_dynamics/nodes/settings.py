@@ -18,6 +18,13 @@ PARAMETERS = {
         "description arrives there.",
     ),
     **ROBOT_PARAMETERS,
+    "serialization": Spec(
+        "template",
+        "How messages become numbers and numbers messages: by the bytes of those before, of which all but numbers stays the "
+        "same (template), or by rclpy, which costs about twice as much (rclpy). What comes of it is the same.",
+        while_unconfigured=True,
+        choices=("template", "rclpy"),
+    ),
     "odom_twist_frame": Spec(
         "child",
         "Axes of the twist in odom: those of child_frame_id (child), as REP 147 has it, or of header.frame_id (header).",

@@ -23,6 +23,10 @@ class Efforts:
     ----------
     without_gravity : ndarray or None
         1 for each joint whose effort has gravity taken out, 0 for the others; None if there is none.
+    factors, follower_factors : ndarray
+        What efforts are multiplied by; NaN for those that cannot be used.
+    most : float
+        Efforts beyond it are absurd [N m, N].
     undeclared : tuple of str
         Joints of which scale or gravity is not declared, although their efforts count.
 
@@ -47,22 +51,22 @@ class Efforts:
         def factors(some):
             return np.array([scale.get(n, 1.0) if available.get(n, True) else np.nan for n in some], dtype=float)
 
-        self._factor, self._follower_factor = factors(joints), factors(followers)
-        self._most = options.max_effort or np.inf
+        self.factors, self.follower_factors = factors(joints), factors(followers)
+        self.most = options.max_effort or np.inf
         without = np.array([not gravity.get(name, True) for name in joints], dtype=float)
         self.without_gravity = without if without.any() else None
         self.undeclared = tuple(n for n in joints if available.get(n, True) and (n not in scale or n not in gravity))
 
     def of(self, effort, here):
         """Efforts of joints [N m, N], NaN where unknown; and whether one of them was absurd, which is as unknown."""
-        return self._taken(effort * self._factor[here])
+        return self._taken(effort * self.factors[here])
 
     def of_followers(self, effort, here):
         """Likewise of followers."""
-        return self._taken(effort * self._follower_factor[here])
+        return self._taken(effort * self.follower_factors[here])
 
     def _taken(self, effort):
-        absurd = np.abs(effort) > self._most
+        absurd = np.abs(effort) > self.most
         if absurd.any() or np.isinf(effort).any():
             return np.where(absurd | np.isinf(effort), np.nan, effort), True
         return effort, False

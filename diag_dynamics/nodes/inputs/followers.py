@@ -30,16 +30,22 @@ class Followers:
         The followers.
     index : dict
         Place of each of them, by name.
+    leaders : ndarray of int
+        Place of each one's leader among the joints.
+    multipliers, offsets : ndarray
+        Of its position by the leader's.
+    turns : ndarray of bool
+        Whether its position turns round.
     """
 
     def __init__(self, joints, mimics, tolerance=0.0, continuous=()):
         self.names = tuple(mimics)
         self.index = {name: k for k, name in enumerate(self.names)}
         self.tolerance = tolerance
-        self._leaders, multipliers, offsets = zip(*mimics.values(), strict=True) if mimics else ((), (), ())
-        self._at = np.array([joints.index(leader) for leader in self._leaders], dtype=int)
-        self._turns = np.array([name in continuous for name in self.names], dtype=bool)
-        self._multiplier, self._offset = np.array(multipliers), np.array(offsets)
+        self._leader_names, multipliers, offsets = zip(*mimics.values(), strict=True) if mimics else ((), (), ())
+        self.leaders = np.array([joints.index(leader) for leader in self._leader_names], dtype=int)
+        self.turns = np.array([name in continuous for name in self.names], dtype=bool)
+        self.multipliers, self.offsets = np.array(multipliers), np.array(offsets)
 
     def unknown(self):
         """Say nothing of any: a new vector of NaN."""
@@ -47,16 +53,16 @@ class Followers:
 
     def positions(self, position):
         """Of the followers by the independent joints' [rad, m]."""
-        return self._multiplier * position[self._at] + self._offset
+        return self.multipliers * position[self.leaders] + self.offsets
 
     def velocities(self, velocity):
         """Of the followers by the independent joints' [rad/s, m/s]."""
-        return self._multiplier * velocity[self._at]
+        return self.multipliers * velocity[self.leaders]
 
     def reflected(self, effort, own):
         """Efforts of the independent joints and, through the coupling, of the followers: Gᵀτ; those unknown are zero."""
         reflected = effort.copy()
-        np.add.at(reflected, self._at, self._multiplier * np.where(np.isfinite(own), own, 0.0))
+        np.add.at(reflected, self.leaders, self.multipliers * np.where(np.isfinite(own), own, 0.0))
         return reflected
 
     def disagreements(self, position, own):
@@ -66,14 +72,14 @@ class Followers:
         expected = self.positions(position)
         distance = np.abs(np.where(np.isfinite(own), own, math.nan) - expected)
         around = np.abs(np.remainder(distance + np.pi, 2.0 * np.pi) - np.pi)
-        distance = np.where(self._turns, around, distance)
+        distance = np.where(self.turns, around, distance)
         return [
-            f"position of joint '{self.names[k]}' is {own[k]:.9g}, expected {expected[k]:.9g} from '{self._leaders[k]}', "
-            f"which it follows, within mimic_tolerance = {self.tolerance:g}"
+            f"position of joint '{self.names[k]}' is {own[k]:.9g}, expected {expected[k]:.9g} from "
+            f"'{self._leader_names[k]}', which it follows, within mimic_tolerance = {self.tolerance:g}"
             for k in np.flatnonzero(distance > self.tolerance)
         ]
 
     def without_leader(self, names):
         """A follower among these names whose leader is not, and that leader; None if there is none."""
-        pairs = zip(self.names, self._leaders, strict=True)
+        pairs = zip(self.names, self._leader_names, strict=True)
         return next(((name, leader) for name, leader in pairs if name in names and leader not in names), None)

@@ -102,7 +102,8 @@ class JointStateAssembler:
         self._joints = joints
         self._index = {name: k for k, name in enumerate(self.names)}
         self._columns = None  # (names of the last message, what _match returned for them)
-        self._position, self._velocity, self._effort = np.full((3, count), math.nan)
+        self._values = np.full((3, count), math.nan)
+        self._position, self._velocity, self._effort = self._values
         self._stamp = np.zeros(count, dtype=np.int64)
         self._known, self._without_stamp, self._estimated = np.zeros((3, count), dtype=bool)
         self._follower_effort = self.followers.unknown()
@@ -147,6 +148,33 @@ class JointStateAssembler:
         efforts = Efforts(self.names, self.followers.names, options)
         turns = [name in joints.continuous for name in self.names]
         return efforts, Bounds(self.names, lower, upper, turns, options), ages
+
+    def plain_judgement(self):
+        """What a whole message that is plainly good is judged by and kept in, as known.py takes it in.
+
+        Returns
+        -------
+        tuple of arrays and numbers, or None
+            None if it takes more to judge a message.
+        """
+        followers, bounds, efforts = self.followers, self._bounds, self.efforts
+        if self.options.estimate_velocity or (followers.tolerance and followers.turns.any()):
+            return None
+        return (
+            nanoseconds(self.options.max_age),
+            np.array([bounds.lower, bounds.upper, efforts.factors, self._spans], dtype=float),
+            np.array([bounds.fastest, efforts.most, followers.tolerance], dtype=float),
+            self._values,
+            self._stamp,
+            self._known,
+            self._without_stamp,
+            followers.leaders,
+            np.array(
+                [followers.multipliers, followers.offsets, efforts.follower_factors, self._follower_spans], dtype=float
+            ),
+            self._follower_effort,
+            self._follower_stamp,
+        )
 
     @property
     def missing(self):
@@ -205,7 +233,7 @@ class JointStateAssembler:
             return None
         stamp, unstamped = stamp_of(message, now)
         position, velocity, effort = (
-            self._values(message, field, there) for field in ("position", "velocity", "effort")
+            self._field(message, field, there) for field in ("position", "velocity", "effort")
         )
         self._require(position, "position", here)
         self._bounds.check(position, velocity, here)
@@ -220,6 +248,11 @@ class JointStateAssembler:
             return self._assembled()
         self.counts["followers only"] += 1
         return None
+
+    def columns(self, message):
+        """Where needed joints and followers are in a message that was taken in, and where they belong: four arrays of int."""
+        (there, here), (beside, following) = self._match(message)
+        return tuple(np.ascontiguousarray(places) for places in (there, here, beside, following))
 
     def _match(self, message):
         """Where the needed joints are in the message and where they belong; and likewise for the followers."""
@@ -249,7 +282,7 @@ class JointStateAssembler:
             self.counts["time jumped back"] += 1
             self.forget()
 
-    def _values(self, message, field, there):
+    def _field(self, message, field, there):
         """One field of a message at the places wanted; an empty array stands for unknown."""
         values = getattr(message, field)
         if len(values) == 0:
@@ -307,8 +340,8 @@ class JointStateAssembler:
         Returns whether an effort is absurd.
         """
         own = self.followers.unknown()
-        own[here] = self._values(message, "position", there)
-        self._follower_effort[here], absurd = self.efforts.of_followers(self._values(message, "effort", there), here)
+        own[here] = self._field(message, "position", there)
+        self._follower_effort[here], absurd = self.efforts.of_followers(self._field(message, "effort", there), here)
         self._follower_stamp[here] = stamp
         fresh = self._known & (np.abs(self._stamp - stamp) <= self._spans)
         disagreements = self.followers.disagreements(np.where(fresh, self._position, math.nan), own)

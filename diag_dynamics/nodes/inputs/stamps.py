@@ -10,6 +10,9 @@ PATIENCE = 10 * SECOND
 LATE_COUNT, LATE_TIME = 5, SECOND // 2
 """Late stamps in a row, and the time between the first and the last of them [ns], that are not late but of another time."""
 
+UNJUDGED, NEAR, FAR = range(3)
+"""Where a stamp has to be by this node's clock, within `max_age` or not, for nothing to change: see :attr:`Stamps.mode`."""
+
 
 def nanoseconds(seconds):
     """The whole number that is meant: 1.001 s are no less than 1001 ms."""
@@ -70,6 +73,17 @@ class Stamps:
         self.in_step = None
         self._refused = None  # when refusals by the clock began, and how far apart it was then [ns]
         self._suspects = {}  # of each source the first and last stamp, and the number, of those that were too old
+
+    @property
+    def mode(self):
+        """By which of these rules a stamp no older than the last one is accepted; None while anything is in doubt."""
+        if self._suspects or self._refused:
+            return None
+        if not self.max_age:
+            return UNJUDGED if self.in_step is None else None
+        if self.in_step:
+            return NEAR
+        return FAR if self.in_step is False and not self.refuse_foreign else None
 
     def judge(self, source, what, stamp, now, last, span):
         """Accept a stamp; return whether time has started anew, so that all that came before has to be forgotten.

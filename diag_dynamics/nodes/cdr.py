@@ -1,0 +1,150 @@
+"""Messages as the bytes that DDS carries, laid out once and written anew by their numbers alone.
+
+Little-endian plain CDR (DDS-XTypes 1.3, 7.4.1, version 1): four bytes that say so, then every primitive aligned to its own
+size. That is what rmw implementations exchange today, but no law: whoever makes a :class:`Template` compares it with what
+rclpy makes of the same message, see :meth:`Template.holds`.
+"""
+
+import re
+import struct
+
+import numpy as np
+
+from diag_dynamics.exceptions import InputError
+
+HEADER = b"\x00\x01\x00\x00"
+"""Encapsulation: plain CDR, little-endian, no options."""
+
+_PRIMITIVES = {
+    "boolean": "?",
+    "octet": "u1",
+    "int8": "<i1",
+    "uint8": "<u1",
+    "int16": "<i2",
+    "uint16": "<u2",
+    "int32": "<i4",
+    "uint32": "<u4",
+    "int64": "<i8",
+    "uint64": "<u8",
+    "float": "<f4",
+    "double": "<f8",
+}
+
+_TEXT, _NUMBER, _PADDING = range(3)
+
+_SEQUENCE = re.compile(r"sequence<(\w+)>")
+
+
+class Template:
+    """The bytes of one message, in which its numbers can be overwritten in place; texts and lengths stay.
+
+    Alignment padding is zero.
+
+    Parameters
+    ----------
+    message
+        Of any type made of primitives, strings, unbounded sequences of these, and messages.
+
+    Attributes
+    ----------
+    numbers : dict
+        Views of all numbers and truth values by path, such as ``header.stamp.sec`` or ``position``; a sequence is there
+        unless it is empty.
+    data : ndarray of uint8
+        All bytes. Those after the encapsulation begin on a multiple of eight.
+    words, doubles : ndarray of int32 and of float64
+        The same memory: `words[k]` begins at byte 4 + 4 k, `doubles[k]` at 4 + 8 k.
+    text : ndarray of uint8, shape of data
+        255 where a byte is neither of a number nor padding, 0 elsewhere: messages of one text differ in numbers alone.
+
+    Raises
+    ------
+    InputError
+        The message has a field of another type.
+    """
+
+    def __init__(self, message):
+        self._kind, self._bytes, self._parts, self._places = type(message).__name__, bytearray(), bytearray(), {}
+        self._put(HEADER, _TEXT)
+        self._add(message, "")
+        size = len(self._bytes)
+        room = np.zeros(size + 12, dtype=np.uint8)
+        room = room[-room.ctypes.data % 8 :]
+        self.data, after = room[4 : 4 + size], room[8:]
+        self.data[:] = self._bytes
+        self.words, self.doubles = (
+            after[: (size - 4) // n * n].view(kind) for n, kind in ((4, np.int32), (8, np.float64))
+        )
+        parts = np.frombuffer(self._parts, dtype=np.uint8)
+        self.text, self._padding = (np.where(parts == part, 255, 0).astype(np.uint8) for part in (_TEXT, _PADDING))
+        self.numbers = {path: self.data[begin:end].view(kind) for path, (kind, begin, end) in self._places.items()}
+
+    def encoded(self):
+        """The message as it is now."""
+        return self.data.tobytes()
+
+    def fits(self, raw):
+        """Whether these bytes are a message that differs from this one in numbers alone."""
+        return self._equal(raw, self.text)
+
+    def holds(self, raw):
+        """Whether these bytes are this very message, whatever is in the padding."""
+        return self._equal(raw, ~self._padding)
+
+    def _equal(self, raw, where):
+        """What comes after a message is not looked at, as rclpy does not: it may leave some bytes there."""
+        if len(raw) < len(self.data):
+            return False
+        return not ((np.frombuffer(raw, dtype=np.uint8, count=len(self.data)) ^ self.data) & where).any()
+
+    def place(self, path):
+        """Byte at which a number, or the first one of a sequence, begins; -1 if the sequence is empty."""
+        return self._places[path][1] if path in self._places else -1
+
+    def first_double(self, path):
+        """Likewise, where in `doubles`."""
+        return (self.place(path) - len(HEADER)) // 8 if path in self._places else -1
+
+    def _add(self, message, prefix):
+        for field, kind in message.get_fields_and_field_types().items():
+            self._add_field(getattr(message, field), kind, f"{prefix}{field}")
+
+    def _add_field(self, value, kind, path):
+        if kind in _PRIMITIVES:
+            self._add_numbers([value], kind, path)
+        elif kind == "string":
+            self._add_text(value)
+        elif hasattr(value, "get_fields_and_field_types"):
+            self._add(value, f"{path}.")
+        elif (items := _SEQUENCE.fullmatch(kind)) and items[1] in (*_PRIMITIVES, "string"):
+            self._add_count(len(value))
+            if items[1] == "string":
+                for text in value:
+                    self._add_text(text)
+            elif len(value):
+                self._add_numbers(value, items[1], path)
+        else:
+            raise InputError(f"{self._kind}.{path} is of type {kind}, of which no template is made.")
+
+    def _add_numbers(self, values, kind, path):
+        numbers = np.array(values, dtype=_PRIMITIVES[kind])
+        self._align(numbers.itemsize)
+        begin = len(self._bytes)
+        self._put(numbers.tobytes(), _NUMBER)
+        self._places[path] = numbers.dtype, begin, len(self._bytes)
+
+    def _add_text(self, value):
+        encoded = value.encode() + b"\0"
+        self._add_count(len(encoded))
+        self._put(encoded, _TEXT)
+
+    def _add_count(self, count):
+        self._align(4)
+        self._put(struct.pack("<I", count), _TEXT)
+
+    def _align(self, size):
+        self._put(bytes(-(len(self._bytes) - len(HEADER)) % size), _PADDING)
+
+    def _put(self, some, part):
+        self._bytes += some
+        self._parts += bytes([part]) * len(some)
