@@ -115,9 +115,13 @@ class Evaluation:
     @_Lazy
     def link_energy(self):
         """Kinetic energy of each link [J], shape (len(model.link_names),): ½VᵀIV plus its joint's rotor; sums to K."""
-        energy = np.empty((1, len(self._model.link_names)))
-        sweeps.link_energies(self._model.bodies, self._model.links, self._states[None], energy)
-        return energy[0]
+        energy = np.empty(len(self._model.link_names))
+        self.write_link_energy(energy)
+        return energy
+
+    def write_link_energy(self, energy):
+        """Write :attr:`link_energy` into an array of its shape, for who has one already."""
+        sweeps.link_energies(self._model.bodies, self._model.links, self._states[None], energy[None])
 
     @_Lazy
     def nu_dot(self):
@@ -136,6 +140,11 @@ class Evaluation:
             return None
         moments = np.sqrt(self.articulated_inertia) * (self.nu_dot + self.coriolis)
         return (moments - self.coriolis_unnormalized) / self.articulated_inertia
+
+    @_Lazy
+    def effort_power(self):
+        """νᵀ(ε − ε_g) [W]: :attr:`power` of the efforts and gravity alone; None without tau."""
+        return None if self.epsilon is None else float(self.nu @ (self.epsilon - self.gravity))
 
     @_Lazy
     def power(self):
@@ -183,6 +192,11 @@ class BatchEvaluation(Evaluation):
     def power(self):
         """dK/dt [W], shape (T,); None without TAU."""
         return None if self.epsilon is None else np.einsum("tk,tk->t", self.nu, self.nu_dot + self.coriolis)
+
+    @_Lazy
+    def effort_power(self):
+        """νᵀ(ε − ε_g) [W], shape (T,); None without TAU."""
+        return None if self.epsilon is None else np.einsum("tk,tk->t", self.nu, self.epsilon - self.gravity)
 
 
 class Factors(NamedTuple):

@@ -8,7 +8,6 @@ from diag_dynamics import sweeps
 from diag_dynamics.kernel import COUNT, FLAG, MATRIX, VECTOR, Lent, entry_kernel
 from diag_dynamics.nodes.cdr import Template
 from diag_dynamics.nodes.inputs.stamps import SECOND
-from diag_dynamics.nodes.messages import power_of
 
 _BYTES, _WORDS, _INDICES = Lent(uint8, 1), Lent(int32, 1), Lent(int64, 1)
 
@@ -93,9 +92,9 @@ class EncodedMessages:
         sheet.write("total", s.kinetic_energy)
         sheet.write("energy_share", s.energy_share)
         sheet.write("base_energy", s.base_energy)
-        sheet.write("link_energy", s.link_energy)
+        s.write_link_energy(sheet.view("link_energy"))
         sheet.write("power_valid", state.effort is not None)
-        sheet.write("power", power_of(s))
+        sheet.write("power", s.effort_power or 0.0)
         return sheet.encoded()
 
     def mass_matrix_factors(self, factors, with_inverse, state):
@@ -138,7 +137,7 @@ class EncodedMessages:
         if s.friction is not None:
             sheet.write("friction", s.friction)
         sheet.write("kinetic_energy", s.kinetic_energy)
-        sheet.write("power", power_of(s))
+        sheet.write("power", s.effort_power or 0.0)
         return sheet.encoded()
 
     def _first(self, topic, shape, *arguments):
@@ -181,8 +180,12 @@ class _Sheet:
             rows,
         )
 
+    def view(self, field):
+        """Where a number or a sequence is written."""
+        return self._numbers[field]
+
     def write(self, field, values):
-        """Write one number or a sequence; nothing if it is empty."""
+        """Write one number or a sequence."""
         self._numbers[field][:] = values
 
 

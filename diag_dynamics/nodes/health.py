@@ -3,7 +3,6 @@
 import numpy as np
 
 from diag_dynamics.nodes.diagnostics import ERROR, OK, STALE, WARN, Status
-from diag_dynamics.nodes.messages import power_of
 from diag_dynamics.nodes.robot import single_joints
 from diag_dynamics.nodes.settings import share_thresholds
 
@@ -70,7 +69,7 @@ class EnergyWatch:
         self._count += 1
         self._largest = max(self._largest, K)
         self._judge(K, s)
-        power = None if s.epsilon is None else power_of(s)
+        power = s.effort_power
         self._balance(stamp, K, power)
         self._last, self._K, self._power = stamp, K, power
         return self._level > self._reported

@@ -37,11 +37,6 @@ def to_time(nanoseconds):
     return Time(sec=sec, nanosec=nanosec)
 
 
-def power_of(s):
-    """νᵀ(ε − ε_g), as the messages say: without the wrenches and the friction that an Evaluation may hold."""
-    return 0.0 if s.epsilon is None else float(s.nu @ (s.epsilon - s.gravity))
-
-
 class MessageMaker:
     """Messages about one model, whose names and frame they share."""
 
@@ -90,8 +85,8 @@ class MessageMaker:
         message.energy_share = doubles(s.energy_share)
         message.base_energy = s.base_energy
         message.link_names, message.link_energy = self._links, doubles(s.link_energy)
-        message.power_valid = s.power is not None
-        message.power = power_of(s)
+        message.power_valid = s.effort_power is not None
+        message.power = s.effort_power or 0.0
         return message
 
     def mass_matrix_factors(self, factors, with_inverse, state):
@@ -123,7 +118,7 @@ class MessageMaker:
         message.coriolis, message.gravity = doubles(s.coriolis), doubles(s.gravity)
         message.friction, message.friction_valid = doubles(s.friction), s.friction is not None
         message.articulated_inertia = doubles(s.articulated_inertia)
-        message.kinetic_energy, message.power = s.kinetic_energy, power_of(s)
+        message.kinetic_energy, message.power = s.kinetic_energy, s.effort_power or 0.0
         return message
 
 

@@ -1,5 +1,6 @@
 """The simulator node: a robot that moves under its own dynamics and publishes what a driver would."""
 
+import math
 import sys
 
 import numpy as np
@@ -80,8 +81,9 @@ class SimulatorNode(Node):
         elapsed = (self.get_clock().now().nanoseconds - self._start) * 1e-9 - self._let_go
         behind = elapsed - simulation.time
         if behind > MOST_BEHIND or behind < -self._period:  # too late to catch up, or the clock has jumped back
-            self._let_go += behind - self._period
-            behind = self._period
+            steps = math.floor((behind - self._period) / simulation.step_size)  # stamps stay whole steps apart
+            self._let_go += steps * simulation.step_size
+            behind -= steps * simulation.step_size
         steps = int(behind / simulation.step_size)
         if steps < 1:
             return  # nothing has happened that is not published yet
