@@ -94,7 +94,7 @@ class Evaluation:
     @_Lazy
     def kinetic_energy(self):
         """K = ½νᵀν [J]."""
-        return 0.5 * float(self.nu.dot(self.nu))
+        return self._energy_and_power[0]
 
     @_Lazy
     def energy_share(self):
@@ -144,7 +144,12 @@ class Evaluation:
     @_Lazy
     def effort_power(self):
         """νᵀ(ε − ε_g) [W]: :attr:`power` of the efforts and gravity alone; None without tau."""
-        return None if self.epsilon is None else float(self.nu @ (self.epsilon - self.gravity))
+        return self._energy_and_power[1] if self._with_tau else None
+
+    @_Lazy
+    def _energy_and_power(self):
+        """K and effort_power."""
+        return sweeps.energy_and_power(self._states, self._model.nv)
 
     @_Lazy
     def power(self):

@@ -5,9 +5,10 @@ from numba import int32, int64, uint8
 from rclpy.serialization import serialize_message
 
 from diag_dynamics import sweeps
-from diag_dynamics.kernel import COUNT, FLAG, MATRIX, VECTOR, Lent, entry_kernel
-from diag_dynamics.nodes.cdr import Template
+from diag_dynamics.kernel import COUNT, FLAG, MATRIX, NUMBER, VECTOR, Lent, entry_kernel
+from diag_dynamics.nodes.cdr import HEADER, Template
 from diag_dynamics.nodes.inputs.stamps import SECOND
+from diag_dynamics.sweeps import NU
 
 _BYTES, _WORDS, _INDICES = Lent(uint8, 1), Lent(int32, 1), Lent(int64, 1)
 
@@ -29,6 +30,7 @@ ROWS = {
         "coriolis": sweeps.CORIOLIS,
         "gravity": sweeps.GRAVITY,
         "articulated_inertia": sweeps.ARTICULATED_INERTIA,
+        "velocity": sweeps.RATES,
     },
 }
 """Fields by topic that are rows of an Evaluation, copied in one pass; all others are written one by one."""
@@ -60,7 +62,7 @@ class EncodedMessages:
         sheet = self._sheets.get(("total_joint_rates", 0))
         if sheet is None:
             return self._first("total_joint_rates", 0, s, state)
-        sheet.begin(state, s.rows)
+        sheet.begin(state, s)
         return sheet.encoded()
 
     def working_moments(self, s, state):
@@ -69,7 +71,7 @@ class EncodedMessages:
         sheet = self._sheets.get(("working_moments", shape))
         if sheet is None:
             return self._first("working_moments", shape, s, state)
-        sheet.begin(state, s.rows)
+        sheet.begin(state, s)
         return sheet.encoded()
 
     def coriolis(self, s, state):
@@ -78,7 +80,7 @@ class EncodedMessages:
         sheet = self._sheets.get(("coriolis", shape))
         if sheet is None:
             return self._first("coriolis", shape, s, state)
-        sheet.begin(state, s.rows)
+        sheet.begin(state, s)
         if shape:
             sheet.write("friction", s.friction)
         return sheet.encoded()
@@ -88,13 +90,9 @@ class EncodedMessages:
         sheet = self._sheets.get(("kinetic_energy", 0))
         if sheet is None:
             return self._first("kinetic_energy", 0, s, state)
-        sheet.begin(state, s.rows)
-        sheet.write("total", s.kinetic_energy)
-        sheet.write("energy_share", s.energy_share)
+        sheet.begin(state, s)
         sheet.write("base_energy", s.base_energy)
         s.write_link_energy(sheet.view("link_energy"))
-        sheet.write("power_valid", state.effort is not None)
-        sheet.write("power", s.effort_power or 0.0)
         return sheet.encoded()
 
     def mass_matrix_factors(self, factors, with_inverse, state):
@@ -126,18 +124,12 @@ class EncodedMessages:
         sheet = self._sheets.get(("state", shape))
         if sheet is None:
             return self._first("state", shape, s, state)
-        sheet.begin(state, s.rows)
-        sec, nanosec = divmod(state.oldest, SECOND)
-        sheet.write("oldest_stamp.sec", sec)
-        sheet.write("oldest_stamp.nanosec", nanosec)
+        sheet.begin(state, s)
         sheet.write("position", state.position)
-        sheet.write("velocity", state.velocity)
         if state.effort is not None:
             sheet.write("effort", state.effort)
         if s.friction is not None:
             sheet.write("friction", s.friction)
-        sheet.write("kinetic_energy", s.kinetic_energy)
-        sheet.write("power", s.effort_power or 0.0)
         return sheet.encoded()
 
     def _first(self, topic, shape, *arguments):
@@ -159,24 +151,28 @@ class _Sheet:
     def __init__(self, template, rows):
         self._numbers, self.encoded = template.numbers, template.encoded
         filled = {field: row for field, row in rows.items() if template.place(field) >= 0}  # not those that are empty
-        places = [template.place(flag) for flag in ("stamp_is_receive_time", "velocity_estimated")]
-        self._layout = (
-            template.data,
-            template.words,
-            template.doubles,
-            np.array(places),
-            np.array([template.first_double(field) for field in filled], dtype=np.int64),
-            np.array(list(filled.values()), dtype=np.int64),
-        )
+        energy = "total" if template.place("total") >= 0 else "kinetic_energy"
+        at = [
+            *(template.place(flag) for flag in ("stamp_is_receive_time", "velocity_estimated", "power_valid")),
+            (template.place("oldest_stamp.sec") - len(HEADER)) // 4,
+            *(template.first_double(field) for field in (energy, "power", "energy_share")),
+            *(place for field, row in filled.items() for place in (template.first_double(field), row)),
+        ]
+        self._layout = template.data, template.words, template.doubles, np.array(at, dtype=np.int64)
 
-    def begin(self, state, rows=_NO_ROWS):
-        """Write what all messages have, and the rows of an Evaluation."""
+    def begin(self, state, s=None):
+        """Write what all messages have, and of an Evaluation the rows and the energy."""
+        K, power, rows = (s.kinetic_energy, s.effort_power, s.rows) if s else (0.0, None, _NO_ROWS)
         _write(
             *self._layout,
             state.newest,
+            state.oldest,
             state.stamp_is_receive_time,
             state.velocity_estimated,
+            power is not None,
             len(state.velocity),
+            K,
+            power or 0.0,
             rows,
         )
 
@@ -189,14 +185,28 @@ class _Sheet:
         self._numbers[field][:] = values
 
 
-@entry_kernel(_BYTES, _WORDS, VECTOR, _INDICES, _INDICES, _INDICES, COUNT, FLAG, FLAG, COUNT, MATRIX)
-def _write(data, words, doubles, flags, places, chosen, newest, received, estimated, count, rows):
-    """Write stamp and flags, and `count` numbers of each of the chosen rows at its place."""
+@entry_kernel(_BYTES, _WORDS, VECTOR, _INDICES, COUNT, COUNT, FLAG, FLAG, FLAG, COUNT, NUMBER, NUMBER, MATRIX)
+def _write(data, words, doubles, at, newest, oldest, received, estimated, valid, count, energy, power, rows):
+    """Write stamps, flags, energies and `count` numbers of each row wherever there is a place for it in `at`.
+
+    First come the places of what is named below, -1 for none, then pairs of a place and the row that goes there.
+    """
     words[0], words[1] = newest // SECOND, newest % SECOND
-    if flags[0] >= 0:
-        data[flags[0]] = received
-    if flags[1] >= 0:
-        data[flags[1]] = estimated
-    for k in range(len(chosen)):
+    if at[0] >= 0:
+        data[at[0]] = received
+    if at[1] >= 0:
+        data[at[1]] = estimated
+    if at[2] >= 0:
+        data[at[2]] = valid
+    if at[3] >= 0:
+        words[at[3]], words[at[3] + 1] = oldest // SECOND, oldest % SECOND
+    if at[4] >= 0:
+        doubles[at[4]] = energy
+    if at[5] >= 0:
+        doubles[at[5]] = power
+    if at[6] >= 0:
         for i in range(count):
-            doubles[places[k] + i] = rows[chosen[k], i]
+            doubles[at[6] + i] = 0.5 * rows[NU, i] * rows[NU, i]
+    for k in range(7, len(at), 2):
+        for i in range(count):
+            doubles[at[k] + i] = rows[at[k + 1], i]

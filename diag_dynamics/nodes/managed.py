@@ -43,6 +43,9 @@ class ManagedNode(LifecycleNode):
 
         return callback
 
+    def settled(self):
+        """Called when all that stays has been loaded; whoever runs the process puts something in its place."""
+
     def start(self):
         """Configure and activate.
 

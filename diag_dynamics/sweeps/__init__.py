@@ -51,7 +51,7 @@ from diag_dynamics.sweeps.factorization import (
 from diag_dynamics.sweeps.factors import factors
 from diag_dynamics.sweeps.many import evaluate_many
 from diag_dynamics.sweeps.records import BODY, LINK, WORK, WRENCH
-from diag_dynamics.sweeps.state import evaluate, link_energies
+from diag_dynamics.sweeps.state import energy_and_power, evaluate, link_energies
 from diag_dynamics.sweeps.steps import FLOATING, PLANAR, SINGULAR, UNIT_TOLERANCE
 from diag_dynamics.sweeps.workspace import (
     ARTICULATED_INERTIA,
@@ -103,6 +103,7 @@ __all__ = [
     "coriolis_bracket",
     "coriolis_product",
     "effort_of_wrenches",
+    "energy_and_power",
     "epsilon_from_tau",
     "evaluate",
     "evaluate_many",

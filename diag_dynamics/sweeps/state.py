@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from diag_dynamics.kernel import MATRIX, ROBOT, STATES, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.kernel import COUNT, MATRIX, ROBOT, STATES, VECTOR, entry_kernel, kernel, large_kernel
 from diag_dynamics.lanes import nought
 from diag_dynamics.spatial import (
     ANGULAR_Z,
@@ -308,6 +308,17 @@ def evaluate(robot, q, qd, tau, out):
     for k in range(len(qd)):
         out[RATES, k] = qd[k]
     return sweep(bodies, gravity, q, qd, tau, work, table, out)
+
+
+@entry_kernel(MATRIX, COUNT)
+def energy_and_power(state, nv):
+    """½νᵀν and νᵀ(ε − ε_g) of a state that :func:`evaluate` has filled."""
+    energy, power = 0.0, 0.0
+    for k in range(nv):
+        nu = state[NU, k]
+        energy += 0.5 * nu * nu
+        power += nu * (state[EPSILON, k] - state[GRAVITY, k])
+    return energy, power
 
 
 @entry_kernel(BODIES, LINKS, STATES, MATRIX, nogil=True)
