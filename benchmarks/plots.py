@@ -107,9 +107,9 @@ def _apart(values):
     return kept
 
 
-def plain(axis):
+def plain(axis, subs=(1, 2, 5)):
     """Numbers on a logarithmic axis as they are, not powers of ten, and enough of them."""
-    axis.set_major_locator(matplotlib.ticker.LogLocator(subs=(1, 2, 5)))
+    axis.set_major_locator(matplotlib.ticker.LogLocator(subs=subs))
     axis.set_minor_locator(matplotlib.ticker.NullLocator())
     axis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
 

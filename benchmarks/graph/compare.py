@@ -47,7 +47,7 @@ class Found(NamedTuple):
     steady: dict[Subject, list[Burst]]
     searched: dict[Subject, list[Burst]]
     executors: dict[Subject, list[Burst]]
-    sizes: dict[str, int]  # bytes of a serialized message of each topic, the same from all nodes
+    sizes: dict[str, dict[str, int]]  # bytes of a serialized message of each topic, by node
 
 
 def measure(plan):
@@ -61,12 +61,13 @@ def measure(plan):
     private_domain()
     subjects = [Subject(node, topics) for topics in SETS.values() for node in (FLOOR, *MONITORS)]
     under = [Subject(node, SETS["all"], executor=name) for name in plan.executors for node in (FLOOR, MONITORS[0])]
-    found = Found(defaultdict(list), defaultdict(list), defaultdict(list), {})
+    found = Found(defaultdict(list), defaultdict(list), defaultdict(list), defaultdict(dict))
     for k in range(plan.rounds):
         _say(f"measures nodes, round {k + 1} of {plan.rounds}")
         for subject in subjects:
             with Session(subject) as session:
-                _compare(subject, session.sizes, found.sizes)
+                found.sizes[subject.node] |= session.sizes
+                same_sizes(found.sizes)
                 session.burst(RATE, plan.warm_up)
                 found.steady[subject].append(session.burst(RATE, plan.seconds))
                 if k < plan.searches:
@@ -80,11 +81,13 @@ def measure(plan):
     return found
 
 
-def _compare(subject, sizes, known):
-    """Nobody is measured with messages of other sizes than the rest."""
-    for topic, size in sizes.items():
-        if size != known.setdefault(topic, size):
-            raise GraphError(f"{topic} of {subject.node} has {size} bytes, expected {known[topic]}.")
+def same_sizes(sizes):
+    """Raise GraphError if a node's messages are not of the floor's size."""
+    for node, own in sizes.items():
+        for topic, size in own.items():
+            expected = sizes[FLOOR].get(topic, size)
+            if size != expected:
+                raise GraphError(f"Messages on {topic} of {node} have {size} bytes, expected {expected}.")
 
 
 def _say(what):

@@ -34,14 +34,8 @@ class Feeder:
         message = JointState(name=names, position=position, velocity=velocity, effort=effort)
         self._data = bytearray(serialize_message(message))
 
-    def matched(self):
-        """Wait until somebody listens."""
-        while not self._publisher.get_subscription_count():
-            time.sleep(0.01)
-        return {}
-
     def burst(self, rate, seconds):
-        """Publish at a rate [Hz] for a while; returns how many were sent, how late at worst, and what it took [s]."""
+        """Publish at a rate [Hz] for a while; returns what was sent, how late at worst, and whether anybody listens."""
         period, sent, late = 1.0 / rate, 0, 0.0
         due = begin = time.perf_counter()
         while due < begin + seconds:
@@ -52,7 +46,8 @@ class Feeder:
             self._publisher.publish(bytes(self._data))
             sent += 1
             due = max(due + period, time.perf_counter() - BEHIND * period)
-        return {"sent": sent, "late": late, "seconds": time.perf_counter() - begin}
+        seconds = time.perf_counter() - begin
+        return {"sent": sent, "late": late, "seconds": seconds, "matched": self._publisher.get_subscription_count() > 0}
 
 
 def main():

@@ -60,7 +60,7 @@ def _latency(steady):
                 color="0.4",
             )
         panel.set(xscale="log", yscale="log", xlabel="publish of joint_states to receipt [ms]")
-        plain(panel.xaxis)
+        plain(panel.xaxis, subs=(1,))  # from fractions of a millisecond to a stalled machine's hundreds
     axes[0, 0].set_ylabel("part of the messages")
     _legend(figure, axes[0, 0])
     return figure

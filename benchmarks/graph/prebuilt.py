@@ -1,6 +1,7 @@
-"""One message of each of the monitor's topics, as the monitor itself would make it, for the relay to send again and again."""
+"""One message of each of the monitor's topics, made by the monitor's own parts, for the relay to send again and again."""
 
 from functools import cache
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,8 +10,8 @@ from rclpy.serialization import serialize_message
 import diag_dynamics as dd
 from diag_dynamics.example_robots import find_urdf
 from diag_dynamics.nodes.inputs.joint_states import RobotState
-from diag_dynamics.nodes.messages import MessageMaker, to_time
-from diag_dynamics.nodes.outputs import TOPICS, classical
+from diag_dynamics.nodes.messages import MessageMaker
+from diag_dynamics.nodes.outputs import TOPICS, Outputs
 from diag_dynamics.nodes.robot import single_joints
 
 
@@ -29,24 +30,31 @@ def joints(robot):
     return single_joints(dd.load_urdf(find_urdf(robot)))
 
 
+class Recorder:
+    """Stands where the monitor's node does, and keeps what is published, as if everybody listened."""
+
+    def __init__(self):
+        self.published = []
+
+    def create_lifecycle_publisher(self, kind, topic, *_, **__):
+        """Return what publishes into the list."""
+        return SimpleNamespace(
+            get_subscription_count=lambda: 1,
+            publish=lambda message: self.published.append((topic.removeprefix("~/"), message)),
+        )
+
+
 @cache
 def outputs(robot):
     """All topics, in the order in which the monitor publishes them: who comes first is received first."""
     model = dd.load_urdf(find_urdf(robot))
-    dynamics, maker = dd.DiagonalDynamics(model), MessageMaker(model, revision=1)
+    dynamics = dd.DiagonalDynamics(model)
     q, qd, tau = np.random.default_rng(1).uniform(-0.3, 0.3, (3, model.nv))
-    s = dynamics.evaluate(q, qd, tau)
-    state, stamp = RobotState(q, qd, tau, newest=0, oldest=0, stamp_is_receive_time=False), to_time(0)
-    messages = {
-        "state": maker.state(stamp, s, state),
-        "kinetic_energy": maker.kinetic_energy(stamp, s, state),
-        "total_joint_rates": maker.total_joint_rates(stamp, s, state),
-        "working_moments": maker.working_moments(stamp, s, state),
-        "coriolis": maker.coriolis(stamp, s, state),
-        "mass_matrix_factors": maker.mass_matrix_factors(stamp, dynamics.factors(q), False, state),
-        "joint_space_dynamics": maker.joint_space_dynamics(stamp, *classical(dynamics, state), state),
-    }
+    state = RobotState(q, qd, tau, newest=0, oldest=0, stamp_is_receive_time=False)
+    recorder = Recorder()
+    maker = MessageMaker(model, revision=1)
+    Outputs(recorder).publish(dynamics, maker, state, dynamics.evaluate(q, qd, tau), with_inverse=False)
     return [
         Output(topic, type(message).__name__, TOPICS[topic][1], bytes(serialize_message(message)).hex())
-        for topic, message in messages.items()
+        for topic, message in recorder.published
     ]

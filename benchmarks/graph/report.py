@@ -177,7 +177,7 @@ def _milliseconds(seconds):
 
 
 def _sizes(found):
-    return ", ".join(f"{topic} {size}" for topic, size in found.sizes.items())
+    return ", ".join(f"{topic} {size}" for topic, size in found.sizes[FLOOR].items())
 
 
 def _ros():

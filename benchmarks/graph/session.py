@@ -128,16 +128,16 @@ class Session(contextlib.AbstractContextManager):
 
     def _await_flow(self, topics):
         """Send until something has come on every topic; a first message may be lost while DDS is still matching."""
-        self._feeder.ask("matched")
-        deadline = time.monotonic() + START
-        while True:
-            self._feeder.ask("burst", 100.0, 0.1)
+        deadline, missing = time.monotonic() + START, {"joint_states", *topics}
+        while missing:
             self._node.alive()
-            self.sizes = self._listener.ask("sizes") if topics else {}
-            if topics <= set(self.sizes):
-                return
             if time.monotonic() > deadline:
-                raise GraphError(f"Nothing came on {topics - set(self.sizes)}:\n{self._node.errors()}")
+                raise GraphError(f"{self._subject}: nothing on {', '.join(missing)}:\n{self._node.errors()}")
+            if self._feeder.ask("burst", 100.0, 0.1)["matched"]:
+                missing.discard("joint_states")
+            if topics:
+                self.sizes = self._listener.ask("sizes")
+                missing -= set(self.sizes)
 
     def burst(self, rate, seconds):
         """Feed at a rate [Hz] for a while."""
