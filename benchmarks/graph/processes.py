@@ -1,9 +1,11 @@
 """Processes that answer lines of JSON with lines of JSON, and end with whoever has started them."""
 
 import contextlib
+import ctypes
 import json
 import os
 import queue
+import signal
 import subprocess
 import sys
 import tempfile
@@ -18,6 +20,10 @@ START = 60.0
 
 LEAVE = 5.0
 """Time that it has to end when it is asked to [s]; some rclpy miss a signal now and then."""
+
+
+_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG
+_prctl = getattr(ctypes.CDLL(None), "prctl", lambda *_: None)
 
 
 class GraphError(RuntimeError):
@@ -38,6 +44,7 @@ class Process(contextlib.AbstractContextManager):
             stderr=self._errors,
             text=True,
             env=os.environ | {"PYTHONPATH": path},
+            preexec_fn=_follow,
         )
         self._statistics = psutil.Process(self._process.pid)
         self._lines = queue.Queue()
@@ -99,3 +106,8 @@ class Process(contextlib.AbstractContextManager):
         for line in self._process.stdout:
             self._lines.put(line)
         self._lines.put(None)
+
+
+def _follow():
+    """Have Linux end this process with the one that has started it, even where that is killed."""
+    _prctl(_DEATH_SIGNAL, signal.SIGTERM)
