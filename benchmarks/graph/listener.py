@@ -37,6 +37,7 @@ class Listener:
 
     def __init__(self, first, *others):
         self._latencies = []  # ns
+        self._since = 0  # what is stamped earlier does not count
         self._sizes = {}  # bytes of a message of each topic
         self._cpu = 0.0
         self.timed, idle = rclpy.create_node("listener"), rclpy.create_node("idle_listener")
@@ -49,7 +50,9 @@ class Listener:
         return topic, node.create_subscription(kind, f"/diag_dynamics/{topic}", self._take, qos, raw=True)
 
     def _take(self, data):
-        self._latencies.append(time.time_ns() - stamps.get(data))
+        now, stamp = time.time_ns(), stamps.get(data)
+        if stamp >= self._since:
+            self._latencies.append(now - stamp)
         if self._first not in self._sizes:
             self._sizes[self._first] = len(data)
 
@@ -65,6 +68,7 @@ class Listener:
 
     def begin(self):
         """Forget what has come so far."""
+        self._since = time.time_ns()
         self._latencies.clear()
         self._cpu = time.process_time()
         return {}
