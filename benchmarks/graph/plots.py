@@ -50,11 +50,10 @@ def _latency(steady):
         for percent in (50, 99, 99.9):
             panel.axhline(1 - percent / 100, color="0.4", lw=0.8, ls=":")
             panel.text(
-                1.0,
+                0.01,
                 1 - percent / 100,
                 f"p{percent:g}",
                 transform=panel.get_yaxis_transform(),
-                ha="right",
                 va="bottom",
                 fontsize=8,
                 color="0.4",
@@ -79,8 +78,9 @@ def _rates(searched):
         loss.set(ylim=(-0.01, 100), yticks=(0, 0.1, 1, 10, 100))
         loss.yaxis.set_minor_locator(matplotlib.ticker.NullLocator())
         loss.yaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
-        cpu.set(xscale="log", xlabel="joint states per second [Hz]", ylim=(0, None))
+        cpu.set(xscale="log", xlabel="joint states per second [Hz]")
         plain(cpu.xaxis)
+    axes[1, 0].set_ylim(bottom=0)
     axes[0, 0].set_ylabel("lost [%]")
     axes[1, 0].set_ylabel("CPU time [% of a core]")
     _legend(figure, axes[0, 0])
