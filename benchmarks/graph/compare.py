@@ -34,7 +34,7 @@ SHORT = Plan(
     seconds=0.5,
     rounds=1,
     searches=1,
-    search=Search(seconds=0.3, last=2000.0, bisections=0, beyond=0),
+    search=Search(seconds=0.3, last=1500.0, bisections=0, beyond=0),
     executor_rounds=1,
     executors=("SingleThreadedExecutor",),
     warm_up=0.2,
