@@ -22,7 +22,7 @@ demo: setup  ## a simulated robot and its kinetic energy, live; ROBOT=<name or U
 test: lint  ## lint, then every test; ARGS=<pytest options>, JOBS=<files at a time, 0 for a debugger>
 	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
 
-bench: setup  ## speed against other libraries, into benchmarks/results/ and the README; ARGS=--short: a minute's worth
+bench: setup  ## speed of library and nodes, into benchmarks/results/ and the README; ARGS=--short: two minutes' worth
 	@$(in_env) python3 benchmarks/run.py $(ARGS)
 
 lint: setup  ## code style and docstrings

@@ -107,9 +107,14 @@ def _apart(values):
     return kept
 
 
+def plain(axis, subs=(1, 2, 5)):
+    """Numbers on a logarithmic axis as they are, not powers of ten, and enough of them."""
+    axis.set_major_locator(matplotlib.ticker.LogLocator(subs=subs))
+    axis.set_minor_locator(matplotlib.ticker.NullLocator())
+    axis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
+
+
 def _plain(x, y):
-    """Numbers as they are, not powers of ten, and enough of them."""
-    y.set_major_locator(matplotlib.ticker.LogLocator(subs=(1, 2, 5)))
-    y.set_minor_locator(matplotlib.ticker.NullLocator())
-    for axis in (x, y):
-        axis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
+    """Plain numbers at the places that x has, and those of :func:`plain` on y."""
+    plain(y)
+    x.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))

@@ -77,7 +77,7 @@ Exponents from N = 32 on, and the time on the longest chain against that of `nu_
 {_details(measured.others)}
 ## Machine
 
-{_machine()}"""
+{machine(("numpy", "scipy", "numba", "pin", "mujoco", "yourdfpy", "example-robot-data"))}"""
 
 
 def put_into_readme(table, readme=ROOT / "README.md"):
@@ -93,14 +93,15 @@ def _text(number):
     return f"{number:.3f}" if number < 0.1 else f"{number:.2f}" if number < 100 else f"{number:.0f}"
 
 
-def _quartiles(r):
+def quartiles(r):
+    """A Ratio as text."""
     return f"{_text(r.median)} ({_text(r.low)}–{_text(r.high)})"
 
 
 def _robots(times, dof):
     lines = [f"| robot | dof | {' | '.join(COLUMNS)} |", "|---|---|" + "---|" * len(COLUMNS)]
     for name, t in times.items():
-        cells = (_quartiles(ratio(t[ours], t[theirs])) for ours, theirs in COLUMNS.values())
+        cells = (quartiles(ratio(t[ours], t[theirs])) for ours, theirs in COLUMNS.values())
         lines.append(f"| {name} | {dof[name]} | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
@@ -109,7 +110,7 @@ def _growth(times, slopes):
     lines = [f"| | {' | '.join(KINDS)} | against `nu_from_qd` |", "|---|" + "---|" * (len(KINDS) + 1)]
     longest = max(n for _, _, n in times)
     for method in dict.fromkeys(method for _, method in slopes):
-        cells = [_quartiles(slopes[kind, method]) for kind in KINDS]
+        cells = [quartiles(slopes[kind, method]) for kind in KINDS]
         more = ratio(times[CHAIN, method, longest], times[CHAIN, "nu_from_qd", longest])
         lines.append(f"| `{method}` | {' | '.join(cells)} | {_text(more.median)} |")
     return "\n".join(lines) + "\n"
@@ -118,18 +119,18 @@ def _growth(times, slopes):
 def _details(rows):
     lines = ["| measured | against | on | ratio |", "|---|---|---|---|"]
     for row in rows:
-        lines += [f"| {row.subject} | {row.peer} | {name} | {_quartiles(r)} |" for name, r in row.ratios.items()]
+        lines += [f"| {row.subject} | {row.peer} | {name} | {quartiles(r)} |" for name, r in row.ratios.items()]
     return "\n".join(lines) + "\n"
 
 
-def _machine():
-    """Versions, processor, date and commit."""
-    names = ("numpy", "scipy", "numba", "pin", "mujoco", "yourdfpy", "example-robot-data")
-    packages = ", ".join(f"{name} {version(name)}" for name in names)
+def machine(packages, extra=""):
+    """Processor, date and commit, and the versions of packages and of what `extra` tells."""
+    versions = [f"diag_dynamics {dd.__version__}", f"Python {platform.python_version()}"]
+    versions += [f"{name} {version(name)}" for name in packages]
     return (
         f"{_processor()}, {len(os.sched_getaffinity(0))} cores, {platform.system()} {platform.machine()}; "
         f"{date.today()}, commit {_commit()}\n\n"
-        f"diag_dynamics {dd.__version__}, Python {platform.python_version()}, {packages}\n"
+        f"{', '.join(filter(None, (*versions, extra)))}\n"
     )
 
 

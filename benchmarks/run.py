@@ -1,6 +1,7 @@
-"""All benchmarks: `make bench`, or this file in the sourced environment. See `benchmarks/results/table.md`."""
+"""All benchmarks: `make bench`, or this file in the sourced environment. See `table.md` and `nodes.md` in `results`."""
 
 import argparse
+import importlib.util
 import os
 import sys
 from pathlib import Path
@@ -71,10 +72,14 @@ SHORT = Plan(
 )
 
 
+PARTS = ("library", "nodes")
+
+
 def main():
-    """Compare outputs, measure, and print the table; with a folder, write table and plots into it."""
+    """Measure the library, then the nodes, and print the tables; with a folder, write tables and plots into it."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--short", action="store_true", help="a minute's worth, which writes nothing by default")
+    options.add_argument("--short", action="store_true", help="two minutes' worth, which writes nothing by default")
+    options.add_argument("--only", choices=PARTS, help="measure the library or the nodes alone")
     options.add_argument(
         "--output",
         type=Path,
@@ -82,16 +87,25 @@ def main():
         help="where to write; by default benchmarks/results, and the README's table",
     )
     arguments = options.parse_args()
-    plan, folder = (SHORT if arguments.short else FULL), arguments.output
+    folder = arguments.output
     official = folder is None and not arguments.short
     folder = RESULTS if official else folder
     if folder:
         if folder.exists() and not folder.is_dir():
             options.error(f"--output: {folder} is not a folder")
         folder.mkdir(parents=True, exist_ok=True)
+    parts = {"library": library, "nodes": nodes}
+    chosen = [arguments.only] if arguments.only else PARTS
+    if "nodes" in chosen and not importlib.util.find_spec("rclpy"):
+        options.error("the nodes need a ROS 2: source scripts/env.bash, or leave them out with --only library")
+    for part in chosen:
+        parts[part](arguments.short, folder, official)
 
+
+def library(short, folder, official):
+    """Compare outputs and measure the library against its peers."""
     try:
-        measured = measure(plan)
+        measured = measure(SHORT if short else FULL)
     except agreement.DisagreementError as error:
         sys.exit(f"Nothing is timed, outputs disagree: {error}")
     table = report.summary(measured.rows)
@@ -101,6 +115,22 @@ def main():
         (folder / "table.md").write_text(report.page(measured), encoding="utf-8")
     if official:
         report.put_into_readme(table)
+
+
+def nodes(short, folder, official):
+    """Measure the monitor against a node that computes nothing."""
+    import graph.plots  # needs a ROS 2, which the library does not
+    import graph.report
+    from graph import compare
+
+    try:
+        found = compare.measure(compare.SHORT if short else compare.FULL)
+    except compare.GraphError as error:
+        sys.exit(str(error))
+    print(graph.report.summary(found))
+    if folder:
+        graph.plots.draw(folder, found)
+        (folder / "nodes.md").write_text(graph.report.page(found), encoding="utf-8")
 
 
 def measure(plan):

@@ -1,10 +1,12 @@
 """The benchmarks in their short form: outputs are compared, every ratio is computed. Never a time."""
 
+import json
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -74,7 +76,7 @@ def check(table):
 
 def test_short_form(tmp_path, compiled):
     before = {path: path.stat().st_mtime_ns for path in (ROOT / "README.md", *(BENCHMARKS / "results").glob("*"))}
-    done = run(tmp_path, BENCHMARKS / "run.py", "--short", "--output", tmp_path / "results")
+    done = run(tmp_path, BENCHMARKS / "run.py", "--short", "--only", "library", "--output", tmp_path / "results")
     assert done.returncode == 0, done.stderr
     assert re.search(r"outputs of \d+ robots agree to \de-\d\d", done.stderr)
     table = summary(tmp_path / "results" / "table.md")
@@ -100,7 +102,7 @@ def wrong(*arguments):
 peers.Pinocchio.calls = wrong
 run.main()
 """
-    done = run(tmp_path, "-c", script, "--short")
+    done = run(tmp_path, "-c", script, "--short", "--only", "library")
     assert done.returncode != 0
     assert re.search(r"outputs disagree: kinova: .* differs by", done.stderr)
     assert "measures" not in done.stderr
@@ -124,7 +126,7 @@ def test_what_is_compared(monkeypatch):
 def test_a_file_is_no_folder_to_write_into(tmp_path):
     file = tmp_path / "file"
     file.touch()
-    done = run(tmp_path, BENCHMARKS / "run.py", "--short", "--output", file)
+    done = run(tmp_path, BENCHMARKS / "run.py", "--short", "--only", "library", "--output", file)
     assert done.returncode == 2
     assert "file is not a folder" in done.stderr
 
@@ -135,3 +137,118 @@ def test_readme_shows_what_was_measured():
     check(table)
     for plot in PLOTS:
         assert (BENCHMARKS / "results" / plot).is_file()
+
+
+# --- The nodes ---
+
+
+NODE_PLOTS = ("nodes_latency.png", "nodes_rates.png")
+QUANTITIES = ("CPU time per joint state", "median latency", "p99 latency", "highest lossless rate")
+SETS = ("all", "kinetic_energy")
+
+
+@pytest.fixture
+def domain(request):
+    """Return a ROS domain of our own, where ROS is."""
+    if os.environ.get("DIAG_DYNAMICS_REQUIRE_ROS") != "1":
+        pytest.importorskip("rclpy", reason="rclpy is not installed: nodes cannot be measured")
+    return request.getfixturevalue("ros_domain")
+
+
+def check_nodes(page):
+    """Every quantity has its line for either serialization and either set of topics, and verdicts are right."""
+    table = page[page.index("| measured") :].split("\n\n")[0]
+    seen = []
+    for quantity, serialization, topics, target, shown, verdict in cells(table):
+        relation, limit = target.split(" ")
+        value, limit = float(shown.split(" ")[0]), float(limit)
+        assert np.isfinite(value)
+        assert value > 0.0
+        if abs(value - limit) > 0.01:  # else the table does not show enough digits to tell
+            assert verdict == ("met" if (value <= limit if relation == "≤" else value >= limit) else "missed")
+        seen.append((serialization, topics, quantity))
+    assert seen == [(kind, topics, what) for kind in ("template", "rclpy") for topics in SETS for what in QUANTITIES]
+
+
+def check_source(page):
+    """The report shows the floor's source as it is."""
+    assert f"```python\n{(BENCHMARKS / 'graph' / 'relay.py').read_text('utf-8')}```\n" in page
+
+
+@pytest.mark.ros
+def test_short_form_of_the_nodes(domain, tmp_path):
+    script = """
+import json, run
+from graph import compare
+measure = compare.measure
+def kept(plan):
+    found = measure(plan)
+    bursts = [burst for part in found[:3] for bursts in part.values() for burst in bursts]
+    counts = [(burst.sent, burst.received, len(burst.latencies), burst.latencies.min()) for burst in bursts]
+    with open("found.json", "w") as file:
+        json.dump({"counts": counts, "sizes": found.sizes}, file)
+    return found
+compare.measure = kept
+run.main()
+"""
+    done = run(tmp_path, "-c", script, "--short", "--only", "nodes", "--output", tmp_path / "results")
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / "found.json").read_text())
+    for sent, received, timed, earliest in found["counts"]:
+        assert 0 < received <= sent
+        assert timed == received
+        assert earliest > 0.0
+    sizes = found["sizes"]
+    assert len(sizes["floor"]) == 7
+    assert sizes["floor"] == sizes["template"] == sizes["rclpy"]
+    page = (tmp_path / "results" / "nodes.md").read_text("utf-8")
+    check_nodes(page)
+    check_source(page)
+    for plot in NODE_PLOTS:
+        assert (tmp_path / "results" / plot).read_bytes().startswith(b"\x89PNG")
+    assert not (tmp_path / "results" / "table.md").exists()
+
+
+def test_what_was_measured_of_the_nodes_is_shown():
+    page = (BENCHMARKS / "results" / "nodes.md").read_text("utf-8")
+    check_nodes(page)
+    check_source(page)
+    for plot in NODE_PLOTS:
+        assert (BENCHMARKS / "results" / plot).is_file()
+
+
+@pytest.mark.ros
+def test_nodes_with_messages_of_other_sizes_are_not_compared(domain, monkeypatch):
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    from graph.compare import GraphError, same_sizes
+
+    same_sizes({"floor": {"state": 796}, "template": {"state": 796}})
+    with pytest.raises(GraphError, match="on state of template have 800 bytes, expected 796"):
+        same_sizes({"floor": {"state": 796}, "template": {"state": 800}})
+
+
+@pytest.mark.parametrize("limit", [300.0, 1000.0, 2999.0, 12345.0])
+def test_the_highest_lossless_rate_is_found(limit, monkeypatch):
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    from graph.sweep import Search, highest, search
+
+    class Node:
+        def burst(self, rate, seconds):
+            loss = max(0.0, 1.0 - limit / rate)
+            return SimpleNamespace(asked=rate, rate=rate, loss=loss, kept=True, limit="node")
+
+    rate, who = highest(search(Node(), Search()))
+    assert 0.95 * limit < rate <= 1.002 * limit  # what may be lost of a lossless rate is 0.1 %
+    assert who == "node"
+
+
+def test_a_feeder_that_cannot_keep_up_ends_the_search(monkeypatch):
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    from graph.sweep import Search, highest, search
+
+    class Node:
+        def burst(self, rate, seconds):
+            return SimpleNamespace(asked=rate, rate=min(rate, 3000.0), loss=0.0, kept=rate < 3100.0, limit="feeder")
+
+    bursts = search(Node(), Search())
+    assert highest(bursts) == (3000.0, "feeder")

@@ -1,0 +1,1 @@
+"""The nodes on a graph: the monitor against what rclpy alone costs, all of it in processes of their own."""

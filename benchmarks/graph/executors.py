@@ -1,0 +1,10 @@
+"""The executors of rclpy by the names they have here."""
+
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
+
+EXECUTORS = {
+    "EventsExecutor": EventsExecutor,
+    "SingleThreadedExecutor": SingleThreadedExecutor,
+    "MultiThreadedExecutor": MultiThreadedExecutor,
+}

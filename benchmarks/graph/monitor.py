@@ -1,0 +1,12 @@
+"""The monitor under another executor than it has by itself: ``python -m graph.monitor <executor> --ros-args …``."""
+
+import sys
+
+from diag_dynamics.nodes import runner
+from graph.executors import EXECUTORS
+
+if __name__ == "__main__":
+    runner.Executor = EXECUTORS[sys.argv.pop(1)]
+    from diag_dynamics.nodes.monitor import main
+
+    sys.exit(main())
