@@ -377,8 +377,13 @@ class DiagonalDynamics:
         probe = DiagonalDynamics(self.model)
         zero, q, root = self._zero, self.model.neutral, self.model.root_link
         wrench = {root: np.zeros(6)}
+
+        def evaluate():
+            s = probe.evaluate(q, zero, zero, wrench)
+            return s.kinetic_energy, s.link_energy
+
         steps = {
-            "evaluate": lambda: probe.evaluate(q, zero, zero, wrench).link_energy,
+            "evaluate": evaluate,
             "evaluate_batch": lambda: probe.evaluate_batch(q[None], zero[None], zero[None]).link_energy,
             "factors": lambda: probe.factors(q),
             "forward_dynamics": lambda: probe.forward_dynamics(q, zero, zero, wrench),

@@ -193,6 +193,11 @@ def entry_kernel(*arguments, nogil=False):
     return compiled
 
 
+def ready(entry):
+    """Compile an entry kernel, or load it from the cache, so that its first call does not wait for it."""
+    entry._compile_for_args()
+
+
 def _compile_once(dispatcher, arguments, *given):
     """What numba calls when it has no code for the arguments of a call."""
     with global_compiler_lock:

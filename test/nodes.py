@@ -57,6 +57,9 @@ OUTPUTS = {
 }
 """What a monitor publishes under its name."""
 
+SERIALIZATION = "DIAG_DYNAMICS_TEST_SERIALIZATION"
+"""Environment variable by which every monitor of a test run takes this path from messages to numbers and back."""
+
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 MANY = QoSProfile(depth=1000)
 
@@ -161,6 +164,8 @@ class Process(contextlib.AbstractContextManager):
 def node_process(node, *arguments, **parameters):
     """Start a node of this package; `arguments` are ROS arguments."""
     command = [sys.executable, "-m", f"diag_dynamics.nodes.{node}", "--ros-args", *arguments]
+    if node == "monitor" and SERIALIZATION in os.environ:
+        parameters = {"serialization": os.environ[SERIALIZATION]} | parameters
     for name, value in parameters.items():
         command += ["-p", f"{name}:={value}"]
     return Process(command)

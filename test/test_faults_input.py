@@ -2,11 +2,14 @@
 
 import contextlib
 import math
+import os
+import struct
 from collections import Counter
 
 import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
+from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
 from coupling import Coupled
@@ -14,6 +17,7 @@ from nodes import (
     MS,
     OUTPUTS,
     PANDA,
+    SERIALIZATION,
     START,
     UR5,
     Monitor,
@@ -471,6 +475,59 @@ def test_impossible_by_name(monitor, panda, make, cause, named):
     """The rejection says what is wrong, of which joint."""
     monitor.feeder.publish(make(monitor.tick()))
     assert named in after(monitor, f"rejected: {cause}").values["last rejection"]
+
+
+def test_bytes_that_are_no_message(monitor, panda):
+    """They are rejected where this node reads them itself; rclpy lets them fall. Neither way is anything lost but them."""
+    monitor.serves(panda, 1)
+    before = monitor.next_report()
+    good = serialize_message(panda.message(monitor.tick(), panda.samples[0]))
+    count = bytes([255] * 4)
+    for bad in (good[: len(good) // 2], good[:20], good[:5], b"\x07\x77" + good[2:], good[:12] + count + good[16:]):
+        monitor.feeder.publish(bad)
+        monitor.serves(panda, 1)
+    report = monitor.wait_for_report(
+        lambda report: report.count("published") >= before.count("published") + 5, "what came after"
+    )
+    if os.environ.get(SERIALIZATION) == "rclpy":
+        assert report.since(before) == {"received": 5, "published": 5}
+        return
+    assert report.since(before) == {"received": 10, "published": 5, "rejected: malformed": 5}
+    assert report.level == WARN
+    assert "bytes that are no sensor_msgs/msg/JointState" in report.values["last rejection"]
+
+
+def test_big_endian(monitor, panda):
+    """A state from a machine of the other byte order is served as any other."""
+    monitor.serves(panda, 1)
+    q, qd, tau, _ = panda.samples[2]
+    stamp = monitor.tick()
+    monitor.feeder.publish(big_endian(panda.message(stamp, panda.samples[2])))
+    Truth(panda, q, qd, tau).check(monitor._all_at(stamp, OUTPUTS), stamp)
+
+
+def big_endian(message):
+    """Serialize a JointState without a frame as such a machine does."""
+    data = bytearray()
+
+    def add(kind, *values):
+        data.extend(bytes(-len(data) % struct.calcsize(kind)))
+        data.extend(struct.pack(f">{len(values)}{kind}", *values))
+
+    def add_text(text):
+        add("I", len(text) + 1)
+        data.extend(text.encode() + b"\0")
+
+    add("i", message.header.stamp.sec)
+    add("I", message.header.stamp.nanosec)
+    add_text("")
+    add("I", len(message.name))
+    for name in message.name:
+        add_text(name)
+    for values in (message.position, message.velocity, message.effort):
+        add("I", len(values))
+        add("d", *values)
+    return bytes(4) + data  # encapsulation 0: plain CDR, big-endian
 
 
 def test_bounds_are_parameters(monitor, panda):

@@ -5,7 +5,7 @@ from numba import int32, int64, uint8
 from rclpy.serialization import serialize_message
 
 from diag_dynamics import sweeps
-from diag_dynamics.kernel import COUNT, FLAG, MATRIX, NUMBER, VECTOR, Lent, entry_kernel
+from diag_dynamics.kernel import COUNT, FLAG, MATRIX, NUMBER, VECTOR, Lent, entry_kernel, ready
 from diag_dynamics.nodes.cdr import HEADER, Template
 from diag_dynamics.nodes.inputs.stamps import SECOND
 from diag_dynamics.sweeps import NU
@@ -56,6 +56,7 @@ class EncodedMessages:
         self._maker = maker
         self._sheets = {}
         self.unlike = set()
+        ready(_write)
 
     def total_joint_rates(self, s, state):
         """ν and ξ of an Evaluation."""

@@ -12,7 +12,7 @@ from numba import boolean, int32, int64, uint8
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from diag_dynamics.kernel import COUNT, MATRIX, VECTOR, Lent, entry_kernel, kernel
+from diag_dynamics.kernel import COUNT, MATRIX, VECTOR, Lent, entry_kernel, kernel, ready
 from diag_dynamics.nodes.cdr import Template
 from diag_dynamics.nodes.inputs.joint_states import RobotState
 from diag_dynamics.nodes.inputs.rejected import RejectedError
@@ -50,6 +50,7 @@ class KnownJointStates:
         self._layouts = {}  # lists by the length of the message
         self._learned = 0
         self._allot(256)
+        ready(_take)
         self.configure()
 
     def configure(self):
