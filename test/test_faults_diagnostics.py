@@ -1,6 +1,7 @@
 """What /diagnostics say: every key with its right value, energies that are too high at once, and counters that add up."""
 
 import itertools
+import os
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from nodes import (
     MS,
     PANDA,
+    SERIALIZATION,
     Monitor,
     S,
     Truth,
@@ -40,6 +42,7 @@ KEYS = {
         "payloads",
         "model revision",
         "lifecycle",
+        "serialization",
     },
     "numerical health": {"|nu.C| / (|nu| |C|)", "|K - qd.M.qd / 2| / K", "smallest D [kg m^2, kg]", "its joint"},
     "energy": {"kinetic energy [J]", "largest kinetic energy [J]", "power [W]"},
@@ -81,6 +84,7 @@ def test_every_entry(monitor, panda, sample):
     for name, keys in KEYS.items():
         assert keys <= set(values(report, name)), name
         assert report.entries[name].level == OK
+    assert values(report, "model")["serialization"] == os.environ.get(SERIALIZATION, "template")
     health = values(report, "numerical health")
     assert float(health["|nu.C| / (|nu| |C|)"]) < 1e-9
     assert float(health["|K - qd.M.qd / 2| / K"]) < 1e-9

@@ -1,6 +1,7 @@
 """Descriptions, payloads, gravity and all other parameters, changed and mistaken while a monitor runs."""
 
 import math
+import os
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, ListParameters
 from std_msgs.msg import String
 
-from nodes import LATCHED, MS, PANDA, UR5, Monitor, Truth, description, nanoseconds, robot
+from nodes import LATCHED, MS, PANDA, SERIALIZATION, UR5, Monitor, Truth, description, nanoseconds, robot
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
@@ -203,6 +204,7 @@ EXPECTED = {
     "gravity",
     "payloads",
     "floating_base",
+    "serialization",
     "odom_twist_frame",
     "odom_timeout",
     "joint_timeout",
@@ -301,6 +303,7 @@ REFUSED = {
     "mimic_tolerance": [(-1.0, "mimic_tolerance")],
     "missing_velocity": [("guess", "refuse, estimate")],
     "odom_timeout": [(-1.0, "odom_timeout"), (math.nan, "odom_timeout")],
+    "serialization": [("json", "template, rclpy")],
     "payloads": [
         (["tool=1"], "tool"),
         ([f"{HAND}=-1"], "-1"),
@@ -320,6 +323,7 @@ REFUSED = {
             ("locked_joints", ["panda_joint1=0.5"]),
             ("armature", ["panda_joint1=0.5"]),
             ("floating_base", True),
+            ("serialization", "template" if os.environ.get(SERIALIZATION) == "rclpy" else "rclpy"),
             ("odom_twist_frame", "header"),
         )
     },

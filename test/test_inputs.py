@@ -1349,13 +1349,8 @@ class FakeModel:
 def at_energy(*shares, power=None):
     """Return what stands for an Evaluation with these shares of the kinetic energy, and a power [W]."""
     nu = np.sqrt(2.0 * np.array(shares, dtype=float))
-    epsilon = None
-    if power is not None:
-        epsilon = power * nu / (nu @ nu)
     share = 0.5 * nu * nu
-    return SimpleNamespace(
-        nu=nu, epsilon=epsilon, gravity=np.zeros(len(nu)), kinetic_energy=share.sum(), energy_share=share
-    )
+    return SimpleNamespace(effort_power=power, kinetic_energy=share.sum(), energy_share=share)
 
 
 def watching(**thresholds):

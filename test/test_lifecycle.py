@@ -6,6 +6,7 @@ import numpy as np
 import psutil
 import pytest
 from diag_dynamics.srv import Diagonalize
+from rclpy._rclpy_pybind11 import NodeNameNonExistentError
 from sensor_msgs.msg import JointState
 
 from nodes import (
@@ -61,7 +62,10 @@ def offers(monitor):
         if node.get_subscriptions_info_by_topic(f"{namespace}/{topic}")
     }
     # By node: the graph as a whole counts the test's clients as services, too.
-    known = {name for name, _ in node.get_service_names_and_types_by_node(at.rpartition("/")[2], namespace)}
+    try:
+        known = {name for name, _ in node.get_service_names_and_types_by_node(at.rpartition("/")[2], namespace)}
+    except NodeNameNonExistentError:  # not discovered yet
+        return None
     return outputs, inputs, {name for name in SERVICES if f"{at}/{name}" in known}
 
 

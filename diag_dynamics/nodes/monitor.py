@@ -405,6 +405,7 @@ class MonitorNode(ManagedNode):
                 "mimic joints": counted(model.mimics),
                 "locked joints": counted(model.locked_joints),
                 "payloads": counted(model.payloads),
+                "serialization": robot.serialization,
             }
         if self.failure or self._refused:
             message = self.failure or f"robot_description refused: {self._refused[1]}"

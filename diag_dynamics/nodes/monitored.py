@@ -86,6 +86,14 @@ class MonitoredRobot:
             self.encoder = EncodedMessages(self.maker) if self._by_template else self.maker
             self.state = None
 
+    @property
+    def serialization(self):
+        """How messages are made; where template was wanted, but rclpy's bytes are others, which they are."""
+        if not self._by_template:
+            return "rclpy"
+        unlike = sorted(self.encoder.unlike)
+        return f"template, but by rclpy: {', '.join(unlike)}" if unlike else "template"
+
     def unapplied(self):
         """Links of payloads that are wanted, but not on this robot."""
         wanted = payloads_of(self.settings.values["payloads"])

@@ -18,8 +18,11 @@ from diag_dynamics.nodes.inputs.joint_states import RobotState
 from diag_dynamics.nodes.inputs.rejected import RejectedError
 from diag_dynamics.nodes.inputs.stamps import FAR, SECOND
 
-MOST_LAYOUTS, MOST_LEARNED = 16, 200
-"""Texts that are known at a time, and how many are learned in all: one that never comes again is not worth it."""
+MOST_LAYOUTS, FREELY, SELDOM = 16, 200, 100
+"""Texts that are known at a time; and how many are learned as they come, before only one of so many messages is looked at.
+
+A text that never comes again is not worth it.
+"""
 
 _BYTES, _WORDS, _INDICES, _FLAGS = Lent(uint8, 1), Lent(int32, 1), Lent(int64, 1), Lent(boolean, 1)
 
@@ -48,7 +51,7 @@ class KnownJointStates:
     def __init__(self, assembler):
         self._assembler = assembler
         self._layouts = {}  # lists by the length of the message
-        self._learned = 0
+        self._unknown = 0  # messages of no known text
         self._allot(256)
         ready(_take)
         self.configure()
@@ -110,10 +113,11 @@ class KnownJointStates:
 
     def _learn(self, raw, message):
         """Get to know the text of a message, if that can be of use."""
-        alike = self._layouts.get(len(raw), ())
-        if self._learned >= MOST_LEARNED or any(layout.template.fits(raw) for layout in alike):
+        if any(layout.template.fits(raw) for layout in self._layouts.get(len(raw), ())):
             return
-        self._learned += 1
+        self._unknown += 1
+        if self._unknown > FREELY and self._unknown % SELDOM:
+            return
         count = len(message.name)
         template, columns = Template(message), self._assembler.columns(message)
         here = columns[1]
