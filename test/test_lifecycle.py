@@ -6,7 +6,7 @@ import numpy as np
 import psutil
 import pytest
 from diag_dynamics.srv import Diagonalize
-from rclpy._rclpy_pybind11 import NodeNameNonExistentError
+from rclpy.node import NodeNameNonExistentError
 from sensor_msgs.msg import JointState
 
 from nodes import (
