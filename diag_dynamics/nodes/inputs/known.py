@@ -35,6 +35,7 @@ class _Layout(NamedTuple):
     places: (
         tuple  # of needed joints in the message and in the robot, likewise of followers; and which are needed joints
     )
+    plain: bool  # whether such a message can be plainly good at all
 
 
 class KnownJointStates:
@@ -73,7 +74,7 @@ class KnownJointStates:
         mode = self._assembler.stamps.mode
         if self._judged and mode is not None and now:
             for layout in self._layouts.get(len(raw), ()):
-                state = self._taken(layout, raw, now, mode)
+                state = self._taken(layout, raw, now, mode) if layout.plain else None
                 if state is not None:
                     return state
         try:
@@ -117,7 +118,7 @@ class KnownJointStates:
         template, columns = Template(message), self._assembler.columns(message)
         here = columns[1]
         complete = len(message.position) == len(message.velocity) == count and len(message.effort) in (0, count)
-        if not (complete and len(here) and template.holds(raw)):
+        if not template.holds(raw):
             return
         if sum(map(len, self._layouts.values())) >= MOST_LAYOUTS:
             self._layouts.clear()
@@ -126,7 +127,9 @@ class KnownJointStates:
         needed = np.zeros(len(self._assembler.names), dtype=bool)
         needed[here] = True
         fields = np.array([template.first_double(field) for field in ("position", "velocity", "effort")])
-        layout = _Layout(template, (template.data, template.text, fields), (*columns, needed))
+        layout = _Layout(
+            template, (template.data, template.text, fields), (*columns, needed), complete and len(here) > 0
+        )
         self._layouts.setdefault(len(raw), []).append(layout)
 
 
