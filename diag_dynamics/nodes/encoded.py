@@ -183,7 +183,8 @@ class _Sheet:
 
     def write(self, field, values):
         """Write one number or a sequence; nothing if it is empty."""
-        self._numbers[field][:] = values
+        if field in self._numbers:
+            self._numbers[field][:] = values
 
 
 @entry_kernel(_BYTES, _WORDS, VECTOR, _INDICES, _INDICES, _INDICES, COUNT, FLAG, FLAG, COUNT, MATRIX)
