@@ -18,10 +18,10 @@ from diag_dynamics.nodes.inputs.joint_states import RobotState
 from diag_dynamics.nodes.messages import MessageMaker
 from examples import examples
 from nodes import PANDA, S, robot
-from robots import TwoLinkArm, description, link, random_tree
+from robots import description, link, random_tree
 
 MODELS = {
-    "arm": lambda: dd.load_urdf(TwoLinkArm().urdf),
+    "arm": lambda: dd.load_urdf(random_tree(4, joints=6)),
     "panda": lambda: dd.load_urdf(robot(PANDA).urdf),
     "floating base": lambda: dd.load_urdf(random_tree(3, joints=5), floating_base=True),
     "base alone": lambda: dd.load_urdf(description("brick", link("brick", 2.0, (0, 0, 0.1), (1, 0, 0, 2, 0, 2))), True),
