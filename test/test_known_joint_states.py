@@ -262,6 +262,47 @@ def test_what_is_not_known_of_an_effort_is_nothing_unusual():
         assert (twins.update_at_once(message)[1][2] is None) == (place > 0)
 
 
+def test_to_the_nanosecond():
+    """The same stamp again is as good as a later one; an earlier one is late."""
+    twins = Twins()
+    twins.update(good(S))
+    twins.update_at_once(good(S))
+    assert twins.update(good(S - 1))[1] == "late"
+
+
+def test_efforts_of_followers_age():
+    """They count as long as they are within the timeout of the newest joint, whoever sends them."""
+    twins = Twins()
+    twins.update(good(S))
+    twins.update(joint_state(["heel"], (), (), [20.0], S))
+    own = {}
+    for stamp in (S, S + 500 * MS, S + 500 * MS + 1):
+        own[stamp] = np.frombuffer(twins.update_at_once(good(stamp))[1][2])[1]
+    assert list(own.values()) == [10.5, 10.5, 0.5]
+
+
+def test_followers_of_a_leader_of_another_message():
+    """They are compared if that is fresh, by its own timeout, be it older or newer; else all is well."""
+    parts = ("thumb", "shoulder", "elbow"), ("wrist",)
+    twins = Twins(mimic_tolerance=0.01, timeout=2.0, timeouts={"wrist": 0.25})
+    for k in range(2):
+        for names in parts:
+            twins.update(good(S + k * MS, names))
+    for ahead, fresh in ((-250 * MS, True), (-100 * MS, True), (250 * MS, True), (250 * MS + 1, False)):
+        stamp = 10 * S + abs(ahead)
+        twins.both(JointStateAssembler.forget)
+        for names in parts:
+            twins.update(good(9 * S, names))
+        twins.update(good(stamp + ahead, parts[1]))
+        message = good(stamp, parts[0])
+        twins.update_at_once(message)
+        message.position[0] = 9.0
+        twins.update(message)
+        assert twins.at_once == (not fresh)
+        message.position[0] = math.inf  # which says nothing
+        twins.update_at_once(message)
+
+
 def test_other_texts_are_learned():
     """Names, frames and lengths may change; each is known from its second message on, and none is forgotten for it."""
     twins = Twins()
@@ -650,6 +691,7 @@ def test_big_endian(journey):
         raw, _ = encoded(message)
         assert big.update(encoded(message, ">")[0], now) == little.update(raw, now) != ("rejected", "malformed")
         assert not big.at_once
+        assert not texts_of(big)
 
 
 def test_both_byte_orders_of_one_text():
