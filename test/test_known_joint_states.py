@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState
 
 from diag_dynamics.nodes.inputs import known
 from diag_dynamics.nodes.inputs.joint_states import Joints, JointStateAssembler, Options
-from diag_dynamics.nodes.inputs.known import MOST_LAYOUTS, MOST_LEARNED, KnownJointStates
+from diag_dynamics.nodes.inputs.known import LONGEST, MOST_LAYOUTS, MOST_LEARNED, KnownJointStates
 from diag_dynamics.nodes.inputs.rejected import RejectedError
 from examples import examples
 from nodes import MS, S, joint_state
@@ -385,6 +385,19 @@ def test_long_messages():
         what = twins.update(joint_state(some, *np.random.default_rng(k).normal(size=(3, len(some))), stamp=S + k * MS))
         assert what[0] == "state" if k > 1 else what == "none"
         assert twins.at_once == (k > 2)
+
+
+def test_messages_that_are_too_long_to_be_known():
+    """Their size is the sender's to choose: nothing of them is kept."""
+    twins = Twins()
+    for count in (1000, 3000):
+        names = (*NAMES, *(f"joint {k}" for k in range(count)))
+        for k in range(3):
+            message = joint_state(names, *np.zeros((3, len(names))), stamp=S + (count + k) * MS)
+            assert twins.update(message)[0] == "state"
+            assert twins.at_once == (k > 0 and len(serialize_message(message)) <= LONGEST)
+    assert texts_of(twins) == 1
+    assert twins.known._size <= 2 * LONGEST
 
 
 def test_stamps_as_large_as_they_get():

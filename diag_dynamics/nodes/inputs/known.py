@@ -21,6 +21,9 @@ from diag_dynamics.nodes.inputs.stamps import FAR, SECOND
 MOST_LAYOUTS, MOST_LEARNED = 16, 200
 """Texts that are known at a time, and how many are learned in all: one that never comes again is not worth it."""
 
+LONGEST = 1 << 16
+"""Longest message that is learned [bytes], which may hold a thousand joints: what is kept is a few megabytes at most."""
+
 _BYTES, _WORDS, _INDICES, _FLAGS = Lent(uint8, 1), Lent(int32, 1), Lent(int64, 1), Lent(boolean, 1)
 
 
@@ -111,7 +114,7 @@ class KnownJointStates:
     def _learn(self, raw, message):
         """Get to know the text of a message, if that can be of use."""
         alike = self._layouts.get(len(raw), ())
-        if self._learned >= MOST_LEARNED or any(layout.template.fits(raw) for layout in alike):
+        if self._learned >= MOST_LEARNED or len(raw) > LONGEST or any(layout.template.fits(raw) for layout in alike):
             return
         self._learned += 1
         count = len(message.name)
