@@ -12,7 +12,9 @@ import pytest
 import examples  # noqa: F401 (its profiles must be known before pytest looks for one)
 
 ROS_FILES = (
+    "test_cdr.py",
     "test_demo.py",
+    "test_encoded.py",
     "test_faults_diagnostics.py",
     "test_faults_graph.py",
     "test_faults_input.py",
@@ -21,6 +23,7 @@ ROS_FILES = (
     "test_floating_base.py",
     "test_inputs.py",
     "test_joint_states.py",
+    "test_known_joint_states.py",
     "test_lifecycle.py",
     "test_mimic_nodes.py",
     "test_monitor.py",

@@ -17,7 +17,6 @@ HEADER = b"\x00\x01\x00\x00"
 
 _PRIMITIVES = {
     "boolean": "?",
-    "octet": "u1",
     "int8": "<i1",
     "uint8": "<u1",
     "int16": "<i2",
@@ -43,7 +42,7 @@ class Template:
     Parameters
     ----------
     message
-        Of any type made of primitives, strings, unbounded sequences of these, and messages.
+        Of any type made of numbers, truth values, strings, unbounded sequences of these, and messages of at least one field.
 
     Attributes
     ----------
@@ -60,7 +59,7 @@ class Template:
     Raises
     ------
     InputError
-        The message has a field of another type.
+        The message has a field of another type, or none at all.
     """
 
     def __init__(self, message):
@@ -106,7 +105,10 @@ class Template:
         return (self.place(path) - len(HEADER)) // 8 if path in self._places else -1
 
     def _add(self, message, prefix):
-        for field, kind in message.get_fields_and_field_types().items():
+        fields = message.get_fields_and_field_types()
+        if not fields:  # rclpy sends a byte that stands for one
+            raise InputError(f"{type(message).__name__} has no fields: no template is made of it.")
+        for field, kind in fields.items():
             self._add_field(getattr(message, field), kind, f"{prefix}{field}")
 
     def _add_field(self, value, kind, path):

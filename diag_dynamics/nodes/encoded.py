@@ -182,8 +182,9 @@ class _Sheet:
         return self._numbers[field]
 
     def write(self, field, values):
-        """Write one number or a sequence."""
-        self._numbers[field][:] = values
+        """Write one number or a sequence; nothing if it is empty."""
+        if field in self._numbers:
+            self._numbers[field][:] = values
 
 
 @entry_kernel(_BYTES, _WORDS, VECTOR, _INDICES, COUNT, COUNT, FLAG, FLAG, FLAG, COUNT, NUMBER, NUMBER, MATRIX)

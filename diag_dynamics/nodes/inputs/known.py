@@ -24,6 +24,9 @@ MOST_LAYOUTS, FREELY, SELDOM = 16, 200, 100
 A text that never comes again is not worth it.
 """
 
+LONGEST = 1 << 16
+"""Longest message that is learned [bytes], which may hold a thousand joints: what is kept is a few megabytes at most."""
+
 _BYTES, _WORDS, _INDICES, _FLAGS = Lent(uint8, 1), Lent(int32, 1), Lent(int64, 1), Lent(boolean, 1)
 
 
@@ -38,6 +41,7 @@ class _Layout(NamedTuple):
     places: (
         tuple  # of needed joints in the message and in the robot, likewise of followers; and which are needed joints
     )
+    plain: bool  # whether such a message can be plainly good at all
 
 
 class KnownJointStates:
@@ -77,7 +81,7 @@ class KnownJointStates:
         mode = self._assembler.stamps.mode
         if self._judged and mode is not None and now:
             for layout in self._layouts.get(len(raw), ()):
-                state = self._taken(layout, raw, now, mode)
+                state = self._taken(layout, raw, now, mode) if layout.plain else None
                 if state is not None:
                     return state
         try:
@@ -113,7 +117,8 @@ class KnownJointStates:
 
     def _learn(self, raw, message):
         """Get to know the text of a message, if that can be of use."""
-        if any(layout.template.fits(raw) for layout in self._layouts.get(len(raw), ())):
+        alike = self._layouts.get(len(raw), ())
+        if len(raw) > LONGEST or any(layout.template.fits(raw) for layout in alike):
             return
         self._unknown += 1
         if self._unknown > FREELY and self._unknown % SELDOM:
@@ -122,7 +127,7 @@ class KnownJointStates:
         template, columns = Template(message), self._assembler.columns(message)
         here = columns[1]
         complete = len(message.position) == len(message.velocity) == count and len(message.effort) in (0, count)
-        if not (complete and len(here) and template.holds(raw)):
+        if not template.holds(raw):
             return
         if sum(map(len, self._layouts.values())) >= MOST_LAYOUTS:
             self._layouts.clear()
@@ -131,7 +136,9 @@ class KnownJointStates:
         needed = np.zeros(len(self._assembler.names), dtype=bool)
         needed[here] = True
         fields = np.array([template.first_double(field) for field in ("position", "velocity", "effort")])
-        layout = _Layout(template, (template.data, template.text, fields), (*columns, needed))
+        layout = _Layout(
+            template, (template.data, template.text, fields), (*columns, needed), complete and len(here) > 0
+        )
         self._layouts.setdefault(len(raw), []).append(layout)
 
 
