@@ -40,6 +40,7 @@ class Recorder:
         """Return what publishes into the list."""
         return SimpleNamespace(
             handle=SimpleNamespace(get_subscription_count=lambda: 1),
+            is_activated=True,
             publish=lambda message: self.published.append((topic.removeprefix("~/"), message)),
         )
 

@@ -5,35 +5,45 @@ from numba import int32, int64, uint8
 from rclpy.serialization import serialize_message
 
 from diag_dynamics import sweeps
-from diag_dynamics.kernel import COUNT, FLAG, MATRIX, NUMBER, VECTOR, Lent, entry_kernel, ready
+from diag_dynamics.kernel import COUNT, FLAG, MATRIX, NUMBER, VECTOR, Lent, entry_kernel, kernel, ready
 from diag_dynamics.nodes.cdr import HEADER, Template
 from diag_dynamics.nodes.inputs.stamps import SECOND
 from diag_dynamics.sweeps import NU
 
-_BYTES, _WORDS, _INDICES = Lent(uint8, 1), Lent(int32, 1), Lent(int64, 1)
+_BYTES, _WORDS, _TABLE = Lent(uint8, 1), Lent(int32, 1), Lent(int64, 2)
 
-_NO_ROWS = np.zeros((0, 0))
+_ROW, _STAMP, _OLDEST, _RECEIVED, _ESTIMATED, _ENERGY, _POWER, _BASE, _SHARES, _POSITION, _EFFORT, _FRICTION = range(12)
 
-ROWS = {
-    "total_joint_rates": {"nu": sweeps.NU, "xi": sweeps.XI},
-    "working_moments": {"epsilon": sweeps.EPSILON, "kappa": sweeps.KAPPA},
-    "coriolis": {
-        "coriolis": sweeps.CORIOLIS,
-        "coriolis_unnormalized": sweeps.CORIOLIS_UNNORMALIZED,
-        "gravity": sweeps.GRAVITY,
-    },
-    "state": {
-        "nu": sweeps.NU,
-        "xi": sweeps.XI,
-        "epsilon": sweeps.EPSILON,
-        "kappa": sweeps.KAPPA,
-        "coriolis": sweeps.CORIOLIS,
-        "gravity": sweeps.GRAVITY,
-        "articulated_inertia": sweeps.ARTICULATED_INERTIA,
-        "velocity": sweeps.RATES,
-    },
+FIELDS = {
+    "header.stamp.sec": (_STAMP, 0),
+    "oldest_stamp.sec": (_OLDEST, 0),
+    "stamp_is_receive_time": (_RECEIVED, 0),
+    "velocity_estimated": (_ESTIMATED, 0),
+    "total": (_ENERGY, 0),
+    "kinetic_energy": (_ENERGY, 0),
+    "power": (_POWER, 0),
+    "base_energy": (_BASE, 0),
+    "energy_share": (_SHARES, 0),
+    "position": (_POSITION, 0),
+    "effort": (_EFFORT, 0),
+    "friction": (_FRICTION, 0),
+    "velocity": (_ROW, sweeps.RATES),
+    "nu": (_ROW, sweeps.NU),
+    "xi": (_ROW, sweeps.XI),
+    "epsilon": (_ROW, sweeps.EPSILON),
+    "kappa": (_ROW, sweeps.KAPPA),
+    "coriolis": (_ROW, sweeps.CORIOLIS),
+    "coriolis_unnormalized": (_ROW, sweeps.CORIOLIS_UNNORMALIZED),
+    "gravity": (_ROW, sweeps.GRAVITY),
+    "articulated_inertia": (_ROW, sweeps.ARTICULATED_INERTIA),
 }
-"""Fields by topic that are rows of an Evaluation, copied in one pass; all others are written one by one."""
+"""What is written where a message about one Evaluation has this field, and which row of it."""
+
+CONSTANT = {"effort_valid", "friction_valid", "power_valid", "model_revision"}
+"""Fields that are the same in all messages of one shape."""
+
+ALONGSIDE = {"header.stamp.nanosec", "oldest_stamp.nanosec", "link_energy"}
+"""Fields that are written with others, or by themselves."""
 
 
 class EncodedMessages:
@@ -54,161 +64,192 @@ class EncodedMessages:
 
     def __init__(self, maker):
         self._maker = maker
-        self._sheets = {}
+        self._sheets, self._templates = {}, {}
         self.unlike = set()
         ready(_write)
 
-    def total_joint_rates(self, s, state):
-        """ν and ξ of an Evaluation."""
-        sheet = self._sheets.get(("total_joint_rates", 0))
-        if sheet is None:
-            return self._first("total_joint_rates", 0, s, state)
-        sheet.begin(state, s)
-        return sheet.encoded()
-
-    def working_moments(self, s, state):
-        """ε and κ, empty where the effort is unknown."""
-        shape = state.effort is not None
-        sheet = self._sheets.get(("working_moments", shape))
-        if sheet is None:
-            return self._first("working_moments", shape, s, state)
-        sheet.begin(state, s)
-        return sheet.encoded()
-
-    def coriolis(self, s, state):
-        """C, C_ξ and ε_g."""
-        shape = s.friction is not None
-        sheet = self._sheets.get(("coriolis", shape))
-        if sheet is None:
-            return self._first("coriolis", shape, s, state)
-        sheet.begin(state, s)
-        if shape:
-            sheet.write("friction", s.friction)
-        return sheet.encoded()
-
-    def kinetic_energy(self, s, state):
-        """K, its two splits and its rate."""
-        sheet = self._sheets.get(("kinetic_energy", 0))
-        if sheet is None:
-            return self._first("kinetic_energy", 0, s, state)
-        sheet.begin(state, s)
-        sheet.write("base_energy", s.base_energy)
-        s.write_link_energy(sheet.view("link_energy"))
-        return sheet.encoded()
+    def messages(self, topics, s, state):
+        """The messages of several topics that are about an Evaluation and the RobotState it came from."""
+        key = topics, state.effort is None, s.friction is None
+        sheets = self._sheets.get(key)
+        if sheets is None:
+            return self._first(key, topics, s, state)
+        return sheets.written(s, state)
 
     def mass_matrix_factors(self, factors, with_inverse, state):
         """M and D of Factors, and ℓ if wanted."""
-        sheet = self._sheets.get(("mass_matrix_factors", with_inverse))
-        if sheet is None:
-            return self._first("mass_matrix_factors", with_inverse, factors, with_inverse, state)
-        sheet.begin(state)
-        sheet.write("m", factors.m.ravel())
-        sheet.write("d", factors.D)
-        if with_inverse:
-            sheet.write("l", factors.l.ravel())
-        return sheet.encoded()
+        values = {"m": factors.m, "d": factors.D} | ({"l": factors.l} if with_inverse else {})
+        return self._single("mass_matrix_factors", values, state, factors, with_inverse, state)
 
     def joint_space_dynamics(self, mass_matrix, bias, gravity, state):
         """M, c and g."""
-        sheet = self._sheets.get(("joint_space_dynamics", 0))
-        if sheet is None:
-            return self._first("joint_space_dynamics", 0, mass_matrix, bias, gravity, state)
-        sheet.begin(state)
-        sheet.write("mass_matrix", mass_matrix.ravel())
-        sheet.write("bias", bias)
-        sheet.write("gravity", gravity)
-        return sheet.encoded()
+        values = {"mass_matrix": mass_matrix, "bias": bias, "gravity": gravity}
+        return self._single("joint_space_dynamics", values, state, mass_matrix, bias, gravity, state)
 
-    def state(self, s, state):
-        """One evaluation, whole, with the RobotState it came from."""
-        shape = (state.effort is not None, s.friction is not None)
-        sheet = self._sheets.get(("state", shape))
-        if sheet is None:
-            return self._first("state", shape, s, state)
-        sheet.begin(state, s)
-        sheet.write("position", state.position)
-        if state.effort is not None:
-            sheet.write("effort", state.effort)
-        if s.friction is not None:
-            sheet.write("friction", s.friction)
-        return sheet.encoded()
+    def _first(self, key, topics, s, state):
+        """The messages by the maker; the next ones of their shape are written over them."""
+        messages = self._maker.messages(topics, s, state)
+        templates = [self._template(topic, message) for topic, message in zip(topics, messages, strict=True)]
+        if all(templates):
+            self._sheets[key] = _Sheets(templates, s, state)
+            return self._sheets[key].written(s, state)
+        return [template.encoded() if template else m for template, m in zip(templates, messages, strict=True)]
 
-    def _first(self, topic, shape, *arguments):
-        """Lay out a topic's message by the first one of its shape; returns that."""
-        message = getattr(self._maker, topic)(*arguments)
-        if topic in self.unlike:
-            return message
-        template = Template(message)
-        if not template.holds(serialize_message(message)):
+    def _template(self, topic, message):
+        """The template of a message; None if rclpy makes other bytes of it, or has of one before."""
+        if topic not in self.unlike:
+            template = Template(message)
+            if template.holds(serialize_message(message)):
+                return template
             self.unlike.add(topic)
-            return message
-        sheet = self._sheets[topic, shape] = _Sheet(template, ROWS.get(topic, {}))
-        return sheet.encoded()
+        return None
+
+    def _single(self, topic, values, state, *arguments):
+        """A message that is not about an Evaluation, and has no part in what is written at once."""
+        shape = topic, *values
+        template = self._templates.get(shape)
+        if template is None:
+            message = getattr(self._maker, topic)(*arguments)
+            template = self._template(topic, message)
+            if template is None:
+                return message
+            self._templates[shape] = template
+        sec, nanosec = divmod(state.newest, SECOND)
+        values = values | {
+            "header.stamp.sec": sec,
+            "header.stamp.nanosec": nanosec,
+            "stamp_is_receive_time": state.stamp_is_receive_time,
+            "velocity_estimated": state.velocity_estimated,
+        }
+        for field, value in values.items():
+            if field in template.numbers:
+                template.numbers[field][:] = np.ravel(value)
+        return template.encoded()
 
 
-class _Sheet:
-    """A template, and how its numbers are written."""
+class _Sheets:
+    """Templates of several messages about one Evaluation in one piece of memory, written in one pass."""
 
-    def __init__(self, template, rows):
-        self._numbers, self.encoded = template.numbers, template.encoded
-        filled = {field: row for field, row in rows.items() if template.place(field) >= 0}  # not those that are empty
-        energy = "total" if template.place("total") >= 0 else "kinetic_energy"
-        at = [
-            *(template.place(flag) for flag in ("stamp_is_receive_time", "velocity_estimated", "power_valid")),
-            (template.place("oldest_stamp.sec") - len(HEADER)) // 4,
-            *(template.first_double(field) for field in (energy, "power", "energy_share")),
-            *(place for field, row in filled.items() for place in (template.first_double(field), row)),
-        ]
-        self._layout = template.data, template.words, template.doubles, np.array(at, dtype=np.int64)
+    def __init__(self, templates, s, state):
+        begin, self._spans, table, energies = 0, [], [], []
+        for template in templates:
+            begin += -begin % 8 + 8 - len(HEADER)  # what comes after the encapsulation begins on a multiple of eight
+            self._spans.append((begin, begin + len(template.data)))
+            table += _instructions(template, begin)
+            if template.place("link_energy") >= 0:
+                energies.append((begin + template.place("link_energy")) // 8)
+            begin += len(template.data)
+        room = np.zeros(begin + 16, dtype=np.uint8)
+        room = room[-room.ctypes.data % 8 :]
+        for template, (first, last) in zip(templates, self._spans, strict=True):
+            room[first:last] = template.data
+        doubles = room[: len(room) // 8 * 8].view(np.float64)
+        self._memory = room, room[: len(room) // 4 * 4].view(np.int32), doubles, np.array(table, dtype=np.int64)
+        self._view = memoryview(room)
+        self._link_energies = [doubles[at : at + len(s.link_energy)] for at in energies]
+        self._base = 6 if len(state.position) > len(state.velocity) else 0
 
-    def begin(self, state, s=None):
-        """Write what all messages have, and of an Evaluation the rows and the energy."""
-        K, power, rows = (s.kinetic_energy, s.effort_power, s.rows) if s else (0.0, None, _NO_ROWS)
+    def written(self, s, state):
+        """All of them, as bytes."""
+        _, _, effort, newest, oldest, received, estimated = state
+        K, power = s.kinetic_energy, s.effort_power
         _write(
-            *self._layout,
-            state.newest,
-            state.oldest,
-            state.stamp_is_receive_time,
-            state.velocity_estimated,
-            power is not None,
-            len(state.velocity),
+            *self._memory,
+            newest,
+            oldest,
+            received,
+            estimated,
             K,
-            power or 0.0,
-            rows,
+            0.0 if power is None else power,
+            s.rows,
+            len(state.velocity),
+            self._base,
+            state.position,
+            _NOTHING if effort is None else effort,
+            _NOTHING if s.friction is None else s.friction,
         )
-
-    def view(self, field):
-        """Where a number or a sequence is written."""
-        return self._numbers[field]
-
-    def write(self, field, values):
-        """Write one number or a sequence; nothing if it is empty."""
-        if field in self._numbers:
-            self._numbers[field][:] = values
+        for energy in self._link_energies:
+            s.write_link_energy(energy)
+        view = self._view
+        return [bytes(view[first:last]) for first, last in self._spans]
 
 
-@entry_kernel(_BYTES, _WORDS, VECTOR, _INDICES, COUNT, COUNT, FLAG, FLAG, FLAG, COUNT, NUMBER, NUMBER, MATRIX)
-def _write(data, words, doubles, at, newest, oldest, received, estimated, valid, count, energy, power, rows):
-    """Write stamps, flags, energies and `count` numbers of each row wherever there is a place for it in `at`.
+_NOTHING = np.zeros(0)
 
-    First come the places of what is named below, -1 for none, then pairs of a place and the row that goes there.
+
+def _instructions(template, begin):
+    """What is written where: rows for :func:`_write`.
+
+    Places are those of bytes, of 32-bit words or of doubles, in memory where the template begins at a byte.
     """
-    words[0], words[1] = newest // SECOND, newest % SECOND
-    if at[0] >= 0:
-        data[at[0]] = received
-    if at[1] >= 0:
-        data[at[1]] = estimated
-    if at[2] >= 0:
-        data[at[2]] = valid
-    if at[3] >= 0:
-        words[at[3]], words[at[3] + 1] = oldest // SECOND, oldest % SECOND
-    if at[4] >= 0:
-        doubles[at[4]] = energy
-    if at[5] >= 0:
-        doubles[at[5]] = power
-    if at[6] >= 0:
-        for i in range(count):
-            doubles[at[6] + i] = 0.5 * rows[NU, i] * rows[NU, i]
-    for k in range(7, len(at), 2):
-        for i in range(count):
-            doubles[at[k] + i] = rows[at[k + 1], i]
+    found = []
+    for field in template.numbers:
+        if field in FIELDS:
+            what, row = FIELDS[field]
+            size = {_STAMP: 4, _OLDEST: 4, _RECEIVED: 1, _ESTIMATED: 1}.get(what, 8)
+            found.append((what, (begin + template.place(field)) // size, row))
+        elif field not in CONSTANT | ALONGSIDE:
+            raise AssertionError(f"nobody writes {field}")
+    return found
+
+
+@entry_kernel(
+    *(_BYTES, _WORDS, VECTOR, _TABLE),
+    *(COUNT, COUNT, FLAG, FLAG, NUMBER, NUMBER),
+    *(MATRIX, COUNT, COUNT, VECTOR, VECTOR, VECTOR),
+)
+def _write(
+    data,
+    words,
+    doubles,
+    table,
+    newest,
+    oldest,
+    received,
+    estimated,
+    energy,
+    power,
+    rows,
+    count,
+    base,
+    position,
+    effort,
+    friction,
+):
+    """Write everything that `table` has a place for."""
+    for k in range(len(table)):
+        what, at, row = table[k, 0], table[k, 1], table[k, 2]
+        if what == _ROW:
+            for i in range(count):
+                doubles[at + i] = rows[row, i]
+        elif what == _STAMP:
+            words[at], words[at + 1] = newest // SECOND, newest % SECOND
+        elif what == _OLDEST:
+            words[at], words[at + 1] = oldest // SECOND, oldest % SECOND
+        elif what == _RECEIVED:
+            data[at] = received
+        elif what == _ESTIMATED:
+            data[at] = estimated
+        elif what == _ENERGY:
+            doubles[at] = energy
+        elif what == _POWER:
+            doubles[at] = power
+        elif what == _BASE:
+            doubles[at] = 0.0
+            for i in range(base):
+                doubles[at] += 0.5 * rows[NU, i] * rows[NU, i]
+        elif what == _SHARES:
+            for i in range(count):
+                doubles[at + i] = 0.5 * rows[NU, i] * rows[NU, i]
+        elif what == _POSITION:
+            _copy(position, doubles, at)
+        elif what == _EFFORT:
+            _copy(effort, doubles, at)
+        elif what == _FRICTION:
+            _copy(friction, doubles, at)
+
+
+@kernel
+def _copy(values, doubles, at):
+    for i in range(len(values)):
+        doubles[at + i] = values[i]

@@ -53,6 +53,10 @@ class MessageMaker:
         message.stamp_is_receive_time = state.stamp_is_receive_time
         return message
 
+    def messages(self, topics, s, state):
+        """The messages of several topics that are about an Evaluation and the RobotState it came from."""
+        return [getattr(self, topic)(s, state) for topic in topics]
+
     def total_joint_rates(self, s, state):
         """ν and ξ of an Evaluation."""
         message = self._begin(TotalJointRates, state)

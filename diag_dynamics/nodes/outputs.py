@@ -25,8 +25,8 @@ TOPICS = {
 }
 """Each output topic: its type, and the highest rate it is published at by default [Hz], 0 for every state."""
 
-ORDER = ("kinetic_energy", *(topic for topic in TOPICS if topic != "kinetic_energy"))
-"""What is watched for safety goes out before the rest."""
+ORDER = ("kinetic_energy", "state", "total_joint_rates", "working_moments", "coriolis")
+"""Topics about the evaluation of a state. What is watched for safety goes out first, matrices last."""
 
 
 OVERRIDABLE = QoSOverridingOptions(
@@ -80,13 +80,14 @@ class Outputs:
 
     def __init__(self, node):
         self._node = node
-        self._limits = {topic: RateLimit(0.0) for topic in TOPICS}
-        self._publishers = {}
+        self._limits = {}  # of topics that have one
+        self._publishers, self._handles = {}, {}
         try:
             for topic, (kind, _) in TOPICS.items():
                 self._publishers[topic] = connected(
                     node.create_lifecycle_publisher, kind, f"~/{topic}", QoSProfile(depth=10)
                 )
+                self._handles[topic] = self._publishers[topic].handle
         except BaseException:
             self.destroy()
             raise
@@ -95,32 +96,42 @@ class Outputs:
         """Take the publishers off the graph."""
         for publisher in self._publishers.values():
             self._node.destroy_lifecycle_publisher(publisher)
-        self._publishers = {}
+        self._publishers, self._handles = {}, {}
 
     def limit(self, topic, rate):
         """Publish a topic at no more than this rate [Hz]; 0 for every state."""
-        self._limits[topic] = RateLimit(rate)
+        if rate:
+            self._limits[topic] = RateLimit(rate)
+        else:
+            self._limits.pop(topic, None)
 
     def publish(self, dynamics, maker, state, s, with_inverse):
         """Publish an Evaluation `s` of a RobotState where somebody listens; `with_inverse` adds ℓ to the factors.
 
         `maker` is a MessageMaker, or makes the bytes of what that makes.
         """
-        for topic in ORDER:
-            publisher = self._publishers[topic]
-            if publisher.handle.get_subscription_count() and self._limits[topic].due(state.newest):
-                if topic == "mass_matrix_factors":
-                    message = maker.mass_matrix_factors(dynamics.factors(state.position), with_inverse, state)
-                elif topic == "joint_space_dynamics":
-                    message = maker.joint_space_dynamics(*classical(dynamics, state), state)
-                else:
-                    message = getattr(maker, topic)(s, state)
-                # By way of the handle it takes half as long: what rclpy puts around is not in the processor's cache after
-                # a millisecond.
-                if isinstance(message, bytes) and publisher.is_activated:
-                    publisher.handle.publish_raw(message)
-                else:
-                    publisher.publish(message)
+        wanted = tuple(topic for topic in ORDER if self._wanted(topic, state.newest))
+        for topic, message in zip(wanted, maker.messages(wanted, s, state) if wanted else (), strict=True):
+            self._send(topic, message)
+        if self._wanted("mass_matrix_factors", state.newest):
+            factors = dynamics.factors(state.position)
+            self._send("mass_matrix_factors", maker.mass_matrix_factors(factors, with_inverse, state))
+        if self._wanted("joint_space_dynamics", state.newest):
+            self._send("joint_space_dynamics", maker.joint_space_dynamics(*classical(dynamics, state), state))
+
+    # By way of the handles: what rclpy puts around them takes as long as they do, for it is not in the processor's cache
+    # after a millisecond.
+
+    def _wanted(self, topic, stamp):
+        """Whether somebody listens, and it is time."""
+        limit = self._limits.get(topic)
+        return self._handles[topic].get_subscription_count() and (limit is None or limit.due(stamp))
+
+    def _send(self, topic, message):
+        if type(message) is bytes and self._publishers[topic].is_activated:
+            self._handles[topic].publish_raw(message)
+        else:
+            self._publishers[topic].publish(message)
 
 
 def classical(dynamics, state):
