@@ -1260,7 +1260,7 @@ def test_joints_of_another_time(turtle):
     robot = MonitoredRobot(TURTLE, turtle, Settings.of(DEFAULTS | given), 1)
 
     def at(stamp):
-        return robot.complete(robot.assembler.update(joint_state(["shoulder"], [0.3], [0.4], [0.0], stamp), CLOCK))
+        return robot.with_base(robot.assembler.update(joint_state(["shoulder"], [0.3], [0.4], [0.0], stamp), CLOCK))
 
     robot.base.update(odometry(100 * S), CLOCK)
     assert at(200 * S).oldest == 100 * S

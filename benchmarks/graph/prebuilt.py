@@ -39,7 +39,7 @@ class Recorder:
     def create_lifecycle_publisher(self, kind, topic, *_, **__):
         """Return what publishes into the list."""
         return SimpleNamespace(
-            handle=SimpleNamespace(get_subscription_count=lambda: 1),
+            handle=SimpleNamespace(get_subscription_count=lambda: 1, publish_raw=None),
             is_activated=True,
             publish=lambda message: self.published.append((topic.removeprefix("~/"), message)),
         )

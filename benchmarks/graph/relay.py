@@ -38,10 +38,10 @@ class Output:
 class Relay(Node):
     """Goes by the monitor's name, so that its topics do, too."""
 
-    def __init__(self, outputs):
+    def __init__(self, queue, outputs):
         super().__init__("diag_dynamics")
         self.outputs = [Output(self, *output) for output in outputs]
-        best_effort = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+        best_effort = QoSProfile(depth=queue, reliability=ReliabilityPolicy.BEST_EFFORT)
         self.create_subscription(JointState, "joint_states", self.take, best_effort)
 
     def take(self, state):
@@ -60,10 +60,10 @@ class Relay(Node):
             output.publish(message)
 
 
-def main(executor, outputs):
+def main(executor, queue, outputs):
     """Relay until a signal."""
     rclpy.init()
-    relay = Relay(json.loads(outputs))
+    relay = Relay(int(queue), json.loads(outputs))
     executor = EXECUTORS[executor]()
     executor.add_node(relay)
     gc.collect()

@@ -11,7 +11,7 @@ import rclpy
 from report import machine, quartiles
 from timing import Ratio, ratio
 
-from graph.compare import FLOOR, MONITORS, RATE, SETS
+from graph.compare import FLOOR, MONITORS, QUEUE, RATE, SETS
 from graph.feeder import BEHIND
 from graph.session import BUSY, KEPT, Subject
 from graph.sweep import LOSSLESS, TRIES, highest
@@ -91,7 +91,8 @@ and quartiles in brackets.
 * *Highest lossless*: the highest rate at which no more than {LOST} % of what was sent was lost, in one of up to {TRIES} tries
   each time. *Limit* is who had nothing left at the next rate: the node or the listener if it took more than {FULL} % of a
   core; the machine if {FULL} % of all cores were busy; the feeder if it reached less than {100 * KEPT:g} % of the rate; else
-  the node's queue of 5 joint states, which filled while nobody was short of anything in the mean.
+  the node's queue, which filled while nobody was short of anything in the mean. There {QUEUE} joint states may wait (5 at
+  1 kHz, the monitor's default): with few, how long the machine stalls decides.
 
 Bytes of the messages, which are the same from all nodes: {_sizes(found)}.
 

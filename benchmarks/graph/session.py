@@ -31,13 +31,18 @@ class Subject(NamedTuple):
     topics: tuple[str, ...]
     robot: str = "xarm7"
     executor: str = "EventsExecutor"
+    queue: int = 5  # joint states that wait for the node, before the oldest is lost
 
     def process(self):
         """The node, started."""
         if self.node == "floor":
             wanted = [output for output in prebuilt.outputs(self.robot) if output.topic in self.topics]
-            return Process("graph.relay", self.executor, json.dumps(wanted))
-        parameters = {"robot_description": find_urdf(self.robot), "serialization": self.node}
+            return Process("graph.relay", self.executor, str(self.queue), json.dumps(wanted))
+        parameters = {
+            "robot_description": find_urdf(self.robot),
+            "serialization": self.node,
+            "qos_overrides./joint_states.subscription.depth": self.queue,
+        }
         arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
         return Process("graph.monitor", self.executor, "--ros-args", "--log-level", "warn", *arguments)
 

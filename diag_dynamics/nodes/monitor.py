@@ -228,18 +228,22 @@ class MonitorNode(ManagedNode):
             counts["before the model"] += 1
             return
 
-        def take():
-            now = self._now()
-            state = robot.joint_states.update(message, now)
-            if state is not None:
-                if not state.stamp_is_receive_time:
-                    self._traffic.arrived(state.newest, now)
-                state = robot.complete(state)
-                counts["before odometry"] += state is None
-            if state is not None:
-                self._publish(robot, state, "published")
+        self._guarded("rejected", self._serve, robot, message)
 
-        self._guarded("rejected", take)
+    def _serve(self, robot, message):
+        """Publish the state that a joint state completes."""
+        now = self._now()
+        state = robot.joint_states.update(message, now)
+        if state is None:
+            return
+        if not state.stamp_is_receive_time:
+            self._traffic.arrived(state.newest, now)
+        if robot.base:
+            state = robot.with_base(state)
+            if state is None:
+                self._traffic.counts["before odometry"] += 1
+                return
+        self._publish(robot, state, "published")
 
     def _take_odometry(self, listening, message):
         if listening != self._listening:
@@ -252,25 +256,26 @@ class MonitorNode(ManagedNode):
             self._traffic.counts[f"odometry {OVERLOAD}"] += 1
             return
 
-        def take():
-            robot.base.update(message, self._now())
-            if state := robot.state_of_base():
-                self._publish(robot, state, "published from odometry")
+        self._guarded("odometry rejected", self._serve_odometry, robot, message)
 
-        self._guarded("odometry rejected", take)
+    def _serve_odometry(self, robot, message):
+        """Take in where the base is; publish the state of a robot that is all base."""
+        robot.base.update(message, self._now())
+        if state := robot.state_of_base():
+            self._publish(robot, state, "published from odometry")
 
-    def _guarded(self, what, action):
+    def _guarded(self, what, action, robot, message):
         """Nothing that arrives may end the node."""
         try:
-            action()
+            action(robot, message)
             return
         except RejectedError as rejection:
-            cause, message = rejection.cause, str(rejection)
+            cause, reason = rejection.cause, str(rejection)
         except DiagDynamicsError as error:
-            cause, message = type(error).__name__, str(error)
+            cause, reason = type(error).__name__, str(error)
         except Exception as error:
-            cause, message = "internal error", repr(error)
-        self._traffic.rejected(what, cause, message)
+            cause, reason = "internal error", repr(error)
+        self._traffic.rejected(what, cause, reason)
         self.get_logger().warning(f"Rejected: {self._traffic.last_rejection}", throttle_duration_sec=5.0)
 
     def _now(self):

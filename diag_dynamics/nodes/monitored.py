@@ -113,22 +113,20 @@ class MonitoredRobot:
         if self.base:
             self.base.stamps.forget()
 
-    def complete(self, state):
-        """The whole robot's state from that of its joints: with the base, None while it is unknown."""
-        if self.base:
-            jumps = self.assembler.counts["time jumped back"]
-            if jumps > self._jumps and self.base.stamp is not None and self.base.stamp > state.newest + SECOND:
-                self.base.forget()  # it is of the time that is over
-            self._jumps = jumps
-            state = self.base.with_joints(state, self.settings.values["odom_timeout"])
-        return state
+    def with_base(self, state):
+        """The state of a robot with a floating base from that of its joints; None while the base's is unknown."""
+        jumps = self.assembler.counts["time jumped back"]
+        if jumps > self._jumps and self.base.stamp is not None and self.base.stamp > state.newest + SECOND:
+            self.base.forget()  # it is of the time that is over
+        self._jumps = jumps
+        return self.base.with_joints(state, self.settings.values["odom_timeout"])
 
     def state_of_base(self):
         """The state after odometry: of a robot that is all base, for which no joint state will ever come, else None."""
         if self.assembler.names:
             return None
         nothing, at = np.zeros(0), self.base.stamp
-        return self.complete(RobotState(nothing, nothing, None, at, at, False))
+        return self.with_base(RobotState(nothing, nothing, None, at, at, False))
 
     def evaluate(self, state):
         """Evaluation of a whole state, and that state with efforts that hold gravity."""

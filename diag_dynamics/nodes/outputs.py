@@ -25,8 +25,11 @@ TOPICS = {
 }
 """Each output topic: its type, and the highest rate it is published at by default [Hz], 0 for every state."""
 
-ORDER = ("kinetic_energy", "state", "total_joint_rates", "working_moments", "coriolis")
-"""Topics about the evaluation of a state. What is watched for safety goes out first, matrices last."""
+MATRICES = ("mass_matrix_factors", "joint_space_dynamics")
+"""Topics that are not made of the evaluation of a state."""
+
+ORDER = ("kinetic_energy", "state", "total_joint_rates", "working_moments", "coriolis", *MATRICES)
+"""What is watched for safety goes out first, matrices last."""
 
 
 OVERRIDABLE = QoSOverridingOptions(
@@ -81,22 +84,26 @@ class Outputs:
     def __init__(self, node):
         self._node = node
         self._limits = {}  # of topics that have one
-        self._publishers, self._handles = {}, {}
+        self._publishers = {}
         try:
             for topic, (kind, _) in TOPICS.items():
                 self._publishers[topic] = connected(
                     node.create_lifecycle_publisher, kind, f"~/{topic}", QoSProfile(depth=10)
                 )
-                self._handles[topic] = self._publishers[topic].handle
         except BaseException:
             self.destroy()
             raise
+        # By the handles: what rclpy puts around them takes longer than they do, as it is not in the processor's cache after
+        # a millisecond.
+        handles = {topic: self._publishers[topic].handle for topic in ORDER}
+        self._listeners = [(topic, handle.get_subscription_count) for topic, handle in handles.items()]
+        self._send_bytes = {topic: handle.publish_raw for topic, handle in handles.items()}
 
     def destroy(self):
         """Take the publishers off the graph."""
         for publisher in self._publishers.values():
             self._node.destroy_lifecycle_publisher(publisher)
-        self._publishers, self._handles = {}, {}
+        self._publishers, self._listeners, self._send_bytes = {}, [], {}
 
     def limit(self, topic, rate):
         """Publish a topic at no more than this rate [Hz]; 0 for every state."""
@@ -110,26 +117,28 @@ class Outputs:
 
         `maker` is a MessageMaker, or makes the bytes of what that makes.
         """
-        wanted = tuple(topic for topic in ORDER if self._wanted(topic, state.newest))
-        for topic, message in zip(wanted, maker.messages(wanted, s, state) if wanted else (), strict=True):
+        if not self._publishers[ORDER[0]].is_activated:
+            return
+        limits, stamp = self._limits, state.newest
+        wanted = [
+            topic
+            for topic, listeners in self._listeners
+            if listeners() and (topic not in limits or limits[topic].due(stamp))
+        ]
+        about_state = tuple([topic for topic in wanted if topic not in MATRICES])
+        for topic, message in zip(
+            about_state, maker.messages(about_state, s, state) if about_state else (), strict=True
+        ):
             self._send(topic, message)
-        if self._wanted("mass_matrix_factors", state.newest):
+        if "mass_matrix_factors" in wanted:
             factors = dynamics.factors(state.position)
             self._send("mass_matrix_factors", maker.mass_matrix_factors(factors, with_inverse, state))
-        if self._wanted("joint_space_dynamics", state.newest):
+        if "joint_space_dynamics" in wanted:
             self._send("joint_space_dynamics", maker.joint_space_dynamics(*classical(dynamics, state), state))
 
-    # By way of the handles: what rclpy puts around them takes as long as they do, for it is not in the processor's cache
-    # after a millisecond.
-
-    def _wanted(self, topic, stamp):
-        """Whether somebody listens, and it is time."""
-        limit = self._limits.get(topic)
-        return self._handles[topic].get_subscription_count() and (limit is None or limit.due(stamp))
-
     def _send(self, topic, message):
-        if type(message) is bytes and self._publishers[topic].is_activated:
-            self._handles[topic].publish_raw(message)
+        if type(message) is bytes:
+            self._send_bytes[topic](message)
         else:
             self._publishers[topic].publish(message)
 
