@@ -164,11 +164,15 @@ class Process(contextlib.AbstractContextManager):
 def node_process(node, *arguments, **parameters):
     """Start a node of this package; `arguments` are ROS arguments."""
     command = [sys.executable, "-m", f"diag_dynamics.nodes.{node}", "--ros-args", *arguments]
-    if node == "monitor" and SERIALIZATION in os.environ:
-        parameters = {"serialization": os.environ[SERIALIZATION]} | parameters
-    for name, value in parameters.items():
+    for name, value in (as_asked(node) | parameters).items():
         command += ["-p", f"{name}:={value}"]
     return Process(command)
+
+
+def as_asked(node):
+    """Return the parameters of a node that are asked for from outside of the tests."""
+    wanted = os.environ.get(SERIALIZATION)
+    return {"serialization": wanted} if node == "monitor" and wanted else {}
 
 
 # --- the test's own node

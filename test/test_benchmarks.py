@@ -235,11 +235,23 @@ def test_the_highest_lossless_rate_is_found(limit, monkeypatch):
     class Node:
         def burst(self, rate, seconds):
             loss = max(0.0, 1.0 - limit / rate)
-            return SimpleNamespace(asked=rate, rate=rate, loss=loss, kept=True, limit="node")
+            return SimpleNamespace(asked=rate, rate=rate, loss=loss, backlog=0.0, kept=True, limit="node")
 
     rate, who = highest(search(Node(), Search()))
     assert 0.95 * limit < rate <= 1.002 * limit  # what may be lost of a lossless rate is 0.1 %
     assert who == "node"
+
+
+def test_a_node_that_lives_on_its_queue_is_not_served(monkeypatch):
+    """Nothing is lost beyond 2 kHz, but more and more waits: no rate above that counts."""
+
+    class Session:
+        def burst(self, rate, seconds):
+            waiting = max(rate - 2000.0, 0.0) * seconds
+            return SimpleNamespace(asked=rate, rate=rate, loss=0.0, backlog=waiting, kept=True, limit="node")
+
+    rate, _ = sweep.highest(sweep.search(Session(), sweep.Search()))
+    assert rate <= 2000.0 + sweep.BACKLOG
 
 
 def test_a_feeder_that_cannot_keep_up_ends_the_search(monkeypatch):
@@ -248,7 +260,9 @@ def test_a_feeder_that_cannot_keep_up_ends_the_search(monkeypatch):
 
     class Node:
         def burst(self, rate, seconds):
-            return SimpleNamespace(asked=rate, rate=min(rate, 3000.0), loss=0.0, kept=rate < 3100.0, limit="feeder")
+            return SimpleNamespace(
+                asked=rate, rate=min(rate, 3000.0), loss=0.0, backlog=0.0, kept=rate < 3100.0, limit="feeder"
+            )
 
     bursts = search(Node(), Search())
     assert highest(bursts) == (3000.0, "feeder")

@@ -84,6 +84,8 @@ def test_every_entry(monitor, panda, sample):
     for name, keys in KEYS.items():
         assert keys <= set(values(report, name)), name
         assert report.entries[name].level == OK
+    at_once = int(report.values.get("joint states read by template", 0))
+    assert (at_once > 0) == (os.environ.get(SERIALIZATION) != "rclpy")
     assert values(report, "model")["serialization"] == os.environ.get(SERIALIZATION, "template")
     health = values(report, "numerical health")
     assert float(health["|nu.C| / (|nu| |C|)"]) < 1e-9

@@ -113,7 +113,7 @@ def test_namespaces(peer):
 
 
 SEVERAL = """
-import gc, queue, sys, threading
+import gc, os, queue, sys, threading
 import rclpy
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
@@ -132,6 +132,8 @@ while not stop.asked:
         order, namespace, *assignments = orders.get()
         if order == "make":
             parameters = [Parameter(name, value=eval(value)) for name, value in (a.split("=") for a in assignments)]
+            if wanted := os.environ.get("DIAG_DYNAMICS_TEST_SERIALIZATION"):
+                parameters.append(Parameter("serialization", value=wanted))
             nodes[namespace] = MonitorNode(namespace=namespace, parameter_overrides=parameters)
             executor.add_node(nodes[namespace])
         else:

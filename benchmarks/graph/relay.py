@@ -1,7 +1,8 @@
 """The floor: publishes, for every joint state, messages of the monitor's types and sizes, and computes nothing.
 
-As well written as rclpy allows. Messages are prebuilt (`prebuilt.py` has the monitor's own makers make them), numbers go
-into them as array.array, which rclpy takes over without a look at them, and nothing is left for the garbage collector.
+As well written as rclpy allows with messages that are Python objects. Messages are prebuilt (`prebuilt.py` has the monitor's
+own makers make them), numbers go into them as array.array, which rclpy takes over without a look at them, and nothing is
+left for the garbage collector.
 """
 
 import contextlib

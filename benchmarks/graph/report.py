@@ -14,7 +14,7 @@ from timing import Ratio, ratio
 from graph.compare import FLOOR, MONITORS, QUEUE, RATE, SETS
 from graph.feeder import BEHIND
 from graph.session import BUSY, KEPT, Subject
-from graph.sweep import LOSSLESS, TRIES, highest
+from graph.sweep import BACKLOG, LOSSLESS, TRIES, highest
 
 RELAY = Path(__file__).with_name("relay.py")
 
@@ -73,9 +73,9 @@ def page(found):
 {summary(found)}
 The monitor of a 7-dof arm (xarm7) as a multiple of the *floor*: a node that receives the same joint states and publishes
 messages of the same types and sizes at the same rates and QoS, but computes nothing ([below](#the-floor)). What it costs is
-what ROS costs in Python. *Serialization* is the monitor's parameter of that name, *topics* what is listened to: nobody
-else's are made. CPU time and latencies are those at {KHZ} kHz: medians over rounds in which all nodes take turns,
-and quartiles in brackets.
+what ROS costs in Python where messages are Python objects. *Serialization* is the monitor's parameter of that name, *topics*
+what is listened to: nobody else's are made. CPU time and latencies are those at {KHZ} kHz: medians over rounds in which all
+nodes take turns, and quartiles in brackets.
 
 ![Latency at 1 kHz: part of the messages that are later](nodes_latency.png)
 
@@ -86,13 +86,14 @@ and quartiles in brackets.
 {_nodes(found)}
 * *CPU*: user and system time of all threads of the node's process, for each joint state that something came of.
 * *Latency*: from just before a joint state is published, which is its stamp, to the receipt of the `kinetic_energy` made of
-  it. p50 and p99 are medians over rounds; p99.9 and max are of all rounds together. *Late* is how late the feeder itself
-  was woken up at worst: so much of max is the machine's.
-* *Highest lossless*: the highest rate at which no more than {LOST} % of what was sent was lost, in one of up to {TRIES} tries
-  each time. *Limit* is who had nothing left at the next rate: the node or the listener if it took more than {FULL} % of a
-  core; the machine if {FULL} % of all cores were busy; the feeder if it reached less than {100 * KEPT:g} % of the rate; else
-  the node's queue, which filled while nobody was short of anything in the mean. There {QUEUE} joint states may wait (5 at
-  1 kHz, the monitor's default): with few, how long the machine stalls decides.
+  it, which all nodes publish first. p50 and p99 are medians over rounds; p99.9 and max are of all rounds together. *Late* is
+  how late the feeder itself was woken up at worst: so much of max is the machine's.
+* *Highest lossless*: the highest rate at which no more than {LOST} % of what was sent was lost, and no more than {BACKLOG}
+  joint states waited at the end, in one of up to {TRIES} tries each time. *Limit* is who had nothing left at the next rate:
+  the node or the listener if it took more than {FULL} % of a core; the machine if {FULL} % of all cores were busy; the feeder
+  if it reached less than {100 * KEPT:g} % of the rate; else the node's queue, which filled while nobody was short of anything
+  in the mean. There {QUEUE} joint states may wait (5 at 1 kHz, the monitor's default): with few, how long the machine stalls
+  decides.
 
 Bytes of the messages, which are the same from all nodes: {_sizes(found)}.
 

@@ -72,6 +72,12 @@ class Burst(NamedTuple):
         return 1.0 - self.received / self.sent
 
     @property
+    def backlog(self):
+        """Joint states that waited for the node during the last tenth of the burst, in the median."""
+        last = self.latencies[-max(len(self.latencies) // 10, 1) :]
+        return float(np.median(last)) * self.rate if len(last) else np.inf
+
+    @property
     def cpu_per_message(self):
         """CPU time of the node for each joint state that something came of [s]."""
         return self.cpu / max(self.received, 1)

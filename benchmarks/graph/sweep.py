@@ -22,9 +22,13 @@ class Search(NamedTuple):
     beyond: int = 2  # rates above the limit, for the picture
 
 
+BACKLOG = 20
+"""Joint states that may wait at the end of a burst: more, and the node had fallen behind and lived on its queue."""
+
+
 def lossless(burst):
-    """Whether so little was lost that the rate counts as served."""
-    return burst.loss <= LOSSLESS
+    """Whether so little was lost, and so little waited at the end, that the rate counts as served."""
+    return burst.loss <= LOSSLESS and burst.backlog <= BACKLOG
 
 
 def highest(bursts):

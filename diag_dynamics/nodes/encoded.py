@@ -50,7 +50,8 @@ class EncodedMessages:
     """Makes what a MessageMaker makes of the same arguments, as bytes.
 
     Each topic is laid out by what the maker and rclpy make of its first message, and of the first one of another shape (with
-    efforts or without). Should rclpy not serialize as :class:`Template` does, the messages themselves are returned.
+    efforts or without). Should rclpy serialize one of them otherwise than :class:`Template` does, the messages themselves are
+    returned, of all topics that were asked for together.
 
     Parameters
     ----------
@@ -72,9 +73,9 @@ class EncodedMessages:
         """The messages of several topics that are about an Evaluation and the RobotState it came from."""
         key = topics, state.effort is None, s.friction is None
         sheets = self._sheets.get(key)
-        if sheets is None:
-            return self._first(key, topics, s, state)
-        return sheets.written(s, state)
+        if sheets is not None:
+            return sheets.written(s, state)
+        return self._maker.messages(topics, s, state) if key in self._sheets else self._first(key, topics, s, state)
 
     def mass_matrix_factors(self, factors, with_inverse, state):
         """M and D of Factors, and ℓ if wanted."""
@@ -90,10 +91,8 @@ class EncodedMessages:
         """The messages by the maker; the next ones of their shape are written over them."""
         messages = self._maker.messages(topics, s, state)
         templates = [self._template(topic, message) for topic, message in zip(topics, messages, strict=True)]
-        if all(templates):
-            self._sheets[key] = _Sheets(templates, s, state)
-            return self._sheets[key].written(s, state)
-        return [template.encoded() if template else m for template, m in zip(templates, messages, strict=True)]
+        self._sheets[key] = _Sheets(templates, s, state) if all(templates) else None
+        return [template.encoded() for template in templates] if all(templates) else messages
 
     def _template(self, topic, message):
         """The template of a message; None if rclpy makes other bytes of it, or has of one before."""

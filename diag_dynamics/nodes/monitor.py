@@ -385,6 +385,8 @@ class MonitorNode(ManagedNode):
     def _notes(self):
         """Who publishes the inputs, and what is wrong with that."""
         notes, problems = {}, []
+        if self._robot and self._robot.at_once is not None:
+            notes["joint states read by template"] = self._robot.at_once
         kinds = ("sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry")
         for subscription, kind in [
             *zip(self._inputs, kinds, strict=False),

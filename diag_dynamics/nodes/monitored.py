@@ -92,7 +92,12 @@ class MonitoredRobot:
         if not self._by_template:
             return "rclpy"
         unlike = sorted(self.encoder.unlike)
-        return f"template, but by rclpy: {', '.join(unlike)}" if unlike else "template"
+        return f"rclpy, which makes other bytes of {', '.join(unlike)} than templates have" if unlike else "template"
+
+    @property
+    def at_once(self):
+        """How many joint states were read by template; None where that is not wanted."""
+        return self.joint_states.at_once if self._by_template else None
 
     def unapplied(self):
         """Links of payloads that are wanted, but not on this robot."""

@@ -5,7 +5,8 @@ text (the names and all lengths) and where its numbers lie are known, and one co
 the text, judges the numbers and completes the state. Whatever is not plainly good it leaves to the ordinary way, as it was.
 """
 
-from typing import NamedTuple
+import random
+from dataclasses import dataclass
 
 import numpy as np
 from numba import boolean, int32, int64, uint8
@@ -18,10 +19,11 @@ from diag_dynamics.nodes.inputs.joint_states import RobotState
 from diag_dynamics.nodes.inputs.rejected import RejectedError
 from diag_dynamics.nodes.inputs.stamps import FAR, SECOND
 
-MOST_LAYOUTS, FREELY, SELDOM = 16, 200, 100
+MOST_LAYOUTS, FREELY, SELDOM = 64, 200, 100
 """Texts that are known at a time; and how many are learned as they come, before only one of so many messages is looked at.
 
-A text that never comes again is not worth it.
+A text that never comes again is not worth it. Which one is looked at is left to chance, lest two drivers that take turns
+have it always be the other's.
 """
 
 LONGEST = 1 << 16
@@ -33,7 +35,8 @@ _BYTES, _WORDS, _INDICES, _FLAGS = Lent(uint8, 1), Lent(int32, 1), Lent(int64, 1
 _NO_EFFORT, _WITH_EFFORT = 1, 2
 
 
-class _Layout(NamedTuple):
+@dataclass(slots=True)
+class _Layout:
     """Of messages of one text: what :func:`_take` has to know of them."""
 
     template: Template
@@ -41,7 +44,8 @@ class _Layout(NamedTuple):
     places: (
         tuple  # of needed joints in the message and in the robot, likewise of followers; and which are needed joints
     )
-    plain: bool  # whether such a message can be plainly good at all
+    source: int | None  # whose stamps they have, as Stamps knows it; None if none of them can be plainly good
+    used: bool = True  # whether one has come since layouts were last thrown away
 
 
 class KnownJointStates:
@@ -50,12 +54,20 @@ class KnownJointStates:
     Parameters
     ----------
     assembler : JointStateAssembler
+
+    Attributes
+    ----------
+    at_once : int
+        How many messages were of a known text and plainly good.
     """
 
     def __init__(self, assembler):
-        self._assembler = assembler
+        self.at_once = 0
+        self._assembler, self._stamps = assembler, assembler.stamps
+        self._chance = random.Random(0)
         self._layouts = {}  # lists by the length of the message
         self._unknown = 0  # messages of no known text
+        self._shape = 3, len(assembler.names)
         self._allot(256)
         ready(_take)
         self.configure()
@@ -78,12 +90,14 @@ class KnownJointStates:
         RejectedError
             As there, or the bytes are no message.
         """
-        mode = self._assembler.stamps.mode
-        if self._judged and mode is not None and now:
-            for layout in self._layouts.get(len(raw), ()):
-                state = self._taken(layout, raw, now, mode) if layout.plain else None
-                if state is not None:
-                    return state
+        layouts = self._layouts.get(len(raw))
+        if layouts and self._judged and now:
+            mode, suspects = self._stamps.mode, self._stamps.suspects
+            for layout in layouts if mode is not None else ():
+                if layout.source is not None and layout.source not in suspects:
+                    state = self._taken(layout, raw, now, mode)
+                    if state is not None:
+                        return state
         try:
             message = deserialize_message(raw, JointState)
         except Exception as error:
@@ -102,26 +116,30 @@ class KnownJointStates:
 
     def _taken(self, layout, raw, now, mode):
         """The state that a message of this layout completes; None if there is anything to be said against it."""
-        assembler = self._assembler
         self._view[: len(raw)] = raw
-        values = np.empty((3, len(assembler.names)))
+        values = np.empty(self._shape)
         known, newest, oldest, stamp = _take(
             *self._room, *layout.fixed, *layout.places, now, mode, *self._judged, values
         )
         if not known:
             return None
+        self.at_once += 1
+        layout.used = True
         if mode:
-            assembler.stamps.offset = (now - stamp) * 1e-9
+            self._stamps.offset = (now - stamp) * 1e-9
         position, velocity, effort = values
         return RobotState(position, velocity, effort if known == _WITH_EFFORT else None, newest, oldest, False)
 
     def _learn(self, raw, message):
         """Get to know the text of a message, if that can be of use."""
-        alike = self._layouts.get(len(raw), ())
-        if len(raw) > LONGEST or any(layout.template.fits(raw) for layout in alike):
+        if len(raw) > LONGEST:
             return
+        for layout in self._layouts.get(len(raw), ()):
+            if layout.template.fits(raw):
+                layout.used = True
+                return
         self._unknown += 1
-        if self._unknown > FREELY and self._unknown % SELDOM:
+        if self._unknown > FREELY and self._chance.randrange(SELDOM):
             return
         count = len(message.name)
         template, columns = Template(message), self._assembler.columns(message)
@@ -129,17 +147,29 @@ class KnownJointStates:
         complete = len(message.position) == len(message.velocity) == count and len(message.effort) in (0, count)
         if not template.holds(raw):
             return
-        if sum(map(len, self._layouts.values())) >= MOST_LAYOUTS:
-            self._layouts.clear()
+        if sum(map(len, self._layouts.values())) >= MOST_LAYOUTS and not self._tidied():
+            return
         if len(raw) > self._size:
             self._allot(2 * len(raw))
         needed = np.zeros(len(self._assembler.names), dtype=bool)
         needed[here] = True
         fields = np.array([template.first_double(field) for field in ("position", "velocity", "effort")])
         layout = _Layout(
-            template, (template.data, template.text, fields), (*columns, needed), complete and len(here) > 0
+            template,
+            (template.data, template.text, fields),
+            (*columns, needed),
+            int(here.min()) if complete and len(here) else None,
         )
         self._layouts.setdefault(len(raw), []).append(layout)
+
+    def _tidied(self):
+        """Throw away what has not come since this was done last; whether there was any."""
+        before = sum(map(len, self._layouts.values()))
+        kept = {size: [layout for layout in some if layout.used] for size, some in self._layouts.items()}
+        self._layouts = {size: some for size, some in kept.items() if some}
+        for layout in (layout for some in self._layouts.values() for layout in some):
+            layout.used = False
+        return sum(map(len, self._layouts.values())) < before
 
 
 @entry_kernel(

@@ -61,6 +61,8 @@ class Stamps:
         Whether stamps agree with this node's clock; None before it is known.
     offset : float
         This node's clock less the stamp, of the last one that was judged [s].
+    suspects : dict
+        Sources whose last stamp was older than the one before.
     """
 
     def __init__(self, max_age=0.0, refuse_foreign=False):
@@ -72,12 +74,15 @@ class Stamps:
         """Know nothing of the sources any more."""
         self.in_step = None
         self._refused = None  # when refusals by the clock began, and how far apart it was then [ns]
-        self._suspects = {}  # of each source the first and last stamp, and the number, of those that were too old
+        self.suspects = {}  # of each source the first and last stamp, and the number, of those that were too old
 
     @property
     def mode(self):
-        """By which of these rules a stamp no older than the last one is accepted; None while anything is in doubt."""
-        if self._suspects or self._refused:
+        """By which of these rules a stamp no older than the source's last is accepted; None while the clocks are in doubt.
+
+        Nothing changes by it, unless its source is among the suspects.
+        """
+        if self._refused:
             return None
         if not self.max_age:
             return UNJUDGED if self.in_step is None else None
@@ -112,9 +117,9 @@ class Stamps:
         anew = last is not None and stamp < last
         if anew:
             self._suspect(source, what, stamp, last, span)
-            self._suspects.clear()
+            self.suspects.clear()
         elif last is not None:
-            self._suspects.pop(source, None)
+            self.suspects.pop(source, None)
         if far is not None:
             self._refused = None
             # One that is foreign must come well into the bound to be held to it, lest a clock that is apart by as much as
@@ -146,10 +151,10 @@ class Stamps:
     def _suspect(self, source, what, stamp, last, span):
         """Refuse a stamp older than `last`, unless those of the source go on from there."""
         behind = f"{what}: stamp {(last - stamp) * 1e-9:.6f} s older than the one before"
-        first, before, count = self._suspects.get(source, (stamp, stamp, 0))
+        first, before, count = self.suspects.get(source, (stamp, stamp, 0))
         if count and not 0 <= stamp - before <= span:
             first, count = stamp, 0
-        self._suspects[source] = first, stamp, count + 1
+        self.suspects[source] = first, stamp, count + 1
         if last - stamp <= span:
             if count + 1 < LATE_COUNT or stamp - first < LATE_TIME:
                 raise RejectedError("late", behind)
