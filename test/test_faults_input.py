@@ -19,6 +19,7 @@ from nodes import (
     PANDA,
     SERIALIZATION,
     START,
+    TIMEOUT,
     UR5,
     Monitor,
     S,
@@ -770,3 +771,28 @@ def test_simulated_clock_jumps_back(peer):
         monitor.serves(ur5)
         assert report.count("received") == report.outcomes()
         assert report.since(before)["incomplete"] == 1
+
+
+def test_simulated_time_is_switched_on_and_off(peer):
+    """At run time: what has no stamp gets that of the clock in force."""
+    ur5 = robot(UR5)
+    q, qd, tau, _ = ur5.samples[0]
+    clock = peer.publisher(Clock, "/clock")
+    simulated = Clock()
+    simulated.clock.sec = 7000
+    with Monitor(peer, "/switched", robot_description=ur5.path) as monitor:
+        monitor.connect(ur5)
+        states = monitor.topics["state"]
+
+        def now():
+            have = len(states.messages)
+            clock.publish(simulated)
+            monitor.feeder.publish(joint_state(ur5.names, q, qd, tau, 0))
+            peer.wait_until(lambda: len(states.messages) > have, "a state")
+            return nanoseconds(states.messages[-1].header.stamp)
+
+        assert abs(now() - peer.now()) < TIMEOUT * S
+        monitor.set_parameter("use_sim_time", True)
+        peer.wait_until(lambda: clock.get_subscription_count() and now() == 7000 * S, "the time of /clock")
+        monitor.set_parameter("use_sim_time", False)
+        assert abs(now() - peer.now()) < TIMEOUT * S

@@ -1,6 +1,8 @@
 """The monitor as a managed node: every transition, what each state offers, a thousand changes, and every end."""
 
 import signal
+import subprocess
+import sys
 
 import numpy as np
 import psutil
@@ -287,3 +289,25 @@ def test_autostart_with_a_robot_that_is_none():
         last = process.output.strip().splitlines()[-1]
         assert "robot_description" in last and "/nowhere/robot.urdf" in last
         assert "Traceback" not in process.output
+
+
+def test_what_is_loaded_is_kept_from_the_garbage_collector():
+    """An executable settles when its node is made; a node says so when its first robot has come."""
+    program = """
+import gc
+from diag_dynamics.nodes import runner
+from diag_dynamics.nodes.managed import ManagedNode
+class Node(ManagedNode):
+    finished = None
+    def __init__(self):
+        super().__init__("settled")
+        assert not gc.get_freeze_count()
+    def destroy_node(self):
+        assert gc.get_freeze_count() > 10_000 and self.settled is runner.settle
+        super().destroy_node()
+        print("settled")
+runner.spin = lambda node, until: None
+raise SystemExit(runner.run(Node))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=START, check=False)
+    assert (done.returncode, done.stdout) == (0, "settled\n"), done.stderr
