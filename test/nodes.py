@@ -27,7 +27,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, GetParameterTypes, SetParameters, SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
@@ -248,11 +248,32 @@ class Peer(contextlib.AbstractContextManager):
         """Call a service and return the response."""
         if name not in self._clients:
             self._clients[name] = self.node.create_client(kind, name)
+            self.become_known(name.rpartition("/")[0])
         client = self._clients[name]
         self.wait_until(client.service_is_ready, f"service {name}", START)
         future = client.call_async(request)
         self.wait_until(future.done, f"a response of {name}")
         return future.result()
+
+    def become_known(self, node):
+        """Wait until a node knows of all clients made here so far.
+
+        A service may be known to its client before the service knows the client, and then its response is thrown away
+        after 100 ms. Clients become known in the order in which they were made, so that a response to one made now,
+        asked for until it comes, tells that those before it are known.
+        """
+        client = self.node.create_client(GetParameterTypes, f"{node}/get_parameter_types")
+        try:
+            self.wait_until(client.service_is_ready, f"parameters of {node}", START)
+            deadline = time.monotonic() + TIMEOUT
+            while time.monotonic() < deadline:
+                future = client.call_async(GetParameterTypes.Request())
+                with contextlib.suppress(AssertionError):
+                    self.wait_until(future.done, f"a response of {node}", timeout=1.0)
+                    return
+            raise AssertionError(f"{node} answers nothing")
+        finally:
+            self.node.destroy_client(client)
 
     def set_parameter(self, node, name, value):
         """Set a parameter of a node and return the result."""

@@ -90,6 +90,7 @@ def test_many_clients_at_once(monitor, panda):
     callers = [Caller(peer, monitor, panda, number) for number in range(CLIENTS)]
     for caller in callers:
         peer.wait_until(caller.client.service_is_ready, "the service")
+    peer.become_known(monitor.name)
     sent = []
 
     def feed():
