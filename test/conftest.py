@@ -27,6 +27,7 @@ ROS_FILES = (
     "test_lifecycle.py",
     "test_mimic_nodes.py",
     "test_monitor.py",
+    "test_pipeline.py",
     "test_restarts.py",
     "test_services.py",
     "test_simulator_node.py",
@@ -89,6 +90,13 @@ def compiled():
     model = dd.load_urdf(robots.TwoLinkArm().urdf)
     dd.DiagonalDynamics(model).compile()
     dd.Simulation(model).advance(steps=0)
+    if not without_ros():
+        from diag_dynamics.kernel import ready
+        from diag_dynamics.nodes import encoded, pipeline
+        from diag_dynamics.nodes.inputs import known
+
+        for entry in (known._take, encoded._write, pipeline._serve):
+            ready(entry)
 
 
 @pytest.fixture(scope="module")

@@ -265,7 +265,7 @@ class Peer(contextlib.AbstractContextManager):
         client = self.node.create_client(GetParameterTypes, f"{node}/get_parameter_types")
         try:
             self.wait_until(client.service_is_ready, f"parameters of {node}", START)
-            deadline = time.monotonic() + TIMEOUT
+            deadline = time.monotonic() + START  # it may be compiling yet
             while time.monotonic() < deadline:
                 future = client.call_async(GetParameterTypes.Request())
                 with contextlib.suppress(AssertionError):

@@ -37,13 +37,14 @@ class Feeder:
     def burst(self, rate, seconds):
         """Publish at a rate [Hz] for a while; returns what was sent, how late at worst, and whether anybody listens."""
         period, sent, late = 1.0 / rate, 0, 0.0
+        send = self._publisher.handle.publish_raw  # what rclpy puts around it would be the limit
         due = begin = time.perf_counter()
         while due < begin + seconds:
             if (early := due - time.perf_counter()) > 0.0:
                 time.sleep(early)
             late = max(late, time.perf_counter() - due)
             stamps.put(self._data, time.time_ns())
-            self._publisher.publish(bytes(self._data))
+            send(bytes(self._data))
             sent += 1
             due = max(due + period, time.perf_counter() - BEHIND * period)
         seconds = time.perf_counter() - begin

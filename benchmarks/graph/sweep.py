@@ -17,7 +17,7 @@ class Search(NamedTuple):
 
     seconds: float = 1.0  # of a burst
     first: float = 1000.0  # Hz
-    last: float = 16000.0
+    last: float = 23000.0
     bisections: int = 3
     beyond: int = 2  # rates above the limit, for the picture
 

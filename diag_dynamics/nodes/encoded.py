@@ -1,16 +1,17 @@
 """What MessageMaker makes, as the bytes that are sent: laid out once, then only the numbers are written anew."""
 
+from collections import namedtuple
+
 import numpy as np
-from numba import int32, int64, uint8
 from rclpy.serialization import serialize_message
 
 from diag_dynamics import sweeps
-from diag_dynamics.kernel import COUNT, FLAG, MATRIX, NUMBER, VECTOR, Lent, entry_kernel, kernel, ready
+from diag_dynamics.kernel import COUNT, FLAG, MATRIX, NUMBER, VECTOR, entry_kernel, kernel, large_kernel, ready
+from diag_dynamics.nodes.addresses import Addresses, bytes_at, indices_at, table_at, vector_at, words_at
 from diag_dynamics.nodes.cdr import HEADER, Template
 from diag_dynamics.nodes.inputs.stamps import SECOND
+from diag_dynamics.nodes.outputs import BITS, WITH_LINK_ENERGY
 from diag_dynamics.sweeps import NU
-
-_BYTES, _WORDS, _TABLE = Lent(uint8, 1), Lent(int32, 1), Lent(int64, 2)
 
 _ROW, _STAMP, _OLDEST, _RECEIVED, _ESTIMATED, _ENERGY, _POWER, _BASE, _SHARES, _POSITION, _EFFORT, _FRICTION = range(12)
 
@@ -50,8 +51,7 @@ class EncodedMessages:
     """Makes what a MessageMaker makes of the same arguments, as bytes.
 
     Each topic is laid out by what the maker and rclpy make of its first message, and of the first one of another shape (with
-    efforts or without). Should rclpy serialize one of them otherwise than :class:`Template` does, the messages themselves are
-    returned, of all topics that were asked for together.
+    efforts or without). Should rclpy serialize it otherwise than :class:`Template` does, the message itself is returned.
 
     Parameters
     ----------
@@ -71,11 +71,19 @@ class EncodedMessages:
 
     def messages(self, topics, s, state):
         """The messages of several topics that are about an Evaluation and the RobotState it came from."""
-        key = topics, state.effort is None, s.friction is None
-        sheets = self._sheets.get(key)
-        if sheets is not None:
-            return sheets.written(s, state)
-        return self._maker.messages(topics, s, state) if key in self._sheets else self._first(key, topics, s, state)
+        shape = state.effort is not None, s.friction is not None
+        sheets = self._sheets.get(shape)
+        if sheets is None or any(topic not in sheets.spans and topic not in self.unlike for topic in topics):
+            sheets = self._sheets[shape] = self._laid_out({*topics, *(sheets.spans if sheets else ())}, s, state)
+        sheets.write(sum(BITS[topic] for topic in topics), s, state)
+        return [
+            sheets.encoded(topic) if topic in sheets.spans else getattr(self._maker, topic)(s, state)
+            for topic in topics
+        ]
+
+    def sheets(self, with_effort):
+        """The Sheets of messages without friction, of those topics that have been asked for; None without any."""
+        return self._sheets.get((with_effort, False))
 
     def mass_matrix_factors(self, factors, with_inverse, state):
         """M and D of Factors, and ℓ if wanted."""
@@ -87,12 +95,12 @@ class EncodedMessages:
         values = {"mass_matrix": mass_matrix, "bias": bias, "gravity": gravity}
         return self._single("joint_space_dynamics", values, state, mass_matrix, bias, gravity, state)
 
-    def _first(self, key, topics, s, state):
-        """The messages by the maker; the next ones of their shape are written over them."""
-        messages = self._maker.messages(topics, s, state)
-        templates = [self._template(topic, message) for topic, message in zip(topics, messages, strict=True)]
-        self._sheets[key] = _Sheets(templates, s, state) if all(templates) else None
-        return [template.encoded() for template in templates] if all(templates) else messages
+    def _laid_out(self, topics, s, state):
+        templates = {}
+        for topic in BITS:
+            if topic in topics and (template := self._template(topic, getattr(self._maker, topic)(s, state))):
+                templates[topic] = template
+        return Sheets(templates, s, state)
 
     def _template(self, topic, message):
         """The template of a message; None if rclpy makes other bytes of it, or has of one before."""
@@ -126,58 +134,81 @@ class EncodedMessages:
         return template.encoded()
 
 
-class _Sheets:
-    """Templates of several messages about one Evaluation in one piece of memory, written in one pass."""
+class Sheets:
+    """Templates of several messages about one Evaluation in one piece of memory, written in one pass.
+
+    Parameters
+    ----------
+    templates : dict
+        By topic.
+    s : Evaluation
+    state : RobotState
+
+    Attributes
+    ----------
+    spans : dict of tuple
+        Begin and end of each topic's bytes.
+    bits : int
+        Sum of their :data:`~outputs.BITS`.
+    addresses : Addresses
+        Of what :func:`write` writes in.
+    """
 
     def __init__(self, templates, s, state):
-        begin, self._spans, table, energies = 0, [], [], []
-        for template in templates:
+        begin, self.spans, table, energies = 0, {}, [], -1
+        for topic, template in templates.items():
             begin += -begin % 8 + 8 - len(HEADER)  # what comes after the encapsulation begins on a multiple of eight
-            self._spans.append((begin, begin + len(template.data)))
-            table += _instructions(template, begin)
+            end = begin + len(template.data)
+            self.spans[topic] = begin, end
+            table += [(BITS[topic], *instruction) for instruction in _instructions(template, begin)]
             if template.place("link_energy") >= 0:
-                energies.append((begin + template.place("link_energy")) // 8)
-            begin += len(template.data)
+                energies = (begin + template.place("link_energy")) // 8
+            begin = end
         room = np.zeros(begin + 16, dtype=np.uint8)
         room = room[-room.ctypes.data % 8 :]
-        for template, (first, last) in zip(templates, self._spans, strict=True):
-            room[first:last] = template.data
-        doubles = room[: len(room) // 8 * 8].view(np.float64)
-        self._memory = room, room[: len(room) // 4 * 4].view(np.int32), doubles, np.array(table, dtype=np.int64)
+        for topic, (first, last) in self.spans.items():
+            room[first:last] = templates[topic].data
+        self.bits = sum(BITS[topic] for topic in templates)
         self._view = memoryview(room)
-        self._link_energies = [doubles[at : at + len(s.link_energy)] for at in energies]
         self._base = 6 if len(state.position) > len(state.velocity) else 0
+        links, nv = len(s.link_energy), len(state.velocity)
+        self._link_energy = room[8 * energies : 8 * (energies + links)].view(np.float64) if energies >= 0 else None
+        table = np.array(table, dtype=np.int64).reshape(-1, 4)
+        self.addresses = Addresses(len(room), room, len(table), table, nv, energies, links)
 
-    def written(self, s, state):
-        """All of them, as bytes."""
+    def write(self, wanted, s, state):
+        """Write the messages about a state whose bits are in `wanted`."""
         _, _, effort, newest, oldest, received, estimated = state
         K, power = s.kinetic_energy, s.effort_power
         _write(
-            *self._memory,
+            self.addresses.at,
+            wanted,
             newest,
             oldest,
             received,
             estimated,
             K,
             0.0 if power is None else power,
-            s.rows,
-            len(state.velocity),
             self._base,
+            s.rows,
             state.position,
             _NOTHING if effort is None else effort,
             _NOTHING if s.friction is None else s.friction,
         )
-        for energy in self._link_energies:
-            s.write_link_energy(energy)
-        view = self._view
-        return [bytes(view[first:last]) for first, last in self._spans]
+        if wanted & WITH_LINK_ENERGY and self._link_energy is not None:
+            s.write_link_energy(self._link_energy)
+
+    def encoded(self, topic):
+        """The message of a topic as it is now."""
+        first, last = self.spans[topic]
+        return bytes(self._view[first:last])
 
 
 _NOTHING = np.zeros(0)
 
 
 def _instructions(template, begin):
-    """What is written where: rows for :func:`_write`.
+    """What is written where: rows for :func:`write`.
 
     Places are those of bytes, of 32-bit words or of doubles, in memory where the template begins at a byte.
     """
@@ -192,32 +223,38 @@ def _instructions(template, begin):
     return found
 
 
-@entry_kernel(
-    *(_BYTES, _WORDS, VECTOR, _TABLE),
-    *(COUNT, COUNT, FLAG, FLAG, NUMBER, NUMBER),
-    *(MATRIX, COUNT, COUNT, VECTOR, VECTOR, VECTOR),
-)
-def _write(
-    data,
-    words,
-    doubles,
-    table,
-    newest,
-    oldest,
-    received,
-    estimated,
-    energy,
-    power,
-    rows,
-    count,
-    base,
-    position,
-    effort,
-    friction,
-):
-    """Write everything that `table` has a place for."""
+_Opened = namedtuple("_Opened", ["data", "words", "doubles", "table", "nv", "link_energy"])
+"""Memory of Sheets as numbers of three kinds, what is written where, and where link energies are, if they are there."""
+
+
+@kernel
+def _opened(sheets):
+    at = indices_at(sheets, (7,))
+    size, links = at[0], at[6] if at[5] >= 0 else 0
+    return _Opened(
+        bytes_at(at[1], (size,)),
+        words_at(at[1], (size // 4,)),
+        vector_at(at[1], (size // 8,)),
+        table_at(at[3], (at[2], 4)),
+        at[4],
+        vector_at(at[1] + 8 * max(at[5], 0), (links,)),
+    )
+
+
+@kernel
+def link_energy_at(sheets):
+    """Where link energies are written in Sheets; of length 0 if nowhere."""
+    return _opened(sheets).link_energy
+
+
+@large_kernel
+def write(sheets, wanted, newest, oldest, received, estimated, energy, power, base, rows, position, effort, friction):
+    """Write everything but link energies in messages whose bits are in `wanted`, in Sheets at this address."""
+    data, words, doubles, table, count, _ = _opened(sheets)
     for k in range(len(table)):
-        what, at, row = table[k, 0], table[k, 1], table[k, 2]
+        bit, what, at, row = table[k, 0], table[k, 1], table[k, 2], table[k, 3]
+        if not bit & wanted:
+            continue
         if what == _ROW:
             for i in range(count):
                 doubles[at + i] = rows[row, i]
@@ -246,6 +283,15 @@ def _write(
             _copy(effort, doubles, at)
         elif what == _FRICTION:
             _copy(friction, doubles, at)
+
+
+@entry_kernel(
+    *(COUNT, COUNT, COUNT, COUNT, FLAG, FLAG, NUMBER, NUMBER, COUNT),
+    *(MATRIX, VECTOR, VECTOR, VECTOR),
+)
+def _write(sheets, wanted, newest, oldest, received, estimated, energy, power, base, rows, position, effort, friction):
+    """:func:`write`, and nothing else."""
+    write(sheets, wanted, newest, oldest, received, estimated, energy, power, base, rows, position, effort, friction)
 
 
 @kernel

@@ -212,6 +212,8 @@ class MonitorNode(ManagedNode):
 
     def _take_heartbeat(self):
         self._beat = time.monotonic()
+        if self._outputs:
+            self._outputs.look()
 
     def _overloaded(self):
         return time.monotonic() - self._beat > OVERDUE
@@ -233,7 +235,16 @@ class MonitorNode(ManagedNode):
     def _serve(self, robot, message):
         """Publish the state that a joint state completes."""
         now = self._now()
-        state = robot.joint_states.update(message, now)
+        if robot.pipeline:
+            served = robot.serve_at_once(message, now, self._outputs.wanted)
+            if served:
+                at_once = robot.pipeline
+                self._traffic.arrived(at_once.newest, now)
+                self._pass_on(robot, at_once.newest, at_once, at_once.messages, "published")
+                return
+            state = robot.joint_states.update(message, now) if served is None else robot.pipeline.state
+        else:
+            state = robot.joint_states.update(message, now)
         if state is None:
             return
         if not state.stamp_is_receive_time:
@@ -283,11 +294,15 @@ class MonitorNode(ManagedNode):
         return self.get_clock().now().nanoseconds if self._simulated_time else time.time_ns()
 
     def _publish(self, robot, state, what):
-        """Evaluate, watch, and publish where somebody listens."""
+        """Evaluate a state, and pass it on."""
         s, state = robot.evaluate(state)
-        self._outputs.publish(robot.dynamics, robot.encoder, state, s, self._settings.values["publish_inverse_factor"])
-        self._traffic.published(what, state.newest)
-        if robot.energy.take(state.newest, s):  # an alarm does not wait for the second to be over
+        self._pass_on(robot, state.newest, s, lambda topics: robot.encoder.messages(topics, s, state), what)
+
+    def _pass_on(self, robot, stamp, s, messages, what):
+        """Publish a state where somebody listens, and watch it; `messages` makes those of a list of topics."""
+        self._outputs.publish(stamp, messages, robot.matrix)
+        self._traffic.published(what, stamp)
+        if robot.energy.take(stamp, s):  # an alarm does not wait for the second to be over
             self._diagnostics.publish([robot.energy.report()])
 
     # --- Parameters ---

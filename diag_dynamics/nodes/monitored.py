@@ -10,6 +10,7 @@ from diag_dynamics.nodes.inputs.known import KnownJointStates
 from diag_dynamics.nodes.inputs.odometry import OdometryBase
 from diag_dynamics.nodes.inputs.stamps import SECOND
 from diag_dynamics.nodes.messages import MessageMaker
+from diag_dynamics.nodes.pipeline import Pipeline
 from diag_dynamics.nodes.robot import COMPILED, joints_of, payloads_of
 
 
@@ -36,9 +37,9 @@ class MonitoredRobot:
         What takes in joint states: as bytes, or as messages.
     assembler : JointStateAssembler
     base : OdometryBase or None
+    pipeline : Pipeline or None
+        What takes joint states in, evaluates them and makes messages at once, where that is possible.
     energy : EnergyWatch
-    state : RobotState or None
-        The last one that was evaluated.
 
     Raises
     ------
@@ -54,7 +55,8 @@ class MonitoredRobot:
         in_header = settings.values["odom_twist_frame"] == "header"
         self.base = OdometryBase(model, in_header) if model.floating_base else None
         self.energy = EnergyWatch(model, settings.thresholds)
-        self.dynamics = None
+        self.dynamics = self.pipeline = self._state = None
+        self._at_once = False
         self._jumps = 0  # of the joints' time that the base knows of
         self.use(model, settings, revision)
         self.dynamics.compile(*COMPILED)
@@ -79,12 +81,22 @@ class MonitoredRobot:
             self.joint_states.configure()
         if self.base:
             self.base.configure(settings.inputs)
+        self._state, self._at_once = self.state, False
         self.settings = settings
         if self.dynamics is None or model is not self.model:
             self.dynamics = DiagonalDynamics(model)
             self.maker = MessageMaker(model, revision)
             self.encoder = EncodedMessages(self.maker) if self._by_template else self.maker
-            self.state = None
+            self._state = None
+        plain = self.assembler.efforts.without_gravity is None and not settings.values["publish_friction"]
+        whole = not self.base and model.nq == model.nv == len(self.assembler.names)
+        by_pipeline = self._by_template and plain and whole
+        self.pipeline = Pipeline(self.joint_states, self.dynamics, self.encoder) if by_pipeline else None
+
+    @property
+    def state(self):
+        """The RobotState that was evaluated last; None if none has been since all was forgotten."""
+        return self.pipeline.state if self._at_once else self._state
 
     @property
     def serialization(self):
@@ -110,7 +122,7 @@ class MonitoredRobot:
         if self.base:
             self.base.forget()
         self.energy.forget()
-        self.state = None
+        self._state, self._at_once = None, False
 
     def forget_clocks(self):
         """Forget whether stamps agree with this node's clock: what comes next comes from a new subscription."""
@@ -143,5 +155,25 @@ class MonitoredRobot:
             state = state._replace(effort=state.effort + gravity)
         friction = self.settings.values["publish_friction"]
         s = self.dynamics.evaluate(state.position, state.velocity, state.effort, friction=friction)
-        self.state = state
+        self._state, self._at_once = state, False
         return s, state
+
+    def serve_at_once(self, raw, now, wanted):
+        """Serve a joint state by the pipeline: see there. What it says of it is all that is said of the state then."""
+        served = self.pipeline.serve(raw, now, wanted)
+        if served is not None:
+            self._state, self._at_once = None, served
+        return served
+
+    def matrix(self, topic):
+        """One of outputs.MATRICES at the last state."""
+        with_inverse = self.settings.values["publish_inverse_factor"]
+        return matrix(topic, self.encoder, self.dynamics, self.state, with_inverse)
+
+
+def matrix(topic, maker, dynamics, state, with_inverse=False):
+    """One of outputs.MATRICES at a RobotState, by a MessageMaker or EncodedMessages; the factors with ℓ, if wanted."""
+    q, qd = state.position, state.velocity
+    if topic == "mass_matrix_factors":
+        return maker.mass_matrix_factors(dynamics.factors(q), with_inverse, state)
+    return maker.joint_space_dynamics(dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q), state)

@@ -1,5 +1,6 @@
 """What the monitor publishes: each topic's message, made only where somebody listens, and no more often than wanted."""
 
+from rclpy.event_handler import PublisherEventCallbacks, UnsupportedEventTypeError
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 
@@ -30,6 +31,12 @@ MATRICES = ("mass_matrix_factors", "joint_space_dynamics")
 
 ORDER = ("kinetic_energy", "state", "total_joint_rates", "working_moments", "coriolis", *MATRICES)
 """What is watched for safety goes out first, matrices last."""
+
+BITS = {topic: 1 << k for k, topic in enumerate(ORDER)}
+"""A bit for each topic, where several of them are told of by one number."""
+
+ABOUT_STATE, WITH_LINK_ENERGY = sum(BITS[topic] for topic in ORDER if topic not in MATRICES), BITS["kinetic_energy"]
+"""Those of topics that are made of the evaluation of a state; and that of the one that says the energy of each link."""
 
 
 OVERRIDABLE = QoSOverridingOptions(
@@ -76,6 +83,9 @@ class RateLimit:
 class Outputs:
     """The publishers of a managed node.
 
+    Asking every publisher who listens, for every message, would cost as much as evaluating a state does. It is done when ROS
+    tells of a change; should it not (before Iron, it cannot), whoever has the publishers calls :meth:`look` now and then.
+
     Parameters
     ----------
     node : rclpy.lifecycle.LifecycleNode
@@ -85,25 +95,38 @@ class Outputs:
         self._node = node
         self._limits = {}  # of topics that have one
         self._publishers = {}
+        self._handles = {}
         try:
             for topic, (kind, _) in TOPICS.items():
-                self._publishers[topic] = connected(
-                    node.create_lifecycle_publisher, kind, f"~/{topic}", QoSProfile(depth=10)
-                )
+                self._publishers[topic] = self._publisher(topic, kind)
         except BaseException:
             self.destroy()
             raise
         # By the handles: what rclpy puts around them takes longer than they do, as it is not in the processor's cache after
         # a millisecond.
-        handles = {topic: self._publishers[topic].handle for topic in ORDER}
-        self._listeners = [(topic, handle.get_subscription_count) for topic, handle in handles.items()]
-        self._send_bytes = {topic: handle.publish_raw for topic, handle in handles.items()}
+        self._handles = {topic: self._publishers[topic].handle for topic in ORDER}
+        self.look()
+
+    def _publisher(self, topic, kind):
+        create, at, qos = self._node.create_lifecycle_publisher, f"~/{topic}", QoSProfile(depth=10)
+        try:
+            return connected(create, kind, at, qos, event_callbacks=PublisherEventCallbacks(matched=self.look))
+        except (TypeError, InputError) as error:
+            if not isinstance(error.__cause__ or error, (TypeError, UnsupportedEventTypeError)):
+                raise
+        return connected(create, kind, at, qos)
+
+    def look(self, _=None):
+        """See who listens."""
+        self._wanted = [topic for topic, handle in self._handles.items() if handle.get_subscription_count()]
+        self._bits = sum(BITS[topic] for topic in self._wanted)
 
     def destroy(self):
         """Take the publishers off the graph."""
         for publisher in self._publishers.values():
             self._node.destroy_lifecycle_publisher(publisher)
-        self._publishers, self._listeners, self._send_bytes = {}, [], {}
+        self._publishers, self._handles = {}, {}
+        self.look()
 
     def limit(self, topic, rate):
         """Publish a topic at no more than this rate [Hz]; 0 for every state."""
@@ -112,38 +135,36 @@ class Outputs:
         else:
             self._limits.pop(topic, None)
 
-    def publish(self, dynamics, maker, state, s, with_inverse):
-        """Publish an Evaluation `s` of a RobotState where somebody listens; `with_inverse` adds ℓ to the factors.
+    @property
+    def wanted(self):
+        """Sum of the :data:`BITS` of topics about a state that somebody listens to."""
+        return self._bits & ABOUT_STATE
 
-        `maker` is a MessageMaker, or makes the bytes of what that makes.
+    def publish(self, stamp, about_state, matrix):
+        """Publish where somebody listens.
+
+        Parameters
+        ----------
+        stamp : int
+            Of the state [ns].
+        about_state : callable
+            Makes a list of messages, or of their bytes, of a list of topics about the state.
+        matrix : callable
+            Makes one, of one of :data:`MATRICES`.
         """
         if not self._publishers[ORDER[0]].is_activated:
             return
-        limits, stamp = self._limits, state.newest
-        wanted = [
-            topic
-            for topic, listeners in self._listeners
-            if listeners() and (topic not in limits or limits[topic].due(stamp))
-        ]
-        about_state = tuple([topic for topic in wanted if topic not in MATRICES])
-        for topic, message in zip(
-            about_state, maker.messages(about_state, s, state) if about_state else (), strict=True
-        ):
+        limits = self._limits
+        due = [topic for topic in self._wanted if topic not in limits or limits[topic].due(stamp)]
+        matrices = [topic for topic in due if topic in MATRICES]
+        topics = due[: len(due) - len(matrices)]
+        for topic, message in zip(topics, about_state(topics) if topics else (), strict=True):
             self._send(topic, message)
-        if "mass_matrix_factors" in wanted:
-            factors = dynamics.factors(state.position)
-            self._send("mass_matrix_factors", maker.mass_matrix_factors(factors, with_inverse, state))
-        if "joint_space_dynamics" in wanted:
-            self._send("joint_space_dynamics", maker.joint_space_dynamics(*classical(dynamics, state), state))
+        for topic in matrices:
+            self._send(topic, matrix(topic))
 
     def _send(self, topic, message):
         if type(message) is bytes:
-            self._send_bytes[topic](message)
+            self._handles[topic].publish_raw(message)
         else:
             self._publishers[topic].publish(message)
-
-
-def classical(dynamics, state):
-    """M, c and g of a RobotState."""
-    q, qd = state.position, state.velocity
-    return dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q)

@@ -50,8 +50,15 @@ from diag_dynamics.sweeps.factorization import (
 )
 from diag_dynamics.sweeps.factors import factors
 from diag_dynamics.sweeps.many import evaluate_many
-from diag_dynamics.sweeps.records import BODY, LINK, WORK, WRENCH
-from diag_dynamics.sweeps.state import energy_and_power, evaluate, link_energies
+from diag_dynamics.sweeps.records import BODY, LINK, WORK, WRENCH, links_at
+from diag_dynamics.sweeps.state import (
+    energies_of_links,
+    energy_and_power,
+    energy_and_power_within,
+    evaluate,
+    evaluate_within,
+    link_energies,
+)
 from diag_dynamics.sweeps.steps import FLOATING, PLANAR, SINGULAR, UNIT_TOLERANCE
 from diag_dynamics.sweeps.workspace import (
     ARTICULATED_INERTIA,
@@ -103,10 +110,13 @@ __all__ = [
     "coriolis_bracket",
     "coriolis_product",
     "effort_of_wrenches",
+    "energies_of_links",
     "energy_and_power",
+    "energy_and_power_within",
     "epsilon_from_tau",
     "evaluate",
     "evaluate_many",
+    "evaluate_within",
     "factor_of_wrenches",
     "factors",
     "first_moment",
@@ -114,6 +124,7 @@ __all__ = [
     "inverse_dynamics",
     "joint_inertias",
     "link_energies",
+    "links_at",
     "m_rate_transposed",
     "mass_matrix",
     "mass_matrix_rate",

@@ -5,6 +5,7 @@ import numpy as np
 from numba import types
 
 from diag_dynamics.kernel import kernel
+from diag_dynamics.lanes import array_at
 from diag_dynamics.spatial import Force, Inertia, Motion, Placement, add, add_force
 
 BODY = np.dtype(
@@ -108,6 +109,9 @@ WRENCH = np.dtype(
 BODIES, LINKS = (types.Array(numba.from_dtype(record), 1, "C", readonly=True) for record in (BODY, LINK))
 WRENCHES = numba.from_dtype(WRENCH)[::1]
 """Types of arrays of records."""
+
+links_at = array_at(numba.from_dtype(LINK), 1)
+"""Array of LINK that lies at an address."""
 
 
 @kernel

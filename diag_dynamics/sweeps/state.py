@@ -296,6 +296,12 @@ def evaluate(robot, q, qd, tau, out):
     Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. Rows of `out`, of length nq, are those of :data:`NU` and so on; the
     last two receive q and q̇.
     """
+    return evaluate_within(robot, q, qd, tau, out)
+
+
+@large_kernel
+def evaluate_within(robot, q, qd, tau, out):
+    """:func:`evaluate`, for who is compiled himself."""
     if not fit(robot, q, qd, tau):
         return MISFIT
     if not (are_finite(q) and are_finite(qd) and are_finite(tau)):
@@ -313,12 +319,31 @@ def evaluate(robot, q, qd, tau, out):
 @entry_kernel(MATRIX, COUNT)
 def energy_and_power(state, nv):
     """½νᵀν and νᵀ(ε − ε_g) of a state that :func:`evaluate` has filled."""
+    return energy_and_power_within(state, nv)
+
+
+@kernel
+def energy_and_power_within(state, nv):
+    """:func:`energy_and_power`, for who is compiled himself."""
     energy, power = 0.0, 0.0
     for k in range(nv):
         nu = state[NU, k]
         energy += 0.5 * nu * nu
         power += nu * (state[EPSILON, k] - state[GRAVITY, k])
     return energy, power
+
+
+@kernel
+def energies_of_links(bodies, links, work, qd, energy):
+    """Fill `energy` with the kinetic energy of every link, for bodies that move by their V."""
+    for k in range(len(energy)):
+        energy[k] = 0.0
+    for i in range(1, len(bodies)):
+        body = bodies[i]
+        energy[body.link] += 0.5 * body.armature * (body.multiplier * qd[body.dof]) ** 2
+    for j in range(len(links)):
+        V = motion_of(work[links[j].body].V)
+        energy[links[j].index] += 0.5 * power(momentum(links[j], V), V)
 
 
 @entry_kernel(BODIES, LINKS, STATES, MATRIX, nogil=True)
@@ -330,14 +355,10 @@ def link_energies(bodies, links, states, energies):
     work = np.empty(len(bodies), WORK)
     for t in range(len(states)):
         q, qd, energy = states[t, POSITIONS], states[t, RATES], energies[t]
-        energy[:] = 0.0
         rest_at_world(work)
         turn(bodies, q, work)
         for i in range(1, len(bodies)):
             body, w = bodies[i], work[i]
             place(body, q, w)
             move(body, qd, work, w)
-            energy[body.link] += 0.5 * body.armature * (body.multiplier * qd[body.dof]) ** 2
-        for j in range(len(links)):
-            V = motion_of(work[links[j].body].V)
-            energy[links[j].index] += 0.5 * power(momentum(links[j], V), V)
+        energies_of_links(bodies, links, work, qd, energy)

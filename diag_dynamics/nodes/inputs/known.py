@@ -6,14 +6,15 @@ the text, judges the numbers and completes the state. Whatever is not plainly go
 """
 
 import random
+from collections import namedtuple
 from dataclasses import dataclass
 
 import numpy as np
-from numba import boolean, int32, int64, uint8
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from diag_dynamics.kernel import COUNT, MATRIX, VECTOR, Lent, entry_kernel, kernel, ready
+from diag_dynamics.kernel import COUNT, entry_kernel, kernel, large_kernel, ready
+from diag_dynamics.nodes.addresses import Addresses, bytes_at, flags_at, indices_at, matrix_at, vector_at, words_at
 from diag_dynamics.nodes.cdr import Template
 from diag_dynamics.nodes.inputs.joint_states import RobotState
 from diag_dynamics.nodes.inputs.rejected import RejectedError
@@ -29,21 +30,19 @@ have it always be the other's.
 LONGEST = 1 << 16
 """Longest message that is learned [bytes], which may hold a thousand joints: what is kept is a few megabytes at most."""
 
-_BYTES, _WORDS, _INDICES, _FLAGS = Lent(uint8, 1), Lent(int32, 1), Lent(int64, 1), Lent(boolean, 1)
+WITHOUT_EFFORT, WITH_EFFORT = 1, 2
+"""What :func:`take` has taken in."""
 
-
-_NO_EFFORT, _WITH_EFFORT = 1, 2
+NO_EFFORT, DRAFT, ROWS = 3, 4, 7
+"""Rows of what it hands a state out in: position, velocity and effort, zeros, and again the former, not valid yet."""
 
 
 @dataclass(slots=True)
 class _Layout:
-    """Of messages of one text: what :func:`_take` has to know of them."""
+    """Of messages of one text: what :func:`take` has to know of them."""
 
     template: Template
-    fixed: tuple  # the bytes of the text, where they are looked at, and where position, velocity and effort begin
-    places: (
-        tuple  # of needed joints in the message and in the robot, likewise of followers; and which are needed joints
-    )
+    addresses: Addresses
     source: int | None  # whose stamps they have, as Stamps knows it; None if none of them can be plainly good
     used: bool = True  # whether one has come since layouts were last thrown away
 
@@ -67,14 +66,15 @@ class KnownJointStates:
         self._chance = random.Random(0)
         self._layouts = {}  # lists by the length of the message
         self._unknown = 0  # messages of no known text
-        self._shape = 3, len(assembler.names)
+        self._values, self._times = np.zeros((ROWS, len(assembler.names))), np.zeros(2, dtype=np.int64)
         self._allot(256)
         ready(_take)
-        self.configure()
 
     def configure(self):
         """Judge by the assembler's options, which have changed."""
-        self._judged = self._assembler.plain_judgement()
+        judged, names = self._assembler.plain_judgement(), self._assembler
+        shape = len(names.names), len(names.followers.names)
+        self._addresses = judged and Addresses(*shape, self._room, *judged, self._values, self._times)
 
     def update(self, raw, now):
         """Take a serialized message in and return the state it completes: as JointStateAssembler.update does.
@@ -90,14 +90,8 @@ class KnownJointStates:
         RejectedError
             As there, or the bytes are no message.
         """
-        layouts = self._layouts.get(len(raw))
-        if layouts and self._judged and now:
-            mode, suspects = self._stamps.mode, self._stamps.suspects
-            for layout in layouts if mode is not None else ():
-                if layout.source is not None and layout.source not in suspects:
-                    state = self._taken(layout, raw, now, mode)
-                    if state is not None:
-                        return state
+        if found := self.taken(raw, now, _take):
+            return self.state(found[0])
         try:
             message = deserialize_message(raw, JointState)
         except Exception as error:
@@ -108,27 +102,53 @@ class KnownJointStates:
         self._learn(raw, message)
         return state
 
-    def _allot(self, size):
-        room = np.zeros(size + 16, dtype=np.uint8)
-        room = room[-room.ctypes.data % 8 :]
-        self._size, self._view = size, memoryview(room)[4:]
-        self._room = room[4:], room[8 : 8 + size // 4 * 4].view(np.int32), room[8 : 8 + size // 8 * 8].view(np.float64)
+    def taken(self, raw, now, take, *more):
+        """Take a serialized message in, if it is of a known text and plainly good.
 
-    def _taken(self, layout, raw, now, mode):
-        """The state that a message of this layout completes; None if there is anything to be said against it."""
-        self._view[: len(raw)] = raw
-        values = np.empty(self._shape)
-        known, newest, oldest, stamp = _take(
-            *self._room, *layout.fixed, *layout.places, now, mode, *self._judged, values
-        )
-        if not known:
+        Parameters
+        ----------
+        raw : bytes
+        now : int
+            Time of reception [ns].
+        take : entry kernel
+            Calls :func:`take` with its first four arguments, and returns a tuple: what that has taken in, the message's
+            stamp, and whatever else it makes of it.
+        *more
+            Its further arguments.
+
+        Returns
+        -------
+        tuple or None
+            What `take` returns; None if nothing is taken in, and nothing has changed.
+        """
+        mode = self._stamps.mode
+        if mode is None or not now or not self._addresses:
             return None
-        self.at_once += 1
-        layout.used = True
-        if mode:
-            self._stamps.offset = (now - stamp) * 1e-9
-        position, velocity, effort = values
-        return RobotState(position, velocity, effort if known == _WITH_EFFORT else None, newest, oldest, False)
+        suspects, here = self._stamps.suspects, self._addresses.at
+        for layout in self._layouts.get(len(raw), ()):
+            if layout.source is not None and layout.source not in suspects:
+                self._view[: len(raw)] = raw
+                found = take(here, layout.addresses.at, now, mode, *more)
+                if found[0]:
+                    self.at_once += 1
+                    layout.used = True
+                    if mode:
+                        self._stamps.offset = (now - found[1]) * 1e-9
+                    return found
+        return None
+
+    def state(self, found):
+        """The state that was taken in last, WITHOUT_EFFORT or WITH_EFFORT."""
+        position, velocity, effort = self._values[:3].copy()
+        newest, oldest = self._times.tolist()
+        return RobotState(position, velocity, effort if found == WITH_EFFORT else None, newest, oldest, False)
+
+    def _allot(self, size):
+        """Have room for messages of so many bytes; what comes after the encapsulation begins on a multiple of eight."""
+        room = np.zeros(size + 16, dtype=np.uint8)
+        self._room = room[-room.ctypes.data % 8 :][: size + 8]
+        self._size, self._view = size, memoryview(self._room)[4:]
+        self.configure()
 
     def _learn(self, raw, message):
         """Get to know the text of a message, if that can be of use."""
@@ -153,11 +173,12 @@ class KnownJointStates:
             self._allot(2 * len(raw))
         needed = np.zeros(len(self._assembler.names), dtype=bool)
         needed[here] = True
-        fields = np.array([template.first_double(field) for field in ("position", "velocity", "effort")])
+        fields = [template.first_double(field) for field in ("position", "velocity", "effort")]
+        text = template.data, template.text, len(template.data)
+        places = [entry for column in columns for entry in (len(column), column)]
         layout = _Layout(
             template,
-            (template.data, template.text, fields),
-            (*columns, needed),
+            Addresses(*text, *fields, *places, needed),
             int(here.min()) if complete and len(here) else None,
         )
         self._layouts.setdefault(len(raw), []).append(layout)
@@ -172,109 +193,157 @@ class KnownJointStates:
         return sum(map(len, self._layouts.values())) < before
 
 
-@entry_kernel(
-    *(_BYTES, _WORDS, VECTOR),
-    *(_BYTES, _BYTES, _INDICES),
-    *(_INDICES, _INDICES, _INDICES, _INDICES, _FLAGS),
-    *(COUNT, COUNT, COUNT),
-    *(MATRIX, VECTOR, MATRIX, _INDICES, _FLAGS, _FLAGS),
-    *(_INDICES, MATRIX, VECTOR, _INDICES),
-    MATRIX,
+_Known = namedtuple(
+    "_Known",
+    [
+        *("room", "words", "doubles", "max_age", "limits", "most"),
+        *("kept", "stamps", "known", "unstamped"),
+        *("leaders", "coupling", "follower_effort", "follower_stamps"),
+        *("values", "times"),
+    ],
 )
-def _take(
-    room,
-    words,
-    doubles,
-    data,
-    text,
-    fields,
-    there,
-    here,
-    beside,
-    following,
-    needed,
-    now,
-    mode,
-    max_age,
-    limits,
-    most,
-    kept,
-    stamps,
-    known,
-    unstamped,
-    leaders,
-    coupling,
-    follower_effort,
-    follower_stamps,
-    values,
-):
-    """Take in a message that changes nothing but values: whether it did, with efforts or without; and three stamps.
+"""What is judged by, and kept in: see JointStateAssembler.plain_judgement; then what a state is handed out in."""
+
+_Text = namedtuple("_Text", ["data", "text", "fields", "there", "here", "beside", "following", "needed"])
+"""The bytes of a text, where they are looked at, and where position, velocity and effort begin; places of needed joints in
+the message and in the robot, likewise of followers; and which are needed joints."""
+
+
+@kernel
+def _opened_known(address):
+    at = indices_at(address, (16,))
+    n, followers = at[0], at[1]
+    return _Known(
+        bytes_at(at[2] + 4, (LONGEST,)),
+        words_at(at[2] + 8, (LONGEST // 4,)),
+        vector_at(at[2] + 8, (LONGEST // 8,)),
+        at[3],
+        matrix_at(at[4], (4, n)),
+        vector_at(at[5], (3,)),
+        matrix_at(at[6], (3, n)),
+        indices_at(at[7], (n,)),
+        flags_at(at[8], (n,)),
+        flags_at(at[9], (n,)),
+        indices_at(at[10], (followers,)),
+        matrix_at(at[11], (4, followers)),
+        vector_at(at[12], (followers,)),
+        indices_at(at[13], (followers,)),
+        matrix_at(at[14], (ROWS, n)),
+        indices_at(at[15], (2,)),
+    )
+
+
+@kernel
+def _opened_text(address, n):
+    at = indices_at(address, (15,))
+    return _Text(
+        bytes_at(at[0], (at[2],)),
+        bytes_at(at[1], (at[2],)),
+        (at[3], at[4], at[5]),
+        indices_at(at[7], (at[6],)),
+        indices_at(at[9], (at[8],)),
+        indices_at(at[11], (at[10],)),
+        indices_at(at[13], (at[12],)),
+        flags_at(at[14], (n,)),
+    )
+
+
+@kernel
+def values_at(address):
+    """What :func:`take` has handed out last, see :data:`NO_EFFORT`; shape (ROWS, number of joints)."""
+    at = indices_at(address, (16,))
+    return matrix_at(at[14], (ROWS, at[0]))
+
+
+@kernel
+def times_at(address):
+    """The newest and the oldest of the stamps of what :func:`take` has handed out last [ns]."""
+    return indices_at(indices_at(address, (16,))[15], (2,))
+
+
+@large_kernel
+def take(known, layout, now, mode):
+    """Take in a message that changes nothing but values: whether it did, with efforts or without; and its stamp.
 
     What makes it so is said in JointStateAssembler.update, where everything else is dealt with, too. Nothing is written
     before it is certain.
     """
-    nothing = 0, 0, 0, 0
+    own, of = _opened_known(known), _opened_text(layout, _opened_known(known).stamps.size)
+    doubles, kept, stamps, draft = own.doubles, own.kept, own.stamps, own.values[DRAFT:]
+    begin, with_efforts = of.fields, of.fields[2] >= 0
+    nothing = 0, 0
     differs = np.uint8(0)
-    for k in range(len(data)):
-        differs |= (room[k] ^ data[k]) & text[k]
-    sec, nanosec = np.int64(words[0]), np.int64(words[1])  # of a second or more it may be negative here
+    for k in range(len(of.data)):
+        differs |= (own.room[k] ^ of.data[k]) & of.text[k]
+    sec, nanosec = np.int64(own.words[0]), np.int64(own.words[1])  # of a second or more it may be negative here
     stamp = sec * SECOND + nanosec
     if differs or sec < 0 or not 0 <= nanosec < SECOND or stamp == 0:
         return nothing
-    if mode and (abs(now - stamp) > max_age) != (mode == FAR):
+    if mode and (abs(now - stamp) > own.max_age) != (mode == FAR):
         return nothing
 
     newest = oldest = stamp
     for j in range(len(stamps)):
-        if not known[j] or unstamped[j] or (needed[j] and stamp < stamps[j]):
+        if not own.known[j] or own.unstamped[j] or (of.needed[j] and stamp < stamps[j]):
             return nothing
-        values[0, j], values[1, j], values[2, j] = kept[0, j], kept[1, j], kept[2, j]
-        if not needed[j]:
+        draft[0, j], draft[1, j], draft[2, j] = kept[0, j], kept[1, j], kept[2, j]
+        if not of.needed[j]:
             newest, oldest = max(newest, stamps[j]), min(oldest, stamps[j])
 
-    fastest, most_effort, tolerance = most[0], most[1], most[2]
-    lower, upper, factor, span = limits[0], limits[1], limits[2], limits[3]
-    for k in range(len(here)):
-        i, j = there[k], here[k]
-        position, velocity = doubles[fields[0] + i], doubles[fields[1] + i]
-        effort = np.nan if fields[2] < 0 else doubles[fields[2] + i] * factor[j]
+    fastest, most_effort, tolerance = own.most[0], own.most[1], own.most[2]
+    lower, upper, factor, span = own.limits[0], own.limits[1], own.limits[2], own.limits[3]
+    for k in range(len(of.here)):
+        i, j = of.there[k], of.here[k]
+        position, velocity = doubles[begin[0] + i], doubles[begin[1] + i]
+        effort = doubles[begin[2] + i] * factor[j] if with_efforts else np.nan
         if position < lower[j] or position > upper[j] or abs(velocity) > fastest or _absurd(effort, most_effort):
             return nothing
-        values[0, j], values[1, j], values[2, j] = position, velocity, effort
+        draft[0, j], draft[1, j], draft[2, j] = position, velocity, effort
 
     with_effort = True
     for j in range(len(stamps)):
-        if newest - (stamp if needed[j] else stamps[j]) > span[j]:
+        if newest - (stamp if of.needed[j] else stamps[j]) > span[j]:
             return nothing
-        if not (np.isfinite(values[0, j]) and np.isfinite(values[1, j])):
+        if not (np.isfinite(draft[0, j]) and np.isfinite(draft[1, j])):
             return nothing
-        with_effort = with_effort and np.isfinite(values[2, j])
+        with_effort = with_effort and np.isfinite(draft[2, j])
 
-    multiplier, offset, follower_factor, follower_span = coupling[0], coupling[1], coupling[2], coupling[3]
-    for k in range(len(following)):
-        i, f = beside[k], following[k]
+    leaders, multiplier, offset = own.leaders, own.coupling[0], own.coupling[1]
+    follower_factor, follower_span = own.coupling[2], own.coupling[3]
+    for k in range(len(of.following)):
+        i, f = of.beside[k], of.following[k]
         j = leaders[f]
-        own = doubles[fields[0] + i]
-        fresh = needed[j] or abs(stamps[j] - stamp) <= span[j]
-        apart = abs(own - (multiplier[f] * values[0, j] + offset[f]))
-        if tolerance and fresh and np.isfinite(own) and apart > tolerance:
+        position = doubles[begin[0] + i]
+        fresh = of.needed[j] or abs(stamps[j] - stamp) <= span[j]
+        apart = abs(position - (multiplier[f] * draft[0, j] + offset[f]))
+        if tolerance and fresh and np.isfinite(position) and apart > tolerance:
             return nothing
-        if fields[2] >= 0 and _absurd(doubles[fields[2] + i] * follower_factor[f], most_effort):
+        if with_efforts and _absurd(doubles[begin[2] + i] * follower_factor[f], most_effort):
             return nothing
 
-    for k in range(len(here)):
-        j = here[k]
-        kept[0, j], kept[1, j], kept[2, j], stamps[j] = values[0, j], values[1, j], values[2, j], stamp
-    for k in range(len(following)):
-        i, f = beside[k], following[k]
-        follower_effort[f] = np.nan if fields[2] < 0 else doubles[fields[2] + i] * follower_factor[f]
-        follower_stamps[f] = stamp
+    for k in range(len(of.here)):
+        j = of.here[k]
+        kept[0, j], kept[1, j], kept[2, j], stamps[j] = draft[0, j], draft[1, j], draft[2, j], stamp
+    for k in range(len(of.following)):
+        i, f = of.beside[k], of.following[k]
+        own.follower_effort[f] = doubles[begin[2] + i] * follower_factor[f] if with_efforts else np.nan
+        own.follower_stamps[f] = stamp
+    for row in range(3):
+        for j in range(len(stamps)):
+            own.values[row, j] = draft[row, j]
+    own.times[0], own.times[1] = newest, oldest
     if with_effort:
         for f in range(len(leaders)):
-            fresh = abs(newest - follower_stamps[f]) <= follower_span[f]
-            own = follower_effort[f] if fresh and np.isfinite(follower_effort[f]) else 0.0
-            values[2, leaders[f]] += multiplier[f] * own
-    return _WITH_EFFORT if with_effort else _NO_EFFORT, newest, oldest, stamp
+            fresh = abs(newest - own.follower_stamps[f]) <= follower_span[f]
+            effort = own.follower_effort[f] if fresh and np.isfinite(own.follower_effort[f]) else 0.0
+            own.values[2, leaders[f]] += multiplier[f] * effort
+    return WITH_EFFORT if with_effort else WITHOUT_EFFORT, stamp
+
+
+@entry_kernel(COUNT, COUNT, COUNT, COUNT)
+def _take(known, layout, now, mode):
+    """:func:`take`, and nothing else."""
+    return take(known, layout, now, mode)
 
 
 @kernel
