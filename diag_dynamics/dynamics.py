@@ -9,7 +9,7 @@ from diag_dynamics import batch, sweeps
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.options import numbers
-from diag_dynamics.model.wrenches import wrenches_at, wrenches_on_links
+from diag_dynamics.model.wrenches import link_in_body, wrenches_at, wrenches_on_links
 from diag_dynamics.results import BatchEvaluation, Evaluation, Factors
 
 ROUNDING = 4e-15
@@ -231,6 +231,20 @@ class DiagonalDynamics:
         D, D_rate = self._articulated_inertias(q, qd)
         return float((D_rate / D).sum())
 
+    def placement(self, q, link):
+        """Placement of a link's frame in the world, shape (4, 4): its axes, and in the last column its origin [m].
+
+        Raises
+        ------
+        InputError
+            No such link.
+        """
+        body, in_body = link_in_body(self.model, link)
+        result = np.zeros((4, 4))
+        result[3, 3] = 1.0
+        self._checked(sweeps.placement(self._robot, self._positions(q), body, result[:3]))
+        return result @ in_body
+
     def wrench_factor(self, q, link, point=(0.0, 0.0, 0.0), frame="link"):
         """ℓJᵀ, shape (nv, 6): what unit wrenches at a point of a link add to ε, a column each; O(N).
 
@@ -402,6 +416,7 @@ class DiagonalDynamics:
             "mass_matrix_rate_times": lambda: probe.mass_matrix_rate_times(q, zero, zero),
             "log_det": lambda: probe.log_det(q),
             "log_det_rate": lambda: probe.log_det_rate(q, zero),
+            "placement": lambda: probe.placement(q, root),
             "wrench_factor": lambda: probe.wrench_factor(q, root),
             "epsilon_from_wrench": lambda: probe.epsilon_from_wrench(q, root, np.zeros(6)),
             "operational_inverse_inertia": lambda: probe.operational_inverse_inertia(q, root),

@@ -19,8 +19,8 @@ body i has no articulated inertia, -1 if an input is not finite or no orientatio
 finite, MISFIT if a vector has not the robot's length.
 
 records: what sweeps work on; workspace: where it is. steps: what they share; inertias: how P is handed on. groups: degrees
-of freedom that belong together. state, factorization, factors, classical, derivatives: the sweeps; many: that of state,
-over many states.
+of freedom that belong together. state, factorization, factors, classical, derivatives, kinematics: the sweeps; many: that
+of state, over many states.
 """
 
 from diag_dynamics.sweeps.classical import (
@@ -49,6 +49,7 @@ from diag_dynamics.sweeps.factorization import (
     tau_from_epsilon,
 )
 from diag_dynamics.sweeps.factors import factors
+from diag_dynamics.sweeps.kinematics import placement
 from diag_dynamics.sweeps.many import evaluate_many
 from diag_dynamics.sweeps.records import BODY, LINK, WORK, WRENCH, links_at
 from diag_dynamics.sweeps.state import (
@@ -131,6 +132,7 @@ __all__ = [
     "mass_matrix_rate_times",
     "nu_from_qd",
     "opened",
+    "placement",
     "qd_from_nu",
     "rates_with_added_inertia",
     "tau_from_epsilon",
