@@ -28,6 +28,10 @@ _HOME = {
     "UnsupportedError": "exceptions",
     "UrdfError": "exceptions",
     "Simulation": "simulation",
+    "GravityCompensation": "control",
+    "JointTracking": "control",
+    "PoseRegulation": "control",
+    "RateDamping": "control",
 }
 
 __all__ = sorted(_HOME)

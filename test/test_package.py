@@ -39,7 +39,7 @@ FLOORS = [
     "sweeps",
     "model results batch",
     "dynamics",
-    "simulation history example_robots",
+    "simulation history example_robots control",
     "terminal",
 ]
 """Rooms from the ground up: a module imports from its own floor or below. nodes stand on all of them."""

@@ -1,0 +1,32 @@
+"""What all laws share: a robot with a motor at every joint, gains, and the way from ε to efforts."""
+
+from diag_dynamics.control.arguments import actuated
+from diag_dynamics.control.command import Command
+
+
+class Law:
+    """A control law in (ν, ε) for one robot.
+
+    It uses a :class:`DiagonalDynamics`, and thereby that one's workspace: one thread. All it calls is compiled when it is
+    made, so that no call in a control loop waits for the compiler.
+
+    Raises
+    ------
+    InputError
+        `dynamics` is none.
+    UnsupportedError
+        The robot has a floating base, or another joint of several degrees of freedom: nothing drives these.
+    """
+
+    METHODS = "nu_from_qd", "tau_from_epsilon", "gravity_torque"
+
+    def __init__(self, dynamics):
+        self.dynamics = actuated(dynamics)
+        dynamics.compile(*self.METHODS)
+
+    def _command(self, q, nu, epsilon, lyapunov, rate, error=None):
+        """Command of working moments without gravity: τ = mε + g (eq. 8.1, gravity added)."""
+        g = self.dynamics.gravity_torque(q)
+        tau = self.dynamics.tau_from_epsilon(q, epsilon)
+        tau += g
+        return Command(tau, epsilon, g, nu, lyapunov, rate, error)
