@@ -32,6 +32,7 @@ _HOME = {
     "JointTracking": "control",
     "PoseRegulation": "control",
     "RateDamping": "control",
+    "DisturbanceObserver": "observer",
 }
 
 __all__ = sorted(_HOME)

@@ -40,6 +40,7 @@ FLOORS = [
     "model results batch",
     "dynamics",
     "simulation history example_robots control",
+    "observer",
     "terminal",
 ]
 """Rooms from the ground up: a module imports from its own floor or below. nodes stand on all of them."""

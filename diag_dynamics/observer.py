@@ -1,0 +1,203 @@
+"""External torque without differentiating M: a disturbance observer on total joint rates."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.control.arguments import per_dof, positive
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.options import choice
+
+
+class Disturbance(NamedTuple):
+    """What the observer says after one sample. Arrays have shape (nv,) and are the caller's own.
+
+    Attributes
+    ----------
+    valid : bool
+        Whether there is a result: False on the first sample, after a reset, and while efforts are missing.
+    reason : str
+        Why not; empty otherwise.
+    residual : ndarray or None
+        r, which follows ε_ext = ℓτ_ext [J^½/s]; None if not valid.
+    external_torque : ndarray or None
+        m r, which follows τ_ext [N m, N], what the surroundings apply to the robot; None if not valid.
+    norm : float
+        |r| [J^½/s]; |r|² follows τ_extᵀM⁻¹τ_ext. 0 if not valid.
+    collision : bool
+        Whether the norm has risen above the threshold, and not fallen below the release threshold since.
+    """
+
+    valid: bool
+    reason: str
+    residual: np.ndarray | None = None
+    external_torque: np.ndarray | None = None
+    norm: float = 0.0
+    collision: bool = False
+
+
+class DisturbanceObserver:
+    """Observer ṙ = K_O(ε_ext − r) of what is not in ε = ℓτ, from r = K_O[ν − ν₀ − ∫(ε − C − ε_g − ε_fric + r)dt].
+
+    No acceleration, no derivative of M. Each component of r is a filter of first order of its own, and |r|² has the same
+    unit whatever joints the robot has: one threshold serves all. A constant τ_ext on a moving arm makes a changing ε_ext,
+    which r follows with a lag of 1/K_O.
+
+    Between two samples, at any interval, Δν − ∫(ε − C − ε_g − ε_fric)dt is the impulse of ε_ext, by the trapezoidal rule, and
+    r the exact response to it spread evenly: stable however large K_O dt is, where an Euler step would ask for K_O dt < 0.5.
+
+    Parameters
+    ----------
+    dynamics : DiagonalDynamics
+        Used at every sample, and thereby its workspace: one thread.
+    gain : float or array_like, shape (nv,)
+        K_O [1/s], one for all components or one for each.
+    threshold : float
+        |r| above which `collision` is set [J^½/s]; inf for never.
+    release : float, optional
+        |r| below which it is taken back [J^½/s], by default half of the threshold.
+    effort : {"sampled", "held"}
+        Whether `tau` was measured with the state, or has been held on the joints since the last sample, as a controller
+        that knows its own command can tell.
+    friction : bool
+        Whether to take the friction of the model into account, see :meth:`DiagonalDynamics.friction_torque`. Coulomb
+        friction of a joint that stands still is not known, and remains in r.
+    max_gap : float
+        Longest interval that is integrated over [s]; a longer one resets.
+
+    Raises
+    ------
+    InputError
+        An argument has a wrong value.
+    """
+
+    def __init__(self, dynamics, gain, threshold, release=None, *, effort="sampled", friction=False, max_gap=0.1):
+        if not isinstance(dynamics, DiagonalDynamics):
+            raise InputError(f"dynamics is {dynamics!r}, expected a DiagonalDynamics.")
+        choice("effort", effort, ("sampled", "held"))
+        self._names = dynamics.model.dof_names
+        self.gain = per_dof("gain", gain, self._names, "a finite number > 0 [1/s]")
+        self.threshold = _threshold("threshold", threshold)
+        self.release = 0.5 * self.threshold if release is None else _threshold("release", release)
+        if self.release > self.threshold:
+            raise InputError(f"release is {release!r} J^½/s, expected no more than the threshold, {threshold!r}.")
+        self.max_gap = positive("max_gap", max_gap, "[s]")
+        self._held, self._friction = effort == "held", bool(friction)
+        self.use(dynamics)
+
+    def use(self, dynamics):
+        """Go on with another model of the same degrees of freedom, one with a payload say: m has jumped, so it resets.
+
+        Raises
+        ------
+        InputError
+            They are not the same.
+        """
+        if dynamics.model.dof_names != self._names:
+            raise InputError(
+                f"dynamics have the degrees of freedom {', '.join(dynamics.model.dof_names)}, expected those that the "
+                f"observer was made for, {', '.join(self._names)}."
+            )
+        self._dynamics = dynamics
+        dynamics.compile("evaluate", "tau_from_epsilon", "epsilon_from_tau")
+        self.reset()
+
+    def reset(self):
+        """Forget everything: r starts from zero at the next sample."""
+        self._time = None
+        self._residual = np.zeros(len(self._names))
+        self._collision = False
+        self._last = Disturbance(False, "no sample since the reset")
+
+    def update(self, time, q, qd, tau):
+        """Take a sample.
+
+        A time before the last one, or more than `max_gap` after it, resets. A sample at the very time of the last one is
+        passed over. One without efforts counts as lost: the next one integrates over the gap.
+
+        Parameters
+        ----------
+        time : float
+            When the state was measured [s].
+        q : array_like, shape (nq,)
+            Positions [rad, m].
+        qd : array_like, shape (nv,)
+            Rates [rad/s, m/s].
+        tau : array_like, shape (nv,), or None
+            Joint efforts [N m, N], gravity included; entries that are not known are nan, None means all of them.
+
+        Returns
+        -------
+        Disturbance
+
+        Raises
+        ------
+        InputError
+            A vector is wrong, or a time, position or rate not finite; the observer is as it was before.
+        """
+        time = _time(time)
+        missing = self._missing(tau)
+        if missing:
+            return Disturbance(False, f"no effort of {missing}")
+        interval = None if self._time is None else time - self._time
+        if interval == 0.0:
+            return self._last
+        dynamics = self._dynamics
+        s = dynamics.evaluate(q, qd, tau, friction=self._friction)
+        resisting = s.coriolis + s.gravity
+        if self._friction:
+            resisting += s.friction
+        reason = None
+        if interval is None:
+            reason = "first sample"
+        elif interval < 0.0:
+            reason = f"time went back by {-interval:g} s"
+        elif interval > self.max_gap:
+            reason = f"no sample for {interval:g} s"
+        if reason:
+            self.reset()
+            self._last = Disturbance(False, reason)
+        else:
+            epsilon = dynamics.epsilon_from_tau(self._q, tau) if self._held else self._epsilon
+            applied = 0.5 * (epsilon + s.epsilon - self._resisting - resisting)
+            external = (s.nu - self._nu) / interval - applied
+            self._residual = self._residual - np.expm1(-self.gain * interval) * (external - self._residual)
+            self._last = self._result(q)
+        self._time, self._nu, self._resisting = time, s.nu, resisting
+        self._q, self._epsilon = np.array(q, dtype=float), s.epsilon
+        return self._last
+
+    def _result(self, q):
+        r = self._residual
+        norm = float(np.sqrt(r @ r))
+        self._collision = norm >= self.release if self._collision else norm > self.threshold
+        return Disturbance(True, "", r.copy(), self._dynamics.tau_from_epsilon(q, r), norm, self._collision)
+
+    def _missing(self, tau):
+        """Names of the degrees of freedom whose effort is not known."""
+        if tau is None:
+            return "any joint"
+        try:
+            unknown = np.isnan(tau)
+        except TypeError:
+            return ""  # no vector of numbers: evaluate says so
+        if np.shape(unknown) != (len(self._names),) or not unknown.any():
+            return ""
+        return ", ".join(f"'{name}'" for name, is_unknown in zip(self._names, unknown, strict=True) if is_unknown)
+
+
+def _time(value):
+    """A time as a finite number."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = np.nan
+    if not np.isfinite(number):
+        raise InputError(f"time is {value!r}, expected a finite number [s].")
+    return number
+
+
+def _threshold(name, value):
+    """A positive number, or inf."""
+    return np.inf if value == np.inf else positive(name, value, "[J^½/s]")

@@ -1,0 +1,334 @@
+"""The disturbance observer against what Pinocchio says was pushed.
+
+Motions are prescribed, efforts are Pinocchio's inverse dynamics less a known external torque: no integration, and no code of
+the library in what it is compared with.
+"""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+import diag_dynamics as dd
+import robots
+from coupling import Coupled
+from diag_dynamics.exceptions import InputError
+
+PANDA = robots.robot("panda_description/urdf/panda.urdf")
+ARM = PANDA._replace(id="panda_arm", locked_joints={"panda_finger_joint1": 0.02})
+RANDOM = {robot.id: robot for robot in robots.random_robots()}
+ROBOTS = {
+    r.id: r for r in (ARM, PANDA, RANDOM["geared_tree_10"], RANDOM["mobile_tree_20"], RANDOM["random_tree_0"].floating)
+}
+READY = np.array([0.0, -0.5, 0.1, -2.0, 0.1, 1.6, 0.5])
+N, GAIN = 7, 25.0
+
+
+class Subject(NamedTuple):
+    """A robot in the library and in Pinocchio."""
+
+    model: object
+    dyn: dd.DiagonalDynamics
+    oracle: Coupled
+
+
+@cache
+def subject(id):
+    robot = ROBOTS[id]
+    model = dd.load_urdf(robot.source, **robot.options)
+    return Subject(model, dd.DiagonalDynamics(model), Coupled(robot.urdf, model.dof_names, **robot.options))
+
+
+class Motion:
+    """A motion at constant joint rates, and an external torque that changes."""
+
+    def __init__(self, id, seed=0):
+        self.s, rng = subject(id), np.random.default_rng(seed)
+        o = self.s.oracle
+        self.start = o.moved(o.neutral, rng.uniform(-0.8, 0.8, o.nv))
+        self.rate, self.push = 0.7 * rng.normal(size=o.nv), 3.0 * rng.normal(size=(2, o.nv))
+
+    def q(self, t):
+        return self.s.oracle.moved(self.start, t * self.rate)
+
+    def external(self, t):
+        return self.push[0] + self.push[1] * np.sin(9.0 * t)
+
+    def effort(self, t):
+        return self.s.oracle.inverse_dynamics(self.q(t), self.rate, np.zeros_like(self.rate)) - self.external(t)
+
+    def working_moments(self, t):
+        """ε_ext = ℓτ_ext by a dense solve."""
+        return np.linalg.solve(self.s.oracle.factor(self.q(t)), self.external(t))
+
+    def residual(self, end, gain, step=2e-4):
+        """r(end) from ṙ = K_O(ε_ext − r) and r(0) = 0: Simpson's rule for its convolution."""
+        t = np.linspace(0.0, end, 2 * round(0.5 * end / step) + 1)
+        weights = np.where(np.arange(len(t)) % 2, 4.0, 2.0)
+        weights[[0, -1]] = 1.0
+        weights *= (t[1] - t[0]) / 3
+        kernel = gain * np.exp(-gain * (end - t)) * weights
+        return kernel @ np.array([self.working_moments(s) for s in t])
+
+
+def observe(motion, times, gain=GAIN, **options):
+    """The observer's results at these times."""
+    observer = dd.DisturbanceObserver(motion.s.dyn, gain, np.inf, **options)
+    return [observer.update(t, motion.q(t), motion.rate, motion.effort(t)) for t in times]
+
+
+# --- The residual ---
+
+
+@pytest.mark.parametrize("id", ROBOTS)
+def test_residual_is_the_filtered_disturbance(id):
+    """r of ṙ = K_O(ε_ext − r), to second order in the sample interval; and τ_ext ≈ m r, by Pinocchio's m."""
+    motion, end = Motion(id), 0.24
+    truth = motion.residual(end, GAIN)
+    errors = []
+    for count in (60, 120, 240):
+        results = observe(motion, np.linspace(0, end, count + 1))
+        assert not results[0].valid and all(result.valid for result in results[1:])
+        errors.append(np.linalg.norm(results[-1].residual - truth))
+    assert errors[2] < 1e-3 * np.linalg.norm(truth)
+    assert 3.5 < errors[0] / errors[1] < 4.5 and 3.5 < errors[1] / errors[2] < 4.5
+    last = results[-1]
+    m = motion.s.oracle.factor(motion.q(end))
+    np.testing.assert_allclose(last.external_torque, m @ last.residual, rtol=1e-9, atol=1e-9)
+    assert last.norm == pytest.approx(np.linalg.norm(last.residual), rel=1e-14)
+    M = motion.s.oracle.mass_matrix(motion.q(end))
+    assert last.norm**2 == pytest.approx(last.external_torque @ np.linalg.solve(M, last.external_torque), rel=1e-8)
+
+
+def test_a_standing_robot_settles_on_the_torque():
+    """Gains per component; after ten time constants τ_ext to 1e-4, each component at its own rate."""
+    motion, gain = Motion("panda_arm"), np.linspace(20, 80, N)
+    motion.rate, motion.push[1] = np.zeros(N), 0.0
+    results = observe(motion, np.arange(0, 0.5, 1e-3), gain)
+    np.testing.assert_allclose(results[-1].external_torque, motion.push[0], rtol=1e-4, atol=1e-3)
+    settled = motion.working_moments(0.0)
+    for k in (5, 50, 200):
+        np.testing.assert_allclose(results[k].residual, settled * (1 - np.exp(-gain * k * 1e-3)), rtol=1e-9, atol=1e-11)
+
+
+def test_nothing_is_seen_where_nothing_pushes():
+    """What is left of the trapezoidal rule is of second order, and a ten-thousandth of the Coriolis term taken out."""
+    motion = Motion("panda_arm")
+    motion.push[:] = 0.0
+    most = [max(np.abs(r.residual).max() for r in observe(motion, np.arange(0, 0.3, h))[1:]) for h in (4e-3, 2e-3)]
+    coriolis = np.abs(motion.s.oracle.at(motion.start, motion.rate).coriolis).max()
+    assert most[1] < 1e-4 * coriolis and 3.5 < most[0] / most[1] < 4.5
+
+
+def test_irregular_samples():
+    """Intervals from 0.2 to 8 ms: as exact as regular ones of their mean."""
+    motion, rng, end = Motion("panda_arm"), np.random.default_rng(1), 0.24
+    times = np.concatenate([[0.0], np.cumsum(rng.uniform(2e-4, 8e-3, 200))])
+    times = np.append(times[times < end - 1e-4], end)
+    truth = motion.residual(end, GAIN)
+    assert np.linalg.norm(observe(motion, times)[-1].residual - truth) < 5e-3 * np.linalg.norm(truth)
+
+
+def test_any_gain_is_stable():
+    """K_O dt from 0.01 to 1000, where an Euler step diverges above 2; r is then the mean over the interval."""
+    motion = Motion("panda_arm")
+    for gain in (10.0, 1e3, 1e6):
+        results = observe(motion, np.arange(0, 0.3, 1e-3), gain)
+        assert max(r.norm for r in results[1:]) < 1.2 * max(
+            np.linalg.norm(motion.working_moments(t)) for t in np.arange(0, 0.3, 0.01)
+        )
+    np.testing.assert_allclose(results[-1].residual, motion.working_moments(0.2985), atol=1e-3)
+
+
+def held(efforts, period, sub=8):
+    """Residual of a simulated arm, a constant push and efforts held for a period, and its truth."""
+    s = subject("panda_arm")
+    plant = dd.Simulation(s.model, READY, np.full(N, 0.2), step=period / sub, damping=np.zeros(N), limits=False)
+    push = np.array([3.0, -5.0, 2.0, 4.0, 0.5, -0.5, 0.2])
+    observer = dd.DisturbanceObserver(s.dyn, GAIN, np.inf, effort=efforts)
+    result, truth, tau = observer.update(0.0, plant.q, plant.qd, np.zeros(N)), np.zeros(N), None
+    for k in range(round(0.24 / period)):
+        tau = s.dyn.gravity_torque(plant.q) + 10.0 * np.sin(40.0 * k * period + np.arange(N))
+        for _ in range(sub):
+            before = np.linalg.solve(s.oracle.factor(plant.q), push)
+            plant.advance(tau + push)
+            mean = 0.5 * (before + np.linalg.solve(s.oracle.factor(plant.q), push))
+            truth = mean + np.exp(-GAIN * period / sub) * (truth - mean)
+        result = observer.update((k + 1) * period, plant.q, plant.qd, tau)
+    return np.linalg.norm(result.residual - truth) / np.linalg.norm(truth)
+
+
+def test_held_efforts():
+    """A controller that passes what it commanded gets second order; as samples the same efforts are half a period late."""
+    errors = [held("held", period) for period in (4e-3, 2e-3)]
+    assert 3.3 < errors[0] / errors[1] < 4.7 and errors[1] < 2e-3
+    assert held("sampled", 2e-3) > 10 * errors[1]
+
+
+def test_friction_is_taken_out_only_when_asked():
+    """Otherwise r follows −ε_fric; Coulomb friction and damping of the description."""
+    urdf = PANDA.urdf.replace('damping="0.003" friction="0.0"', 'damping="2.0" friction="1.5"')
+    model = dd.load_urdf(urdf, **ARM.options)
+    assert (model.damping == 2.0).all() and (model.friction == 1.5).all()
+    motion = Motion("panda_arm")
+    motion.push[:] = 0.0
+    friction = 2.0 * motion.rate + 1.5 * np.sign(motion.rate)
+    observers = {
+        asked: dd.DisturbanceObserver(dd.DiagonalDynamics(model), GAIN, np.inf, friction=asked)
+        for asked in (False, True)
+    }
+    for t in np.arange(0, 0.4, 1e-3):
+        effort = motion.effort(t) + friction
+        seen = {asked: o.update(t, motion.q(t), motion.rate, effort) for asked, o in observers.items()}
+    assert seen[True].norm < 1e-4
+    standing = np.linalg.solve(subject("panda_arm").oracle.factor(motion.q(t)), -friction)
+    assert np.linalg.norm(seen[False].residual - standing) < 0.05 * np.linalg.norm(standing)
+
+
+# --- Collisions ---
+
+
+def test_threshold_with_hysteresis():
+    """Set above the threshold, taken back below the release threshold, kept in between."""
+    motion = Motion("panda_arm")
+    motion.rate, motion.push[1] = np.zeros(N), 0.0
+    push, level = motion.push[0].copy(), np.linalg.norm(motion.working_moments(0.0))
+    observer = dd.DisturbanceObserver(motion.s.dyn, 50.0, 0.5 * level, 0.2 * level)
+    seen = []
+    for k in range(500):
+        motion.push[0] = push * (1.0 if k < 100 else 0.35 if k < 300 else 0.0)
+        seen.append(observer.update(1e-3 * k, motion.start, motion.rate, motion.effort(0.0)))
+    norms, collisions = (np.array([getattr(r, name) for r in seen]) for name in ("norm", "collision"))
+    first, last = np.flatnonzero(collisions)[[0, -1]]
+    assert norms[first] > 0.5 * level >= norms[first - 1]
+    assert norms[last] >= 0.2 * level > norms[last + 1]
+    assert collisions[first : last + 1].all() and last > 300
+    assert (norms[150:300] < 0.5 * level).all()
+    assert dd.DisturbanceObserver(motion.s.dyn, 50.0, 4.0).release == 2.0
+
+
+# --- What interrupts it ---
+
+
+def observer_at_work(**options):
+    """An observer that has seen a push for 20 ms, and the sample that it expects next."""
+    motion = Motion("panda_arm")
+    observer = dd.DisturbanceObserver(motion.s.dyn, 200.0, 1.0, **options)
+    for k in range(21):
+        result = observer.update(1e-3 * k, motion.q(1e-3 * k), motion.rate, motion.effort(1e-3 * k))
+    assert result.valid and result.norm > 1.0 and result.collision
+    return motion, observer, result
+
+
+def sample(motion, t):
+    return motion.q(t), motion.rate, motion.effort(t)
+
+
+def test_time_that_jumps_resets():
+    motion, observer, before = observer_at_work()
+    assert observer.update(0.02, *sample(motion, 0.02)) is before  # the same sample once more
+    again = observer.update(0.01, *sample(motion, 0.01))
+    assert not again.valid and again.residual is None and again.reason == "time went back by 0.01 s"
+    after = observer.update(0.011, *sample(motion, 0.011))
+    assert after.valid and after.norm < 0.5 * before.norm  # from zero
+
+    motion, observer, before = observer_at_work(max_gap=0.05)
+    assert observer.update(0.069, *sample(motion, 0.069)).valid
+    late = observer.update(0.2, *sample(motion, 0.2))
+    assert not late.valid and not late.collision and late.reason == "no sample for 0.131 s"
+    assert observer.update(0.201, *sample(motion, 0.201)).norm < before.norm
+
+
+def test_missing_efforts_are_lost_samples():
+    """The next one integrates over the gap; too long a gap resets; who is missing is named."""
+    motion, observer, _ = observer_at_work(max_gap=0.05)
+    _, complete, _ = observer_at_work(max_gap=0.05)
+    part = motion.effort(0.021)
+    part[[2, 5]] = np.nan
+    for tau, who in ((None, "any joint"), (part, "'panda_joint3', 'panda_joint6'")):
+        result = observer.update(0.021, motion.q(0.021), motion.rate, tau)
+        assert not result.valid and not result.collision and result.reason == f"no effort of {who}"
+    for t in (0.021, 0.022):
+        expected = complete.update(t, *sample(motion, t))
+    result = observer.update(0.022, *sample(motion, 0.022))
+    assert result.valid and result.collision
+    np.testing.assert_allclose(result.residual, expected.residual, rtol=1e-2, atol=1e-2)
+    for k in range(60):
+        observer.update(0.023 + 1e-3 * k, motion.q(0.0), motion.rate, None)
+    assert observer.update(0.09, *sample(motion, 0.09)).reason == "no sample for 0.068 s"
+
+
+def test_another_payload_resets():
+    """m jumps: r starts anew with the new model, and a payload that is not declared is seen as its weight."""
+    motion, observer, _ = observer_at_work()
+    loaded = dd.DiagonalDynamics(motion.s.model.with_payload("panda_hand", 2.0))
+    observer.use(loaded)
+    q, rest = READY, np.zeros(N)
+    carrying, unaware = loaded.gravity_torque(q), dd.DisturbanceObserver(motion.s.dyn, 200.0, 1.0)
+    first = observer.update(0.021, q, rest, carrying)
+    assert not first.valid and first.reason == "first sample"
+    for k in range(1, 200):
+        seen, wrong = (o.update(0.021 + 1e-3 * k, q, rest, carrying) for o in (observer, unaware))
+    assert seen.norm < 1e-9 and not seen.collision
+    weight = motion.s.oracle.effort_of(q, {"panda_hand": [0, 0, -2.0 * 9.81, 0, 0, 0]}, "world")
+    np.testing.assert_allclose(wrong.external_torque, weight, atol=1e-6)
+    with pytest.raises(InputError, match=r"degrees of freedom .*panda_finger_joint1, expected those .* panda_joint7\."):
+        observer.use(subject(PANDA.id).dyn)
+
+
+def test_bad_samples_leave_it_as_it_was():
+    motion, observer, before = observer_at_work()
+    q, qd, tau = sample(motion, 0.021)
+    hurt = np.where(np.arange(N) == 1, np.inf, 1.0)
+    for bad, message in (
+        ((np.nan, q, qd, tau), r"time is nan, expected a finite number \[s\]"),
+        (("now", q, qd, tau), "time is 'now'"),
+        ((0.021, hurt, qd, tau), "q of joint 'panda_joint2' is inf"),
+        ((0.021, q, hurt, tau), "qd of joint 'panda_joint2' is inf"),
+        ((0.021, q, qd, hurt), "tau of joint 'panda_joint2' is inf"),
+        ((0.021, q, qd, tau[:3]), r"tau has shape \(3,\)"),
+        ((0.021, q, qd, "strong"), "tau is not a vector of numbers"),
+    ):
+        with pytest.raises(InputError, match=message):
+            observer.update(*bad)
+    _, other, _ = observer_at_work()
+    assert observer.update(0.02, q, qd, tau) is before
+    np.testing.assert_array_equal(observer.update(0.021, q, qd, tau).residual, other.update(0.021, q, qd, tau).residual)
+
+
+@pytest.mark.parametrize("effort", ("sampled", "held"))
+def test_results_and_samples_are_the_callers_own(effort):
+    """Both may be overwritten, as a loop does that reuses its arrays."""
+    motion, observer, before = observer_at_work(effort=effort)
+    _, other, _ = observer_at_work(effort=effort)
+    q, qd, tau = sample(motion, 0.021)
+    first = observer.update(0.021, q, qd.copy(), tau)
+    other.update(0.021, *sample(motion, 0.021))
+    for array in (q, tau, before.residual, first.residual, first.external_torque):
+        array[:] = 9.0
+    results = [o.update(0.022, *sample(motion, 0.022)) for o in (observer, other)]
+    np.testing.assert_array_equal(results[0].residual, results[1].residual)
+
+
+REFUSED = {
+    "dynamics": (lambda s: dd.DisturbanceObserver(s.model, 1.0, 1.0), "dynamics is <RobotModel"),
+    "gain": (lambda s: dd.DisturbanceObserver(s.dyn, [1, 1, 1, 0, 1, 1, 1], 1.0), "gain of 'panda_joint4' is 0.0"),
+    "threshold": (lambda s: dd.DisturbanceObserver(s.dyn, 1.0, 0.0), r"threshold is 0.0, expected .* > 0 \[J\^½/s\]"),
+    "release": (
+        lambda s: dd.DisturbanceObserver(s.dyn, 1.0, 1.0, 2.0),
+        "release is 2.0 J.*no more than the threshold, 1",
+    ),
+    "effort": (
+        lambda s: dd.DisturbanceObserver(s.dyn, 1.0, 1.0, effort="no"),
+        "effort is 'no', expected one of 'sampl",
+    ),
+    "max_gap": (lambda s: dd.DisturbanceObserver(s.dyn, 1.0, 1.0, max_gap=0), r"max_gap is 0, expected .* > 0 \[s\]"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refusals_name_the_thing(case):
+    make, message = REFUSED[case]
+    with pytest.raises(InputError, match=message):
+        make(subject("panda_arm"))
