@@ -28,9 +28,13 @@ _HOME = {
     "UnsupportedError": "exceptions",
     "UrdfError": "exceptions",
     "Simulation": "simulation",
+    "EffortRateLimiter": "control",
+    "EffortSaturation": "control",
+    "EnergyLimiter": "control",
     "GravityCompensation": "control",
     "JointTracking": "control",
     "PoseRegulation": "control",
+    "PositionRepulsion": "control",
     "RateDamping": "control",
     "DisturbanceObserver": "observer",
 }

@@ -429,6 +429,8 @@ def test_unactuated_robots_are_refused():
         lambda dyn: dd.RateDamping(dyn, 1.0),
         lambda dyn: dd.JointTracking(dyn, 1.0, 1.0),
         lambda dyn: dd.PoseRegulation(dyn, dyn.model.link_names[-1], 1.0, 1.0, 1.0),
+        lambda dyn: dd.EnergyLimiter(dyn, 1.0, 1.0),
+        lambda dyn: dd.PositionRepulsion(dyn, 0.1, 1.0),
     ]
     for make in makers:
         with pytest.raises(UnsupportedError, match=r"robot 'ur5' has a floating base, which no motor drives"):

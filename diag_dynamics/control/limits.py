@@ -1,0 +1,197 @@
+"""What a robot can bear: efforts, how fast they change, and joint ranges."""
+
+import numpy as np
+
+from diag_dynamics.control.arguments import actuated, per_dof, positive, robot_model, vector_of
+from diag_dynamics.exceptions import InputError
+
+
+class EffortSaturation:
+    """Effort limits |τ_k| ≤ L_k that keep the direction of ε: τ = g + s(τ − g) with one s in [0, 1].
+
+    Gravity comes first, for an arm that stays up matters more than one that arrives. The rest, which moves it, is scaled as
+    a whole: its power νᵀε keeps its sign, where joints cut one by one can turn braking into driving. A joint whose gravity
+    torque alone exceeds its limit has no s: it gives what it can, and the others are scaled as if it were none.
+
+    Parameters
+    ----------
+    model : RobotModel
+    limit : array_like, shape (nv,), optional
+        L [N m, N], by default the URDF's; inf where there is none.
+
+    Raises
+    ------
+    InputError
+        A limit is not a positive number; the joint is named.
+    """
+
+    def __init__(self, model, limit=None):
+        self._names = robot_model(model).dof_names
+        self.limit = per_dof(
+            "effort limit",
+            model.effort_limit if limit is None else limit,
+            self._names,
+            "a number > 0 [N m, N]",
+            lambda x: x > 0.0,
+        )
+
+    def filter(self, command):
+        """Return the command within the limits, its `scale` s and the joints that made it so in `limited`.
+
+        Parameters
+        ----------
+        command : Command
+
+        Returns
+        -------
+        Command
+        """
+        limit = self.limit
+        if (np.abs(command.tau) <= limit).all():
+            return command
+        g = command.gravity_torque
+        rest = command.tau - g
+        overloaded = np.abs(g) > limit
+        room = np.where(rest > 0.0, limit - g, limit + g)
+        factor = np.ones_like(rest)
+        moved = (np.abs(rest) > room) & ~overloaded  # |rest| > room ≥ 0: nothing is divided by zero
+        factor[moved] = room[moved] / np.abs(rest[moved])
+        scale = float(factor.min())
+        tau = np.clip(g + scale * rest, -limit, limit)
+        at_limit = overloaded | (factor == scale) & moved
+        limited = tuple(name for name, is_at in zip(self._names, at_limit, strict=True) if is_at)
+        return command._replace(tau=tau, epsilon=scale * command.epsilon, scale=scale, limited=limited)
+
+
+class EffortRateLimiter:
+    """Limit on how fast efforts change, |dτ_k/dt| ≤ R_k; it remembers what it last let pass.
+
+    Each joint goes to what is asked at its own rate: were they to wait for each other, one that is slow could hold up the
+    gravity torque of the rest. Efforts between two that are within effort limits are so too: it comes last.
+
+    Parameters
+    ----------
+    model : RobotModel
+    rate : float or array_like, shape (nv,)
+        R [N m/s, N/s], one for all joints or one for each.
+    start : array_like, shape (nv,), optional
+        Effort that is on the joints at first [N m, N]. Without it the first command passes as it is.
+
+    Raises
+    ------
+    InputError
+        A rate is not a positive number, or `start` no vector of finite numbers; the joint is named.
+    """
+
+    def __init__(self, model, rate, start=None):
+        self._names = robot_model(model).dof_names
+        self.rate = per_dof("effort rate", rate, self._names, "a finite number > 0 [N m/s, N/s]")
+        self.reset(start)
+
+    def reset(self, tau=None):
+        """Start from the effort `tau` [N m, N], shape (nv,); without it from the next one that is asked for."""
+        self._last = None if tau is None else vector_of("tau", tau, self._names)
+
+    def filter(self, tau, dt):
+        """Efforts to send, and which joints had to wait.
+
+        Parameters
+        ----------
+        tau : array_like, shape (nv,)
+            Efforts that are asked for [N m, N].
+        dt : float
+            Time since the last call [s].
+
+        Returns
+        -------
+        tau : ndarray, shape (nv,)
+        limited : tuple of str
+        """
+        tau = vector_of("tau", tau, self._names)
+        change = positive("dt", dt, "[s]", zero=True) * self.rate
+        limited = ()
+        if self._last is not None:
+            near = np.clip(tau, self._last - change, self._last + change)
+            if (near != tau).any():
+                limited = tuple(name for name, far in zip(self._names, near != tau, strict=True) if far)
+            tau = near
+        self._last = tau
+        return tau.copy(), limited
+
+
+class PositionRepulsion:
+    """Springs before the position limits: within the margin of one, τ = ∓k d ∓ b (d/margin) q̇ while q̇ is outward.
+
+    d is how far the joint is into the margin. The springs' energy U = ½Σk d² adds to the Lyapunov function of a law that
+    damps rates or regulates a pose, and the damping only takes energy away: under such a law
+    a robot of less than ½k margin² of V + U does not reach the hard stop of any joint.
+
+    Parameters
+    ----------
+    dynamics : DiagonalDynamics
+    margin : float or array_like, shape (nv,)
+        Where the springs begin, from the limits inward [rad, m]; at most half of a joint's range is used.
+    stiffness : float or array_like, shape (nv,)
+        k [N m/rad, N/m].
+    damping : float or array_like, shape (nv,)
+        b [N m s/rad, N s/m] at the limit; none by default.
+
+    Raises
+    ------
+    InputError, UnsupportedError
+        Not positive numbers; or see :class:`Law`.
+    """
+
+    def __init__(self, dynamics, margin, stiffness, damping=0.0):
+        self.dynamics = actuated(dynamics)
+        model = dynamics.model
+        names = model.dof_names
+        margin = per_dof("margin", margin, names, "a finite number > 0 [rad, m]")
+        self.stiffness = per_dof("stiffness", stiffness, names, "a finite number > 0 [N m/rad, N/m]")
+        self.damping = per_dof(
+            "damping", damping, names, "a finite number >= 0 [N m s/rad, N s/m]", lambda x: np.isfinite(x) and x >= 0.0
+        )
+        self._margin = np.minimum(margin, 0.5 * (model.upper - model.lower))
+        self._lower, self._upper = model.lower + self._margin, model.upper - self._margin
+        fixed = self._margin <= 0.0
+        if fixed.any():
+            k = int(np.argmax(fixed))
+            raise InputError(
+                f"joint '{names[k]}' has limits [{model.lower[k]}, {model.upper[k]}]: no range to keep it in."
+            )
+        dynamics.compile("epsilon_from_tau")
+
+    def depth(self, q):
+        """How far each joint is into the margin [rad, m], shape (nv,): positive at its upper end, negative at the lower."""
+        q = vector_of("q", q, self.dynamics.model.dof_names)
+        return np.maximum(q - self._upper, 0.0) + np.minimum(q - self._lower, 0.0)
+
+    def potential(self, q):
+        """U = ½Σk d² [J]."""
+        d = self.depth(q)
+        return 0.5 * float(self.stiffness @ (d * d))
+
+    def effort(self, q, qd):
+        """What the springs and their dampers add to the joint efforts [N m, N], shape (nv,)."""
+        d, qd = self.depth(q), vector_of("qd", qd, self.dynamics.model.dof_names)
+        outward = np.where(d * qd > 0.0, np.abs(d) / self._margin, 0.0)
+        return -self.stiffness * d - self.damping * outward * qd
+
+    def filter(self, q, qd, command):
+        """Return the command with that added, to its ε too.
+
+        Parameters
+        ----------
+        q, qd : array_like, shape (nv,)
+            Positions [rad, m] and rates [rad/s, m/s] that the command was computed for.
+        command : Command
+
+        Returns
+        -------
+        Command
+        """
+        effort = self.effort(q, qd)
+        if not effort.any():
+            return command
+        added = self.dynamics.epsilon_from_tau(q, effort)
+        return command._replace(tau=command.tau + effort, epsilon=command.epsilon + added)
