@@ -245,7 +245,7 @@ def test_energy_falls_as_the_laws_say(robot):
         _, axes, J = dense_frame(s, t.q)
         spring = J.T @ (weights * (goal - stacked(dense_frame(s, t.q)[0], axes)))
         assert rates_agree(s, t, command, V)
-        assert not rates_agree(s, t, command, V, command.tau - 2 * spring)  # the printed sign of (8.2)
+        assert not rates_agree(s, t, command, V, command.tau - 2 * spring)  # the printed sign of Control 8.2
 
 
 @ALL

@@ -5,7 +5,7 @@ from diag_dynamics.control.law import Law
 
 
 class RateDamping(Law):
-    """Rate control ε = −cν (eq. 8.1): every total joint rate decays on its own.
+    """Rate control ε = −cν (Control 8.1): every total joint rate decays on its own.
 
     V = K = ½|ν|² and dV/dt = −νᵀcν. With equal gains K decays as exp(−2ct), in any configuration and motion.
 

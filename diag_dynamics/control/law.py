@@ -25,7 +25,7 @@ class Law:
         dynamics.compile(*self.METHODS)
 
     def _command(self, q, nu, epsilon, lyapunov, rate, error=None):
-        """Command of working moments without gravity: τ = mε + g (eq. 8.1, gravity added)."""
+        """Command of working moments without gravity: τ = mε + g."""
         g = self.dynamics.gravity_torque(q)
         tau = self.dynamics.tau_from_epsilon(q, epsilon)
         tau += g

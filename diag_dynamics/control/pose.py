@@ -15,7 +15,7 @@ ORTHOGONAL = 1e-6
 
 
 class PoseRegulation(Law):
-    """Pose regulation ε = −c₁ν + ℓJᵀC₂e (eq. 8.2, with the sign that converges): springs pull a frame to its target.
+    """Pose regulation ε = −c₁ν + ℓJᵀC₂e (Control 8.2, with the sign that converges): springs pull a frame to its target.
 
     e = Y_d − Y(q), Y the frame's position and its three axes a_j, and JᵀC₂e = J₆ᵀ[c_p; Σ a_j × c_j] with c = C₂e, a wrench
     at the frame. V = ½|ν|² + ½eᵀC₂e falls at −νᵀc₁ν: what a redundant arm moves without moving the frame is damped as well.
