@@ -35,6 +35,7 @@ class Line(NamedTuple):
     relation: str
     target: float
     ratio: Ratio
+    limit: str = ""  # who had nothing left at the next higher rate
 
     @property
     def met(self):
@@ -51,7 +52,10 @@ def lines(found):
             targets = FAST_TARGETS if (serialization, name) == (MONITORS[0], "all") else TARGETS
             ours, floor = Subject(serialization, topics), Subject(FLOOR, topics)
             ratios = _ratios(found, ours, floor)
-            judged += [Line(what, serialization, name, *targets[what], ratios[what]) for what in targets]
+            limits = {HIGHEST: highest(found.searched[ours])[1]}
+            judged += [
+                Line(what, serialization, name, *targets[what], ratios[what], limits.get(what, "")) for what in targets
+            ]
     return judged
 
 
@@ -61,6 +65,8 @@ def summary(found):
     for line in lines(found):
         shown = f"{line.ratio.median:.2f}" if line.quantity == HIGHEST else quartiles(line.ratio)
         target, verdict = f"{line.relation} {line.target:g}", "met" if line.met else "missed"
+        if line.limit and line.limit != "node":  # then it is a bound from below
+            shown, verdict = f"at least {shown}", "met" if line.met else f"not shown: {line.limit} was the limit"
         rows.append(f"| {line.quantity} | {line.serialization} | {line.topics} | {target} | {shown} | {verdict} |")
     return "\n".join(rows) + "\n"
 
