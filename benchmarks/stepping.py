@@ -108,5 +108,13 @@ def rows(pairs, steps, rounds):
 
 
 def _simulation(case, damping, step, order):
-    # The loops know no position limits either.
-    return dd.Simulation(case.model, step=step, damping=np.full(case.dof, damping), limits=False, order=order)
+    # The loops know no limits and no friction either.
+    return dd.Simulation(
+        case.model,
+        step=step,
+        damping=np.full(case.dof, damping),
+        friction=np.zeros(case.dof),
+        limits=False,
+        effort_limits=False,
+        order=order,
+    )

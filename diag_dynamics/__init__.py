@@ -27,6 +27,8 @@ _HOME = {
     "SingularMassMatrixError": "exceptions",
     "UnsupportedError": "exceptions",
     "UrdfError": "exceptions",
+    "CompliantLimits": "simulation",
+    "EnergyAudit": "simulation",
     "Simulation": "simulation",
     "EffortRateLimiter": "control",
     "EffortSaturation": "control",

@@ -5,6 +5,7 @@ rows. Body frames are chosen so that the axis of every joint is z (see model), a
 freedom moves along axes of its body; what projects on a degree of freedom S therefore picks an entry.
 """
 
+import math
 from collections import namedtuple
 
 from diag_dynamics.kernel import kernel
@@ -359,6 +360,60 @@ def rotation_of_quaternion(x, y, z, w):
         (1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)),
         (s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w)),
         (s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y)),
+    )
+
+
+# --- Displacements ------------------------------------------------------------------------------------------
+
+SMALL = 1e-4
+"""Square of the angle below which the functions of an exponential are taken from their series, good to 1e-16."""
+
+
+@kernel
+def screw_functions(squared):
+    """(1 − cos θ)/θ² and (θ − sin θ)/θ³, of θ²."""
+    if squared < SMALL:
+        return 0.5 - squared * (1 / 24 - squared / 720), 1 / 6 - squared * (1 / 120 - squared / 5040)
+    angle = math.sqrt(squared)
+    return (1.0 - math.cos(angle)) / squared, (angle - math.sin(angle)) / (squared * angle)
+
+
+@kernel
+def screw_translation(V):
+    """Where exp(V) takes the origin: v + (1 − cos θ)/θ² ω × v + (θ − sin θ)/θ³ ω × (ω × v)."""
+    first, second = screw_functions(dot(V.angular, V.angular))
+    turned = cross(V.angular, V.linear)
+    return add(V.linear, add(scale(turned, first), scale(cross(V.angular, turned), second)))
+
+
+@kernel
+def rotation_quaternion(vector):
+    """Unit quaternion (x, y, z, w) of a rotation vector."""
+    squared = dot(vector, vector)
+    half = 0.5 * math.sqrt(squared)
+    s = 0.5 - squared * (1 / 48 - squared / 3840) if squared < SMALL else 0.5 * math.sin(half) / half
+    return (s * vector[0], s * vector[1], s * vector[2], math.cos(half))
+
+
+@kernel
+def quaternion_product(p, r):
+    """The rotation r, then p: quaternions (x, y, z, w)."""
+    a, b = (p[0], p[1], p[2]), (r[0], r[1], r[2])
+    v = add(add(scale(b, p[3]), scale(a, r[3])), cross(a, b))
+    return (v[0], v[1], v[2], p[3] * r[3] - dot(a, b))
+
+
+@kernel
+def chart_rate(U, V):
+    """U̇ for a body that is displaced by exp(U) and moves with the twist V in its own axes, to order 3 in U.
+
+    V + ½ U × V + 1/12 U × (U × V), the inverse of exp's differential; the next term is of order 4.
+    """
+    once = cross_motion(U, V)
+    twice = cross_motion(U, once)
+    return Motion(
+        add(V.linear, add(scale(once.linear, 0.5), scale(twice.linear, 1 / 12))),
+        add(V.angular, add(scale(once.angular, 0.5), scale(twice.angular, 1 / 12))),
     )
 
 

@@ -115,7 +115,8 @@ def test_energy_without_damping_and_torque(robot):
     q, qd = random_state(model, 3, speed=0.1)
     drifts = []
     for h in (1e-3, 5e-4, 2.5e-4):
-        sim = dd.Simulation(model, q, qd, step=h, damping=np.zeros(model.nv), limits=False)
+        zero = np.zeros(model.nv)
+        sim = dd.Simulation(model, q, qd, step=h, damping=zero, friction=zero, limits=False)
         start, exchanged, drift = total_energy(sim), 0.0, 0.0
         for _ in range(10):
             sim.advance(steps=round(0.05 / h))
@@ -220,13 +221,13 @@ def test_coupled_robot_at_order_1():
 # --- Whole robots ---
 
 
-def run_for_a_minute(robot):
-    """Extremes of 60 s from a random state: energy against the start, and how far beyond a limit a joint is."""
+def run_for_half_a_minute(robot):
+    """Extremes of 30 s from a random state: energy against the start, and how far beyond a limit a joint is."""
     model = load(robot, armature=1e-3 if robot in GIMBALS else 0.0)
     q, qd = random_state(model, 7, speed=0.5)
     sim = dd.Simulation(model, np.clip(q, model.lower, model.upper), qd)
     energies, kinetic = [total_energy(sim)], [0.5 * sim.nu @ sim.nu]
-    for _ in range(120):
+    for _ in range(60):
         sim.advance(steps=500)
         energies.append(total_energy(sim))
         kinetic.append(0.5 * sim.nu @ sim.nu)
@@ -239,12 +240,12 @@ def run_for_a_minute(robot):
 @pytest.fixture(scope="module")
 def minutes():
     with ThreadPoolExecutor(2) as pool:  # compiled code runs without the interpreter's lock
-        return dict(zip(regular_robots(), pool.map(run_for_a_minute, regular_robots()), strict=True))
+        return dict(zip(regular_robots(), pool.map(run_for_half_a_minute, regular_robots()), strict=True))
 
 
 @pytest.mark.parametrize("robot", regular_robots())
-def test_a_minute_stays_bounded(robot, minutes):
-    """Without effort no energy comes in: 60 s at 1 ms stay below the start's energy, up to what stops round off."""
+def test_half_a_minute_stays_bounded(robot, minutes):
+    """Without effort no energy comes in: 30 s at 1 ms stay below the start's energy, up to what stops round off."""
     rise, largest, beyond = minutes[robot]
     assert beyond <= 0.0
     assert rise <= 0.01 * largest + 1e-9
@@ -310,7 +311,7 @@ def test_bad_effort(tau):
 @pytest.mark.parametrize("order", [4, 1])
 def test_overflow_leaves_the_state_before(order):
     model = dd.load_urdf(PENDULUM)
-    sim = dd.Simulation(model, [0.5], [0.1], step=100.0, damping=[0.0], limits=False, order=order)
+    sim = dd.Simulation(model, [0.5], [0.1], step=100.0, damping=[0.0], limits=False, order=order, effort_limits=False)
     with pytest.raises(InputError):
         sim.advance([1e307])
     assert sim.q[0] == 0.5 and sim.time == 0.0
@@ -344,11 +345,6 @@ def test_state_is_the_simulations_own():
         sim.q = np.zeros(2)
     with pytest.raises(InputError, match="q is"):
         simulation.potential_energy(sim.model, np.zeros(2))
-
-
-def test_several_degrees_of_freedom_are_refused():
-    with pytest.raises(dd.UnsupportedError, match="several degrees of freedom"):
-        dd.Simulation(load(PANDA, floating_base=True))
 
 
 @pytest.mark.parametrize("order", [4, 1])

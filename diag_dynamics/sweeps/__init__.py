@@ -20,11 +20,11 @@ finite, MISFIT if a vector has not the robot's length.
 
 records: what sweeps work on; workspace: where it is. steps: what they share; inertias: how P is handed on. groups: degrees
 of freedom that belong together. state, factorization, factors, classical, derivatives, kinematics: the sweeps; many: that
-of state, over many states.
+of state, over many states. motions: positions that move along a twist, and joints that are held.
 """
 
 from diag_dynamics.sweeps.classical import (
-    accelerations,
+    accelerations_with_added_inertia,
     effort_of_wrenches,
     first_moment,
     forward_dynamics,
@@ -49,9 +49,11 @@ from diag_dynamics.sweeps.factorization import (
     tau_from_epsilon,
 )
 from diag_dynamics.sweeps.factors import factors
+from diag_dynamics.sweeps.groups import owns
 from diag_dynamics.sweeps.kinematics import placement
 from diag_dynamics.sweeps.many import evaluate_many
-from diag_dynamics.sweeps.records import BODY, LINK, WORK, WRENCH, links_at
+from diag_dynamics.sweeps.motions import chart_rates, displace, hold
+from diag_dynamics.sweeps.records import BODY, LINK, WORK, WRENCH, WRENCHES, links_at
 from diag_dynamics.sweeps.state import (
     energies_of_links,
     energy_and_power,
@@ -102,14 +104,17 @@ __all__ = [
     "UNIT_TOLERANCE",
     "WORK",
     "WRENCH",
+    "WRENCHES",
     "XI",
     "WideWorkspace",
     "Workspace",
-    "accelerations",
+    "accelerations_with_added_inertia",
     "articulated_inertias",
+    "chart_rates",
     "copy",
     "coriolis_bracket",
     "coriolis_product",
+    "displace",
     "effort_of_wrenches",
     "energies_of_links",
     "energy_and_power",
@@ -122,6 +127,7 @@ __all__ = [
     "factors",
     "first_moment",
     "forward_dynamics",
+    "hold",
     "inverse_dynamics",
     "joint_inertias",
     "link_energies",
@@ -132,6 +138,7 @@ __all__ = [
     "mass_matrix_rate_times",
     "nu_from_qd",
     "opened",
+    "owns",
     "placement",
     "qd_from_nu",
     "rates_with_added_inertia",

@@ -183,6 +183,13 @@ def forward_dynamics(robot, q, qd, tau, qdd):
     return accelerations(bodies, gravity, q, qd, tau, None, work, table[0], qdd)
 
 
+@large_kernel
+def accelerations_with_added_inertia(robot, q, qd, tau, added, qdd):
+    """q̈ from τ, as :func:`forward_dynamics`, with inertia that enters D as armature does; nothing is checked."""
+    bodies, gravity, work, table = opened(robot)
+    return accelerations(bodies, gravity, q, qd, tau, added, work, table[0], qdd)
+
+
 @entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, NUMBER, VECTOR)
 def inverse_dynamics(robot, q, qd, qdd, weight, tau):
     """τ = M q̈ + c + g (Newton–Euler, eq. 4.3), g times a weight of 0 or 1."""

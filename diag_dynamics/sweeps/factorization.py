@@ -297,11 +297,11 @@ def tau_from_epsilon(robot, q, epsilon, tau):
     return 0 if are_finite(tau) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
-def rates_with_added_inertia(robot, q, nu, added, momentum, qd):
-    """q̇ = (M + diag(added))⁻¹ m ν: rates after an implicit step of joint damping, or with joints held.
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
+def rates_with_added_inertia(robot, q, nu, added, impulse, momentum, qd):
+    """q̇ = (M + diag(added))⁻¹ (m ν + impulse): rates after an implicit step of joint forces, or with joints held.
 
-    The added inertia enters D as armature does; `inf` holds its joint. Nothing else is changed.
+    The added inertia enters D as armature does; `inf` holds its joint. Nothing else is changed; `momentum` is M q̇ + impulse.
     """
     bodies, _, work, table = opened(robot)
     status = tau_from_epsilon(robot, q, nu, momentum)
@@ -311,6 +311,8 @@ def rates_with_added_inertia(robot, q, nu, added, momentum, qd):
         start_inertia(bodies[i], work[i])
         if owns(bodies, i):
             work[i].armature += added[bodies[i].dof]
+    for k in range(len(momentum)):
+        momentum[k] += impulse[k]
     status = factorize(bodies, work, table[0])
     working_moments_inward(bodies, momentum, work, table[0], qd)
     scale_by_inertia(bodies, work, -1.0, qd)

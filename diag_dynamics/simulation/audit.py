@@ -1,0 +1,47 @@
+"""Where the energy came from and where it went."""
+
+from typing import NamedTuple
+
+
+class EnergyAudit(NamedTuple):
+    """Work on a robot and change of its energy since it was put into its state [J].
+
+    What each force did is integrated along the motion by the rule that the motion is, but for impulses, whose work is the
+    energy that they take. So the residual is the error of the method, and falls with the step as its order says.
+
+    Attributes
+    ----------
+    effort : float
+        Work of the joint efforts, as saturated.
+    wrenches : float
+        Work of the external wrenches.
+    damping, friction : float
+        Work of joint damping and Coulomb friction; neither is ever positive.
+    limits : float
+        Work of position limits, without what they store: impacts and dampers. Of hard limits that of bringing a joint back
+        to the limit is in it, too; at order 4 there is none, for impacts are at the limit.
+    exchanged : float
+        What came with another model: see :meth:`Simulation.change_model`.
+    kinetic, potential, elastic : float
+        Change of kinetic energy, of the energy in the field of gravity, and of what compliant limits store.
+    """
+
+    effort: float
+    wrenches: float
+    damping: float
+    friction: float
+    limits: float
+    exchanged: float
+    kinetic: float
+    potential: float
+    elastic: float
+
+    @property
+    def residual(self):
+        """ΔK + ΔU + ΔE_elastic less all work [J]."""
+        work = self.effort + self.wrenches + self.damping + self.friction + self.limits + self.exchanged
+        return self.kinetic + self.potential + self.elastic - work
+
+    def since(self, earlier):
+        """The same from an earlier audit to this one."""
+        return EnergyAudit(*(now - then for now, then in zip(self, earlier, strict=True)))

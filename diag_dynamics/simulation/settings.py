@@ -1,0 +1,90 @@
+"""What a simulation is told of joints and limits, checked."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.exceptions import InputError
+
+
+class CompliantLimits(NamedTuple):
+    """Position limits that give way: a spring and a damper that push a joint back into its range, and never pull.
+
+    Each number is for all joints, or an array of shape (nv,). Of degrees of freedom without limits it has no effect.
+
+    Attributes
+    ----------
+    stiffness : float or array_like, shape (nv,)
+        [N m/rad, N/m], greater than zero; inf is a hard limit.
+    damping : float or array_like, shape (nv,)
+        [N m s/rad, N s/m].
+    """
+
+    stiffness: object
+    damping: object = 0.0
+
+
+def vector(name, value, length):
+    """`value` as a new vector of finite numbers."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        array = np.array(np.nan)
+    if array.shape != (length,) or not np.isfinite(array).all():
+        raise InputError(f"{name} is {value!r}, expected {length} finite numbers.")
+    return array
+
+
+def resistance(name, value, length):
+    """`value` as a new vector of finite numbers that are not negative."""
+    array = vector(name, value, length)
+    if (array < 0.0).any():
+        raise InputError(f"{name} is {array.tolist()}, expected {length} finite numbers >= 0.")
+    return array
+
+
+def positive(name, value):
+    """`value` as a finite number greater than zero, of seconds."""
+    if isinstance(value, bool) or not (isinstance(value, (int, float)) and np.isfinite(value) and value > 0.0):
+        raise InputError(f"{name} is {value!r} s, expected a finite number > 0.")
+    return float(value)
+
+
+def limits_of(value, model):
+    """Bounds, shape (2, nq), and stiffness and damping of the limits, shape (nv,) each."""
+    nv, bounds = model.nv, np.array([model.lower, model.upper])
+    if isinstance(value, (bool, np.bool_)):
+        unlimited = np.array([[-np.inf], [np.inf]]) * np.ones(model.nq)
+        return bounds if value else unlimited, np.full(nv, np.inf), np.zeros(nv)
+    if not isinstance(value, CompliantLimits):
+        raise InputError(f"limits is {value!r}, expected True, False or CompliantLimits(stiffness, damping).")
+    numbers = []
+    for name, given in zip(("stiffness", "damping"), value, strict=True):
+        try:
+            array = np.broadcast_to(np.asarray(given, dtype=float), (nv,)).copy()
+        except (TypeError, ValueError):
+            array = np.full(1, np.nan)
+        wrong = array <= 0.0 if name == "stiffness" else (array < 0.0) | np.isinf(array)
+        if np.isnan(array).any() or wrong.any():
+            expected = "greater than zero" if name == "stiffness" else ">= 0 and finite"
+            raise InputError(f"{name} of limits is {given!r}, expected a number or {nv} numbers, {expected}.")
+        numbers.append(array)
+    return bounds, *numbers
+
+
+def effort_limits_of(value, model):
+    """Largest efforts, shape (nv,): those of the model, given ones, or inf.
+
+    A URDF has to give every joint an effort limit, and those who know none write 0, which would be a joint that cannot be
+    driven: that is taken as none.
+    """
+    if isinstance(value, (bool, np.bool_)):
+        own = np.where(model.effort_limit > 0.0, model.effort_limit, np.inf)
+        return own if value else np.full(model.nv, np.inf)
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        array = np.array(np.nan)
+    if array.shape != (model.nv,) or not (array >= 0.0).all():
+        raise InputError(f"effort_limits is {value!r}, expected True, False or {model.nv} numbers >= 0, inf for none.")
+    return array

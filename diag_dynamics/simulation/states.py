@@ -1,0 +1,29 @@
+"""Where a robot may start, and its energy there."""
+
+import numpy as np
+
+from diag_dynamics import sweeps
+from diag_dynamics.simulation.settings import vector
+
+
+def rest_position(model):
+    """Zero, or the middle of a joint's limits where zero lies outside them; [rad, m], shape (nq,)."""
+    lower, upper = np.maximum(model.lower, -1e6), np.minimum(model.upper, 1e6)
+    outside = (lower > 0.0) | (upper < 0.0)
+    return np.where(outside, 0.5 * (lower + upper), model.neutral)
+
+
+def potential_energy(model, q):
+    """Energy of the robot in the field of gravity at q [J]: −g·Σ m_i c_i in the world's axes, q of shape (nq,)."""
+    own, moment = sweeps.Workspace(model.bodies, model.gravity), np.zeros(3)
+    sweeps.first_moment(own.robot, vector("q", q, model.nq), moment)
+    return -float(model.gravity @ moment)
+
+
+def with_unit_quaternions(model, q):
+    """A copy of q whose orientations, near unit length already, have unit length."""
+    q = np.array(q, dtype=float)
+    for k, component in enumerate(model._tree.orientations):
+        if component == 3:
+            q[k - 3 : k + 1] /= np.linalg.norm(q[k - 3 : k + 1])
+    return q

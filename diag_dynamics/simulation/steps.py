@@ -1,0 +1,627 @@
+"""Steps with friction and limits in them, as many as are asked for in one call."""
+
+import math
+
+from diag_dynamics import sweeps
+from diag_dynamics.kernel import COUNT, FLAG, MATRIX, NUMBER, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.simulation.layout import (
+    FREE,
+    FRICTION,
+    FRICTION_WORK,
+    HELD,
+    LIMIT_DAMPING,
+    LIMIT_WORK,
+    LOWER,
+    STIFFNESS,
+    UPPER,
+)
+from diag_dynamics.simulation.modes import any_held, gaps, limited, look, settle
+from diag_dynamics.simulation.smooth import VECTORS, euler, glide, load_at, runge_kutta, stored
+
+MOST_EVENTS = 4
+"""Instants in a step at which modes change; what is left of the step after so many is taken as at order 1."""
+
+TRIALS = 40
+"""Steps taken to find such an instant, at most; five or six will do."""
+
+UNMOVED = 1e-6
+"""What an impact may do to the rate of a joint at rest and leave it there, as part of the largest rate that it changes."""
+
+SOON = 1e-2
+"""Part of a step in which friction stops what an impact has set in motion, and it counts as not moved."""
+
+NEAR = 1e-10
+"""How near to that instant is near enough, as part of what there is to find over the step."""
+
+(
+    MODE,
+    SPRING,
+    DEPTH,
+    NONE,
+    PUSHED,
+    EFFORT,
+    QDD,
+    NEEDED,
+    MARKS,
+    START_QD,
+    START_NU,
+    LAST_QD,
+    LAST_NU,
+    GAP,
+    GAP_BEFORE,
+    GAP_BEYOND,
+) = range(VECTORS, VECTORS + 32, 2)
+"""Rows of memory besides those of smooth steps; those of gaps are two."""
+
+ROWS = VECTORS + 32
+
+PLACE, START_Q, LAST_Q, PLACES = range(4)
+"""Rows of memory with an entry for each position coordinate."""
+
+
+@kernel
+def touches(bounds, q):
+    """Whether a coordinate is at its limits or beyond them."""
+    for k in range(len(q)):
+        if q[k] <= bounds[LOWER, k] or q[k] >= bounds[UPPER, k]:
+            return True
+    return False
+
+
+@large_kernel
+def _is_beyond(bodies, joints, bounds, q):
+    """Whether a joint is beyond a hard limit."""
+    for i in range(1, len(bodies)):
+        if limited(bodies, i) and not math.isfinite(joints[STIFFNESS, bodies[i].dof]):
+            x = q[bodies[i].q]
+            if x < bounds[LOWER, bodies[i].q] or x > bounds[UPPER, bodies[i].q]:
+                return True
+    return False
+
+
+@kernel
+def _kinetic(nu):
+    """½νᵀν [J]."""
+    energy = 0.0
+    for k in range(len(nu)):
+        energy += 0.5 * nu[k] * nu[k]
+    return energy
+
+
+@large_kernel
+def _potential(robot, q, moment):
+    """−g·Σ m c [J]; moment is memory of at least three entries."""
+    _, gravity, _, _ = sweeps.opened(robot)
+    sweeps.first_moment(robot, q, moment)
+    return -(gravity[0] * moment[0] + gravity[1] * moment[1] + gravity[2] * moment[2])
+
+
+@large_kernel
+def _begin(robot, rough, armature, joints, bounds, tau, wrenches, in_world, q, qd, memory):
+    """Modes for what comes next, and held joints held. Returns a status, and whether any is held."""
+    bodies, _, _, _ = sweeps.opened(robot)
+    mode, pushed, effort = memory[MODE], memory[PUSHED], memory[EFFORT]
+    status = load_at(robot, q, tau, wrenches, in_world, pushed)
+    if status != 0 or not rough:
+        return status, False
+    if not look(bodies, joints, bounds, q, qd, mode, memory[SPRING], memory[DEPTH]):
+        return 0, False
+    for k in range(len(qd)):
+        effort[k] = tau[k] + pushed[k]
+    status = settle(
+        robot,
+        armature,
+        joints,
+        bounds,
+        effort,
+        memory[NONE],
+        q,
+        qd,
+        mode,
+        memory[SPRING],
+        memory[DEPTH],
+        memory[0],
+        memory[QDD],
+        memory[NEEDED],
+    )
+    return status, any_held(mode)
+
+
+@large_kernel
+def _let_go(robot, armature, memory):
+    """Hold no joint."""
+    bodies, _, _, _ = sweeps.opened(robot)
+    memory[MARKS] = 0.0
+    sweeps.hold(bodies, armature, memory[MARKS])
+
+
+@large_kernel
+def _arrest(robot, q, nu, qd, memory):
+    """Stop marked joints by impulses: the projection that takes the least kinetic energy, and adds none."""
+    marks = memory[MARKS]
+    status = sweeps.rates_with_added_inertia(robot, q, nu, marks, memory[NONE], memory[0], qd)
+    for k in range(len(qd)):
+        if marks[k] != 0.0:
+            qd[k] = 0.0
+    return status if status != 0 else sweeps.nu_from_qd(robot, q, qd, nu)
+
+
+@large_kernel
+def _stop_sliding(robot, joints, q, qd, nu, works, memory):
+    """Joints that have come to a stop by friction stop; what is held stays so. Friction's impulse takes energy away.
+
+    Stopping one joint can turn another round: it is stopped too. As stopped joints only get more, this ends.
+    """
+    mode, marks, before, status = memory[MODE], memory[MARKS], _kinetic(nu), 0
+    marks[:] = 0.0
+    more = True
+    while more and status == 0:
+        more = False
+        for k in range(len(qd)):
+            turned = mode[k] != FREE and mode[k] != HELD and joints[FRICTION, k] > 0.0 and mode[k] * qd[k] < 0.0
+            if turned and marks[k] == 0.0:
+                marks[k], more = math.inf, True
+        if more:
+            for k in range(len(qd)):
+                marks[k] = math.inf if mode[k] == HELD else marks[k]
+            status = _arrest(robot, q, nu, qd, memory)
+    works[FRICTION_WORK] += _kinetic(nu) - before
+    return status
+
+
+@large_kernel
+def _stop_at_limits(robot, joints, bounds, h, q, qd, nu, works, memory):
+    """Bring joints beyond hard limits back to them and take away their outward motion by impulses.
+
+    Holding a joint can set another one moving outward at its own limit: it is held too. Friction is no match for an
+    impulse, so joints at rest may be set in motion; but those that would hardly move, or not for long, stay where they are.
+    """
+    bodies, _, work, _ = sweeps.opened(robot)
+    marks, before = memory[MARKS], memory[QDD]
+    energy = _kinetic(nu) + _potential(robot, q, memory[0:3].ravel())
+    marks[:] = 0.0
+    sweeps.copy(qd, before)
+    for i in range(1, len(bodies)):
+        if limited(bodies, i) and not math.isfinite(joints[STIFFNESS, bodies[i].dof]):
+            c = bodies[i].q
+            q[c] = min(max(q[c], bounds[LOWER, c]), bounds[UPPER, c])
+    status = sweeps.qd_from_nu(robot, q, nu, qd)
+    more = True
+    while more and status == 0:
+        more, largest = False, 0.0
+        for k in range(len(qd)):
+            largest = max(largest, abs(qd[k] - before[k]))
+        for i in range(1, len(bodies)):
+            k, c = bodies[i].dof, bodies[i].q
+            if not sweeps.owns(bodies, i) or marks[k] != 0.0:
+                continue
+            rubbed = SOON * h * joints[FRICTION, k]  # work[i].D is the joint's inertia or more
+            stays = before[k] == 0.0 and (abs(qd[k]) <= UNMOVED * largest or work[i].D * abs(qd[k]) <= rubbed)
+            if limited(bodies, i) and not math.isfinite(joints[STIFFNESS, k]):
+                stays |= (q[c] == bounds[LOWER, c] and qd[k] < 0.0) or (q[c] == bounds[UPPER, c] and qd[k] > 0.0)
+            if stays:
+                marks[k], more = math.inf, True
+        if more:
+            status = _arrest(robot, q, nu, qd, memory)
+    works[LIMIT_WORK] += _kinetic(nu) + _potential(robot, q, memory[0:3].ravel()) - energy
+    return status
+
+
+@large_kernel
+def _spend_stored(bodies, joints, bounds, before, q, memory, works):
+    """What springs lose on which no joint leans, as these come back: it is lost to the robot, too."""
+    spring = memory[SPRING]
+    for i in range(1, len(bodies)):
+        k, c = bodies[i].dof, bodies[i].q
+        if limited(bodies, i) and spring[k] == 0.0 and math.isfinite(joints[STIFFNESS, k]):
+            deep = max(q[c] - bounds[UPPER, c], bounds[LOWER, c] - q[c])
+            was = max(before[c] - bounds[UPPER, c], bounds[LOWER, c] - before[c])
+            works[LIMIT_WORK] += stored(joints[STIFFNESS, k], deep) - stored(joints[STIFFNESS, k], was)
+
+
+# --- Order 1 ----------------------------------------------------------------------------------------------
+
+
+@large_kernel
+def _euler_with_limits(robot, flat, joints, bounds, h, tau, q, qd, works, memory, places):
+    """A step of order 1, taken anew until every joint that comes to a compliant limit in it leans on that."""
+    bodies, _, _, _ = sweeps.opened(robot)
+    mode, spring, depth = memory[MODE], memory[SPRING], memory[DEPTH]
+    start_q, start_qd = places[START_Q], memory[START_QD]
+    sweeps.copy(q, start_q)
+    sweeps.copy(qd, start_qd)
+    while True:
+        works[1] = works[0]
+        status = euler(robot, flat, joints, h, tau, memory[PUSHED], mode, spring, depth, q, qd, works[1], memory)
+        if status != 0:
+            return status
+        more = False
+        for i in range(1, len(bodies)):
+            k, c = bodies[i].dof, bodies[i].q
+            if limited(bodies, i) and spring[k] == 0.0 and mode[k] != HELD and math.isfinite(joints[STIFFNESS, k]):
+                side = 1.0 if q[c] > bounds[UPPER, c] else -1.0 if q[c] < bounds[LOWER, c] else 0.0
+                if side != 0.0 and side * qd[k] > 0.0:
+                    spring[k], more = side, True
+                    depth[k] = start_q[c] - bounds[UPPER if side > 0.0 else LOWER, c]
+        if not more:
+            break
+        sweeps.copy(start_q, q)
+        sweeps.copy(start_qd, qd)
+    works[0] = works[1]
+    _spend_stored(bodies, joints, bounds, start_q, q, memory, works[0])
+    return 0
+
+
+@large_kernel
+def _step_of_order_1(
+    robot, flat, armature, joints, bounds, rough, h, tau, wrenches, in_world, q, qd, nu, works, memory, places
+):
+    """One step of order 1 from (q, q̇), in place; ν is memory."""
+    bodies, _, _, _ = sweeps.opened(robot)
+    mode, spring, depth, gap = memory[MODE], memory[SPRING], memory[DEPTH], memory[GAP : GAP + 2]
+    status, holding = _begin(robot, rough, armature, joints, bounds, tau, wrenches, in_world, q, qd, memory)
+    if status != 0:
+        return status
+    if rough:
+        status = _euler_with_limits(robot, flat, joints, bounds, h, tau, q, qd, works, memory, places)
+    else:
+        status = euler(robot, flat, joints, h, tau, memory[PUSHED], mode, spring, depth, q, qd, works[0], memory)
+    if holding:
+        _let_go(robot, armature, memory)
+    if status == 0 and (rough or touches(bounds, q)) and gaps(bodies, joints, bounds, q, qd, mode, spring, depth, gap):
+        status = sweeps.nu_from_qd(robot, q, qd, nu)
+        if status == 0:
+            status = _stop(robot, joints, bounds, h, q, qd, nu, works[0], memory)
+    return status
+
+
+@large_kernel
+def _stop(robot, joints, bounds, h, q, qd, nu, works, memory):
+    """The end of all motion that friction or limits have ended."""
+    status = _stop_sliding(robot, joints, q, qd, nu, works, memory)
+    return status if status != 0 else _stop_at_limits(robot, joints, bounds, h, q, qd, nu, works, memory)
+
+
+# --- Order 4 ----------------------------------------------------------------------------------------------
+
+
+@large_kernel
+def _guess(a, b, before, beyond):
+    """When a gap that is open at b and not at a opens first, from straight lines; the middle where a says nothing."""
+    first = b
+    for row in range(2):
+        for k in range(before.shape[1]):
+            if beyond[row, k] > 0.0:
+                g, other = before[row, k], beyond[row, k]
+                when = a + (b - a) * (g / (g - other)) if -math.inf < g < 0.0 else 0.5 * (a + b)
+                first = min(first, when)
+    return first
+
+
+@large_kernel
+def _furthest(gap, scale, beyond):
+    """The largest gap of those that open over the whole step, each as part of its change over it."""
+    largest = -math.inf
+    for row in range(2):
+        for k in range(gap.shape[1]):
+            if beyond[row, k] > 0.0 or gap[row, k] > 0.0:
+                largest = max(largest, gap[row, k] / scale[row, k])
+    return largest
+
+
+@large_kernel
+def _find_event(robot, flat, joints, bounds, h, tau, wrenches, in_world, q, qd, nu, works, memory, places, rows):
+    """Go to the first instant at which a joint's mode ends, known to be within h; returns a status, and that instant.
+
+    The start is in memory, and the gaps at the end. Each trial is a step of its own from there: false position, and
+    bisection where that is slow.
+    """
+    bodies, _, _, _ = sweeps.opened(robot)
+    mode, spring, depth = memory[MODE], memory[SPRING], memory[DEPTH]
+    gap, before, beyond = (
+        memory[GAP : GAP + 2],
+        memory[GAP_BEFORE : GAP_BEFORE + 2],
+        memory[GAP_BEYOND : GAP_BEYOND + 2],
+    )
+    scale = memory[EFFORT : EFFORT + 2]
+    gaps(bodies, joints, bounds, places[START_Q], memory[START_QD], mode, spring, depth, before)
+    for row in range(2):
+        for k in range(len(qd)):
+            change = gap[row, k] - before[row, k] if before[row, k] > -math.inf else gap[row, k]
+            beyond[row, k] = gap[row, k]
+            scale[row, k] = max(abs(change), 1e-300)
+    a, b, width = 0.0, h, h
+    when = h
+    for trial in range(TRIALS):
+        slow = trial % 3 == 2 and b - a > 0.25 * width
+        when = 0.5 * (a + b) if slow else _guess(a, b, before, beyond)
+        width = b - a
+        sweeps.copy(places[START_Q], q)
+        sweeps.copy(memory[START_QD], qd)
+        sweeps.copy(memory[START_NU], nu)
+        works[1] = 0.0
+        status = runge_kutta(
+            robot,
+            flat,
+            joints,
+            when,
+            tau,
+            wrenches,
+            in_world,
+            mode,
+            spring,
+            depth,
+            q,
+            qd,
+            nu,
+            works[1],
+            memory,
+            places[PLACE],
+            rows,
+        )
+        if status != 0:
+            return status, when
+        gaps(bodies, joints, bounds, q, qd, mode, spring, depth, gap)
+        furthest = _furthest(gap, scale, beyond)
+        if abs(furthest) <= NEAR:
+            break
+        if furthest > 0.0:
+            b = when
+            sweeps.copy(gap[0], beyond[0])
+            sweeps.copy(gap[1], beyond[1])
+        else:
+            a = when
+            sweeps.copy(gap[0], before[0])
+            sweeps.copy(gap[1], before[1])
+    return 0, when
+
+
+@large_kernel
+def _apply_event(robot, joints, bounds, h, q, qd, nu, works, memory):
+    """End the modes whose gaps have closed: exactly at the limit, exactly at rest."""
+    bodies, _, _, _ = sweeps.opened(robot)
+    mode, spring, marks = memory[MODE], memory[SPRING], memory[MARKS]
+    gap, beyond, scale = memory[GAP : GAP + 2], memory[GAP_BEYOND : GAP_BEYOND + 2], memory[EFFORT : EFFORT + 2]
+    slid, struck = False, False
+    marks[:] = 0.0
+    for i in range(1, len(bodies)):
+        k = bodies[i].dof
+        if not sweeps.owns(bodies, i):
+            continue
+        if beyond[0, k] > 0.0 and gap[0, k] >= -10.0 * NEAR * scale[0, k]:
+            marks[k], slid = math.inf, True
+        if beyond[1, k] > 0.0 and gap[1, k] >= -10.0 * NEAR * scale[1, k]:
+            c = bodies[i].q
+            upper = abs(q[c] - bounds[UPPER, c]) < abs(q[c] - bounds[LOWER, c])
+            near = bounds[UPPER, c] if upper else bounds[LOWER, c]
+            if not math.isfinite(joints[STIFFNESS, k]):
+                q[c], struck = near, True
+            elif memory[DEPTH, k] == 0.0 and spring[k] == 0.0:
+                q[c] = near
+            elif joints[LIMIT_DAMPING, k] == 0.0 and spring[k] != 0.0:
+                q[c] = near  # a spring without a damper lets go where it is not strained
+    status = 0
+    if slid:
+        before = _kinetic(nu)
+        for k in range(len(qd)):
+            marks[k] = math.inf if mode[k] == HELD else marks[k]
+        status = _arrest(robot, q, nu, qd, memory)
+        works[FRICTION_WORK] += _kinetic(nu) - before
+    if struck and status == 0:
+        status = _stop_at_limits(robot, joints, bounds, h, q, qd, nu, works, memory)
+    return status
+
+
+@large_kernel
+def _step_of_order_4(
+    robot, flat, armature, joints, bounds, rough, h, tau, wrenches, in_world, q, qd, nu, works, memory, places, rows
+):
+    """One step of order 4 from (q, q̇, ν), in place, in parts between which joints change their modes."""
+    bodies, _, _, _ = sweeps.opened(robot)
+    mode, spring, depth, gap = memory[MODE], memory[SPRING], memory[DEPTH], memory[GAP : GAP + 2]
+    remaining = h
+    for event in range(MOST_EVENTS + 1):
+        status, holding = _begin(robot, rough, armature, joints, bounds, tau, wrenches, in_world, q, qd, memory)
+        if status == 0 and holding:
+            status = sweeps.nu_from_qd(robot, q, qd, nu)
+        if status != 0:
+            return status
+        sweeps.copy(q, places[START_Q])
+        sweeps.copy(qd, memory[START_QD])
+        sweeps.copy(nu, memory[START_NU])
+        works[1] = 0.0
+        status = runge_kutta(
+            robot,
+            flat,
+            joints,
+            remaining,
+            tau,
+            wrenches,
+            in_world,
+            mode,
+            spring,
+            depth,
+            q,
+            qd,
+            nu,
+            works[1],
+            memory,
+            places[PLACE],
+            rows,
+        )
+        if status != 0:
+            return status
+        changes = (rough or touches(bounds, q)) and gaps(bodies, joints, bounds, q, qd, mode, spring, depth, gap)
+        located = changes and event < MOST_EVENTS
+        if located:
+            status, taken = _find_event(
+                robot, flat, joints, bounds, remaining, tau, wrenches, in_world, q, qd, nu, works, memory, places, rows
+            )
+            if status != 0:
+                return status
+            remaining -= taken
+        if holding:
+            _let_go(robot, armature, memory)
+            status = sweeps.nu_from_qd(robot, q, qd, nu)
+        for j in range(works.shape[1]):
+            works[0, j] += works[1, j]
+        if rough:
+            _spend_stored(bodies, joints, bounds, places[START_Q], q, memory, works[0])
+        if status == 0 and located:
+            status = _apply_event(robot, joints, bounds, h, q, qd, nu, works[0], memory)
+            rough = True
+        elif status == 0 and changes:
+            status = _stop(robot, joints, bounds, h, q, qd, nu, works[0], memory)
+        if status != 0 or not located or remaining <= 0.0:
+            return status
+    return 0
+
+
+# --- Any order --------------------------------------------------------------------------------------------
+
+
+@entry_kernel(
+    ROBOT,
+    COUNT,
+    FLAG,
+    VECTOR,
+    MATRIX,
+    MATRIX,
+    NUMBER,
+    COUNT,
+    VECTOR,
+    sweeps.WRENCHES,
+    FLAG,
+    VECTOR,
+    VECTOR,
+    VECTOR,
+    MATRIX,
+    MATRIX,
+    MATRIX,
+    MATRIX,
+    nogil=True,
+)
+def advance(
+    robot,
+    order,
+    flat,
+    armature,
+    joints,
+    bounds,
+    h,
+    steps,
+    tau,
+    wrenches,
+    in_world,
+    q,
+    qd,
+    nu,
+    works,
+    memory,
+    places,
+    rows,
+):
+    """`steps` steps from (q, q̇, ν), in place; on failure the state before the failing step is left.
+
+    `works` has three rows: what has been done, and memory. `flat`: no joint has several degrees of freedom.
+    """
+    bodies, _, work, _ = sweeps.opened(robot)
+    rubs = False
+    for k in range(len(qd)):
+        rubs |= joints[FRICTION, k] > 0.0 or math.isfinite(joints[STIFFNESS, k])
+    last_q, last_qd, last_nu = places[LAST_Q], memory[LAST_QD], memory[LAST_NU]
+    sweeps.copy(q, last_q)
+    sweeps.copy(qd, last_qd)
+    sweeps.copy(nu, last_nu)
+    works[2] = works[0]
+    memory[MODE], memory[SPRING], memory[DEPTH], memory[NONE], memory[PUSHED] = 0.0, 0.0, 0.0, 0.0, 0.0
+    status = 0
+    touching = touches(bounds, q)
+    if touching and steps > 0 and _is_beyond(bodies, joints, bounds, q):
+        status = _stop_at_limits(robot, joints, bounds, h, q, qd, nu, works[0], memory)
+    plain = order == 1 and flat and not rubs and len(wrenches) == 0
+    taken = 0
+    while status == 0 and taken < steps:
+        if plain and not touching:
+            taken += glide(
+                robot,
+                joints,
+                bounds,
+                h,
+                steps - taken,
+                tau,
+                q,
+                qd,
+                last_q,
+                last_qd,
+                memory[0],
+                memory[1],
+                memory[2],
+                memory[3],
+                works[0],
+            )
+            if taken == steps:
+                break
+        taken += 1
+        sweeps.copy(q, last_q)
+        sweeps.copy(qd, last_qd)
+        rough = rubs or touching
+        works[2] = works[0]
+        if order == 1:
+            status = _step_of_order_1(
+                robot,
+                flat,
+                armature,
+                joints,
+                bounds,
+                rough,
+                h,
+                tau,
+                wrenches,
+                in_world,
+                q,
+                qd,
+                nu,
+                works,
+                memory,
+                places,
+            )
+        else:
+            sweeps.copy(nu, last_nu)
+            status = _step_of_order_4(
+                robot,
+                flat,
+                armature,
+                joints,
+                bounds,
+                rough,
+                h,
+                tau,
+                wrenches,
+                in_world,
+                q,
+                qd,
+                nu,
+                works,
+                memory,
+                places,
+                rows,
+            )
+        touching = touches(bounds, q)
+        if rough and not (rubs or touching):  # nothing looks at modes any more
+            memory[MODE], memory[SPRING], memory[DEPTH] = 0.0, 0.0, 0.0
+    if status == 0 and order == 1 and steps > 0:
+        status = sweeps.nu_from_qd(robot, q, qd, nu)
+    if status != 0:
+        failing = work[status].D if status > 0 else 0.0
+        _let_go(robot, armature, memory)
+        sweeps.copy(last_q, q)
+        sweeps.copy(last_qd, qd)
+        works[0] = works[2]
+        if order == 1:
+            sweeps.nu_from_qd(robot, q, qd, nu)
+        else:
+            sweeps.copy(last_nu, nu)
+        if status > 0:
+            work[status].D = failing  # what is to be told of
+    return status

@@ -1,0 +1,85 @@
+"""Positions that move along a twist, and joints that are held.
+
+Positions of a joint of several degrees of freedom lie on a manifold. Around positions q₀ they have coordinates u, a twist
+each: q = q₀ exp(u) in the axes of the moving body. Of a joint of one degree of freedom that is q₀ + u.
+"""
+
+import math
+
+from diag_dynamics.kernel import kernel, large_kernel
+from diag_dynamics.spatial import (
+    Motion,
+    add,
+    apply,
+    chart_rate,
+    entry,
+    quaternion_product,
+    rotation_of_quaternion,
+    rotation_quaternion,
+    screw_translation,
+)
+from diag_dynamics.sweeps.groups import owns
+from diag_dynamics.sweeps.steps import FLOATING
+
+HELD = 1e150
+"""Rotor inertia of a joint that is held [kg m², kg]: nothing moves it, and its square is a number still."""
+
+
+@kernel
+def _twist(body, x):
+    """Twist of a joint of several degrees of freedom from the entries of x that are its own."""
+    k = body.dof
+    if body.dofs == FLOATING:
+        return Motion((x[k], x[k + 1], x[k + 2]), (x[k + 3], x[k + 4], x[k + 5]))
+    return Motion((x[k], x[k + 1], 0.0), (0.0, 0.0, x[k + 2]))
+
+
+@large_kernel
+def chart_rates(bodies, u, rates, u_rates):
+    """u̇ where positions are displaced by u and the joints move with these rates."""
+    for i in range(1, len(bodies)):
+        body = bodies[i]
+        if body.dofs == 1:
+            if owns(bodies, i):
+                u_rates[body.dof] = rates[body.dof]
+        elif body.rank == 0:
+            rate = chart_rate(_twist(body, u), _twist(body, rates))
+            for j in range(i, i + body.dofs):
+                direction = bodies[j].direction
+                u_rates[bodies[j].dof] = entry(direction, rate.linear, rate.angular)
+
+
+@large_kernel
+def displace(bodies, start, u, q):
+    """Positions q displaced by u from those at the start; quaternions have unit length. q may be the start."""
+    for i in range(1, len(bodies)):
+        body, k = bodies[i], bodies[i].q
+        if body.dofs == 1:
+            if owns(bodies, i):
+                q[k] = start[k] + u[body.dof]
+        elif body.rank == 0:
+            U = _twist(body, u)
+            moved = screw_translation(U)
+            if body.dofs == FLOATING:
+                turn = (start[k + 3], start[k + 4], start[k + 5], start[k + 6])
+                R = rotation_of_quaternion(turn[0], turn[1], turn[2], turn[3])
+                x, y, z, w = quaternion_product(turn, rotation_quaternion(U.angular))
+                length = math.sqrt(x * x + y * y + z * z + w * w)
+                q[k], q[k + 1], q[k + 2] = add((start[k], start[k + 1], start[k + 2]), apply(R, moved))
+                q[k + 3], q[k + 4], q[k + 5], q[k + 6] = x / length, y / length, z / length, w / length
+            else:
+                s, c = math.sin(start[k + 2]), math.cos(start[k + 2])
+                q[k] = start[k] + c * moved[0] - s * moved[1]
+                q[k + 1] = start[k + 1] + s * moved[0] + c * moved[1]
+                q[k + 2] = start[k + 2] + U.angular[2]
+
+
+@large_kernel
+def hold(bodies, armature, held):
+    """Hold the degrees of freedom that are marked, and no others: sweeps then take the robot for one that is locked there.
+
+    The bodies' own rotor inertias are given.
+    """
+    for i in range(1, len(bodies)):
+        marked = owns(bodies, i) and held[bodies[i].dof] != 0.0
+        bodies[i].armature = HELD if marked else armature[i]
