@@ -25,6 +25,10 @@ VECTORS = 8 + 5 * STAGES
 """Rows of memory, one entry for each degree of freedom, that a step of order 4 works in."""
 
 
+UNRESOLVED = 1.5
+"""Step over a damper's time constant, at which its work is no longer told from the rates at the stages."""
+
+
 @kernel
 def stored(stiffness, depth):
     """Energy of a spring [J] that a limit is, so deep into it."""
@@ -48,7 +52,7 @@ def runge_kutta(
     `mode` says which joints slide and are held, `spring` which lean on a compliant limit, and `depth` how far, with a sign.
     Joints that are held are so already, see sweeps.hold.
     """
-    bodies, _, _, _ = sweeps.opened(robot)
+    bodies, _, work, _ = sweeps.opened(robot)
     n = len(qd)
     added, impulse, momentum, before, stage_nu, u, effort, spent = (
         memory[0],
@@ -152,18 +156,14 @@ def runge_kutta(
         if pushing:
             for k in range(n):
                 works[WRENCH_WORK] += b * pushed[i, k] * rates[i, k]
-    done, damped = 0.0, 0.0
+    done = 0.0
     for k in range(n):
-        done += tau[k] * path[k]
-        damped -= joints[DAMPING, k] * square[k]
         if mode[k] == HELD:
-            u[k] = 0.0
+            u[k], path[k], square[k] = 0.0, 0.0, 0.0
         elif mode[k] != FREE:
             works[FRICTION_WORK] -= joints[FRICTION, k] * mode[k] * path[k]
-        if spring[k] != 0.0:
-            works[LIMIT_WORK] -= joints[LIMIT_DAMPING, k] * square[k]
+        done += tau[k] * path[k]
     works[EFFORT_WORK] += done
-    works[DAMPING_WORK] += damped
     if flat:
         for k in range(n):
             q[k] += u[k]
@@ -173,7 +173,27 @@ def runge_kutta(
     for k in range(n):
         if mode[k] == HELD:
             qd[k] = 0.0
+    if stiff:
+        _dissipate(bodies, work, joints, h, spring, rates[0], qd, path, square, works)
     return status
+
+
+@kernel
+def _dissipate(bodies, work, joints, h, spring, first, last, path, square, works):
+    """Add the work of dampers, from the first and last rates of a step, ∫q̇ and ∫q̇².
+
+    Where they stop a joint within a fraction of the step its rates at the stages say nothing of ∫q̇², but the impulse times
+    the mean rate is the kinetic energy that it takes.
+    """
+    for i in range(1, len(bodies)):
+        if sweeps.owns(bodies, i):
+            k = bodies[i].dof
+            damping = joints[LIMIT_DAMPING, k] if spring[k] != 0.0 else 0.0
+            taken = square[k]
+            if h * (damping + joints[DAMPING, k]) > UNRESOLVED * work[i].D:
+                taken = max(0.0, 0.5 * path[k] * (first[k] + last[k]))
+            works[DAMPING_WORK] -= joints[DAMPING, k] * taken
+            works[LIMIT_WORK] -= damping * taken
 
 
 @large_kernel

@@ -1,0 +1,342 @@
+"""What acts on a simulated robot: friction, limits, efforts, wrenches, payloads; and the energy that each of them moves."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import diag_dynamics as dd
+from oracles import Oracle
+from robots import description, joint, link, robot_path
+
+PANDA = "panda_description/urdf/panda.urdf"
+UR5 = "ur_description/urdf/ur5_robot.urdf"
+HAND = "allegro_hand_description/urdf/allegro_left_hand.urdf"
+TALOS = "talos_data/robots/talos_reduced.urdf"
+
+SLIDER = description(
+    "slider",
+    link("base"),
+    link("block", mass=2.0, inertia=(0.1, 0, 0, 0.1, 0, 0.1)),
+    joint("rail", "prismatic", "base", "block", axis=(1, 0, 0)),
+)
+"""A mass on a level rail: every motion of it has a closed form."""
+
+CHAIN = description(
+    "chain",
+    link("base"),
+    link("upper", mass=1.0, com=(0.3, 0, 0), inertia=(0.01, 0, 0, 0.02, 0, 0.02)),
+    link("lower", mass=0.7, com=(0.2, 0, 0.05), inertia=(0.01, 0, 0, 0.02, 0, 0.02)),
+    joint("shoulder", "revolute", "base", "upper", axis=(0, 1, 0)),
+    joint("elbow", "revolute", "upper", "lower", axis=(0, 1, 0), xyz=(0.5, 0, 0)),
+)
+
+
+def slider(x=0.0, v=0.0, **options):
+    return dd.Simulation(dd.load_urdf(SLIDER), [x], [v], damping=[0.0], **options)
+
+
+def load(robot, **options):
+    return dd.load_urdf(robot_path(robot), **options)
+
+
+# --- Friction ---
+
+
+@pytest.mark.parametrize("order", [4, 1])
+def test_sliding_stops_where_it_should(order):
+    """v²/2 = (f/m) x, and then it stays, exactly; at order 4 the stop is found in the midst of a step."""
+    sim = slider(v=1.0, friction=[3.0], order=order, step=1.1e-2)
+    sim.advance(steps=200)
+    assert sim.qd[0] == 0.0
+    assert sim.q[0] == pytest.approx(0.5 * 1.0**2 / 1.5, rel={4: 1e-8, 1: 2e-2}[order])
+    assert sim.audit.friction == pytest.approx(-1.0, rel={4: 1e-8, 1: 2e-2}[order])
+    rest = sim.q[0]
+    sim.advance([2.999], steps=1000)
+    assert sim.q[0] == rest and sim.qd[0] == 0.0, "sticks below the breakaway force"
+    sim.advance([3.5], steps=100)
+    assert sim.q[0] - rest == pytest.approx(0.5 * 0.25 * 1.1**2, rel={4: 1e-8, 1: 2e-2}[order])
+
+
+@pytest.mark.parametrize("order", [4, 1])
+def test_passing_through_rest(order):
+    """Pushed back harder than friction holds it turns round: two parabolas, of (F + f)/m and (F − f)/m."""
+    sim = slider(v=1.0, friction=[1.0], order=order, step={4: 1e-2, 1: 1e-4}[order])
+    sim.advance([-5.0], steps=round(1.0 / sim.step_size))
+    turn = 1.0 / 3.0
+    expected = 0.5 / 3.0 - 0.5 * 2.0 * (1.0 - turn) ** 2
+    assert sim.q[0] == pytest.approx(expected, abs={4: 1e-9, 1: 1e-3}[order])
+    assert sim.qd[0] == pytest.approx(-2.0 * (1.0 - turn), abs={4: 1e-9, 1: 1e-3}[order])
+
+
+def test_order_with_friction():
+    """With joints that stop, stick and break away, two that are coupled converge with order 4 all the same.
+
+    The reference is steps so fine that an error of order 1 in any of these instants would show.
+    """
+    model = dd.load_urdf(CHAIN)
+
+    def end(h):
+        sim = dd.Simulation(model, [0.3, 0.4], [2.0, -3.0], step=h, friction=[0.8, 0.9], damping=[0.1, 0.0])
+        modes = set()
+        for k in range(round(1.2 / h)):
+            sim.advance([1.0, 2.5 * (k >= round(0.6 / h))])
+            modes.add(tuple(np.sign(sim.qd)))
+        return np.concatenate([sim.q, sim.qd]), modes
+
+    exact, modes = end(5e-4)
+    assert any(0.0 in mode for mode in modes) and len(modes) >= 4, modes
+    errors = [np.abs(end(h)[0] - exact).max() for h in (1e-2, 5e-3, 2.5e-3)]
+    assert errors[-1] < 1e-6 and errors[1] < errors[0] / 8 and errors[2] < errors[1] / 8, errors
+
+
+@pytest.mark.parametrize("order", [4, 1])
+def test_a_hand_at_rest_stays_at_rest(order):
+    """Below the breakaway torque of every joint nothing moves, bit for bit, whatever else would."""
+    model = load(HAND)
+    rng = np.random.default_rng(1)
+    sim = dd.Simulation(model, order=order)
+    start = sim.q
+    for _ in range(5):
+        sim.advance(0.9 * model.friction * rng.uniform(-1, 1, model.nv), steps=20)
+    assert (sim.q == start).all() and not sim.qd.any() and sim.audit.residual == 0.0
+
+
+# --- Limits ---
+
+
+@pytest.mark.parametrize("order", [4, 1])
+def test_hard_limit_keeps_its_place(order):
+    """An arm that falls on its stop loses what it has, and what it has left is that of the joints that go on."""
+    sim = dd.Simulation(dd.load_urdf(CHAIN.replace('upper="10"', 'upper="1.0"', 1)), order=order)
+    energies = []
+    for _ in range(1500):
+        sim.advance()
+        audit = sim.audit
+        energies.append(audit.kinetic + audit.potential)
+    assert sim.q[0] == 1.0 and sim.qd[0] == 0.0 and sim.at_limit == ("shoulder",)
+    assert sim.audit.limits < -0.1
+    if order == 4:  # impacts are found, so energy is lost there and nowhere else
+        assert max(np.diff(energies)) < 1e-9 and abs(sim.audit.residual) < 1e-8
+
+
+@pytest.mark.parametrize("stiffness", [1e2, 1e5, 1e9, 1e13])
+@pytest.mark.parametrize("damping", [0.0, 1.0, 1e6])
+@pytest.mark.parametrize("order", [4, 1])
+def test_compliant_limit_never_adds_energy(order, damping, stiffness):
+    """However stiff, whatever the part of a step in which it is met: a block comes back no faster than it went."""
+    for x in (9.9, 9.90013, 9.9007):
+        sim = slider(x, 1.0, order=order, limits=dd.CompliantLimits(stiffness, damping))
+        for _ in range(700):
+            sim.advance()
+            audit = sim.audit
+            assert audit.kinetic <= 1e-9 and audit.kinetic + audit.elastic <= 1e-9
+            assert audit.limits <= 1e-9
+        if order == 4 and damping == 0.0 and stiffness == 1e2:
+            assert sim.qd[0] == pytest.approx(-1.0, rel=1e-6), "a spring that the step resolves gives all back"
+
+
+@pytest.mark.parametrize("order", [4, 1])
+def test_compliant_limit_bears_a_load(order):
+    """F/k deep, at rest."""
+    sim = slider(9.9, 0.0, order=order, limits=dd.CompliantLimits(1e4, 200.0))
+    sim.advance([5.0], steps=4000)
+    assert sim.q[0] == pytest.approx(10.0 + 5.0 / 1e4, abs=1e-9)
+    assert abs(sim.qd[0]) < 1e-9
+    assert sim.audit.elastic == pytest.approx(0.5 * 25.0 / 1e4, rel=1e-4)
+
+
+def test_compliant_limit_converges():
+    """In contact a spring and damper of a coupled arm are integrated with order 4: the residual and the end say so."""
+    model = dd.load_urdf(CHAIN.replace('upper="10"', 'upper="0.6"', 1))
+
+    def run(h):
+        sim = dd.Simulation(model, step=h, limits=dd.CompliantLimits(800.0, 3.0), damping=[0.02, 0.03])
+        sim.advance(steps=round(0.8 / h))
+        return np.concatenate([sim.q, sim.qd]), abs(sim.audit.residual), sim.audit
+
+    exact, _, audit = run(1e-4)
+    assert audit.limits < -0.05, "never touched"
+    runs = [run(h) for h in (4e-3, 2e-3, 1e-3)]
+    for errors in ([np.abs(end - exact).max() for end, _, _ in runs], [residual for _, residual, _ in runs]):
+        assert errors[-1] < 1e-6 and errors[0] > 8 * errors[1] > 50 * errors[2], errors
+
+
+# --- Efforts, wrenches, payloads ---
+
+
+def test_efforts_saturate():
+    """A command beyond the limit is cut to it, and named; what is asked for does not matter."""
+    sims = [slider(effort_limits=limits) for limits in (True, [100.0], False, [7.0])]
+    for sim in sims:
+        sim.advance([150.0], steps=10)
+    assert sims[0].saturated == sims[1].saturated == ("rail",) and sims[2].saturated == ()
+    assert [sim.effort[0] for sim in sims] == [100.0, 100.0, 150.0, 7.0]
+    np.testing.assert_allclose([sim.qd[0] for sim in sims], np.array([100, 100, 150, 7]) / 2 * 0.01, rtol=1e-12)
+    sims[0].advance([-150.0])
+    assert sims[0].effort[0] == -100.0
+    sims[0].advance([3.0])
+    assert sims[0].saturated == ()
+
+
+def test_effort_limit_of_zero_is_none():
+    sim = dd.Simulation(dd.load_urdf(SLIDER.replace('effort="100"', 'effort="0"')))
+    sim.advance([1.0])
+    assert sim.qd[0] > 0.0 and sim.saturated == ()
+
+
+def test_overspeed_is_named():
+    sim = slider(v=99.0, limits=False)
+    assert sim.overspeed == ()
+    sim.reset([0.0], [101.0])
+    assert sim.overspeed == ("rail",)
+
+
+@pytest.mark.parametrize("order", [4, 1])
+@pytest.mark.parametrize("frame", ["link", "world"])
+def test_wrenches_are_efforts_of_their_jacobian(frame, order):
+    """A step with a wrench is one with Jᵀf, that of Pinocchio; held in the world's axes it does not turn with the link."""
+    model = load(UR5)
+    q, qd = 0.3 * np.arange(1, 7), 0.1 * np.ones(6)
+    f_ext = {"wrist_3_link": [3.0, -4.0, 5.0, 0.1, 0.2, -0.3], "forearm_link": [0, 0, 2.0, 0, 0, 0]}
+    jacobian = Oracle(robot_path(UR5).read_text(), model.dof_names).effort_of(q, f_ext, frame)
+    sims = [dd.Simulation(model, q, qd, step=1e-6, order=order, effort_limits=False) for _ in range(2)]
+    sims[0].advance(f_ext=f_ext, frame=frame)
+    sims[1].advance(jacobian)
+    np.testing.assert_allclose(sims[0].qd, sims[1].qd, rtol=0, atol=1e-9)
+    assert np.abs(sims[0].qd - qd).max() > 1e-5
+
+
+def test_wrench_on_a_floating_base():
+    """A push through the centre of mass in the world's axes accelerates it by F/m, however the body tumbles."""
+    brick = description("brick", link("brick", mass=2.0, inertia=(0.02, 0.003, 0, 0.05, 0.004, 0.06)))
+    model = dd.load_urdf(brick, floating_base=True, gravity=(0, 0, 0))
+    sim = dd.Simulation(model, qd=[0, 0, 0, 1.0, 2.0, 3.0])
+    sim.advance(steps=1000, f_ext={"brick": [1.0, 2.0, 3.0, 0, 0, 0]}, frame="world")
+    np.testing.assert_allclose(sim.q[:3], np.array([1.0, 2.0, 3.0]) / 4.0, atol=1e-9)
+    assert abs(sim.audit.residual) < 1e-9 * sim.audit.wrenches
+
+
+def test_payload_taken_up_in_motion():
+    """q and q̇ stay; the payload brings its energy at that speed and height, and the audit has it."""
+    model = load(PANDA)
+    sim = dd.Simulation(model, qd=0.2 * np.ones(model.nv))
+    sim.advance(steps=100)
+    q, qd, before = sim.q, sim.qd, sim.audit
+    loaded = model.with_payload("panda_hand", 1.5, (0, 0, 0.1))
+    sim.change_model(loaded)
+    assert (sim.q == q).all() and (sim.qd == qd).all()
+    s = dd.DiagonalDynamics(loaded).evaluate(q, qd)
+    assert sim.kinetic_energy == pytest.approx(s.kinetic_energy, rel=1e-12)
+    assert sim.audit.exchanged == pytest.approx(
+        sim.audit.kinetic - before.kinetic + sim.audit.potential - before.potential
+    )
+    assert abs(sim.audit.exchanged) > 1e-3 and sim.audit.residual == pytest.approx(before.residual, abs=1e-12)
+    sim.advance(steps=100)
+    assert abs(sim.audit.residual) < 1e-8
+    with pytest.raises(dd.InputError, match="degrees of freedom"):
+        sim.change_model(load(UR5))
+    with pytest.raises(dd.InputError, match="needs a RobotModel"):
+        sim.change_model(None)
+    assert sim.model is loaded
+
+
+# --- The audit ---
+
+
+def driven(sim, seconds, largest, period=0.05, seed=1):
+    """Advance a robot with random efforts, and a push on its last link; audits in between."""
+    model, rng = sim.model, np.random.default_rng(seed)
+    scale = np.full(model.nv, largest)
+    if model.floating_base:
+        scale[:6] = 0.0
+    link_name = model.link_names[-1]
+    audits = [sim.audit]
+    for _ in range(round(seconds / period)):
+        push = {link_name: 0.5 * rng.normal(size=6)}
+        sim.advance(scale * rng.uniform(-1, 1, model.nv), round(period / sim.step_size), push, "world")
+        audits.append(sim.audit)
+    return audits
+
+
+ROBOTS = {
+    "panda with its mimic gripper": (PANDA, {}),
+    "ur5": (UR5, {}),
+    "allegro hand": (HAND, {}),
+    "talos, flying": (TALOS, {"floating_base": True}),
+}
+
+
+@pytest.mark.parametrize("limits", ["hard", "compliant"])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_energy_is_accounted_for(name, limits):
+    """Every joule is somebody's: the residual is small, friction and dampers take at every instant, and so do stops."""
+    robot, options = ROBOTS[name]
+    model = load(robot, **options)
+    own = {}
+    if (
+        robot == HAND
+    ):  # with its own friction it never moves, and its own damping, 10⁵ s⁻¹, no step of a millisecond resolves
+        own = {"friction": np.full(model.nv, 0.02), "damping": 1e-4 * model.damping}
+    D = dd.DiagonalDynamics(model).evaluate(model.neutral, np.zeros(model.nv)).articulated_inertia
+    soft = dd.CompliantLimits(60.0**2 * D, 60.0 * D)  # 60 rad/s: what a step of a millisecond resolves
+    sim = dd.Simulation(model, limits=soft if limits == "compliant" else True, **own)
+    audits = driven(sim, 1.0, 0.02 if robot == HAND else 1.5)  # [N m]
+    turnover = sum(abs(a.effort) + abs(a.wrenches) + abs(a.kinetic) for a in (y.since(x) for x, y in pairwise(audits)))
+    assert turnover > 1e-3
+    assert abs(audits[-1].residual) < 1e-4 * turnover
+    for x, y in pairwise(audits):
+        step = y.since(x)
+        assert step.damping <= 0.0 and step.friction <= 0.0
+        assert step.limits <= 1e-9 * turnover
+
+
+# --- Wrong use ---
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        ({"friction": [-1.0]}, "friction is"),
+        ({"friction": [1.0, 2.0]}, "friction is"),
+        ({"effort_limits": [-1.0]}, "effort_limits is"),
+        ({"effort_limits": "none"}, "effort_limits is"),
+        ({"limits": "soft"}, "limits is 'soft'"),
+        ({"limits": dd.CompliantLimits(0.0)}, "stiffness of limits is 0.0"),
+        ({"limits": dd.CompliantLimits(1.0, -1.0)}, "damping of limits is -1.0"),
+        ({"limits": dd.CompliantLimits([1.0, 2.0])}, "stiffness of limits"),
+    ],
+)
+def test_bad_settings(options, named):
+    with pytest.raises(dd.InputError, match=named):
+        slider(**options)
+
+
+def test_bad_wrenches_leave_the_state():
+    sim = slider(v=1.0)
+    for f_ext, frame, named in (
+        ({"nowhere": np.zeros(6)}, "link", "'nowhere' is not a link"),
+        ({"block": [np.nan] * 6}, "link", "f_ext on link 'block'"),
+        ({"block": np.zeros(5)}, "link", "f_ext on link 'block'"),
+        ({}, "body", "frame is 'body'"),
+        ([1.0], "link", "f_ext is"),
+    ):
+        with pytest.raises(dd.InputError, match=named):
+            sim.advance(f_ext=f_ext, frame=frame)
+    assert sim.q[0] == 0.0 and sim.time == 0.0
+
+
+@pytest.mark.parametrize("order", [4, 1])
+def test_same_bits(order):
+    """Friction, limits, wrenches, a floating base: the same inputs give the same bits, in one call or in many."""
+    model = load(TALOS, floating_base=True)
+    ends = []
+    for parts in (1, 1, 40):
+        sim = dd.Simulation(model, order=order, limits=dd.CompliantLimits(300.0, 1.0))
+        for _ in range(parts):
+            sim.advance(0.1 * np.ones(model.nv), 40 // parts, {"torso_2_link": [9.0, 0, 0, 0, 0, 0]}, "world")
+        ends.append((sim.q, sim.nu, sim.qd))
+    for other in ends[1:2]:
+        assert all((a == b).all() for a, b in zip(ends[0], other, strict=True))
+    for a, b in zip(ends[0], ends[2], strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-9)
