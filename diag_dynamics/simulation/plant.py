@@ -121,8 +121,7 @@ class Simulation:
         self._nu = self.dynamics.nu_from_qd(q, qd)
         self._q = np.array(q, dtype=float) if self._flat else with_unit_quaternions(self.model, q)
         self._qd = np.array(qd, dtype=float)
-        self._effort = self._no_effort.copy()
-        self._saturated = ()
+        self._effort = self._wanted = self._no_effort
         self.time = 0.0
         self._works[:] = 0.0
         self._exchanged = 0.0
@@ -210,7 +209,7 @@ class Simulation:
     @property
     def saturated(self):
         """Names of the degrees of freedom whose effort was cut in the last steps."""
-        return self._saturated
+        return self._named(self._effort != self._wanted)
 
     @property
     def overspeed(self):
@@ -257,7 +256,7 @@ class Simulation:
         wrenches = self._no_wrenches
         if f_ext is not None or frame != "link":
             wrenches = wrenches_on_links(model, {} if f_ext is None else f_ext, frame)
-        effort = np.clip(wanted, -self._effort_limits, self._effort_limits)
+        effort = np.minimum(np.maximum(wanted, -self._effort_limits), self._effort_limits)
         status = compiled.advance(
             self._workspace.robot,
             self._order,
@@ -282,7 +281,7 @@ class Simulation:
             self.dynamics._workspace.work["D"][:] = self._workspace.work["D"]
             self.dynamics._positions(self._q)
             self.dynamics._fail(status, nu=self._nu)
-        self._effort, self._saturated = effort, self._named(effort != wanted)
+        self._effort, self._wanted = effort, wanted
         self.time += steps * self.step_size
 
     def evaluate(self, tau=None, f_ext=None, *, frame="link") -> Evaluation:
