@@ -212,8 +212,6 @@ class MonitorNode(ManagedNode):
 
     def _take_heartbeat(self):
         self._beat = time.monotonic()
-        if self._outputs:
-            self._outputs.look()
 
     def _overloaded(self):
         return time.monotonic() - self._beat > OVERDUE
@@ -236,7 +234,7 @@ class MonitorNode(ManagedNode):
         """Publish the state that a joint state completes."""
         now = self._now()
         if robot.pipeline:
-            served = robot.serve_at_once(message, now, self._outputs.wanted)
+            served = robot.serve_at_once(message, now, self._outputs.wanted())
             if served:
                 at_once = robot.pipeline
                 self._traffic.arrived(at_once.newest, now)
@@ -295,6 +293,7 @@ class MonitorNode(ManagedNode):
 
     def _publish(self, robot, state, what):
         """Evaluate a state, and pass it on."""
+        self._outputs.wanted()
         s, state = robot.evaluate(state)
         self._pass_on(robot, state.newest, s, lambda topics: robot.encoder.messages(topics, s, state), what)
 

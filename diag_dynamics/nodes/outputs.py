@@ -1,6 +1,7 @@
 """What the monitor publishes: each topic's message, made only where somebody listens, and no more often than wanted."""
 
-from rclpy.event_handler import PublisherEventCallbacks, UnsupportedEventTypeError
+import time
+
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 
@@ -59,6 +60,10 @@ def connected(create, kind, topic, *arguments, **options):
         raise InputError(f"topic '{topic}', parameters qos_overrides: {error}") from error
 
 
+SELDOM = 0.01
+"""Time for which it is taken for granted that the same people listen [s]."""
+
+
 class RateLimit:
     """Lets through what comes no sooner than a period after what it let through before, by the stamps."""
 
@@ -83,8 +88,8 @@ class RateLimit:
 class Outputs:
     """The publishers of a managed node.
 
-    Asking every publisher who listens, for every message, would cost as much as evaluating a state does. It is done when ROS
-    tells of a change; should it not (before Iron, it cannot), whoever has the publishers calls :meth:`look` now and then.
+    Who listens is not asked for every message: where they come fast, asking every publisher would cost as much as evaluating a
+    state does. (ROS can tell of changes by itself, too, but an EventsExecutor then crashes when a publisher goes.)
 
     Parameters
     ----------
@@ -98,7 +103,9 @@ class Outputs:
         self._handles = {}
         try:
             for topic, (kind, _) in TOPICS.items():
-                self._publishers[topic] = self._publisher(topic, kind)
+                self._publishers[topic] = connected(
+                    node.create_lifecycle_publisher, kind, f"~/{topic}", QoSProfile(depth=10)
+                )
         except BaseException:
             self.destroy()
             raise
@@ -107,17 +114,9 @@ class Outputs:
         self._handles = {topic: self._publishers[topic].handle for topic in ORDER}
         self.look()
 
-    def _publisher(self, topic, kind):
-        create, at, qos = self._node.create_lifecycle_publisher, f"~/{topic}", QoSProfile(depth=10)
-        try:
-            return connected(create, kind, at, qos, event_callbacks=PublisherEventCallbacks(matched=self.look))
-        except (TypeError, InputError) as error:
-            if not isinstance(error.__cause__ or error, (TypeError, UnsupportedEventTypeError)):
-                raise
-        return connected(create, kind, at, qos)
-
-    def look(self, _=None):
+    def look(self):
         """See who listens."""
+        self._looked = time.monotonic()
         self._wanted = [topic for topic, handle in self._handles.items() if handle.get_subscription_count()]
         self._bits = sum(BITS[topic] for topic in self._wanted)
 
@@ -135,9 +134,10 @@ class Outputs:
         else:
             self._limits.pop(topic, None)
 
-    @property
     def wanted(self):
-        """Sum of the :data:`BITS` of topics about a state that somebody listens to."""
+        """Sum of the :data:`BITS` of topics about a state that somebody listens to; it holds for :meth:`publish`."""
+        if time.monotonic() - self._looked > SELDOM:
+            self.look()
         return self._bits & ABOUT_STATE
 
     def publish(self, stamp, about_state, matrix):
