@@ -88,8 +88,8 @@ class RateLimit:
 class Outputs:
     """The publishers of a managed node.
 
-    Who listens is not asked for every message: where they come fast, asking every publisher would cost as much as evaluating a
-    state does. (ROS can tell of changes by itself, too, but an EventsExecutor then crashes when a publisher goes.)
+    Who listens is not asked for every message: where they come fast, asking every publisher would cost as much as evaluating
+    a state does. (ROS can tell of changes by itself, too, but an EventsExecutor then crashes when a publisher goes.)
 
     Parameters
     ----------
