@@ -16,6 +16,8 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global
 from numba.extending import intrinsic, lower_builtin, lower_cast, register_model
 
+from diag_dynamics.kernel import Lent
+
 _DOUBLE, _INT = ir.DoubleType(), ir.IntType(32)
 
 
@@ -276,12 +278,13 @@ def chooser(*second):
     return choose
 
 
-def array_at(dtype, ndim):
+def array_at(dtype, ndim, lent=False):
     """Kernel (address, shape) that gives the C-contiguous array of numba type `dtype` that lies at an address.
 
-    That of lanes must be a multiple of their size.
+    That of lanes must be a multiple of their size. One that is `lent` is of the type that entry kernels take, so that what is
+    compiled for these need not be compiled again.
     """
-    array = types.Array(dtype, ndim, "C")
+    array = Lent(dtype, ndim) if lent else types.Array(dtype, ndim, "C")
 
     @intrinsic
     def at(typingctx, address, shape):

@@ -6,9 +6,9 @@ import numpy as np
 from diag_dynamics.lanes import array_at
 
 bytes_at, words_at, indices_at, flags_at, vector_at = (
-    array_at(kind, 1) for kind in (numba.uint8, numba.int32, numba.int64, numba.boolean, numba.float64)
+    array_at(kind, 1, lent=True) for kind in (numba.uint8, numba.int32, numba.int64, numba.boolean, numba.float64)
 )
-matrix_at, table_at = array_at(numba.float64, 2), array_at(numba.int64, 2)
+matrix_at, table_at = array_at(numba.float64, 2, lent=True), array_at(numba.int64, 2, lent=True)
 
 
 class Addresses:

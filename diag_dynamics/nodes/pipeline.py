@@ -4,9 +4,9 @@ import numpy as np
 
 from diag_dynamics import sweeps
 from diag_dynamics.kernel import COUNT, entry_kernel, ready
-from diag_dynamics.nodes.addresses import Addresses, indices_at, matrix_at
+from diag_dynamics.nodes.addresses import Addresses, indices_at, matrix_at, vector_at
 from diag_dynamics.nodes.encoded import link_energy_at, write
-from diag_dynamics.nodes.inputs.known import NO_EFFORT, WITH_EFFORT, WITHOUT_EFFORT, take, times_at, values_at
+from diag_dynamics.nodes.inputs.known import NO_EFFORT, WITH_EFFORT, WITHOUT_EFFORT, take, times_at, value_at
 from diag_dynamics.nodes.outputs import WITH_LINK_ENERGY
 
 _ROBOT, _NV, _LINKS, _LINK_COUNT, _ROWS, _SHEETS, _BITS, _SIZE = 0, 1, 2, 3, 4, 5, 7, 9
@@ -104,15 +104,17 @@ def _serve(known, layout, now, mode, pipeline, wanted):
     sheets = at[_SHEETS + found - 1]
     if found == 0 or sheets == 0 or wanted & ~at[_BITS + found - 1] != 0:
         return found, stamp, False, 0, 0.0, 0.0
-    values, times = values_at(known), times_at(known)
-    position, velocity, effort = values[0], values[1], values[2 if found == WITH_EFFORT else NO_EFFORT]
+    times, position, velocity = times_at(known), value_at(known, 0), value_at(known, 1)
+    effort = value_at(known, 2 if found == WITH_EFFORT else NO_EFFORT)
     robot, rows = at[_ROBOT], matrix_at(at[_ROWS], (sweeps.ROWS, at[_NV]))
     if sweeps.evaluate_within(robot, position, velocity, effort, rows) != 0:
         return found, stamp, False, 0, 0.0, 0.0
     energy, power = sweeps.energy_and_power_within(rows, at[_NV])
     told = power if found == WITH_EFFORT else 0.0
     newest, oldest = times[0], times[1]
-    write(sheets, wanted, newest, oldest, False, False, energy, told, 0, rows, position, effort, effort[:0])
+    write(
+        sheets, wanted, newest, oldest, False, False, energy, told, 0, rows, position, effort, vector_at(robot, (0,))
+    )  # no friction
     if wanted & WITH_LINK_ENERGY:
         bodies, _, work, _ = sweeps.opened(robot)
         links = sweeps.links_at(at[_LINKS], (at[_LINK_COUNT],))

@@ -249,10 +249,10 @@ def _opened_text(address, n):
 
 
 @kernel
-def values_at(address):
-    """What :func:`take` has handed out last, see :data:`NO_EFFORT`; shape (ROWS, number of joints)."""
+def value_at(address, row):
+    """A row of what :func:`take` has handed out last, see :data:`NO_EFFORT`."""
     at = indices_at(address, (16,))
-    return matrix_at(at[14], (ROWS, at[0]))
+    return vector_at(at[14] + 8 * row * at[0], (at[0],))
 
 
 @kernel
