@@ -8,6 +8,8 @@ import numpy as np
 import psutil
 import pytest
 from diag_dynamics.srv import Diagonalize
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rclpy.node import NodeNameNonExistentError
 from sensor_msgs.msg import JointState
 
@@ -209,6 +211,27 @@ GROWTH = 4e6
 def resources(process):
     """Return threads, file descriptors and memory of a process."""
     return process.num_threads(), process.num_fds(), process.memory_info().rss
+
+
+def test_cleanup_as_listeners_leave(monitor, panda):
+    """Whoever listens may go while the publishers do: the node lives, and has all of them again when it is configured."""
+    peer = monitor.peer
+    monitor.set_parameter("robot_description", str(panda.path))
+    monitor.transition("configure", "activate")
+    for _ in range(8):
+        listeners = [peer.topic(kind, f"{monitor.name}/{topic}") for topic, kind in OUTPUTS.items()]
+        peer.wait_until(
+            lambda all_=listeners: all(topic.subscription.get_publisher_count() for topic in all_), "publishers"
+        )
+        monitor.transition("deactivate")
+        request = ChangeState.Request(transition=Transition(label="cleanup"))
+        answer = peer._clients[f"{monitor.name}/change_state"].call_async(request)
+        for topic in listeners:
+            peer.node.destroy_subscription(topic.subscription)
+        peer.wait_until(answer.done, "the cleanup")
+        assert answer.result().success
+        monitor.transition("configure", "activate")
+    monitor.connect(panda).serves(panda)
 
 
 def test_hundreds_of_pauses(monitor, panda):

@@ -204,6 +204,15 @@ def test_plain_states_are_served_at_once(twins):
         assert served(twins)
 
 
+def test_nobody_listens(twins):
+    """States are served at once all the same: energies are watched."""
+    for wanted in (frozenset(), frozenset(MATRICES)):
+        twins.begin()
+        for at_once in (False, True):
+            twins.take(A_STEP._replace(wanted=wanted))
+            assert served(twins) == at_once
+
+
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: next(iter(change)))
 def test_after_a_change_of_settings(twins, change):
     """The next state is already by the new settings, served at once where they are nothing unusual."""
@@ -230,6 +239,8 @@ def test_state_that_cannot_be_evaluated(twins):
             twins.received = twins.now + MS
             assert twins._taken(node, message, frozenset(ORDER)) == []
             assert node._traffic.counts["rejected: InputError"]
+        first, second = (twins._memory(node) for node in twins.nodes)
+        assert first == second
         twins.take(A_STEP._replace(passed=2 * MS))
         assert served(twins)
     finally:

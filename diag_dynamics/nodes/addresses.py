@@ -11,6 +11,9 @@ bytes_at, words_at, indices_at, flags_at, vector_at = (
 matrix_at, table_at = array_at(numba.float64, 2, lent=True), array_at(numba.int64, 2, lent=True)
 
 
+_TYPES = (np.uint8, np.bool_, np.int64, np.float64)
+
+
 class Addresses:
     """A table of whole numbers and of addresses of arrays, which lives as long as this.
 
@@ -28,8 +31,9 @@ class Addresses:
 
     def __init__(self, *entries):
         self._arrays = [entry for entry in entries if isinstance(entry, np.ndarray)]
-        if not all(array.flags.c_contiguous for array in self._arrays):
-            raise ValueError("an array is not C-contiguous")
+        for array in self._arrays:
+            if not (array.flags.c_contiguous and (array.dtype in _TYPES or array.dtype.fields)):
+                raise ValueError(f"an array of {array.dtype} is of no kernel's type, or not C-contiguous")
         numbers = [entry.ctypes.data if isinstance(entry, np.ndarray) else entry for entry in entries]
         self.table = np.array(numbers, dtype=np.int64)
         self.at = self.table.ctypes.data

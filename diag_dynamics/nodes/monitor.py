@@ -59,7 +59,6 @@ class MonitorNode(ManagedNode):
         self._listening = 0  # number of the activation
         self._revision = 0
         self._traffic = Traffic()
-        self._sampled = None  # the state whose numerical health was reported last
         self.add_on_set_parameters_callback(self._set_parameters)
         backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
         self._simulated_time = self.get_clock().ros_time_is_active
@@ -240,7 +239,7 @@ class MonitorNode(ManagedNode):
                 self._traffic.arrived(at_once.newest, now)
                 self._pass_on(robot, at_once.newest, at_once, at_once.messages, "published")
                 return
-            state = robot.joint_states.update(message, now) if served is None else robot.pipeline.state
+            state = robot.joint_states.deserialized(message, now) if served is None else robot.pipeline.state
         else:
             state = robot.joint_states.update(message, now)
         if state is None:

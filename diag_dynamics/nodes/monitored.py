@@ -10,7 +10,7 @@ from diag_dynamics.nodes.inputs.known import KnownJointStates
 from diag_dynamics.nodes.inputs.odometry import OdometryBase
 from diag_dynamics.nodes.inputs.stamps import SECOND
 from diag_dynamics.nodes.messages import MessageMaker
-from diag_dynamics.nodes.pipeline import Pipeline
+from diag_dynamics.nodes.pipeline import Pipeline, compile_pipeline
 from diag_dynamics.nodes.robot import COMPILED, joints_of, payloads_of
 
 
@@ -60,6 +60,8 @@ class MonitoredRobot:
         self._jumps = 0  # of the joints' time that the base knows of
         self.use(model, settings, revision)
         self.dynamics.compile(*COMPILED)
+        if self._by_template:
+            compile_pipeline()
 
     @property
     def model(self):
@@ -95,7 +97,7 @@ class MonitoredRobot:
 
     @property
     def state(self):
-        """The RobotState that was evaluated last; None if none has been since all was forgotten."""
+        """The last RobotState, which was evaluated; None if it could not be, or all has been forgotten since."""
         return self.pipeline.state if self._at_once else self._state
 
     @property
@@ -153,9 +155,10 @@ class MonitoredRobot:
             gravity[: len(gravity) - len(without)] = 0.0  # of a base, on which no effort acts
             gravity[len(gravity) - len(without) :] *= without
             state = state._replace(effort=state.effort + gravity)
+        self._state, self._at_once = None, False
         friction = self.settings.values["publish_friction"]
         s = self.dynamics.evaluate(state.position, state.velocity, state.effort, friction=friction)
-        self._state, self._at_once = state, False
+        self._state = state
         return s, state
 
     def serve_at_once(self, raw, now, wanted):

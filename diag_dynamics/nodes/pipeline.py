@@ -14,6 +14,11 @@ _ROBOT, _NV, _LINKS, _LINK_COUNT, _ROWS, _SHEETS, _BITS, _SIZE = 0, 1, 2, 3, 4, 
 evaluated; Sheets without efforts, and with; the bits of these; and its size."""
 
 
+def compile_pipeline():
+    """Compile what pipelines call, or load it: no state of a robot that gets one later shall wait for that."""
+    ready(_serve)
+
+
 class Pipeline:
     """Takes joint states in, evaluates them and writes the messages about them, as long as nothing about them is unusual.
 
@@ -43,7 +48,6 @@ class Pipeline:
         links = np.ascontiguousarray(model.links)
         self._addresses = Addresses(self._workspace.robot, model.nv, links, len(links), self._evaluated, *[0] * 4)
         self._found = 0
-        ready(_serve)
 
     def serve(self, raw, now, wanted):
         """Serve a serialized joint state.
@@ -102,7 +106,7 @@ def _serve(known, layout, now, mode, pipeline, wanted):
     found, stamp = take(known, layout, now, mode)
     at = indices_at(pipeline, (_SIZE,))
     sheets = at[_SHEETS + found - 1]
-    if found == 0 or sheets == 0 or wanted & ~at[_BITS + found - 1] != 0:
+    if found == 0 or wanted & ~at[_BITS + found - 1] != 0:
         return found, stamp, False, 0, 0.0, 0.0
     times, position, velocity = times_at(known), value_at(known, 0), value_at(known, 1)
     effort = value_at(known, 2 if found == WITH_EFFORT else NO_EFFORT)
@@ -112,9 +116,9 @@ def _serve(known, layout, now, mode, pipeline, wanted):
     energy, power = sweeps.energy_and_power_within(rows, at[_NV])
     told = power if found == WITH_EFFORT else 0.0
     newest, oldest = times[0], times[1]
-    write(
-        sheets, wanted, newest, oldest, False, False, energy, told, 0, rows, position, effort, vector_at(robot, (0,))
-    )  # no friction
+    if wanted:
+        no_friction = vector_at(robot, (0,))
+        write(sheets, wanted, newest, oldest, False, False, energy, told, 0, rows, position, effort, no_friction)
     if wanted & WITH_LINK_ENERGY:
         bodies, _, work, _ = sweeps.opened(robot)
         links = sweeps.links_at(at[_LINKS], (at[_LINK_COUNT],))

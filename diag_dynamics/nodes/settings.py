@@ -21,7 +21,7 @@ PARAMETERS = {
     "serialization": Spec(
         "template",
         "How messages become numbers and numbers messages: by the bytes of those before, of which all but numbers stays the "
-        "same (template), or by rclpy, which costs two to three times as much (rclpy). What comes of it is the same.",
+        "same (template), or by rclpy, which costs about four times as much (rclpy). What comes of it is the same.",
         while_unconfigured=True,
         choices=("template", "rclpy"),
     ),

@@ -90,8 +90,11 @@ class KnownJointStates:
         RejectedError
             As there, or the bytes are no message.
         """
-        if found := self.taken(raw, now, _take):
-            return self.state(found[0])
+        found = self.taken(raw, now, _take)
+        return self.state(found[0]) if found else self.deserialized(raw, now)
+
+    def deserialized(self, raw, now):
+        """As :meth:`update`, in the ordinary way."""
         try:
             message = deserialize_message(raw, JointState)
         except Exception as error:
