@@ -83,7 +83,7 @@ def main(args=None):
     try:
         urdf = find_urdf(chosen.robot)
         patience = threading.Timer(
-            2.0, print, ["Compiling the dynamics, once: it takes about half a minute …"], {"flush": True}
+            2.0, print, ["Compiling the dynamics, once: it takes about a minute …"], {"flush": True}
         )
         patience.start()
         stop.callback = lambda: os._exit(130)  # the compiler does not let go of the interpreter for a wish
