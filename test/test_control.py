@@ -285,7 +285,10 @@ class Run(NamedTuple):
 
 def run(s, law, q, qd, duration, period=1e-3, sign=1.0, push=None):
     """Close the loop: `law(time, q, qd)` gives a Command, held for a period; sign −1 turns what is not gravity round."""
-    plant = dd.Simulation(s.model, q, qd, step=period, damping=np.zeros(s.model.nv), limits=False)
+    nothing = np.zeros(s.model.nv)
+    plant = dd.Simulation(
+        s.model, q, qd, step=period, damping=nothing, friction=nothing, limits=False, effort_limits=False
+    )
     rows = []
     for k in range(round(duration / period)):
         command = law(k * period, plant.q, plant.qd)

@@ -32,7 +32,9 @@ def arm():
 
 
 def plant(q, qd, limits=False):
-    return dd.Simulation(arm().model, q, qd, step=PERIOD, damping=np.zeros(N), limits=limits)
+    return dd.Simulation(
+        arm().model, q, qd, step=PERIOD, damping=np.zeros(N), friction=np.zeros(N), effort_limits=False, limits=limits
+    )
 
 
 def random_state(rng, speed=1.0):

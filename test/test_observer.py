@@ -144,7 +144,16 @@ def test_any_gain_is_stable():
 def held(efforts, period, sub=8):
     """Residual of a simulated arm, a constant push and efforts held for a period, and its truth."""
     s = subject("panda_arm")
-    plant = dd.Simulation(s.model, READY, np.full(N, 0.2), step=period / sub, damping=np.zeros(N), limits=False)
+    plant = dd.Simulation(
+        s.model,
+        READY,
+        np.full(N, 0.2),
+        step=period / sub,
+        damping=np.zeros(N),
+        friction=np.zeros(N),
+        effort_limits=False,
+        limits=False,
+    )
     push = np.array([3.0, -5.0, 2.0, 4.0, 0.5, -0.5, 0.2])
     observer = dd.DisturbanceObserver(s.dyn, GAIN, np.inf, effort=efforts)
     result, truth, tau = observer.update(0.0, plant.q, plant.qd, np.zeros(N)), np.zeros(N), None
