@@ -84,7 +84,13 @@ class Arm:
         force *= np.exp(rng.uniform(np.log(5.0), np.log(40.0))) / np.linalg.norm(force)
         start = centre + swing * np.sin(phase), swing * pace * np.cos(phase)
         plant = dd.Simulation(
-            self.true, *start, step=PERIOD, damping=self.damping, friction=0.0 * self.damping, limits=False
+            self.true,
+            *start,
+            step=PERIOD,
+            damping=self.damping,
+            friction=0.0 * self.damping,
+            limits=False,
+            effort_limits=False,
         )
         rows, tau = [], np.zeros(n)
         for k in range(int(DURATION / PERIOD)):
