@@ -235,7 +235,10 @@ def test_monitor_of_a_simulator(wave):
     with Monitor(wave.peer, "/wave") as monitor:
         wave.states.forget()
         topics = monitor.topics
-        wave.peer.wait_until(lambda: len(topics["kinetic_energy"].messages) >= 300, "kinetic energies", START)
+        energies, states = topics["kinetic_energy"].stamps, wave.states.stamps
+        wave.peer.wait_until(  # states came before the monitor was there, and may be waiting in this process
+            lambda: len(energies) >= 300 and states and states[-1] >= energies[299], "kinetic energies", START
+        )
         wave.peer.wait_until(lambda: all(topic.messages for topic in topics.values()), "all topics")
         stamps = set(wave.states.stamps)
         compared = 0
