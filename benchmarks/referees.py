@@ -22,6 +22,7 @@ from test_mujoco import Mujoco  # noqa: E402
 
 PAGE = ROOT / "docs" / "simulation.md"
 MARK = "<!-- figures, by benchmarks/referees.py -->"
+END = "\n## In real time"
 
 DURATION = 0.5
 """How long robots move that are compared [s]."""
@@ -107,8 +108,9 @@ def main():
         *(audit(name, seconds, order) for name in AUDITED for order in (4, 1) if order == 4 or "flying" not in name),
     ]
     print("\n".join(lines))
-    before, _, _ = PAGE.read_text(encoding="utf-8").partition(MARK)
-    PAGE.write_text(before + MARK + "\n\n" + "\n".join(lines) + "\n", encoding="utf-8")
+    before, _, figures = PAGE.read_text(encoding="utf-8").partition(MARK)
+    _, end, after = figures.partition(END)
+    PAGE.write_text(before + MARK + "\n\n" + "\n".join(lines) + "\n" + end + after, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -91,6 +91,68 @@ def test_order_with_friction():
 
 
 @pytest.mark.parametrize("order", [4, 1])
+@pytest.mark.parametrize("robot", [HAND, "chain"])
+def test_friction_never_adds_energy(robot, order):
+    """Not in any step, however coarse, and joints that it stops do not move backwards."""
+    model = dd.load_urdf(CHAIN) if robot == "chain" else load(robot)
+    friction = np.full(2, 1.5) if robot == "chain" else 0.05 * model.friction
+    sim = dd.Simulation(model, order=order, step=5e-3, friction=friction, limits=False)
+    rng = np.random.default_rng(4)
+    stopped, last = 0, 0.0
+    for k in range(400):
+        if k % 10 == 0:
+            tau = 3.0 * friction * rng.uniform(-1.0, 1.0, model.nv)
+        q, qd = sim.q, sim.qd
+        sim.advance(tau)
+        assert sim.audit.friction <= last + 1e-12 * abs(last)
+        last = sim.audit.friction
+        ends = (qd != 0.0) & (sim.qd == 0.0)
+        stopped += ends.sum()
+        if order == 1:
+            assert ((sim.q - q)[ends] == 0.0).all()
+    assert stopped > {"chain": 3, HAND: 100}[robot]
+    if robot == "chain":  # dampers of the hand stop joints within a step, see docs/simulation.md
+        assert abs(sim.audit.residual) < {4: 1e-8, 1: 1e-2}[order] * abs(last)
+
+
+@pytest.mark.parametrize("order", [4, 1])
+@pytest.mark.parametrize("robot", [UR5, PANDA, TALOS])
+def test_brakes(robot, order):
+    """However strong, they stop joints where they are, in any state, take what these had and not one joule more."""
+    model = load(robot, floating_base=robot == TALOS)
+    own = slice(6 if robot == TALOS else 0, None)  # nothing brakes a base
+    rng = np.random.default_rng(7)
+    for strength in (30.0, 1e3, 1e5, 1e7, 1e9, 1e12, 1e100):
+        for _ in range(10):
+            q, qd = model.neutral, rng.normal(size=model.nv)
+            q[-len(qd[own]) :] = rng.uniform(*np.clip([model.lower, model.upper], -1.0, 1.0))[-len(qd[own]) :]
+            sim = dd.Simulation(model, q, qd, order=order, damping=np.zeros(model.nv), effort_limits=False)
+            energy, q = sim.kinetic_energy, sim.q
+            friction = np.zeros(model.nv)
+            friction[own] = strength
+            sim.friction = friction
+            sim.advance()
+            assert np.abs(sim.q - q).max() < 2e-3 * np.abs(qd).max()
+            assert sim.audit.kinetic + sim.audit.potential < 0.0 and sim.audit.friction < 0.0
+            assert abs(sim.audit.residual) < {4: 2e-2, 1: 5e-2}[order] * energy
+            if strength >= 1e7:
+                assert not sim.qd[own].any()
+
+
+@pytest.mark.parametrize("order", [4, 1])
+def test_next_to_no_friction_does_next_to_nothing(order):
+    """It cannot take more than its torque times the way, however often joints turn round."""
+    model = load(UR5)
+    start = [0.3, -1.0, 0.8, 0.2, 0.4, 0.1]
+    sim = dd.Simulation(model, start, friction=np.full(6, 1e-9), order=order)
+    way = 0.0
+    for _ in range(2000):
+        sim.advance()
+        way += 1e-3 * np.abs(sim.qd).sum()
+    assert -1.1e-9 * way < sim.audit.friction < 0.0
+
+
+@pytest.mark.parametrize("order", [4, 1])
 def test_a_hand_at_rest_stays_at_rest(order):
     """Below the breakaway torque of every joint nothing moves, bit for bit, whatever else would."""
     model = load(HAND)
@@ -267,26 +329,29 @@ ROBOTS = {
 }
 
 
-@pytest.mark.parametrize("limits", ["hard", "compliant"])
+@pytest.mark.parametrize(("limits", "seconds"), [("hard", 120.0), ("compliant", 1.0)])
 @pytest.mark.parametrize("name", ROBOTS)
-def test_energy_is_accounted_for(name, limits):
-    """Every joule is somebody's: the residual is small, friction and dampers take at every instant, and so do stops."""
+def test_energy_is_accounted_for(name, limits, seconds):
+    """Every joule is somebody's: the residual is small, friction and dampers take at every instant, and so do stops.
+
+    Talos over two minutes is in docs/simulation.md; it takes long.
+    """
     robot, options = ROBOTS[name]
     model = load(robot, **options)
     own = {}
-    if (
-        robot == HAND
-    ):  # with its own friction it never moves, and its own damping, 10⁵ s⁻¹, no step of a millisecond resolves
+    if robot == HAND:  # by its own friction it never moves; its own damping, 10⁵ s⁻¹, no step of a millisecond resolves
         own = {"friction": np.full(model.nv, 0.02), "damping": 1e-4 * model.damping}
+    if robot == TALOS:
+        own, seconds = {"step": 2e-3}, min(seconds, 10.0)
     D = dd.DiagonalDynamics(model).evaluate(model.neutral, np.zeros(model.nv)).articulated_inertia
     soft = dd.CompliantLimits(60.0**2 * D, 60.0 * D)  # 60 rad/s: what a step of a millisecond resolves
     sim = dd.Simulation(model, limits=soft if limits == "compliant" else True, **own)
-    audits = driven(sim, 1.0, 0.02 if robot == HAND else 1.5)  # [N m]
-    turnover = sum(abs(a.effort) + abs(a.wrenches) + abs(a.kinetic) for a in (y.since(x) for x, y in pairwise(audits)))
+    audits = driven(sim, seconds, 0.02 if robot == HAND else 1.5)  # [N m]
+    steps = [y.since(x) for x, y in pairwise(audits)]
+    turnover = sum(abs(a.effort) + abs(a.wrenches) + abs(a.kinetic) for a in steps)
     assert turnover > 1e-3
     assert abs(audits[-1].residual) < 1e-4 * turnover
-    for x, y in pairwise(audits):
-        step = y.since(x)
+    for step in steps:
         assert step.damping <= 0.0 and step.friction <= 0.0
         assert step.limits <= 1e-9 * turnover
 

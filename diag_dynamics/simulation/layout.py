@@ -6,8 +6,8 @@ DAMPING, FRICTION, STIFFNESS, LIMIT_DAMPING = range(4)
 LOWER, UPPER = range(2)
 """Rows of position limits, one entry for each position coordinate."""
 
-EFFORT_WORK, DAMPING_WORK, FRICTION_WORK, LIMIT_WORK, WRENCH_WORK, WORKS = range(6)
-"""Entries of what work has been done on the robot [J]; that of limits without what they store."""
+EFFORT_WORK, DAMPING_WORK, FRICTION_WORK, LIMIT_WORK, WRENCH_WORK, TAKEN, WORKS = range(7)
+"""Entries of what work has been done on the robot [J], that of limits without what they store; and how many steps taken."""
 
 FREE, HELD = 0.0, 2.0
 """What a degree of freedom does in a step; it slides one way or the other at 1 or −1."""

@@ -19,6 +19,7 @@ from diag_dynamics.simulation.layout import (
     LIMIT_DAMPING,
     LIMIT_WORK,
     STIFFNESS,
+    TAKEN,
     WORKS,
     WRENCH_WORK,
 )
@@ -51,11 +52,6 @@ class Simulation:
         Coulomb friction f [N m, N], by default that of the URDF.
     effort_limits : bool or array_like, shape (nv,)
         Largest efforts [N m, N], to which commands are cut: those of the URDF, where 0 stands for none; none; or given ones.
-
-    Attributes
-    ----------
-    time : float
-        Simulated time [s].
 
     Raises
     ------
@@ -122,7 +118,6 @@ class Simulation:
         self._q = np.array(q, dtype=float) if self._flat else with_unit_quaternions(self.model, q)
         self._qd = np.array(qd, dtype=float)
         self._effort = self._wanted = self._no_effort
-        self.time = 0.0
         self._works[:] = 0.0
         self._exchanged = 0.0
         self._start, self._start_energies = (self._q.copy(), self._nu.copy()), None
@@ -158,6 +153,11 @@ class Simulation:
         self._use(model)
         self._nu = nu
         self._exchanged += float(self._energies(self._q, self._nu).sum() - before)
+
+    @property
+    def time(self):
+        """Simulated time since the last reset [s]: a whole number of steps."""
+        return float(self._works[0, TAKEN]) * self.step_size
 
     @property
     def damping(self):
@@ -277,12 +277,11 @@ class Simulation:
             self._places,
             self._rows,
         )
+        self._effort, self._wanted = effort, wanted
         if status:
             self.dynamics._workspace.work["D"][:] = self._workspace.work["D"]
             self.dynamics._positions(self._q)
             self.dynamics._fail(status, nu=self._nu)
-        self._effort, self._wanted = effort, wanted
-        self.time += steps * self.step_size
 
     def evaluate(self, tau=None, f_ext=None, *, frame="link") -> Evaluation:
         """Everything of the diagonalized equations at the present state, as :meth:`DiagonalDynamics.evaluate`."""

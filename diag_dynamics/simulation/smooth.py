@@ -197,15 +197,13 @@ def _dissipate(bodies, work, joints, h, spring, first, last, path, square, works
 
 
 @large_kernel
-def euler(robot, flat, joints, h, tau, pushed, mode, spring, depth, q, qd, works, memory):
-    """One step of semi-implicit Euler from (q, q̇), in place: (M + h d + h² k) q̈ = τ − d q̇ − k (x + h q̇) − c − g."""
-    bodies, _, _, _ = sweeps.opened(robot)
-    n = len(qd)
-    added, effort, qdd, u = memory[0], memory[1], memory[2], memory[3]
-    for k in range(n):
+def euler_rates(robot, joints, h, tau, pushed, mode, spring, depth, q, qd, after, memory):
+    """Rates after a step of semi-implicit Euler: (M + h d + h² k) q̈ = τ − d q̇ − k (x + h q̇) − c − g."""
+    added, effort, qdd = memory[0], memory[1], memory[2]
+    for k in range(len(qd)):
         resistance = joints[DAMPING, k]
         effort[k], added[k] = tau[k] + pushed[k], 0.0
-        if mode[k] != FREE and mode[k] != HELD:
+        if abs(mode[k]) == 1.0:
             effort[k] -= joints[FRICTION, k] * mode[k]
         if spring[k] != 0.0:
             resistance += joints[LIMIT_DAMPING, k]
@@ -214,10 +212,21 @@ def euler(robot, flat, joints, h, tau, pushed, mode, spring, depth, q, qd, works
         effort[k] -= resistance * qd[k]
         added[k] += h * resistance
     status = sweeps.accelerations_with_added_inertia(robot, q, qd, effort, added, qdd)
-    if status != 0:
-        return status
+    for k in range(len(qd)):
+        after[k] = qd[k] + h * qdd[k] if mode[k] != HELD else 0.0
+    return status
+
+
+@large_kernel
+def euler_move(robot, flat, joints, h, tau, pushed, mode, spring, depth, first, q, qd, works, memory):
+    """What remains of that step once its rates are known: where they lead, in place, and the work done on the way.
+
+    `first` are the rates at its start. Friction takes as much as its impulse times the mean rate, unless the joint has
+    turned round.
+    """
+    bodies, _, _, _ = sweeps.opened(robot)
+    n, u = len(qd), memory[3]
     for k in range(n):
-        qd[k] = qd[k] + h * qdd[k] if mode[k] != HELD else 0.0
         u[k] = h * qd[k]
     if flat:
         for k in range(n):
@@ -231,8 +240,9 @@ def euler(robot, flat, joints, h, tau, pushed, mode, spring, depth, q, qd, works
         done += tau[k] * u[k]
         pushing += pushed[k] * u[k]
         damped -= joints[DAMPING, k] * qd[k] * u[k]
-        if mode[k] != FREE:
-            rubbed -= joints[FRICTION, k] * mode[k] * u[k]
+        if abs(mode[k]) == 1.0:
+            mean = 0.5 * h * (first[k] + qd[k]) if first[k] * mode[k] >= 0.0 else u[k]
+            rubbed -= joints[FRICTION, k] * mode[k] * mean
         if spring[k] != 0.0:  # its work, by the force at the end, and what it has stored
             end = depth[k] + u[k]
             stopped -= (joints[LIMIT_DAMPING, k] * qd[k] + joints[STIFFNESS, k] * end) * u[k]
@@ -249,7 +259,7 @@ def euler(robot, flat, joints, h, tau, pushed, mode, spring, depth, q, qd, works
 
 @large_kernel
 def glide(robot, joints, bounds, h, steps, tau, q, qd, last_q, last_qd, added, effort, qdd, path, works):
-    """Steps of :func:`euler` where that is all there is, until one would end at a limit or fails; returns how many.
+    """Steps of semi-implicit Euler where that is all there is, until one would end at a limit or fails; returns how many.
 
     Of robots whose joints have one degree of freedom each, without friction, wrenches and springs. Nothing but arithmetic is
     here, for it is what order 1 is for.

@@ -13,13 +13,14 @@ from diag_dynamics.simulation.layout import (
     LIMIT_WORK,
     LOWER,
     STIFFNESS,
+    TAKEN,
     UPPER,
 )
 from diag_dynamics.simulation.modes import any_held, gaps, limited, look, settle
-from diag_dynamics.simulation.smooth import VECTORS, euler, glide, load_at, runge_kutta, stored
+from diag_dynamics.simulation.smooth import VECTORS, euler_move, euler_rates, glide, load_at, runge_kutta, stored
 
 MOST_EVENTS = 4
-"""Instants in a step at which modes change; what is left of the step after so many is taken as at order 1."""
+"""Instants in a step at which modes change that are found; what is left of the step after so many is taken at once."""
 
 TRIALS = 40
 """Steps taken to find such an instant, at most; five or six will do."""
@@ -29,6 +30,9 @@ UNMOVED = 1e-6
 
 SOON = 1e-2
 """Part of a step in which friction stops what an impact has set in motion, and it counts as not moved."""
+
+FAR = 2e-2
+"""How far friction held on to would take a joint that it stops in a step [rad, m]: from there on it is nonsense."""
 
 NEAR = 1e-10
 """How near to that instant is near enough, as part of what there is to find over the step."""
@@ -50,10 +54,13 @@ NEAR = 1e-10
     GAP,
     GAP_BEFORE,
     GAP_BEYOND,
-) = range(VECTORS, VECTORS + 32, 2)
+    SEEN,
+    TURNED,
+    FREE_RATES,
+) = range(VECTORS, VECTORS + 38, 2)
 """Rows of memory besides those of smooth steps; those of gaps are two."""
 
-ROWS = VECTORS + 32
+ROWS = VECTORS + 38
 
 PLACE, START_Q, LAST_Q, PLACES = range(4)
 """Rows of memory with an entry for each position coordinate."""
@@ -146,26 +153,23 @@ def _arrest(robot, q, nu, qd, memory):
     return status if status != 0 else sweeps.nu_from_qd(robot, q, qd, nu)
 
 
-@large_kernel
-def _stop_sliding(robot, joints, q, qd, nu, works, memory):
-    """Joints that have come to a stop by friction stop; what is held stays so. Friction's impulse takes energy away.
+@kernel
+def _turned(joints, mode, qd, k):
+    """Whether a joint that slides one way moves the other."""
+    return abs(mode[k]) == 1.0 and joints[FRICTION, k] > 0.0 and mode[k] * qd[k] < 0.0
 
-    Stopping one joint can turn another round: it is stopped too. As stopped joints only get more, this ends.
-    """
-    mode, marks, before, status = memory[MODE], memory[MARKS], _kinetic(nu), 0
-    marks[:] = 0.0
-    more = True
-    while more and status == 0:
-        more = False
-        for k in range(len(qd)):
-            turned = mode[k] != FREE and mode[k] != HELD and joints[FRICTION, k] > 0.0 and mode[k] * qd[k] < 0.0
-            if turned and marks[k] == 0.0:
-                marks[k], more = math.inf, True
-        if more:
-            for k in range(len(qd)):
-                marks[k] = math.inf if mode[k] == HELD else marks[k]
-            status = _arrest(robot, q, nu, qd, memory)
-    works[FRICTION_WORK] += _kinetic(nu) - before
+
+@large_kernel
+def _stop(robot, q, qd, nu, k, works, memory):
+    """Have friction stop a joint where it is; ν follows."""
+    mode, marks = memory[MODE], memory[MARKS]
+    for j in range(len(qd)):
+        marks[j] = math.inf if mode[j] == HELD or j == k else 0.0
+    status = sweeps.nu_from_qd(robot, q, qd, nu)
+    works[FRICTION_WORK] -= _kinetic(nu)
+    if status == 0:
+        status = _arrest(robot, q, nu, qd, memory)
+    works[FRICTION_WORK] += _kinetic(nu)
     return status
 
 
@@ -219,11 +223,66 @@ def _spend_stored(bodies, joints, bounds, before, q, memory, works):
             works[LIMIT_WORK] += stored(joints[STIFFNESS, k], deep) - stored(joints[STIFFNESS, k], was)
 
 
+@kernel
+def _soon(start, end, k):
+    """When in a step a joint that turns round in it is at rest, as part of it."""
+    return start[k] / (start[k] - end[k]) if start[k] * end[k] < 0.0 else 0.0
+
+
+@large_kernel
+def _hold_by_friction(robot, armature, joints, h, tau, q, start, qd, nu, works, memory, all_of_them):
+    """Rates after a step of order 1, and what joints do in it that come to rest there. Returns a status.
+
+    A joint that friction would turn round stops at the start, and is held; one that turns round without it goes on, rubbed
+    from the other side. One after the other, the first to come to rest first: whether the others do may be another matter
+    then. If not `all_of_them`, only those are stopped that would stop so soon, or be thrown so far, that no step of order 4
+    may be tried with their friction in it, and nothing else is changed. `start` are the rates at the start; ν is memory.
+    """
+    bodies, _, _, _ = sweeps.opened(robot)
+    n, mode, seen, turned, free = len(qd), memory[MODE], memory[SEEN], memory[TURNED], memory[FREE_RATES]
+    spring, depth, pushed = memory[SPRING], memory[DEPTH], memory[PUSHED]
+    seen[:] = 0.0
+    while True:
+        status = euler_rates(robot, joints, h, tau, pushed, mode, spring, depth, q, start, qd, memory)
+        if status != 0:
+            return status
+        found = False
+        for k in range(n):
+            turned[k] = 0.0
+            matters = all_of_them or (seen[k] == 0.0 and (_soon(start, qd, k) < SOON or h * abs(qd[k]) > FAR))
+            if matters and _turned(joints, mode, qd, k):
+                turned[k], mode[k], found = mode[k], FREE, True
+        if not found:
+            return 0
+        status = euler_rates(robot, joints, h, tau, pushed, mode, spring, depth, q, start, free, memory)
+        if status != 0:
+            return status
+        first, soonest = -1, math.inf
+        for k in range(n):
+            if turned[k] != 0.0:
+                mode[k] = turned[k]
+                alone = turned[k] * free[k] < 0.0 and abs(free[k]) > abs(qd[k] - free[k]) and start[k] != 0.0
+                if (seen[k] != 0.0 or not alone) and _soon(start, qd, k) < soonest:
+                    first, soonest = k, _soon(start, qd, k)
+        if first >= 0:
+            status = _stop(robot, q, start, nu, first, works, memory)
+            if status != 0:
+                return status
+            mode[first] = HELD
+            sweeps.hold(bodies, armature, memory[MARKS])
+        for k in range(n):
+            if first >= 0 and seen[k] != 0.0 and abs(mode[k]) == 1.0 and start[k] != 0.0:
+                mode[k], seen[k] = math.copysign(1.0, start[k]), 0.0  # that may be another matter now, too
+            elif first < 0 and turned[k] != 0.0:
+                seen[k] = 1.0
+                mode[k] = -mode[k] if all_of_them else mode[k]
+
+
 # --- Order 1 ----------------------------------------------------------------------------------------------
 
 
 @large_kernel
-def _euler_with_limits(robot, flat, joints, bounds, h, tau, q, qd, works, memory, places):
+def _euler_with_limits(robot, flat, armature, joints, bounds, h, tau, q, qd, nu, works, memory, places):
     """A step of order 1, taken anew until every joint that comes to a compliant limit in it leans on that."""
     bodies, _, _, _ = sweeps.opened(robot)
     mode, spring, depth = memory[MODE], memory[SPRING], memory[DEPTH]
@@ -231,8 +290,12 @@ def _euler_with_limits(robot, flat, joints, bounds, h, tau, q, qd, works, memory
     sweeps.copy(q, start_q)
     sweeps.copy(qd, start_qd)
     while True:
+        status = _hold_by_friction(robot, armature, joints, h, tau, q, start_qd, qd, nu, works[0], memory, True)
         works[1] = works[0]
-        status = euler(robot, flat, joints, h, tau, memory[PUSHED], mode, spring, depth, q, qd, works[1], memory)
+        if status == 0:
+            status = euler_move(
+                robot, flat, joints, h, tau, memory[PUSHED], mode, spring, depth, start_qd, q, qd, works[1], memory
+            )
         if status != 0:
             return status
         more = False
@@ -246,7 +309,6 @@ def _euler_with_limits(robot, flat, joints, bounds, h, tau, q, qd, works, memory
         if not more:
             break
         sweeps.copy(start_q, q)
-        sweeps.copy(start_qd, qd)
     works[0] = works[1]
     _spend_stored(bodies, joints, bounds, start_q, q, memory, works[0])
     return 0
@@ -259,27 +321,23 @@ def _step_of_order_1(
     """One step of order 1 from (q, q̇), in place; ν is memory."""
     bodies, _, _, _ = sweeps.opened(robot)
     mode, spring, depth, gap = memory[MODE], memory[SPRING], memory[DEPTH], memory[GAP : GAP + 2]
-    status, holding = _begin(robot, rough, armature, joints, bounds, tau, wrenches, in_world, q, qd, memory)
+    status, _ = _begin(robot, rough, armature, joints, bounds, tau, wrenches, in_world, q, qd, memory)
     if status != 0:
         return status
     if rough:
-        status = _euler_with_limits(robot, flat, joints, bounds, h, tau, q, qd, works, memory, places)
+        status = _euler_with_limits(robot, flat, armature, joints, bounds, h, tau, q, qd, nu, works, memory, places)
     else:
-        status = euler(robot, flat, joints, h, tau, memory[PUSHED], mode, spring, depth, q, qd, works[0], memory)
-    if holding:
+        pushed = memory[PUSHED]
+        status = euler_rates(robot, joints, h, tau, pushed, mode, spring, depth, q, qd, qd, memory)
+        if status == 0:
+            status = euler_move(robot, flat, joints, h, tau, pushed, mode, spring, depth, qd, q, qd, works[0], memory)
+    if rough:
         _let_go(robot, armature, memory)
     if status == 0 and (rough or touches(bounds, q)) and gaps(bodies, joints, bounds, q, qd, mode, spring, depth, gap):
         status = sweeps.nu_from_qd(robot, q, qd, nu)
         if status == 0:
-            status = _stop(robot, joints, bounds, h, q, qd, nu, works[0], memory)
+            status = _stop_at_limits(robot, joints, bounds, h, q, qd, nu, works[0], memory)
     return status
-
-
-@large_kernel
-def _stop(robot, joints, bounds, h, q, qd, nu, works, memory):
-    """The end of all motion that friction or limits have ended."""
-    status = _stop_sliding(robot, joints, q, qd, nu, works, memory)
-    return status if status != 0 else _stop_at_limits(robot, joints, bounds, h, q, qd, nu, works, memory)
 
 
 # --- Order 4 ----------------------------------------------------------------------------------------------
@@ -412,16 +470,43 @@ def _apply_event(robot, joints, bounds, h, q, qd, nu, works, memory):
     return status
 
 
+@kernel
+def _flies_in(bodies, joints, gap):
+    """Whether a joint has gone through a compliant limit without leaning on it."""
+    for i in range(1, len(bodies)):
+        if limited(bodies, i) and math.isfinite(joints[STIFFNESS, bodies[i].dof]) and gap[1, bodies[i].dof] > 0.0:
+            return True
+    return False
+
+
+@kernel
+def _slides(mode):
+    """Whether a joint slides."""
+    for k in range(len(mode)):
+        if abs(mode[k]) == 1.0:
+            return True
+    return False
+
+
 @large_kernel
 def _step_of_order_4(
     robot, flat, armature, joints, bounds, rough, h, tau, wrenches, in_world, q, qd, nu, works, memory, places, rows
 ):
-    """One step of order 4 from (q, q̇, ν), in place, in parts between which joints change their modes."""
+    """One step of order 4 from (q, q̇, ν), in place, in parts between which joints change their modes.
+
+    After as many parts as there may be, the rest is taken at once, at order 1 should friction or a limit that comes into
+    it add energy otherwise.
+    """
     bodies, _, _, _ = sweeps.opened(robot)
     mode, spring, depth, gap = memory[MODE], memory[SPRING], memory[DEPTH], memory[GAP : GAP + 2]
-    remaining = h
-    for event in range(MOST_EVENTS + 1):
+    remaining, parts = h, 0
+    while True:
         status, holding = _begin(robot, rough, armature, joints, bounds, tau, wrenches, in_world, q, qd, memory)
+        if status == 0 and rough and _slides(memory[MODE]):
+            status = _hold_by_friction(
+                robot, armature, joints, remaining, tau, q, qd, memory[EFFORT], nu, works[0], memory, False
+            )
+            holding = any_held(memory[MODE])
         if status == 0 and holding:
             status = sweeps.nu_from_qd(robot, q, qd, nu)
         if status != 0:
@@ -452,7 +537,14 @@ def _step_of_order_4(
         if status != 0:
             return status
         changes = (rough or touches(bounds, q)) and gaps(bodies, joints, bounds, q, qd, mode, spring, depth, gap)
-        located = changes and event < MOST_EVENTS
+        located = changes and parts < MOST_EVENTS
+        parts += 1
+        if changes and not located and (works[1, FRICTION_WORK] > 0.0 or _flies_in(bodies, joints, gap)):
+            sweeps.copy(places[START_Q], q)
+            sweeps.copy(memory[START_QD], qd)
+            if holding:
+                _let_go(robot, armature, memory)
+            break
         if located:
             status, taken = _find_event(
                 robot, flat, joints, bounds, remaining, tau, wrenches, in_world, q, qd, nu, works, memory, places, rows
@@ -471,10 +563,28 @@ def _step_of_order_4(
             status = _apply_event(robot, joints, bounds, h, q, qd, nu, works[0], memory)
             rough = True
         elif status == 0 and changes:
-            status = _stop(robot, joints, bounds, h, q, qd, nu, works[0], memory)
+            status = _stop_at_limits(robot, joints, bounds, h, q, qd, nu, works[0], memory)
         if status != 0 or not located or remaining <= 0.0:
             return status
-    return 0
+    status = _step_of_order_1(
+        robot,
+        flat,
+        armature,
+        joints,
+        bounds,
+        rough,
+        remaining,
+        tau,
+        wrenches,
+        in_world,
+        q,
+        qd,
+        nu,
+        works,
+        memory,
+        places,
+    )
+    return status if status != 0 else sweeps.nu_from_qd(robot, q, qd, nu)
 
 
 # --- Any order --------------------------------------------------------------------------------------------
@@ -612,16 +722,21 @@ def advance(
             memory[MODE], memory[SPRING], memory[DEPTH] = 0.0, 0.0, 0.0
     if status == 0 and order == 1 and steps > 0:
         status = sweeps.nu_from_qd(robot, q, qd, nu)
+    energy = _kinetic(nu)
+    if status == 0 and steps > 0 and not math.isfinite(energy):
+        status = -1
     if status != 0:
         failing = work[status].D if status > 0 else 0.0
         _let_go(robot, armature, memory)
         sweeps.copy(last_q, q)
         sweeps.copy(last_qd, qd)
         works[0] = works[2]
+        taken -= 1
         if order == 1:
             sweeps.nu_from_qd(robot, q, qd, nu)
         else:
             sweeps.copy(last_nu, nu)
         if status > 0:
             work[status].D = failing  # what is to be told of
+    works[0, TAKEN] += max(taken, 0)
     return status
