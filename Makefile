@@ -8,10 +8,10 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
 JOBS ?= 2
 
-.PHONY: help setup demo test bench lint format lock clean
+.PHONY: help setup demo demo-control test bench lint format lock clean
 
 help:  ## this list
-	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
 
 setup:  ## virtual environment, ROS 2 and the built package, all under build/
 	@scripts/setup
@@ -19,10 +19,13 @@ setup:  ## virtual environment, ROS 2 and the built package, all under build/
 demo: setup  ## a simulated robot and its kinetic energy, live; ROBOT=<name or URDF path> ARGS=<options>
 	@$(in_env) scripts/demo $(if $(ROBOT),--robot "$(ROBOT)") $(ARGS)
 
+demo-control: setup  ## a push on an arm under control: seen, and its kinetic energy bounded; ARGS=--picture <file>
+	@$(in_env) scripts/demo_control $(ARGS)
+
 test: lint  ## lint, then every test; ARGS=<pytest options>, JOBS=<files at a time, 0 for a debugger>
 	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
 
-bench: setup  ## speed of library and nodes, into benchmarks/results/ and the README; ARGS=--short: two minutes' worth
+bench: setup  ## speed of library and nodes, worth of the observer, into benchmarks/results/ and the README; ARGS=--short: two minutes' worth
 	@$(in_env) python3 benchmarks/run.py $(ARGS)
 
 lint: setup  ## code style and docstrings

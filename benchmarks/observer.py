@@ -281,7 +281,7 @@ def measure(arm, gain, streams):
 
 HEAD = f"""# Disturbance observers: total joint rates and momenta
 
-`python benchmarks/observer.py`. Runs of {DURATION:g} s at {1 / PERIOD:g} Hz, all joints moving, noise of
+`make bench ARGS="--only observer"`. Runs of {DURATION:g} s at {1 / PERIOD:g} Hz, all joints moving, noise of
 {VELOCITY_NOISE:g} rad/s and {EFFORT_NOISE:g} N m; pushes of 5 to 40 N for {PUSH:g} s, at random links, in random directions.
 Thresholds come from one half of the runs, figures from the other. *Quiet*: the lowest threshold without a false alarm
 in the tuning's free motion. *Equal*: that which lets {SENSITIVITY:.0%} of the tuning's pushes be seen. Delays are of
@@ -343,13 +343,9 @@ def draw(outcomes, path):
     plt.close(figure)
 
 
-def main():
-    """Simulate, judge, and write the table and the picture."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("folder", nargs="?", type=Path, default=RESULTS)
-    options.add_argument("--short", action="store_true", help="a fifteenth of the runs, for a look at whether it works")
-    chosen = options.parse_args()
-    free, pushed = (4, 4) if chosen.short else (40, 80)
+def compare(short):
+    """Outcomes by arm, condition and gain; `short`: of a fifteenth of the runs."""
+    free, pushed = (4, 4) if short else (40, 80)
     outcomes = {}
     for name in ARMS:
         for condition in CONDITIONS:
@@ -358,9 +354,24 @@ def main():
             streams = [arm.run(rng, not is_free) for is_free in kinds]
             for gain in GAINS:
                 outcomes[name, condition, gain] = measure(arm, gain, streams)
-    chosen.folder.mkdir(parents=True, exist_ok=True)
-    (chosen.folder / "observer.md").write_text(table(outcomes), encoding="utf-8")
-    draw(outcomes, chosen.folder / "observer.png")
+    return outcomes
+
+
+def write(outcomes, folder):
+    """Write the table and the picture."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "observer.md").write_text(table(outcomes), encoding="utf-8")
+    draw(outcomes, folder / "observer.png")
+
+
+def main():
+    """Simulate, judge, and write the table and the picture."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("folder", nargs="?", type=Path, default=RESULTS)
+    options.add_argument("--short", action="store_true", help="a fifteenth of the runs, for a look at whether it works")
+    chosen = options.parse_args()
+    outcomes = compare(chosen.short)
+    write(outcomes, chosen.folder)
     print(table(outcomes))
 
 

@@ -14,6 +14,7 @@ try:
     import agreement
     import growth
     import memory
+    import observer
     import plots
     import report
     import single
@@ -72,14 +73,14 @@ SHORT = Plan(
 )
 
 
-PARTS = ("library", "nodes")
+PARTS = ("library", "observer", "nodes")
 
 
 def main():
-    """Measure the library, then the nodes, and print the tables; with a folder, write tables and plots into it."""
+    """Measure library, observer and nodes, and print the tables; with a folder, write tables and plots into it."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--short", action="store_true", help="two minutes' worth, which writes nothing by default")
-    options.add_argument("--only", choices=PARTS, help="measure the library or the nodes alone")
+    options.add_argument("--only", choices=PARTS, help="measure one of these alone")
     options.add_argument(
         "--output",
         type=Path,
@@ -94,10 +95,12 @@ def main():
         if folder.exists() and not folder.is_dir():
             options.error(f"--output: {folder} is not a folder")
         folder.mkdir(parents=True, exist_ok=True)
-    parts = {"library": library, "nodes": nodes}
+    parts = {"library": library, "observer": disturbances, "nodes": nodes}
     chosen = [arguments.only] if arguments.only else PARTS
     if "nodes" in chosen and not importlib.util.find_spec("rclpy"):
-        options.error("the nodes need a ROS 2: source scripts/env.bash, or leave them out with --only library")
+        options.error(
+            "the nodes need a ROS 2: source scripts/env.bash, or leave them out with --only library or observer"
+        )
     for part in chosen:
         parts[part](arguments.short, folder, official)
 
@@ -115,6 +118,15 @@ def library(short, folder, official):
         (folder / "table.md").write_text(report.page(measured), encoding="utf-8")
     if official:
         report.put_into_readme(table)
+
+
+def disturbances(short, folder, _):
+    """Compare the disturbance observer with the classical one: no times, the same numbers every time."""
+    _say("compares disturbance observers")
+    found = observer.compare(short)
+    print(observer.table(found))
+    if folder:
+        observer.write(found, folder)
 
 
 def nodes(short, folder, official):

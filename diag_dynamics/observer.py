@@ -1,5 +1,6 @@
 """External torque without differentiating M: a disturbance observer on total joint rates."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -170,7 +171,11 @@ class DisturbanceObserver:
 
     def _result(self, q):
         r = self._residual
-        norm = float(np.sqrt(r @ r))
+        with np.errstate(over="ignore", invalid="ignore"):
+            norm = math.sqrt(r @ r)
+        if not math.isfinite(norm):  # nor will it ever be again
+            self.reset()
+            return Disturbance(False, "the residual was larger than any number")
         self._collision = norm >= self.release if self._collision else norm > self.threshold
         return Disturbance(True, "", r.copy(), self._dynamics.tau_from_epsilon(q, r), norm, self._collision)
 

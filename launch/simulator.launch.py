@@ -26,6 +26,17 @@ def generate_launch_description():
                 default_value="embed",
                 description="mimic joints: coupled to their leaders (embed), independent (free) or locked (lock)",
             ),
+            DeclareLaunchArgument(
+                "without_command",
+                default_value="zero",
+                description="drives without a command: no effort (zero) or brake",
+            ),
+            DeclareLaunchArgument(
+                "command_timeout", default_value="0.0", description="how long one holds [s]; 0: for ever"
+            ),
+            DeclareLaunchArgument(
+                "publish_clock", default_value="false", description="simulated time goes out on /clock"
+            ),
             DeclareLaunchArgument("use_sim_time", default_value="false", description="take time from /clock"),
             Node(
                 package="diag_dynamics",
@@ -37,6 +48,9 @@ def generate_launch_description():
                         # a str by type, lest the XML is parsed as YAML
                         "robot_description": ParameterValue(LaunchConfiguration("robot_description"), value_type=str),
                         "mimic": LaunchConfiguration("mimic"),
+                        "without_command": LaunchConfiguration("without_command"),
+                        "command_timeout": ParameterValue(LaunchConfiguration("command_timeout"), value_type=float),
+                        "publish_clock": LaunchConfiguration("publish_clock"),
                         "use_sim_time": LaunchConfiguration("use_sim_time"),
                     },
                 ],

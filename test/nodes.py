@@ -200,6 +200,11 @@ class Topic:
         assert len(found) <= 1, f"{len(found)} messages on {self.subscription.topic_name} with one stamp"
         return found[0] if found else None
 
+    def repeated(self, stamp):
+        """Return the message with this stamp [ns], however often it came; None if there is none, or others with it."""
+        found = self._at.get(stamp, ())
+        return found[0] if found and all(other == found[0] for other in found) else None
+
     def forget(self):
         """Drop all messages received so far."""
         self.messages.clear()
@@ -224,6 +229,17 @@ class Peer(contextlib.AbstractContextManager):
         self.node.destroy_node()
         self.context.try_shutdown()
 
+    def extra_node(self, name, namespace):
+        """Make another node, whose callbacks are served likewise."""
+        node = rclpy.create_node(name, namespace=namespace, context=self.context)
+        self._executor.add_node(node)
+        return node
+
+    def drop_node(self, node):
+        """Have it leave the graph."""
+        self._executor.remove_node(node)
+        node.destroy_node()
+
     def now(self):
         """Return the time of the node's clock [ns]."""
         return self.node.get_clock().now().nanoseconds
@@ -244,11 +260,11 @@ class Peer(contextlib.AbstractContextManager):
         """Subscribe."""
         return Topic(self.node, kind, name, qos)
 
-    def call(self, kind, name, request):
-        """Call a service and return the response."""
+    def call(self, kind, name, request, node=None):
+        """Call a service and return the response; it is that of a node whose name the service's begins with."""
         if name not in self._clients:
             self._clients[name] = self.node.create_client(kind, name)
-            self.become_known(name.rpartition("/")[0])
+            self.become_known(node or name.rpartition("/")[0])
         client = self._clients[name]
         self.wait_until(client.service_is_ready, f"service {name}", START)
         future = client.call_async(request)

@@ -87,6 +87,18 @@ def test_short_form(tmp_path, compiled):
     assert before == {path: path.stat().st_mtime_ns for path in before}
 
 
+def test_short_form_of_the_observer(tmp_path, compiled):
+    """Two arms, right and wrong model, two gains, five detectors: every row is there, and the picture."""
+    done = run(tmp_path, BENCHMARKS / "run.py", "--short", "--only", "observer", "--output", tmp_path / "results")
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "results" / "observer.md").read_text(encoding="utf-8")
+    assert text in done.stdout
+    rows = re.findall(r"^\| ((?:ν|momenta): .*?) \| (\d+)% \| .* \| (\d+)% \| [\d.]+ \|$", text, re.M)
+    assert len(rows) == 2 * 2 * 2 * 5 and len({row[0] for row in rows}) == 5
+    assert all(0 <= float(part) <= 100 for row in rows for part in row[1:])
+    assert (tmp_path / "results" / "observer.png").read_bytes().startswith(b"\x89PNG")
+
+
 @pytest.mark.parametrize("call", ["aba", "aba_default", "dense_evaluate", "dense_factors"])
 def test_disagreement_is_an_error_before_anything_is_timed(call, tmp_path, compiled):
     script = f"""

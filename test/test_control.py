@@ -420,6 +420,23 @@ def test_tracking_converges_at_its_rate(robot):
         falls_as_promised(wrong, 0.02)
 
 
+def test_tracking_goes_to_a_far_target_no_faster_than_it_may():
+    """The error is taken back at most at the rate that is given, V falling as promised, and the target is reached."""
+    s, fastest = subject(UR5), []
+    law = dd.JointTracking(s.dyn, 20.0, 10.0, closing=0.5)
+    start = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2])
+    goal = start + np.array([1.0, 0.3, -0.2, 0.5, -1.0, 0.0])
+
+    def track(_, q, qd):
+        fastest.append(np.abs(qd).max())
+        return law.command(q, qd, goal)
+
+    record = run(s, track, start, np.zeros(6), 3.5)
+    assert 0.49 < max(fastest) < 0.51
+    falls_as_promised(record, 0.05)  # a command is held while the reference's acceleration jumps: 2e-5 of V₀
+    np.testing.assert_allclose(record.q, goal, atol=1e-3)
+
+
 # --- What is refused ---
 
 
@@ -465,6 +482,7 @@ REFUSED = {
     "gain text": (lambda d: dd.RateDamping(d, "strong"), "gain is 'strong', expected"),
     "q": (lambda d: dd.RateDamping(d, 1.0).command(HURT, ONE), "q of joint 'panda_joint3' is nan"),
     "qd shape": (lambda d: dd.RateDamping(d, 1.0).command(ONE, ONE[:3]), r"qd has shape \(3,\)"),
+    "closing": (lambda d: dd.JointTracking(d, 1.0, 1.0, 0.0), "closing of 'panda_joint1' is 0.0"),
     "convergence": (lambda d: dd.JointTracking(d, 1.0, -1), "convergence of 'panda_joint1' is -1.0"),
     "desired_q": (
         lambda d: dd.JointTracking(d, 1, 1).command(ONE, ONE, HURT),

@@ -17,6 +17,8 @@ from diag_dynamics.nodes.encoded import EncodedMessages
 from diag_dynamics.nodes.inputs.joint_states import RobotState
 from diag_dynamics.nodes.messages import MessageMaker
 from diag_dynamics.nodes.outputs import MATRICES, ORDER, TOPICS
+from diag_dynamics.nodes.settings import Observation
+from diag_dynamics.observer import Disturbance
 from examples import examples
 from nodes import PANDA, S, robot
 from robots import description, link, random_tree
@@ -137,6 +139,30 @@ def test_all_topics_of_one_state(name):
                 same(raw, getattr(maker, topic)(*of_it[topic]))
             for topic in TOPICS:
                 same(encode(encoder, topic, of_it[topic]), getattr(maker, topic)(*of_it[topic]))
+
+    check()
+
+
+@of_every_robot
+def test_external_torque(name):
+    """With a result or without, in a collision or not: what the maker makes, and never what was before."""
+
+    @examples(15)
+    @given(st.lists(st.tuples(moments, st.booleans(), st.booleans()), min_size=1, max_size=8))
+    def check(sequence):
+        maker = MessageMaker(dynamics(name).model)
+        encoder = EncodedMessages(maker)
+        for moment, valid, collision in sequence:
+            _, state = arguments(name, moment)["state"]
+            r, torque = np.random.default_rng(moment.seed).normal(size=(2, len(state.velocity)))
+            seen = Disturbance(True, "", r, torque, float(np.linalg.norm(r)), collision)
+            seen = seen if valid else Disturbance(False, "")
+            observation = Observation(
+                1.0, np.inf if moment.received else 2.0 + moment.age, 1.0 + moment.age, False, 0.1
+            )
+            message = maker.external_torque(seen, observation, state)
+            assert (message.valid, message.collision) == (valid, valid and collision)
+            same(encoder.external_torque(seen, observation, state), message)
 
     check()
 

@@ -225,6 +225,11 @@ EXPECTED = {
     "error_energy",
     "warn_energy_share",
     "error_energy_share",
+    "external_torque.gain",
+    "external_torque.threshold",
+    "external_torque.release_threshold",
+    "external_torque.friction",
+    "external_torque.max_gap",
     "publish_inverse_factor",
     "publish_friction",
     "max_rate.mass_matrix_factors",
@@ -234,6 +239,7 @@ EXPECTED = {
     "max_rate.total_joint_rates",
     "max_rate.working_moments",
     "max_rate.coriolis",
+    "max_rate.external_torque",
 }
 
 
@@ -313,6 +319,10 @@ REFUSED = {
         ([f"{HAND}=1 0 0 0 1 1 5 0 0 0"], "triangle"),
     ],
     "velocity_filter_time": [(-0.1, "velocity_filter_time"), (11.0, "velocity_filter_time")],
+    "external_torque.gain": [(-1.0, "external_torque.gain"), (math.nan, "external_torque.gain")],
+    "external_torque.threshold": [(-1.0, "external_torque.threshold")],
+    "external_torque.release_threshold": [(-1.0, "external_torque.release_threshold")],
+    "external_torque.max_gap": [(0.0, "external_torque.max_gap"), (math.inf, "external_torque.max_gap")],
     "warn_energy": [(-1.0, "warn_energy"), (math.nan, "warn_energy")],
     "warn_energy_share": [(["elbow=1"], "elbow")],
     **{

@@ -306,6 +306,18 @@ def test_bad_samples_leave_it_as_it_was():
     np.testing.assert_array_equal(observer.update(0.021, q, qd, tau).residual, other.update(0.021, q, qd, tau).residual)
 
 
+def test_a_residual_that_no_number_can_hold():
+    """Rates that are absurd, but can be evaluated: no result rather than inf, and it begins anew."""
+    motion, observer, _ = observer_at_work()
+    q, qd, tau = sample(motion, 0.021)
+    for time in (0.021, 0.022):
+        absurd = observer.update(time, q, 1e150 * qd, tau)
+        assert not absurd.valid and absurd.reason == "the residual was larger than any number" and not absurd.norm
+    observer.update(0.023, q, qd, tau)  # whose rates come from there
+    good = [observer.update(t, *sample(motion, t)) for t in (0.024, 0.025)]
+    assert all(result.valid for result in good) and good[1].norm < 1e3
+
+
 @pytest.mark.parametrize("effort", ("sampled", "held"))
 def test_results_and_samples_are_the_callers_own(effort):
     """Both may be overwritten, as a loop does that reuses its arrays."""

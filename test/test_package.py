@@ -39,7 +39,7 @@ FLOORS = [
     "sweeps",
     "model results batch",
     "dynamics",
-    "simulation history example_robots control",
+    "simulation history push_history example_robots control",
     "observer",
     "terminal",
 ]
@@ -110,7 +110,7 @@ def test_every_field_has_a_meaning(path):
 # --- Parameters: code, configuration and README ---
 
 
-MODULES = {"monitor": "settings", "simulator": "simulator"}
+MODULES = {"monitor": "settings", "simulator": "plant.settings", "controller": "controlled.settings"}
 """Where a node's table of parameters is."""
 
 
@@ -130,7 +130,7 @@ def flat(tree, prefix=""):
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("node", ["monitor", "simulator"])
+@pytest.mark.parametrize("node", ["monitor", "simulator", "controller"])
 def test_configuration_holds_the_defaults(node):
     tree = yaml.safe_load((ROOT / "config" / f"{node}.yaml").read_text(encoding="utf-8"))
     written = dict(flat(tree["/**"]["ros__parameters"]))
@@ -138,7 +138,7 @@ def test_configuration_holds_the_defaults(node):
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("node", ["monitor", "simulator"])
+@pytest.mark.parametrize("node", ["monitor", "simulator", "controller"])
 def test_readme_lists_every_parameter(node):
     section = (ROOT / "README.md").read_text(encoding="utf-8").split(f"## The {node}\n")[1].split("\n## ")[0]
     rows = re.findall(r"^\| `([\w.]+)` \| `([^`]*)` \|", section, re.M)
@@ -163,6 +163,49 @@ def test_launch_files_name_what_exists(path):
         assert (ROOT / "scripts" / executable).is_file()
     for name in re.findall(r'"(\w+\.(?:yaml|launch\.py))"', text):
         assert (ROOT / "config" / name).is_file() or (ROOT / "launch" / name).is_file()
+
+
+def test_included_launch_files_take_what_they_are_given():
+    """Every argument that one launch file passes on to another is declared there."""
+    tree = ast.parse((ROOT / "launch" / "control.launch.py").read_text(encoding="utf-8"))
+    included = next(
+        ast.literal_eval(node.value)
+        for node in tree.body
+        if isinstance(node, ast.Assign) and node.targets[0].id == "INCLUDED"
+    )
+    assert set(included) == {"simulator.launch.py", "controller.launch.py", "monitor.launch.py"}
+    for file, arguments in included.items():
+        text = (ROOT / "launch" / file).read_text(encoding="utf-8")
+        declared = re.findall(r'DeclareLaunchArgument\(\s*"(\w+)"', text)
+        assert set(arguments) <= set(declared), file
+
+
+@pytest.mark.ros
+def test_the_example_for_ros2_control_fits_together():
+    """The controller's commands are in the order of the effort controller's joints, which are the arm's."""
+    from robots import robot
+
+    example = yaml.safe_load((ROOT / "config" / "effort_controllers.yaml").read_text(encoding="utf-8"))
+    parameters = {node: section["ros__parameters"] for node, section in example.items()}
+    assert set(parameters) == {"controller_manager", "effort_controller", "diag_dynamics_controller"}
+    own = parameters["diag_dynamics_controller"]
+    joints = parameters["effort_controller"]["joints"]
+    assert own["command_joints"] == joints
+    assert set(joints) == set(dd.load_urdf(robot("ur_description/urdf/ur5_robot.urdf").source).dof_names)
+    assert set(own) - {"robot_compensates_gravity"} <= set(node_parameters("controller"))
+    assert own["robot_compensates_gravity"] in (False, True)
+
+
+def test_the_table_of_what_is_safe_names_tests():
+    """docs/control.md: every row of the controller's table names tests that exist."""
+    text = (ROOT / "docs" / "control.md").read_text(encoding="utf-8")
+    table = text.split("| what is safe | test |\n")[1].split("\n\n")[0]
+    tests = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "test").glob("test_control*.py"))
+    for row in table.splitlines()[1:]:
+        named = re.findall(r"`(test_\w+)`", row)
+        assert named, row
+        for name in named:
+            assert f"\ndef {name}(" in tests, name
 
 
 def test_launch_files_describe_nodes():

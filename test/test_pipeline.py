@@ -32,6 +32,7 @@ PLAIN = {
     "max_rate.state": 0.0,
     "warn_energy_share": [""],
     "missing_velocity": "refuse",
+    "external_torque.gain": 0.0,
 }
 
 CHANGES = (
@@ -44,6 +45,7 @@ CHANGES = (
     {"max_rate.state": 100.0},
     {"warn_energy_share": ["*=0.001"]},
     {"missing_velocity": "estimate"},
+    {"external_torque.gain": 50.0},
 )
 
 
@@ -222,7 +224,8 @@ def test_after_a_change_of_settings(twins, change):
     assert served(twins)
     twins.take(A_STEP._replace(change=change))
     twins.take(A_STEP)
-    usual = not {"publish_friction", "effort_includes_gravity", "missing_velocity"} & set(change)
+    unusual = {"publish_friction", "effort_includes_gravity", "missing_velocity", "external_torque.gain"}
+    usual = not unusual & set(change)
     assert served(twins) == usual
 
 

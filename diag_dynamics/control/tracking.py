@@ -21,6 +21,9 @@ class JointTracking(Law):
         K [1/s], one for all components of s or one for each.
     convergence : float or array_like, shape (nv,)
         Λ [1/s], one for all joints or one for each.
+    closing : float or array_like, shape (nv,)
+        Largest part of q̇_r that takes the error back [rad/s, m/s]; inf for none. Beyond it the reference moves at this rate
+        and V falls as before: a target far away is gone to, and not thrown at.
 
     Raises
     ------
@@ -30,11 +33,12 @@ class JointTracking(Law):
 
     METHODS = (*Law.METHODS, "inverse_dynamics", "coriolis_product", "epsilon_from_tau")
 
-    def __init__(self, dynamics, gain, convergence):
+    def __init__(self, dynamics, gain, convergence, closing=np.inf):
         super().__init__(dynamics)
         model = dynamics.model
         self.gain = per_dof("gain", gain, model.dof_names, "a finite number > 0 [1/s]")
         self.convergence = per_dof("convergence", convergence, model.dof_names, "a finite number > 0 [1/s]")
+        self.closing = per_dof("closing", closing, model.dof_names, "a number > 0 [rad/s, m/s]", lambda x: x > 0.0)
         self._turns = np.array([name in model.continuous_joints for name in model.dof_names])
         self._any_turns = bool(self._turns.any())
         self._rest = np.zeros(model.nv)
@@ -68,8 +72,10 @@ class JointTracking(Law):
             error[self._turns] = np.remainder(error[self._turns] + np.pi, 2.0 * np.pi) - np.pi
         qd_d = self._rest if desired_qd is None else vector_of("desired_qd", desired_qd, names)
         qdd_d = self._rest if desired_qdd is None else vector_of("desired_qdd", desired_qdd, names)
-        qd_r = qd_d + self.convergence * error
-        qdd_r = qdd_d + self.convergence * (qd_d - qd)
+        wanted = self.convergence * error
+        back = np.clip(wanted, -self.closing, self.closing)
+        qd_r = qd_d + back
+        qdd_r = qdd_d + np.where(back == wanted, self.convergence, 0.0) * (qd_d - qd)
 
         nu, s = dynamics.nu_from_qd(q, qd), dynamics.nu_from_qd(q, qd - qd_r)
         tau = dynamics.inverse_dynamics(q, self._rest, qdd_r)  # M q̈_r + g

@@ -31,6 +31,7 @@ class Processes:
     def start(self, node, **parameters):
         """Start a node of this package in the demo's namespace."""
         command = [sys.executable, "-m", "diag_dynamics.nodes.start", node, "--ros-args", "-r", f"__ns:={NAMESPACE}"]
+        command += ["-r", "/clock:=clock"]  # nobody else's, should one simulate
         for name, value in parameters.items():
             command += ["-p", f"{name}:={value}"]
         said = tempfile.TemporaryFile(mode="w+")  # noqa: SIM115 (closed by stop)
@@ -59,14 +60,35 @@ class Processes:
             said.close()
 
 
-def _prepare(urdf):
-    """Load the robot and compile what the nodes will need, once instead of in each of them."""
-    model = load_urdf(urdf)
-    if model.nv == 0:
-        raise InputError(f"robot '{model.name}' has no moving joint: there is nothing to show.")
-    DiagonalDynamics(model).compile(*COMPILED)
-    Simulation(model).advance(steps=0)
-    return model
+def prepared(urdf, *more):
+    """The robot, for which all is compiled that the nodes will need, once instead of in each of them.
+
+    Parameters
+    ----------
+    urdf : str or path
+    *more : callable
+        Compile what else there is, of a model.
+
+    Raises
+    ------
+    InputError
+        It has no moving joint.
+    """
+    patience = threading.Timer(2.0, print, ["Compiling the dynamics, once: it takes about a minute …"], {"flush": True})
+    patience.start()
+    stop.callback = lambda: os._exit(130)  # the compiler does not let go of the interpreter for a wish
+    try:
+        model = load_urdf(urdf)
+        if model.nv == 0:
+            raise InputError(f"robot '{model.name}' has no moving joint: there is nothing to show.")
+        DiagonalDynamics(model).compile(*COMPILED)
+        Simulation(model).advance(steps=0)
+        for compile_ in more:
+            compile_(model)
+        return model
+    finally:
+        patience.cancel()
+        stop.callback = None
 
 
 def main(args=None):
@@ -82,16 +104,7 @@ def main(args=None):
     processes = Processes()
     try:
         urdf = find_urdf(chosen.robot)
-        patience = threading.Timer(
-            2.0, print, ["Compiling the dynamics, once: it takes about a minute …"], {"flush": True}
-        )
-        patience.start()
-        stop.callback = lambda: os._exit(130)  # the compiler does not let go of the interpreter for a wish
-        try:
-            model = _prepare(urdf)
-        finally:
-            patience.cancel()
-            stop.callback = None
+        model = prepared(urdf)
         processes.start("simulator", robot_description=urdf, motion="wave", rate=chosen.rate)
         processes.start("monitor")
         view = None

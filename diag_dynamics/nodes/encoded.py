@@ -95,6 +95,14 @@ class EncodedMessages:
         values = {"mass_matrix": mass_matrix, "bias": bias, "gravity": gravity}
         return self._single("joint_space_dynamics", values, state, mass_matrix, bias, gravity, state)
 
+    def external_torque(self, seen, observation, state):
+        """What an observer has seen."""
+        values = {"norm": seen.norm, "collision": seen.collision, "threshold": observation.threshold}
+        values["release_threshold"] = observation.release
+        if seen.valid:
+            values |= {"residual": seen.residual, "external_torque": seen.external_torque}
+        return self._single("external_torque", values, state, seen, observation, state)
+
     def _laid_out(self, topics, s, state):
         templates = {}
         for topic in BITS:

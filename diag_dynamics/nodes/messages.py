@@ -12,6 +12,7 @@ from diag_dynamics.model.base import base_state
 from diag_dynamics.msg import (
     CoriolisTerm,
     DiagonalizedState,
+    ExternalTorque,
     JointSpaceDynamics,
     KineticEnergy,
     MassMatrixFactors,
@@ -107,6 +108,15 @@ class MessageMaker:
         message.velocity_estimated = state.velocity_estimated
         message.mass_matrix = doubles(mass_matrix)
         message.bias, message.gravity = doubles(bias), doubles(gravity)
+        return message
+
+    def external_torque(self, seen, observation, state):
+        """What an observer has seen: a Disturbance, by these thresholds, at a RobotState; empty where it is not valid."""
+        message = self._begin(ExternalTorque, state)
+        message.velocity_estimated, message.valid = state.velocity_estimated, seen.valid
+        message.residual, message.external_torque = doubles(seen.residual), doubles(seen.external_torque)
+        message.norm, message.collision = seen.norm, seen.collision
+        message.threshold, message.release_threshold = observation.threshold, observation.release
         return message
 
     def state(self, s, state):

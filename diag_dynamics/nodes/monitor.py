@@ -24,7 +24,7 @@ from diag_dynamics.nodes.health import numerical_health
 from diag_dynamics.nodes.inputs.rejected import RejectedError
 from diag_dynamics.nodes.managed import ACTIVE, INACTIVE, UNCONFIGURED, ManagedNode
 from diag_dynamics.nodes.monitored import MonitoredRobot
-from diag_dynamics.nodes.outputs import TOPICS, Outputs, connected
+from diag_dynamics.nodes.outputs import BESIDE, TOPICS, Outputs, connected
 from diag_dynamics.nodes.parameters import declare
 from diag_dynamics.nodes.robot import load_robot, payload_entry, payloads_of
 from diag_dynamics.nodes.runner import main_of
@@ -44,7 +44,7 @@ NOTHING = Payload(0.0)
 
 
 class MonitorNode(ManagedNode):
-    """See the module; parameters are in :data:`PARAMETERS`, topics in :data:`TOPICS`.
+    """See the module; parameters are in :data:`PARAMETERS`, topics in :data:`TOPICS` and :data:`BESIDE`.
 
     A managed node. Configured, it has a robot or waits for one, and its services answer; active, it listens to states and
     publishes. With `autostart` it goes there by itself.
@@ -74,7 +74,7 @@ class MonitorNode(ManagedNode):
     def set_up(self):
         """Make the outputs and services, and load the robot or wait for one."""
         self._outputs = Outputs(self)
-        for topic in TOPICS:
+        for topic in TOPICS | BESIDE:
             self._outputs.limit(topic, self._settings.values[f"max_rate.{topic}"])
         self._offered = DynamicsServices(self, self._in_force, self._put_on)
         if self._settings.values["robot_description"]:
@@ -294,7 +294,21 @@ class MonitorNode(ManagedNode):
         """Evaluate a state, and pass it on."""
         self._outputs.wanted()
         s, state = robot.evaluate(state)
+        if robot.torque:  # a collision is told of before anything else
+            self._observe(robot, state)
         self._pass_on(robot, state.newest, s, lambda topics: robot.encoder.messages(topics, s, state), what)
+
+    def _observe(self, robot, state):
+        """Observe external torque by a state as it was evaluated."""
+        watch = robot.torque
+        alarm = watch.take(state)
+        self._outputs.publish_beside(
+            "external_torque",
+            state.newest,
+            lambda: robot.encoder.external_torque(watch.seen, watch.observation, state),
+        )
+        if alarm:
+            self._diagnostics.publish([robot.torque_report()])
 
     def _pass_on(self, robot, stamp, s, messages, what):
         """Publish a state where somebody listens, and watch it; `messages` makes those of a list of topics."""
@@ -321,7 +335,7 @@ class MonitorNode(ManagedNode):
         if robot is not self._robot:
             self._refused = None
             self._adopt(robot)
-        for topic in TOPICS if self._outputs else ():
+        for topic in TOPICS | BESIDE if self._outputs else ():
             if f"max_rate.{topic}" in changed:
                 self._outputs.limit(topic, changed[f"max_rate.{topic}"])
         return SetParametersResult(successful=True)
@@ -393,6 +407,8 @@ class MonitorNode(ManagedNode):
         ]
         if robot:
             statuses.append(robot.energy.report())
+            if robot.torque:
+                statuses.append(robot.torque_report())
         return statuses
 
     def _notes(self):

@@ -4,6 +4,7 @@ import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.nodes.encoded import EncodedMessages
+from diag_dynamics.nodes.external_torque import TorqueWatch
 from diag_dynamics.nodes.health import EnergyWatch
 from diag_dynamics.nodes.inputs.joint_states import JointStateAssembler, RobotState
 from diag_dynamics.nodes.inputs.known import KnownJointStates
@@ -40,6 +41,8 @@ class MonitoredRobot:
     pipeline : Pipeline or None
         What takes joint states in, evaluates them and makes messages at once, where that is possible.
     energy : EnergyWatch
+    torque : TorqueWatch or None
+        What observes external torque, if it is wanted.
 
     Raises
     ------
@@ -55,7 +58,7 @@ class MonitoredRobot:
         in_header = settings.values["odom_twist_frame"] == "header"
         self.base = OdometryBase(model, in_header) if model.floating_base else None
         self.energy = EnergyWatch(model, settings.thresholds)
-        self.dynamics = self.pipeline = self._state = None
+        self.settings = self.dynamics = self.pipeline = self.torque = self._state = None
         self._at_once = False
         self._jumps = 0  # of the joints' time that the base knows of
         self.use(model, settings, revision)
@@ -84,16 +87,27 @@ class MonitoredRobot:
         if self.base:
             self.base.configure(settings.inputs)
         self._state, self._at_once = self.state, False
-        self.settings = settings
+        before, self.settings = self.settings, settings
         if self.dynamics is None or model is not self.model:
             self.dynamics = DiagonalDynamics(model)
             self.maker = MessageMaker(model, revision)
             self.encoder = EncodedMessages(self.maker) if self._by_template else self.maker
             self._state = None
+        self._observe(before)
         plain = self.assembler.efforts.without_gravity is None and not settings.values["publish_friction"]
         whole = not self.base and model.nq == model.nv == len(self.assembler.names)
-        by_pipeline = self._by_template and plain and whole
+        by_pipeline = self._by_template and plain and whole and not self.torque
         self.pipeline = Pipeline(self.joint_states, self.dynamics, self.encoder) if by_pipeline else None
+
+    def _observe(self, before):
+        """Have external torque observed as the settings want it: anew, where what it is seen by is not as it was before."""
+        wanted, settings = self.settings.observation, self.settings
+        if wanted is None:
+            self.torque = None
+        elif self.torque is None:
+            self.torque = TorqueWatch(self.dynamics, wanted)
+        elif (self.dynamics, wanted, settings.inputs) != (self.torque.dynamics, before.observation, before.inputs):
+            self.torque.use(self.dynamics, wanted)
 
     @property
     def state(self):
@@ -113,6 +127,10 @@ class MonitoredRobot:
         """How many joint states were read by template; None where that is not wanted."""
         return self.joint_states.at_once if self._by_template else None
 
+    def torque_report(self):
+        """Status of external torque, where it is observed."""
+        return self.torque.report(self.assembler.without_effort)
+
     def unapplied(self):
         """Links of payloads that are wanted, but not on this robot."""
         wanted = payloads_of(self.settings.values["payloads"])
@@ -124,6 +142,8 @@ class MonitoredRobot:
         if self.base:
             self.base.forget()
         self.energy.forget()
+        if self.torque:
+            self.torque.forget()
         self._state, self._at_once = None, False
 
     def forget_clocks(self):

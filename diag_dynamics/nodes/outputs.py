@@ -9,6 +9,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.msg import (
     CoriolisTerm,
     DiagonalizedState,
+    ExternalTorque,
     JointSpaceDynamics,
     KineticEnergy,
     MassMatrixFactors,
@@ -26,6 +27,9 @@ TOPICS = {
     "state": (DiagonalizedState, 0.0),
 }
 """Each output topic: its type, and the highest rate it is published at by default [Hz], 0 for every state."""
+
+BESIDE = {"external_torque": (ExternalTorque, 0.0)}
+"""Likewise, of what is made only where a parameter asks for it: of a disturbance observer, which has states of its own."""
 
 MATRICES = ("mass_matrix_factors", "joint_space_dynamics")
 """Topics that are not made of the evaluation of a state."""
@@ -102,7 +106,7 @@ class Outputs:
         self._publishers = {}
         self._handles = {}
         try:
-            for topic, (kind, _) in TOPICS.items():
+            for topic, (kind, _) in (TOPICS | BESIDE).items():
                 self._publishers[topic] = connected(
                     node.create_lifecycle_publisher, kind, f"~/{topic}", QoSProfile(depth=10)
                 )
@@ -111,13 +115,13 @@ class Outputs:
             raise
         # By the handles: what rclpy puts around them takes longer than they do, as it is not in the processor's cache after
         # a millisecond.
-        self._handles = {topic: self._publishers[topic].handle for topic in ORDER}
+        self._handles = {topic: self._publishers[topic].handle for topic in (*ORDER, *BESIDE)}
         self.look()
 
     def look(self):
         """See who listens."""
         self._looked = time.monotonic()
-        self._wanted = [topic for topic, handle in self._handles.items() if handle.get_subscription_count()]
+        self._wanted = [t for t, handle in self._handles.items() if t in BITS and handle.get_subscription_count()]
         self._bits = sum(BITS[topic] for topic in self._wanted)
 
     def destroy(self):
@@ -162,6 +166,13 @@ class Outputs:
             self._send(topic, message)
         for topic in matrices:
             self._send(topic, matrix(topic))
+
+    def publish_beside(self, topic, stamp, make):
+        """Publish one of :data:`BESIDE`, which `make` makes, of a state stamped `stamp` [ns], where somebody listens."""
+        if not self._publishers[topic].is_activated or not self._handles[topic].get_subscription_count():
+            return
+        if topic not in self._limits or self._limits[topic].due(stamp):
+            self._send(topic, make())
 
     def _send(self, topic, message):
         if type(message) is bytes:

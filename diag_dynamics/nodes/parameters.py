@@ -29,7 +29,7 @@ def declare(node, specs):
     values = {}
     for name, spec in specs.items():
         descriptor = ParameterDescriptor(description=spec.description, read_only=spec.read_only)
-        constraints = ["one of " + ", ".join(spec.choices)] if spec.choices else []
+        constraints = ["one of " + ", ".join(map(str, spec.choices))] if spec.choices else []
         constraints += ["changes only while the node is unconfigured"] if spec.while_unconfigured else []
         descriptor.additional_constraints = "; ".join(constraints)
         if spec.minimum is not None:
@@ -47,7 +47,7 @@ def wrong(name, value, specs):
     if spec is None:
         return None
     if spec.choices and value not in spec.choices:
-        return f"parameter '{name}' is {value!r}, expected one of {', '.join(spec.choices)}"
+        return f"parameter '{name}' is {value!r}, expected one of {', '.join(map(str, spec.choices))}"
     numbers = value if isinstance(spec.default, list) and isinstance(spec.default[0], float) else [value]
     if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
         return f"parameter '{name}' is {value!r}, expected finite numbers"

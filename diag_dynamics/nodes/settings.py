@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.inputs.joint_states import Options
-from diag_dynamics.nodes.outputs import TOPICS
+from diag_dynamics.nodes.outputs import BESIDE, TOPICS
 from diag_dynamics.nodes.parameters import ALL, Spec, assignments, by_name, wrong
 from diag_dynamics.nodes.robot import PARAMETERS as ROBOT_PARAMETERS
 from diag_dynamics.nodes.robot import payloads_of
@@ -109,13 +109,35 @@ PARAMETERS = {
     "error_energy_share": Spec(
         [""], "The same for the energy shares of single joints, each as joint=energy; * for all."
     ),
+    "external_torque.gain": Spec(
+        0.0,
+        "Gain K_O of the disturbance observer that external_torque tells the result of [1/s], which follows a push with a "
+        "time constant of 1/K_O; 0: no observer.",
+        minimum=0.0,
+        maximum=1e6,
+    ),
+    "external_torque.threshold": Spec(
+        0.0, "Norm of its residual beyond which it reports a collision [J^0.5/s]; 0: never.", minimum=0.0
+    ),
+    "external_torque.release_threshold": Spec(
+        0.0, "Norm below which the collision is over [J^0.5/s]; 0: half of the threshold.", minimum=0.0
+    ),
+    "external_torque.friction": Spec(
+        False, "Whether the observer knows of the URDF's damping and friction; else they are seen as external torque."
+    ),
+    "external_torque.max_gap": Spec(
+        0.1,
+        "Longest time between two states after which the observer goes on; it begins anew after a longer one [s].",
+        minimum=1e-6,
+        maximum=100.0,
+    ),
     "publish_inverse_factor": Spec(False, "Whether mass_matrix_factors carries l, the inverse of m."),
     "publish_friction": Spec(
         False, "Whether state and coriolis carry the URDF's damping and friction, which no other term ever holds."
     ),
     **{
         f"max_rate.{topic}": Spec(rate, f"Highest rate of ~/{topic} [Hz]; 0 for every state.", minimum=0.0)
-        for topic, (_, rate) in TOPICS.items()
+        for topic, (_, rate) in (TOPICS | BESIDE).items()
     },
 }
 
@@ -129,12 +151,23 @@ class Thresholds(NamedTuple):
     error_share: Mapping = {}
 
 
+class Observation(NamedTuple):
+    """How external torque is observed: see the arguments of DisturbanceObserver; the threshold inf for none."""
+
+    gain: float
+    threshold: float
+    release: float
+    friction: bool
+    max_gap: float
+
+
 class Settings(NamedTuple):
     """All parameters as the node works with them."""
 
     values: dict
     inputs: Options
     thresholds: Thresholds
+    observation: Observation | None
 
     @classmethod
     def of(cls, values):
@@ -179,7 +212,22 @@ class Settings(NamedTuple):
                 f"parameter 'effort_scale' of '{nothing[0]}' is 0, expected another number; effort_available says which "
                 "efforts cannot be used."
             )
-        return cls(values, inputs, thresholds)
+        return cls(values, inputs, thresholds, _observation(values))
+
+
+def _observation(values):
+    """The Observation that is wanted; None if none is."""
+    gain, threshold, release = (values[f"external_torque.{x}"] for x in ("gain", "threshold", "release_threshold"))
+    if release > (threshold or float("inf")):
+        raise InputError(
+            f"parameter external_torque.release_threshold is {release:g} J^0.5/s and external_torque.threshold "
+            f"{threshold:g}, expected no more than the latter."
+        )
+    if not gain:
+        return None
+    threshold = threshold or float("inf")
+    friction, max_gap = values["external_torque.friction"], values["external_torque.max_gap"]
+    return Observation(gain, threshold, release or 0.5 * threshold, friction, max_gap)
 
 
 def _require_order(thresholds):

@@ -1,120 +1,484 @@
-"""The simulator node: a robot that moves under its own dynamics and publishes what a driver would."""
+"""The simulator node: a robot that moves under its own dynamics, takes effort commands and publishes what a driver would."""
 
-import math
 import sys
+import time
+from collections import Counter
 
-import numpy as np
-from rclpy.node import Node
+from geometry_msgs.msg import WrenchStamped
+from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock as SomeClock
+from rclpy.clock import ClockType
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import SetBool, Trigger
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.model import urdf_text
-from diag_dynamics.nodes.diagnostics import ERROR, OK, Diagnostics, Status
+from diag_dynamics.model import Payload, urdf_text
+from diag_dynamics.msg import DiagonalizedState, EnergyAudit
+from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Status, counted, shortened
 from diag_dynamics.nodes.inputs.followers import Followers
-from diag_dynamics.nodes.messages import doubles, to_time
-from diag_dynamics.nodes.parameters import Spec, declare
-from diag_dynamics.nodes.robot import COMPILED, load_robot
-from diag_dynamics.nodes.robot import PARAMETERS as ROBOT_PARAMETERS
+from diag_dynamics.nodes.inputs.joint_states import RobotState
+from diag_dynamics.nodes.inputs.rejected import RejectedError
+from diag_dynamics.nodes.managed import ACTIVE, INACTIVE, UNCONFIGURED, ManagedNode
+from diag_dynamics.nodes.messages import MessageMaker, doubles, requested_state, to_time
+from diag_dynamics.nodes.outputs import connected
+from diag_dynamics.nodes.parameters import declare, wrong
+from diag_dynamics.nodes.plant.drives import TIMED_OUT
+from diag_dynamics.nodes.plant.lockstep import PATIENCE, Lockstep
+from diag_dynamics.nodes.plant.pace import Pace
+from diag_dynamics.nodes.plant.plant import Plant
+from diag_dynamics.nodes.plant.settings import DYNAMIC, PARAMETERS
+from diag_dynamics.nodes.robot import COMPILED, load_robot, payloads_of, single_joints
 from diag_dynamics.nodes.runner import main_of
-from diag_dynamics.simulation import Simulation, Wave
+from diag_dynamics.srv import SetState, Step
 
-PARAMETERS = {
-    "robot_description": Spec("", "URDF, or the path of one; required.", read_only=True),
-    **{
-        name: ROBOT_PARAMETERS[name]._replace(read_only=True)
-        for name in ("mimic", "massless", "locked_joints", "armature", "gravity")
-    },
-    "rate": Spec(500.0, "joint_states per second [Hz].", read_only=True, minimum=1.0, maximum=10000.0),
-    "step": Spec(0.001, "Integration step [s].", read_only=True, minimum=1e-6, maximum=0.1),
-    "motion": Spec(
-        "free",
-        "free: no effort on the joints; wave: each joint is driven along a sine wave about the middle of its range.",
-        read_only=True,
-        choices=("free", "wave"),
-    ),
-}
+COMMANDS, WRENCHES = "effort_controller/commands", "external_wrench"
 
-MOST_BEHIND = 0.1
-"""Lag behind real time [s] beyond which the simulation lets time go rather than catch up."""
+MOST_STEPS = 10_000
+"""Steps that one request may ask for: nothing else is served meanwhile."""
+
+UNPACED = 1e-4
+"""Period of ticks where simulated time goes as fast as can be [s]: between two of them others have their turn."""
+
+NOTHING = Payload(0.0)
+"""What takes a payload off."""
+
+WORLD = "world"
+"""Frame of a floating base's pose."""
 
 
-class SimulatorNode(Node):
-    """See the module; parameters are in :data:`PARAMETERS`."""
+class SimulatorNode(ManagedNode):
+    """See the module; parameters are in :data:`~plant.settings.PARAMETERS`.
+
+    A managed node. Configured, it has a robot and its services answer; active, the robot moves, listens and publishes.
+    """
 
     def __init__(self, **kwargs):
         super().__init__("diag_dynamics_simulator", **kwargs)
-        values = declare(self, PARAMETERS)
+        self._values = declare(self, PARAMETERS)
+        self._plant = self._pace = None
+        self._published, self._listened, self._services_offered, self._timers_running = [], [], [], []
+        self._paused, self._failure = False, ""
+        self._last = None  # joint state
+        self._lockstep = Lockstep()
+        self._latest = 0  # stamp [ns]
+        self._counted = Counter()  # until the last report
+        self.add_on_set_parameters_callback(self._set_parameters)
+        self._diagnostics = Diagnostics(self, self._report)
+        if self._values["autostart"]:
+            self.start()
+
+    # --- Lifecycle ---
+
+    def set_up(self):
+        """Load the robot; make publishers and services."""
+        values = self._values
         if not values["robot_description"]:
             raise InputError("parameter 'robot_description' is empty: give the simulator a URDF or the path of one.")
+        if self._keeps_time and self.get_clock().ros_time_is_active:
+            raise InputError("parameter 'use_sim_time' is true, but simulated time is this node's own to publish.")
         text = urdf_text(values["robot_description"])
-        model = load_robot(self, text, values | {"floating_base": False, "payloads": []})
-        self._simulation = Simulation(model, step=min(values["step"], 1.0 / values["rate"]))
-        self._simulation.dynamics.compile(*COMPILED)
-        self._wave = Wave(self._simulation) if values["motion"] == "wave" else None
-        self._effort = np.zeros(model.nv)
-        self._simulation.advance(steps=0)
-        self._followers = Followers(model.dof_names, model.mimics)
-        self._names = [*model.dof_names, *self._followers.names]
-        self._period = 1.0 / values["rate"]
-        self._let_go = 0.0
-        self._failure = ""
+        model = load_robot(self, text, values)
+        self._plant = Plant(model, values)
+        self._plant.simulation.dynamics.compile(*COMPILED)
+        self._revision, self._failure, self._paused = 1, "", False
+        self._start = max(self.get_clock().now().nanoseconds, self._latest)  # stamps never go back
+        self._use(model)
+        for load in (self._truth_now, self._audit_now):  # what they call, before time goes on
+            load()
+        self._pace = Pace(values["real_time_factor"], 1.0 / values["rate"], self._plant.simulation.step_size)
+        self._publish_to(text)
+        self._offer()
+        self.settled()
 
+    def _use(self, model):
+        self._maker = MessageMaker(model, self._revision)
+        self._followers = Followers(single_joints(model), model.mimics)
+
+    @property
+    def _keeps_time(self):
+        return self._values["publish_clock"] or self._values["lockstep"]
+
+    def _publish_to(self, text):
         once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._description = self.create_publisher(String, "robot_description", once)
+        self._description = self._publisher(String, "robot_description", once)
         self._description.publish(String(data=text))
-        self._joint_states = self.create_publisher(JointState, "joint_states", 10)
-        self._diagnostics = Diagnostics(self, self._report)
-        self._start = self.get_clock().now().nanoseconds
-        self._timer = self.create_timer(self._period, self._tick)
+        self._joint_states = self._publisher(JointState, "joint_states")
+        self._odometry = self._publisher(Odometry, "odom") if self._plant.simulation.model.floating_base else None
+        self._truth = self._publisher(DiagonalizedState, "~/ground_truth")
+        self._audit = self._publisher(EnergyAudit, "~/energy_audit")
+        self._clock_out = self._publisher(Clock, "/clock") if self._keeps_time else None
+
+    def _publisher(self, kind, topic, qos=None):
+        publisher = connected(self.create_publisher, kind, topic, qos or QoSProfile(depth=10))
+        self._published.append(publisher)
+        return publisher
+
+    def _offer(self):
+        for kind, name, answer in (
+            (SetBool, "pause", self._pause),
+            (Step, "step", self._step),
+            (Trigger, "reset", self._reset),
+            (SetState, "set_state", self._set_state),
+        ):
+            self._services_offered.append(self.create_service(kind, f"~/{name}", self._answered(answer)))
+
+    def listen(self):
+        """Subscribe to commands and wrenches, and let time go on."""
+        queue = QoSProfile(depth=10)
+        listened = [(WrenchStamped, WRENCHES, self._take_wrench)]
+        if self._values["motion"] != "wave":
+            listened.append((Float64MultiArray, COMMANDS, self._take_command))
+        for kind, topic, take in listened:
+            self._listened.append(connected(self.create_subscription, kind, topic, take, queue))
+        steady = SomeClock(clock_type=ClockType.STEADY_TIME)
+        self._lockstep.begin(time.monotonic())
+        self._go_on()
+        if self._values["lockstep"]:
+            self._timers_running.append(self.create_timer(PATIENCE / 2, self._remind, clock=steady))
+            self._measure_and_publish()
+        elif self._pace.factor:
+            period = 1.0 / (self._values["rate"] * self._pace.factor)
+            self._timers_running.append(self.create_timer(period, self._tick))
+        else:
+            self._timers_running.append(self.create_timer(UNPACED, self._tick, clock=steady))
+        model = self._plant.simulation.model
         self.get_logger().info(
-            f"Ready: robot '{model.name}', {model.nv} degrees of freedom, motion '{values['motion']}', "
-            f"{values['rate']:g} Hz."
+            f"Ready: robot '{model.name}', {model.nv} degrees of freedom, motion '{self._values['motion']}', "
+            f"{self._values['rate']:g} Hz."
         )
+
+    def stop_listening(self):
+        """Let time stand still, and listen to nobody; whoever commands or pushes has to do so anew."""
+        if self._plant:
+            self._plant.drives.forget()
+            self._plant.pushes.forget()
+        for timer in self._timers_running:
+            self.destroy_timer(timer)
+        for subscription in self._listened:
+            self.destroy_subscription(subscription)
+        self._timers_running, self._listened = [], []
+
+    def tear_down(self):
+        """Let the robot go, and all that was made for it."""
+        for service in self._services_offered:
+            self.destroy_service(service)
+        for publisher in self._published:
+            self.destroy_publisher(publisher)
+        self._services_offered, self._published = [], []
+        self._plant = self._pace = None
+
+    # --- Time ---
+
+    @property
+    def _moving(self):
+        return self.phase == ACTIVE and not self._paused and not self._failure
+
+    def _now(self):
+        return self.get_clock().now().nanoseconds * 1e-9
+
+    def _go_on(self):
+        """Have simulated time go on from here."""
+        now = self._now()
+        self._timeless = now == 0.0  # nothing on /clock yet
+        self._pace.resume(now, self._plant.time)
+        self._lockstep.resume(time.monotonic())
 
     def _tick(self):
         """Bring the simulation up to now, and publish where it is."""
-        if self._failure:
+        if not self._moving:
             return
-        simulation = self._simulation
-        elapsed = (self.get_clock().now().nanoseconds - self._start) * 1e-9 - self._let_go
-        behind = elapsed - simulation.time
-        if behind > MOST_BEHIND or behind < -self._period:  # too late to catch up, or the clock has jumped back
-            steps = math.floor((behind - self._period) / simulation.step_size)  # stamps stay whole steps apart
-            self._let_go += steps * simulation.step_size
-            behind -= steps * simulation.step_size
-        steps = int(behind / simulation.step_size)
-        if steps < 1:
-            return  # nothing has happened that is not published yet
-        try:
-            for _ in range(steps):
-                if self._wave:
-                    self._effort = self._wave.effort()
-                simulation.advance(self._effort)
-        except DiagDynamicsError as error:
-            self._failure = str(error)
-            self.get_logger().error(f"The simulation has stopped: {error}")
-            return
-        self._publish()
+        if self._timeless:
+            if not self._now():
+                return
+            self._start = self.get_clock().now().nanoseconds - round(self._plant.time * 1e9)
+            self._go_on()
+        steps = self._pace.steps(self._now(), self._plant.time)
+        if steps:
+            self._advance(steps)  # else nothing has happened that is not published yet
 
-    def _publish(self):
-        """Where the robot is: its independent joints, then those that follow them, on which no effort acts of their own."""
-        simulation = self._simulation
-        stamp = self._start + round((simulation.time + self._let_go) * 1e9)
-        message = JointState(name=self._names)
-        message.header.stamp = to_time(stamp)
-        q, qd, followers = simulation.q, simulation.qd, self._followers
-        message.position = doubles(np.append(q, followers.positions(q)))
-        message.velocity = doubles(np.append(qd, followers.velocities(qd)))
-        message.effort = doubles(np.append(self._effort, np.zeros(len(followers.names))))
-        self._joint_states.publish(message)
+    def _advance(self, steps):
+        """Take some steps and publish; whether that was possible."""
+        try:
+            self._plant.advance(steps)
+            self._measure_and_publish()
+        except DiagDynamicsError as error:
+            self._failure = shortened(str(error))
+            self.get_logger().error(f"The simulation has stopped: {error}")
+            return False
+        return True
+
+    def _remind(self):
+        """In lockstep, publish time and last joint state again where an answer to it may never come."""
+        now = time.monotonic()
+        heard = self.get_subscriptions_info_by_topic(self._joint_states.topic_name)
+        sending = self.get_publishers_info_by_topic(self._listened[-1].topic_name)
+        self._lockstep.meet({bytes(end.endpoint_gid) for end in (*heard, *sending)}, now)
+        if self._moving and self._lockstep.repeat(now):
+            self._publish_time()
+            self._joint_states.publish(self._last)
+
+    def _answer(self):
+        """In lockstep, go on if the last joint state has been answered."""
+        if self._values["lockstep"] and self._moving and self._lockstep.answered(time.monotonic()):
+            self._advance(self._steps_of_a_period)
+
+    @property
+    def _steps_of_a_period(self):
+        return round(1.0 / (self._values["rate"] * self._plant.simulation.step_size))
+
+    # --- Inputs ---
+
+    def _take_command(self, message):
+        if self.phase != ACTIVE:
+            return
+        plant = self._plant
+        try:
+            plant.drives.command(message.data, plant.time)
+        except RejectedError as error:
+            self._lockstep.refuse()
+            self._say_rejected(COMMANDS, error)
+            return
+        self._lockstep.command(time.monotonic())
+        self._answer()
+
+    def _take_wrench(self, message):
+        if self.phase != ACTIVE:
+            return
+        try:
+            self._plant.pushes.push(message, self._plant.time)
+        except RejectedError as error:
+            self._say_rejected(WRENCHES, error)
+
+    def _say_rejected(self, topic, error):
+        self.get_logger().warning(f"Rejected on {topic}: {shortened(str(error))}", throttle_duration_sec=5.0)
+
+    # --- Outputs ---
+
+    def _stamp(self, simulated):
+        """Stamp of a simulated time [s]."""
+        stamp = self._start + round(simulated * 1e9)
+        self._latest = max(self._latest, stamp)
+        return to_time(stamp)
+
+    def _measure_and_publish(self):
+        """Publish the time, what sensors have come to know, and the truth."""
+        plant = self._plant
+        self._publish_time()
+        plant.measure()
+        for measured in plant.known():
+            if measured.base is not None:
+                self._odometry.publish(self._odometry_of(measured))
+            self._lockstep.publish()
+            self._last = self._joint_state_of(measured)
+            self._joint_states.publish(self._last)
+        if self._truth.get_subscription_count():
+            self._truth.publish(self._truth_now())
+        if self._audit.get_subscription_count():
+            self._audit.publish(self._audit_now())
+
+    def _publish_time(self):
+        if self._clock_out:
+            self._clock_out.publish(Clock(clock=self._stamp(self._plant.time)))
+
+    def _joint_state_of(self, measured):
+        message = JointState(name=self._plant.names)
+        message.header.stamp = self._stamp(measured.time)
+        message.position, message.velocity = doubles(measured.position), doubles(measured.velocity)
+        message.effort = doubles(measured.effort)
+        return message
+
+    def _odometry_of(self, measured):
+        (x, y, z, *orientation), twist = measured.base
+        message = Odometry(child_frame_id=self._plant.simulation.model.root_link)
+        message.header.stamp, message.header.frame_id = self._stamp(measured.time), WORLD
+        position, o, moving = message.pose.pose.position, message.pose.pose.orientation, message.twist.twist
+        position.x, position.y, position.z = float(x), float(y), float(z)
+        o.x, o.y, o.z, o.w = map(float, orientation)
+        moving.linear.x, moving.linear.y, moving.linear.z = map(float, twist[:3])
+        moving.angular.x, moving.angular.y, moving.angular.z = map(float, twist[3:])
+        return message
+
+    def _truth_now(self):
+        simulation = self._plant.simulation
+        stamp = self._start + round(self._plant.time * 1e9)
+        effort = simulation.effort
+        s = simulation.evaluate(effort)
+        return self._maker.state(s, RobotState(simulation.q, simulation.qd, effort, stamp, stamp, False))
+
+    def _audit_now(self):
+        simulation = self._plant.simulation
+        audit = simulation.audit
+        message = EnergyAudit(duration=simulation.time, residual=audit.residual, **audit._asdict())
+        message.header.stamp = self._stamp(self._plant.time)
+        message.header.frame_id = simulation.model.root_link
+        return message
+
+    # --- Services ---
+
+    def _answered(self, answer):
+        """`answer`, with every failure turned into a response."""
+
+        def callback(request, response):
+            try:
+                response.success = True
+                response.message = answer(request, response) or ""
+            except DiagDynamicsError as error:
+                response.success, response.message = False, shortened(str(error))
+            except Exception as error:  # a request must not end the node
+                self.get_logger().error(f"internal error: {error!r}", throttle_duration_sec=5.0)
+                response.success, response.message = False, shortened(f"Internal error: {error!r}")
+            return response
+
+        return callback
+
+    def _pause(self, request, _):
+        if request.data == self._paused:
+            return "already paused" if self._paused else "not paused"
+        self._paused = request.data
+        if not self._paused:
+            self._go_on()
+            self._answer()  # which may have come meanwhile
+        return "paused" if self._paused else "going on"
+
+    def _step(self, request, response):
+        response.stamp = self._stamp(self._plant.time)
+        if not self._paused or self.phase != ACTIVE:
+            raise InputError(f"the simulation is {self.phase} and not paused: call pause first.")
+        if self._failure:
+            raise InputError(f"the simulation has stopped: {self._failure}")
+        if not 1 <= request.steps <= MOST_STEPS:
+            raise InputError(f"steps is {request.steps}, expected 1 to {MOST_STEPS}.")
+        whole, rest = divmod(request.steps, self._steps_of_a_period)
+        moved = all(self._advance(steps) for steps in [self._steps_of_a_period] * whole + [rest] * bool(rest))
+        response.stamp = self._stamp(self._plant.time)
+        if not moved:
+            raise InputError(f"the simulation has stopped: {self._failure}")
+        return ""
+
+    def _reset(self, *_):
+        self._plant.reset()
+        return self._moved()
+
+    def _set_state(self, request, _):
+        state = requested_state(self._plant.simulation.model, request, self._followers)
+        self._plant.put(state.position, state.velocity)
+        return self._moved()
+
+    def _moved(self):
+        """Go on from another state."""
+        if self._failure:  # which the command or the push in force may have brought about
+            self._plant.drives.forget()
+            self._plant.pushes.forget()
+        self._failure = ""
+        self._plant.advance(0)
+        if self.phase == ACTIVE:
+            self._go_on()
+            self._measure_and_publish()
+        return ""
+
+    # --- Parameters ---
+
+    def _set_parameters(self, parameters):
+        changed = {parameter.name: parameter.value for parameter in parameters if parameter.name in PARAMETERS}
+        try:
+            for parameter in parameters:
+                if parameter.name == "use_sim_time" and parameter.value and self._plant and self._keeps_time:
+                    raise InputError(
+                        "parameter 'use_sim_time' is true, but simulated time is this node's own to publish."
+                    )
+            for name, value in changed.items():
+                if reason := wrong(name, value, PARAMETERS):
+                    raise InputError(f"{reason}.")
+                if self.phase != UNCONFIGURED and name not in DYNAMIC and value != self._values[name]:
+                    raise InputError(
+                        f"parameter '{name}' is read-only while the node is configured: clean it up first."
+                    )
+            if self._plant and set(changed) & set(DYNAMIC):
+                self._change(self._values | changed)
+        except DiagDynamicsError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        self._values |= changed
+        return SetParametersResult(successful=True)
+
+    def _change(self, values):
+        """Go on with other payloads and gravity."""
+        model, wanted = self._plant.simulation.model, payloads_of(values["payloads"])
+        for link in {**model.payloads, **wanted}:
+            model = model.with_payload(link, *wanted.get(link, NOTHING))
+        self._plant.simulation.change_model(model.with_gravity(values["gravity"]))
+        self._revision += 1
+        self._use(self._plant.simulation.model)
+
+    # --- Diagnostics ---
 
     def _report(self):
-        values = {"simulated time [s]": f"{self._simulation.time:.3f}", "time let go [s]": f"{self._let_go:.3f}"}
+        if self._plant is None:
+            level, message = (ERROR, self.failure) if self.failure else (WARN, self.phase)
+            return [Status("simulation", level, message, {"lifecycle": self.phase})]
+        return [self._simulation_status(), self._pace_status(), self._command_status()]
+
+    def _simulation_status(self):
+        simulation = self._plant.simulation
+        audit = simulation.audit
+        values = {
+            "lifecycle": self.phase,
+            "robot": simulation.model.name,
+            "simulated time [s]": f"{self._plant.time:.3f}",
+            "kinetic energy [J]": f"{simulation.kinetic_energy:.6g}",
+            "energy residual [J]": f"{audit.residual:.3g}",
+            "efforts cut to their limits": counted(simulation.saturated),
+            "joints at a position limit": counted(simulation.at_limit),
+            "joints beyond their velocity limit": counted(simulation.overspeed),
+            "payloads": counted(simulation.model.payloads),
+            "joint states lost": self._plant.sensors.lost,
+        }
         if self._failure:
-            return [Status("simulation", ERROR, f"stopped: {self._failure}", values)]
-        return [Status("simulation", OK, "running", values)]
+            return Status("simulation", ERROR, f"stopped: {self._failure}", values)
+        if self.phase == INACTIVE or self._paused:
+            return Status("simulation", WARN, "paused" if self._paused else "inactive: time stands still", values)
+        return Status("simulation", OK, "running", values)
+
+    def _pace_status(self):
+        kept = self._pace.kept()
+        values = {
+            "ticks": kept.ticks,
+            "late, mean [s]": f"{kept.mean:.6f}",
+            "late, largest [s]": f"{kept.largest:.6f}",
+            "overruns": self._pace.overruns,
+            "time let go [s]": f"{kept.let_go:.3f}",
+            "real-time factor": "lockstep" if self._values["lockstep"] else f"{self._pace.factor:g}",
+        }
+        if self._values["lockstep"] and self._moving and self._lockstep.waits(time.monotonic()):
+            return Status("pace", WARN, "in lockstep: waiting for a command", values)
+        if kept.overruns:
+            return Status("pace", WARN, f"{kept.overruns} ticks overran since the last report", values)
+        return Status("pace", OK, "kept", values)
+
+    def _command_status(self):
+        drives, pushes = self._plant.drives, self._plant.pushes
+        counts = drives.counts + pushes.counts
+        recent = counts - self._counted
+        self._counted = counts
+        values = {
+            "drives": drives.phase,
+            "brakes": "closed" if drives.braked else "open",
+            **dict(sorted(counts.items())),
+        }
+        refused, last = 0, []
+        for what, part in (("command", drives), ("wrench", pushes)):
+            if part.last_rejection:
+                values[f"last rejected {what}"] = part.last_rejection
+            count = sum(n for key, n in recent.items() if key in part.counts and "rejected" in key)
+            refused, last = refused + count, last + [part.last_rejection] * bool(count)
+        if refused:
+            return Status("commands", WARN, f"{refused} refused: {'; '.join(last)}", values)
+        if drives.phase == TIMED_OUT:
+            return Status("commands", WARN, f"no command for {drives.timeout:g} s", values)
+        return Status("commands", OK, drives.phase, values)
 
 
 main = main_of(SimulatorNode)

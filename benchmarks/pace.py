@@ -1,0 +1,127 @@
+"""How well the simulator keeps real time: lateness of its ticks, overruns, and what it costs.
+
+``python benchmarks/pace.py`` in the sourced environment prints the table of docs/simulation.md: each simulator in a process
+of its own, with somebody who listens to its joint states, as its own diagnostics tell. Lateness is the machine's as well as
+the simulator's: the first line is a timer that does nothing.
+"""
+
+import argparse
+import re
+import subprocess
+import sys
+import time
+from statistics import median
+
+import psutil
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from graph.session import private_domain
+from rclpy.experimental import EventsExecutor
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+
+from diag_dynamics.example_robots import find_urdf
+
+ROBOTS = ("ur5_robot", "panda", "talos_reduced")
+RATE = 1000.0
+WARM_UP = 5  # reports
+
+IDLE = """
+import sys, time, rclpy
+from rclpy.experimental import EventsExecutor
+from rclpy.task import Future
+from diag_dynamics.nodes.plant.pace import Pace
+rclpy.init()
+node, pace, seconds = rclpy.create_node("idle"), Pace(1.0, 1e-3, 1e-3), float(sys.argv[1])
+now = lambda: node.get_clock().now().nanoseconds * 1e-9
+done, begin, simulated = Future(), now(), 0.0
+def tick():
+    global simulated
+    simulated += 1e-3 * pace.steps(now(), simulated)
+    if now() > begin + seconds and not done.done():
+        done.set_result(None)
+node.create_timer(1e-3, tick)
+pace.resume(now(), 0.0)
+executor = EventsExecutor()
+executor.add_node(node)
+while not done.done():
+    executor.spin_until_future_complete(done, timeout_sec=0.2)
+kept = pace.kept()
+print(kept.mean, kept.largest, kept.overruns / kept.ticks)
+"""
+
+
+def measured(robot, seconds, order):
+    """Reports of a simulator: values by key, one dict a second, and its CPU time per tick [s]."""
+    parameters = {"robot_description": find_urdf(robot), "rate": RATE, "motion": "wave", "order": order}
+    arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "diag_dynamics.nodes.start", "simulator", "--ros-args", *arguments]
+    )
+    node, reports, done = rclpy.create_node("listener"), [], Future()
+
+    def take(array):
+        for status in array.status:
+            if status.name.endswith("simulator: pace"):
+                reports.append({pair.key: pair.value for pair in status.values} | {"cpu": sum(cpu()[:2])})
+        if len(reports) > WARM_UP + seconds and not done.done():
+            done.set_result(None)
+
+    cpu = psutil.Process(process.pid).cpu_times
+    node.create_subscription(DiagnosticArray, "/diagnostics", take, 10)
+    node.create_subscription(JointState, "joint_states", lambda _: None, 10, raw=True)
+    executor = EventsExecutor()
+    executor.add_node(node)
+    deadline = time.monotonic() + seconds + 120.0
+    while not done.done() and time.monotonic() < deadline:
+        executor.spin_until_future_complete(done, timeout_sec=0.2)
+    executor.shutdown()
+    node.destroy_node()
+    process.terminate()
+    process.wait()
+    return reports[WARM_UP:]
+
+
+def row(name, reports):
+    """A line of the table."""
+    ticks = sum(int(report["ticks"]) for report in reports[1:])
+    overruns = int(reports[-1]["overruns"]) - int(reports[0]["overruns"])
+    let_go = float(reports[-1]["time let go [s]"]) - float(reports[0]["time let go [s]"])
+    late = [float(report["late, mean [s]"]) for report in reports[1:]]
+    largest = [float(report["late, largest [s]"]) for report in reports[1:]]
+    cpu = (reports[-1]["cpu"] - reports[0]["cpu"]) / ticks
+    cells = (
+        f"{1e6 * median(late):.0f} µs",
+        f"{1e3 * median(largest):.2f} ms",
+        f"{1e3 * max(largest):.1f} ms",
+        f"{100 * overruns / ticks:.2f} %",
+        f"{let_go:.3f} s",
+        f"{1e6 * cpu:.0f} µs",
+    )
+    return f"| {name} | " + " | ".join(cells) + " |"
+
+
+def main():
+    """Measure, and print the table."""
+    parser = argparse.ArgumentParser(description=re.split(r"\n\n", __doc__)[0])
+    parser.add_argument("--seconds", type=int, default=30, help="of each simulator")
+    seconds = parser.parse_args().seconds
+    private_domain()
+    rclpy.init()
+    begin = time.monotonic()
+    print("| robot | late, mean | latest of a second, median | latest of all | overruns | let go | CPU per tick |")
+    print("|---|---|---|---|---|---|---|")
+    idle = subprocess.run([sys.executable, "-c", IDLE, str(seconds)], capture_output=True, text=True, check=True)
+    mean, largest, overran = map(float, idle.stdout.split())
+    print(
+        f"| a timer alone | {1e6 * mean:.0f} µs | — | {1e3 * largest:.1f} ms | {100 * overran:.2f} % | — | — |",
+        flush=True,
+    )
+    for robot in ROBOTS:
+        for order in (4, 1):
+            print(row(f"{robot}, order {order}", measured(robot, seconds, order)), flush=True)
+    print(f"\n{time.monotonic() - begin:.0f} s", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()

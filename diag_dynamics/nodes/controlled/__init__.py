@@ -1,0 +1,1 @@
+"""A robot under control: settings, targets, trajectories, safety, and the loop they make up. No rclpy."""

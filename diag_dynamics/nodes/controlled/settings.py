@@ -1,0 +1,157 @@
+"""The parameters of the controller, all in one table."""
+
+from diag_dynamics.control.arguments import per_dof
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.parameters import ALL, Spec, assignments
+from diag_dynamics.nodes.robot import PARAMETERS as ROBOT_PARAMETERS
+
+GRAVITY_COMPENSATION, DAMPING, POSE, TRACKING = MODES = ("gravity_compensation", "damping", "pose", "tracking")
+"""Names of the laws."""
+
+COMPENSATES = "robot_compensates_gravity"
+"""The one parameter that has no default."""
+
+WHY_REQUIRED = (
+    "whether the robot itself adds what carries its weight to the efforts it is sent, as the torque interfaces of some "
+    "vendors do. Nobody can guess it: gravity that is added twice launches the arm, gravity that nobody adds drops it"
+)
+
+
+def _once(default, description, **options):
+    return Spec(default, description, while_unconfigured=True, **options)
+
+
+PARAMETERS = {
+    "autostart": Spec(
+        False,
+        "Whether the node configures and activates itself: when it starts, or as soon as the robot's description has come.",
+        read_only=True,
+    ),
+    "robot_description": _once("", "URDF, or the path of one. If it is empty, the topic robot_description is used."),
+    **{
+        name: spec._replace(while_unconfigured=True)
+        for name, spec in ROBOT_PARAMETERS.items()
+        if name != "floating_base"
+    },
+    "command_joints": _once([""], "Joints in the order of a command's entries; by default all, in the robot's order."),
+    "check_time": _once(
+        1.0,
+        "How long the effort controller may take to say its joints on activation [s]; 0: it is not asked.",
+        minimum=0.0,
+        maximum=60.0,
+    ),
+    "initial_mode": _once(TRACKING, "The law in force on activation.", choices=MODES),
+    # laws
+    "damping": _once(["*=10.0"], "Gains c of damping, each as joint=gain; * for all others [1/s]."),
+    "controlled_link": _once("", "Link whose pose is regulated; empty: none, and no mode pose."),
+    "position_stiffness": _once(200.0, "Of the pose's position [N/m].", minimum=1e-6),
+    "orientation_stiffness": _once(20.0, "Of the pose's orientation [N m/rad].", minimum=1e-6),
+    "pose_damping": _once(["*=12.0"], "Gains c1 of pose regulation, each as joint=gain; * for all others [1/s]."),
+    "tracking_gain": _once(["*=20.0"], "Gains K of tracking, each as joint=gain; * for all others [1/s]."),
+    "tracking_convergence": _once(
+        ["*=10.0"], "Rates at which tracking errors decay, each as joint=rate; * for all others [1/s]."
+    ),
+    # filters
+    "limit_margin": _once(
+        0.1, "Where springs before the position limits begin, from those inward [rad, m]; 0: none.", minimum=0.0
+    ),
+    "limit_stiffness": _once(100.0, "Of these springs [N m/rad, N/m].", minimum=1e-6),
+    "limit_damping": _once(10.0, "Of their dampers at the limit [N m s/rad, N s/m].", minimum=0.0),
+    "energy_limit": _once(0.0, "Bound on the kinetic energy [J]; 0: none.", minimum=0.0),
+    "energy_rate": _once(
+        50.0, "Rate at which that bound is approached [1/s]; times the period of states below 1.", minimum=1e-6
+    ),
+    "observer_gain": _once(
+        0.0,
+        "Gain of the disturbance observer [1/s], by which the energy limiter counts the power of pushes; 0: none.",
+        minimum=0.0,
+    ),
+    "effort_limit": _once([""], "Largest efforts, each as joint=effort; the URDF's for all others [N m, N]."),
+    "effort_rate": _once(["*=1000.0"], "How fast efforts change, each as joint=rate; * for all others [N m/s, N/s]."),
+    # safety
+    "joint_timeout": _once(
+        0.02, "Largest age of a joint's last values against the newest joint's [s]; 0 for no limit.", minimum=0.0
+    ),
+    "max_state_age": _once(
+        0.02,
+        "Largest distance of a state's stamp from this node's clock [s]; beyond it, gravity is held.",
+        minimum=1e-4,
+        maximum=1.0,
+    ),
+    "hold_time": _once(
+        0.5,
+        "How long the last gravity torque is held without a valid state [s]; then it is taken to zero.",
+        minimum=0.0,
+        maximum=10.0,
+    ),
+    "max_rate.status": _once(0.0, "Highest rate of ~/status [Hz]; 0 for every command.", minimum=0.0),
+}
+"""All parameters but :data:`COMPENSATES`."""
+
+
+def by_dof(parameter, entries, names, default=None):
+    """One positive number for each name from entries such as ``joint=5.0`` and ``*=3.0``.
+
+    Raises
+    ------
+    InputError
+        An entry is malformed or names no joint, a joint has none and `default` is None, or a number is not positive.
+    """
+    values = assignments(parameter, entries)
+    for name in values:
+        if name != ALL and name not in names:
+            raise InputError(
+                f"parameter '{parameter}' names '{name}', which is no joint to control: {', '.join(names)}."
+            )
+    missing = [name for name in names if name not in values]
+    if missing and ALL not in values and default is None:
+        raise InputError(f"parameter '{parameter}' has no entry for joint '{missing[0]}', and none for * (all others).")
+    rest = [values.get(ALL, number) for number in default] if default is not None else [values.get(ALL)] * len(names)
+    numbers = [values.get(name, other) for name, other in zip(names, rest, strict=True)]
+    return per_dof(f"parameter '{parameter}'", numbers, names, "a number > 0", lambda x: x > 0.0)
+
+
+def command_order(entries, names):
+    """Places, in the robot's order, of a command's entries.
+
+    Raises
+    ------
+    InputError
+        A name is no joint of the robot, or there twice, or a joint has no place: every joint needs its effort.
+    """
+    joints = [name for name in entries if name] or list(names)
+    for k, name in enumerate(joints):
+        if name not in names:
+            raise InputError(
+                f"parameter 'command_joints' names '{name}', which is no joint to control: {', '.join(names)}."
+            )
+        if name in joints[:k]:
+            raise InputError(f"parameter 'command_joints' names '{name}' twice.")
+    for name in names:
+        if name not in joints:
+            raise InputError(
+                f"parameter 'command_joints' lacks joint '{name}', which nothing would drive: name it, or lock it "
+                "(locked_joints)."
+            )
+    return tuple(joints), [list(names).index(name) for name in joints]
+
+
+def require_same_joints(own, theirs, controller):
+    """Compare the order of commands with that which an effort controller has.
+
+    Raises
+    ------
+    InputError
+        They differ; the first entry that does is named.
+    """
+    if list(own) == list(theirs):
+        return
+    if len(own) != len(theirs):
+        difference = f"{len(own)} joints here, {len(theirs)} there"
+    else:
+        k = next(k for k, pair in enumerate(zip(own, theirs, strict=True)) if pair[0] != pair[1])
+        difference = f"entry {k} is '{own[k]}' here and '{theirs[k]}' there"
+    raise InputError(
+        f"commands and the joints of {controller} do not agree: {difference}. Set command_joints to "
+        f"[{', '.join(theirs)}], or the other way round."
+    )

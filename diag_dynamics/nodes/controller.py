@@ -1,0 +1,424 @@
+"""The controller node: joint_states and targets in, efforts out, by laws in total joint rates."""
+
+import codecs
+import sys
+from array import array
+from collections import Counter
+
+from geometry_msgs.msg import PoseStamped
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.clock import Clock as SomeClock
+from rclpy.clock import ClockType
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from diag_dynamics.control import PoseError
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.msg import ControllerStatus
+from diag_dynamics.nodes.controlled.loop import ControlLoop
+from diag_dynamics.nodes.controlled.settings import (
+    COMPENSATES,
+    MODES,
+    PARAMETERS,
+    TRACKING,
+    WHY_REQUIRED,
+    command_order,
+    require_same_joints,
+)
+from diag_dynamics.nodes.controlled.supervisor import ACTIVE as IN_FORCE
+from diag_dynamics.nodes.controlled.supervisor import RAMPING_DOWN
+from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Status, counted, shortened
+from diag_dynamics.nodes.effort_controller import joints_of_controller
+from diag_dynamics.nodes.inputs.joint_states import JointStateAssembler, Options
+from diag_dynamics.nodes.inputs.known import KnownJointStates
+from diag_dynamics.nodes.inputs.rejected import RejectedError
+from diag_dynamics.nodes.managed import ACTIVE, INACTIVE, SUCCESS, UNCONFIGURED, ManagedNode
+from diag_dynamics.nodes.messages import doubles, to_time
+from diag_dynamics.nodes.outputs import RateLimit, connected
+from diag_dynamics.nodes.parameters import declare, wrong
+from diag_dynamics.nodes.robot import joints_of, load_robot
+from diag_dynamics.nodes.runner import main_of
+
+COMMANDS = "effort_controller/commands"
+
+WATCHES = 4
+"""How often in the largest age of a state the node looks whether it has got too old."""
+
+ABSURD = {"max_position": 1e8, "max_velocity": 1e4, "beyond_limits": 0.5}
+"""States beyond it are not believed [rad, rad/s, rad outside of the limits]: springs throw an encoder that is a turn off."""
+
+
+class ControllerNode(ManagedNode):
+    """See the module; parameters are in :data:`~controlled.settings.PARAMETERS`, and one more that has no default.
+
+    A managed node. Configured, it has a robot or waits for its description; active, it answers every state by a command.
+    """
+
+    def __init__(self, **kwargs):
+        super().__init__("diag_dynamics_controller", **kwargs)
+        self._values = declare(self, PARAMETERS)
+        required = ParameterDescriptor(description=f"Required: {WHY_REQUIRED}.")
+        self._compensated = self.declare_parameter(COMPENSATES, Parameter.Type.BOOL, required).value
+        self._loop = self._states = self._descriptions = None
+        self._description, self._refused, self._other = None, "", None
+        self._published, self._listened, self._offered = [], [], []
+        self._starting, self._watch = False, None
+        self._counts, self._counted = Counter(), Counter()  # in all, and until the last report
+        self._last_refusal, self._last_sent, self._largest_gap = "", None, 0.0
+        self._order_known = ""
+        self.add_on_set_parameters_callback(self._set_parameters)
+        self._diagnostics = Diagnostics(self, self._report)
+        if self._values["autostart"]:
+            self.start()
+
+    def start(self):
+        """Configure, and activate as soon as there is a robot.
+
+        Raises
+        ------
+        InputError
+            That was not possible.
+        """
+        self._starting = not self._values["robot_description"]
+        if not self._starting:
+            super().start()
+        elif self.trigger_configure() != SUCCESS:
+            self.destroy_node()
+            raise InputError(self.failure)
+
+    def destroy_node(self):
+        """Leave the robot by a last command, and end."""
+        self.stop_listening()
+        super().destroy_node()
+
+    # --- Lifecycle ---
+
+    def set_up(self):
+        """Load the robot or wait for one; make publishers and services."""
+        if self._compensated is None:
+            raise InputError(f"parameter '{COMPENSATES}' is not set, and has no default. It says {WHY_REQUIRED}.")
+        self._commands = self._publisher(Float64MultiArray, COMMANDS)
+        self._status = self._publisher(ControllerStatus, "~/status")
+        self._status_limit = RateLimit(self._values["max_rate.status"])
+        for mode in MODES:
+            self._offered.append(self.create_service(Trigger, f"~/mode/{mode}", self._switching(mode)))
+        if self._values["robot_description"]:
+            self._adopt(self._values["robot_description"])
+        else:
+            once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+            self._descriptions = connected(
+                self.create_subscription, String, "robot_description", self._take_description, once
+            )
+            self.get_logger().info(f"Waiting for a robot on {self.resolve_topic_name('robot_description')}.")
+
+    def _publisher(self, kind, topic):
+        publisher = connected(self.create_publisher, kind, topic, QoSProfile(depth=10))
+        self._published.append(publisher)
+        return publisher
+
+    def listen(self):
+        """Compare the order of joints with the effort controller's, and subscribe to states and targets."""
+        if self._loop is None or self._refused:  # or it would move by the model of a robot that has been replaced
+            raise InputError(self._refused or "no robot_description has arrived yet.")
+        self._compare_joints()
+        self._loop.forget()
+        self._assembled.forget()
+        self._assembled.stamps.forget()
+        self._last_sent = None
+        newest = QoSProfile(depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self._listen_to(JointState, "joint_states", self._take_joint_state, newest, raw=True)
+        loop = self._loop
+        for kind, topic, take in (
+            (PoseStamped, "target", loop.take_pose),
+            (JointTrajectory, "trajectory", lambda message: loop.take_trajectory(message, self._now())),
+            (JointState, "set_point", loop.take_set_point),
+        ):
+            self._listen_to(kind, topic, self._target_taker(topic, take), QoSProfile(depth=1))
+        # By simulated time where that is the node's; else by a clock that nobody sets, or it might stand still for hours.
+        clock = self.get_clock() if self.get_clock().ros_time_is_active else SomeClock(clock_type=ClockType.STEADY_TIME)
+        self._watch = self.create_timer(self._values["max_state_age"] / WATCHES, self._look, clock=clock)
+        self.get_logger().info(f"Active: mode {loop.mode}, commands for {', '.join(self._joints)}.")
+
+    def _listen_to(self, kind, topic, take, qos, **options):
+        self._listened.append(connected(self.create_subscription, kind, topic, take, qos, **options))
+
+    def stop_listening(self):
+        """Send a last command, which holds the robot by its gravity torque, and take nothing in any more."""
+        if self._watch:
+            self.destroy_timer(self._watch)
+            self._watch = None
+        if self._listened and (effort := self._loop.leave()) is not None:
+            self._send(effort)
+        for subscription in self._listened:
+            self.destroy_subscription(subscription)
+        self._listened = []
+        if self._loop:
+            self._loop.supervisor.forget()
+
+    def on_deactivate(self, state):
+        """Stop listening, and take over the robot that was described meanwhile."""
+        result = super().on_deactivate(state)
+        if self._other is not None:
+            self._take_description(self._other)
+        return result
+
+    def tear_down(self):
+        """Let the robot go, and all that was made for it."""
+        if self._descriptions:
+            self.destroy_subscription(self._descriptions)
+        for service in self._offered:
+            self.destroy_service(service)
+        for publisher in self._published:
+            self.destroy_publisher(publisher)
+        self._offered, self._published = [], []
+        self._loop = self._descriptions = self._description = None
+        self._refused, self._other = "", None
+
+    # --- The robot ---
+
+    def _adopt(self, description):
+        """Make the robot of a description the one to control."""
+        model = load_robot(self, description, self._values | {"floating_base": False})
+        joints, order = command_order(self._values["command_joints"], model.dof_names)
+        self._loop = ControlLoop(model, self._values, self._compensated)
+        self._joints, self._order = joints, order
+        options = Options(timeout=self._values["joint_timeout"], **ABSURD)
+        self._assembled = JointStateAssembler(joints_of(model), options)
+        self._states = KnownJointStates(self._assembled)
+        self._states.configure()
+        self._description = description
+        self.settled()
+        self.get_logger().info(f"Ready: robot '{model.name}', {model.nv} degrees of freedom.")
+
+    def _take_description(self, message):
+        # What comes from a topic is text and never a path; see the monitor.
+        description = codecs.BOM_UTF8 + message.data.lstrip("\ufeff").encode(errors="replace")
+        if self.phase not in (INACTIVE, ACTIVE):
+            return
+        self._refused, self._other = "", None
+        if description == self._description:
+            return
+        try:
+            if self.phase == ACTIVE:
+                self._other = message
+                raise InputError("another robot is not taken over while this one is controlled: deactivate first.")
+            self._adopt(description)
+            self.failure = ""  # which was that of the robot before, or of none
+        except Exception as error:  # nothing that arrives may end the node
+            reason = str(error) if isinstance(error, DiagDynamicsError) else f"internal error: {error!r}"
+            self._refused = shortened(f"robot_description refused: {reason}")
+            self.get_logger().error(self._refused)
+            return
+        if self._starting:
+            self._starting = False
+            self.trigger_activate()
+
+    def _compare_joints(self):
+        """Refuse an effort controller that has another order of joints."""
+        topic, patience = self.resolve_topic_name(COMMANDS), self._values["check_time"]
+        controller = topic.rpartition("/")[0]
+        theirs = joints_of_controller(self, controller, topic, patience) if patience else None
+        if theirs is None:
+            self._order_known = f"not compared: {controller} has not said its joints"
+            self.get_logger().warning(f"The order of joints is {self._order_known}.")
+            return
+        require_same_joints(self._joints, theirs, controller)
+        self._order_known = f"that of {controller}"
+
+    # --- Every cycle ---
+
+    def _now(self):
+        return self.get_clock().now().nanoseconds
+
+    def _take_joint_state(self, raw):
+        if self.phase != ACTIVE:
+            return
+        self._counts["joint states"] += 1
+        now = self._now()
+        try:
+            state = self._states.update(raw, now)
+            sent = None if state is None else self._loop.step(state, now)
+        except RejectedError as rejection:
+            self._counts[f"rejected: {rejection.cause}"] += 1
+            sent = self._rejected(now, str(rejection))
+        except Exception as error:  # nothing that arrives may end the node, and the robot is not to be left by itself
+            self._counts["rejected: internal error"] += 1
+            sent = self._rejected(now, shortened(repr(error)))
+        self._answer(sent, now)
+
+    def _look(self):
+        """See whether the last state has become too old."""
+        state, now = self._loop.state, self._now()
+        if self.phase == ACTIVE and state and (problem := self._loop.age_problem(state, now)):
+            self._answer(self._loop.without_state(now, problem), now)
+
+    def _rejected(self, now, reason):
+        self._last_refusal = reason
+        return self._loop.without_state(now, reason)
+
+    def _answer(self, sent, now):
+        """Send a command, and say so."""
+        if sent is None:
+            return
+        self._send(sent.effort)
+        if self._last_sent is not None:
+            gap = (now - self._last_sent) * 1e-9
+            self._largest_gap = max(self._largest_gap, gap)
+            self._counts["stalls"] += gap > self._values["max_state_age"]
+        self._last_sent = now
+        self._counts["commands"] += 1
+        self._counts["commands limited"] += bool(sent.saturated)
+        if self._status.get_subscription_count() and self._status_limit.due(now):
+            self._status.publish(self._status_of(sent))
+
+    def _send(self, effort):
+        self._commands.publish(Float64MultiArray(data=array("d", effort[self._order])))
+
+    def _status_of(self, sent):
+        loop, command = self._loop, sent.command
+        model, limiter = loop.dynamics.model, loop.energy_limiter
+        message = ControllerStatus(
+            mode=loop.mode, phase=loop.supervisor.phase, message=shortened(loop.supervisor.reason)
+        )
+        message.header.stamp, message.header.frame_id = to_time(sent.stamp), model.root_link
+        message.dof_names, message.state_age = list(model.dof_names), sent.age
+        message.effort_command, message.saturated_dofs = doubles(sent.effort), list(sent.saturated)
+        message.energy, message.energy_limited = loop.energy, sent.energy_limited
+        message.energy_limit_valid = limiter is not None
+        message.energy_limit = limiter.limit if limiter else 0.0
+        if command is None:
+            return message
+        message.lyapunov, message.lyapunov_rate_predicted = command.lyapunov, command.lyapunov_rate
+        message.lyapunov_valid = sent.lyapunov_rate is not None
+        message.lyapunov_rate_measured = sent.lyapunov_rate or 0.0
+        if isinstance(command.error, PoseError):
+            message.pose_error_valid = True
+            for field, vector in zip((message.position_error, message.orientation_error), command.error, strict=True):
+                field.x, field.y, field.z = map(float, vector)
+        elif loop.mode == TRACKING:
+            message.tracking_error, message.tracking_error_valid = doubles(command.error), True
+        return message
+
+    # --- Targets and modes ---
+
+    def _target_taker(self, topic, take):
+        def callback(message):
+            if self.phase != ACTIVE:
+                return
+            try:
+                take(message)
+                self._counts[f"{topic} taken"] += 1
+            except Exception as error:
+                reason = shortened(str(error) if isinstance(error, DiagDynamicsError) else f"internal error: {error!r}")
+                self._counts[f"{topic} refused"] += 1
+                self._last_refusal = reason
+                self.get_logger().warning(f"Refused on {topic}: {reason}", throttle_duration_sec=1.0)
+
+        return callback
+
+    def _switching(self, mode):
+        def answer(_, response):
+            try:
+                if self.phase != ACTIVE:
+                    raise InputError(f"the controller is {self.phase}: activate it first.")
+                self._loop.switch(mode)
+                response.success, response.message = True, f"mode {mode}"
+            except DiagDynamicsError as error:
+                response.success, response.message = False, shortened(str(error))
+            return response
+
+        return answer
+
+    # --- Parameters ---
+
+    def _set_parameters(self, parameters):
+        changed = {parameter.name: parameter.value for parameter in parameters if parameter.name in PARAMETERS}
+        compensated = next((parameter.value for parameter in parameters if parameter.name == COMPENSATES), None)
+        for name, value in changed.items():
+            if reason := wrong(name, value, PARAMETERS):
+                return SetParametersResult(successful=False, reason=f"{reason}.")
+        others = [name for name, value in changed.items() if value != self._values[name]]
+        others += [COMPENSATES] if compensated not in (None, self._compensated) else []
+        if others and self.phase != UNCONFIGURED:
+            reason = f"parameter '{others[0]}' is read-only while the node is configured: clean it up first."
+            return SetParametersResult(successful=False, reason=reason)
+        self._values |= changed
+        self._compensated = self._compensated if compensated is None else compensated
+        return SetParametersResult(successful=True)
+
+    # --- Diagnostics ---
+
+    def _report(self):
+        recent = self._counts - self._counted
+        self._counted = self._counts.copy()
+        return [self._control_status(), self._command_status(recent), self._input_status(recent)]
+
+    def _control_status(self):
+        loop, values = self._loop, {"lifecycle": self.phase}
+        if loop is None:
+            refusal = self.failure or self._refused
+            waiting = "no robot yet" if self.phase == INACTIVE else self.phase
+            return Status("control", ERROR if refusal else WARN, refusal or waiting, values)
+        supervisor = loop.supervisor
+        values |= {
+            "robot": loop.dynamics.model.name,
+            "mode": loop.mode,
+            "robot compensates gravity": self._compensated,
+            "order of joints": self._order_known,
+            "kinetic energy [J]": f"{loop.energy:.6g}",
+        }
+        if self.failure or self._refused:
+            return Status("control", ERROR, self.failure or self._refused, values)
+        if self.phase != ACTIVE:
+            return Status("control", WARN, f"{self.phase}: no commands", values)
+        if supervisor.phase == IN_FORCE:
+            return Status("control", OK, f"mode {loop.mode}", values)
+        if loop.state is None:
+            return Status("control", WARN, f"no commands: {supervisor.reason}", values)
+        doing = "ramping down" if supervisor.phase == RAMPING_DOWN else "holding gravity"
+        level = ERROR if supervisor.phase == RAMPING_DOWN else WARN
+        return Status("control", level, f"{doing}: {supervisor.reason}", values)
+
+    def _command_status(self, recent):
+        keys = ("commands", "commands limited", "stalls")
+        values = {key: self._counts[key] for key in keys} | {"largest gap [s]": f"{self._largest_gap:.6f}"}
+        largest, self._largest_gap = self._largest_gap, 0.0
+        problems = []
+        if recent["stalls"]:
+            problems.append(
+                f"{recent['stalls']} gaps between commands beyond max_state_age, the largest {largest:.3f} s"
+            )
+        if self.phase == ACTIVE:
+            topic = self._commands.topic_name
+            receivers, others = self._commands.get_subscription_count(), self.count_publishers(topic) - 1
+            values |= {"receivers": receivers, "other senders": others}
+            if not receivers:
+                problems.append(f"nobody listens to {topic}")
+            if others > 0:
+                problems.append(f"others send to {topic} as well: {others}")
+        if problems:
+            return Status("commands", WARN, "; ".join(problems), values)
+        return Status("commands", OK, "limited" if recent["commands limited"] else "within limits", values)
+
+    def _input_status(self, recent):
+        values = {
+            key: n for key, n in sorted(self._counts.items()) if key not in ("commands", "commands limited", "stalls")
+        }
+        if self.phase == ACTIVE:
+            values["joints that have not arrived"] = counted(self._assembled.missing)
+        refused = sum(n for key, n in recent.items() if "rejected" in key or "refused" in key)
+        if self._last_refusal:
+            values["last refusal"] = self._last_refusal
+        if refused:
+            return Status("inputs", WARN, f"{refused} refused: {self._last_refusal}", values)
+        return Status("inputs", OK, "nothing refused", values)
+
+
+main = main_of(ControllerNode)
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,183 @@
+"""A simulated robot with drives and sensors, which somebody may push. No ROS but for messages that others fill."""
+
+import math
+
+import numpy as np
+
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.inputs.followers import Followers
+from diag_dynamics.nodes.plant.drives import Drives
+from diag_dynamics.nodes.plant.pushes import Pushes
+from diag_dynamics.nodes.plant.sensors import Errors, Sensors
+from diag_dynamics.nodes.robot import single_joints
+from diag_dynamics.simulation import CompliantLimits, Simulation, Wave
+
+BRAKE = 2.0
+"""Torque of a brake, as a multiple of its drive's largest effort."""
+
+ENOUGH = 1e9
+"""Torque of a brake whose drive has no limit [N m, N]."""
+
+
+class Measured:
+    """What is known of the robot, and of when: vectors of all joints, followers last, and a floating base's q and q̇."""
+
+    __slots__ = ("base", "effort", "position", "time", "velocity")
+
+    def __init__(self, time, values, base):
+        self.time, self.base = time, base
+        self.position, self.velocity, self.effort = values
+
+
+class Plant:
+    """See the module.
+
+    Parameters
+    ----------
+    model : RobotModel
+    values : dict
+        Values of simulator.PARAMETERS.
+
+    Attributes
+    ----------
+    simulation : Simulation
+    drives : Drives
+    sensors : Sensors
+    pushes : Pushes
+    names : tuple of str
+        All joints, followers last.
+    time : float
+        Simulated time, which goes on when the robot is put into another state [s].
+
+    Raises
+    ------
+    InputError
+        The values do not fit the robot.
+    """
+
+    def __init__(self, model, values):
+        _refuse_together(model, values)
+        period = 1.0 / values["rate"]
+        step = period / math.ceil(period / values["step"] - 1e-9)  # a period is so many of them
+        compliant = CompliantLimits(values["limit_stiffness"], values["limit_damping"])
+        limits = {"hard": True, "compliant": compliant, "none": False}[values["limits"]]
+        self.simulation = Simulation(model, step=step, limits=limits, order=values["order"])
+        joints = single_joints(model)
+        self._followers = Followers(joints, model.mimics)
+        self.names = (*joints, *self._followers.names)
+        self._driven = np.array([model.dof_names.index(name) for name in joints], dtype=int)
+        self.drives = Drives(joints, values["command_joints"], values["command_timeout"], values["without_command"])
+        noise, resolution = tuple(values["sensor_noise"]), tuple(values["sensor_resolution"])
+        errors = Errors(noise, resolution, values["sensor_delay"], values["sensor_dropped"], values["seed"])
+        self.sensors = Sensors(errors)
+        self.pushes = Pushes(model.link_names, values["wrench_timeout"])
+        self._hard = values["limits"] == "hard"
+        self._axes, self._carries = values["wrench_axes"], values["compensates_gravity"]
+        self._wave = Wave(self.simulation) if values["motion"] == "wave" else None
+        self._friction, self._braked = self.simulation.friction, False
+        limit = np.where(model.effort_limit > 0.0, model.effort_limit, np.inf)[self._driven]
+        self._brakes = self._friction.copy()
+        self._brakes[self._driven] += np.where(np.isfinite(limit), BRAKE * limit, ENOUGH)
+        self._start = self.simulation.q, self.simulation.qd
+        self._before = 0.0
+        self.advance(0)
+
+    @property
+    def time(self):
+        """Simulated time [s]."""
+        return self._before + self.simulation.time
+
+    def advance(self, steps):
+        """Take some steps together: none of them times a command out that was in force when the first one began.
+
+        What has come while the simulation was late waits behind the steps that catch up.
+
+        Raises
+        ------
+        DiagDynamicsError
+            As of :meth:`Simulation.advance`.
+        """
+        simulation, begin = self.simulation, self.time
+        if not steps:
+            simulation.advance(self._effort(begin), steps=0)
+        for _ in range(steps):
+            effort, wrenches = self._effort(begin), self.pushes.at(self.time)
+            simulation.advance(effort, f_ext=wrenches or None, frame=self._axes if wrenches else "link")
+
+    def _effort(self, begin):
+        """Efforts on all degrees of freedom, by the drives as they were at `begin` [s], and brakes as these want them."""
+        simulation = self.simulation
+        if self._wave:
+            return self._wave.effort()
+        effort = np.zeros(simulation.model.nv)
+        effort[self._driven] = self.drives.effort(begin)
+        if self.drives.braked != self._braked:
+            self._braked = self.drives.braked
+            simulation.friction = self._brakes if self._braked else self._friction
+        if self._carries and not self._braked:
+            effort[self._driven] += simulation.dynamics.gravity_torque(simulation.q)[self._driven]
+        return effort
+
+    def measure(self):
+        """Have the sensors look at the state as it is now."""
+        simulation, followers = self.simulation, self._followers
+        model, q, qd = simulation.model, simulation.q, simulation.qd
+        own, rate, effort = q[len(q) - len(self._driven) :], qd[self._driven], simulation.effort[self._driven]
+        position = np.append(own, followers.positions(own))
+        velocity = np.append(rate, followers.velocities(rate))
+        effort = np.append(effort, np.zeros(len(followers.names)))  # on followers none acts of their own
+        base = (q[:7], qd[:6]) if model.floating_base else None
+        self.sensors.measure(self.time, position, velocity, effort, base)
+
+    def known(self):
+        """All :class:`Measured` that have become known since this was asked last."""
+        return [Measured(*found) for found in self.sensors.known(self.time)]
+
+    def put(self, q, qd):
+        """Put the robot into a state; time and command stay, what sensors have under way does not.
+
+        Raises
+        ------
+        DiagDynamicsError
+            As of :meth:`Simulation.reset`; or a joint would be beyond a hard limit, or the robot cannot be evaluated there.
+            Nothing has changed then.
+        """
+        simulation, before = self.simulation, self.time
+        model = simulation.model
+        outside = np.flatnonzero((np.asarray(q) < model.lower) | (np.asarray(q) > model.upper)) if self._hard else ()
+        if len(outside):
+            k = int(outside[0])
+            raise InputError(
+                f"position of '{model.coordinate_names[k]}' is {q[k]:.9g}, expected within its hard limits "
+                f"{model.lower[k]:g} … {model.upper[k]:g}."
+            )
+        if not np.isfinite(simulation.dynamics.evaluate(q, qd).kinetic_energy):
+            raise InputError("the kinetic energy is not finite.")
+        simulation.reset(q, qd)
+        self._before = before
+        self.sensors.forget()
+
+    def reset(self):
+        """Put the robot where it began, without a command or a wrench, and let the sensors err as they did then."""
+        self.put(*self._start)
+        self.drives.forget()
+        self.pushes.forget()
+        self.sensors.restart()
+
+
+def _refuse_together(model, values):
+    """Raise InputError where values do not go together, or are out of a range that their type cannot tell."""
+    if values["seed"] < 0:
+        raise InputError(f"parameter 'seed' is {values['seed']}, expected no less than 0.")
+    if 0.0 < values["real_time_factor"] < 1e-3:
+        raise InputError(
+            f"parameter 'real_time_factor' is {values['real_time_factor']:g}, expected 0 or at least 0.001."
+        )
+    if values["order"] == 1 and model.floating_base:
+        raise InputError("parameter 'order' is 1, at which a free robot gains energy as it tumbles, expected 4.")
+    for name, idle in (("motion", "free"), ("sensor_delay", 0.0), ("sensor_dropped", 0.0)):
+        if values["lockstep"] and values[name] != idle:
+            raise InputError(
+                f"parameter 'lockstep' is true, for which there must be a command for every joint state, but '{name}' is "
+                f"{values[name]!r}, expected {idle!r}."
+            )

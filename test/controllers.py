@@ -1,0 +1,258 @@
+"""A controller in a process of its own, as tests see it, and its commands by Pinocchio alone."""
+
+import contextlib
+import time
+
+import numpy as np
+import pinocchio as pin
+from diag_dynamics.msg import ControllerStatus
+from diag_dynamics.srv import SetState
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from nodes import MANY, START, UR5, Topic, joint_state, nanoseconds, node_process, report_of, robot
+
+NODE = "diag_dynamics_controller"
+ACTIVE, HOLDING, RAMPING_DOWN = (
+    ControllerStatus.PHASE_ACTIVE,
+    ControllerStatus.PHASE_HOLDING,
+    ControllerStatus.PHASE_RAMPING_DOWN,
+)
+
+GAINS = {"damping": ["*=8.0", "elbow_joint=5.0"], "tracking_gain": ["*=20.0", "wrist_1_joint=30.0"]}
+"""For a UR5; all others are the defaults."""
+START_AT = (0.3, -1.2, 1.4, -0.6, 0.5, 0.2)
+"""A UR5 well away from singularities."""
+
+
+class Controller:
+    """A controller in a process of its own: what it says, and what it is told."""
+
+    def __init__(self, peer, namespace, *arguments, commands="effort_controller/commands", **parameters):
+        """Start it; a context at whose end it has to end cleanly."""
+        self.peer, self.name, self.namespace = peer, f"{namespace}/{NODE}", namespace
+        self.status = peer.topic(ControllerStatus, f"{self.name}/status")
+        self.sent = peer.topic(Float64MultiArray, f"{namespace}/{commands}")
+        self.target = peer.publisher(PoseStamped, f"{namespace}/target")
+        self.trajectory = peer.publisher(JointTrajectory, f"{namespace}/trajectory")
+        self.set_point = peer.publisher(JointState, f"{namespace}/set_point")
+        self.reports = []
+        peer.node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, MANY)
+        self._arguments = ("-r", f"effort_controller/commands:={commands}", *arguments)
+        self._parameters = parameters
+        self.start()
+
+    def start(self):
+        """Start the process."""
+        self.process = node_process("controller", "-r", f"__ns:={self.namespace}", *self._arguments, **self._parameters)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self.process.__exit__(*error)
+
+    def listens(self):
+        """Whether it takes targets."""
+        return all(end.get_subscription_count() for end in (self.target, self.trajectory, self.set_point))
+
+    def connect(self):
+        """Wait until it controls."""
+        self.peer.wait_until(self.listens, f"{self.name} to listen", START)
+        self.peer.wait_until(lambda: self.status.messages, f"status of {self.name}", START)
+        return self
+
+    def _take_diagnostics(self, array):
+        if report := report_of(array, self.name):
+            self.reports.append(report)
+
+    def wait_for_report(self, condition, what):
+        """Return the first report from now on for which a condition holds."""
+        begin = len(self.reports)
+        return self.peer.wait_until(lambda: next((r for r in self.reports[begin:] if condition(r)), None), what)
+
+    def wait_until_told(self, entry, text, level=None):
+        """Return the first report from now on of which one entry has this text, and this level."""
+
+        def told(report):
+            status = report.entries[entry]
+            return text in status.message and level in (None, status.level)
+
+        return self.wait_for_report(told, f"{entry}: {text}")
+
+    def wait_for(self, condition, what, timeout=60.0, since=None):
+        """Return the first status, from now on or from the one of a number, for which a condition holds."""
+        at = len(self.status.messages) if since is None else since
+
+        def found():
+            nonlocal at
+            new, at = self.status.messages[at:], len(self.status.messages)
+            return next((status for status in new if condition(status)), None)
+
+        return self.peer.wait_until(found, what, timeout)
+
+    def ask(self, mode):
+        """Ask for a law."""
+        return self.peer.call(Trigger, f"{self.name}/mode/{mode}", Trigger.Request(), self.name)
+
+    def switch(self, mode):
+        """Put a law in force; returns the status of its first command."""
+        since = len(self.status.messages)
+        answer = self.ask(mode)
+        assert answer.success, answer.message
+        return self.wait_for(lambda s: s.mode == mode, mode, since=since)
+
+    def refuses(self, publish, said):
+        """Publish something wrong, which is refused by name on the diagnostics."""
+        begin = len(self.reports)
+        publish()
+
+        def told(report):
+            message = report.entries["inputs"].message
+            return "refused" in message and said in message
+
+        self.peer.wait_until(lambda: any(map(told, self.reports[begin:])), f"refusal: {said}")
+
+
+@contextlib.contextmanager
+def effort_controller(peer, namespace, joints):
+    """A node that says which joints it drives, as ros2_control's effort controller."""
+    node = peer.extra_node("effort_controller", namespace)
+    node.declare_parameter("joints", list(joints))
+    try:
+        yield f"{namespace}/effort_controller"
+    finally:
+        peer.drop_node(node)
+
+
+# --- with a simulator
+
+
+class PassedOn(Topic):
+    """Commands that the test passes on to the robot, as an effort controller does: in lockstep nothing is ahead of it."""
+
+    def __init__(self, controller, simulator):
+        """Take the place of what the controller has sent."""
+        self._send = simulator.commands.publish
+        name = controller.sent.subscription.topic_name
+        controller.peer.node.destroy_subscription(controller.sent.subscription)
+        super().__init__(controller.peer.node, Float64MultiArray, name, MANY)
+
+    def _take(self, message):
+        super()._take(message)
+        self._send(message)
+
+    def begin(self, peer, simulator):
+        """Repeat the first state until a command comes: one may be sent before this is known, and none follows it."""
+        states = peer.publisher(JointState, simulator.states.subscription.topic_name)
+        deadline = time.monotonic() + START
+        while not self.messages:
+            assert time.monotonic() < deadline, "no command passes"
+            with contextlib.suppress(AssertionError):
+                peer.wait_until(lambda: self.messages, "a command", 5.0)
+                break
+            states.publish(simulator.states.messages[-1])
+        peer.node.destroy_publisher(states)
+
+
+def quiet(simulator):
+    """Do not listen to what no test looks at: it is more than this process can take in."""
+    for topic in (simulator.audits, simulator.truth, simulator.odometry):
+        simulator.peer.node.destroy_subscription(topic.subscription)
+
+
+def put(simulator, q, qd=()):
+    """Put a simulator's robot somewhere, by default at rest."""
+    answer = simulator.call(SetState, "set_state", state=joint_state(simulator.robot.names, q, qd))
+    assert answer.success, answer.message
+
+
+def record(arm):
+    """Forget what was said, to look at what comes."""
+    for topic in (arm.status, arm.sent, arm.simulator.states):
+        topic.forget()
+
+
+# --- what should come
+
+
+def gravity_of(q):
+    """Gravity torque of a UR5 by Pinocchio."""
+    return robot(UR5).oracle.gravity_torque(np.array(q, dtype=float))
+
+
+def pose_of(q):
+    """Position and axes of a UR5's tool by Pinocchio."""
+    oracle = robot(UR5).oracle.full
+    pin.framesForwardKinematics(oracle.model, oracle.data, oracle.configuration(np.array(q, dtype=float)))
+    placed = oracle.data.oMf[oracle.model.getFrameId("tool0")]
+    return placed.translation.copy(), placed.rotation.copy()
+
+
+def pinocchio_command(mode, q, qd, target, gain=1.0):
+    """Effort of a law for a UR5 by Pinocchio alone, in the joint space; `gain` multiplies those of tracking."""
+    oracle = robot(UR5).oracle
+    state, names = oracle.at(q, qd), np.array(oracle.dof_names)
+    if mode == "gravity_compensation":
+        return state.g
+    if mode == "damping":
+        c = np.where(names == "elbow_joint", 5.0, 8.0)
+        return state.g - state.m @ (c * (state.m.T @ qd))
+    if mode == "tracking":
+        K = gain * np.where(names == "wrist_1_joint", 30.0, 20.0)
+        limits = [float(oracle.xml.find(f"joint[@name='{name}']/limit").get("velocity")) for name in names]
+        qd_r = np.clip(10.0 * (target - q), np.negative(limits), limits)
+        qdd_r = np.where(np.abs(qd_r) < limits, -10.0 * qd, 0.0)
+        return state.M @ qdd_r + state.C_s @ qd_r + state.g - state.m @ (K * (state.m.T @ (qd - qd_r)))
+    position, axes = pose_of(q)
+    wrench = np.zeros(6)
+    wrench[:3] = 200.0 * (target[0] - position)
+    wrench[3:] = 0.5 * 20.0 * sum(np.cross(axes[:, j], target[1][:, j]) for j in range(3))
+    return state.g - 12.0 * state.M @ qd + oracle.effort_of(q, {"tool0": wrench}, "world")
+
+
+def untouched(status):
+    """Whether no filter has changed a command."""
+    return status.phase == ACTIVE and not status.saturated_dofs and not status.energy_limited
+
+
+def check_commands(arm, mode, target, least=50, every=1):
+    """Commands that no filter has touched are Pinocchio's, on the topic in the order of the effort controller."""
+    checked = 0
+    for status in arm.status.messages[::every]:
+        state = arm.simulator.states.repeated(nanoseconds(status.header.stamp))
+        if state is None or status.mode != mode or not untouched(status):
+            continue
+        q, qd = np.array(state.position), np.array(state.velocity)
+        aims = mode != "tracking" or np.abs(q + status.tracking_error - target).max() < 1e-9
+        if not checked and not aims:
+            continue  # the target has not arrived yet
+        expected = pinocchio_command(mode, q, qd, target)
+        np.testing.assert_allclose(status.effort_command, expected, atol=1e-9 * max(1.0, np.abs(expected).max()))
+        checked += np.abs(qd).max() > 1e-3
+        if checked > least:
+            break
+    assert checked >= least, f"{checked} of {len(arm.status.messages)} commands to check"
+    sent = {tuple(message.data) for message in arm.sent.messages}
+    assert tuple(status.effort_command[::-1]) in sent
+
+
+def pose_error(status):
+    """Norms of position and orientation error; infinite where there is none."""
+    if not status.pose_error_valid:
+        return (np.inf, np.inf)
+    return tuple(np.linalg.norm([e.x, e.y, e.z]) for e in (status.position_error, status.orientation_error))
+
+
+def pose_message(link, position, axes=None):
+    """Return a PoseStamped."""
+    message = PoseStamped()
+    message.header.frame_id = link
+    p, o = message.pose.position, message.pose.orientation
+    p.x, p.y, p.z = map(float, position)
+    o.x, o.y, o.z, o.w = map(float, pin.Quaternion(np.eye(3) if axes is None else np.array(axes)).coeffs())
+    return message

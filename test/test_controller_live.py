@@ -1,0 +1,101 @@
+"""The controller in real time at 1 kHz: stalls, and what becomes of the robot when it is killed."""
+
+import signal
+import time
+
+import numpy as np
+import pytest
+
+from controllers import ACTIVE, START_AT, Controller, gravity_of, put, quiet
+from nodes import MS, START, UR5
+from test_simulator_commands import Simulator
+
+TIMEOUT = 0.3
+"""After which the drives close their brakes [s]."""
+STALL, STALLS = 50 * MS, 10
+"""How long the controller gets no processor [ns of simulated time], and how often that has to be told."""
+TIMEOUT_OF_TELLING = 60.0
+"""[s]"""
+
+
+@pytest.fixture(scope="module")
+def live(peer):
+    """A UR5 at 1 kHz that carries itself and brakes without commands, and its controller, by the simulator's clock."""
+    parameters = {
+        "rate": 1000.0,
+        "compensates_gravity": True,
+        "command_timeout": TIMEOUT,
+        "without_command": "brake",
+        "publish_clock": True,
+    }
+    own = {
+        "robot_compensates_gravity": True,
+        "autostart": True,
+        "use_sim_time": True,  # the simulator lets time go where the machine is busy, and its stamps fall behind the clock
+        "energy_limit": 0.5,
+        "max_rate.status": 200.0,
+        "effort_rate": ["*=400.0"],
+    }
+    with Simulator(peer, "/live", UR5, **parameters) as simulator:
+        put(simulator, START_AT)
+        quiet(simulator)
+        with Controller(peer, "/live", **own) as controller:
+            controller.simulator = simulator
+            yield controller.connect()
+
+
+def at_rest(live):
+    """Wait until the law is in force and the robot rests."""
+    live.wait_for(lambda s: s.phase == ACTIVE and s.energy < 1e-6 and not s.saturated_dofs, "rest", START)
+
+
+def test_stalls_are_survived_and_reported(live):
+    """Again and again 50 ms in which the controller gets no processor: the arm stays where it is, and diagnostics tell.
+
+    Its drives add what carries it: commands are next to nothing.
+    """
+    put(live.simulator, START_AT)
+    live.switch("damping")
+    live.switch("tracking")
+    at_rest(live)
+    before = live.wait_for_report(lambda r: True, "a report")
+    live.status.forget()
+    live.simulator.states.forget()
+    live.peer.wait_until(lambda: live.simulator.states.stamps, "a joint state")
+    first, deadline = int(before.values["stalls"]), time.monotonic() + TIMEOUT_OF_TELLING
+    while int(live.reports[-1].values["stalls"]) < first + STALLS:  # a simulator that stands still, too, makes none
+        assert time.monotonic() < deadline, (
+            f"told {live.reports[-1].values['stalls']} stalls, expected {first + STALLS}"
+        )
+        live.process.signal(signal.SIGSTOP)
+        end, sent = live.simulator.states.stamps[-1] + STALL, len(live.sent.messages)
+        live.peer.wait_until(lambda end=end: live.simulator.states.stamps[-1] >= end, "the stall to be over")
+        live.process.signal(signal.SIGCONT)
+        live.peer.wait_until(lambda sent=sent: len(live.sent.messages) > sent + 20, "commands")
+    report = live.reports[-1]
+    told = [r.entries["commands"] for r in live.reports]
+    assert any("gaps between commands beyond max_state_age" in s.message and s.level == b"\1" for s in told)
+    assert int(report.values["commands"]) > int(before.values["commands"])
+    assert max(s.energy for s in live.status.messages) < 0.05
+    positions = np.array([state.position for state in live.simulator.states.messages])
+    assert np.abs(positions - positions[0]).max() < 0.05
+    assert np.abs(gravity_of(START_AT)).max() > 30.0
+    assert max(np.abs(message.data).max() for message in live.sent.messages[-100:]) < 5.0
+
+
+def test_after_kill_9(live):
+    """The drives' time-out is what is left: brakes close, the arm stands. A controller started anew takes it over."""
+    simulator = live.simulator
+    live.process.signal(signal.SIGKILL)
+    live.process.popen.wait()
+    report = simulator.wait_for_report(
+        lambda r: f"no command for {TIMEOUT:g} s" in r.entries["commands"].message, "the time-out"
+    )
+    assert report.values["brakes"] == "closed"
+    live.peer.wait_until(lambda: not np.any(simulator.next_state().velocity), "the brakes to hold")
+    stood = np.array(simulator.next_state().position)
+    live.start()
+    at_rest(live)
+    live.wait_until_told("control", "mode tracking", b"\0")
+    simulator.wait_for_report(lambda r: r.values["brakes"] == "open", "open brakes")
+    assert np.abs(np.array(simulator.next_state().position) - stood).max() < 0.1

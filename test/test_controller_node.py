@@ -1,0 +1,221 @@
+"""The controller in lockstep with the simulator: what it sends, and what becomes of the robot."""
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped
+
+from controllers import (
+    ACTIVE,
+    GAINS,
+    START_AT,
+    Controller,
+    PassedOn,
+    check_commands,
+    effort_controller,
+    gravity_of,
+    pose_error,
+    pose_message,
+    pose_of,
+    put,
+    quiet,
+    record,
+    untouched,
+)
+from nodes import START, UR5, S, joint_state, nanoseconds, robot
+from test_controller import trajectory
+from test_simulator_commands import Simulator
+
+RATE = 250
+"""Of joint states [Hz]."""
+BOUND = 0.5
+"""Of the kinetic energy [J]."""
+EFFORT_RATE = 5000.0
+
+
+@pytest.fixture(scope="module")
+def arm(peer):
+    """A UR5 in lockstep with its controller, commands in another order than joint states, K bounded."""
+    order = list(robot(UR5).names[::-1])
+    parameters = {
+        "lockstep": True,
+        "rate": float(RATE),
+        "command_joints": order,
+        "wrench_timeout": 0.0,
+        "autostart": True,
+    }
+    own = {
+        "robot_compensates_gravity": False,
+        "autostart": True,
+        "use_sim_time": True,
+        "command_joints": order,
+        "controlled_link": "tool0",
+        "energy_limit": BOUND,
+        "observer_gain": 60.0,
+        "effort_rate": [f"*={EFFORT_RATE}"],
+        **GAINS,
+    }
+    with effort_controller(peer, "/arm", order), Simulator(peer, "/arm", UR5, **parameters) as simulator:
+        put(simulator, START_AT)
+        quiet(simulator)
+        with Controller(peer, "/arm", commands="effort_controller/asked", **own) as controller:
+            controller.simulator = simulator
+            controller.sent = PassedOn(controller, simulator)
+            controller.peer.wait_until(controller.listens, "the controller to listen", START)
+            controller.sent.begin(peer, simulator)
+            yield controller.connect()
+
+
+@pytest.fixture(autouse=True)
+def from_the_start(arm):
+    """Every test begins with the arm at rest, its place the target."""
+    arm.simulator.push("tool0", 0, 0, 0, 0, 0, 0)
+    arm.switch("tracking")
+    put(arm.simulator, START_AT)
+    arm.switch("damping")
+    arm.switch("tracking")
+    record(arm)
+
+
+def wait_for_rest(arm, goal):
+    """Wait until the arm rests at a joint target, by its own word and the simulator's."""
+
+    def settled(status):
+        state = arm.simulator.states.repeated(nanoseconds(status.header.stamp))
+        there = state is not None and np.abs(np.array(state.position) - goal).max() < 2e-4
+        return there and status.energy < 1e-8 and np.abs(status.tracking_error).max() < 1e-4
+
+    arm.wait_for(settled, f"rest at {goal}")
+
+
+def test_tracking_is_pinocchios_and_arrives(arm):
+    """A set-point, then a trajectory which is followed closely all along; joints that are not controlled are refused."""
+    names, goal = arm.simulator.robot.names, np.array(START_AT) + 0.15
+    arm.set_point.publish(joint_state(names[::-1], goal[::-1]))
+    wait_for_rest(arm, goal)
+    check_commands(arm, "tracking", goal)
+    record(arm)
+    points = [(1.5, np.array(START_AT) - 0.1, [0.1] * 6, [0] * 6), (3.0, START_AT, [0] * 6, [0] * 6)]
+    arm.trajectory.publish(trajectory(points, names))
+    wait_for_rest(arm, START_AT)
+    followed = [s for s in arm.status.messages if not s.energy_limited]
+    assert len(followed) > 2 * RATE and max(np.abs(s.tracking_error).max() for s in followed) < 0.01
+
+
+def test_pose_is_pinocchios_and_arrives(arm):
+    """The target is in the axes of the root; V falls, K keeps its bound; a target out of reach is approached at rest."""
+    arm.switch("pose")
+    position, axes = pose_of(START_AT)
+    goal = position + np.array([0.1, 0.15, -0.1])
+    arm.target.publish(pose_message("base_link", goal, axes))
+    arm.wait_for(lambda s: pose_error(s)[0] > 0.1, "the target")
+    record(arm)
+    arm.wait_for(lambda s: max(pose_error(s)) < 1e-3 and s.energy < 1e-6, "its pose")
+    check_commands(arm, "pose", (goal, axes))
+    assert np.linalg.norm(pose_of(arm.simulator.states.messages[-1].position)[0] - goal) < 2e-3
+    free = [s for s in arm.status.messages if s.lyapunov_valid and not s.saturated_dofs and not s.energy_limited]
+    assert len(free) > 50 and all(s.lyapunov_rate_measured <= 1e-3 for s in free)
+    arm.target.publish(pose_message("base_link", goal + np.array([5.0, 0.0, 0.0]), axes))
+    arm.wait_for(lambda s: pose_error(s)[0] > 3.0, "the far target")
+    arm.wait_for(lambda s: pose_error(s)[0] > 3.0 and s.energy < 1e-4, "rest before it")
+    arm.refuses(lambda: arm.target.publish(pose_message("wing", goal, axes)), "frame_id is 'wing'")
+    assert max(s.energy for s in arm.status.messages) < 1.02 * BOUND
+
+
+def test_led_by_hand_and_damped(arm):
+    """A push moves an arm that weighs nothing, K within 2 % of its bound; damping brings it to rest. All by Pinocchio."""
+    arm.switch("gravity_compensation")
+    record(arm)
+    arm.simulator.push("tool0", 0, 25, 15, 0, 0, 0)
+    limited = arm.wait_for(lambda s: s.energy_limited, "the limiter")
+    end = nanoseconds(limited.header.stamp) + S // 2
+    arm.wait_for(lambda s: nanoseconds(s.header.stamp) > end, "half a second of pushing")
+    assert 0.9 * BOUND < max(s.energy for s in arm.status.messages) < 1.02 * BOUND
+    assert all(s.energy_limit_valid and s.energy_limit == BOUND for s in arm.status.messages)
+    check_commands(arm, "gravity_compensation", None, least=10)
+    for status in arm.status.messages:  # what the limiter adds takes power away
+        state = arm.simulator.states.repeated(nanoseconds(status.header.stamp))
+        if state is not None and not status.saturated_dofs:
+            power = np.array(state.velocity) @ (np.array(status.effort_command) - gravity_of(state.position))
+            assert power < 0.0 if status.energy_limited else abs(power) < 1e-9
+    arm.simulator.push("tool0", 0, 0, 0, 0, 0, 0)
+    arm.switch("damping")
+    arm.wait_for(lambda s: s.energy < 1e-6, "rest")
+    check_commands(arm, "damping", None)
+
+
+def test_a_switch_has_no_bump(arm):
+    """A law put in force while the arm is pushed about: efforts go on at their rate, and where it is then is the target."""
+    arm.simulator.push("tool0", 0, 25, 15, 0, 0, 0)
+    for mode in ("damping", "pose", "tracking"):
+        arm.switch("gravity_compensation")
+        arm.wait_for(lambda s: s.energy > 0.5 * BOUND, "motion")
+        status = arm.switch(mode)
+        assert status.energy > 0.2 * BOUND
+        if mode == "tracking":
+            assert not any(status.tracking_error)
+        if mode == "pose":
+            assert max(pose_error(status)) < 1e-12
+    arm.simulator.push("tool0", 0, 0, 0, 0, 0, 0)
+    arm.wait_for(lambda s: s.energy < 1e-8, "rest")
+    efforts = np.array([s.effort_command for s in arm.status.messages])
+    assert np.abs(np.diff(efforts, axis=0)).max() <= EFFORT_RATE / RATE + 1e-9
+    np.testing.assert_allclose(efforts[-1], gravity_of(arm.simulator.states.messages[-1].position), atol=0.1)
+
+
+def test_targets_of_another_mode_are_refused(arm):
+    """They say which mode they are for; joints that are not controlled, and places beyond limits, are named."""
+    names = arm.simulator.robot.names
+    arm.refuses(lambda: arm.set_point.publish(joint_state((*names[1:], "wing"), START_AT)), "has 'wing'")
+    arm.refuses(lambda: arm.set_point.publish(joint_state(names, [9.0] * 6)), f"'{names[0]}' is 9, expected within")
+    short = trajectory([(1.0, START_AT[1:])], names[1:])
+    arm.refuses(lambda: arm.trajectory.publish(short), f"lacks joint '{names[0]}'")
+    arm.refuses(lambda: arm.target.publish(PoseStamped()), "target is for mode pose, but tracking is in force")
+
+
+def test_position_limits_repel_softly(arm):
+    """An arm that is led towards the stop of its elbow turns round before it, without a jolt; a hard stop would be one."""
+    stop, names = np.pi, arm.simulator.robot.names
+    elbow = names.index("elbow_joint")
+    q, qd = np.array(START_AT), np.zeros(6)
+    q[elbow], qd[elbow] = stop - 0.2, 0.6
+    arm.switch("gravity_compensation")
+    put(arm.simulator, q)
+    arm.wait_for(untouched, "efforts for there")
+    record(arm)
+    put(arm.simulator, q, qd)
+
+    def back(status):
+        state = arm.simulator.states.repeated(nanoseconds(status.header.stamp))
+        return state is not None and state.position[elbow] < stop - 0.1 and state.velocity[elbow] < -0.01
+
+    arm.wait_for(back, "the way back")
+    states = arm.simulator.states.messages
+    begin = 10 + next(k for k, state in enumerate(states) if state.velocity[elbow] > 0.5)  # efforts have come there
+    path, rates = ([getattr(state, field)[elbow] for state in states[begin:]] for field in ("position", "velocity"))
+    assert stop - 0.1 < max(path) < stop - 0.005
+    assert np.abs(np.diff(rates)).max() < 0.05
+
+
+def test_a_minute(arm):
+    """Sixty seconds of one target after the other, pushed all the time: commands by Pinocchio, K and efforts bounded."""
+    rng, names = np.random.default_rng(8), arm.simulator.robot.names
+    limit = np.array(arm.simulator.model.effort_limit)
+
+    def go_on(duration):
+        until = nanoseconds(arm.wait_for(lambda s: True, "a status").header.stamp) + duration
+        return nanoseconds(arm.wait_for(lambda s: nanoseconds(s.header.stamp) >= until, "time to pass").header.stamp)
+
+    begin = now = go_on(0)
+    while now < begin + 60 * S:
+        arm.simulator.push("tool0", *rng.uniform(-10, 10, 3), 0, 0, 0)
+        go_on(S // 2)  # till the observer knows it
+        goal = np.array(START_AT) + rng.uniform(-0.08, 0.08, 6)
+        arm.set_point.publish(joint_state(names, goal))
+        now = go_on(3 * S)
+        check_commands(arm, "tracking", goal, least=20, every=4)
+        assert set(np.diff(arm.status.stamps)) == {S // RATE}
+        assert all(s.phase == ACTIVE and s.energy < 1.02 * BOUND for s in arm.status.messages)
+        assert (np.abs([s.effort_command for s in arm.status.messages]) <= limit).all()
+        record(arm)
+    report = arm.wait_for_report(lambda r: True, "a report")
+    assert report.values["stalls"] == "0" and not [key for key in report.values if key.startswith("rejected")]

@@ -1,0 +1,469 @@
+"""The controller by itself, with the clock in the test's hands: what it refuses, when it stops, and what it sends then."""
+
+import contextlib
+import time
+
+import numpy as np
+import pytest
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+
+import diag_dynamics as dd
+from controllers import (
+    ACTIVE,
+    GAINS,
+    HOLDING,
+    RAMPING_DOWN,
+    START_AT,
+    Controller,
+    effort_controller,
+    gravity_of,
+    pinocchio_command,
+    pose_message,
+    untouched,
+)
+from nodes import LATCHED, MS, PANDA, START, TIMEOUT, UR5, Process, S, description, joint_state, nanoseconds, robot
+from test_controller import trajectory
+
+Q, REST = np.array(START_AT), np.zeros(6)
+NAMES = robot(UR5).names
+MOVING = np.array([0.4, -0.3, 0.5, 0.2, -0.6, 0.3])
+PERIOD, LOOK = 2 * MS, 5 * MS
+"""Of states, and of looking whether one has come."""
+MOST = 500
+"""States until efforts have gone anywhere at their rate, and more."""
+PATIENCE = 0.2
+"""How long an answer is waited for before the next message [s]."""
+EFFORT_RATE = 800.0
+HOLD = 0.4
+GAIN = 20.0
+"""Of the tracking gains here: enough for efforts at their limits."""
+
+
+class Fed(Controller):
+    """A controller whose joint states and clock are the test's: it acts on nothing else, however late the machine is."""
+
+    def __init__(self, peer, namespace, id=UR5, **parameters):
+        """Start it."""
+        self.now = 1000 * S
+        self.clock = peer.publisher(Clock, f"{namespace}/clock")
+        self.states = peer.publisher(JointState, f"{namespace}/joint_states")
+        self.descriptions = peer.publisher(String, f"{namespace}/robot_description", LATCHED)
+        self.descriptions.publish(description(robot(id).urdf))
+        defaults = {
+            "autostart": True,
+            "use_sim_time": True,
+            "hold_time": HOLD,
+            "effort_rate": [f"*={EFFORT_RATE}"],
+            "damping": GAINS["damping"],
+            "tracking_gain": [f"*={20.0 * GAIN}", f"wrist_1_joint={30.0 * GAIN}"],
+            "controlled_link": "tool0",
+        }
+        super().__init__(peer, namespace, "-r", f"/clock:={namespace}/clock", **(defaults | parameters))
+
+    def connect(self):
+        """Wait until it answers states."""
+        self.peer.wait_until(self.listens, f"{self.name} to listen", START)
+        self.peer.wait_until(self.clock.get_subscription_count, "its clock", START)
+        self.step()
+        return self
+
+    def tick(self, step=PERIOD):
+        """Let time go on."""
+        self.now += step
+        self.clock.publish(Clock(clock=joint_state(stamp=self.now).header.stamp))
+
+    def publish(self, q=Q, qd=REST, names=NAMES, stamp=None):
+        """Publish a joint state."""
+        self.states.publish(joint_state(names, q, qd, stamp=self.now if stamp is None else stamp))
+
+    def answered(self, publish, condition, what, answers=lambda status: True):
+        """Publish until a status fulfils a condition, and return that; again after one that answers, or where none comes."""
+        deadline = time.monotonic() + TIMEOUT
+        while time.monotonic() < deadline:
+            at = len(self.status.messages)
+            publish()
+            with contextlib.suppress(AssertionError):
+                self.peer.wait_until(lambda at=at: any(map(answers, self.status.messages[at:])), "a status", PATIENCE)
+            if status := next(filter(condition, self.status.messages[at:]), None):
+                return status
+        raise AssertionError(f"waited {TIMEOUT:g} s in vain for {what}")
+
+    def step(self, q=Q, qd=REST):
+        """Feed one state, and return the status of the law's command for it."""
+
+        def publish():
+            self.tick()
+            self.publish(q, qd)
+
+        own = lambda s: s.phase == ACTIVE and nanoseconds(s.header.stamp) == self.now  # noqa: E731
+        return self.answered(publish, own, "its answer", own)
+
+    def settle(self, q=Q, qd=REST):
+        """Feed the same state until efforts have come to what the law asks for."""
+        return next(s for s in (self.step(q, qd) for _ in range(MOST)) if not s.saturated_dofs)
+
+    def silence(self, phase):
+        """Let time go on without states until a phase begins."""
+        self.tick(20 * MS)
+        return self.answered(lambda: self.tick(LOOK), lambda s: s.phase == phase, f"phase {phase}", self.is_now)
+
+    def take(self, publisher, message):
+        """Publish a target and wait until it is taken."""
+        topic = publisher.topic_name.rpartition("/")[2]
+        key = f"{topic} taken"
+        before = int(self.wait_for_report(lambda r: True, "a report").values.get(key, 0))
+        publisher.publish(message)
+        self.wait_for_report(lambda r: int(r.values.get(key, 0)) > before, f"{topic} to be taken")
+
+    def is_now(self, status):
+        """Whether a status was sent at this time, by the controller's clock."""
+        return abs(nanoseconds(status.header.stamp) + status.state_age * S - self.now) < 1000
+
+    def law(self, mode):
+        """Put a law in force; returns the first status after that."""
+        answer = self.ask(mode)
+        assert answer.success, answer.message
+        status = self.step()
+        assert status.mode == mode
+        return status
+
+
+class ByTheWall(Fed):
+    """The same by the machine's clock, as a real robot's."""
+
+    def connect(self):
+        """Wait until it answers states."""
+        self.peer.wait_until(self.listens, f"{self.name} to listen", START)
+        self.step()
+        return self
+
+    def tick(self, step=PERIOD):
+        """Let time go on, as it does."""
+        self.now = self.peer.now()
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["robot", "robot that carries itself"])
+def fed(peer, request):
+    """A controller of a UR5, and of one that adds what carries it."""
+    namespace = "/carried" if request.param else "/fed"
+    with Fed(peer, namespace, robot_compensates_gravity=request.param) as controller:
+        controller.compensated = request.param
+        yield controller.connect()
+
+
+ONE = pytest.mark.parametrize("fed", [False], indirect=True, ids=["robot"])
+"""For what has nothing to do with efforts."""
+
+
+@pytest.fixture
+def damped(fed):
+    """The same while it damps, having come to the efforts of a UR5 in motion."""
+    fed.law("damping")
+    fed.settle(Q, MOVING)
+    fed.status.forget()
+    fed.sent.forget()
+    return fed
+
+
+def sent_for(fed, effort):
+    """What is to be sent for efforts that carry the robot, too."""
+    return effort - fed.compensated * gravity_of(Q)
+
+
+def close(actual, expected):
+    np.testing.assert_allclose(actual, expected, atol=1e-9 * max(1.0, np.abs(expected).max()))
+
+
+# --- without a valid state
+
+
+def check_the_end(fed, since, published=lambda: None):
+    """From the status `since` on: gravity and no damping, for hold_time, and then zero, at the effort rate all the time."""
+    gravity = sent_for(fed, gravity_of(Q))
+
+    def without():
+        fed.tick(LOOK)
+        published()
+
+    fed.answered(without, lambda s: s.phase == RAMPING_DOWN, "the end of the hold", fed.is_now)
+    last = fed.answered(without, lambda s: not any(s.effort_command), "zero", fed.is_now)
+    assert last.phase == RAMPING_DOWN and last.message
+    statuses = fed.status.messages[fed.status.messages.index(since) :]
+    held = [s for s in statuses if s.phase == HOLDING]
+    ramped = statuses[len(held) :]
+    assert all(s.phase == RAMPING_DOWN for s in ramped) and ramped
+    close(held[-1].effort_command, gravity)
+    ages = np.array([s.state_age for s in statuses])
+    assert HOLD - 0.02 < ages[len(held) - 1] - ages[0] <= HOLD
+    efforts = np.array([s.effort_command for s in statuses])
+    assert (np.abs(np.diff(efforts, axis=0)).max(axis=1) <= EFFORT_RATE * np.diff(ages) + 1e-9).all()
+    assert (np.diff(np.abs(efforts[len(held) :]), axis=0) <= 1e-12).all()
+    assert not any(s.lyapunov_valid for s in statuses)
+    fed.wait_until_told("control", "ramping down: ", b"\2")
+
+
+def test_late_states(damped):
+    """States end: the last gravity torque for hold_time, then zero; it is said why. They go on, and so does the law."""
+    first = damped.silence(HOLDING)
+    assert first.state_age > 0.02 and "old, expected no more than max_state_age = 0.02 s" in first.message
+    damped.wait_until_told("control", "holding gravity: the state is", b"\1")
+    check_the_end(damped, first)
+    status = damped.settle(Q, MOVING)
+    close(status.effort_command, sent_for(damped, pinocchio_command("damping", Q, MOVING, None)))
+    damped.wait_until_told("control", "mode damping", b"\0")
+
+
+WRONG = {
+    "NaN": (NAMES, [*START_AT[:3], np.nan, *START_AT[4:]], REST, "'wrist_1_joint': position is nan"),
+    "NaN velocity": (NAMES, Q, [np.nan, *REST[1:]], "'shoulder_pan_joint': velocity is nan"),
+    "no velocities": (NAMES, Q, (), "velocity is nan"),
+    "infinite": (NAMES, [np.inf, *START_AT[1:]], REST, "'shoulder_pan_joint': position is inf"),
+    "absurd": (NAMES, [1e300, *START_AT[1:]], REST, "1e+300"),
+    "absurd velocity": (NAMES, Q, [0, -1e200, 0, 0, 0, 0], "-1e+200"),
+    "far beyond limits": (NAMES, [*START_AT[:2], 40.0, *START_AT[3:]], REST, "'elbow_joint'"),
+    "joint twice": ([*NAMES[:5], NAMES[0]], Q, REST, "'shoulder_pan_joint' is listed twice"),
+    "wrong length": (NAMES, [*Q, 1.0], REST, "position has 7 entries for 6 names"),
+}
+
+
+@ONE
+@pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG)
+def test_wrong_states(damped, wrong):
+    """What is wrong is named at once, and gravity held; good states put the law in force again."""
+    names, q, qd, said = wrong
+
+    def publish():
+        damped.tick()
+        damped.publish(q, qd, names)
+
+    status = damped.answered(publish, lambda s: s.phase != ACTIVE, "the hold")
+    assert status.phase == HOLDING and said in status.message and not status.lyapunov_valid
+    assert np.isfinite(status.effort_command).all()
+    status = damped.step(Q, MOVING)
+    assert damped.settle(Q, MOVING).phase == ACTIVE
+
+
+def test_wrong_states_only(damped):
+    """Nothing but NaN: after hold_time the efforts go to zero though messages come."""
+    wrong = [np.nan, *START_AT[1:]]
+    first = damped.answered(lambda: (damped.tick(), damped.publish(wrong)), lambda s: s.phase == HOLDING, "the hold")
+    check_the_end(damped, first, lambda: damped.publish(wrong))
+    damped.refuses(lambda: damped.publish(wrong), "'shoulder_pan_joint': position is nan")
+
+
+def test_joints_that_are_not_there(damped):
+    """A message without one joint leaves that one to get old, by name; joints of others are not listened to."""
+    status = damped.answered(
+        lambda: (damped.tick(), damped.publish(Q[1:], MOVING[1:], NAMES[1:])), lambda s: s.phase == HOLDING, "the hold"
+    )
+    assert f"joint '{NAMES[0]}' is older than 0.02 s" in status.message
+    damped.settle(Q, MOVING)
+    status = damped.answered(
+        lambda: (damped.tick(), damped.publish([1.0], [9.0], ["wing_joint"])), lambda s: s.phase == HOLDING, "the hold"
+    )
+    assert "s old, expected no more than max_state_age" in status.message
+    damped.settle(Q, MOVING)
+
+
+def test_a_law_chosen_while_holding(damped):
+    """It acts from the next valid state on, with that one for its target."""
+    damped.silence(HOLDING)
+    assert damped.ask("tracking").success
+    status = damped.step(Q + 0.2)
+    assert status.mode == "tracking" and not any(status.tracking_error)
+
+
+def test_a_clock_that_goes_back(damped):
+    """A hundred seconds: targets are void, efforts go on at their rate, and the law is in force again by itself."""
+    damped.law("tracking")
+    damped.take(damped.set_point, joint_state(NAMES, Q + 0.1))
+    damped.status.forget()
+    damped.now -= 100 * S
+    status = damped.step()
+    assert not any(status.tracking_error)
+    efforts = np.array([s.effort_command for s in damped.status.messages])
+    assert np.isfinite(efforts).all() and np.abs(np.diff(efforts, axis=0)).max(initial=0) <= 0.02 * EFFORT_RATE + 1e-9
+    close(damped.settle().effort_command, sent_for(damped, gravity_of(Q)))
+
+
+# --- limits
+
+
+def test_efforts_are_limited_and_keep_their_direction(fed):
+    """By the URDF's limits what moves the robot is scaled as a whole, gravity first; efforts get there at their rate."""
+    limit, gravity = dd.load_urdf(robot(UR5).path).effort_limit, gravity_of(Q)
+    goal = Q + np.array([0.5, -0.6, 0.4, 0.5, -0.5, 0.3])
+    fed.law("tracking")
+    fed.settle()
+    fed.status.forget()
+    fed.take(fed.set_point, joint_state(NAMES, goal))
+    last = None
+    while last != (status := fed.step()).effort_command.tolist():
+        last = status.effort_command.tolist()
+    effort = np.array(status.effort_command) + fed.compensated * gravity
+    (joint,) = status.saturated_dofs
+    assert np.abs(effort)[NAMES.index(joint)] == pytest.approx(limit[NAMES.index(joint)])
+    assert (np.abs(effort) <= limit + 1e-9).all()
+    wanted, got = pinocchio_command("tracking", Q, REST, goal, GAIN) - gravity, effort - gravity
+    assert np.linalg.norm(got) < 0.9 * np.linalg.norm(wanted)
+    np.testing.assert_allclose(got / np.linalg.norm(got), wanted / np.linalg.norm(wanted), atol=1e-9)
+    efforts = np.array([s.effort_command for s in fed.status.messages])
+    steps = np.abs(np.diff(efforts, axis=0))
+    assert steps.max() <= EFFORT_RATE * PERIOD / S + 1e-9
+    assert any(len(s.saturated_dofs) > 1 for s in fed.status.messages)  # which waited for their rate
+
+
+# --- targets
+
+
+def test_targets_change_and_are_lost(fed):
+    """The last one counts; a sender that is gone leaves it in force; the law is Pinocchio's for it to 1e-9."""
+    fed.law("tracking")
+    fed.settle()
+    sender = fed.peer.publisher(JointState, f"{fed.namespace}/set_point")
+    fed.peer.wait_until(sender.get_subscription_count, "the new sender's subscription")
+    fed.take(fed.set_point, joint_state(NAMES, Q - 0.002))
+    fed.take(sender, joint_state(NAMES, Q + 0.001))
+    fed.peer.node.destroy_publisher(sender)
+    status = fed.settle(Q, 0.01 * MOVING)
+    assert untouched(status)
+    close(status.tracking_error, np.full(6, 0.001))
+    close(status.effort_command, sent_for(fed, pinocchio_command("tracking", Q, 0.01 * MOVING, Q + 0.001, GAIN)))
+
+
+@ONE
+def test_targets_that_make_no_sense(fed):
+    """They are refused by name, the last one stays in force, and the node lives."""
+    fed.law("tracking")
+    fed.take(fed.set_point, joint_state(NAMES, Q + 0.01))
+    nan = np.nan
+    for publisher, message, said in (
+        (fed.set_point, joint_state(NAMES, [nan, *Q[1:]]), "'shoulder_pan_joint' is nan"),
+        (fed.set_point, joint_state(), "lacks joint"),
+        (fed.trajectory, trajectory([(1.0, [np.inf, *Q[1:]])], NAMES), "is inf"),
+        (fed.trajectory, trajectory([(1.0, Q), (1.0, Q)], NAMES), "expected more than the 1 s"),
+        (fed.trajectory, trajectory([(1.0, Q)], NAMES, stamp=S), "over"),
+        (fed.trajectory, trajectory([(1.0, Q + 7)], NAMES), "expected within its limits"),
+    ):
+        fed.refuses(lambda p=publisher, m=message: p.publish(m), said)
+    close(fed.step().tracking_error, np.full(6, 0.01))
+    fed.law("pose")
+    wrong = pose_message("base_link", [0.1, 0.2, 0.3])
+    wrong.pose.orientation.w = 0.0
+    for message, said in (
+        (pose_message("base_link", [nan, 0, 0]), "target.pose.position is [nan"),
+        (pose_message("", [0, 0, 0]), "frame_id is ''"),
+        (wrong, "orientation is"),
+    ):
+        fed.refuses(lambda m=message: fed.target.publish(m), said)
+    assert fed.step().pose_error_valid
+
+
+# --- lifecycle
+
+
+def test_deactivation_leaves_the_gravity_torque(damped):
+    """It is the last command, and the only one; targets that come meanwhile are none when it is active again."""
+    assert damped.peer.transition(damped.name, "deactivate")
+    damped.wait_until_told("control", "inactive: no commands", b"\1")
+    close(damped.sent.messages[-1].data, sent_for(damped, gravity_of(Q)))
+    count = len(damped.sent.messages)
+    refused = damped.ask("damping")
+    assert not refused.success and "inactive" in refused.message
+    damped.set_point.publish(joint_state(NAMES, Q + 0.3))
+    damped.tick()
+    damped.publish()
+    damped.wait_until_told("control", "inactive: no commands")
+    assert len(damped.sent.messages) == count
+    assert damped.peer.transition(damped.name, "activate")
+    damped.connect()
+    status = damped.step()
+    assert status.mode == "tracking" and not any(status.tracking_error)
+
+
+@ONE
+def test_another_robot(fed):
+    """While active it is refused, and said so; deactivated, it is taken over, or else nothing moves."""
+    panda = robot(PANDA)
+    fed.descriptions.publish(description(panda.urdf))
+    fed.wait_until_told("control", "another robot is not taken over while this one is controlled", b"\2")
+    fed.law("damping")  # still the same one
+    fed.descriptions.publish(description(robot(UR5).urdf))
+    fed.wait_until_told("control", "mode damping", b"\0")
+    fed.descriptions.publish(description(panda.urdf))
+    fed.wait_until_told("control", "another robot", b"\2")
+    assert fed.peer.transition(fed.name, "deactivate")
+    assert not fed.peer.transition(fed.name, "activate")
+    fed.wait_until_told("control", "parameter 'damping' names 'elbow_joint'", b"\2")
+    heavy = robot(UR5).changed(robot(UR5).urdf.replace('<mass value="2.275"/>', '<mass value="4.0"/>'))
+    fed.descriptions.publish(description(heavy.urdf))
+    fed.wait_until_told("control", "inactive")
+    assert fed.peer.transition(fed.name, "activate")
+    fed.connect()
+    expected = heavy.oracle.gravity_torque(Q)
+    assert np.abs(expected - gravity_of(Q)).max() > 1.0
+    status = fed.settle()
+    close(status.effort_command, expected)
+    fed.descriptions.publish(description(robot(UR5).urdf))
+    fed.wait_until_told("control", "another robot", b"\2")
+    assert fed.peer.transition(fed.name, "deactivate")
+    assert fed.peer.transition(fed.name, "activate")
+    fed.connect()
+
+
+@ONE
+def test_who_else_is_there(fed):
+    """Others who send commands are told, and that nobody takes them."""
+    topic = fed.sent.subscription.topic_name
+    other = fed.peer.publisher(Float64MultiArray, topic)
+    fed.wait_until_told("commands", f"others send to {topic} as well: 1", b"\1")
+    fed.peer.node.destroy_publisher(other)
+    fed.peer.node.destroy_subscription(fed.sent.subscription)
+    fed.wait_until_told("commands", f"nobody listens to {topic}", b"\1")
+    fed.sent = fed.peer.topic(Float64MultiArray, topic)
+    fed.wait_until_told("commands", "within limits", b"\0")
+
+
+def test_late_states_by_the_clock_of_the_machine(peer):
+    """Hold, ramp and zero come by themselves where there is no /clock; how late is the machine's business."""
+    parameters = {"use_sim_time": False, "robot_compensates_gravity": False, "initial_mode": "gravity_compensation"}
+    with ByTheWall(peer, "/wall", **parameters) as wall:
+        wall.connect().settle()
+        wall.status.forget()
+        wall.wait_for(lambda s: not any(s.effort_command), "zero")
+        phases = [s.phase for s in wall.status.messages]
+        assert phases == sorted(phases) and {HOLDING, RAMPING_DOWN} <= set(phases)
+        held = [s for s in wall.status.messages if s.phase == HOLDING]
+        close(held[-1].effort_command, gravity_of(Q))
+        wall.wait_until_told("control", "ramping down", b"\2")
+        wall.settle()
+
+
+def test_it_does_not_start_on_a_guess(peer):
+    """Without robot_compensates_gravity it is not configured; with joints in another order than theirs not activated."""
+    model = robot(UR5)
+    swapped = [model.names[1], model.names[0], *model.names[2:]]
+    with effort_controller(peer, "/bare", swapped) as other:  # noqa: SIM117 (it has to be there first)
+        with Controller(peer, "/bare", robot_description=model.path) as controller:
+            name = controller.name
+            peer.wait_until(lambda: controller.reports, "a report", START)
+            assert not peer.transition(name, "configure")
+            controller.wait_until_told(
+                "control", "parameter 'robot_compensates_gravity' is not set, and has no default", b"\2"
+            )
+            assert peer.set_parameter(name, "robot_compensates_gravity", False).successful
+            assert peer.transition(name, "configure")
+            result = peer.set_parameter(name, "robot_compensates_gravity", True)
+            assert not result.successful and "read-only while the node is configured" in result.reason
+            assert not peer.transition(name, "activate")
+            said = f"entry 0 is '{model.names[0]}' here and '{model.names[1]}' there"
+            controller.wait_until_told("control", said, b"\2")
+            assert peer.set_parameter(other, "joints", list(model.names)).successful
+            assert peer.transition(name, "activate")
+            report = controller.wait_until_told("control", "no valid state yet", b"\1")
+            assert report.values["order of joints"] == f"that of {other}"
+            assert not controller.sent.messages
+    with Process([*controller.process.command, "-p", "autostart:=true"]) as process:
+        assert process.wait(START) == 1 and "robot_compensates_gravity" in process.output

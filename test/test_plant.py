@@ -1,0 +1,488 @@
+"""The parts of the simulator, each by itself: drives, sensors, pace, pushes, and the plant they make up."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import diag_dynamics as dd
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.inputs.rejected import RejectedError
+from diag_dynamics.nodes.plant.drives import BRAKE, DRIVEN, TIMED_OUT, WAITING, ZERO, Drives
+from diag_dynamics.nodes.plant.lockstep import Lockstep
+from diag_dynamics.nodes.plant.pace import MOST_BEHIND, Pace
+from diag_dynamics.nodes.plant.plant import Plant
+from diag_dynamics.nodes.plant.pushes import Pushes
+from diag_dynamics.nodes.plant.sensors import Errors, Sensors
+from diag_dynamics.nodes.plant.settings import PARAMETERS
+from examples import examples
+from nodes import PANDA, UR5, robot
+from oracles import Oracle
+
+NAMES = ("shoulder", "elbow", "wrist")
+
+
+# --- drives
+
+
+def test_commands_hold_until_the_next_one():
+    """Each entry goes to its joint; what no entry is for has no effort."""
+    drives = Drives(NAMES, ("wrist", "shoulder"), 0.0, ZERO)
+    assert drives.phase == WAITING and not drives.effort(0.0).any()
+    drives.command([3.0, 1.0], 0.5)
+    for time in (0.5, 1.0, 1e6):
+        assert drives.effort(time).tolist() == [1.0, 0.0, 3.0] and drives.phase == DRIVEN
+    drives.command([-1.0, 2.0], 1e6)
+    assert drives.effort(1e6).tolist() == [2.0, 0.0, -1.0]
+
+
+@pytest.mark.parametrize("without", [ZERO, BRAKE])
+def test_a_command_times_out(without):
+    """It holds for so long, not a step longer; then there is none until the next one."""
+    drives = Drives(NAMES, (), 0.1, without)
+    assert drives.braked == (without == BRAKE)
+    drives.command([1.0, 2.0, 3.0], 5.0)
+    assert drives.effort(5.099).tolist() == [1.0, 2.0, 3.0] and not drives.braked
+    for _ in range(3):
+        assert not drives.effort(5.1).any() and drives.phase == TIMED_OUT and drives.braked == (without == BRAKE)
+    assert drives.counts["commands timed out"] == 1
+    drives.command([1.0, 2.0, 3.0], 6.0)
+    assert drives.effort(6.05).tolist() == [1.0, 2.0, 3.0] and drives.phase == DRIVEN
+    drives.forget()
+    assert not drives.effort(6.06).any() and drives.phase == WAITING
+
+
+@pytest.mark.parametrize(
+    ("data", "cause", "said"),
+    [
+        ([1.0], "wrong length", "data has 1 entries, expected 3, for shoulder, elbow, wrist"),
+        ([], "wrong length", "data has 0 entries"),
+        ([1.0, math.nan, 2.0], "not finite", "effort of joint 'elbow' is nan"),
+        ([1.0, 2.0, -math.inf], "not finite", "effort of joint 'wrist' is -inf"),
+    ],
+)
+def test_bad_command(data, cause, said):
+    """It is counted and named, and the last good one stays in force."""
+    drives = Drives(NAMES, (), 0.0, ZERO)
+    drives.command([1.0, 2.0, 3.0], 0.0)
+    with pytest.raises(RejectedError, match=said) as rejection:
+        drives.command(data, 1.0)
+    assert rejection.value.cause == cause and said in drives.last_rejection
+    assert drives.effort(1.0).tolist() == [1.0, 2.0, 3.0]
+    assert drives.counts == {"commands received": 2, f"commands rejected: {cause}": 1}
+
+
+@pytest.mark.parametrize(("joints", "said"), [(("hip",), "names 'hip'"), (("wrist", "wrist"), "names 'wrist' twice")])
+def test_bad_command_joints(joints, said):
+    """The error names the joint."""
+    with pytest.raises(InputError, match=said):
+        Drives(NAMES, joints, 0.0, ZERO)
+
+
+# --- sensors
+
+VALUES = np.array([0.1, -2.0]), np.array([1.0, 0.5]), np.array([3.0, 0.0])
+
+
+def test_perfect_sensors():
+    """What is measured is what is."""
+    sensors = Sensors(Errors())
+    sensors.measure(1.0, *VALUES, "base")
+    ((time, values, base),) = sensors.known(1.0)
+    assert time == 1.0 and base == "base"
+    assert all((a == b).all() for a, b in zip(values, VALUES, strict=True))
+    assert sensors.known(2.0) == []
+
+
+def test_noise_and_resolution():
+    """White noise of the deviations given; what is measured is on the grid, as near as it can be."""
+    sensors = Sensors(Errors(noise=(0.1, 2.0, 0.0), resolution=(0.0, 0.0, 0.25)))
+    many = []
+    for k in range(4000):
+        sensors.measure(k, *VALUES)
+        many += [values for _, values, _ in sensors.known(k)]
+    error = np.array(many) - np.array(VALUES)
+    assert np.abs(error.mean(axis=0)).max() < 4 * 2.0 / np.sqrt(4000)
+    np.testing.assert_allclose(error[:, 0].std(axis=0), 0.1, rtol=0.1)
+    np.testing.assert_allclose(error[:, 1].std(axis=0), 2.0, rtol=0.1)
+    assert abs(np.corrcoef(error[1:, 0, 0], error[:-1, 0, 0])[0, 1]) < 0.1
+    assert abs(np.corrcoef(error[:, 0, 0], error[:, 0, 1])[0, 1]) < 0.1
+    sensors = Sensors(Errors(resolution=(0.25, 0.1, 1.0)))
+    sensors.measure(0.0, *VALUES)
+    ((_, values, _),) = sensors.known(0.0)
+    np.testing.assert_allclose(np.concatenate(values), [0.0, -2.0, 1.0, 0.5, 3.0, 0.0])
+
+
+def test_delay():
+    """A state becomes known when its time has come, in order, with the stamp of when it was."""
+    sensors, seen = Sensors(Errors(delay=0.03)), []
+    for k in range(10):
+        sensors.measure(0.01 * k, *VALUES)
+        seen += [(k, round(100 * time)) for time, _, _ in sensors.known(0.01 * k)]
+    assert seen == [(k, k - 3) for k in range(3, 10)]
+    sensors.forget()
+    assert sensors.known(100.0) == []
+
+
+def test_losses_and_seed():
+    """So many are lost; the same seed loses the same ones and errs alike, another one otherwise."""
+
+    def run(seed):
+        sensors, known = Sensors(Errors(noise=(0.1, 0.1, 0.1), dropped=0.2, seed=seed)), []
+        for k in range(1000):
+            sensors.measure(k, *VALUES)
+            known += [(time, np.concatenate(values).tolist()) for time, values, _ in sensors.known(k)]
+        assert len(known) + sensors.lost == 1000
+        return known
+
+    first = run(1)
+    assert 740 < len(first) < 860
+    assert run(1) == first != run(2)
+
+
+@pytest.mark.parametrize("errors", [Errors(noise=(1.0, 0.0)), Errors(resolution=(0.0, -1.0, 0.0))])
+def test_bad_errors(errors):
+    """The error names the parameter."""
+    with pytest.raises(InputError, match=r"parameter 'sensor_(noise|resolution)' is"):
+        Sensors(errors)
+
+
+# --- pace
+
+
+@examples(50)
+@given(
+    factor=st.sampled_from((0.25, 1.0, 8.0)),
+    gaps=st.lists(st.floats(1e-5, 0.05) | st.floats(0.05, 2.0), min_size=1, max_size=60),
+)
+def test_pace(factor, gaps):
+    """Whenever it is asked: never ahead of the clock, at most a step behind but for what is let go, by whole steps."""
+    period, step = 0.004, 0.001
+    pace, now, steps = Pace(factor, period, step), 100.0, 0
+    pace.resume(now, 7.0)
+    for gap in gaps:
+        now += gap
+        taken = pace.steps(now, 7.0 + steps * step)
+        assert taken >= 0 and taken * step <= max(MOST_BEHIND, 2 * period) + step
+        steps += taken
+        behind = (now - 100.0) * factor - pace.let_go - steps * step
+        assert -1e-6 <= behind < step + 1e-6
+    assert pace.let_go / step == pytest.approx(round(pace.let_go / step))
+
+
+def test_lateness_and_overruns():
+    """Ticks that are late by a period or more are overruns, and each is told of once."""
+    pace, period = Pace(1.0, 0.01, 0.01), 0.01
+    pace.resume(0.0, 0.0)
+    simulated = 0.0
+    for now in (0.010, 0.021, 0.030, 0.065, 0.070):  # on time, 1 ms late, on time, 25 ms late, on time again
+        simulated += period * pace.steps(now, simulated)
+    kept = pace.kept()
+    assert simulated == pytest.approx(0.07)
+    assert kept.ticks == 5 and kept.overruns == pace.overruns == 2
+    assert kept.largest == pytest.approx(0.025) and kept.mean == pytest.approx(0.026 / 5)
+    assert pace.kept()._replace(let_go=0.0) == (0, 0.0, 0.0, 0, 0.0) and pace.overruns == 2
+
+
+def test_as_fast_as_can_be():
+    """A period with each tick, whatever the clock says."""
+    pace = Pace(0.0, 0.004, 0.001)
+    pace.resume(0.0, 0.0)
+    assert [pace.steps(now, 0.0) for now in (0.0, 1e-6, 5.0)] == [4, 4, 4]
+
+
+def test_clock_that_jumps_back():
+    """Simulated time goes on from where it is."""
+    pace = Pace(1.0, 0.01, 0.001)
+    pace.resume(50.0, 0.0)
+    assert pace.steps(50.5, 0.0) > 0
+    taken = pace.steps(10.0, 0.5)
+    assert taken <= 10 and pace.let_go == pytest.approx(0.49, abs=0.02)
+    assert pace.steps(10.02, 0.5 + 0.001 * taken) == pytest.approx(20, abs=10)
+
+
+# --- pushes
+
+
+def wrench(link, *six):
+    """Return what WrenchStamped holds."""
+    force, torque = (SimpleNamespace(x=v[0], y=v[1], z=v[2]) for v in (six[:3], six[3:]))
+    return SimpleNamespace(header=SimpleNamespace(frame_id=link), wrench=SimpleNamespace(force=force, torque=torque))
+
+
+def test_pushes():
+    """Each link's last wrench holds for its time; zeros take it off; the bad ones are named and change nothing."""
+    pushes = Pushes(("hand", "arm"), 0.5)
+    assert pushes.at(0.0) == {}
+    pushes.push(wrench("hand", 1, 2, 3, 4, 5, 6), 1.0)
+    pushes.push(wrench("arm", 0, 0, 1, 0, 0, 0), 1.2)
+    assert {link: six.tolist() for link, six in pushes.at(1.49).items()} == {
+        "hand": [1, 2, 3, 4, 5, 6],
+        "arm": [0, 0, 1, 0, 0, 0],
+    }
+    for bad, said in (
+        (wrench("foot", *[1] * 6), "'foot' is no link"),
+        (wrench("arm", math.nan, *[0] * 5), "wrench on 'arm'"),
+    ):
+        with pytest.raises(RejectedError, match=said):
+            pushes.push(bad, 1.3)
+    assert list(pushes.at(1.5)) == ["arm"]
+    pushes.push(wrench("arm", *[0] * 6), 1.6)
+    assert pushes.at(1.6) == {}
+    assert pushes.counts["wrenches received"] == 5
+
+
+# --- the plant
+
+DEFAULTS = {name: spec.default for name, spec in PARAMETERS.items()}
+
+
+def plant(id=PANDA, floating=False, **values):
+    """Return the plant of a robot."""
+    return Plant(dd.load_urdf(robot(id).path, floating_base=floating), DEFAULTS | values)
+
+
+def test_held_by_gravity_compensation():
+    """With drives that carry the robot's weight it stays where it is; without, or with them twice, it does not."""
+    held, dropped = plant(compensates_gravity=True), plant()
+    q = held.simulation.q
+    for one in (held, dropped):
+        one.drives.command([0.0] * 8, 0.0)
+        one.advance(200)
+    assert np.abs(held.simulation.q - q).max() < 1e-3
+    assert np.abs(dropped.simulation.q - q).max() > 0.05
+    twice = plant(compensates_gravity=True)
+    gravity = twice.simulation.dynamics.gravity_torque(q)
+    twice.drives.command(gravity, 0.0)
+    twice.advance(200)
+    assert np.abs(twice.simulation.q - q).max() > 0.05
+
+
+def test_brakes():
+    """They hold the robot exactly, before the first command and after a time-out, and stop it when it moves."""
+    own = plant(without_command="brake", command_timeout=0.1)
+    q = own.simulation.q
+    own.advance(100)
+    assert (own.simulation.q == q).all() and not own.simulation.qd.any()
+    own.drives.command([0.0] * 8, own.time)
+    own.advance(99)
+    assert np.abs(own.simulation.qd).max() > 0.1
+    for _ in range(200):
+        own.advance(1)
+    assert own.drives.phase == TIMED_OUT and not own.simulation.qd.any()
+    audit = own.simulation.audit
+    assert audit.friction < -1e-3 and abs(audit.residual) < 1e-6 * abs(audit.potential)
+
+
+def test_no_time_out_while_catching_up():
+    """A tick that catches up goes by the commands that there were when it began: those that came meanwhile wait yet."""
+    own = plant(command_timeout=0.05)
+    own.drives.command([0.1] * 8, own.time)
+    own.advance(85)
+    assert own.drives.phase == DRIVEN
+    own.drives.command([0.1] * 8, own.time)
+    own.advance(10)
+    assert own.drives.phase == DRIVEN and not own.drives.counts["commands timed out"]
+    own.advance(41)
+    own.advance(1)
+    assert own.drives.phase == TIMED_OUT
+
+
+@pytest.mark.parametrize(("rate", "step", "own"), [(300.0, 1e-3, 1 / 1200), (500.0, 1e-3, 1e-3), (400.0, 0.1, 1 / 400)])
+def test_steps_divide_the_period(rate, step, own):
+    """The integrator's step is the longest one no longer than asked of which whole ones lie between two joint states."""
+    assert plant(rate=rate, step=step).simulation.step_size == pytest.approx(own, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"seed": -1}, "parameter 'seed' is -1"),
+        ({"real_time_factor": 1e-16}, "parameter 'real_time_factor' is 1e-16"),
+        ({"lockstep": True, "motion": "wave"}, "parameter 'lockstep'"),
+        ({"lockstep": True, "sensor_delay": 0.01}, "parameter 'lockstep'"),
+        ({"lockstep": True, "sensor_dropped": 0.1}, "parameter 'lockstep'"),
+    ],
+)
+def test_values_that_do_not_go_together(values, said):
+    """The error names the parameter."""
+    with pytest.raises(InputError, match=said):
+        plant(**values)
+
+
+def test_state_that_is_refused():
+    """Beyond hard limits, or with more energy than numbers hold: the joint is named, and nothing has changed."""
+    own = plant()
+    q, qd = own.simulation.q, own.simulation.qd
+    beyond = q.copy()
+    beyond[1] = 3.0
+    for bad, rate, said in ((beyond, qd, "panda_joint2"), (q, np.full(8, 1e200), "finite|overflow|large")):
+        with pytest.raises(InputError, match=said):
+            own.put(bad, rate)
+        assert (own.simulation.q == q).all() and (own.simulation.qd == qd).all()
+    assert plant(limits="none").put(beyond, qd) is None
+
+
+def test_efforts_obey_limits():
+    """A command beyond the URDF's limits is cut to them, and what is measured is what acted."""
+    own = plant()
+    own.drives.command([1e3] + [0.0] * 7, 0.0)
+    own.advance(1)
+    own.measure()
+    (measured,) = own.known()
+    assert measured.effort[0] == 87.0 and own.simulation.saturated == ("panda_joint1",)
+
+
+def test_followers_are_measured():
+    """The second finger is where the first one is."""
+    own = plant()
+    own.drives.command([0.0] * 7 + [2.0], 0.0)
+    own.advance(20)
+    own.measure()
+    (measured,) = own.known()
+    leader, follower = (own.names.index(f"panda_finger_joint{k}") for k in (1, 2))
+    assert measured.position[follower] == measured.position[leader] > 0.0
+    assert measured.velocity[follower] == measured.velocity[leader] > 0.0
+    assert measured.effort[follower] == 0.0
+
+
+def test_floating_base_falls_freely():
+    """Without contact the centre of mass falls by g t²/2, wherever the joints go; a push on the base moves it."""
+    own = plant(UR5, floating=True)
+    oracle = Oracle(robot(UR5).urdf, floating_base=True)
+
+    def centre():
+        import pinocchio as pin
+
+        return pin.centerOfMass(oracle.model, oracle.data, oracle.configuration(own.simulation.q))
+
+    start = centre().copy()
+    own.advance(300)
+    np.testing.assert_allclose(centre() - start, [0.0, 0.0, -0.5 * 9.81 * own.time**2], atol=1e-7)
+    own.measure()
+    (measured,) = own.known()
+    q, qd = measured.base
+    assert (q == own.simulation.q[:7]).all() and (qd == own.simulation.qd[:6]).all()
+    assert len(measured.position) == 6
+
+
+def test_push_does_its_work():
+    """What the audit has as work of wrenches is the force times the way of its point."""
+    own = plant(UR5, wrench_axes="world", wrench_timeout=0.0, gravity=[0.0, 0.0, 0.0])
+    own.simulation.change_model(own.simulation.model.with_gravity((0.0, 0.0, 0.0)))
+    oracle = Oracle(robot(UR5).urdf)
+    own.pushes.push(wrench("tool0", 0.0, 5.0, 0.0, 0.0, 0.0, 0.0), 0.0)
+    before = frame(oracle, own.simulation.q)
+    own.advance(200)
+    way = frame(oracle, own.simulation.q) - before
+    assert own.simulation.audit.wrenches == pytest.approx(5.0 * way[1], rel=1e-9)
+    assert own.simulation.audit.wrenches > 0.01
+
+
+def frame(oracle, q):
+    """Position of tool0."""
+    import pinocchio as pin
+
+    pin.framesForwardKinematics(oracle.model, oracle.data, oracle.configuration(q))
+    return oracle.data.oMf[oracle.model.getFrameId("tool0")].translation.copy()
+
+
+def test_same_seed_same_trajectory():
+    """After a reset all is as at first, to the last bit: motion, noise and losses."""
+    own = plant(sensor_noise=[1e-3, 1e-2, 0.1], sensor_dropped=0.3, seed=5, motion="wave")
+
+    def run():
+        seen = []
+        for _ in range(40):
+            own.advance(2)
+            own.measure()
+            seen += [(m.position.tobytes(), m.velocity.tobytes(), m.effort.tobytes()) for m in own.known()]
+        return seen
+
+    first, at = run(), own.time
+    own.reset()
+    assert own.time == at
+    assert run() == first
+    assert own.time == pytest.approx(2 * at)
+
+
+def test_put():
+    """Another state, in the same time; what sensors had under way is lost."""
+    own = plant(sensor_delay=0.01)
+    own.advance(5)
+    own.measure()
+    q, qd = own.simulation.q + 0.01, 0.1 * np.ones(8)
+    own.put(q, qd)
+    assert (own.simulation.q == q).all() and own.time == pytest.approx(0.005)
+    own.advance(20)
+    assert own.known() == []
+
+
+# --- lockstep
+
+
+class Account:
+    """A Lockstep, and what is said to it at times [s]."""
+
+    def __init__(self):
+        self.lockstep = Lockstep()
+        self.lockstep.begin(0.0)
+        self.lockstep.meet({"listener", "commander"}, -10.0)
+        self.lockstep.publish()
+        self.command(0.0)
+        self.lockstep.publish()
+
+    def command(self, now):
+        """Take a command; whether time goes on."""
+        self.lockstep.command(now)
+        return self.lockstep.answered(now)
+
+
+def test_a_state_that_all_have_seen_is_not_repeated():
+    """However long nobody commands: the one command that is due may still come."""
+    lockstep = Account().lockstep
+    assert not lockstep.waits(0.9) and lockstep.waits(1.1)
+    assert not any(lockstep.repeat(now) for now in (0.5, 2.0, 100.0))
+
+
+@pytest.mark.parametrize("doubt", ["newcomer", "refused", "answer to an earlier one", "several"])
+def test_a_state_is_repeated(doubt):
+    """Once a second, until a command comes: who has come, was refused, or has answered before, waits for it."""
+    account = Account()
+    lockstep = account.lockstep
+    if doubt == "newcomer":
+        lockstep.meet({"listener", "another commander"}, 0.3)
+    elif doubt == "refused":
+        lockstep.refuse()
+    elif doubt == "answer to an earlier one":
+        lockstep.publish()
+        assert not account.command(0.1)
+    else:
+        lockstep.publish()
+    assert not lockstep.repeat(0.9)
+    assert lockstep.repeat(1.2)
+    assert not lockstep.repeat(1.3)
+    assert account.command(5.0), "the copy is the only one that counts"
+    lockstep.publish()
+    assert not lockstep.repeat(10.0)
+
+
+def test_a_newcomer_whose_answer_is_lost():
+    """The last command of one who left does not end the doubt about one who has just come."""
+    account = Account()
+    account.lockstep.meet({"listener", "another commander"}, 0.3)
+    assert account.command(0.4)
+    account.lockstep.publish()
+    assert account.lockstep.repeat(1.5) and account.lockstep.repeat(2.6)
+
+
+def test_beginning_anew_all_are_newcomers():
+    """Whoever was there before may not have found what listens to commands now."""
+    lockstep = Account().lockstep
+    lockstep.begin(20.0)
+    lockstep.publish()
+    lockstep.meet({"listener", "commander"}, 20.4)
+    assert lockstep.repeat(21.1)

@@ -1,0 +1,447 @@
+"""The simulator under command on a real graph: efforts, wrenches, services, lockstep, and what is wrong with them."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from diag_dynamics.msg import DiagonalizedState, EnergyAudit
+from diag_dynamics.srv import SetState, Step
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
+
+import diag_dynamics as dd
+from diag_dynamics.simulation import rest_position
+from nodes import MANY, MS, PANDA, START, UR5, Monitor, S, joint_state, nanoseconds, node_process, report_of, robot
+from oracles import Oracle
+
+NODE = "diag_dynamics_simulator"
+PERIOD = 2 * MS
+
+
+class Simulator:
+    """A simulator in a process of its own: what it publishes, and what it is told."""
+
+    def __init__(self, peer, namespace, id, **parameters):
+        """Start it; a context at whose end it has to end cleanly."""
+        self.peer, self.robot, self.name = peer, robot(id), f"{namespace}/{NODE}"
+        self.model = dd.load_urdf(self.robot.path, floating_base=parameters.get("floating_base", False))
+        self.states = peer.topic(JointState, f"{namespace}/joint_states")
+        self.odometry = peer.topic(Odometry, f"{namespace}/odom")
+        self.truth = peer.topic(DiagonalizedState, f"{self.name}/ground_truth")
+        self.audits = peer.topic(EnergyAudit, f"{self.name}/energy_audit")
+        self.commands = peer.publisher(Float64MultiArray, f"{namespace}/effort_controller/commands")
+        self.wrenches = peer.publisher(WrenchStamped, f"{namespace}/external_wrench")
+        self.reports = []
+        peer.node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, MANY)
+        self.process = node_process(
+            "simulator", "-r", f"__ns:={namespace}", robot_description=self.robot.path, **parameters
+        )
+
+    def __enter__(self):
+        ready = (self.commands.get_subscription_count, self.wrenches.get_subscription_count)
+        self.peer.wait_until(lambda: all(count() for count in ready) and self.states.messages, self.name, START)
+        self.peer.wait_until(lambda: self.truth.subscription.get_publisher_count(), "its truth")
+        self.peer.become_known(self.name)
+        return self
+
+    def __exit__(self, *error):
+        self.process.__exit__(*error)
+
+    def _take_diagnostics(self, array):
+        if report := report_of(array, self.name):
+            self.reports.append(report)
+
+    def wait_for_report(self, condition, what):
+        """Return the first report from now on for which a condition holds."""
+        begin = len(self.reports)
+        return self.peer.wait_until(lambda: next((r for r in self.reports[begin:] if condition(r)), None), what)
+
+    def command(self, *efforts):
+        """Send efforts."""
+        self.commands.publish(Float64MultiArray(data=[float(x) for x in efforts]))
+
+    def push(self, link, *six):
+        """Send a wrench on a link."""
+        message = WrenchStamped()
+        message.header.frame_id = link
+        f, n = message.wrench.force, message.wrench.torque
+        f.x, f.y, f.z, n.x, n.y, n.z = map(float, six)
+        self.wrenches.publish(message)
+
+    def call(self, kind, service, **fields):
+        """Call one of its services."""
+        return self.peer.call(kind, f"{self.name}/{service}", kind.Request(**fields))
+
+    def next_state(self):
+        """Return the next joint state."""
+        count = len(self.states.messages)
+        self.peer.wait_until(lambda: len(self.states.messages) > count, "a joint state")
+        return self.states.messages[-1]
+
+
+def said(report, entry):
+    """Return the message of one entry of a report."""
+    return report.entries[entry].message
+
+
+def number(report, key):
+    """Return a counter of a report."""
+    return int(report.values.get(key, 0))
+
+
+@pytest.fixture(scope="module")
+def arm(peer):
+    """A UR5 whose drives carry its weight, brake without commands, and know the joints in another order."""
+    order = robot(UR5).names[::-1]
+    parameters = {"compensates_gravity": True, "command_timeout": 0.3, "without_command": "brake", "rate": 250.0}
+    with Simulator(peer, "/arm", UR5, command_joints=list(order), **parameters) as simulator:
+        yield simulator
+
+
+def rates(message):
+    """Return velocities of a joint state."""
+    return np.array(message.velocity)
+
+
+# --- commands
+
+
+def test_silence_then_a_command(arm):
+    """Brakes hold the arm; a command opens them and moves the joint that it is for; silence closes them again."""
+    assert not rates(arm.next_state()).any()
+    still = arm.next_state().position
+    assert arm.next_state().position == still
+    before = arm.wait_for_report(lambda r: True, "a report")
+    assert before.values["brakes"] == "closed"
+    last, moved = len(arm.robot.names) - 1, []
+
+    def driven():
+        arm.command(5.0, *[0.0] * last)  # the first entry is the last joint's
+        moved.append(rates(arm.next_state()))
+        return abs(moved[-1][last]) > 0.1
+
+    arm.peer.wait_until(driven, "the last joint to turn")
+    assert np.abs(moved[-1][: last - 2]).max() < 0.2 * abs(moved[-1][last])
+    report = arm.wait_for_report(lambda r: "no command for 0.3 s" in said(r, "commands"), "the time-out")
+    assert number(report, "commands timed out") > number(before, "commands timed out")
+    arm.peer.wait_until(lambda: not rates(arm.next_state()).any(), "the brakes to hold")
+
+
+COMMANDER = """
+import sys, rclpy
+from std_msgs.msg import Float64MultiArray
+rclpy.init()
+node = rclpy.create_node("commander")
+publisher = node.create_publisher(Float64MultiArray, "/arm/effort_controller/commands", 10)
+node.create_timer(0.01, lambda: publisher.publish(Float64MultiArray(data=[0.0] * 6)))
+print("commanding", flush=True)
+rclpy.spin(node)
+"""
+
+
+def test_commander_killed_and_restarted(arm):
+    """Nobody helps: within the time-out the brakes close, and the next commander opens them."""
+    for _ in range(2):
+        with subprocess.Popen([sys.executable, "-c", COMMANDER], stdout=subprocess.PIPE, text=True) as commander:
+            try:
+                arm.wait_for_report(
+                    lambda r: r.values["brakes"] == "open" and r.entries["commands"].level == b"\0", "open brakes"
+                )
+            finally:
+                commander.kill()
+        arm.wait_for_report(lambda r: r.values["brakes"] == "closed", "closed brakes")
+
+
+@pytest.mark.parametrize(
+    ("data", "named"),
+    [
+        ((1.0, 2.0), "data has 2 entries, expected 6"),
+        ((0.0, np.nan, 0.0, 0.0, 0.0, 0.0), "is nan, expected a finite number"),
+    ],
+    ids=["wrong length", "NaN"],
+)
+def test_bad_command(arm, data, named):
+    """It is refused by name and counted; the last good one stays in force, and the next one is taken."""
+    before = arm.wait_for_report(lambda r: True, "a report")
+    arm.command(*data)
+    report = arm.wait_for_report(lambda r: "refused" in said(r, "commands"), "the refusal")
+    assert named in said(report, "commands") and report.entries["commands"].level == b"\1"
+    rejected = [key for key in report.values if key.startswith("commands rejected: ")]
+    assert sum(number(report, key) - number(before, key) for key in rejected) == 1
+
+    def taken():
+        arm.command(*[0.0] * 6)
+        return arm.reports and arm.reports[-1].values["drives"] == "driven"
+
+    arm.peer.wait_until(taken, "the next command")
+    assert np.isfinite(arm.next_state().position).all()
+
+
+# --- wrenches
+
+
+def test_push(arm):
+    """A wrench on the tool moves the arm, its work is in the audit, and it ends by itself; an unknown link is refused."""
+    arm.push("nowhere", 1, 0, 0, 0, 0, 0)
+    arm.wait_for_report(lambda r: "'nowhere' is no link of this robot" in said(r, "commands"), "the refusal")
+    arm.peer.wait_until(lambda: arm.audits.messages, "an audit")
+    before = arm.audits.messages[-1]
+
+    def moved():
+        arm.command(*[0.0] * 6)
+        arm.push("tool0", 0, 0, 60, 0, 0, 0)
+        return np.abs(rates(arm.next_state())).max() > 0.3
+
+    arm.peer.wait_until(moved, "the arm to give way")
+    arm.peer.wait_until(lambda: arm.audits.messages[-1].wrenches > before.wrenches + 1e-3, "work of the push")
+    arm.peer.wait_until(lambda: not rates(arm.next_state()).any(), "the brakes to hold")
+    audit = arm.audits.messages[-1]
+    done = audit.effort + audit.wrenches + audit.damping + audit.friction + audit.limits + audit.exchanged
+    assert audit.kinetic + audit.potential + audit.elastic - done == pytest.approx(audit.residual, abs=1e-9)
+    scale = max(abs(audit.effort), abs(audit.wrenches), abs(audit.friction), 1e-2)
+    assert abs(audit.residual) < 1e-4 * scale
+    assert audit.friction < 0.0
+
+
+# --- services
+
+
+def test_pause_step_reset_and_set_state(arm):
+    """Paused, time stands still but for steps; the robot can be put anywhere, and back to where it began."""
+    refused = arm.call(Step, "step", steps=1)
+    assert not refused.success and "not paused" in refused.message
+    assert arm.call(SetBool, "pause", data=True).success
+    for steps, periods in ((1, 1), (7, 2)):  # a period has four
+        before = nanoseconds(arm.call(Step, "step", steps=1).stamp)
+        answer = arm.call(Step, "step", steps=steps)
+        assert answer.success
+        end = nanoseconds(answer.stamp)
+        assert end - before == pytest.approx(steps * MS, abs=2)
+        arm.peer.wait_until(lambda end=end: arm.states.stamps[-1] == end, "what came of the steps")
+        assert sum(stamp > before for stamp in arm.states.stamps) == periods
+    for steps in (0, 10_001):
+        refused = arm.call(Step, "step", steps=steps)
+        assert not refused.success and f"steps is {steps}, expected 1 to 10000" in refused.message
+    assert said(arm.wait_for_report(lambda r: True, "a report"), "simulation") == "paused"
+
+    names, q = arm.robot.names, 0.1 * np.arange(1, 7)
+    answer = arm.call(SetState, "set_state", state=joint_state(names[::-1], q[::-1], ()))
+    assert answer.success, answer.message
+    arm.peer.wait_until(lambda: list(arm.states.messages[-1].position) == q.tolist(), "the state")
+    wrong = arm.call(SetState, "set_state", state=joint_state(names[1:], q[1:], ()))
+    assert not wrong.success and names[0] in wrong.message
+    assert arm.call(Trigger, "reset").success
+    arm.peer.wait_until(lambda: not np.any(arm.states.messages[-1].position), "where it began")
+    assert (np.diff(arm.states.stamps) >= 0).all()
+    assert arm.call(SetBool, "pause", data=False).success
+    stamp = arm.states.stamps[-1]
+    arm.peer.wait_until(lambda: arm.states.stamps[-1] > stamp + 20 * MS, "time to go on")
+
+
+def test_payload_at_run_time(arm):
+    """Another payload changes the mass and keeps the state; a wrong one, or another fixed parameter, is refused by name."""
+    arm.peer.wait_until(lambda: arm.truth.messages, "the truth")
+    revision = arm.truth.messages[-1].model_revision
+    assert arm.peer.set_parameter(arm.name, "payloads", ["tool0=3.0 0 0 0.1"]).successful
+    arm.peer.wait_until(lambda: arm.truth.messages[-1].model_revision == revision + 1, "another model")
+    for name, value, named in (
+        ("payloads", ["wing=1.0"], "wing"),
+        ("gravity", [0.0, np.nan, 0.0], "gravity"),
+        ("step", 0.01, "read-only while the node is configured"),
+    ):
+        result = arm.peer.set_parameter(arm.name, name, value)
+        assert not result.successful and named in result.reason
+    assert arm.peer.set_parameter(arm.name, "payloads", [""]).successful
+
+
+# --- lifecycle and pace
+
+
+def test_lifecycle_and_stall(arm):
+    """Inactive, the robot rests and takes no command; a stalled process tells of overruns and lets time go."""
+    before = arm.wait_for_report(lambda r: True, "a report")
+    arm.process.signal(signal.SIGSTOP)
+    stop = time.monotonic()
+    arm.peer.wait_until(lambda: time.monotonic() > stop + 0.5, "the stall to be over")
+    arm.process.signal(signal.SIGCONT)
+    report = arm.wait_for_report(lambda r: "overran" in said(r, "pace"), "the overruns")
+    assert number(report, "overruns") >= number(before, "overruns") + 50
+    assert float(report.values["time let go [s]"]) > float(before.values["time let go [s]"]) + 0.2
+    assert float(report.values["late, largest [s]"]) > 0.3
+    gaps = np.diff(arm.states.stamps)
+    assert np.abs(gaps - MS * np.round(gaps / MS)).max() <= 2
+
+    assert arm.peer.transition(arm.name, "deactivate")
+    arm.wait_for_report(lambda r: "inactive" in said(r, "simulation"), "rest")
+    count = len(arm.states.messages)
+    answer = arm.call(Trigger, "reset")
+    assert answer.success
+    assert arm.peer.transition(arm.name, "cleanup")
+    assert arm.peer.set_parameter(arm.name, "step", 0.002).successful
+    assert len(arm.states.messages) == count
+    assert arm.peer.transition(arm.name, "configure") and arm.peer.transition(arm.name, "activate")
+    arm.states.forget()
+    arm.peer.wait_until(lambda: len(arm.states.messages) > 50, "joint states")
+    gaps = np.diff(arm.states.stamps)
+    assert np.abs(gaps - 2 * MS * np.round(gaps / (2 * MS))).max() <= 2
+
+
+# --- lockstep
+
+
+def test_lockstep(peer):
+    """Each command takes the robot one state further, to the last bit where the library's own simulation gets.
+
+    That one is compared with Pinocchio elsewhere. Sensors err by seed; the truth does not.
+    """
+    noise = [1e-3, 1e-2, 0.0]
+    parameters = {"lockstep": True, "rate": 500.0, "sensor_noise": noise, "seed": 3}
+    clock = peer.topic(Clock, "/clock")
+    with Simulator(peer, "/lockstep", PANDA, **parameters) as simulator:
+        own = dd.Simulation(simulator.model, step=1e-3)
+        rng, seen = np.random.default_rng(1), []
+        begin = nanoseconds(simulator.states.messages[-1].header.stamp)
+        for k in range(1, 201):
+            effort = rng.normal(size=8)
+            stamp = begin + k * PERIOD
+            simulator.command(*effort)
+            peer.wait_until(lambda stamp=stamp: simulator.truth.at(stamp) and simulator.states.at(stamp), f"state {k}")
+            own.advance(effort, steps=2)
+            truth, state = simulator.truth.at(stamp), simulator.states.at(stamp)
+            assert list(truth.position) == own.q.tolist() and list(truth.velocity) == own.qd.tolist()
+            assert list(truth.effort) == own.effort.tolist()
+            seen.append([np.array(state.position[:8]) - own.q, np.array(state.velocity[:8]) - own.qd])
+        deviation = np.std(seen, axis=(0, 2))
+        np.testing.assert_allclose(deviation, noise[:2], rtol=0.1)
+        assert nanoseconds(clock.messages[-1].clock) == stamp
+        # Nobody commands: time stands still, who comes late sees the last state, and diagnostics say why.
+        late = [peer.topic(kind, topic) for kind, topic in ((JointState, "/lockstep/joint_states"), (Clock, "/clock"))]
+        peer.wait_until(lambda: all(topic.messages for topic in late), "the last state once more")
+        assert nanoseconds(late[0].messages[0].header.stamp) == nanoseconds(late[1].messages[0].clock) == stamp
+        report = simulator.wait_for_report(lambda r: "waiting for a command" in said(r, "pace"), "the wait")
+        assert report.entries["pace"].level == b"\1"
+        assert {nanoseconds(m.header.stamp) for m in simulator.states.messages[200:]} <= {stamp}
+        simulator.command(*[np.nan] * 8)
+        simulator.wait_for_report(lambda r: "refused" in said(r, "commands"), "the refusal")
+        assert nanoseconds(clock.messages[-1].clock) == stamp
+        simulator.command(*[0.0] * 8)
+        peer.wait_until(lambda: simulator.truth.at(stamp + PERIOD), "the next state")
+        # After a reset two joint states are to be answered: the command for the one before it moves nothing.
+        assert simulator.call(Trigger, "reset").success
+        simulator.command(*[1.0] * 8)
+        own.reset(rest_position(own.model), np.zeros(8))
+        effort = rng.normal(size=8)
+        simulator.command(*effort)
+        peer.wait_until(lambda: simulator.truth.at(stamp + 2 * PERIOD), "the state after the reset")
+        own.advance(effort, steps=2)
+        assert list(simulator.truth.at(stamp + 2 * PERIOD).position) == own.q.tolist()
+        refused = peer.set_parameter(simulator.name, "use_sim_time", True)
+        assert not refused.successful and "use_sim_time" in refused.reason
+
+
+class Commander:
+    """What answers every joint state by no effort, from a node of its own."""
+
+    def __init__(self, peer, namespace):
+        self.peer, self.wrong, self.node = peer, False, None
+        self.name = namespace
+        self.come()
+
+    def come(self):
+        """Join the graph."""
+        self.node = self.peer.extra_node("commander", self.name)
+        self.commands = self.node.create_publisher(Float64MultiArray, "effort_controller/commands", 10)
+        self.node.create_subscription(JointState, "joint_states", self._answer, 10)
+
+    def leave(self):
+        """Leave it."""
+        self.peer.drop_node(self.node)
+
+    def _answer(self, state):
+        self.commands.publish(Float64MultiArray(data=[np.nan if self.wrong else 0.0] * len(state.name)))
+        self.wrong = False
+
+
+def test_lockstep_goes_on(peer):
+    """After a pause, steps, refused commands, resets, rest, and another commander time goes on by itself."""
+    with Simulator(peer, "/on", UR5, lockstep=True, rate=200.0) as simulator:
+        commander = Commander(peer, "/on")
+
+        def goes_on(what):
+            stamp = simulator.states.stamps[-1]
+            peer.wait_until(lambda: simulator.states.stamps[-1] > stamp + S // 10, f"time to go on after {what}")
+
+        goes_on("the start")
+        for steps in (0, 7):
+            assert simulator.call(SetBool, "pause", data=True).success
+            for _ in range(steps):
+                assert simulator.call(Step, "step", steps=1).success
+            assert simulator.call(SetBool, "pause", data=False).success
+            goes_on(f"a pause with {steps} steps")
+        commander.wrong = True
+        goes_on("a refused command")
+        for _ in range(3):
+            assert simulator.call(Trigger, "reset").success
+            assert simulator.call(Trigger, "reset").success
+            goes_on("two resets")
+        assert peer.transition(simulator.name, "deactivate")
+        assert simulator.call(Trigger, "reset").success
+        assert peer.transition(simulator.name, "activate")
+        goes_on("rest")
+        commander.leave()
+        commander.come()
+        goes_on("the commander's restart")
+
+
+def test_as_fast_as_can_be(peer):
+    """Simulated time outruns the clock."""
+    parameters = {"real_time_factor": 0.0, "publish_clock": True, "rate": 100.0, "order": 1}
+    with Simulator(peer, "/fast", UR5, **parameters) as simulator:
+        begin, stamp = time.monotonic(), simulator.states.stamps[-1]
+        peer.wait_until(lambda: simulator.states.stamps[-1] > stamp + 4 * S, "four seconds")
+        assert simulator.states.stamps[-1] - stamp > 1.5 * (time.monotonic() - begin) * S
+
+
+# --- a floating base
+
+
+def test_floating_base_with_a_monitor(peer):
+    """The base goes out as odometry of the same stamps; a monitor of it says what is true, and what Pinocchio says."""
+    # Without gravity it turns freely where it is, and its centre of mass rests.
+    parameters = {"floating_base": True, "rate": 100.0, "gravity": [0.0, 0.0, 0.0]}
+    with Simulator(peer, "/free", UR5, **parameters) as simulator:
+        with Monitor(peer, "/free", live=True, floating_base=True, gravity=[0.0, 0.0, 0.0]) as monitor:
+            topic = monitor.topics["state"]
+
+            def seen():
+                way = np.cos(0.1 * len(simulator.states.messages))  # to and fro: at its limits it would come to rest
+                simulator.command(*(way * np.array([5.0, -4.0, 3.0, 0.5, 0.3, 0.1])))
+                return [
+                    m
+                    for m in topic.messages  # on a busy machine some joint states overtake their odometry
+                    if m.oldest_stamp == m.header.stamp and simulator.truth.at(nanoseconds(m.header.stamp))
+                ]
+
+            states = peer.wait_until(lambda: len(found := seen()) >= 50 and found, "states", START)
+        oracle = Oracle(robot(UR5).urdf, floating_base=True)
+        moved = 0.0
+        for message in states:
+            truth = simulator.truth.at(nanoseconds(message.header.stamp))
+            assert list(message.position_names) == list(truth.position_names)
+            own, true = np.array(message.position), np.array(truth.position)
+            own[3:7] *= np.sign(own[3:7] @ true[3:7])  # both signs are the same orientation
+            np.testing.assert_allclose(own, true, atol=1e-12)
+            np.testing.assert_allclose(message.velocity, truth.velocity, atol=1e-12)
+            q, qd = np.array(truth.position), np.array(truth.velocity)
+            assert message.kinetic_energy == pytest.approx(0.5 * qd @ oracle.mass_matrix(q) @ qd, rel=1e-9)
+            moved = max(moved, np.abs(qd[:6]).max())
+        assert moved > 1e-3
+        assert simulator.odometry.messages[-1].child_frame_id == simulator.model.root_link
