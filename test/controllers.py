@@ -43,7 +43,7 @@ class Controller:
         self.reports = []
         peer.node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, MANY)
         self._arguments = ("-r", f"effort_controller/commands:={commands}", *arguments)
-        self._parameters = parameters
+        self._parameters = {"check_time": 0.0} | parameters
         self.start()
 
     def start(self):

@@ -145,7 +145,7 @@ def test_saturation_scales_what_moves_and_not_what_holds():
     """Within the limits, τ − g scaled by the largest factor in [0, 1] that does it; the sign of the power stays."""
     s, acted = arm(), 0
     for rng, _, _, command in commands(200):
-        limit = np.abs(command.gravity_torque) + np.exp(rng.uniform(-2, 7)) * rng.uniform(0.5, 1, N)
+        limit = np.abs(command.gravity_torque) / 0.9 + np.exp(rng.uniform(-2, 7)) * rng.uniform(0.5, 1, N)
         result = dd.EffortSaturation(s.model, limit).filter(command)
         g, rest = command.gravity_torque, command.tau - command.gravity_torque
         assert (np.abs(result.tau) <= limit).all() and 0.0 <= result.scale <= 1.0
@@ -169,7 +169,7 @@ def test_cutting_joints_one_by_one_can_drive():
     for _ in range(200):
         q, qd = random_state(rng)
         command = law.command(q, qd)
-        limit = np.abs(command.gravity_torque) + rng.uniform(0.1, 5, N)
+        limit = np.abs(command.gravity_torque) / 0.9 + rng.uniform(0.1, 5, N)
         clipped = np.clip(command.tau, -limit, limit)
         driving += qd @ (clipped - command.gravity_torque) > 0
         scaled = dd.EffortSaturation(s.model, limit).filter(command)
@@ -191,6 +191,27 @@ def test_saturation_of_a_joint_that_gravity_overloads(speed):
     others = np.arange(N) != k
     np.testing.assert_allclose(result.tau[others], command.tau[others], rtol=1e-14)
     assert result.scale == 1.0
+
+
+@pytest.mark.parametrize("speed", (0.5, -0.5, 20.0, -20.0))
+def test_saturation_is_continuous_as_gravity_takes_a_limit(speed):
+    """A joint whose limit shrinks to less than its weight: no effort jumps, and the others are never left without brakes."""
+    s = arm()
+    command = dd.RateDamping(s.dyn, 8.0).command(READY, np.full(N, speed))
+    g, rest = command.gravity_torque, command.tau - command.gravity_torque
+    k = int(np.argmax(np.abs(g)))
+    parts = np.linspace(0.5, 1.5, 20001)  # of the limit that gravity takes
+    results = []
+    for part in parts:
+        limit = np.full(N, 1e3)
+        limit[k] = abs(g[k]) / part
+        results.append(dd.EffortSaturation(s.model, limit).filter(command))
+        assert abs(results[-1].tau[k]) <= limit[k]
+    taus, scales = np.array([r.tau for r in results]), np.array([r.scale for r in results])
+    assert np.abs(np.diff(taus, axis=0)).max() < 0.002 * (np.abs(rest).max() + np.abs(g[k]))
+    assert (scales[parts > 1.0] == 1.0).all()
+    room = (1.0 / 0.9 - 1.0) * abs(g[k]) if rest[k] * g[k] > 0.0 else np.inf
+    assert scales.min() >= 0.99 * min(room / abs(rest[k]), 0.5)
 
 
 def test_saturation_of_limits_in_the_description():

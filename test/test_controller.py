@@ -1,5 +1,7 @@
 """The parts of the controller, each by itself: trajectories, targets, settings, safety, and the loop they make up."""
 
+import re
+
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
@@ -100,6 +102,18 @@ def test_a_trajectory_with_a_stamp():
     np.testing.assert_allclose(joined.sample(11 * S).position, 1.0)
 
 
+def test_a_moving_robot_is_not_carried_far_off_the_way():
+    """Towards a point ten seconds ahead a cubic that keeps the velocity of 1 rad/s would turn back after 1.5 rad."""
+    followed = Trajectory(trajectory([(10.0, [0, 0, 0], [0, 0, 0])]), NAMES)
+    followed.begin(S, np.zeros(3), np.array([1.0, -0.01, 0.0]))
+    way = np.array([followed.sample(S + round(t * S)).position for t in np.linspace(0, 10, 1001)])
+    assert np.abs(way).max() == pytest.approx(0.3, rel=1e-3)
+    assert followed.sample(S).velocity[1] == -0.01
+    soon = Trajectory(trajectory([(0.5, [0, 0, 0], [0, 0, 0])]), NAMES)
+    soon.begin(S, np.zeros(3), np.array([1.0, 0.0, 0.0]))
+    assert soon.sample(S).velocity[0] == 1.0
+
+
 POINT = (1.0, [0.0, 0.0, 0.0])
 
 
@@ -184,7 +198,7 @@ def test_order_of_commands():
 
 def test_phases():
     """Nothing before the first state; then the law, the hold, the ramp; a valid state ends either, targets begin anew."""
-    supervisor = Supervisor(max_age=0.02, hold_time=0.5)
+    supervisor = Supervisor(max_age=0.02, hold_time=0.5, resumes=True)
     supervisor.invalid(S, "NaN")
     assert supervisor.phase == phases.INACTIVE and supervisor.reason == "NaN"
     assert supervisor.anew
@@ -202,9 +216,53 @@ def test_phases():
     supervisor.invalid(3 * S + 500 * MS, "late")
     assert supervisor.phase == phases.RAMPING_DOWN
     supervisor.invalid(2 * S, "late")  # a clock that goes back does not make the arm stiff again
-    assert supervisor.phase == phases.RAMPING_DOWN and supervisor.anew
+    assert supervisor.phase == phases.RAMPING_DOWN and supervisor.anew and not supervisor.latched
     supervisor.valid()
     assert supervisor.phase == phases.ACTIVE
+
+
+def test_a_robot_that_was_given_up_stays_so():
+    """Until somebody says otherwise while its states are valid; a state that fails once more takes that back."""
+    supervisor = Supervisor(max_age=0.02, hold_time=0.5)
+    supervisor.valid()
+    supervisor.release()  # nothing to release
+    for time in (S, 2 * S):
+        supervisor.invalid(time, "late")
+    assert supervisor.latched
+    for _ in range(2):
+        with pytest.raises(InputError, match=r"given up, and there is no valid state yet: late\."):
+            supervisor.release()
+        supervisor.wait()
+        assert supervisor.latched and "choose a mode to go on. The robot was given up: late" in supervisor.reason
+        supervisor.release()
+        assert not supervisor.latched and supervisor.anew
+        supervisor.invalid(3 * S, "late")
+        assert supervisor.latched
+    supervisor.wait()
+    supervisor.release()
+    supervisor.valid()
+    assert supervisor.phase == phases.ACTIVE
+    supervisor.invalid(4 * S, "late")
+    assert supervisor.phase == phases.HOLDING
+
+
+def test_a_clock_that_stands_still_does_not_prolong_the_hold():
+    """The machine's time counts then, with patience; a clock that goes on, however slowly, counts by itself."""
+    machine = [0.0]
+    supervisor = Supervisor(max_age=0.02, hold_time=0.5, machine_time=lambda: machine[0])
+    supervisor.valid()
+    for k in range(100):
+        machine[0] += 0.9
+        supervisor.invalid(S + k, "late")
+    assert supervisor.phase == phases.HOLDING
+    machine[0] += 0.9
+    supervisor.invalid(S + 99, "late")
+    assert supervisor.phase == phases.HOLDING
+    machine[0] += 0.2
+    supervisor.invalid(S + 99, "late")
+    assert supervisor.phase == phases.RAMPING_DOWN
+    supervisor.wait()
+    assert "late; the clock stands still" in supervisor.reason
 
 
 def test_a_clock_that_jumps_does_not_prolong_the_hold():
@@ -232,12 +290,13 @@ RATE = 400.0
 
 @pytest.fixture(scope="module")
 def arm():
-    return dd.load_urdf(robot(UR5).path)
+    """A UR5 that is strong enough for anything."""
+    return dd.load_urdf(re.sub(r'effort="[^"]*"', 'effort="1e4"', robot(UR5).urdf))
 
 
 def loop_of(arm, compensated=False, **values):
     defaults = {name: spec.default for name, spec in PARAMETERS.items()}
-    values = {"controlled_link": "tool0", "effort_rate": [f"*={RATE}"], "effort_limit": ["*=1e4"]} | values
+    values = {"controlled_link": "tool0", "effort_rate": [f"*={RATE}"]} | values
     return ControlLoop(arm, defaults | values, compensated)
 
 
@@ -305,13 +364,51 @@ def test_hold_then_ramp(arm, compensated):
     assert (np.diff(size[300:], axis=0) <= 1e-12).all() and not size[-1].any()
     if not compensated:
         np.testing.assert_allclose(-np.diff(size[300:, 1])[:50], RATE * 1e-3, rtol=1e-9)
-    # A valid state puts the law in force again, with the state for a target.
+    # Valid states are taken note of, and no more; a mode that is chosen goes on with the state for a target.
     stamp += 900 * MS
-    sent = loop.step(state_at(stamp, Q + 0.5), stamp)
-    assert loop.supervisor.phase == phases.ACTIVE
+    with pytest.raises(InputError, match="given up, and there is no valid state yet: late"):
+        loop.switch(TRACKING)
+    sent = loop.step(state_at(stamp, Q + 0.5, np.full(6, 0.3)), stamp)
+    assert loop.supervisor.phase == phases.RAMPING_DOWN and not sent.effort.any() and sent.stamp == stamp
+    assert loop.energy == pytest.approx(0.5 * 0.09 * robot(UR5).oracle.at(Q + 0.5, np.zeros(6), None).M.sum())
+    assert "states are valid again; choose a mode" in loop.supervisor.reason
     loop.switch(TRACKING)
     sent = loop.step(state_at(stamp + MS, Q + 0.5), stamp + MS)
-    assert not sent.command.error.any()
+    assert loop.supervisor.phase == phases.ACTIVE and not sent.command.error.any()
+    assert np.abs(sent.effort).max() <= RATE * 1e-3 + 1e-12
+
+
+def test_it_may_go_on_by_itself(arm):
+    """Where that has been asked for, the first valid state after the ramp puts the law in force."""
+    loop = loop_of(arm, hold_time=0.3, resume_after_ramp=True)
+    _, stamp = settle(loop)
+    for k in range(900):
+        loop.without_state(stamp + k * MS, "late")
+    assert loop.supervisor.phase == phases.RAMPING_DOWN
+    sent = loop.step(state_at(stamp + S, Q + 0.5), stamp + S)
+    assert loop.supervisor.phase == phases.ACTIVE and not sent.command.error.any()
+
+
+@pytest.mark.parametrize("compensated", [False, True])
+def test_beginning_anew_goes_on_as_far_as_that_carries(arm, compensated):
+    """Where the arm was moved meanwhile, no torque is repeated that does not carry it: none begins, none pulls down."""
+    loop = loop_of(arm, compensated, initial_mode="gravity_compensation", effort_rate=["*=1e-3"], limit_margin=0.0)
+    moved = np.array([0.3, -2.1, -1.2, 0.5, 0.4, 0.2])
+    before, after = (robot(UR5).oracle.gravity_torque(q) * (not compensated) for q in (Q, moved))
+    loop.step(state_at(S, Q), S)
+    loop.leave()
+    loop.forget()
+    sent = loop.step(state_at(9 * S, moved), 9 * S)
+    expected = np.where(before * after > 0.0, np.sign(before) * np.minimum(np.abs(before), np.abs(after)), 0.0)
+    assert compensated or ((np.abs(after - before) > 1.0).any() and (before * after < -1.0).any())
+    np.testing.assert_allclose(sent.effort, expected, atol=1e-9)
+
+
+def test_states_without_stamps_are_none(arm):
+    """How old they are cannot be told: a network that holds them back would go unnoticed."""
+    loop = loop_of(arm)
+    assert loop.step(state_at(S, Q)._replace(stamp_is_receive_time=True), S) is None
+    assert "without stamps" in loop.supervisor.reason
 
 
 def test_a_stall_does_not_let_efforts_jump(arm):
@@ -342,10 +439,12 @@ def test_a_law_that_fails_does_not_hold_for_ever(arm, monkeypatch):
         raise ZeroDivisionError
 
     monkeypatch.setattr(loop, "_law_command", fails)
-    for k in range(400):
+    for k in range(300):
         with pytest.raises(ZeroDivisionError):
             loop.step(state_at(stamp + k * MS, Q), stamp + k * MS)
         loop.without_state(stamp + k * MS, "internal error")
+    assert loop.supervisor.phase == phases.HOLDING
+    loop.without_state(stamp + 300 * MS, "internal error")
     assert loop.supervisor.phase == phases.RAMPING_DOWN
 
 
@@ -397,6 +496,13 @@ def test_a_robot_that_carries_itself_is_never_pulled_down(arm):
     loop = loop_of(arm, True, initial_mode="gravity_compensation", effort_limit=["*=10"], limit_margin=0.0)
     sent, _ = settle(loop)
     np.testing.assert_allclose(sent.effort, np.zeros(6), atol=1e-9)
+
+
+def test_effort_limits_above_the_description_s_are_refused():
+    arm = dd.load_urdf(robot(UR5).path)
+    with pytest.raises(InputError, match="'effort_limit' of 'wrist_1_joint' is 100, expected no more than the 28 of"):
+        loop_of(arm, effort_limit=["*=28", "wrist_1_joint=100"])
+    loop_of(arm, effort_limit=["*=28"])
 
 
 def test_a_trajectory_far_ahead_is_refused(arm):

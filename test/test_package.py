@@ -159,25 +159,28 @@ def test_launch_files_name_what_exists(path):
     text = path.read_text(encoding="utf-8")
     compile(text, str(path), "exec")
     assert "def generate_launch_description" in text
-    for executable in re.findall(r'executable="(\w+)"', text):
+    for executable in re.findall(r'launch_of_node\("(\w+)"', text):
         assert (ROOT / "scripts" / executable).is_file()
     for name in re.findall(r'"(\w+\.(?:yaml|launch\.py))"', text):
         assert (ROOT / "config" / name).is_file() or (ROOT / "launch" / name).is_file()
 
 
+@pytest.mark.ros
 def test_included_launch_files_take_what_they_are_given():
-    """Every argument that one launch file passes on to another is declared there."""
-    tree = ast.parse((ROOT / "launch" / "control.launch.py").read_text(encoding="utf-8"))
-    included = next(
-        ast.literal_eval(node.value)
-        for node in tree.body
-        if isinstance(node, ast.Assign) and node.targets[0].id == "INCLUDED"
-    )
-    assert set(included) == {"simulator.launch.py", "controller.launch.py", "monitor.launch.py"}
-    for file, arguments in included.items():
-        text = (ROOT / "launch" / file).read_text(encoding="utf-8")
-        declared = re.findall(r'DeclareLaunchArgument\(\s*"(\w+)"', text)
-        assert set(arguments) <= set(declared), file
+    """Every argument that one launch file passes on to another is declared there, and is a parameter of the node."""
+
+    def keys_in(file, constant):
+        tree = ast.parse((ROOT / "launch" / file).read_text(encoding="utf-8"))
+        assigned = {node.targets[0].id: node.value for node in tree.body if isinstance(node, ast.Assign)}
+        return {key.value: value for key, value in zip(assigned[constant].keys, assigned[constant].values, strict=True)}
+
+    given = keys_in("control.launch.py", "GIVEN")
+    assert set(given) == {"simulator", "controller", "monitor"}
+    for node, arguments in given.items():
+        declared = keys_in(f"{node}.launch.py", "ARGUMENTS")
+        assert set(ast.literal_eval(arguments)) <= {"use_sim_time", *declared}, node
+        assert set(declared) <= {"robot_compensates_gravity", *node_parameters(node)}, node
+    assert set(keys_in("control.launch.py", "DEFAULTS")) <= set(keys_in("controller.launch.py", "ARGUMENTS"))
 
 
 @pytest.mark.ros

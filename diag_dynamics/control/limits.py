@@ -5,13 +5,17 @@ import numpy as np
 from diag_dynamics.control.arguments import actuated, per_dof, positive, robot_model, vector_of
 from diag_dynamics.exceptions import InputError
 
+HEAVY = 0.9
+"""Part of an effort limit that gravity may take before the joint no longer holds the others back."""
+
 
 class EffortSaturation:
     """Effort limits |τ_k| ≤ L_k that keep the direction of ε: τ = g + s(τ − g) with one s in [0, 1].
 
     Gravity comes first, for an arm that stays up matters more than one that arrives. The rest, which moves it, is scaled as
     a whole: its power νᵀε keeps its sign, where joints cut one by one can turn braking into driving. A joint whose gravity
-    torque alone exceeds its limit has no s: it gives what it can, and the others are scaled as if it were none.
+    torque alone exceeds its limit has no s: it gives what it can, and the others are scaled as if it were none. Between
+    :data:`HEAVY` of its limit and all of it the one goes over into the other, so that efforts stay continuous.
 
     Parameters
     ----------
@@ -51,14 +55,16 @@ class EffortSaturation:
             return command
         g = command.gravity_torque
         rest = command.tau - g
-        overloaded = np.abs(g) > limit
         room = np.where(rest > 0.0, limit - g, limit + g)
         factor = np.ones_like(rest)
-        moved = (np.abs(rest) > room) & ~overloaded  # |rest| > room ≥ 0: nothing is divided by zero
+        moved = np.abs(rest) > np.maximum(room, 0.0)  # nothing is divided by zero
         factor[moved] = room[moved] / np.abs(rest[moved])
+        overload = np.clip((np.abs(g) / limit - HEAVY) / (1.0 - HEAVY), 0.0, 1.0)
+        factor = np.where(overload < 1.0, factor + overload * (1.0 - factor), 1.0)
         scale = float(factor.min())
-        tau = np.clip(g + scale * rest, -limit, limit)
-        at_limit = overloaded | (factor == scale) & moved
+        wanted = g + scale * rest
+        tau = np.clip(wanted, -limit, limit)
+        at_limit = np.abs(wanted) >= limit * (1.0 - 1e-12)
         limited = tuple(name for name, is_at in zip(self._names, at_limit, strict=True) if is_at)
         return command._replace(tau=tau, epsilon=scale * command.epsilon, scale=scale, limited=limited)
 

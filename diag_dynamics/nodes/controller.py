@@ -17,6 +17,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from diag_dynamics.control import PoseError
+from diag_dynamics.control.limits import HEAVY
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.msg import ControllerStatus
 from diag_dynamics.nodes.controlled.loop import ControlLoop
@@ -32,7 +33,7 @@ from diag_dynamics.nodes.controlled.settings import (
 from diag_dynamics.nodes.controlled.supervisor import ACTIVE as IN_FORCE
 from diag_dynamics.nodes.controlled.supervisor import RAMPING_DOWN
 from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Status, counted, shortened
-from diag_dynamics.nodes.effort_controller import joints_of_controller
+from diag_dynamics.nodes.effort_controller import JointsWatch, joints_of_controller
 from diag_dynamics.nodes.inputs.joint_states import JointStateAssembler, Options
 from diag_dynamics.nodes.inputs.known import KnownJointStates
 from diag_dynamics.nodes.inputs.rejected import RejectedError
@@ -66,10 +67,10 @@ class ControllerNode(ManagedNode):
         self._loop = self._states = self._descriptions = None
         self._description, self._refused, self._other = None, "", None
         self._published, self._listened, self._offered = [], [], []
-        self._starting, self._watch = False, None
+        self._starting, self._watch, self._joints_watch = False, None, None
         self._counts, self._counted = Counter(), Counter()  # in all, and until the last report
         self._last_refusal, self._last_sent, self._largest_gap = "", None, 0.0
-        self._order_known = ""
+        self._order_known, self._smallest_scale = "", 1.0
         self.add_on_set_parameters_callback(self._set_parameters)
         self._diagnostics = Diagnostics(self, self._report)
         if self._values["autostart"]:
@@ -141,6 +142,8 @@ class ControllerNode(ManagedNode):
         # By simulated time where that is the node's; else by a clock that nobody sets, or it might stand still for hours.
         clock = self.get_clock() if self.get_clock().ros_time_is_active else SomeClock(clock_type=ClockType.STEADY_TIME)
         self._watch = self.create_timer(self._values["max_state_age"] / WATCHES, self._look, clock=clock)
+        if self._values["check_time"]:
+            self._joints_watch = JointsWatch(self, self._controller, self._take_joints)
         self.get_logger().info(f"Active: mode {loop.mode}, commands for {', '.join(self._joints)}.")
 
     def _listen_to(self, kind, topic, take, qos, **options):
@@ -151,6 +154,9 @@ class ControllerNode(ManagedNode):
         if self._watch:
             self.destroy_timer(self._watch)
             self._watch = None
+        if self._joints_watch:
+            self._joints_watch.end()
+            self._joints_watch = None
         if self._listened and (effort := self._loop.leave()) is not None:
             self._send(effort)
         for subscription in self._listened:
@@ -193,6 +199,10 @@ class ControllerNode(ManagedNode):
         self._description = description
         self.settled()
         self.get_logger().info(f"Ready: robot '{model.name}', {model.nv} degrees of freedom.")
+        if self._loop.unlimited:
+            self.get_logger().warning(
+                f"No effort limit for {', '.join(self._loop.unlimited)}: anything may be sent there."
+            )
 
     def _take_description(self, message):
         # What comes from a topic is text and never a path; see the monitor.
@@ -219,15 +229,30 @@ class ControllerNode(ManagedNode):
 
     def _compare_joints(self):
         """Refuse an effort controller that has another order of joints."""
-        topic, patience = self.resolve_topic_name(COMMANDS), self._values["check_time"]
-        controller = topic.rpartition("/")[0]
-        theirs = joints_of_controller(self, controller, topic, patience) if patience else None
-        if theirs is None:
-            self._order_known = f"not compared: {controller} has not said its joints"
-            self.get_logger().warning(f"The order of joints is {self._order_known}.")
+        self._controller = self.resolve_topic_name(COMMANDS).rpartition("/")[0]
+        if not self._values["check_time"]:
+            self._order_known = "not compared (check_time is 0)"
             return
-        require_same_joints(self._joints, theirs, controller)
-        self._order_known = f"that of {controller}"
+        theirs = joints_of_controller(self, self._controller, self._values["check_time"])
+        self._judge_joints(theirs)
+        if theirs is None:
+            self.get_logger().warning(f"The order of joints is {self._order_known}.")
+
+    def _judge_joints(self, theirs):
+        if theirs is None:
+            self._order_known = f"not compared: {self._controller} has not said its joints"
+        else:
+            require_same_joints(self._joints, theirs, self._controller)
+            self._order_known = f"that of {self._controller}"
+
+    def _take_joints(self, theirs):
+        """Stop where the effort controller turns out to have another order of joints."""
+        try:
+            self._judge_joints(theirs)
+        except InputError as error:
+            self.trigger_deactivate()
+            self.failure = shortened(f"deactivated: {error}")
+            self.get_logger().error(self.failure)
 
     # --- Every cycle ---
 
@@ -254,6 +279,9 @@ class ControllerNode(ManagedNode):
         """See whether the last state has become too old."""
         state, now = self._loop.state, self._now()
         if self.phase == ACTIVE and state and (problem := self._loop.age_problem(state, now)):
+            late = self._assembled.stale(now)
+            if 0 < len(late) < len(self._assembled.names):
+                problem = f"joint '{late[0]}' is older than {self._values['joint_timeout']:g} s"
             self._answer(self._loop.without_state(now, problem), now)
 
     def _rejected(self, now, reason):
@@ -272,6 +300,7 @@ class ControllerNode(ManagedNode):
         self._last_sent = now
         self._counts["commands"] += 1
         self._counts["commands limited"] += bool(sent.saturated)
+        self._smallest_scale = min(self._smallest_scale, self._loop.scale)
         if self._status.get_subscription_count() and self._status_limit.due(now):
             self._status.publish(self._status_of(sent))
 
@@ -369,6 +398,7 @@ class ControllerNode(ManagedNode):
             "mode": loop.mode,
             "robot compensates gravity": self._compensated,
             "order of joints": self._order_known,
+            "joints without effort limit": counted(loop.unlimited),
             "kinetic energy [J]": f"{loop.energy:.6g}",
         }
         if self.failure or self._refused:
@@ -387,6 +417,8 @@ class ControllerNode(ManagedNode):
         keys = ("commands", "commands limited", "stalls")
         values = {key: self._counts[key] for key in keys} | {"largest gap [s]": f"{self._largest_gap:.6f}"}
         largest, self._largest_gap = self._largest_gap, 0.0
+        values["smallest scale for effort limits"] = f"{self._smallest_scale:.3f}"
+        self._smallest_scale = 1.0
         problems = []
         if recent["stalls"]:
             problems.append(
@@ -398,6 +430,12 @@ class ControllerNode(ManagedNode):
             values |= {"receivers": receivers, "other senders": others}
             if not receivers:
                 problems.append(f"nobody listens to {topic}")
+            elif self._values["check_time"] and "not compared" in self._order_known:
+                problems.append(f"the order of joints is {self._order_known}")
+            if heavy := self._loop.heavy:
+                problems.append(
+                    f"gravity takes more than {HEAVY:.0%} of the effort limit of {shortened(', '.join(heavy))}"
+                )
             if others > 0:
                 problems.append(f"others send to {topic} as well: {others}")
         if problems:

@@ -15,9 +15,18 @@ from diag_dynamics.control import (
     PositionRepulsion,
     RateDamping,
 )
+from diag_dynamics.control.limits import HEAVY
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.controlled.settings import DAMPING, GRAVITY_COMPENSATION, MODES, POSE, TRACKING, by_dof
+from diag_dynamics.nodes.controlled.settings import (
+    DAMPING,
+    GRAVITY_COMPENSATION,
+    MODES,
+    POSE,
+    TRACKING,
+    by_dof,
+    effort_limits,
+)
 from diag_dynamics.nodes.controlled.supervisor import ACTIVE, INACTIVE, RAMPING_DOWN, Supervisor
 from diag_dynamics.nodes.controlled.targets import aimed, require_within, set_point
 from diag_dynamics.nodes.controlled.trajectory import Trajectory
@@ -78,6 +87,8 @@ class ControlLoop:
         The last valid one.
     energy : float
         Its kinetic energy [J].
+    scale : float
+        What moves the robot was multiplied with to respect effort limits, in the last command.
 
     Raises
     ------
@@ -114,25 +125,26 @@ class ControlLoop:
         self.energy_limiter = EnergyLimiter(dynamics, limit, rate) if limit else None
         gain = values["observer_gain"]
         self._observer = DisturbanceObserver(dynamics, gain, np.inf, effort="held") if gain else None
-        self._saturation = EffortSaturation(
-            model, by_dof("effort_limit", values["effort_limit"], names, model.effort_limit)
-        )
+        self._saturation = EffortSaturation(model, effort_limits(values["effort_limit"], model))
         # Of what is sent, not of what acts: a robot that carries itself and is let go is sent zero, not less than its weight.
         self._ramp = EffortRateLimiter(model, by_dof("effort_rate", values["effort_rate"], names), np.zeros(model.nv))
-        self.supervisor = Supervisor(values["max_state_age"], values["hold_time"])
+        self.supervisor = Supervisor(values["max_state_age"], values["hold_time"], values["resume_after_ramp"])
         self._sent = np.zeros(model.nv)
         self._initial_mode = values["initial_mode"]
         self._require_law(self._initial_mode)
         self.forget()
 
     def forget(self):
-        """Begin anew with the next valid state, in the initial mode; what was sent last is kept, efforts go on from there."""
+        """Begin anew with the next valid state, in the initial mode.
+
+        Efforts go on from what was sent last, as far as that carries the robot: it may have been moved meanwhile.
+        """
         self.supervisor.forget()
         self.mode = self._initial_mode
         self.state = None
         self._gravity = np.zeros_like(self._sent)
         self._time = self._origin = None  # of the last command, and of the first state [ns]
-        self.energy = 0.0
+        self.energy, self.scale = 0.0, 1.0
         self._void()
 
     def _void(self):
@@ -154,14 +166,15 @@ class ControlLoop:
     def switch(self, mode):
         """Put another law in force, from the next state on, with that state as its target.
 
-        Efforts stay continuous: they go to those of the law at the effort rate.
+        Efforts stay continuous: they go to those of the law at the effort rate. A robot that was given up is taken up again.
 
         Raises
         ------
         InputError
-            There is no such law.
+            There is no such law, or no valid state to take the robot up again.
         """
         self._require_law(mode)
+        self.supervisor.release()
         self.mode = mode
         self._void()
 
@@ -196,8 +209,7 @@ class ControlLoop:
         self._require(TRACKING, "trajectory")
         model = self.dynamics.model
         trajectory = Trajectory(message, model.dof_names, model.continuous_joints)
-        for k, position in enumerate(trajectory.positions):
-            require_within(f"trajectory.points[{k}].positions", position, model)
+        require_within("trajectory.points[{}].positions", trajectory.positions, model)
         wait = (trajectory.stamp - now) * 1e-9
         if wait > LONGEST_WAIT:
             raise InputError(
@@ -247,6 +259,8 @@ class ControlLoop:
         """
         if problem := self.age_problem(state, now):
             return self.without_state(now, problem)
+        if self.supervisor.latched:
+            return self._idle(state, now)
         if self.supervisor.anew or not self._follows(state):
             self._void()
         before, self.state = self.state, state
@@ -262,7 +276,10 @@ class ControlLoop:
             command = self.energy_limiter.filter(q, command, external)
         limited = command is not asked
         saturated = self._saturation.filter(command)
+        self.scale = saturated.scale
         self._gravity = command.gravity_torque
+        if before is None:
+            self._carry_on()
         effort = saturated.tau
         if self.compensated:  # whose weight is more than its limit is left to the robot, and never pulled down
             heavy = np.abs(self._gravity) > self._saturation.limit
@@ -272,8 +289,25 @@ class ControlLoop:
         self.supervisor.valid()  # not before there is a command: a law that fails is no reason to hold for ever
         return Sent(effort, saturated.limited + late, state.newest, self._age(now), command, limited, rate)
 
+    def _carry_on(self):
+        """Begin with what was sent last, as far as it carries the robot as it is now; a robot may carry itself."""
+        carrying = np.zeros_like(self._gravity) if self.compensated else self._gravity
+        self._sent = np.clip(self._sent, np.minimum(carrying, 0.0), np.maximum(carrying, 0.0))
+        self._ramp.reset(self._sent)
+
+    def _idle(self, state, now):
+        """What is sent to a robot that has been given up while its states are valid: what goes to zero."""
+        self.supervisor.wait()
+        self.state = state
+        nu = self.dynamics.nu_from_qd(state.position, state.velocity)
+        self.energy = 0.5 * float(nu @ nu)
+        effort, waited = self._ramped(self.at_rest, now)
+        return Sent(effort, waited, state.newest, self._age(now))
+
     def age_problem(self, state, now):
         """What is wrong about the age of a state at a time [ns], None if nothing is: no joint's values may be too old."""
+        if state.stamp_is_receive_time:
+            return "joint states without stamps: how old they are is not known"
         judge = self.supervisor.age_problem
         return judge(state.newest, now) or judge(state.oldest, now)
 
@@ -298,6 +332,19 @@ class ControlLoop:
             self._observer.reset()
         effort, waited = self._ramped(self.at_rest, now)
         return Sent(effort, waited, self.state.newest, self._age(now))
+
+    @property
+    def unlimited(self):
+        """Joints whose effort nothing limits."""
+        return self._named(np.isinf(self._saturation.limit))
+
+    @property
+    def heavy(self):
+        """Joints whose weight takes more than HEAVY of their effort limit, in the last state."""
+        return self._named(np.abs(self._gravity) > HEAVY * self._saturation.limit)
+
+    def _named(self, these):
+        return tuple(name for name, is_one in zip(self.dynamics.model.dof_names, these, strict=True) if is_one)
 
     @property
     def at_rest(self):

@@ -66,11 +66,11 @@ PARAMETERS = {
         "Gain of the disturbance observer [1/s], by which the energy limiter counts the power of pushes; 0: none.",
         minimum=0.0,
     ),
-    "effort_limit": _once([""], "Largest efforts, each as joint=effort; the URDF's for all others [N m, N]."),
+    "effort_limit": _once([""], "Largest efforts, below the URDF's, each as joint=effort; * for all others [N m, N]."),
     "effort_rate": _once(["*=1000.0"], "How fast efforts change, each as joint=rate; * for all others [N m/s, N/s]."),
     # safety
     "joint_timeout": _once(
-        0.02, "Largest age of a joint's last values against the newest joint's [s]; 0 for no limit.", minimum=0.0
+        0.02, "Largest age of a joint's last values against the newest joint's [s].", minimum=1e-4, maximum=1.0
     ),
     "max_state_age": _once(
         0.02,
@@ -83,6 +83,9 @@ PARAMETERS = {
         "How long the last gravity torque is held without a valid state [s]; then it is taken to zero.",
         minimum=0.0,
         maximum=10.0,
+    ),
+    "resume_after_ramp": _once(
+        False, "Whether a valid state puts the law in force again after that; else choosing a mode does."
     ),
     "max_rate.status": _once(0.0, "Highest rate of ~/status [Hz]; 0 for every command.", minimum=0.0),
 }
@@ -109,6 +112,24 @@ def by_dof(parameter, entries, names, default=None):
     rest = [values.get(ALL, number) for number in default] if default is not None else [values.get(ALL)] * len(names)
     numbers = [values.get(name, other) for name, other in zip(names, rest, strict=True)]
     return per_dof(f"parameter '{parameter}'", numbers, names, "a number > 0", lambda x: x > 0.0)
+
+
+def effort_limits(entries, model):
+    """Largest effort of each joint [N m, N], of entries as :func:`by_dof` reads them; the URDF's where there is none.
+
+    Raises
+    ------
+    InputError
+        As by :func:`by_dof`; or a limit is above the URDF's, which is what the joint can bear.
+    """
+    limits = by_dof("effort_limit", entries, model.dof_names, model.effort_limit)
+    for name, limit, bearable in zip(model.dof_names, limits, model.effort_limit, strict=True):
+        if limit > bearable > 0.0:
+            raise InputError(
+                f"parameter 'effort_limit' of '{name}' is {limit:g}, expected no more than the {bearable:g} of the URDF: "
+                "if that is wrong, correct it there."
+            )
+    return limits
 
 
 def command_order(entries, names):

@@ -1,14 +1,23 @@
 """Whether the law may act: what becomes of the command while the state of the robot is not known."""
 
+import time
+
+from diag_dynamics.exceptions import InputError
+
 INACTIVE, ACTIVE, HOLDING, RAMPING_DOWN = range(4)
 """Phases, numbered as in ControllerStatus."""
+
+STANDSTILL = 1.0
+"""How long the clock may stand still, at least, before a hold is over by the time of the machine [s]."""
 
 
 class Supervisor:
     """Takes the law out of force while the state is not valid, and decides for how long gravity is held.
 
     The law acts on valid states alone. Without one the robot is held by its last gravity torque for at most `hold_time`,
-    and after that given up in an orderly way. Before the first valid state nothing is commanded.
+    and after that given up in an orderly way. Before the first valid state nothing is commanded. A robot that has been given
+    up is not taken up again by itself, unless `resumes`: a cable that comes and goes would let an arm sink and catch it,
+    again and again, and somebody may be at work on it by then.
 
     Parameters
     ----------
@@ -16,6 +25,10 @@ class Supervisor:
         Largest distance of a state's stamp from the clock [s], into the past or the future.
     hold_time : float
         How long gravity is held [s].
+    resumes : bool
+        Whether a valid state puts the law in force again after that.
+    machine_time : callable
+        Time of the machine [s], which counts where the clock stands still.
 
     Attributes
     ----------
@@ -24,14 +37,20 @@ class Supervisor:
         Why the law is not in force; empty if it is.
     """
 
-    def __init__(self, max_age, hold_time):
+    def __init__(self, max_age, hold_time, resumes=False, machine_time=time.monotonic):
         self.max_age, self.hold_time = max_age, hold_time
+        self._resumes, self._machine_time = resumes, machine_time
         self.forget()
 
     def forget(self):
         """Wait for the first state."""
         self.phase, self.reason = INACTIVE, "no valid state yet"
+        self._given_up, self._ready, self._released = "", False, False
+        self._begin_anew()
+
+    def _begin_anew(self):
         self._without, self._last = 0, None  # how long there has been no valid state, and when that was asked last [ns]
+        self._moved = None  # when the clock has moved last, by the machine's time [s]
 
     def age_problem(self, stamp, now):
         """What is wrong about the age of a state, both times in nanoseconds; None if nothing is."""
@@ -52,15 +71,49 @@ class Supervisor:
     def valid(self):
         """Note a valid state, for which a command was found."""
         self.phase, self.reason = ACTIVE, ""
-        self._without, self._last = 0, None
+        self._released = False
+        self._begin_anew()
 
     def invalid(self, now, reason):
         """Note at a time [ns] that there is no valid state, and why."""
         self.reason = reason
+        self._ready = self._released = False
         if self.phase == INACTIVE:
             return
+        machine = self._machine_time()
+        if now != self._last:
+            self._moved = machine
         if self._last is not None:  # a clock that goes back takes nothing from it, however often
             self._without += max(now - self._last, 0)
         self._last = now
-        if self.phase != RAMPING_DOWN:  # for which there is one way out: a valid state
-            self.phase = HOLDING if self._without * 1e-9 < self.hold_time else RAMPING_DOWN
+        if self.phase == RAMPING_DOWN:
+            return
+        stands_still = machine - self._moved > max(self.hold_time, STANDSTILL)
+        over = self._without * 1e-9 >= self.hold_time or stands_still
+        self.phase = RAMPING_DOWN if over else HOLDING
+        if over:
+            self._given_up = f"{reason}; the clock stands still" if stands_still else reason
+
+    @property
+    def latched(self):
+        """Whether the robot has been given up, and not even a valid state puts the law in force."""
+        return self.phase == RAMPING_DOWN and not (self._resumes or self._released)
+
+    def wait(self):
+        """Note a valid state while the robot is given up."""
+        self._ready = True
+        self.reason = f"states are valid again; choose a mode to go on. The robot was given up: {self._given_up}"
+
+    def release(self):
+        """Have the next valid state put the law in force, where the robot was given up.
+
+        Raises
+        ------
+        InputError
+            There is no valid state yet.
+        """
+        if not self.latched:
+            return
+        if not self._ready:
+            raise InputError(f"the robot was given up, and there is no valid state yet: {self.reason}.")
+        self._released = True

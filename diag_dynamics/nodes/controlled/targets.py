@@ -37,19 +37,27 @@ def _orthonormal(R):
     return U @ V
 
 
-def require_within(what, position, model):
-    """Refuse positions [rad, m], in the robot's order, that it cannot have.
+def require_within(what, positions, model):
+    """Refuse positions [rad, m], shape (..., nv) in the robot's order, that it cannot have.
+
+    Parameters
+    ----------
+    what : str
+        Name of the positions, with a place for the index of a row if there are several.
 
     Raises
     ------
     InputError
         A position is outside of its joint's limits: followed there, the robot would press on its stop.
     """
-    for name, value, lower, upper in zip(model.dof_names, position, model.lower, model.upper, strict=True):
-        if not lower <= value <= upper:
-            raise InputError(
-                f"{what} of joint '{name}' is {value:.6g}, expected within its limits {lower:g} … {upper:g}."
-            )
+    positions = np.atleast_2d(positions)
+    beyond = np.argwhere(~((model.lower <= positions) & (positions <= model.upper)))
+    if beyond.size:
+        row, k = beyond[0]
+        raise InputError(
+            f"{what.format(row)} of joint '{model.dof_names[k]}' is {positions[row, k]:.6g}, expected within its limits "
+            f"{model.lower[k]:g} … {model.upper[k]:g}."
+        )
 
 
 def set_point(message, names):

@@ -9,6 +9,9 @@ from diag_dynamics.exceptions import InputError
 MOST_POINTS = 2000
 """Points that one trajectory may have."""
 
+COAST = 0.3
+"""How far what is left of the robot's motion may carry it off its way to the first point [rad, m]."""
+
 
 class Desired(NamedTuple):
     """Where the robot should be: position [rad, m], velocity and acceleration, each of shape (nv,)."""
@@ -45,6 +48,8 @@ class Trajectory:
 
     Attributes
     ----------
+    positions : ndarray, shape (points, nv)
+        Of the points [rad, m], in the robot's order.
     stamp : int
         When it starts [ns]; 0: with the first state.
 
@@ -58,32 +63,28 @@ class Trajectory:
     def __init__(self, message, names, continuous=()):
         order = _order(message.joint_names, names)
         if not message.points:
-            raise InputError("trajectory.points is empty: there is nothing to follow.")
+            raise InputError(
+                "trajectory.points is empty: there is nothing to follow. To rest where the robot is, choose the mode anew."
+            )
         if len(message.points) > MOST_POINTS:
             raise InputError(f"trajectory.points has {len(message.points)} entries, expected at most {MOST_POINTS}.")
         self.stamp = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
         if message.header.stamp.sec < 0 or message.header.stamp.nanosec >= 1_000_000_000:
             raise InputError("trajectory.header.stamp is no time.")
         self._turns = np.array([name in continuous for name in names])
-        self._knots = [_knot(k, point, names, order) for k, point in enumerate(message.points)]
-        for k, (knot, after) in enumerate(zip(self._knots, self._knots[1:], strict=False)):
-            if after.time <= knot.time:
-                raise InputError(
-                    f"trajectory.points[{k + 1}].time_from_start is {after.time:g} s, expected more than the {knot.time:g} s "
-                    "of the point before."
-                )
-        if self._knots[0].time < 0.0:
-            raise InputError(
-                f"trajectory.points[0].time_from_start is {self._knots[0].time:g} s, expected no less than 0."
-            )
-        _require_rest(self._knots[-1], names)
-        self._times = np.array([knot.time for knot in self._knots])
+        self._times = _times(message.points)
+        _require_no_effort(message.points)
+        fields = [_field(message.points, name, names, order) for name in ("positions", "velocities", "accelerations")]
+        (self.positions, _), self._velocities, self._accelerations = fields
+        _require_rest(self._knot(len(self._times) - 1), names)
         self._start = None
 
-    @property
-    def positions(self):
-        """Positions of the points [rad, m], in the robot's order."""
-        return [knot.position for knot in self._knots]
+    def _knot(self, k):
+        """The point of an index."""
+        velocity, acceleration = (
+            values[k] if given[k] else None for values, given in (self._velocities, self._accelerations)
+        )
+        return _Knot(float(self._times[k]), self.positions[k], velocity, acceleration)
 
     @property
     def begun(self):
@@ -92,29 +93,33 @@ class Trajectory:
 
     def ends_before(self, time):
         """Whether a trajectory that has a start of its own is over at a time [ns]."""
-        return bool(self.stamp) and self.stamp + round(self._knots[-1].time * 1e9) < time
+        return bool(self.stamp) and self.stamp + round(self._times[-1] * 1e9) < time
 
     def begin(self, time, position, velocity):
-        """Start at a time [ns], or at that of its stamp, from where the robot is and how it moves at that time."""
+        """Start at a time [ns], or at that of its stamp, from where the robot is and how it moves at that time.
+
+        A first point far ahead would let a cubic follow that motion a long way before it turns: :data:`COAST` bounds that.
+        """
         self._start = self.stamp or time
         start = np.array(position, dtype=float)
-        first = self._knots[0].position
-        turned = first - start
+        turned = self.positions[0] - start
         start[self._turns] += (2.0 * np.pi * np.round(turned / (2.0 * np.pi)))[self._turns]
-        self._before = _Knot((time - self._start) * 1e-9, start, np.array(velocity, dtype=float), None)
+        at = (time - self._start) * 1e-9
+        fastest = COAST * 27.0 / 4.0 / max(self._times[0] - at, 1e-9)
+        self._before = _Knot(at, start, np.clip(velocity, -fastest, fastest), None)
 
     def over(self, time):
         """Whether the last point has been reached at a time [ns]."""
-        return (time - self._start) * 1e-9 >= self._knots[-1].time
+        return (time - self._start) * 1e-9 >= self._times[-1]
 
     def sample(self, time):
         """Where the robot should be at a time [ns]."""
         t = (time - self._start) * 1e-9
         k = int(np.searchsorted(self._times, t, side="right"))
-        if k == len(self._knots):
+        if k == len(self._times):
             rest = np.zeros(len(self._turns))
-            return Desired(self._knots[-1].position.copy(), rest, rest.copy())
-        return _between(self._knots[k - 1] if k else self._before, self._knots[k], t)
+            return Desired(self.positions[-1].copy(), rest, rest.copy())
+        return _between(self._knot(k - 1) if k else self._before, self._knot(k), t)
 
 
 def _order(listed, names):
@@ -129,28 +134,51 @@ def _order(listed, names):
     return [list(listed).index(name) for name in names]
 
 
-def _knot(k, point, names, order):
-    def field(name):
-        values = getattr(point, name)
-        if not len(values):
-            return None
-        if len(values) != len(names):
-            raise InputError(f"trajectory.points[{k}].{name} has {len(values)} entries, expected {len(names)}.")
-        vector = np.array(values, dtype=float)[order]
-        for joint, value in zip(names, vector, strict=True):
-            if not np.isfinite(value):
-                raise InputError(
-                    f"trajectory.points[{k}].{name} of joint '{joint}' is {value}, expected a finite number."
-                )
-        return vector
+def _times(points):
+    """Times of the points from the start [s], shape (points,)."""
+    times = np.array([point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points])
+    if times[0] < 0.0:
+        raise InputError(f"trajectory.points[0].time_from_start is {times[0]:g} s, expected no less than 0.")
+    backward = np.flatnonzero(np.diff(times) <= 0.0)
+    if backward.size:
+        k = int(backward[0])
+        raise InputError(
+            f"trajectory.points[{k + 1}].time_from_start is {times[k + 1]:g} s, expected more than the {times[k]:g} s of the "
+            "point before."
+        )
+    return times
 
-    if len(point.effort):
-        raise InputError(f"trajectory.points[{k}].effort is given, expected none: the law finds the efforts.")
-    position, velocity, acceleration = map(field, ("positions", "velocities", "accelerations"))
-    if position is None:
-        raise InputError(f"trajectory.points[{k}].positions is empty, expected {len(names)} entries.")
-    time = point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec
-    return _Knot(time, position, velocity, acceleration)
+
+def _require_no_effort(points):
+    for k, point in enumerate(points):
+        if len(point.effort):
+            raise InputError(f"trajectory.points[{k}].effort is given, expected none: the law finds the efforts.")
+
+
+def _field(points, name, names, order):
+    """What the points say in one field, in the robot's order, shape (points, nv), and which of them say it.
+
+    All points at once: a long trajectory must not hold up the loop.
+    """
+    values, width = [getattr(point, name) for point in points], len(names)
+    lengths = np.array([len(one) for one in values])
+    given = lengths > 0
+    if name == "positions" and not given.all():
+        k = int(np.argmin(given))
+        raise InputError(f"trajectory.points[{k}].positions is empty, expected {width} entries.")
+    wrong = given & (lengths != width)
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        raise InputError(f"trajectory.points[{k}].{name} has {lengths[k]} entries, expected {width}.")
+    table = np.zeros((len(points), width))
+    table[given] = np.frombuffer(b"".join(values)).reshape(-1, width)[:, order]
+    strange = np.argwhere(~np.isfinite(table))
+    if strange.size:
+        k, joint = strange[0]
+        raise InputError(
+            f"trajectory.points[{k}].{name} of joint '{names[joint]}' is {table[k, joint]}, expected a finite number."
+        )
+    return table, given
 
 
 def _require_rest(knot, names):
