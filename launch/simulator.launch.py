@@ -7,6 +7,7 @@ ARGUMENTS = {
     "mimic": (str, "mimic joints: coupled to their leaders (embed), independent (free) or locked (lock)"),
     "without_command": (str, "drives without a command: no effort (zero) or brake"),
     "command_timeout": (float, "how long one holds [s]; 0: for ever"),
+    "compensates_gravity": (bool, "drives add what carries the robot to the efforts they are sent"),
     "publish_clock": (bool, "simulated time goes out on /clock"),
 }
 

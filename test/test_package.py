@@ -178,9 +178,10 @@ def test_included_launch_files_take_what_they_are_given():
     assert set(given) == {"simulator", "controller", "monitor"}
     for node, arguments in given.items():
         declared = keys_in(f"{node}.launch.py", "ARGUMENTS")
-        assert set(ast.literal_eval(arguments)) <= {"use_sim_time", *declared}, node
+        assert {key.value for key in arguments.keys} <= {"use_sim_time", *declared}, node
         assert set(declared) <= {"robot_compensates_gravity", *node_parameters(node)}, node
-    assert set(keys_in("control.launch.py", "DEFAULTS")) <= set(keys_in("controller.launch.py", "ARGUMENTS"))
+    defaults = set(keys_in("control.launch.py", "DEFAULTS"))
+    assert defaults <= {name for node in given for name in keys_in(f"{node}.launch.py", "ARGUMENTS")}
 
 
 @pytest.mark.ros
@@ -211,15 +212,83 @@ def test_the_table_of_what_is_safe_names_tests():
             assert f"\ndef {name}(" in tests, name
 
 
-def test_launch_files_describe_nodes():
-    pytest.importorskip("launch_ros", reason="launch and launch_ros are not on PyPI, only in an installed ROS 2")
-    from launch import LaunchContext
-    from launch.launch_description_sources import get_launch_description_from_python_launch_file
+LAUNCHED = {
+    "monitor": ({}, {"monitor": {}}),
+    "simulator": (
+        {"urdf": "/my.urdf", "command_timeout": "2", "without_command": "zero", "publish_clock": "true"},
+        {
+            "simulator": {
+                "robot_description": "/my.urdf",
+                "command_timeout": 2.0,
+                "without_command": "zero",
+                "publish_clock": True,
+            }
+        },
+    ),
+    "controller": (
+        {"robot_compensates_gravity": "true", "controlled_link": "1", "mimic": "lock", "namespace": "arm"},
+        {"controller": {"robot_compensates_gravity": True, "controlled_link": "1", "mimic": "lock"}},
+    ),
+    "demo": (
+        {"urdf": "<robot>1: x</robot>"},
+        {"simulator": {"robot_description": "<robot>1: x</robot>"}, "monitor": {}},
+    ),
+    "control": (
+        {"robot_compensates_gravity": "true", "command_timeout": "0.2"},
+        {
+            "simulator": {
+                "compensates_gravity": True,
+                "publish_clock": True,
+                "use_sim_time": False,
+                "without_command": "brake",
+                "command_timeout": 0.2,
+            },
+            "controller": {
+                "robot_compensates_gravity": True,
+                "autostart": True,
+                "check_time": 0.0,
+                "use_sim_time": True,
+            },
+            "monitor": {"use_sim_time": True},
+        },
+    ),
+}
+"""Arguments of the launch files, and the parameters that their nodes are given by them: those and no others."""
 
-    for path in (ROOT / "launch").glob("*.py"):
-        description = get_launch_description_from_python_launch_file(str(path))
-        assert description.get_launch_arguments() is not None
-        assert LaunchContext() is not None
+
+LAUNCH = """
+import sys
+from launch import LaunchDescription, LaunchService
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+
+source = PythonLaunchDescriptionSource(sys.argv[1])
+given = [argument.split(":=", 1) for argument in sys.argv[2:]]
+service = LaunchService(noninteractive=True)
+service.include_launch_description(LaunchDescription([IncludeLaunchDescription(source, launch_arguments=given)]))
+sys.exit(service.run())
+"""
+"""As `ros2 launch` does."""
+
+
+@pytest.mark.parametrize(("file", "arguments", "expected"), [(f, *case) for f, case in LAUNCHED.items()], ids=LAUNCHED)
+def test_launch_files_launch(file, arguments, expected):
+    """By launch itself, which prints what it would start; its files of parameters say what each node would be given."""
+    pytest.importorskip("launch_ros", reason="launch and launch_ros are not on PyPI, only in an installed ROS 2")
+    path = str(ROOT / "launch" / f"{file}.launch.py")
+    given = [f"{name}:={value}" for name, value in (arguments | {"launch-prefix": "echo"}).items()]
+    done = subprocess.run([sys.executable, "-c", LAUNCH, path, *given], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    found = {}
+    for line in done.stdout.splitlines():
+        if node := re.search(r"__node:=diag_dynamics_(\w+)", line):
+            files = re.findall(r"--params-file (\S+)", line)
+            assert Path(files[0]).name == f"{node[1]}.yaml"
+            assert ("__ns:=/arm" in line) == ("namespace" in arguments)
+            sections = [yaml.safe_load(Path(path).read_text(encoding="utf-8")).values() for path in files[1:]]
+            tables = [section["ros__parameters"] for of_file in sections for section in of_file]
+            found[node[1]] = {key: value for table in tables for key, value in table.items()}
+    assert found == expected
 
 
 def test_package_xml_is_complete():

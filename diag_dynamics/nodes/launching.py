@@ -2,7 +2,7 @@
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription, OpaqueFunction
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, TextSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -30,18 +30,20 @@ def launch_of_node(executable, arguments, aliases=None):
     own = PathJoinSubstitution([FindPackageShare("diag_dynamics"), "config", f"{executable}.yaml"])
 
     def start(context):
-        value_of = lambda name: LaunchConfiguration(name).perform(context)  # noqa: E731
-        given = {name: value_of(name) for name in arguments}
+        given = {name: LaunchConfiguration(name).perform(context) for name in arguments}
         for alias, (name, _) in aliases.items():
-            given[name] = given[name] or value_of(alias)
+            given[name] = given[name] or LaunchConfiguration(alias).perform(context)
         # With its type, lest an XML be parsed as YAML, or a link 1 be a number.
         parameters = {
-            name: ParameterValue(value, value_type=arguments[name][0]) for name, value in given.items() if value
+            name: ParameterValue(TextSubstitution(text=value), value_type=arguments[name][0])
+            for name, value in given.items()
+            if value
         }
         return [
             Node(
                 package="diag_dynamics",
                 executable=executable,
+                name=f"diag_dynamics_{executable}",  # its own; without it a section of that name beats what is given
                 namespace=LaunchConfiguration("namespace"),
                 parameters=[LaunchConfiguration("params_file"), *([parameters] if parameters else [])],
                 output="both",
@@ -70,7 +72,8 @@ def launch_together(given, defaults=None):
     given : dict
         For each node what its launch file is given, whatever the user says.
     defaults : dict, optional
-        Arguments whose defaults are others than those of the launch files: these, with a description.
+        Arguments whose defaults are others than those of the launch files, whatever params_file says: these, with a
+        description.
 
     Returns
     -------
