@@ -128,7 +128,8 @@ class EffortRateLimiter:
 class PositionRepulsion:
     """Springs before the position limits: within the margin of one, τ = ∓k d ∓ b (d/margin) q̇ while q̇ is outward.
 
-    d is how far the joint is into the margin. The springs' energy U = ½Σk d² adds to the Lyapunov function of a law that
+    d is how far the joint is into the margin, and no more than that: beyond the limit the spring is no stronger than at it.
+    The springs' energy U = ½Σk d² adds to the Lyapunov function of a law that
     damps rates or regulates a pose, and the damping only takes energy away: under such a law
     a robot of less than ½k margin² of V + U does not reach the hard stop of any joint.
 
@@ -169,13 +170,16 @@ class PositionRepulsion:
 
     def depth(self, q):
         """How far each joint is into the margin [rad, m], shape (nv,): positive at its upper end, negative at the lower."""
+        return np.clip(self._way(q), -self._margin, self._margin)
+
+    def _way(self, q):
         q = vector_of("q", q, self.dynamics.model.dof_names)
         return np.maximum(q - self._upper, 0.0) + np.minimum(q - self._lower, 0.0)
 
     def potential(self, q):
-        """U = ½Σk d² [J]."""
-        d = self.depth(q)
-        return 0.5 * float(self.stiffness @ (d * d))
+        """U = ½Σk d² [J], and kd more for every way beyond the limit."""
+        d, way = self.depth(q), self._way(q)
+        return 0.5 * float(self.stiffness @ (d * (2.0 * way - d)))
 
     def effort(self, q, qd):
         """What the springs and their dampers add to the joint efforts [N m, N], shape (nv,)."""

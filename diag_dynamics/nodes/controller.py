@@ -5,6 +5,7 @@ import sys
 from array import array
 from collections import Counter
 
+import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock as SomeClock
@@ -70,6 +71,11 @@ class ControllerNode(ManagedNode):
         self._starting, self._watch, self._joints_watch = False, None, None
         self._counts, self._counted = Counter(), Counter()  # in all, and until the last report
         self._last_refusal, self._last_sent, self._largest_gap = "", None, 0.0
+        self._last_time, self._acted, self._last_hold = (
+            None,
+            False,
+            "",
+        )  # time of anything [ns], whether the law was in force
         self._order_known, self._smallest_scale = "", 1.0
         self.add_on_set_parameters_callback(self._set_parameters)
         self._diagnostics = Diagnostics(self, self._report)
@@ -129,7 +135,7 @@ class ControllerNode(ManagedNode):
         self._loop.forget()
         self._assembled.forget()
         self._assembled.stamps.forget()
-        self._last_sent = None
+        self._last_sent = self._last_time = None
         newest = QoSProfile(depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._listen_to(JointState, "joint_states", self._take_joint_state, newest, raw=True)
         loop = self._loop
@@ -199,9 +205,9 @@ class ControllerNode(ManagedNode):
         self._description = description
         self.settled()
         self.get_logger().info(f"Ready: robot '{model.name}', {model.nv} degrees of freedom.")
-        if self._loop.unlimited:
+        if self._loop.efforts.unlimited:
             self.get_logger().warning(
-                f"No effort limit for {', '.join(self._loop.unlimited)}: anything may be sent there."
+                f"No effort limit for {', '.join(self._loop.efforts.unlimited)}: anything may be sent there."
             )
 
     def _take_description(self, message):
@@ -250,7 +256,12 @@ class ControllerNode(ManagedNode):
         try:
             self._judge_joints(theirs)
         except InputError as error:
+            # The last command stays: it is in their order, or nothing.
+            known = sorted(theirs) == sorted(self._joints)
+            names, own = list(self._loop.dynamics.model.dof_names), self._order
+            self._order = [names.index(name) for name in theirs] if known else None
             self.trigger_deactivate()
+            self._order = own
             self.failure = shortened(f"deactivated: {error}")
             self.get_logger().error(self.failure)
 
@@ -259,11 +270,22 @@ class ControllerNode(ManagedNode):
     def _now(self):
         return self.get_clock().now().nanoseconds
 
+    def _cycle(self):
+        """The time of a cycle [ns]; where it has gone back, the states of before are forgotten, whose stamps are ahead."""
+        now, last = self._now(), self._last_time
+        if last is not None and now < last - self._values["max_state_age"] * 1e9:
+            self._counts["clock went back"] += 1
+            self.get_logger().warning(f"The clock went back by {(last - now) * 1e-9:.6g} s.")
+            self._assembled.forget()
+            self._assembled.stamps.forget()
+        self._last_time = now
+        return now
+
     def _take_joint_state(self, raw):
         if self.phase != ACTIVE:
             return
         self._counts["joint states"] += 1
-        now = self._now()
+        now = self._cycle()
         try:
             state = self._states.update(raw, now)
             sent = None if state is None else self._loop.step(state, now)
@@ -277,7 +299,7 @@ class ControllerNode(ManagedNode):
 
     def _look(self):
         """See whether the last state has become too old."""
-        state, now = self._loop.state, self._now()
+        state, now = self._loop.state, self._cycle()
         if self.phase == ACTIVE and state and (problem := self._loop.age_problem(state, now)):
             late = self._assembled.stale(now)
             if 0 < len(late) < len(self._assembled.names):
@@ -293,6 +315,15 @@ class ControllerNode(ManagedNode):
         if sent is None:
             return
         self._send(sent.effort)
+        supervisor = self._loop.supervisor
+        if self._acted and supervisor.phase != IN_FORCE:
+            self._counts["holds"] += 1
+            self._last_hold = supervisor.reason
+        self._acted = supervisor.phase == IN_FORCE
+        if sent.lost:
+            self._counts["targets given up"] += 1
+            self._last_refusal = sent.lost
+            self.get_logger().warning(sent.lost, throttle_duration_sec=1.0)
         if self._last_sent is not None:
             gap = (now - self._last_sent) * 1e-9
             self._largest_gap = max(self._largest_gap, gap)
@@ -300,16 +331,17 @@ class ControllerNode(ManagedNode):
         self._last_sent = now
         self._counts["commands"] += 1
         self._counts["commands limited"] += bool(sent.saturated)
-        self._smallest_scale = min(self._smallest_scale, self._loop.scale)
+        self._smallest_scale = min(self._smallest_scale, self._loop.efforts.scale)
         if self._status.get_subscription_count() and self._status_limit.due(now):
             self._status.publish(self._status_of(sent))
 
     def _send(self, effort):
-        self._commands.publish(Float64MultiArray(data=array("d", effort[self._order])))
+        ordered = effort[self._order] if self._order is not None else np.zeros(len(effort))
+        self._commands.publish(Float64MultiArray(data=array("d", ordered)))
 
     def _status_of(self, sent):
         loop, command = self._loop, sent.command
-        model, limiter = loop.dynamics.model, loop.energy_limiter
+        model, limiter = loop.dynamics.model, loop.efforts.energy_limiter
         message = ControllerStatus(
             mode=loop.mode, phase=loop.supervisor.phase, message=shortened(loop.supervisor.reason)
         )
@@ -384,9 +416,9 @@ class ControllerNode(ManagedNode):
     def _report(self):
         recent = self._counts - self._counted
         self._counted = self._counts.copy()
-        return [self._control_status(), self._command_status(recent), self._input_status(recent)]
+        return [self._control_status(recent), self._command_status(recent), self._input_status(recent)]
 
-    def _control_status(self):
+    def _control_status(self, recent):
         loop, values = self._loop, {"lifecycle": self.phase}
         if loop is None:
             refusal = self.failure or self._refused
@@ -398,13 +430,16 @@ class ControllerNode(ManagedNode):
             "mode": loop.mode,
             "robot compensates gravity": self._compensated,
             "order of joints": self._order_known,
-            "joints without effort limit": counted(loop.unlimited),
+            "joints without effort limit": counted(loop.efforts.unlimited),
             "kinetic energy [J]": f"{loop.energy:.6g}",
         }
         if self.failure or self._refused:
             return Status("control", ERROR, self.failure or self._refused, values)
         if self.phase != ACTIVE:
             return Status("control", WARN, f"{self.phase}: no commands", values)
+        if supervisor.phase == IN_FORCE and recent["holds"]:
+            said = f"mode {loop.mode}; gravity was held {recent['holds']} times, the last time: {self._last_hold}"
+            return Status("control", WARN, said, values)
         if supervisor.phase == IN_FORCE:
             return Status("control", OK, f"mode {loop.mode}", values)
         if loop.state is None:
@@ -432,12 +467,14 @@ class ControllerNode(ManagedNode):
                 problems.append(f"nobody listens to {topic}")
             elif self._values["check_time"] and "not compared" in self._order_known:
                 problems.append(f"the order of joints is {self._order_known}")
-            if heavy := self._loop.heavy:
+            if heavy := self._loop.efforts.heavy:
                 problems.append(
                     f"gravity takes more than {HEAVY:.0%} of the effort limit of {shortened(', '.join(heavy))}"
                 )
             if others > 0:
                 problems.append(f"others send to {topic} as well: {others}")
+            if slow := self._loop.efforts.slow:
+                problems.append(f"effort_rate is too low to carry {shortened(', '.join(slow))} before the robot sinks")
         if problems:
             return Status("commands", WARN, "; ".join(problems), values)
         return Status("commands", OK, "limited" if recent["commands limited"] else "within limits", values)
@@ -448,7 +485,7 @@ class ControllerNode(ManagedNode):
         }
         if self.phase == ACTIVE:
             values["joints that have not arrived"] = counted(self._assembled.missing)
-        refused = sum(n for key, n in recent.items() if "rejected" in key or "refused" in key)
+        refused = sum(n for key, n in recent.items() if "rejected" in key or "refused" in key or "given up" in key)
         if self._last_refusal:
             values["last refusal"] = self._last_refusal
         if refused:

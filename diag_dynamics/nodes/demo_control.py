@@ -65,6 +65,7 @@ CONTROLLER = {
     "robot_compensates_gravity": False,
     "check_time": 0.0,
     "max_state_age": 0.5,
+    "hold_time": 1.0,
     "initial_mode": "damping",  # being put elsewhere sets the arm in motion: its efforts are those of where it was
     "controlled_link": HAND,
     "energy_limit": BOUND,

@@ -8,7 +8,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 
-AGAIN = 1.0
+AGAIN = 0.5
 """How often it is asked again [s]."""
 
 REQUEST = GetParameters.Request(names=["joints"])

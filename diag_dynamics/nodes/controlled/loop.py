@@ -6,18 +6,15 @@ import numpy as np
 
 from diag_dynamics.control import (
     Command,
-    EffortRateLimiter,
-    EffortSaturation,
-    EnergyLimiter,
     GravityCompensation,
     JointTracking,
     PoseRegulation,
-    PositionRepulsion,
     RateDamping,
 )
-from diag_dynamics.control.limits import HEAVY
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.controlled.efforts import Efforts
+from diag_dynamics.nodes.controlled.reference import SetPoint, at_rest
 from diag_dynamics.nodes.controlled.settings import (
     DAMPING,
     GRAVITY_COMPENSATION,
@@ -25,7 +22,6 @@ from diag_dynamics.nodes.controlled.settings import (
     POSE,
     TRACKING,
     by_dof,
-    effort_limits,
 )
 from diag_dynamics.nodes.controlled.supervisor import ACTIVE, INACTIVE, RAMPING_DOWN, Supervisor
 from diag_dynamics.nodes.controlled.targets import aimed, require_within, set_point
@@ -34,6 +30,18 @@ from diag_dynamics.observer import DisturbanceObserver
 
 LONGEST_WAIT = 10.0
 """How long before its stamp a trajectory may come [s]: until then the robot goes towards its first point."""
+
+BEYOND = 0.05
+"""How far outside of its limits a joint may be where a law begins [rad, m]: at a stop, as its encoder sees it."""
+
+SPEED = 1.0
+"""Of a joint of which nobody says how fast it may be [rad/s, m/s]."""
+
+SLOW = 0.5
+"""Part of the speed of set-points at which a robot may move when a law takes it up."""
+
+OVERSPEED = 1.1
+"""How much faster than its limit a joint may be between the points of a trajectory."""
 
 
 class Sent(NamedTuple):
@@ -55,6 +63,8 @@ class Sent(NamedTuple):
         Whether the energy limiter took power out of it.
     lyapunov_rate : float or None
         dV/dt from this state and the one before [W]; None where there is no such one for the same target.
+    lost : str
+        Why the target was given up for the robot's position; empty if it was not.
     """
 
     effort: np.ndarray
@@ -64,6 +74,7 @@ class Sent(NamedTuple):
     command: Command | None = None
     energy_limited: bool = False
     lyapunov_rate: float | None = None
+    lost: str = ""
 
 
 class ControlLoop:
@@ -87,8 +98,7 @@ class ControlLoop:
         The last valid one.
     energy : float
         Its kinetic energy [J].
-    scale : float
-        What moves the robot was multiplied with to respect effort limits, in the last command.
+    efforts : Efforts
 
     Raises
     ------
@@ -99,7 +109,8 @@ class ControlLoop:
     def __init__(self, model, values, compensated):
         names = model.dof_names
         self.dynamics = dynamics = DiagonalDynamics(model)
-        self.compensated = compensated
+        self.efforts = Efforts(dynamics, values, compensated)
+        self._fastest = np.where(model.velocity_limit > 0.0, model.velocity_limit, np.inf)
         self._laws = {
             GRAVITY_COMPENSATION: GravityCompensation(dynamics),
             DAMPING: RateDamping(dynamics, by_dof("damping", values["damping"], names)),
@@ -107,9 +118,12 @@ class ControlLoop:
                 dynamics,
                 by_dof("tracking_gain", values["tracking_gain"], names),
                 by_dof("tracking_convergence", values["tracking_convergence"], names),
-                np.where(model.velocity_limit > 0.0, model.velocity_limit, np.inf),
+                self._fastest,
             ),
         }
+        self._speed = values["set_point_speed"] * np.where(np.isfinite(self._fastest), self._fastest, SPEED)
+        self._turns = np.array([name in model.continuous_joints for name in names])
+        self._tolerance = values["following_tolerance"] or np.inf
         if values["controlled_link"]:
             self._laws[POSE] = PoseRegulation(
                 dynamics,
@@ -118,18 +132,14 @@ class ControlLoop:
                 values["position_stiffness"],
                 values["orientation_stiffness"],
             )
-        margin = values["limit_margin"]
-        springs = (margin, values["limit_stiffness"], values["limit_damping"])
-        self._springs = PositionRepulsion(dynamics, *springs) if margin else None
-        limit, rate = values["energy_limit"], values["energy_rate"]
-        self.energy_limiter = EnergyLimiter(dynamics, limit, rate) if limit else None
         gain = values["observer_gain"]
         self._observer = DisturbanceObserver(dynamics, gain, np.inf, effort="held") if gain else None
-        self._saturation = EffortSaturation(model, effort_limits(values["effort_limit"], model))
-        # Of what is sent, not of what acts: a robot that carries itself and is let go is sent zero, not less than its weight.
-        self._ramp = EffortRateLimiter(model, by_dof("effort_rate", values["effort_rate"], names), np.zeros(model.nv))
+        if values["hold_time"] < 2.0 * values["max_state_age"]:
+            raise InputError(
+                f"parameter 'hold_time' is {values['hold_time']:g} s, expected at least twice max_state_age = "
+                f"{values['max_state_age']:g} s: a single state that fails would let the robot go."
+            )
         self.supervisor = Supervisor(values["max_state_age"], values["hold_time"], values["resume_after_ramp"])
-        self._sent = np.zeros(model.nv)
         self._initial_mode = values["initial_mode"]
         self._require_law(self._initial_mode)
         self.forget()
@@ -142,9 +152,10 @@ class ControlLoop:
         self.supervisor.forget()
         self.mode = self._initial_mode
         self.state = None
-        self._gravity = np.zeros_like(self._sent)
-        self._time = self._origin = None  # of the last command, and of the first state [ns]
-        self.energy, self.scale = 0.0, 1.0
+        self.efforts.begin()
+        self._origin = None  # time of the first state [ns]
+        self._taking_up = True
+        self.energy = 0.0
         self._void()
 
     def _void(self):
@@ -199,12 +210,13 @@ class ControlLoop:
         self._no_rate()
 
     def take_trajectory(self, message, now):
-        """Follow a JointTrajectory; see :class:`Trajectory`. It replaces the target before.
+        """Follow a JointTrajectory from where the robot should be; see :class:`Trajectory`. It replaces the target before.
 
         Raises
         ------
         InputError
-            It is no valid trajectory, beyond a position limit, or over at the time `now` [ns]; or joints are not tracked now.
+            It is no valid trajectory, beyond a position or velocity limit, or over at the time `now` [ns]; or joints are not
+            tracked now.
         """
         self._require(TRACKING, "trajectory")
         model = self.dynamics.model
@@ -218,11 +230,23 @@ class ControlLoop:
         if trajectory.ends_before(now):
             raise InputError("trajectory.header.stamp is so long ago that the trajectory is over.")
         self._begin()
+        trajectory.begin(self.state.newest, self._desired.position, self._desired.velocity)
+        self._require_speed(trajectory)
         self._target = trajectory
         self._no_rate()
 
+    def _require_speed(self, trajectory):
+        fastest = trajectory.fastest().max(axis=0, initial=0.0)
+        beyond = fastest > OVERSPEED * self._fastest
+        if beyond.any():
+            k = int(np.argmax(beyond))
+            raise InputError(
+                f"trajectory has joint '{self.dynamics.model.dof_names[k]}' move at {fastest[k]:.6g}, expected no more than "
+                f"its limit {self._fastest[k]:g}."
+            )
+
     def take_set_point(self, message):
-        """Go to the positions of a JointState. They replace the target before.
+        """Go to the positions of a JointState; see :class:`SetPoint`. They replace the target before.
 
         Raises
         ------
@@ -234,8 +258,12 @@ class ControlLoop:
         position = set_point(message, model.dof_names)
         require_within("set_point.position", position, model)
         self._begin()
-        self._target = position
+        self._target = self._to(position)
         self._no_rate()
+
+    def _to(self, position):
+        rate = self._laws[TRACKING].convergence
+        return SetPoint(position, self._desired, self._speed, rate, self._turns)
 
     def _begin(self):
         """Take the state as it is for the target, unless that has been done."""
@@ -243,7 +271,8 @@ class ControlLoop:
             return
         self._to_begin = False
         q = self.state.position
-        self._target = q.copy()
+        self._desired = at_rest(q)
+        self._target = self._to(q)
         if self.mode == POSE:
             self._laws[POSE].aim(*self._laws[POSE].pose(q))
 
@@ -261,39 +290,68 @@ class ControlLoop:
             return self.without_state(now, problem)
         if self.supervisor.latched:
             return self._idle(state, now)
+        if self.supervisor.anew:
+            if problem := self._outside(state.position):
+                return self.without_state(now, problem)
+            self._taking_up = True
         if self.supervisor.anew or not self._follows(state):
             self._void()
         before, self.state = self.state, state
         self._begin()
         external = self._observed(state)
         q, qd = state.position, state.velocity
-        command = asked = self._law_command(state)
+        if self._taking_up:
+            command = self._laws[DAMPING].command(q, qd)
+            asked = self.efforts.filtered(q, qd, command, external).effort
+            if before is None:
+                self.efforts.carry_on()
+            carried = self.efforts.carry(asked, state.newest)
+            self._taking_up = not carried or bool((np.abs(qd) > SLOW * self._speed).any())
+            self._void()
+            self._begin()
+        lost = ""
+        if self._taking_up:
+            command = command._replace(error=np.zeros_like(q) if self.mode == TRACKING else None)
+        else:
+            command, lost = self._followed(state)
         self.energy = 0.5 * float(command.nu @ command.nu)
-        rate = self._measured_rate(before, state, command)
-        if self._springs:
-            command = asked = self._springs.filter(q, qd, command)
-        if self.energy_limiter:
-            command = self.energy_limiter.filter(q, command, external)
-        limited = command is not asked
-        saturated = self._saturation.filter(command)
-        self.scale = saturated.scale
-        self._gravity = command.gravity_torque
-        if before is None:
-            self._carry_on()
-        effort = saturated.tau
-        if self.compensated:  # whose weight is more than its limit is left to the robot, and never pulled down
-            heavy = np.abs(self._gravity) > self._saturation.limit
-            effort = np.where(heavy, 0.0, effort - self._gravity)
-        effort, waited = self._ramped(effort, state.newest)
-        late = tuple(name for name in waited if name not in saturated.limited)
-        self.supervisor.valid()  # not before there is a command: a law that fails is no reason to hold for ever
-        return Sent(effort, saturated.limited + late, state.newest, self._age(now), command, limited, rate)
+        rate = None if self._taking_up else self._measured_rate(before, state, command)
+        filtered = self.efforts.filtered(q, qd, command, external)
+        effort, waited = self.efforts.ramped(filtered.effort, state.newest)
+        at_limit = filtered.command.limited
+        late = tuple(name for name in waited if name not in at_limit)
+        self.supervisor.valid(now)  # not before there is a command: a law that fails is no reason to hold for ever
+        age, energy_limited = self._age(now), filtered.energy_limited
+        return Sent(effort, at_limit + late, state.newest, age, filtered.command, energy_limited, rate, lost)
 
-    def _carry_on(self):
-        """Begin with what was sent last, as far as it carries the robot as it is now; a robot may carry itself."""
-        carrying = np.zeros_like(self._gravity) if self.compensated else self._gravity
-        self._sent = np.clip(self._sent, np.minimum(carrying, 0.0), np.maximum(carrying, 0.0))
-        self._ramp.reset(self._sent)
+    def _outside(self, q):
+        """What is wrong about positions outside of their limits, None if nothing is: springs would throw such a joint."""
+        model = self.dynamics.model
+        beyond = (q < model.lower - BEYOND) | (q > model.upper + BEYOND)
+        if not beyond.any():
+            return None
+        k = int(np.argmax(beyond))
+        return (
+            f"joint '{model.dof_names[k]}' is at {q[k]:.6g}, outside of its limits {model.lower[k]:g} … {model.upper[k]:g}: "
+            "no law begins there"
+        )
+
+    def _followed(self, state):
+        """The law's command, and why the target was given up: a robot that is too far behind it stays where it is."""
+        command = self._law_command(state)
+        if self.mode != TRACKING:
+            return command, ""
+        behind = np.abs(command.error)
+        if (behind <= self._tolerance).all():
+            return command, ""
+        k = int(np.argmax(behind))
+        self._void()
+        self._begin()
+        lost = (
+            f"target given up: joint '{self.dynamics.model.dof_names[k]}' is {behind[k]:.3g} behind, expected no more than "
+            f"following_tolerance = {self._tolerance:g}"
+        )
+        return self._law_command(state), lost
 
     def _idle(self, state, now):
         """What is sent to a robot that has been given up while its states are valid: what goes to zero."""
@@ -301,7 +359,7 @@ class ControlLoop:
         self.state = state
         nu = self.dynamics.nu_from_qd(state.position, state.velocity)
         self.energy = 0.5 * float(nu @ nu)
-        effort, waited = self._ramped(self.at_rest, now)
+        effort, waited = self.efforts.ramped(self.at_rest, now)
         return Sent(effort, waited, state.newest, self._age(now))
 
     def age_problem(self, state, now):
@@ -330,66 +388,40 @@ class ControlLoop:
         self._no_rate()
         if self._observer:
             self._observer.reset()
-        effort, waited = self._ramped(self.at_rest, now)
+        effort, waited = self.efforts.ramped(self.at_rest, now)
         return Sent(effort, waited, self.state.newest, self._age(now))
-
-    @property
-    def unlimited(self):
-        """Joints whose effort nothing limits."""
-        return self._named(np.isinf(self._saturation.limit))
-
-    @property
-    def heavy(self):
-        """Joints whose weight takes more than HEAVY of their effort limit, in the last state."""
-        return self._named(np.abs(self._gravity) > HEAVY * self._saturation.limit)
-
-    def _named(self, these):
-        return tuple(name for name, is_one in zip(self.dynamics.model.dof_names, these, strict=True) if is_one)
 
     @property
     def at_rest(self):
         """What is sent where no law is in force: gravity while it is held, and zero after that."""
-        if self.compensated or self.supervisor.phase == RAMPING_DOWN:
-            return np.zeros_like(self._gravity)
-        return np.clip(self._gravity, -self._saturation.limit, self._saturation.limit)
+        carrying = self.efforts.carrying
+        return np.zeros_like(carrying) if self.supervisor.phase == RAMPING_DOWN else carrying
 
     def leave(self):
         """What to send last, before nothing more is sent; None if nothing was."""
         if self.supervisor.phase == INACTIVE:
             return None
-        self._sent = self.at_rest
-        self._ramp.reset(self._sent)
-        return self._sent
+        self.efforts.reset(self.at_rest)
+        return self.efforts.sent
 
     def _age(self, now):
         return (now - self.state.newest) * 1e-9
-
-    def _ramped(self, effort, time):
-        """Efforts as the rate limit lets them pass; after a stall no more than within the largest age of a state."""
-        elapsed = 0.0 if self._time is None else (time - self._time) * 1e-9
-        self._time = time if self._time is None or elapsed > 0.0 or elapsed < -self.supervisor.max_age else self._time
-        self._sent, waited = self._ramp.filter(effort, min(max(elapsed, 0.0), self.supervisor.max_age))
-        return self._sent, waited
 
     def _observed(self, state):
         """ε of what pushes from outside, as far as it is known."""
         if self._observer is None:
             return None
-        acting = self._sent + self._gravity if self.compensated else self._sent
         if self._origin is None:  # seconds since 1970 leave a float no more than a quarter of a microsecond
             self._origin = state.newest
         time = (state.newest - self._origin) * 1e-9
-        return self._observer.update(time, state.position, state.velocity, acting).residual
+        return self._observer.update(time, state.position, state.velocity, self.efforts.acting).residual
 
     def _law_command(self, state):
         q, qd, law = state.position, state.velocity, self._laws[self.mode]
         if self.mode != TRACKING:
             return law.command(q, qd)
-        if not isinstance(self._target, Trajectory):
-            return law.command(q, qd, self._target)
-        if not self._target.begun:
-            self._target.begin(state.newest, q, qd)
-        return law.command(q, qd, *self._target.sample(state.newest))
+        self._desired = self._target.sample(state.newest)
+        return law.command(q, qd, *self._desired)
 
     def _measured_rate(self, before, state, command):
         """dV/dt from this state and the one before, if both are of one target."""

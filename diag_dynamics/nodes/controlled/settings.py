@@ -51,6 +51,17 @@ PARAMETERS = {
     "tracking_convergence": _once(
         ["*=10.0"], "Rates at which tracking errors decay, each as joint=rate; * for all others [1/s]."
     ),
+    "set_point_speed": _once(
+        0.25,
+        "How fast set-points are gone to, in parts of the URDF's velocity limits.",
+        minimum=1e-3,
+        maximum=1.0,
+    ),
+    "following_tolerance": _once(
+        0.5,
+        "How far a joint may be behind its target before that is given up [rad, m]; 0: as far as it likes.",
+        minimum=0.0,
+    ),
     # filters
     "limit_margin": _once(
         0.1, "Where springs before the position limits begin, from those inward [rad, m]; 0: none.", minimum=0.0

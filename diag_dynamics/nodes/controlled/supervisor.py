@@ -46,11 +46,11 @@ class Supervisor:
         """Wait for the first state."""
         self.phase, self.reason = INACTIVE, "no valid state yet"
         self._given_up, self._ready, self._released = "", False, False
-        self._begin_anew()
-
-    def _begin_anew(self):
-        self._without, self._last = 0, None  # how long there has been no valid state, and when that was asked last [ns]
-        self._moved = None  # when the clock has moved last, by the machine's time [s]
+        self._without = 0  # how long there has been no valid state, less how long there has been one since [ns]
+        self._last = self._moved = (
+            None  # when that was asked last [ns], and when the clock has moved, by the machine's [s]
+        )
+        self._good = None  # time of the last valid state, if that was the last one [ns]
 
     def age_problem(self, stamp, now):
         """What is wrong about the age of a state, both times in nanoseconds; None if nothing is."""
@@ -68,16 +68,24 @@ class Supervisor:
         """Whether targets of before are void with the next valid state: it is the first one, or the hold is over."""
         return self.phase in (INACTIVE, RAMPING_DOWN)
 
-    def valid(self):
-        """Note a valid state, for which a command was found."""
+    def valid(self, now):
+        """Note a valid state, for which a command was found, at a time [ns].
+
+        A hold that is over is forgotten no faster than valid states come: of a link that is dead nearly all the time single
+        states would else prolong the hold for ever.
+        """
+        if self.phase != ACTIVE and self.anew:
+            self._without = 0
+        elif self._good is not None:
+            self._without = max(self._without - max(now - self._good, 0), 0)
         self.phase, self.reason = ACTIVE, ""
-        self._released = False
-        self._begin_anew()
+        self._released, self._last, self._good = False, None, now
 
     def invalid(self, now, reason):
         """Note at a time [ns] that there is no valid state, and why."""
         self.reason = reason
         self._ready = self._released = False
+        self._good = None
         if self.phase == INACTIVE:
             return
         machine = self._machine_time()

@@ -1,33 +1,18 @@
 """Joint trajectories, interpolated as ros2_control's joint trajectory controller does."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.controlled.reference import Desired, at_rest, nearest
 
 MOST_POINTS = 2000
 """Points that one trajectory may have."""
 
+LOOKS = 9
+"""Places of each stretch at which its velocity is looked at."""
+
 COAST = 0.3
 """How far what is left of the robot's motion may carry it off its way to the first point [rad, m]."""
-
-
-class Desired(NamedTuple):
-    """Where the robot should be: position [rad, m], velocity and acceleration, each of shape (nv,)."""
-
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-
-
-class _Knot(NamedTuple):
-    """A point of a trajectory: its time from the start [s], its position, and what else it says."""
-
-    time: float
-    position: np.ndarray
-    velocity: np.ndarray | None
-    acceleration: np.ndarray | None
 
 
 class Trajectory:
@@ -76,15 +61,16 @@ class Trajectory:
         _require_no_effort(message.points)
         fields = [_field(message.points, name, names, order) for name in ("positions", "velocities", "accelerations")]
         (self.positions, _), self._velocities, self._accelerations = fields
-        _require_rest(self._knot(len(self._times) - 1), names)
+        _require_rest(*(field[-1] for field in self._velocities), names)
+        self._stretches = self._between_points()
         self._start = None
 
-    def _knot(self, k):
-        """The point of an index."""
-        velocity, acceleration = (
-            values[k] if given[k] else None for values, given in (self._velocities, self._accelerations)
-        )
-        return _Knot(float(self._times[k]), self.positions[k], velocity, acceleration)
+    def _between_points(self):
+        """Coefficients of the polynomials from point to point, shape (points − 1, 6, nv)."""
+        (v, with_v), (a, with_a) = self._velocities, self._accelerations
+        with_v, with_a = with_v[:-1] & with_v[1:], with_a[:-1] & with_a[1:]
+        q, T = self.positions, np.diff(self._times)
+        return _polynomials(T, q[:-1], v[:-1], a[:-1], q[1:], v[1:], a[1:], with_v, with_v & with_a)
 
     @property
     def begun(self):
@@ -101,12 +87,27 @@ class Trajectory:
         A first point far ahead would let a cubic follow that motion a long way before it turns: :data:`COAST` bounds that.
         """
         self._start = self.stamp or time
-        start = np.array(position, dtype=float)
-        turned = self.positions[0] - start
-        start[self._turns] += (2.0 * np.pi * np.round(turned / (2.0 * np.pi)))[self._turns]
-        at = (time - self._start) * 1e-9
-        fastest = COAST * 27.0 / 4.0 / max(self._times[0] - at, 1e-9)
-        self._before = _Knot(at, start, np.clip(velocity, -fastest, fastest), None)
+        first, start = self.positions[:1], np.array(position, dtype=float)
+        start = nearest(start, first[0], self._turns)
+        self._begin = (time - self._start) * 1e-9
+        T = np.maximum(self._times[:1] - self._begin, 1e-9)
+        fastest = COAST * 27.0 / 4.0 / T
+        (v, with_v), none = self._velocities, np.zeros_like(first)
+        no = np.zeros(1, dtype=bool)
+        moving = np.clip(velocity, -fastest, fastest)[None]
+        self._approach = _polynomials(T, start[None], moving, none, first, v[:1], none, with_v[:1], no)
+
+    def fastest(self):
+        """Highest velocities [rad/s, m/s], shape (stretches, nv), in each stretch that is left once it has begun."""
+        T, table = np.diff(self._times), self._stretches
+        if self._begin < self._times[0]:
+            T, table = np.append(self._times[0] - self._begin, T), np.concatenate([self._approach, table])
+        else:
+            T, table = T[self._times[1:] > self._begin], table[self._times[1:] > self._begin]
+        s = (T[:, None] * np.linspace(0.0, 1.0, LOOKS))[..., None]
+        c = table[:, :, None, :]
+        velocity = c[:, 1] + s * (2.0 * c[:, 2] + s * (3.0 * c[:, 3] + s * (4.0 * c[:, 4] + s * 5.0 * c[:, 5])))
+        return np.abs(velocity).max(axis=1)
 
     def over(self, time):
         """Whether the last point has been reached at a time [ns]."""
@@ -117,9 +118,13 @@ class Trajectory:
         t = (time - self._start) * 1e-9
         k = int(np.searchsorted(self._times, t, side="right"))
         if k == len(self._times):
-            rest = np.zeros(len(self._turns))
-            return Desired(self.positions[-1].copy(), rest, rest.copy())
-        return _between(self._knot(k - 1) if k else self._before, self._knot(k), t)
+            return at_rest(self.positions[-1])
+        c, s = (self._stretches[k - 1], t - self._times[k - 1]) if k else (self._approach[0], t - self._begin)
+        return Desired(
+            c[0] + s * (c[1] + s * (c[2] + s * (c[3] + s * (c[4] + s * c[5])))),
+            c[1] + s * (2.0 * c[2] + s * (3.0 * c[3] + s * (4.0 * c[4] + s * 5.0 * c[5]))),
+            2.0 * c[2] + s * (6.0 * c[3] + s * (12.0 * c[4] + s * 20.0 * c[5])),
+        )
 
 
 def _order(listed, names):
@@ -181,40 +186,27 @@ def _field(points, name, names, order):
     return table, given
 
 
-def _require_rest(knot, names):
-    if knot.velocity is not None and knot.velocity.any():
-        joint = int(np.flatnonzero(knot.velocity)[0])
+def _require_rest(velocity, given, names):
+    if given and velocity.any():
+        joint = int(np.flatnonzero(velocity)[0])
         raise InputError(
-            f"velocity of joint '{names[joint]}' at the last point of the trajectory is {knot.velocity[joint]:g}, expected "
+            f"velocity of joint '{names[joint]}' at the last point of the trajectory is {velocity[joint]:g}, expected "
             "0: the robot rests there."
         )
 
 
-def _between(a, b, t):
-    """The polynomial from one point to the next, at a time within."""
-    T, s = b.time - a.time, t - a.time
-    step = b.position - a.position
-    if a.velocity is None or b.velocity is None:
-        return Desired(a.position + step * (s / T), step / T, np.zeros_like(step))
-    if a.acceleration is None or b.acceleration is None:
-        c2 = (3.0 * step - (2.0 * a.velocity + b.velocity) * T) / T**2
-        c3 = (-2.0 * step + (a.velocity + b.velocity) * T) / T**3
-        c4 = c5 = np.zeros_like(step)
-    else:
-        c2 = 0.5 * a.acceleration
-        c3 = (
-            20.0 * step - (12.0 * a.velocity + 8.0 * b.velocity) * T - (3.0 * a.acceleration - b.acceleration) * T**2
-        ) / (2.0 * T**3)
-        c4 = (
-            -30.0 * step
-            + (16.0 * a.velocity + 14.0 * b.velocity) * T
-            + (3.0 * a.acceleration - 2.0 * b.acceleration) * T**2
-        ) / (2.0 * T**4)
-        c5 = (12.0 * step - 6.0 * (a.velocity + b.velocity) * T - (a.acceleration - b.acceleration) * T**2) / (
-            2.0 * T**5
-        )
-    return Desired(
-        a.position + s * (a.velocity + s * (c2 + s * (c3 + s * (c4 + s * c5)))),
-        a.velocity + s * (2.0 * c2 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5))),
-        2.0 * c2 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5)),
-    )
+def _polynomials(T, q, v, a, q1, v1, a1, with_velocity, with_acceleration):
+    """Coefficients from points to the ones after them, T [s] later: quintic, cubic or linear, shape (points, 6, nv)."""
+    c = np.zeros((len(T), 6, q.shape[1]))
+    c[:, 0], step, T = q, q1 - q, T[:, None]
+    c[:, 1] = step / T
+    k = with_velocity
+    c[k, 1] = v[k]
+    c[k, 2] = ((3.0 * step - (2.0 * v + v1) * T) / T**2)[k]
+    c[k, 3] = ((-2.0 * step + (v + v1) * T) / T**3)[k]
+    k = with_acceleration
+    c[k, 2] = 0.5 * a[k]
+    c[k, 3] = ((20.0 * step - (12.0 * v + 8.0 * v1) * T - (3.0 * a - a1) * T**2) / (2.0 * T**3))[k]
+    c[k, 4] = ((-30.0 * step + (16.0 * v + 14.0 * v1) * T + (3.0 * a - 2.0 * a1) * T**2) / (2.0 * T**4))[k]
+    c[k, 5] = ((12.0 * step - 6.0 * (v + v1) * T - (a - a1) * T**2) / (2.0 * T**5))[k]
+    return c

@@ -1,0 +1,72 @@
+"""Where the robot should be at a time, on its way to a set-point."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+WITHIN = 0.5
+"""How long a joint takes to come to the speed at which set-points are gone to [s]."""
+
+LONGEST = 0.02
+"""Longest time in which it goes on at once [s]: after a stall it is no further."""
+
+
+class Desired(NamedTuple):
+    """Where the robot should be: position [rad, m], velocity and acceleration, each of shape (nv,)."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+
+def at_rest(position):
+    """The same, at rest."""
+    return Desired(position.copy(), np.zeros(len(position)), np.zeros(len(position)))
+
+
+def nearest(position, to, turns):
+    """A position [rad, m] as it is counted in the turn that is nearest to another one, where joints turn round."""
+    whole = 2.0 * np.pi * np.round((to - position) / (2.0 * np.pi))
+    return position + np.where(turns, whole, 0.0)
+
+
+class SetPoint:
+    """Goes to a position at bounded speed and acceleration, each joint by itself, and decays there at its own rate.
+
+    The efforts of a step towards a target far away would be more than limits let pass in time, and what follows them late
+    swings. The velocity is √(2aδ) at a distance δ, so that braking takes no more than a, up to the speed; near the target it
+    is kδ. A new set-point is gone to from where the last one has led.
+
+    Parameters
+    ----------
+    goal : ndarray, shape (nv,)
+        Position [rad, m].
+    desired : Desired
+        Where the robot should be now.
+    speed, rate : ndarray, shape (nv,)
+        The speed [rad/s, m/s], reached within :data:`WITHIN`, and k [1/s].
+    turns : ndarray of bool, shape (nv,)
+        Joints that turn round: they go the shorter way.
+    """
+
+    def __init__(self, goal, desired, speed, rate, turns):
+        self._position = nearest(desired.position, goal, turns)
+        self._goal, self._speed, self._rate = goal, speed, rate
+        self._most = speed / WITHIN
+        self._velocity, self._time = np.clip(desired.velocity, -speed, speed), None
+
+    def sample(self, time):
+        """Where the robot should be at a time [ns], which does not go back."""
+        elapsed = 0.0 if self._time is None else min(max(time - self._time, 0) * 1e-9, LONGEST)
+        self._time = time
+        if elapsed == 0.0:
+            return Desired(self._position.copy(), self._velocity.copy(), np.zeros_like(self._goal))
+        left, a, k = self._goal - self._position, self._most, self._rate
+        far = np.abs(left)
+        near = a / k**2  # where both have the same velocity and slope
+        wanted = np.where(far > near, np.sqrt(2.0 * a * np.maximum(far - 0.5 * near, 0.0)), k * far)
+        wanted = np.sign(left) * np.minimum(wanted, self._speed)
+        change = np.clip(wanted - self._velocity, -a * elapsed, a * elapsed)
+        self._velocity = self._velocity + change
+        self._position = self._position + self._velocity * elapsed
+        return Desired(self._position.copy(), self._velocity.copy(), change / elapsed)

@@ -1,0 +1,170 @@
+"""The controller's loop closed by a simulated arm, without a process: what its defaults do to it."""
+
+import numpy as np
+import pytest
+
+import diag_dynamics as dd
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.controlled import supervisor as phases
+from diag_dynamics.nodes.controlled.loop import ControlLoop
+from diag_dynamics.nodes.controlled.reference import SetPoint, at_rest
+from diag_dynamics.nodes.controlled.settings import MODES, PARAMETERS
+from nodes import MS, UR5, S, joint_state, robot
+from test_controller import state_at, trajectory
+
+Q = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2])
+STRETCHED = np.zeros(6)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return dd.load_urdf(robot(UR5).path)
+
+
+def loop_of(arm, compensated=False, **values):
+    return ControlLoop(arm, {name: spec.default for name, spec in PARAMETERS.items()} | values, compensated)
+
+
+class Closed:
+    """A loop, by default with its defaults, on an arm without friction that nothing stops, at 1 kHz."""
+
+    def __init__(self, arm, q, qd=None, carried=True, **values):
+        """Put the arm somewhere; carried, it is at first."""
+        self.loop = loop_of(arm, **values)
+        nothing = np.zeros(6)
+        self.arm = dd.Simulation(arm, q, qd, friction=nothing, damping=nothing, limits=False)
+        self.stamp, self.sent, self.fastest = S, None, nothing
+        self.way, self.lost = [np.array(q, dtype=float)], []
+        if carried:
+            self.loop.efforts.reset(robot(UR5).oracle.gravity_torque(np.array(q, dtype=float)))
+
+    def go(self, seconds, push=None):
+        """Let it go on; a push is a wrench on the tool."""
+        for _ in range(round(1000 * seconds)):
+            self.stamp += MS
+            self.sent = self.loop.step(state_at(self.stamp, self.arm.q, self.arm.qd), self.stamp)
+            self.arm.advance(self.sent.effort, f_ext=push)
+            self.way.append(self.arm.q.copy())
+            self.fastest = np.maximum(self.fastest, np.abs(self.arm.qd))
+            self.lost += [self.sent.lost] if self.sent.lost else []
+        return self
+
+
+# --- set-points
+
+
+@pytest.mark.parametrize("period", [1, 2, 10], ids="{} ms".format)
+def test_a_set_point_is_gone_to_without_haste(period):
+    """Within speed and acceleration, without overshoot, and there in the end; from a motion, too, and from another goal."""
+    rng = np.random.default_rng(period)
+    speed, rate = rng.uniform(0.1, 2.0, 4), rng.uniform(5.0, 20.0, 4)
+    turns = np.array([False, False, False, True])
+    goal, desired = rng.uniform(-3, 3, 4), at_rest(rng.uniform(-3, 3, 4))
+    for time, seconds in ((0, 0.7), (700 * MS, 60.0)):
+        goal, before = rng.uniform(-3, 3, 4), desired
+        point = SetPoint(goal, desired, speed, rate, turns)
+        for k in range(round(1000 * seconds / period)):
+            desired, last = point.sample(time + k * period * MS), desired
+            dt = period * 1e-3 if k else 0.0
+            assert (np.abs(desired.velocity) <= speed + 1e-12).all()
+            assert (np.abs(desired.acceleration) <= 2.0 * speed + 1e-9).all()
+            np.testing.assert_allclose(desired.velocity, last.velocity + desired.acceleration * dt, atol=1e-12)
+            if k:
+                np.testing.assert_allclose(desired.position, last.position + desired.velocity * dt, atol=1e-12)
+            coast = before.velocity**2 / (4.0 * speed) + 1e-2 * speed * period
+            low, high = np.minimum(before.position, goal) - coast, np.maximum(before.position, goal) + coast
+            assert ((low <= desired.position) & (desired.position <= high))[~turns].all()
+    away = desired.position - goal
+    away[3] -= 2.0 * np.pi * np.round(away[3] / (2.0 * np.pi))
+    np.testing.assert_allclose(away, 0.0, atol=1e-9)
+    assert np.abs(desired.position - before.position)[3] < np.pi + 1.0
+
+
+@pytest.mark.parametrize(
+    "goal", [[0.3, -1.5, 1.04, -0.6, 0.5, 0.2], [0.3, -2.2, 0.2, -0.6, 0.5, 0.2], Q + 1.0, Q - 1.0]
+)
+def test_the_arm_goes_to_a_set_point_and_is_not_thrown_at_it(arm, goal):
+    """With the defaults, whose effort rate is slower than the law: a quarter of the speed limit, and no overshoot."""
+    closed, goal = Closed(arm, Q).go(0.1), np.array(goal)
+    closed.loop.take_set_point(joint_state(arm.dof_names, goal))
+    closed.go(7.0)
+    beyond = (np.array(closed.way) - goal) * np.sign(goal - Q)
+    assert beyond[:, goal != Q].max() < 1e-3 and not closed.lost
+    assert (closed.fastest <= 0.26 * arm.velocity_limit + 0.02).all()
+    np.testing.assert_allclose(closed.arm.q, goal, atol=1e-6)
+
+
+def test_a_target_that_is_not_followed_is_given_up(arm):
+    """An arm that somebody else holds or moves: it stays where it is, and does not jump when it is let go."""
+    loop, stamp = loop_of(arm), S
+    for k in range(4000):
+        stamp += MS
+        moved = Q + np.array([0.0, 0.0, min(k / 1000, 3.0) * 0.3, 0, 0, 0])  # and the commands come to nothing
+        sent = loop.step(state_at(stamp, moved, [0, 0, 0.3 * (k < 3000), 0, 0, 0]), stamp)
+        assert np.abs(sent.command.error if sent.command else np.zeros(6)).max() <= 0.5
+        if sent.lost:
+            assert "joint 'elbow_joint' is 0.5 behind, expected no more than following_tolerance = 0.5" in sent.lost
+            break
+    assert 1600 < k < 1800 and not sent.command.error.any()
+    freely = loop_of(arm, following_tolerance=0.0)
+    for k in range(3000):
+        moved = Q + np.array([0.0, 0.0, k / 3000, 0.0, 0.0, 0.0])
+        sent = freely.step(state_at(S + k * MS, moved), S + k * MS)
+        assert not sent.lost
+    assert sent.command.error[2] < -0.9
+
+
+# --- trajectories
+
+
+def test_a_trajectory_faster_than_the_robot_is_refused(arm):
+    """By joint and limit: between points, and on the way to the first one; the target before stays in force."""
+    closed = Closed(arm, Q).go(0.1)
+    there = Q + np.array([0.0, 1.0, 0, 0, 0, 0])
+    with pytest.raises(InputError, match=r"'shoulder_lift_joint' move at 20, expected no more than its limit 3\.15"):
+        closed.loop.take_trajectory(trajectory([(0.05, there)], arm.dof_names), closed.stamp)
+    rest = np.zeros(6)
+    with pytest.raises(
+        InputError, match=r"'shoulder_lift_joint' move at 3\.75, expected"
+    ):  # a cubic: 1.5 times the mean
+        points = [(1.0, Q, rest), (1.4, there, rest)]
+        closed.loop.take_trajectory(trajectory(points, arm.dof_names), closed.stamp)
+    closed.go(0.1)
+    np.testing.assert_allclose(closed.arm.q, Q, atol=1e-6)
+    closed.loop.take_trajectory(trajectory([(0.0, Q), (2.0, there, rest)], arm.dof_names), closed.stamp)
+    closed.go(4.0)
+    np.testing.assert_allclose(closed.arm.q, there, atol=1e-4)
+
+
+# --- beginning
+
+
+@pytest.mark.parametrize("rate", [1000.0, 300.0, 100.0])
+def test_an_arm_without_brakes_is_caught_and_not_thrown(arm, rate):
+    """Efforts begin at zero: it sinks, how far is a matter of their rate; it comes to rest, and only then the law begins."""
+    closed = Closed(arm, STRETCHED, carried=False, effort_rate=[f"*={rate}"])
+    closed.go(8.0)
+    assert np.abs(closed.arm.qd).max() < 1e-6 and not closed.lost
+    assert closed.sent.lyapunov_rate is not None
+    assert bool(closed.loop.efforts.slow) == (rate < 1000.0)
+    sunk = np.abs(np.array(closed.way)).max()
+    assert sunk < {1000.0: 0.5, 300.0: 2.0, 100.0: 3.0}[rate]
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_no_law_begins_outside_of_limits(arm, mode):
+    """By joint, position and limits: springs would throw it. At a stop, or nearly, it begins."""
+    values = {"initial_mode": mode, "controlled_link": "tool0"}
+    loop = loop_of(arm, **values)
+    far = Q.copy()
+    far[2] = arm.upper[2] + 0.4
+    assert loop.step(state_at(S, far), S) is None
+    assert loop.supervisor.phase == phases.INACTIVE
+    assert "'elbow_joint' is at 3.54159, outside of its limits -3.14159 … 3.14159" in loop.supervisor.reason
+    far[2] = arm.upper[2] + 0.04
+    assert loop.step(state_at(S, far), S) is not None
+
+
+def test_a_hold_shorter_than_a_state_may_be_old_is_refused(arm):
+    with pytest.raises(InputError, match=r"'hold_time' is 0\.03 s, expected at least twice max_state_age = 0\.02 s"):
+        loop_of(arm, hold_time=0.03)
