@@ -7,7 +7,7 @@ import diag_dynamics as dd
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.controlled import supervisor as phases
 from diag_dynamics.nodes.controlled.loop import ControlLoop
-from diag_dynamics.nodes.controlled.reference import SetPoint, at_rest
+from diag_dynamics.nodes.controlled.reference import WITHIN, SetPoint, at_rest
 from diag_dynamics.nodes.controlled.settings import MODES, PARAMETERS
 from nodes import MS, UR5, S, joint_state, robot
 from test_controller import state_at, trajectory
@@ -33,7 +33,7 @@ class Closed:
         self.loop = loop_of(arm, **values)
         nothing = np.zeros(6)
         self.arm = dd.Simulation(arm, q, qd, friction=nothing, damping=nothing, limits=False)
-        self.stamp, self.sent, self.fastest = S, None, nothing
+        self.stamp, self.sent, self.fastest, self.most = S, None, nothing, 0.0
         self.way, self.lost = [np.array(q, dtype=float)], []
         if carried:
             self.loop.efforts.reset(robot(UR5).oracle.gravity_torque(np.array(q, dtype=float)))
@@ -45,6 +45,7 @@ class Closed:
             self.sent = self.loop.step(state_at(self.stamp, self.arm.q, self.arm.qd), self.stamp)
             self.arm.advance(self.sent.effort, f_ext=push)
             self.way.append(self.arm.q.copy())
+            self.most = max(self.most, self.loop.energy)
             self.fastest = np.maximum(self.fastest, np.abs(self.arm.qd))
             self.lost += [self.sent.lost] if self.sent.lost else []
         return self
@@ -53,31 +54,46 @@ class Closed:
 # --- set-points
 
 
-@pytest.mark.parametrize("period", [1, 2, 10], ids="{} ms".format)
+@pytest.mark.parametrize("period", [1, 2, 10, 100], ids="{} ms".format)
 def test_a_set_point_is_gone_to_without_haste(period):
     """Within speed and acceleration, without overshoot, and there in the end; from a motion, too, and from another goal."""
     rng = np.random.default_rng(period)
-    speed, rate = rng.uniform(0.1, 2.0, 4), rng.uniform(5.0, 20.0, 4)
+    speed, rate = rng.uniform(0.1, 2.0, 4), rng.uniform(5.0, 9.0, 4)
     turns = np.array([False, False, False, True])
-    goal, desired = rng.uniform(-3, 3, 4), at_rest(rng.uniform(-3, 3, 4))
+    desired, dt = at_rest(rng.uniform(-3, 3, 4)), period * 1e-3
     for time, seconds in ((0, 0.7), (700 * MS, 60.0)):
         goal, before = rng.uniform(-3, 3, 4), desired
-        point = SetPoint(goal, desired, speed, rate, turns)
-        for k in range(round(1000 * seconds / period)):
+        point = SetPoint(goal, time, desired, speed, rate, turns)
+        for k in range(1, round(1000 * seconds / period)):
             desired, last = point.sample(time + k * period * MS), desired
-            dt = period * 1e-3 if k else 0.0
             assert (np.abs(desired.velocity) <= speed + 1e-12).all()
             assert (np.abs(desired.acceleration) <= 2.0 * speed + 1e-9).all()
             np.testing.assert_allclose(desired.velocity, last.velocity + desired.acceleration * dt, atol=1e-12)
-            if k:
-                np.testing.assert_allclose(desired.position, last.position + desired.velocity * dt, atol=1e-12)
-            coast = before.velocity**2 / (4.0 * speed) + 1e-2 * speed * period
+            step = desired.position - last.position
+            step[3] -= 2.0 * np.pi * np.round(step[3] / (2.0 * np.pi))
+            np.testing.assert_allclose(step, desired.velocity * dt, atol=1e-12)
+            coast = before.velocity**2 / (4.0 * speed) + 1.5 * speed * dt
             low, high = np.minimum(before.position, goal) - coast, np.maximum(before.position, goal) + coast
             assert ((low <= desired.position) & (desired.position <= high))[~turns].all()
     away = desired.position - goal
     away[3] -= 2.0 * np.pi * np.round(away[3] / (2.0 * np.pi))
     np.testing.assert_allclose(away, 0.0, atol=1e-9)
-    assert np.abs(desired.position - before.position)[3] < np.pi + 1.0
+
+
+def test_set_points_that_stream_are_followed():
+    """A new one with every state, from whatever the last one has led to; one that comes in fast motion brakes it."""
+    one, turns = np.ones(1), np.zeros(1, dtype=bool)
+    desired, most = at_rest(np.zeros(1)), 0.0
+    for k in range(3000):
+        point = SetPoint(np.array([0.4 * k * 1e-3]), k * MS, desired, one, 10.0 * one, turns)
+        desired = point.sample((k + 1) * MS)
+        most = max(most, desired.velocity[0])
+    assert desired.velocity[0] == pytest.approx(0.4, rel=1e-3) and most < 0.41
+    assert 1.2 - desired.position[0] == pytest.approx(0.4 / 8.0, rel=0.01)  # √(2aδ) is 0.4 there
+    point = SetPoint(np.zeros(1), 0, desired._replace(velocity=3.0 * one), one, 10.0 * one, turns)
+    way = [point.sample(k * MS) for k in range(1, 6000)]
+    assert max(np.abs(d.acceleration[0]) for d in way) == pytest.approx(3.0 / WITHIN)
+    assert way[0].velocity[0] == pytest.approx(3.0 - 3.0e-3 / WITHIN) and np.abs(way[-1].position) < 1e-6
 
 
 @pytest.mark.parametrize(
@@ -94,19 +110,47 @@ def test_the_arm_goes_to_a_set_point_and_is_not_thrown_at_it(arm, goal):
     np.testing.assert_allclose(closed.arm.q, goal, atol=1e-6)
 
 
-def test_a_target_that_is_not_followed_is_given_up(arm):
-    """An arm that somebody else holds or moves: it stays where it is, and does not jump when it is let go."""
-    loop, stamp = loop_of(arm), S
-    for k in range(4000):
+def test_an_energy_limit_makes_the_target_wait(arm):
+    """The limiter lets the arm go slower than set-points go: they wait for it, and are not given up."""
+    closed = Closed(arm, Q, energy_limit=0.1).go(0.1)
+    goal = Q + np.array([1.2, 0.3, 0, 0, 0, 0])
+    closed.loop.take_set_point(joint_state(arm.dof_names, goal))
+    closed.go(10.0)
+    np.testing.assert_allclose(closed.arm.q, goal, atol=1e-5)
+    assert not closed.lost and closed.most < 1.1 * 0.1
+
+
+def test_a_target_does_not_run_away_from_an_arm_that_is_held(arm):
+    """Drives that are off, or hands: efforts grow only as far as V may, which is then what the arm comes to move at."""
+    loop, goal, stamp = loop_of(arm), Q + np.array([0.4, 0.3, -0.4, 0, 0, 0]), S
+    for k in range(6000):
         stamp += MS
-        moved = Q + np.array([0.0, 0.0, min(k / 1000, 3.0) * 0.3, 0, 0, 0])  # and the commands come to nothing
-        sent = loop.step(state_at(stamp, moved, [0, 0, 0.3 * (k < 3000), 0, 0, 0]), stamp)
-        assert np.abs(sent.command.error if sent.command else np.zeros(6)).max() <= 0.5
+        sent = loop.step(state_at(stamp, Q), stamp)
+        if k == 200:
+            loop.take_set_point(joint_state(arm.dof_names, goal))
+        assert not sent.lost
+    assert 1.0 < sent.command.lyapunov < 2.0 and np.abs(sent.command.error).max() < 0.2
+    closed = Closed(arm, Q)
+    closed.loop, closed.stamp = loop, stamp
+    closed.go(6.0)
+    np.testing.assert_allclose(closed.arm.q, goal, atol=1e-5)
+    assert closed.most < 2.5
+    beyond = (np.array(closed.way) - goal) * np.sign(goal - Q)
+    assert beyond[:, :3].max() < 0.02
+
+
+def test_a_target_that_is_not_followed_is_given_up(arm):
+    """An arm that somebody else moves: where it is is its target then."""
+    loop, stamp = loop_of(arm), S
+    for k in range(1000):
+        stamp += MS
+        moved = Q + np.array([0.0, 0.0, 0.3e-3 * k, 0, 0, 0])  # and the commands come to nothing
+        sent = loop.step(state_at(stamp, moved, [0, 0, 0.3, 0, 0, 0]), stamp)
         if sent.lost:
-            assert "joint 'elbow_joint' is 0.5 behind, expected no more than following_tolerance = 0.5" in sent.lost
             break
-    assert 1600 < k < 1800 and not sent.command.error.any()
-    freely = loop_of(arm, following_tolerance=0.0)
+    assert "expected no more than following_energy = 2 J; joint 'elbow_joint' is 0." in sent.lost
+    assert not sent.command.error.any()
+    freely = loop_of(arm, following_energy=0.0)
     for k in range(3000):
         moved = Q + np.array([0.0, 0.0, k / 3000, 0.0, 0.0, 0.0])
         sent = freely.step(state_at(S + k * MS, moved), S + k * MS)
@@ -118,7 +162,10 @@ def test_a_target_that_is_not_followed_is_given_up(arm):
 
 
 def test_a_trajectory_faster_than_the_robot_is_refused(arm):
-    """By joint and limit: between points, and on the way to the first one; the target before stays in force."""
+    """By joint and limit: between points, and on the way to the first one; and one that begins elsewhere.
+
+    The target before stays in force.
+    """
     closed = Closed(arm, Q).go(0.1)
     there = Q + np.array([0.0, 1.0, 0, 0, 0, 0])
     with pytest.raises(InputError, match=r"'shoulder_lift_joint' move at 20, expected no more than its limit 3\.15"):
@@ -129,6 +176,10 @@ def test_a_trajectory_faster_than_the_robot_is_refused(arm):
     ):  # a cubic: 1.5 times the mean
         points = [(1.0, Q, rest), (1.4, there, rest)]
         closed.loop.take_trajectory(trajectory(points, arm.dof_names), closed.stamp)
+    with pytest.raises(InputError, match=r"begins 0\.06 from where joint '\w+' is and should be"):
+        closed.loop.take_trajectory(trajectory([(0.0, Q + 0.06), (9.0, there)], arm.dof_names), 0)
+    with pytest.raises(InputError, match=r"'shoulder_pan_joint' move at (inf|nan)"):
+        closed.loop.take_trajectory(trajectory([(1.0, Q, [1e308, 0, 0, 0, 0, 0]), (2.0, Q, rest)], arm.dof_names), 0)
     closed.go(0.1)
     np.testing.assert_allclose(closed.arm.q, Q, atol=1e-6)
     closed.loop.take_trajectory(trajectory([(0.0, Q), (2.0, there, rest)], arm.dof_names), closed.stamp)
@@ -139,16 +190,28 @@ def test_a_trajectory_faster_than_the_robot_is_refused(arm):
 # --- beginning
 
 
-@pytest.mark.parametrize("rate", [1000.0, 300.0, 100.0])
+@pytest.mark.parametrize("rate", [1000.0, 300.0])
 def test_an_arm_without_brakes_is_caught_and_not_thrown(arm, rate):
     """Efforts begin at zero: it sinks, how far is a matter of their rate; it comes to rest, and only then the law begins."""
     closed = Closed(arm, STRETCHED, carried=False, effort_rate=[f"*={rate}"])
     closed.go(8.0)
-    assert np.abs(closed.arm.qd).max() < 1e-6 and not closed.lost
+    assert np.abs(closed.arm.qd).max() < 1e-6
     assert closed.sent.lyapunov_rate is not None
     assert bool(closed.loop.efforts.slow) == (rate < 1000.0)
     sunk = np.abs(np.array(closed.way)).max()
-    assert sunk < {1000.0: 0.5, 300.0: 2.0, 100.0: 3.0}[rate]
+    assert sunk < {1000.0: 0.5, 300.0: 2.0}[rate]
+
+
+def test_an_arm_with_a_load_that_nobody_knows_is_not_let_sink(arm):
+    """Damping alone would let it creep down for ever; the law begins, and holds it. Targets that come before are refused."""
+    closed = Closed(arm, Q, carried=False)
+    pull = {"tool0": (0, 0, 20.0, 0, 0, 0)}  # along its axis
+    closed.go(0.02, pull)
+    assert closed.loop.taking_up and closed.sent.command.error is None
+    with pytest.raises(InputError, match="set_point comes while the robot is taken up"):
+        closed.loop.take_set_point(joint_state(arm.dof_names, Q))
+    closed.go(3.0, pull)
+    assert not closed.loop.taking_up and np.abs(closed.arm.qd).max() < 1e-3
 
 
 @pytest.mark.parametrize("mode", MODES)

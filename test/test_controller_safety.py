@@ -60,7 +60,7 @@ class Fed(Controller):
             "tracking_gain": [f"*={20.0 * GAIN}", f"wrist_1_joint={30.0 * GAIN}"],
             "controlled_link": "tool0",
             "set_point_speed": 1.0,
-            "following_tolerance": 0.0,  # the arm that is fed does not move
+            "following_energy": 0.0,  # the arm that is fed does not move
         }
         super().__init__(peer, namespace, "-r", f"/clock:={namespace}/clock", **(defaults | parameters))
 
@@ -232,6 +232,7 @@ def test_late_states(damped):
     check_the_end(damped, first)
     status = damped.settle(Q, MOVING)
     close(status.effort_command, sent_for(damped, pinocchio_command("damping", Q, MOVING, None)))
+    damped.settle()  # at rest: the law is in force again
     damped.wait_until_told("control", "mode damping", b"\0")
 
 
@@ -518,4 +519,7 @@ def test_an_order_of_joints_that_changes_ends_it(peer):
             close(fed.sent.messages[-1].data, [gravity.get(name, 0.0) * (joints is swapped) for name in joints])
             assert peer.set_parameter(other, "joints", list(NAMES)).successful
             assert peer.transition(fed.name, "activate")
+            fed.sent.forget()
             fed.connect()
+            peer.wait_until(lambda: fed.sent.messages, "a command")
+            close(fed.sent.messages[0].data, gravity_of(Q) * (joints is swapped))  # they go on from what was sent

@@ -259,9 +259,15 @@ class ControllerNode(ManagedNode):
             # The last command stays: it is in their order, or nothing.
             known = sorted(theirs) == sorted(self._joints)
             names, own = list(self._loop.dynamics.model.dof_names), self._order
-            self._order = [names.index(name) for name in theirs] if known else None
-            self.trigger_deactivate()
-            self._order = own
+            if known:
+                self._order = [names.index(name) for name in theirs]
+                self.trigger_deactivate()
+                self._order = own
+            else:
+                self._loop.supervisor.forget()  # nothing more of what it has asked for
+                self.trigger_deactivate()
+                self._loop.efforts.reset(np.zeros(len(names)))
+                self._commands.publish(Float64MultiArray(data=array("d", [0.0] * len(theirs))))
             self.failure = shortened(f"deactivated: {error}")
             self.get_logger().error(self.failure)
 
@@ -336,8 +342,7 @@ class ControllerNode(ManagedNode):
             self._status.publish(self._status_of(sent))
 
     def _send(self, effort):
-        ordered = effort[self._order] if self._order is not None else np.zeros(len(effort))
-        self._commands.publish(Float64MultiArray(data=array("d", ordered)))
+        self._commands.publish(Float64MultiArray(data=array("d", effort[self._order])))
 
     def _status_of(self, sent):
         loop, command = self._loop, sent.command
@@ -360,7 +365,7 @@ class ControllerNode(ManagedNode):
             message.pose_error_valid = True
             for field, vector in zip((message.position_error, message.orientation_error), command.error, strict=True):
                 field.x, field.y, field.z = map(float, vector)
-        elif loop.mode == TRACKING:
+        elif loop.mode == TRACKING and command.error is not None:
             message.tracking_error, message.tracking_error_valid = doubles(command.error), True
         return message
 
@@ -439,6 +444,9 @@ class ControllerNode(ManagedNode):
             return Status("control", WARN, f"{self.phase}: no commands", values)
         if supervisor.phase == IN_FORCE and recent["holds"]:
             said = f"mode {loop.mode}; gravity was held {recent['holds']} times, the last time: {self._last_hold}"
+            return Status("control", WARN, said, values)
+        if supervisor.phase == IN_FORCE and loop.taking_up:
+            said = f"mode {loop.mode}; the robot is taken up: damped until efforts carry it"
             return Status("control", WARN, said, values)
         if supervisor.phase == IN_FORCE:
             return Status("control", OK, f"mode {loop.mode}", values)

@@ -14,7 +14,7 @@ from diag_dynamics.control import (
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.controlled.efforts import Efforts
-from diag_dynamics.nodes.controlled.reference import SetPoint, at_rest
+from diag_dynamics.nodes.controlled.reference import SetPoint, at_rest, nearest
 from diag_dynamics.nodes.controlled.settings import (
     DAMPING,
     GRAVITY_COMPENSATION,
@@ -23,7 +23,7 @@ from diag_dynamics.nodes.controlled.settings import (
     TRACKING,
     by_dof,
 )
-from diag_dynamics.nodes.controlled.supervisor import ACTIVE, INACTIVE, RAMPING_DOWN, Supervisor
+from diag_dynamics.nodes.controlled.supervisor import ACTIVE, HOLDING, INACTIVE, RAMPING_DOWN, Supervisor
 from diag_dynamics.nodes.controlled.targets import aimed, require_within, set_point
 from diag_dynamics.nodes.controlled.trajectory import Trajectory
 from diag_dynamics.observer import DisturbanceObserver
@@ -37,8 +37,14 @@ BEYOND = 0.05
 SPEED = 1.0
 """Of a joint of which nobody says how fast it may be [rad/s, m/s]."""
 
-SLOW = 0.5
-"""Part of the speed of set-points at which a robot may move when a law takes it up."""
+SLOW = 0.1
+"""Part of its highest speed at which a robot may move when a law takes it up."""
+
+PATIENCE = 1.0
+"""How long it is waited for that, once efforts carry it [s]: by a load that is not known it may sink for ever."""
+
+STEP = 0.05
+"""How far from the robot's place, and from where it should be, a trajectory may begin, or go on after a hold [rad, m]."""
 
 OVERSPEED = 1.1
 """How much faster than its limit a joint may be between the points of a trajectory."""
@@ -94,6 +100,8 @@ class ControlLoop:
     supervisor : Supervisor
     mode : str
         The law in force.
+    taking_up : bool
+        Whether the robot is only damped yet, until efforts carry it.
     state : RobotState or None
         The last valid one.
     energy : float
@@ -121,9 +129,10 @@ class ControlLoop:
                 self._fastest,
             ),
         }
-        self._speed = values["set_point_speed"] * np.where(np.isfinite(self._fastest), self._fastest, SPEED)
+        self._highest = np.where(np.isfinite(self._fastest), self._fastest, SPEED)
+        self._speed = values["set_point_speed"] * self._highest
         self._turns = np.array([name in model.continuous_joints for name in names])
-        self._tolerance = values["following_tolerance"] or np.inf
+        self._most_behind = values["following_energy"] or np.inf
         if values["controlled_link"]:
             self._laws[POSE] = PoseRegulation(
                 dynamics,
@@ -154,7 +163,7 @@ class ControlLoop:
         self.state = None
         self.efforts.begin()
         self._origin = None  # time of the first state [ns]
-        self._taking_up = True
+        self.taking_up, self._carried = True, None  # and since when efforts carry the robot meanwhile [ns]
         self.energy = 0.0
         self._void()
 
@@ -194,6 +203,8 @@ class ControlLoop:
             raise InputError(f"{what} is for mode {mode}, but {self.mode} is in force.")
         if self.supervisor.phase != ACTIVE:
             raise InputError(f"{what} comes while the law is not in force: {self.supervisor.reason}.")
+        if self.taking_up:
+            raise InputError(f"{what} comes while the robot is taken up: it is damped until efforts carry it.")
 
     def take_pose(self, message):
         """Aim at a PoseStamped; see :func:`aimed`. It replaces the target before.
@@ -231,13 +242,28 @@ class ControlLoop:
             raise InputError("trajectory.header.stamp is so long ago that the trajectory is over.")
         self._begin()
         trajectory.begin(self.state.newest, self._desired.position, self._desired.velocity)
+        self._require_near(trajectory.sample(self.state.newest).position)
         self._require_speed(trajectory)
         self._target = trajectory
         self._no_rate()
 
+    def _way(self, there, here):
+        """From one position to another [rad, m], the shorter way where joints turn round."""
+        return nearest(there, here, self._turns) - here
+
+    def _require_near(self, position):
+        away = [np.abs(self._way(position, place)) for place in (self.state.position, self._desired.position)]
+        away = np.minimum(*away)
+        if (away > STEP).any():
+            k = int(np.argmax(away))
+            raise InputError(
+                f"trajectory begins {away[k]:.3g} from where joint '{self.dynamics.model.dof_names[k]}' is and should be, "
+                f"expected no more than {STEP:g}."
+            )
+
     def _require_speed(self, trajectory):
         fastest = trajectory.fastest().max(axis=0, initial=0.0)
-        beyond = fastest > OVERSPEED * self._fastest
+        beyond = ~(fastest <= OVERSPEED * self._fastest) | ~np.isfinite(fastest)
         if beyond.any():
             k = int(np.argmax(beyond))
             raise InputError(
@@ -263,7 +289,8 @@ class ControlLoop:
 
     def _to(self, position):
         rate = self._laws[TRACKING].convergence
-        return SetPoint(position, self._desired, self._speed, rate, self._turns)
+        longest = self.supervisor.max_age
+        return SetPoint(position, self.state.newest, self._desired, self._speed, rate, self._turns, longest)
 
     def _begin(self):
         """Take the state as it is for the target, unless that has been done."""
@@ -293,29 +320,20 @@ class ControlLoop:
         if self.supervisor.anew:
             if problem := self._outside(state.position):
                 return self.without_state(now, problem)
-            self._taking_up = True
+            self.taking_up, self._carried = True, None
+        held = self.supervisor.phase == HOLDING
         if self.supervisor.anew or not self._follows(state):
             self._void()
         before, self.state = self.state, state
         self._begin()
         external = self._observed(state)
         q, qd = state.position, state.velocity
-        if self._taking_up:
-            command = self._laws[DAMPING].command(q, qd)
-            asked = self.efforts.filtered(q, qd, command, external).effort
-            if before is None:
-                self.efforts.carry_on()
-            carried = self.efforts.carry(asked, state.newest)
-            self._taking_up = not carried or bool((np.abs(qd) > SLOW * self._speed).any())
-            self._void()
-            self._begin()
-        lost = ""
-        if self._taking_up:
-            command = command._replace(error=np.zeros_like(q) if self.mode == TRACKING else None)
-        else:
-            command, lost = self._followed(state)
+        if self.taking_up:
+            command, lost = self._take_up(state, before, external), ""
+        if not self.taking_up:
+            command, lost = self._followed(state, held)
         self.energy = 0.5 * float(command.nu @ command.nu)
-        rate = None if self._taking_up else self._measured_rate(before, state, command)
+        rate = None if self.taking_up else self._measured_rate(before, state, command)
         filtered = self.efforts.filtered(q, qd, command, external)
         effort, waited = self.efforts.ramped(filtered.effort, state.newest)
         at_limit = filtered.command.limited
@@ -336,22 +354,43 @@ class ControlLoop:
             "no law begins there"
         )
 
-    def _followed(self, state):
-        """The law's command, and why the target was given up: a robot that is too far behind it stays where it is."""
-        command = self._law_command(state)
-        if self.mode != TRACKING:
-            return command, ""
-        behind = np.abs(command.error)
-        if (behind <= self._tolerance).all():
-            return command, ""
-        k = int(np.argmax(behind))
+    def _take_up(self, state, before, external):
+        """What damps a robot until efforts carry it and it is slow; then the law may begin, this state its target."""
+        q, qd = state.position, state.velocity
+        command = self._laws[DAMPING].command(q, qd)._replace(error=None)
+        asked = self.efforts.filtered(q, qd, command, external).effort
+        if before is None:
+            self.efforts.carry_on()
+        if self._carried is None and self.efforts.carry(asked, state.newest):
+            self._carried = state.newest
+        if self._carried is not None:
+            slow = (np.abs(qd) <= SLOW * self._highest).all()
+            self.taking_up = not (slow or state.newest - self._carried > PATIENCE * 1e9)
         self._void()
         self._begin()
-        lost = (
-            f"target given up: joint '{self.dynamics.model.dof_names[k]}' is {behind[k]:.3g} behind, expected no more than "
-            f"following_tolerance = {self._tolerance:g}"
-        )
-        return self._law_command(state), lost
+        return command
+
+    def _followed(self, state, held):
+        """The law's command, and why the target was given up, if it was: the robot stays where it is then."""
+        if self.mode != TRACKING:
+            return self._law_command(state), ""
+        before = self._desired.position
+        command = self._law_command(state)
+        names, went = self.dynamics.model.dof_names, np.abs(self._way(self._desired.position, before))
+        if command.lyapunov > self._most_behind:
+            k = int(np.argmax(np.abs(command.error)))
+            lost = f"V is {command.lyapunov:.3g} J, expected no more than following_energy = {self._most_behind:g} J; joint "
+            lost += f"'{names[k]}' is {abs(command.error[k]):.3g} behind"
+        elif held and (went > STEP).any():
+            k = int(np.argmax(went))
+            lost = (
+                f"that of joint '{names[k]}' has gone on by {went[k]:.3g} during a hold, expected no more than {STEP:g}"
+            )
+        else:
+            return command, ""
+        self._void()
+        self._begin()
+        return self._law_command(state), f"target given up: {lost}"
 
     def _idle(self, state, now):
         """What is sent to a robot that has been given up while its states are valid: what goes to zero."""
@@ -420,7 +459,8 @@ class ControlLoop:
         q, qd, law = state.position, state.velocity, self._laws[self.mode]
         if self.mode != TRACKING:
             return law.command(q, qd)
-        self._desired = self._target.sample(state.newest)
+        lag = (self._lyapunov or 0.0) / self._most_behind
+        self._desired = self._target.sample(state.newest, lag)
         return law.command(q, qd, *self._desired)
 
     def _measured_rate(self, before, state, command):

@@ -7,8 +7,9 @@ import numpy as np
 WITHIN = 0.5
 """How long a joint takes to come to the speed at which set-points are gone to [s]."""
 
-LONGEST = 0.02
-"""Longest time in which it goes on at once [s]: after a stall it is no further."""
+
+HARDER = 4.0
+"""How much more than that it brakes for a robot that lags behind."""
 
 
 class Desired(NamedTuple):
@@ -35,38 +36,51 @@ class SetPoint:
 
     The efforts of a step towards a target far away would be more than limits let pass in time, and what follows them late
     swings. The velocity is √(2aδ) at a distance δ, so that braking takes no more than a, up to the speed; near the target it
-    is kδ. A new set-point is gone to from where the last one has led.
+    is kδ. A new set-point is gone to from where the last one has led. All joints slow down for a robot that lags behind.
 
     Parameters
     ----------
     goal : ndarray, shape (nv,)
         Position [rad, m].
+    time : int
+        Now [ns].
     desired : Desired
-        Where the robot should be now.
+        Where the robot should be at that time.
     speed, rate : ndarray, shape (nv,)
         The speed [rad/s, m/s], reached within :data:`WITHIN`, and k [1/s].
     turns : ndarray of bool, shape (nv,)
         Joints that turn round: they go the shorter way.
+    longest : float
+        Longest time in which it goes on at once [s]: after a stall it is no further.
     """
 
-    def __init__(self, goal, desired, speed, rate, turns):
+    def __init__(self, goal, time, desired, speed, rate, turns, longest=np.inf):
         self._position = nearest(desired.position, goal, turns)
         self._goal, self._speed, self._rate = goal, speed, rate
-        self._most = speed / WITHIN
-        self._velocity, self._time = np.clip(desired.velocity, -speed, speed), None
+        self._velocity, self._time, self._longest = desired.velocity, time, longest
+        self._most = np.maximum(speed, np.abs(desired.velocity)) / WITHIN  # what is faster is braked, too
 
-    def sample(self, time):
-        """Where the robot should be at a time [ns], which does not go back."""
-        elapsed = 0.0 if self._time is None else min(max(time - self._time, 0) * 1e-9, LONGEST)
-        self._time = time
+    def sample(self, time, lag=0.0):
+        """Where the robot should be at a time [ns], which does not go back.
+
+        Parameters
+        ----------
+        time : int
+        lag : float
+            How far the robot is behind, as V of the law in parts of what is tolerated: from a quarter on the target
+            waits for it, from three on it stands still.
+        """
+        elapsed, self._time = min(max(time - self._time, 0) * 1e-9, self._longest), time
         if elapsed == 0.0:
             return Desired(self._position.copy(), self._velocity.copy(), np.zeros_like(self._goal))
         left, a, k = self._goal - self._position, self._most, self._rate
         far = np.abs(left)
         near = a / k**2  # where both have the same velocity and slope
         wanted = np.where(far > near, np.sqrt(2.0 * a * np.maximum(far - 0.5 * near, 0.0)), k * far)
-        wanted = np.sign(left) * np.minimum(wanted, self._speed)
-        change = np.clip(wanted - self._velocity, -a * elapsed, a * elapsed)
+        wanted = np.sign(left) * np.minimum(np.minimum(wanted, self._speed), far / elapsed)
+        part = min(max(1.5 - 2.0 * lag, 0.0), 1.0)
+        most = a * elapsed * (1.0 + HARDER * (1.0 - part))
+        change = np.clip(part * wanted - self._velocity, -most, most)
         self._velocity = self._velocity + change
         self._position = self._position + self._velocity * elapsed
         return Desired(self._position.copy(), self._velocity.copy(), change / elapsed)

@@ -57,9 +57,9 @@ PARAMETERS = {
         minimum=1e-3,
         maximum=1.0,
     ),
-    "following_tolerance": _once(
-        0.5,
-        "How far a joint may be behind its target before that is given up [rad, m]; 0: as far as it likes.",
+    "following_energy": _once(
+        2.0,
+        "How large V of tracking may be before a target that the robot does not follow is given up [J]; 0: no matter.",
         minimum=0.0,
     ),
     # filters

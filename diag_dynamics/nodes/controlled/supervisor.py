@@ -85,7 +85,9 @@ class Supervisor:
         """Note at a time [ns] that there is no valid state, and why."""
         self.reason = reason
         self._ready = self._released = False
-        self._good = None
+        if self._good is not None:  # for as long as that state was good
+            fresh = min(max(now - self._good, 0), round(self.max_age * 1e9))
+            self._without, self._good = max(self._without - fresh, 0), None
         if self.phase == INACTIVE:
             return
         machine = self._machine_time()

@@ -113,8 +113,8 @@ class Trajectory:
         """Whether the last point has been reached at a time [ns]."""
         return (time - self._start) * 1e-9 >= self._times[-1]
 
-    def sample(self, time):
-        """Where the robot should be at a time [ns]."""
+    def sample(self, time, lag=0.0):
+        """Where the robot should be at a time [ns], however far it is behind."""
         t = (time - self._start) * 1e-9
         k = int(np.searchsorted(self._times, t, side="right"))
         if k == len(self._times):
