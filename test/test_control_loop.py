@@ -178,7 +178,7 @@ def test_a_trajectory_faster_than_the_robot_is_refused(arm):
         closed.loop.take_trajectory(trajectory(points, arm.dof_names), closed.stamp)
     with pytest.raises(InputError, match=r"begins 0\.06 from where joint '\w+' is and should be"):
         closed.loop.take_trajectory(trajectory([(0.0, Q + 0.06), (9.0, there)], arm.dof_names), 0)
-    with pytest.raises(InputError, match=r"'shoulder_pan_joint' move at (inf|nan)"):
+    with pytest.raises(InputError, match=r"points\[0\].velocities of joint 'shoulder_pan_joint' is 1e\+308"):
         closed.loop.take_trajectory(trajectory([(1.0, Q, [1e308, 0, 0, 0, 0, 0]), (2.0, Q, rest)], arm.dof_names), 0)
     closed.go(0.1)
     np.testing.assert_allclose(closed.arm.q, Q, atol=1e-6)

@@ -8,6 +8,9 @@ from diag_dynamics.nodes.controlled.reference import Desired, at_rest, nearest
 MOST_POINTS = 2000
 """Points that one trajectory may have."""
 
+ABSURD = 1e8
+"""Largest number that a point may hold: with greater ones polynomials overflow."""
+
 LOOKS = 9
 """Places of each stretch at which its velocity is looked at."""
 
@@ -177,11 +180,12 @@ def _field(points, name, names, order):
         raise InputError(f"trajectory.points[{k}].{name} has {lengths[k]} entries, expected {width}.")
     table = np.zeros((len(points), width))
     table[given] = np.frombuffer(b"".join(values)).reshape(-1, width)[:, order]
-    strange = np.argwhere(~np.isfinite(table))
+    strange = np.argwhere(~(np.abs(table) <= ABSURD))
     if strange.size:
         k, joint = strange[0]
         raise InputError(
-            f"trajectory.points[{k}].{name} of joint '{names[joint]}' is {table[k, joint]}, expected a finite number."
+            f"trajectory.points[{k}].{name} of joint '{names[joint]}' is {table[k, joint]}, expected a finite number "
+            f"of no more than {ABSURD:g}."
         )
     return table, given
 
