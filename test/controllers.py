@@ -250,6 +250,8 @@ def check_commands(arm, mode, target, least=50, every=1):
         if k % every or state is None or status.mode != mode or not untouched(status):
             continue
         q, qd = np.array(state.position), np.array(state.velocity)
+        if mode == "pose" and not status.lyapunov_valid:
+            continue  # on its way, and aimed at where that has come
         aim = target
         if mode == "tracking":
             if (aim := desired_by_differences(arm, k)) is None:

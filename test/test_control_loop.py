@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
+from controllers import pose_message
+from diag_dynamics.control.pose import rotation_of
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.controlled import supervisor as phases
 from diag_dynamics.nodes.controlled.loop import ControlLoop
@@ -156,6 +158,28 @@ def test_a_target_that_is_not_followed_is_given_up(arm):
         sent = freely.step(state_at(S + k * MS, moved), S + k * MS)
         assert not sent.lost
     assert sent.command.error[2] < -0.9
+
+
+# --- poses
+
+
+@pytest.mark.parametrize("away", [(0.0, 0.1, -0.1), (-0.2, 0.1, 0.1), (2.0, 0.0, 0.0), (0.0, 0.0, 0.0)])
+def test_a_pose_is_gone_to_and_the_arm_is_not_thrown_at_it(arm, away):
+    """With the defaults, turned by a radian as well: within a half of the speed limits; out of reach it comes to rest."""
+    closed = Closed(arm, Q, initial_mode="pose", controlled_link="tool0").go(0.1)
+    placed = closed.loop.dynamics.placement(Q, "tool0")
+    axes = placed[:3, :3] @ rotation_of([np.sin(0.5), 0.0, 0.0, np.cos(0.5)])
+    goal = placed[:3, 3] + away
+    closed.loop.take_pose(pose_message("base_link", goal, axes))
+    closed.go(0.1)
+    np.testing.assert_allclose(closed.sent.command.error.position, away, atol=0.02)  # of the goal, not of the way
+    assert closed.sent.lyapunov_rate is None
+    closed.go(10.0)
+    error, out_of_reach = closed.sent.command.error, away[0] > 1.0
+    assert (closed.fastest <= 0.6 * arm.velocity_limit).all() and closed.most < 2.0
+    assert np.abs(closed.arm.qd).max() < 5e-2
+    assert out_of_reach or (np.linalg.norm(error.position) < 2e-3 and np.linalg.norm(error.orientation) < 2e-3)
+    assert out_of_reach or closed.sent.lyapunov_rate is not None
 
 
 # --- trajectories

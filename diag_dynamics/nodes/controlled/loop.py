@@ -8,13 +8,15 @@ from diag_dynamics.control import (
     Command,
     GravityCompensation,
     JointTracking,
+    PoseError,
     PoseRegulation,
     RateDamping,
 )
+from diag_dynamics.control.pose import rotation_vector
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.controlled.efforts import Efforts
-from diag_dynamics.nodes.controlled.reference import SetPoint, at_rest, nearest
+from diag_dynamics.nodes.controlled.reference import PoseTarget, SetPoint, at_rest, nearest
 from diag_dynamics.nodes.controlled.settings import (
     DAMPING,
     GRAVITY_COMPENSATION,
@@ -45,6 +47,9 @@ PATIENCE = 1.0
 
 STEP = 0.05
 """How far from the robot's place, and from where it should be, a trajectory may begin, or go on after a hold [rad, m]."""
+
+APPROACH = 10.0
+"""Rate at which the way to a pose decays in the end [1/s]."""
 
 OVERSPEED = 1.1
 """How much faster than its limit a joint may be between the points of a trajectory."""
@@ -132,6 +137,7 @@ class ControlLoop:
         self._highest = np.where(np.isfinite(self._fastest), self._fastest, SPEED)
         self._speed = values["set_point_speed"] * self._highest
         self._turns = np.array([name in model.continuous_joints for name in names])
+        self._pose_speed = np.array([values["position_speed"], values["orientation_speed"]])
         self._most_behind = values["following_energy"] or np.inf
         if values["controlled_link"]:
             self._laws[POSE] = PoseRegulation(
@@ -172,6 +178,8 @@ class ControlLoop:
         self._target, self._to_begin = None, True
         self._no_rate()
 
+        self._behind = 0.0
+
     def _no_rate(self):
         self._lyapunov = None
 
@@ -207,7 +215,7 @@ class ControlLoop:
             raise InputError(f"{what} comes while the robot is taken up: it is damped until efforts carry it.")
 
     def take_pose(self, message):
-        """Aim at a PoseStamped; see :func:`aimed`. It replaces the target before.
+        """Go to a PoseStamped; see :func:`aimed` and :class:`PoseTarget`. It replaces the target before.
 
         Raises
         ------
@@ -217,7 +225,8 @@ class ControlLoop:
         self._require(POSE, "target")
         target = aimed(message, self.dynamics, self.state.position)
         self._begin()
-        self._laws[POSE].aim(*target)
+        speed, rate = self._pose_speed, np.full(2, APPROACH)
+        self._target = PoseTarget(target, self.state.newest, self._aim, speed, rate, self.supervisor.max_age)
         self._no_rate()
 
     def take_trajectory(self, message, now):
@@ -301,7 +310,8 @@ class ControlLoop:
         self._desired = at_rest(q)
         self._target = self._to(q)
         if self.mode == POSE:
-            self._laws[POSE].aim(*self._laws[POSE].pose(q))
+            self._aim, self._target = self._laws[POSE].pose(q), None
+            self._laws[POSE].aim(*self._aim)
 
     # --- Cycles ---
 
@@ -457,14 +467,33 @@ class ControlLoop:
 
     def _law_command(self, state):
         q, qd, law = state.position, state.velocity, self._laws[self.mode]
+        lag = self._behind / self._most_behind
+        if self.mode == POSE:
+            return self._towards(law, state, lag)
         if self.mode != TRACKING:
             return law.command(q, qd)
-        lag = (self._lyapunov or 0.0) / self._most_behind
         self._desired = self._target.sample(state.newest, lag)
         return law.command(q, qd, *self._desired)
 
+    def _towards(self, law, state, lag):
+        """The command of pose regulation on its way: its springs pull to where that has come, its error is from the goal."""
+        q, target = state.position, self._target
+        if target is None:
+            return law.command(q, state.velocity)
+        self._aim = target.sample(state.newest, lag)
+        law.aim(*self._aim)
+        command = law.command(q, state.velocity)
+        if target.arrived:
+            self._target = None
+            return command
+        self._no_rate()
+        position, axes = law.pose(q)
+        return command._replace(error=PoseError(target.goal[0] - position, rotation_vector(target.goal[1] @ axes.T)))
+
     def _measured_rate(self, before, state, command):
         """dV/dt from this state and the one before, if both are of one target."""
-        last, self._lyapunov = self._lyapunov, command.lyapunov
+        self._behind = command.lyapunov
+        on_its_way = self.mode == POSE and self._target is not None  # V is that of a target which moves
+        last, self._lyapunov = self._lyapunov, None if on_its_way else command.lyapunov
         elapsed = (state.newest - before.newest) * 1e-9 if before is not None else 0.0
         return (command.lyapunov - last) / elapsed if last is not None and elapsed > 0.0 else None

@@ -1,8 +1,13 @@
-"""Where the robot should be at a time, on its way to a set-point."""
+"""Where the robot should be at a time, on its way to a set-point or a pose."""
 
 from typing import NamedTuple
 
 import numpy as np
+
+from diag_dynamics.control.pose import rotation_of, rotation_vector
+
+THERE = 1e-6
+"""What is no way to a pose any more [m, rad]."""
 
 WITHIN = 0.5
 """How long a joint takes to come to the speed at which set-points are gone to [s]."""
@@ -84,3 +89,38 @@ class SetPoint:
         self._velocity = self._velocity + change
         self._position = self._position + self._velocity * elapsed
         return Desired(self._position.copy(), self._velocity.copy(), change / elapsed)
+
+
+class PoseTarget:
+    """Goes to a pose as :class:`SetPoint` does: straight, and about the axis of the smallest rotation.
+
+    Parameters
+    ----------
+    goal : tuple of ndarray
+        Position [m], shape (3,), and axes as columns, shape (3, 3).
+    time : int
+        Now [ns].
+    start : tuple of ndarray
+        Where it is aimed now, likewise.
+    speed, rate, longest
+        As those of a SetPoint, in m/s and rad/s; shape (2,).
+    """
+
+    def __init__(self, goal, time, start, speed, rate, longest):
+        self.goal, self._start, self.arrived = goal, start, False
+        self._way, self._turn = goal[0] - start[0], rotation_vector(goal[1] @ start[1].T)
+        self._lengths = np.array([np.linalg.norm(self._way), np.linalg.norm(self._turn)])
+        away, straight = at_rest(np.zeros(2)), np.zeros(2, dtype=bool)
+        self._along = SetPoint(self._lengths, time, away, speed, rate, straight, longest)
+
+    def sample(self, time, lag=0.0):
+        """Position and axes at which to aim at a time [ns]; `lag` as for a SetPoint."""
+        gone = self._along.sample(time, lag).position
+        if (self._lengths - gone <= THERE).all():
+            self.arrived = True
+            return self.goal
+        way, turn = np.divide(gone, self._lengths, out=np.ones(2), where=self._lengths > 0.0)
+        half = 0.5 * turn * self._lengths[1]
+        axis = self._turn / max(self._lengths[1], THERE)
+        about = rotation_of(np.append(np.sin(half) * axis, np.cos(half))) if self._lengths[1] > THERE else np.eye(3)
+        return self._start[0] + way * self._way, about @ self._start[1]

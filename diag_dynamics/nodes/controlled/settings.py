@@ -46,6 +46,8 @@ PARAMETERS = {
     "controlled_link": _once("", "Link whose pose is regulated; empty: none, and no mode pose."),
     "position_stiffness": _once(200.0, "Of the pose's position [N/m].", minimum=1e-6),
     "orientation_stiffness": _once(20.0, "Of the pose's orientation [N m/rad].", minimum=1e-6),
+    "position_speed": _once(0.25, "How fast the position of a pose is gone to [m/s].", minimum=1e-6),
+    "orientation_speed": _once(0.5, "How fast its orientation is gone to [rad/s].", minimum=1e-6),
     "pose_damping": _once(["*=12.0"], "Gains c1 of pose regulation, each as joint=gain; * for all others [1/s]."),
     "tracking_gain": _once(["*=20.0"], "Gains K of tracking, each as joint=gain; * for all others [1/s]."),
     "tracking_convergence": _once(
@@ -59,7 +61,8 @@ PARAMETERS = {
     ),
     "following_energy": _once(
         2.0,
-        "How large V of tracking may be before a target that the robot does not follow is given up [J]; 0: no matter.",
+        "V of tracking at which a target that the robot does not follow is given up [J], from a quarter of which set-points "
+        "and poses wait for it; 0: never.",
         minimum=0.0,
     ),
     # filters
