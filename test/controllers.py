@@ -93,7 +93,12 @@ class Controller:
             new, at = self.status.messages[at:], len(self.status.messages)
             return next((status for status in new if condition(status)), None)
 
-        return self.peer.wait_until(found, what, timeout)
+        try:
+            return self.peer.wait_until(found, what, timeout)
+        except AssertionError as error:
+            last = self.status.messages[-1] if self.status.messages else None
+            said = last and f"phase {last.phase}, mode {last.mode}, K {last.energy:g}, {last.message}"
+            raise AssertionError(f"{error}; last status: {said}") from None
 
     def ask(self, mode):
         """Ask for a law."""

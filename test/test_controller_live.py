@@ -34,6 +34,7 @@ def live(peer):
         "use_sim_time": True,  # the simulator lets time go where the machine is busy, and its stamps fall behind the clock
         "energy_limit": 0.5,
         "max_rate.status": 200.0,
+        "resume_after_ramp": True,  # on a machine with too much to do nearly every state may come too late for a while
         "effort_rate": ["*=400.0"],
     }
     with Simulator(peer, "/live", UR5, **parameters) as simulator:
@@ -71,7 +72,7 @@ def test_stalls_are_survived_and_reported(live):
         end, sent = live.simulator.states.stamps[-1] + STALL, len(live.sent.messages)
         live.peer.wait_until(lambda end=end: live.simulator.states.stamps[-1] >= end, "the stall to be over")
         live.process.signal(signal.SIGCONT)
-        live.peer.wait_until(lambda sent=sent: len(live.sent.messages) > sent + 20, "commands")
+        live.peer.wait_until(lambda sent=sent: len(live.sent.messages) > sent + 20, "commands", START)
     report = live.reports[-1]
     told = [r.entries["commands"] for r in live.reports]
     assert any("gaps between commands beyond max_state_age" in s.message and s.level == b"\1" for s in told)
@@ -96,6 +97,6 @@ def test_after_kill_9(live):
     stood = np.array(simulator.next_state().position)
     live.start()
     at_rest(live)
-    live.wait_until_told("control", "mode tracking", b"\0")
+    live.wait_until_told("control", "mode tracking")
     simulator.wait_for_report(lambda r: r.values["brakes"] == "open", "open brakes")
     assert np.abs(np.array(simulator.next_state().position) - stood).max() < 0.1
