@@ -13,6 +13,7 @@ import examples  # noqa: F401 (its profiles must be known before pytest looks fo
 
 ROS_FILES = (
     "test_cdr.py",
+    "test_control_loop.py",
     "test_controller.py",
     "test_controller_live.py",
     "test_controller_node.py",
