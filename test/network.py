@@ -431,9 +431,12 @@ class Watch:
     def wait_for_report(self, condition, what, timeout=TIMEOUT):
         """Wait for the first report from now on that fulfils a condition, and return it."""
         begin = len(self.reports)
-        return self.wait_until(
-            lambda: next(filter(condition, self.reports[begin:]), None), f"a report of {what} by {self.name}", timeout
-        )
+        try:
+            return self.wait_until(
+                lambda: next(filter(condition, self.reports[begin:]), None), f"a report of {what} by {self.name}", timeout
+            )
+        except AssertionError as error:
+            raise AssertionError(f"{error}; the last reports: {self.reports[begin:][-3:]}") from None
 
     def wait_for_states(self, count, since, inputs, timeout=TIMEOUT):
         """Wait for so many states newer than a stamp whose inputs were heard, too, and for something on every topic."""

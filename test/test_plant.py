@@ -170,6 +170,7 @@ def test_pace(factor, gaps):
         steps += taken
         behind = (now - 100.0) * factor - pace.let_go - steps * step
         assert -1e-6 <= behind < step + 1e-6
+        assert now - (step + 1e-6) / factor < 100.0 + (steps * step + pace.skipped) / factor < now + 1e-6
     assert pace.let_go / step == pytest.approx(round(pace.let_go / step))
 
 
@@ -201,6 +202,7 @@ def test_clock_that_jumps_back():
     assert pace.steps(50.5, 0.0) > 0
     taken = pace.steps(10.0, 0.5)
     assert taken <= 10 and pace.let_go == pytest.approx(0.49, abs=0.02)
+    assert 50.0 + 0.5 + 0.001 * taken + pace.skipped == pytest.approx(10.0, abs=0.002)
     assert pace.steps(10.02, 0.5 + 0.001 * taken) == pytest.approx(20, abs=10)
 
 

@@ -85,11 +85,11 @@ class SimulatorNode(ManagedNode):
         self._plant = Plant(model, values)
         self._plant.simulation.dynamics.compile(*COMPILED)
         self._revision, self._failure, self._paused = 1, "", False
-        self._start = max(self.get_clock().now().nanoseconds, self._latest)  # stamps never go back
+        self._start = max(self.get_clock().now().nanoseconds, self._latest)  # /clock never goes back
+        self._pace = Pace(values["real_time_factor"], 1.0 / values["rate"], self._plant.simulation.step_size)
         self._use(model)
         for load in (self._truth_now, self._audit_now):  # what they call, before time goes on
             load()
-        self._pace = Pace(values["real_time_factor"], 1.0 / values["rate"], self._plant.simulation.step_size)
         self._publish_to(text)
         self._offer()
         self.settled()
@@ -182,9 +182,11 @@ class SimulatorNode(ManagedNode):
 
     def _go_on(self):
         """Have simulated time go on from here."""
-        now = self._now()
-        self._timeless = now == 0.0  # nothing on /clock yet
-        self._pace.resume(now, self._plant.time)
+        now = self.get_clock().now().nanoseconds
+        self._timeless = now == 0  # nothing on /clock yet
+        self._pace.resume(now * 1e-9, self._plant.time)
+        if not self._keeps_time:
+            self._start = now - round(self._plant.time * 1e9)
         self._lockstep.resume(time.monotonic())
 
     def _tick(self):
@@ -194,7 +196,6 @@ class SimulatorNode(ManagedNode):
         if self._timeless:
             if not self._now():
                 return
-            self._start = self.get_clock().now().nanoseconds - round(self._plant.time * 1e9)
             self._go_on()
         steps = self._pace.steps(self._now(), self._plant.time)
         if steps:
@@ -258,9 +259,13 @@ class SimulatorNode(ManagedNode):
 
     # --- Outputs ---
 
+    def _nanoseconds(self, simulated):
+        """Time for others of a simulated time [s]. It is theirs: where nobody goes by this node's time, none is let go."""
+        skipped = 0.0 if self._keeps_time else self._pace.skipped
+        return self._start + round((simulated + skipped) * 1e9)
+
     def _stamp(self, simulated):
-        """Stamp of a simulated time [s]."""
-        stamp = self._start + round(simulated * 1e9)
+        stamp = self._nanoseconds(simulated)
         self._latest = max(self._latest, stamp)
         return to_time(stamp)
 
@@ -304,7 +309,7 @@ class SimulatorNode(ManagedNode):
 
     def _truth_now(self):
         simulation = self._plant.simulation
-        stamp = self._start + round(self._plant.time * 1e9)
+        stamp = self._nanoseconds(self._plant.time)
         effort = simulation.effort
         s = simulation.evaluate(effort)
         return self._maker.state(s, RobotState(simulation.q, simulation.qd, effort, stamp, stamp, False))

@@ -33,7 +33,7 @@ class Pace:
 
     After an overrun the next tick takes the steps that are due together, so that the robot is where it has to be, but what
     it would have published in between is not. What is more than :data:`MOST_BEHIND` late is let go: simulated time then
-    stays behind for good. However fast it goes, a tick is so never longer than that takes.
+    stays behind for good, by :attr:`skipped`. However fast it goes, a tick is so never longer than that takes.
 
     Parameters
     ----------
@@ -43,12 +43,20 @@ class Pace:
         Simulated time between two ticks [s].
     step : float
         What simulated time is a multiple of [s].
+
+    Attributes
+    ----------
+    skipped : float
+        How far simulated time has come to be behind the clock since it went on last, a multiple of `step` [s]: what was let
+        go, less what the clock was set back.
+    let_go, overruns : float, int
+        As in :class:`Kept`, in all.
     """
 
     def __init__(self, factor, period, step):
         self.factor, self._period, self._step = factor, period, step
         self._span = period / factor if factor else 0.0  # between two ticks [s of the clock]
-        self.let_go = 0.0
+        self.skipped = self.let_go = 0.0
         self.overruns = 0
         self._begun = None
         self._start()
@@ -58,7 +66,7 @@ class Pace:
 
     def resume(self, now, simulated):
         """Go on from a simulated time [s] at a time [s] of the clock."""
-        self._begun, self._from = now, simulated
+        self._begun, self._from, self.skipped = now, simulated, 0.0
         self._due = now + self._span
 
     def steps(self, now, simulated):
@@ -73,6 +81,7 @@ class Pace:
         if behind > most or behind < -self._period:  # too late to catch up, or the clock has jumped back
             steps = math.floor((behind - self._period) / self._step)  # stamps stay whole steps apart
             self._from -= steps * self._step
+            self.skipped += steps * self._step
             self.let_go += max(steps, 0) * self._step
             behind -= steps * self._step
         self._judge(now)
