@@ -433,7 +433,9 @@ class Watch:
         begin = len(self.reports)
         try:
             return self.wait_until(
-                lambda: next(filter(condition, self.reports[begin:]), None), f"a report of {what} by {self.name}", timeout
+                lambda: next(filter(condition, self.reports[begin:]), None),
+                f"a report of {what} by {self.name}",
+                timeout,
             )
         except AssertionError as error:
             raise AssertionError(f"{error}; the last reports: {self.reports[begin:][-3:]}") from None

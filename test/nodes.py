@@ -39,7 +39,7 @@ from oracles import EARTH, Oracle
 
 START = 120.0
 """Longest time for a node to start [s]; on a slow disk the imports alone take long."""
-TIMEOUT = 30.0
+TIMEOUT = 60.0
 """Longest time for anything else [s]. Only a failing test waits so long."""
 
 PANDA = "panda_description/urdf/panda.urdf"
