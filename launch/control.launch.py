@@ -4,8 +4,8 @@ from launch.substitutions import LaunchConfiguration
 
 from diag_dynamics.nodes.launching import launch_together
 
-# The simulator lets time go where the machine is busy, so that its stamps fall behind the machine's clock for good: all go by
-# its own.
+# The simulator lets time go where the machine is busy. All go by its own clock, which stands still then: by the machine's,
+# states would be too old at once.
 GIVEN = {
     "simulator": {
         "publish_clock": "true",

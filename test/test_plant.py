@@ -1,6 +1,10 @@
 """The parts of the simulator, each by itself: drives, sensors, pace, pushes, and the plant they make up."""
 
 import math
+import os
+import subprocess
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,7 +23,7 @@ from diag_dynamics.nodes.plant.pushes import Pushes
 from diag_dynamics.nodes.plant.sensors import Errors, Sensors
 from diag_dynamics.nodes.plant.settings import PARAMETERS
 from examples import examples
-from nodes import PANDA, UR5, robot
+from nodes import PANDA, START, UR5, robot
 from oracles import Oracle
 
 NAMES = ("shoulder", "elbow", "wrist")
@@ -409,6 +413,29 @@ def test_same_seed_same_trajectory():
     assert own.time == at
     assert run() == first
     assert own.time == pytest.approx(2 * at)
+
+
+def test_same_seed_same_trajectory_in_another_process():
+    """To the last bit."""
+    program = (
+        "import hashlib; from test_plant import plant\n"
+        "own, seen = plant(sensor_noise=[1e-3, 1e-2, 0.1], sensor_dropped=0.3, seed=5, motion='wave'), hashlib.sha256()\n"
+        "for _ in range(40):\n"
+        "    own.advance(2); own.measure()\n"
+        "    for m in own.known():\n"
+        "        seen.update(m.position.tobytes() + m.velocity.tobytes() + m.effort.tobytes())\n"
+        "print(seen.hexdigest(), own.sensors.lost)"
+    )
+    said = set()
+    for hashes in "12":
+        path = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
+        environment = os.environ | {"PYTHONHASHSEED": hashes, "PYTHONPATH": path}
+        done = subprocess.run(
+            [sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=START, check=False
+        )
+        assert not done.returncode, done.stderr
+        said.add(done.stdout)
+    assert len(said) == 1 and len(said.pop().split()) == 2
 
 
 def test_put():

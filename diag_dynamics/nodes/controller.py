@@ -3,7 +3,6 @@
 import codecs
 import sys
 from array import array
-from collections import Counter
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
@@ -17,29 +16,25 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from diag_dynamics.control import PoseError
-from diag_dynamics.control.limits import HEAVY
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.msg import ControllerStatus
 from diag_dynamics.nodes.controlled.loop import ControlLoop
+from diag_dynamics.nodes.controlled.messages import status_message
+from diag_dynamics.nodes.controlled.report import Record, problems_of_limits, values_of_loop
 from diag_dynamics.nodes.controlled.settings import (
     COMPENSATES,
     MODES,
     PARAMETERS,
-    TRACKING,
     WHY_REQUIRED,
     command_order,
     require_same_joints,
 )
-from diag_dynamics.nodes.controlled.supervisor import ACTIVE as IN_FORCE
-from diag_dynamics.nodes.controlled.supervisor import RAMPING_DOWN
-from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Status, counted, shortened
+from diag_dynamics.nodes.diagnostics import ERROR, WARN, Diagnostics, Status, counted, shortened
 from diag_dynamics.nodes.effort_controller import JointsWatch, joints_of_controller
 from diag_dynamics.nodes.inputs.joint_states import JointStateAssembler, Options
 from diag_dynamics.nodes.inputs.known import KnownJointStates
 from diag_dynamics.nodes.inputs.rejected import RejectedError
 from diag_dynamics.nodes.managed import ACTIVE, INACTIVE, SUCCESS, UNCONFIGURED, ManagedNode
-from diag_dynamics.nodes.messages import doubles, to_time
 from diag_dynamics.nodes.outputs import RateLimit, connected
 from diag_dynamics.nodes.parameters import declare, wrong
 from diag_dynamics.nodes.robot import joints_of, load_robot
@@ -69,14 +64,8 @@ class ControllerNode(ManagedNode):
         self._description, self._refused, self._other = None, "", None
         self._published, self._listened, self._offered = [], [], []
         self._starting, self._watch, self._joints_watch = False, None, None
-        self._counts, self._counted = Counter(), Counter()  # in all, and until the last report
-        self._last_refusal, self._last_sent, self._largest_gap = "", None, 0.0
-        self._last_time, self._acted, self._last_hold = (
-            None,
-            False,
-            "",
-        )  # time of anything [ns], whether the law was in force
-        self._order_known, self._smallest_scale = "", 1.0
+        self._record, self._order_known = Record(), ""
+        self._last_time = None  # of anything [ns]
         self.add_on_set_parameters_callback(self._set_parameters)
         self._diagnostics = Diagnostics(self, self._report)
         if self._values["autostart"]:
@@ -135,7 +124,8 @@ class ControllerNode(ManagedNode):
         self._loop.forget()
         self._assembled.forget()
         self._assembled.stamps.forget()
-        self._last_sent = self._last_time = None
+        self._last_time = None
+        self._record.begin()
         newest = QoSProfile(depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._listen_to(JointState, "joint_states", self._take_joint_state, newest, raw=True)
         loop = self._loop
@@ -280,7 +270,7 @@ class ControllerNode(ManagedNode):
         """The time of a cycle [ns]; where it has gone back, the states of before are forgotten, whose stamps are ahead."""
         now, last = self._now(), self._last_time
         if last is not None and now < last - self._values["max_state_age"] * 1e9:
-            self._counts["clock went back"] += 1
+            self._record.counts["clock went back"] += 1
             self.get_logger().warning(f"The clock went back by {(last - now) * 1e-9:.6g} s.")
             self._assembled.forget()
             self._assembled.stamps.forget()
@@ -290,17 +280,15 @@ class ControllerNode(ManagedNode):
     def _take_joint_state(self, raw):
         if self.phase != ACTIVE:
             return
-        self._counts["joint states"] += 1
+        self._record.counts["joint states"] += 1
         now = self._cycle()
         try:
             state = self._states.update(raw, now)
             sent = None if state is None else self._loop.step(state, now)
         except RejectedError as rejection:
-            self._counts[f"rejected: {rejection.cause}"] += 1
-            sent = self._rejected(now, str(rejection))
+            sent = self._rejected(now, rejection.cause, str(rejection))
         except Exception as error:  # nothing that arrives may end the node, and the robot is not to be left by itself
-            self._counts["rejected: internal error"] += 1
-            sent = self._rejected(now, shortened(repr(error)))
+            sent = self._rejected(now, "internal error", shortened(repr(error)))
         self._answer(sent, now)
 
     def _look(self):
@@ -312,8 +300,8 @@ class ControllerNode(ManagedNode):
                 problem = f"joint '{late[0]}' is older than {self._values['joint_timeout']:g} s"
             self._answer(self._loop.without_state(now, problem), now)
 
-    def _rejected(self, now, reason):
-        self._last_refusal = reason
+    def _rejected(self, now, cause, reason):
+        self._record.refuse(f"rejected: {cause}", reason)
         return self._loop.without_state(now, reason)
 
     def _answer(self, sent, now):
@@ -321,53 +309,15 @@ class ControllerNode(ManagedNode):
         if sent is None:
             return
         self._send(sent.effort)
-        supervisor = self._loop.supervisor
-        if self._acted and supervisor.phase != IN_FORCE:
-            self._counts["holds"] += 1
-            self._last_hold = supervisor.reason
-        self._acted = supervisor.phase == IN_FORCE
         if sent.lost:
-            self._counts["targets given up"] += 1
-            self._last_refusal = sent.lost
+            self._record.refuse("targets given up", sent.lost)
             self.get_logger().warning(sent.lost, throttle_duration_sec=1.0)
-        if self._last_sent is not None:
-            gap = (now - self._last_sent) * 1e-9
-            self._largest_gap = max(self._largest_gap, gap)
-            self._counts["stalls"] += gap > self._values["max_state_age"]
-        self._last_sent = now
-        self._counts["commands"] += 1
-        self._counts["commands limited"] += bool(sent.saturated)
-        self._smallest_scale = min(self._smallest_scale, self._loop.efforts.scale)
+        self._record.command(now, sent, self._loop, self._values["max_state_age"])
         if self._status.get_subscription_count() and self._status_limit.due(now):
-            self._status.publish(self._status_of(sent))
+            self._status.publish(status_message(self._loop, sent))
 
     def _send(self, effort):
         self._commands.publish(Float64MultiArray(data=array("d", effort[self._order])))
-
-    def _status_of(self, sent):
-        loop, command = self._loop, sent.command
-        model, limiter = loop.dynamics.model, loop.efforts.energy_limiter
-        message = ControllerStatus(
-            mode=loop.mode, phase=loop.supervisor.phase, message=shortened(loop.supervisor.reason)
-        )
-        message.header.stamp, message.header.frame_id = to_time(sent.stamp), model.root_link
-        message.dof_names, message.state_age = list(model.dof_names), sent.age
-        message.effort_command, message.saturated_dofs = doubles(sent.effort), list(sent.saturated)
-        message.energy, message.energy_limited = loop.energy, sent.energy_limited
-        message.energy_limit_valid = limiter is not None
-        message.energy_limit = limiter.limit if limiter else 0.0
-        if command is None:
-            return message
-        message.lyapunov, message.lyapunov_rate_predicted = command.lyapunov, command.lyapunov_rate
-        message.lyapunov_valid = sent.lyapunov_rate is not None
-        message.lyapunov_rate_measured = sent.lyapunov_rate or 0.0
-        if isinstance(command.error, PoseError):
-            message.pose_error_valid = True
-            for field, vector in zip((message.position_error, message.orientation_error), command.error, strict=True):
-                field.x, field.y, field.z = map(float, vector)
-        elif loop.mode == TRACKING and command.error is not None:
-            message.tracking_error, message.tracking_error_valid = doubles(command.error), True
-        return message
 
     # --- Targets and modes ---
 
@@ -377,11 +327,10 @@ class ControllerNode(ManagedNode):
                 return
             try:
                 take(message)
-                self._counts[f"{topic} taken"] += 1
+                self._record.counts[f"{topic} taken"] += 1
             except Exception as error:
                 reason = shortened(str(error) if isinstance(error, DiagDynamicsError) else f"internal error: {error!r}")
-                self._counts[f"{topic} refused"] += 1
-                self._last_refusal = reason
+                self._record.refuse(f"{topic} refused", reason)
                 self.get_logger().warning(f"Refused on {topic}: {reason}", throttle_duration_sec=1.0)
 
         return callback
@@ -419,86 +368,42 @@ class ControllerNode(ManagedNode):
     # --- Diagnostics ---
 
     def _report(self):
-        recent = self._counts - self._counted
-        self._counted = self._counts.copy()
-        return [self._control_status(recent), self._command_status(recent), self._input_status(recent)]
+        record, recent = self._record, self._record.take_recent()
+        missing = {}
+        if self.phase == ACTIVE:
+            missing["joints that have not arrived"] = counted(self._assembled.missing)
+        problems, values = self._listeners()
+        return [
+            self._control_status(recent),
+            record.command_status(recent, problems, values),
+            record.input_status(recent, missing),
+        ]
 
     def _control_status(self, recent):
-        loop, values = self._loop, {"lifecycle": self.phase}
-        if loop is None:
-            refusal = self.failure or self._refused
-            waiting = "no robot yet" if self.phase == INACTIVE else self.phase
-            return Status("control", ERROR if refusal else WARN, refusal or waiting, values)
-        supervisor = loop.supervisor
-        values |= {
-            "robot": loop.dynamics.model.name,
-            "mode": loop.mode,
-            "robot compensates gravity": self._compensated,
-            "order of joints": self._order_known,
-            "joints without effort limit": counted(loop.efforts.unlimited),
-            "kinetic energy [J]": f"{loop.energy:.6g}",
-        }
-        if self.failure or self._refused:
-            return Status("control", ERROR, self.failure or self._refused, values)
+        values = {"lifecycle": self.phase}
+        if self._loop:
+            values |= values_of_loop(self._loop)
+            values |= {"robot compensates gravity": self._compensated, "order of joints": self._order_known}
+        if reason := self.failure or self._refused:
+            return Status("control", ERROR, reason, values)
+        if self.phase == ACTIVE:
+            return self._record.law_status(recent, self._loop, values)
+        waiting = self.phase == INACTIVE and not self._loop
+        return Status("control", WARN, "no robot yet" if waiting else f"{self.phase}: no commands", values)
+
+    def _listeners(self):
+        """What is wrong with who gets the commands and with what limits them, and all that there is to say of who does."""
         if self.phase != ACTIVE:
-            return Status("control", WARN, f"{self.phase}: no commands", values)
-        if supervisor.phase == IN_FORCE and recent["holds"]:
-            said = f"mode {loop.mode}; gravity was held {recent['holds']} times, the last time: {self._last_hold}"
-            return Status("control", WARN, said, values)
-        if supervisor.phase == IN_FORCE and loop.taking_up:
-            said = f"mode {loop.mode}; the robot is taken up: damped until efforts carry it"
-            return Status("control", WARN, said, values)
-        if supervisor.phase == IN_FORCE:
-            return Status("control", OK, f"mode {loop.mode}", values)
-        if loop.state is None:
-            return Status("control", WARN, f"no commands: {supervisor.reason}", values)
-        doing = "ramping down" if supervisor.phase == RAMPING_DOWN else "holding gravity"
-        level = ERROR if supervisor.phase == RAMPING_DOWN else WARN
-        return Status("control", level, f"{doing}: {supervisor.reason}", values)
-
-    def _command_status(self, recent):
-        keys = ("commands", "commands limited", "stalls")
-        values = {key: self._counts[key] for key in keys} | {"largest gap [s]": f"{self._largest_gap:.6f}"}
-        largest, self._largest_gap = self._largest_gap, 0.0
-        values["smallest scale for effort limits"] = f"{self._smallest_scale:.3f}"
-        self._smallest_scale = 1.0
-        problems = []
-        if recent["stalls"]:
-            problems.append(
-                f"{recent['stalls']} gaps between commands beyond max_state_age, the largest {largest:.3f} s"
-            )
-        if self.phase == ACTIVE:
-            topic = self._commands.topic_name
-            receivers, others = self._commands.get_subscription_count(), self.count_publishers(topic) - 1
-            values |= {"receivers": receivers, "other senders": others}
-            if not receivers:
-                problems.append(f"nobody listens to {topic}")
-            elif self._values["check_time"] and "not compared" in self._order_known:
-                problems.append(f"the order of joints is {self._order_known}")
-            if heavy := self._loop.efforts.heavy:
-                problems.append(
-                    f"gravity takes more than {HEAVY:.0%} of the effort limit of {shortened(', '.join(heavy))}"
-                )
-            if others > 0:
-                problems.append(f"others send to {topic} as well: {others}")
-            if slow := self._loop.efforts.slow:
-                problems.append(f"effort_rate is too low to carry {shortened(', '.join(slow))} before the robot sinks")
-        if problems:
-            return Status("commands", WARN, "; ".join(problems), values)
-        return Status("commands", OK, "limited" if recent["commands limited"] else "within limits", values)
-
-    def _input_status(self, recent):
-        values = {
-            key: n for key, n in sorted(self._counts.items()) if key not in ("commands", "commands limited", "stalls")
-        }
-        if self.phase == ACTIVE:
-            values["joints that have not arrived"] = counted(self._assembled.missing)
-        refused = sum(n for key, n in recent.items() if "rejected" in key or "refused" in key or "given up" in key)
-        if self._last_refusal:
-            values["last refusal"] = self._last_refusal
-        if refused:
-            return Status("inputs", WARN, f"{refused} refused: {self._last_refusal}", values)
-        return Status("inputs", OK, "nothing refused", values)
+            return [], {}
+        topic, problems = self._commands.topic_name, []
+        receivers, others = self._commands.get_subscription_count(), self.count_publishers(topic) - 1
+        if not receivers:
+            problems.append(f"nobody listens to {topic}")
+        elif self._values["check_time"] and "not compared" in self._order_known:
+            problems.append(f"the order of joints is {self._order_known}")
+        if others > 0:
+            problems.append(f"others send to {topic} as well: {others}")
+        return [*problems, *problems_of_limits(self._loop.efforts)], {"receivers": receivers, "other senders": others}
 
 
 main = main_of(ControllerNode)

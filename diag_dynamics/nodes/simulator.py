@@ -2,7 +2,6 @@
 
 import sys
 import time
-from collections import Counter
 
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
@@ -18,18 +17,19 @@ from std_srvs.srv import SetBool, Trigger
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import Payload, urdf_text
 from diag_dynamics.msg import DiagonalizedState, EnergyAudit
-from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Status, counted, shortened
+from diag_dynamics.nodes.diagnostics import ERROR, WARN, Diagnostics, Status, shortened
 from diag_dynamics.nodes.inputs.followers import Followers
 from diag_dynamics.nodes.inputs.joint_states import RobotState
 from diag_dynamics.nodes.inputs.rejected import RejectedError
-from diag_dynamics.nodes.managed import ACTIVE, INACTIVE, UNCONFIGURED, ManagedNode
-from diag_dynamics.nodes.messages import MessageMaker, doubles, requested_state, to_time
+from diag_dynamics.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
+from diag_dynamics.nodes.messages import MessageMaker, requested_state, to_time
 from diag_dynamics.nodes.outputs import connected
 from diag_dynamics.nodes.parameters import declare, wrong
-from diag_dynamics.nodes.plant.drives import TIMED_OUT
 from diag_dynamics.nodes.plant.lockstep import PATIENCE, Lockstep
+from diag_dynamics.nodes.plant.messages import audit_message, joint_state_message, odometry_message
 from diag_dynamics.nodes.plant.pace import Pace
 from diag_dynamics.nodes.plant.plant import Plant
+from diag_dynamics.nodes.plant.report import CommandsReport, pace_status, simulation_status
 from diag_dynamics.nodes.plant.settings import DYNAMIC, PARAMETERS
 from diag_dynamics.nodes.robot import COMPILED, load_robot, payloads_of, single_joints
 from diag_dynamics.nodes.runner import main_of
@@ -46,9 +46,6 @@ UNPACED = 1e-4
 NOTHING = Payload(0.0)
 """What takes a payload off."""
 
-WORLD = "world"
-"""Frame of a floating base's pose."""
-
 
 class SimulatorNode(ManagedNode):
     """See the module; parameters are in :data:`~plant.settings.PARAMETERS`.
@@ -61,11 +58,11 @@ class SimulatorNode(ManagedNode):
         self._values = declare(self, PARAMETERS)
         self._plant = self._pace = None
         self._published, self._listened, self._services_offered, self._timers_running = [], [], [], []
-        self._paused, self._failure = False, ""
+        self._paused, self._timeless, self._failure = False, False, ""
         self._last = None  # joint state
         self._lockstep = Lockstep()
         self._latest = 0  # stamp [ns]
-        self._counted = Counter()  # until the last report
+        self._commands_report = CommandsReport()
         self.add_on_set_parameters_callback(self._set_parameters)
         self._diagnostics = Diagnostics(self, self._report)
         if self._values["autostart"]:
@@ -82,6 +79,11 @@ class SimulatorNode(ManagedNode):
             raise InputError("parameter 'use_sim_time' is true, but simulated time is this node's own to publish.")
         text = urdf_text(values["robot_description"])
         model = load_robot(self, text, values)
+        if values["real_time_factor"] != 1.0 and not self._keeps_time:
+            self.get_logger().warning(
+                f"real_time_factor is {values['real_time_factor']:g}, at which stamps leave the clock: nodes that compare "
+                "them need publish_clock here and use_sim_time there."
+            )
         self._plant = Plant(model, values)
         self._plant.simulation.dynamics.compile(*COMPILED)
         self._revision, self._failure, self._paused = 1, "", False
@@ -177,16 +179,25 @@ class SimulatorNode(ManagedNode):
     def _moving(self):
         return self.phase == ACTIVE and not self._paused and not self._failure
 
+    @property
+    def _follows(self):
+        """Whether stamps have to be those of the clock: simulated time is as fast, and not given to others."""
+        return not self._keeps_time and self._values["real_time_factor"] == 1.0
+
+    def _stamp_anew(self):
+        """Have stamps that follow the clock go on from now; those of single steps while paused never go back."""
+        if self._follows or self._timeless:
+            now = self.get_clock().now().nanoseconds
+            self._start = max(now, self._latest * self._paused) - round(self._plant.time * 1e9)
+
     def _now(self):
         return self.get_clock().now().nanoseconds * 1e-9
 
     def _go_on(self):
         """Have simulated time go on from here."""
-        now = self.get_clock().now().nanoseconds
-        self._timeless = now == 0  # nothing on /clock yet
-        self._pace.resume(now * 1e-9, self._plant.time)
-        if not self._keeps_time:
-            self._start = now - round(self._plant.time * 1e9)
+        self._timeless = not self._now()  # nothing on /clock yet
+        self._pace.resume(self._now(), self._plant.time)
+        self._stamp_anew()
         self._lockstep.resume(time.monotonic())
 
     def _tick(self):
@@ -196,8 +207,12 @@ class SimulatorNode(ManagedNode):
         if self._timeless:
             if not self._now():
                 return
+            self._stamp_anew()
             self._go_on()
+        before = self._pace.skipped
         steps = self._pace.steps(self._now(), self._plant.time)
+        if self._follows:
+            self._start += round((self._pace.skipped - before) * 1e9)
         if steps:
             self._advance(steps)  # else nothing has happened that is not published yet
 
@@ -259,26 +274,24 @@ class SimulatorNode(ManagedNode):
 
     # --- Outputs ---
 
-    def _nanoseconds(self, simulated):
-        """Time for others of a simulated time [s]. It is theirs: where nobody goes by this node's time, none is let go."""
-        skipped = 0.0 if self._keeps_time else self._pace.skipped
-        return self._start + round((simulated + skipped) * 1e9)
-
-    def _stamp(self, simulated):
-        stamp = self._nanoseconds(simulated)
+    @property
+    def _stamp(self):
+        """Of this moment [ns]."""
+        stamp = self._start + round(self._plant.time * 1e9)
         self._latest = max(self._latest, stamp)
-        return to_time(stamp)
+        return stamp
 
     def _measure_and_publish(self):
         """Publish the time, what sensors have come to know, and the truth."""
         plant = self._plant
         self._publish_time()
-        plant.measure()
+        plant.measure(self._stamp)
         for measured in plant.known():
+            stamp = to_time(measured.stamp)
             if measured.base is not None:
-                self._odometry.publish(self._odometry_of(measured))
+                self._odometry.publish(odometry_message(plant.simulation.model.root_link, measured, stamp))
             self._lockstep.publish()
-            self._last = self._joint_state_of(measured)
+            self._last = joint_state_message(plant.names, measured, stamp)
             self._joint_states.publish(self._last)
         if self._truth.get_subscription_count():
             self._truth.publish(self._truth_now())
@@ -287,40 +300,16 @@ class SimulatorNode(ManagedNode):
 
     def _publish_time(self):
         if self._clock_out:
-            self._clock_out.publish(Clock(clock=self._stamp(self._plant.time)))
-
-    def _joint_state_of(self, measured):
-        message = JointState(name=self._plant.names)
-        message.header.stamp = self._stamp(measured.time)
-        message.position, message.velocity = doubles(measured.position), doubles(measured.velocity)
-        message.effort = doubles(measured.effort)
-        return message
-
-    def _odometry_of(self, measured):
-        (x, y, z, *orientation), twist = measured.base
-        message = Odometry(child_frame_id=self._plant.simulation.model.root_link)
-        message.header.stamp, message.header.frame_id = self._stamp(measured.time), WORLD
-        position, o, moving = message.pose.pose.position, message.pose.pose.orientation, message.twist.twist
-        position.x, position.y, position.z = float(x), float(y), float(z)
-        o.x, o.y, o.z, o.w = map(float, orientation)
-        moving.linear.x, moving.linear.y, moving.linear.z = map(float, twist[:3])
-        moving.angular.x, moving.angular.y, moving.angular.z = map(float, twist[3:])
-        return message
+            self._clock_out.publish(Clock(clock=to_time(self._stamp)))
 
     def _truth_now(self):
         simulation = self._plant.simulation
-        stamp = self._nanoseconds(self._plant.time)
-        effort = simulation.effort
+        effort, stamp = simulation.effort, self._stamp
         s = simulation.evaluate(effort)
         return self._maker.state(s, RobotState(simulation.q, simulation.qd, effort, stamp, stamp, False))
 
     def _audit_now(self):
-        simulation = self._plant.simulation
-        audit = simulation.audit
-        message = EnergyAudit(duration=simulation.time, residual=audit.residual, **audit._asdict())
-        message.header.stamp = self._stamp(self._plant.time)
-        message.header.frame_id = simulation.model.root_link
-        return message
+        return audit_message(self._plant.simulation, to_time(self._stamp))
 
     # --- Services ---
 
@@ -350,16 +339,17 @@ class SimulatorNode(ManagedNode):
         return "paused" if self._paused else "going on"
 
     def _step(self, request, response):
-        response.stamp = self._stamp(self._plant.time)
+        response.stamp = to_time(self._stamp)
         if not self._paused or self.phase != ACTIVE:
             raise InputError(f"the simulation is {self.phase} and not paused: call pause first.")
         if self._failure:
             raise InputError(f"the simulation has stopped: {self._failure}")
         if not 1 <= request.steps <= MOST_STEPS:
             raise InputError(f"steps is {request.steps}, expected 1 to {MOST_STEPS}.")
+        self._stamp_anew()
         whole, rest = divmod(request.steps, self._steps_of_a_period)
         moved = all(self._advance(steps) for steps in [self._steps_of_a_period] * whole + [rest] * bool(rest))
-        response.stamp = self._stamp(self._plant.time)
+        response.stamp = to_time(self._stamp)
         if not moved:
             raise InputError(f"the simulation has stopped: {self._failure}")
         return ""
@@ -382,7 +372,8 @@ class SimulatorNode(ManagedNode):
         self._plant.advance(0)
         if self.phase == ACTIVE:
             self._go_on()
-            self._measure_and_publish()
+            if not self._timeless:
+                self._measure_and_publish()
         return ""
 
     # --- Parameters ---
@@ -424,66 +415,13 @@ class SimulatorNode(ManagedNode):
         if self._plant is None:
             level, message = (ERROR, self.failure) if self.failure else (WARN, self.phase)
             return [Status("simulation", level, message, {"lifecycle": self.phase})]
-        return [self._simulation_status(), self._pace_status(), self._command_status()]
-
-    def _simulation_status(self):
-        simulation = self._plant.simulation
-        audit = simulation.audit
-        values = {
-            "lifecycle": self.phase,
-            "robot": simulation.model.name,
-            "simulated time [s]": f"{self._plant.time:.3f}",
-            "kinetic energy [J]": f"{simulation.kinetic_energy:.6g}",
-            "energy residual [J]": f"{audit.residual:.3g}",
-            "efforts cut to their limits": counted(simulation.saturated),
-            "joints at a position limit": counted(simulation.at_limit),
-            "joints beyond their velocity limit": counted(simulation.overspeed),
-            "payloads": counted(simulation.model.payloads),
-            "joint states lost": self._plant.sensors.lost,
-        }
-        if self._failure:
-            return Status("simulation", ERROR, f"stopped: {self._failure}", values)
-        if self.phase == INACTIVE or self._paused:
-            return Status("simulation", WARN, "paused" if self._paused else "inactive: time stands still", values)
-        return Status("simulation", OK, "running", values)
-
-    def _pace_status(self):
-        kept = self._pace.kept()
-        values = {
-            "ticks": kept.ticks,
-            "late, mean [s]": f"{kept.mean:.6f}",
-            "late, largest [s]": f"{kept.largest:.6f}",
-            "overruns": self._pace.overruns,
-            "time let go [s]": f"{kept.let_go:.3f}",
-            "real-time factor": "lockstep" if self._values["lockstep"] else f"{self._pace.factor:g}",
-        }
-        if self._values["lockstep"] and self._moving and self._lockstep.waits(time.monotonic()):
-            return Status("pace", WARN, "in lockstep: waiting for a command", values)
-        if kept.overruns:
-            return Status("pace", WARN, f"{kept.overruns} ticks overran since the last report", values)
-        return Status("pace", OK, "kept", values)
-
-    def _command_status(self):
-        drives, pushes = self._plant.drives, self._plant.pushes
-        counts = drives.counts + pushes.counts
-        recent = counts - self._counted
-        self._counted = counts
-        values = {
-            "drives": drives.phase,
-            "brakes": "closed" if drives.braked else "open",
-            **dict(sorted(counts.items())),
-        }
-        refused, last = 0, []
-        for what, part in (("command", drives), ("wrench", pushes)):
-            if part.last_rejection:
-                values[f"last rejected {what}"] = part.last_rejection
-            count = sum(n for key, n in recent.items() if key in part.counts and "rejected" in key)
-            refused, last = refused + count, last + [part.last_rejection] * bool(count)
-        if refused:
-            return Status("commands", WARN, f"{refused} refused: {'; '.join(last)}", values)
-        if drives.phase == TIMED_OUT:
-            return Status("commands", WARN, f"no command for {drives.timeout:g} s", values)
-        return Status("commands", OK, drives.phase, values)
+        lockstep = self._lockstep if self._values["lockstep"] else None
+        stuck = lockstep is not None and self._moving and lockstep.waits(time.monotonic())
+        return [
+            simulation_status(self._plant, self.phase, self._paused, self._failure),
+            pace_status(self._pace, lockstep, stuck),
+            self._commands_report.status(self._plant.drives, self._plant.pushes),
+        ]
 
 
 main = main_of(SimulatorNode)

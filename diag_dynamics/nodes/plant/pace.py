@@ -75,7 +75,7 @@ class Pace:
             self._ticks += 1
             return max(1, round(self._period / self._step))
         behind = self._from + (now - self._begun) * self.factor - simulated
-        most = max(MOST_BEHIND, 2.0 * self._period)
+        most = max(MOST_BEHIND, 2.0 * self._period) + self._step  # so that a leap is always longer than that
         if behind < -self._period:
             self._due = now
         if behind > most or behind < -self._period:  # too late to catch up, or the clock has jumped back

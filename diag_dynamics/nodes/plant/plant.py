@@ -20,12 +20,12 @@ ENOUGH = 1e9
 
 
 class Measured:
-    """What is known of the robot, and of when: vectors of all joints, followers last, and a floating base's q and q̇."""
+    """What is known of the robot, and its stamp: vectors of all joints, followers last, and a floating base's q and q̇."""
 
-    __slots__ = ("base", "effort", "position", "time", "velocity")
+    __slots__ = ("base", "effort", "position", "stamp", "velocity")
 
-    def __init__(self, time, values, base):
-        self.time, self.base = time, base
+    def __init__(self, stamp, values, base):
+        self.stamp, self.base = stamp, base
         self.position, self.velocity, self.effort = values
 
 
@@ -118,8 +118,8 @@ class Plant:
             effort[self._driven] += simulation.dynamics.gravity_torque(simulation.q)[self._driven]
         return effort
 
-    def measure(self):
-        """Have the sensors look at the state as it is now."""
+    def measure(self, stamp=None):
+        """Have the sensors look at the state as it is now; `stamp` comes out with what they measure."""
         simulation, followers = self.simulation, self._followers
         model, q, qd = simulation.model, simulation.q, simulation.qd
         own, rate, effort = q[len(q) - len(self._driven) :], qd[self._driven], simulation.effort[self._driven]
@@ -127,11 +127,11 @@ class Plant:
         velocity = np.append(rate, followers.velocities(rate))
         effort = np.append(effort, np.zeros(len(followers.names)))  # on followers none acts of their own
         base = (q[:7], qd[:6]) if model.floating_base else None
-        self.sensors.measure(self.time, position, velocity, effort, base)
+        self.sensors.measure(self.time, position, velocity, effort, (stamp, base))
 
     def known(self):
         """All :class:`Measured` that have become known since this was asked last."""
-        return [Measured(*found) for found in self.sensors.known(self.time)]
+        return [Measured(stamp, values, base) for _, values, (stamp, base) in self.sensors.known(self.time)]
 
     def put(self, q, qd):
         """Put the robot into a state; time and command stay, what sensors have under way does not.

@@ -69,10 +69,10 @@ class Sensors:
         """Lose what is under way."""
         self._under_way = deque()
 
-    def measure(self, time, position, velocity, effort, base=None):
+    def measure(self, time, position, velocity, effort, label=None):
         """Measure a state at a simulated time [s]; it becomes known after the delay, unless it is lost.
 
-        `base` is known with it as it is.
+        `label` comes out with it as it is.
         """
         values = []
         for value, noise, step in zip((position, velocity, effort), *self._errors[:2], strict=True):
@@ -84,10 +84,10 @@ class Sensors:
         if self._errors.dropped and self._random.random() < self._errors.dropped:
             self.lost += 1
             return
-        self._under_way.append((time, tuple(values), base))
+        self._under_way.append((time, tuple(values), label))
 
     def known(self, time):
-        """What has become known until a simulated time [s]: the time that it is of, its three vectors, and the base."""
+        """What has become known until a simulated time [s]: the time that it is of, its three vectors, and the label."""
         found = []
         while self._under_way and self._under_way[0][0] + self._errors.delay <= time + ROUNDING:
             found.append(self._under_way.popleft())

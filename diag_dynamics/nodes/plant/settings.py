@@ -67,7 +67,10 @@ PARAMETERS = {
         0, "Seed of noise and losses, no less than 0: the same one, and the same joint states, give the same messages."
     ),
     "real_time_factor": _once(
-        1.0, "Seconds of simulated time for each of the clock; 0: as fast as can be.", minimum=0.0, maximum=1000.0
+        1.0,
+        "Seconds of simulated time for each of the clock; 0: as fast as can be. But for 1 publish_clock is wanted.",
+        minimum=0.0,
+        maximum=1000.0,
     ),
     "publish_clock": _once(False, "Whether simulated time goes out on /clock, for nodes with use_sim_time."),
     "lockstep": _once(
