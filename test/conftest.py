@@ -79,6 +79,16 @@ def pytest_pycollect_makemodule(module_path, parent):
     return file
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes(config):
+    """Compile before there are workers, each of which would wait for the same, or do it again."""
+    import compiling
+
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    reporter.write_line("Compiling what tests share (two minutes, once) …")
+    compiling.in_two_processes()
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item):
     """Show what the nodes have said where a test with nodes fails."""
@@ -93,19 +103,12 @@ def pytest_runtest_makereport(item):
 @pytest.fixture(scope="session")
 def compiled():
     """Compile the kernels once, into the cache on disk, so that nodes start in seconds."""
-    import diag_dynamics as dd
-    import robots
+    import compiling
 
-    model = dd.load_urdf(robots.TwoLinkArm().urdf)
-    dd.DiagonalDynamics(model).compile()
-    dd.Simulation(model).advance(steps=0)
+    compiling.equations()
+    compiling.simulation()
     if not without_ros():
-        from diag_dynamics.kernel import ready
-        from diag_dynamics.nodes import encoded, pipeline
-        from diag_dynamics.nodes.inputs import known
-
-        for entry in (known._take, encoded._write, pipeline._serve):
-            ready(entry)
+        compiling.messages()
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,34 @@
+"""Compiles what nearly every test calls, into the cache on disk, before workers do so each for itself."""
+
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+
+import diag_dynamics as dd
+import robots
+
+
+def equations():
+    """All methods of DiagonalDynamics."""
+    dd.DiagonalDynamics(dd.load_urdf(robots.TwoLinkArm().urdf)).compile()
+
+
+def simulation():
+    """The steps of the simulation."""
+    dd.Simulation(dd.load_urdf(robots.TwoLinkArm().urdf)).advance(steps=0)
+
+
+def messages():
+    """What turns bytes into bytes."""
+    from diag_dynamics.kernel import ready
+    from diag_dynamics.nodes import encoded, pipeline
+    from diag_dynamics.nodes.inputs import known
+
+    for entry in (known._take, encoded._write, pipeline._serve):
+        ready(entry)
+
+
+def in_two_processes():
+    """Compile the two big parts side by side; nothing where they are compiled already."""
+    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for part in [pool.submit(part) for part in (simulation, equations)]:
+            part.result()
