@@ -71,8 +71,10 @@ def bare(urdf: str) -> str:
 class Mujoco:
     """A robot in MuJoCo, dofs in the order of given names."""
 
-    def __init__(self, urdf, dof_names, floating_base=False):
+    def __init__(self, urdf, dof_names, floating_base=False, change=lambda spec: None):
+        """Read a URDF; `change` may add to it before it is compiled."""
         spec = mujoco.MjSpec.from_string(bare(urdf))
+        change(spec)
         if floating_base:
             spec.worldbody.first_body().add_freejoint(name="root_joint")
         self.model = spec.compile()

@@ -28,10 +28,11 @@ def start(model, seed, speed=1.0):
     return q, speed * rng.normal(size=model.nv)
 
 
-def reference(oracle, q, qd, effort, duration, h):
+def reference(oracle, q, qd, effort, duration, h, more=lambda x, v: 0.0):
     """Runge-Kutta-Munthe-Kaas steps on Pinocchio's aba and integrate; its charts' rates by differences of pin.difference.
 
-    The chart is Pinocchio's own, so neither the exponential nor its differential is ours.
+    `more` gives efforts that depend on configuration and velocity, all in Pinocchio's order. The chart is Pinocchio's own, so
+    neither the exponential nor its differential is ours.
     """
     model, data = oracle.model, oracle.data
     x, v = oracle.configuration(q), oracle.to_pin(qd)
@@ -44,7 +45,7 @@ def reference(oracle, q, qd, effort, duration, h):
 
     def rates(u, v):
         at = pin.integrate(model, x, u)
-        return chart_rate(x, u, v), pin.aba(model, data, at, v, oracle.to_pin(effort))
+        return chart_rate(x, u, v), pin.aba(model, data, at, v, oracle.to_pin(effort) + more(at, v))
 
     for _ in range(round(duration / h)):
         u1, a1 = rates(np.zeros(model.nv), v)
