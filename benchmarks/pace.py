@@ -19,7 +19,9 @@ from graph.session import private_domain
 from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 
+from diag_dynamics import load_urdf
 from diag_dynamics.example_robots import find_urdf
 
 ROBOTS = ("ur5_robot", "panda", "talos_reduced")
@@ -51,9 +53,13 @@ print(kept.mean, kept.largest, kept.overruns / kept.ticks)
 """
 
 
-def measured(robot, seconds, order):
-    """Reports of a simulator: values by key, one dict a second, and its CPU time per tick [s]."""
-    parameters = {"robot_description": find_urdf(robot), "rate": RATE, "motion": "wave", "order": order}
+def measured(robot, seconds, order, commanded=False):
+    """Reports of a simulator: values by key, one dict a second, and its CPU time per tick [s].
+
+    `commanded`: efforts come at the rate of the joint states, to drives that carry the robot's weight; else it waves.
+    """
+    parameters = {"robot_description": find_urdf(robot), "rate": RATE, "order": order}
+    parameters |= {"compensates_gravity": True, "publish_clock": True} if commanded else {"motion": "wave"}
     arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
     process = subprocess.Popen(
         [sys.executable, "-m", "diag_dynamics.nodes.start", "simulator", "--ros-args", *arguments]
@@ -69,7 +75,10 @@ def measured(robot, seconds, order):
 
     cpu = psutil.Process(process.pid).cpu_times
     node.create_subscription(DiagnosticArray, "/diagnostics", take, 10)
-    node.create_subscription(JointState, "joint_states", lambda _: None, 10, raw=True)
+    efforts = Float64MultiArray(data=[0.0] * load_urdf(find_urdf(robot)).nv)
+    command = node.create_publisher(Float64MultiArray, "effort_controller/commands", 10)
+    answer = (lambda _: command.publish(efforts)) if commanded else (lambda _: None)
+    node.create_subscription(JointState, "joint_states", answer, 10, raw=True)
     executor = EventsExecutor()
     executor.add_node(node)
     deadline = time.monotonic() + seconds + 120.0
@@ -120,6 +129,7 @@ def main():
     for robot in ROBOTS:
         for order in (4, 1):
             print(row(f"{robot}, order {order}", measured(robot, seconds, order)), flush=True)
+        print(row(f"{robot}, order 4, commanded", measured(robot, seconds, 4, commanded=True)), flush=True)
     print(f"\n{time.monotonic() - begin:.0f} s", file=sys.stderr)
 
 
