@@ -236,15 +236,14 @@ def test_monitor_of_a_simulator(wave):
         wave.states.forget()
         topics = monitor.topics
         energies, states = topics["kinetic_energy"].stamps, wave.states.stamps
-        wave.peer.wait_until(  # states came before the monitor was there, and may be waiting in this process
-            lambda: len(energies) >= 300 and states and states[-1] >= energies[299], "kinetic energies", START
-        )
+        # States came before the monitor was there, and may be waiting in this process, which may miss some.
+        wave.peer.wait_until(lambda: len(set(energies).intersection(states)) >= 200, "kinetic energies", START)
         wave.peer.wait_until(lambda: all(topic.messages for topic in topics.values()), "all topics")
         stamps = set(wave.states.stamps)
         compared = 0
         for stamp in topics["kinetic_energy"].stamps:
             if stamp not in stamps:
-                continue  # this subscription was a moment later than the monitor's
+                continue
             truth = Truth(wave.robot, *vectors(wave, wave.states.at(stamp)))
             published = {name: topic.at(stamp) for name, topic in topics.items() if topic.at(stamp)}
             truth.check(published, stamp)
