@@ -1,20 +1,28 @@
 """Compiles what nearly every test calls, into the cache on disk, before workers do so each for itself."""
 
 import multiprocessing
+import warnings
 from concurrent.futures import ProcessPoolExecutor
 
 import diag_dynamics as dd
 import robots
 
 
+def arm():
+    """Any robot will do."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", dd.InertiaWarning)
+        return dd.load_urdf(robots.TwoLinkArm().urdf)
+
+
 def equations():
     """All methods of DiagonalDynamics."""
-    dd.DiagonalDynamics(dd.load_urdf(robots.TwoLinkArm().urdf)).compile()
+    dd.DiagonalDynamics(arm()).compile()
 
 
 def simulation():
     """The steps of the simulation."""
-    dd.Simulation(dd.load_urdf(robots.TwoLinkArm().urdf)).advance(steps=0)
+    dd.Simulation(arm()).advance(steps=0)
 
 
 def messages():

@@ -1,5 +1,7 @@
 """The controller's loop closed by a simulated arm, without a process: what its defaults do to it."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -54,6 +56,57 @@ class Closed:
 
 
 # --- set-points
+
+
+@pytest.mark.parametrize(("start", "end"), [(2.2, 3.1), (2.6, 3.12)])
+def test_a_set_point_in_the_middle_of_a_trajectory_stays_within_limits(arm, start, end):
+    """One that replaces a fast trajectory close to a limit brakes in the room that is left."""
+    q = np.array([0.3, -1.2, start, -0.6, 0.5, 0.2])
+    closed = Closed(arm, q, following_energy=0.0).go(1.5)
+    k, upper = 2, arm.upper[2]
+    goal = closed.arm.q.copy()
+    goal[k] = end
+    closed.loop.take_trajectory(trajectory([(0.6, goal)], robot(UR5).names), closed.stamp)
+    while closed.loop._desired.position[k] < 0.8 * end + 0.2 * start:
+        closed.go(0.001)
+    assert closed.loop._desired.velocity[k] > 0.8
+    back = closed.arm.q.copy()
+    back[k] = end - 0.1
+    closed.loop.take_set_point(joint_state(robot(UR5).names, back))
+    furthest = 0.0
+    for _ in range(1500):
+        closed.go(0.001)
+        furthest = max(furthest, closed.loop._desired.position[k])
+    assert furthest < upper
+    assert np.array(closed.way)[:, k].max() < upper
+    np.testing.assert_allclose(closed.loop._desired.position, back, atol=0.01)
+
+
+@pytest.mark.parametrize("period", [2, 10, 100], ids="{} ms".format)
+def test_poses_in_a_stream_are_followed(arm, period):
+    """The same pose again and again leads there as a single one does."""
+    gone = []
+    for every in (10**6, period):
+        closed = Closed(arm, Q, controlled_link="tool0", initial_mode="pose").go(1.5)
+        begin, axes = closed.loop._laws["pose"].pose(closed.arm.q)
+        goal = begin + np.array([0.1, -0.1, 0.15])
+        quaternion = pose_message("base_link", goal, axes)
+        for k in range(1500):
+            if k % every == 0:
+                closed.loop.take_pose(quaternion)
+            closed.go(0.001)
+        gone.append(np.linalg.norm(closed.loop._laws["pose"].pose(closed.arm.q)[0] - begin))
+    assert gone[0] > 0.15 and gone[1] == pytest.approx(gone[0], rel=0.1)
+
+
+def test_without_velocity_limits_trajectories_are_slow_all_the_same():
+    """What the URDF does not say is taken to be a radian per second, and named."""
+    urdf = re.sub(r' velocity="[^"]*"', ' velocity="0"', robot(UR5).urdf)
+    unlimited = dd.load_urdf(urdf)
+    closed = Closed(unlimited, Q).go(1.5)
+    fast = trajectory([(0.1, closed.arm.q + 0.5)], robot(UR5).names)
+    with pytest.raises(InputError, match=r"expected no more than 1, as the URDF has no velocity limit for it"):
+        closed.loop.take_trajectory(fast, closed.stamp)
 
 
 @pytest.mark.parametrize("period", [1, 2, 10, 100], ids="{} ms".format)

@@ -296,6 +296,31 @@ def test_a_law_chosen_while_holding(damped):
     assert status.mode == "tracking" and not any(status.tracking_error)
 
 
+@ONE
+@pytest.mark.parametrize("ahead", [0.1, 0.8, 5.0], ids="{} s".format)
+def test_a_state_from_the_future(damped, ahead):
+    """It is refused by name, and does not make late ones of those that come after it."""
+    begin = len(damped.reports)
+
+    def publish():
+        damped.tick()
+        damped.publish(stamp=damped.now + round(ahead * S))
+
+    status = damped.answered(publish, lambda s: s.phase == HOLDING, "the hold")
+    assert f"stamp {ahead:.3f} s ahead of this node's clock, expected within max_state_age = 0.02 s" in status.message
+    before = damped.now
+    damped.step(Q, MOVING)
+    assert damped.now - before < 20 * PERIOD  # a message may be lost
+    damped.peer.wait_until(
+        lambda: any(
+            "rejected: foreign time" in r.values or "rejected: stamp from the future" in r.values
+            for r in damped.reports[begin:]
+        ),
+        "the count",
+    )
+    damped.settle(Q, MOVING)
+
+
 @pytest.mark.parametrize("jump", [100.0, 0.9, 0.3], ids="{} s".format)
 def test_a_clock_that_goes_back(damped, jump):
     """Targets are void, efforts go on at their rate, and the law is in force again by itself, and at once."""
@@ -412,6 +437,9 @@ def test_another_robot(fed):
     panda = robot(PANDA)
     fed.descriptions.publish(description(panda.urdf))
     fed.wait_until_told("control", "another robot is not taken over while this one is controlled", b"\2")
+    fed.wait_until_told("control", "mode ", b"\2")  # which is said all the same
+    fed.silence(HOLDING)
+    fed.wait_until_told("control", "holding gravity: ", b"\2")
     fed.law("damping")  # still the same one
     fed.descriptions.publish(description(robot(UR5).urdf))
     fed.wait_until_told("control", "mode damping", b"\0")
@@ -427,6 +455,12 @@ def test_another_robot(fed):
     fed.connect()
     expected = heavy.oracle.gravity_torque(Q)
     assert np.abs(expected - gravity_of(Q)).max() > 1.0
+    standing, count = np.array(fed.sent.messages[-1].data), len(fed.sent.messages)
+    assert np.abs(standing).max() > 10.0
+    fed.step()
+    fed.peer.wait_until(lambda: len(fed.sent.messages) > count, "a command")
+    first = np.array(fed.sent.messages[count].data)
+    assert np.abs(first - standing).max() <= EFFORT_RATE * 0.02 + 1e-9  # of the longest cycle
     status = fed.settle()
     close(status.effort_command, expected)
     fed.descriptions.publish(description(robot(UR5).urdf))

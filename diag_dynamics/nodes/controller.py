@@ -65,6 +65,7 @@ class ControllerNode(ManagedNode):
         self._published, self._listened, self._offered = [], [], []
         self._starting, self._watch, self._joints_watch = False, None, None
         self._record, self._order_known = Record(), ""
+        self._left = {}  # efforts that the robot was left with, by joint
         self._last_time = None  # of anything [ns]
         self.add_on_set_parameters_callback(self._set_parameters)
         self._diagnostics = Diagnostics(self, self._report)
@@ -177,6 +178,7 @@ class ControllerNode(ManagedNode):
         for publisher in self._published:
             self.destroy_publisher(publisher)
         self._offered, self._published = [], []
+        self._left = self._standing()
         self._loop = self._descriptions = self._description = None
         self._refused, self._other = "", None
 
@@ -186,10 +188,15 @@ class ControllerNode(ManagedNode):
         """Make the robot of a description the one to control."""
         model = load_robot(self, description, self._values | {"floating_base": False})
         joints, order = command_order(self._values["command_joints"], model.dof_names)
+        standing = self._standing()
         self._loop = ControlLoop(model, self._values, self._compensated)
+        self._loop.efforts.reset(np.array([standing.get(name, 0.0) for name in model.dof_names]))
         self._joints, self._order = joints, order
-        options = Options(timeout=self._values["joint_timeout"], **ABSURD)
+        # A single state from the future would make late ones of all that are right, so none is taken in.
+        age = self._values["max_state_age"]
+        options = Options(timeout=self._values["joint_timeout"], max_age=age, refuse_foreign=True, **ABSURD)
         self._assembled = JointStateAssembler(joints_of(model), options)
+        self._assembled.stamps.limit = "max_state_age"
         self._states = KnownJointStates(self._assembled)
         self._states.configure()
         self._description = description
@@ -199,6 +206,12 @@ class ControllerNode(ManagedNode):
             self.get_logger().warning(
                 f"No effort limit for {', '.join(self._loop.efforts.unlimited)}: anything may be sent there."
             )
+
+    def _standing(self):
+        """What was sent to each joint last: with another payload, or robot, it goes on from there."""
+        if self._loop is None:
+            return self._left
+        return dict(zip(self._loop.dynamics.model.dof_names, self._loop.efforts.sent, strict=True))
 
     def _take_description(self, message):
         # What comes from a topic is text and never a path; see the monitor.
@@ -372,6 +385,7 @@ class ControllerNode(ManagedNode):
         missing = {}
         if self.phase == ACTIVE:
             missing["joints that have not arrived"] = counted(self._assembled.missing)
+            missing["senders of joint states"] = self.count_publishers(self.resolve_topic_name("joint_states"))
         problems, values = self._listeners()
         return [
             self._control_status(recent),
@@ -384,10 +398,12 @@ class ControllerNode(ManagedNode):
         if self._loop:
             values |= values_of_loop(self._loop)
             values |= {"robot compensates gravity": self._compensated, "order of joints": self._order_known}
-        if reason := self.failure or self._refused:
-            return Status("control", ERROR, reason, values)
+        reason = self.failure or self._refused
         if self.phase == ACTIVE:
-            return self._record.law_status(recent, self._loop, values)
+            status = self._record.law_status(recent, self._loop, values)
+            return status._replace(level=ERROR, message=f"{status.message}; {reason}") if reason else status
+        if reason:
+            return Status("control", ERROR, reason, values)
         waiting = self.phase == INACTIVE and not self._loop
         return Status("control", WARN, "no robot yet" if waiting else f"{self.phase}: no commands", values)
 

@@ -81,7 +81,7 @@ class JointsWatch:
         """Tell what was answered since the last time, and ask again."""
         if asked := self._asked:
             self._asked = None
-            if asked.done():
+            if asked.done() and not asked.exception():
                 self._told(_joints_in(asked.result()))
             else:
                 self._client.remove_pending_request(asked)

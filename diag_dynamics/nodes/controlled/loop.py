@@ -226,7 +226,9 @@ class ControlLoop:
         target = aimed(message, self.dynamics, self.state.position)
         self._begin()
         speed, rate = self._pose_speed, np.full(2, APPROACH)
-        self._target = PoseTarget(target, self.state.newest, self._aim, speed, rate, self.supervisor.max_age)
+        self._target = PoseTarget(
+            target, self.state.newest, self._aim, speed, rate, self.supervisor.max_age, self._target
+        )
         self._no_rate()
 
     def take_trajectory(self, message, now):
@@ -272,12 +274,15 @@ class ControlLoop:
 
     def _require_speed(self, trajectory):
         fastest = trajectory.fastest().max(axis=0, initial=0.0)
-        beyond = ~(fastest <= OVERSPEED * self._fastest) | ~np.isfinite(fastest)
+        beyond = ~(fastest <= OVERSPEED * self._highest) | ~np.isfinite(fastest)
         if beyond.any():
             k = int(np.argmax(beyond))
+            limit = f"its limit {self._highest[k]:g}"
+            if np.isinf(self._fastest[k]):
+                limit = f"{self._highest[k]:g}, as the URDF has no velocity limit for it"
             raise InputError(
                 f"trajectory has joint '{self.dynamics.model.dof_names[k]}' move at {fastest[k]:.6g}, expected no more than "
-                f"its limit {self._fastest[k]:g}."
+                f"{limit}."
             )
 
     def take_set_point(self, message):
@@ -298,8 +303,10 @@ class ControlLoop:
 
     def _to(self, position):
         rate = self._laws[TRACKING].convergence
-        longest = self.supervisor.max_age
-        return SetPoint(position, self.state.newest, self._desired, self._speed, rate, self._turns, longest)
+        longest, model = self.supervisor.max_age, self.dynamics.model
+        here, moving = self._desired.position, self._desired.velocity
+        room = np.where(moving > 0.0, model.upper - here, here - model.lower)
+        return SetPoint(position, self.state.newest, self._desired, self._speed, rate, self._turns, longest, room)
 
     def _begin(self):
         """Take the state as it is for the target, unless that has been done."""

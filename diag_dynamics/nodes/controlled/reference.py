@@ -12,6 +12,8 @@ THERE = 1e-6
 WITHIN = 0.5
 """How long a joint takes to come to the speed at which set-points are gone to [s]."""
 
+CLOSE = 1e-2
+"""Room that joints have to brake at least [rad, m]."""
 
 HARDER = 4.0
 """How much more than that it brakes for a robot that lags behind."""
@@ -57,13 +59,23 @@ class SetPoint:
         Joints that turn round: they go the shorter way.
     longest : float
         Longest time in which it goes on at once [s]: after a stall it is no further.
+    room : ndarray, shape (nv,)
+        How far it may go on as it moves now before it is to stand still [rad, m].
     """
 
-    def __init__(self, goal, time, desired, speed, rate, turns, longest=np.inf):
+    def __init__(self, goal, time, desired, speed, rate, turns, longest=np.inf, room=np.inf):
         self._position = nearest(desired.position, goal, turns)
         self._goal, self._speed, self._rate = goal, speed, rate
         self._velocity, self._time, self._longest = desired.velocity, time, longest
-        self._most = np.maximum(speed, np.abs(desired.velocity)) / WITHIN  # what is faster is braked, too
+        brakes = desired.velocity**2 / (2.0 * np.maximum(room, CLOSE))
+        self._most = np.maximum(
+            np.maximum(speed, np.abs(desired.velocity)) / WITHIN, brakes
+        )  # what is faster is braked, too
+
+    @property
+    def velocity(self):
+        """How the robot should move as it was asked last [rad/s, m/s]."""
+        return self._velocity
 
     def sample(self, time, lag=0.0):
         """Where the robot should be at a time [ns], which does not go back.
@@ -104,14 +116,30 @@ class PoseTarget:
         Where it is aimed now, likewise.
     speed, rate, longest
         As those of a SetPoint, in m/s and rad/s; shape (2,).
+    before : PoseTarget or None
+        What it replaces, whose motion goes on as far as it leads there: targets may come in a stream.
     """
 
-    def __init__(self, goal, time, start, speed, rate, longest):
+    def __init__(self, goal, time, start, speed, rate, longest, before=None):
         self.goal, self._start, self.arrived = goal, start, False
         self._way, self._turn = goal[0] - start[0], rotation_vector(goal[1] @ start[1].T)
         self._lengths = np.array([np.linalg.norm(self._way), np.linalg.norm(self._turn)])
-        away, straight = at_rest(np.zeros(2)), np.zeros(2, dtype=bool)
+        motion = np.zeros(2)
+        if before is not None:
+            motion = np.sum(self._directions * before.velocity, axis=1).clip(0.0)
+        away, straight = at_rest(np.zeros(2))._replace(velocity=motion), np.zeros(2, dtype=bool)
         self._along = SetPoint(self._lengths, time, away, speed, rate, straight, longest)
+
+    @property
+    def _directions(self):
+        """Unit vectors of way and turn; zero where there is none."""
+        vectors = np.array([self._way, self._turn])
+        return np.divide(vectors, self._lengths[:, None], out=np.zeros((2, 3)), where=self._lengths[:, None] > THERE)
+
+    @property
+    def velocity(self):
+        """Linear [m/s] and angular [rad/s] velocity of where it aims, shape (2, 3)."""
+        return self._along.velocity[:, None] * self._directions
 
     def sample(self, time, lag=0.0):
         """Position and axes at which to aim at a time [ns]; `lag` as for a SetPoint."""

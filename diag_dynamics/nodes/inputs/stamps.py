@@ -59,6 +59,8 @@ class Stamps:
     ----------
     in_step : bool or None
         Whether stamps agree with this node's clock; None before it is known.
+    limit : str
+        What messages call `max_age`.
     offset : float
         This node's clock less the stamp, of the last one that was judged [s].
     suspects : dict
@@ -66,7 +68,7 @@ class Stamps:
     """
 
     def __init__(self, max_age=0.0, refuse_foreign=False):
-        self.max_age, self.refuse_foreign = max_age, refuse_foreign
+        self.max_age, self.refuse_foreign, self.limit = max_age, refuse_foreign, "max_age"
         self.offset = 0.0
         self.forget()
 
@@ -143,7 +145,7 @@ class Stamps:
             when, word = ("past", "behind") if self.offset > 0.0 else ("future", "ahead of")
             raise RejectedError(
                 f"stamp from the {when}" if self.in_step else "foreign time",
-                f"{what}: stamp {abs(self.offset):.3f} s {word} this node's clock, expected within max_age = "
+                f"{what}: stamp {abs(self.offset):.3f} s {word} this node's clock, expected within {self.limit} = "
                 f"{self.max_age:g} s",
             )
         return True
