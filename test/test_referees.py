@@ -1,6 +1,5 @@
 """Where Pinocchio and MuJoCo say that a robot goes: the same efforts, damping, push and payload, integrated by each."""
 
-import os
 from typing import NamedTuple
 
 import numpy as np
@@ -11,13 +10,6 @@ import diag_dynamics as dd
 from oracles import Oracle
 from robots import robot_path
 from test_simulation_bodies import distance, reference, start
-
-if os.environ.get("DIAG_DYNAMICS_REQUIRE_ROS") == "1":  # where everything is installed, it has to be here
-    import mujoco
-else:
-    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed: the second referee is missing")
-
-from test_mujoco import Mujoco
 
 PAYLOAD = 0.5, (0.02, -0.01, 0.05), 1e-3 * np.diag([1.0, 2.0, 2.5])
 """Mass [kg], centre of mass [m] and inertia about it [kg m²], in the axes of the link that is pushed, too."""
@@ -86,7 +78,8 @@ def by_pinocchio(scene, duration, h):
 
 
 def by_mujoco(scene, duration, h):
-    """The same by MuJoCo's own steps of fourth order."""
+    """The same by MuJoCo's own steps of fourth order; skips where that is absent, which is no reason to miss the other."""
+    from test_mujoco import Mujoco, mujoco
 
     def carry(spec):
         mass, com, inertia = PAYLOAD
