@@ -67,10 +67,9 @@ class SetPoint:
         self._position = nearest(desired.position, goal, turns)
         self._goal, self._speed, self._rate = goal, speed, rate
         self._velocity, self._time, self._longest = desired.velocity, time, longest
+        # What is faster than it should be is braked, and what has little room left is braked within that.
         brakes = desired.velocity**2 / (2.0 * np.maximum(room, CLOSE))
-        self._most = np.maximum(
-            np.maximum(speed, np.abs(desired.velocity)) / WITHIN, brakes
-        )  # what is faster is braked, too
+        self._most = np.maximum(np.maximum(speed, np.abs(desired.velocity)) / WITHIN, brakes)
 
     @property
     def velocity(self):
