@@ -25,7 +25,7 @@ def sparkline(values, width):
     return line.rjust(width)
 
 
-def energy_panel(robot, history, height, width, silent=0.0):
+def energy_panel(robot, history, height, width, silent=0.0, waiting=""):
     """The view at one instant.
 
     Parameters
@@ -37,10 +37,12 @@ def energy_panel(robot, history, height, width, silent=0.0):
         Size of the terminal in characters.
     silent : float
         Seconds since the last state arrived.
+    waiting : str
+        What is being waited for while there is none.
     """
     samples = history.recent(WINDOW)
     if len(samples) < 2:
-        return Panel(Text("waiting for joint states …", style="dim"), title=robot)
+        return Panel(Text(waiting or "waiting for joint states …", style="dim"), title=robot)
     last = samples[samples[:, 0] > samples[-1, 0] - 1.0]
     shares = last[-1, 4:]
     total = float(shares.sum())

@@ -21,6 +21,7 @@ ROS_FILES = (
     "test_demo.py",
     "test_demo_control.py",
     "test_encoded.py",
+    "test_energy_view.py",
     "test_external_torque.py",
     "test_faults_diagnostics.py",
     "test_faults_graph.py",

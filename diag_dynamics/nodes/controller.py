@@ -35,6 +35,7 @@ from diag_dynamics.nodes.inputs.joint_states import JointStateAssembler, Options
 from diag_dynamics.nodes.inputs.known import KnownJointStates
 from diag_dynamics.nodes.inputs.rejected import RejectedError
 from diag_dynamics.nodes.managed import ACTIVE, INACTIVE, SUCCESS, UNCONFIGURED, ManagedNode
+from diag_dynamics.nodes.names import NODES
 from diag_dynamics.nodes.outputs import RateLimit, connected
 from diag_dynamics.nodes.parameters import declare, wrong
 from diag_dynamics.nodes.robot import joints_of, load_robot
@@ -56,7 +57,7 @@ class ControllerNode(ManagedNode):
     """
 
     def __init__(self, **kwargs):
-        super().__init__("diag_dynamics_controller", **kwargs)
+        super().__init__(NODES["controller"], **kwargs)
         self._values = declare(self, PARAMETERS)
         required = ParameterDescriptor(description=f"Required: {WHY_REQUIRED}.")
         self._compensated = self.declare_parameter(COMPENSATES, Parameter.Type.BOOL, required).value

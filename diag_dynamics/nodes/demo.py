@@ -12,7 +12,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.example_robots import find_urdf
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import load_urdf
-from diag_dynamics.nodes.energy_view import EnergyView, checked, options
+from diag_dynamics.nodes.energy_view import STATE, EnergyView, checked, options
 from diag_dynamics.nodes.robot import COMPILED
 from diag_dynamics.nodes.runner import run
 from diag_dynamics.nodes.start import listen, stop
@@ -111,7 +111,8 @@ def main(args=None):
 
         def make_view():
             nonlocal view
-            view = EnergyView(model.name, chosen.duration, chosen.picture, processes.failure, namespace=NAMESPACE)
+            options_of_view = (chosen.duration, chosen.picture, processes.failure, STATE)
+            view = EnergyView(model.name, *options_of_view, namespace=NAMESPACE)
             return view
 
         status = run(make_view)

@@ -8,19 +8,32 @@ from pathlib import Path
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
+from rclpy.validate_topic_name import validate_topic_name
 from rich.console import Console
 from rich.live import Live
 
 from diag_dynamics.history import EnergyHistory
 from diag_dynamics.msg import DiagonalizedState
+from diag_dynamics.nodes.graph import publishers, topics_of
+from diag_dynamics.nodes.names import NODES
 from diag_dynamics.nodes.runner import run
 from diag_dynamics.terminal import energy_panel
 
 REFRESH = 0.1
 """Seconds between two frames."""
+
+STATE = f"{NODES['monitor']}/state"
+"""Where a monitor in the view's own namespace publishes its states."""
+
+KIND = "diag_dynamics/msg/DiagonalizedState"
+"""Type of a monitor's states."""
+
+TRUTH = "/ground_truth"
+"""End of the name of a simulator's own states, which are shown only to who asks for them."""
 
 
 def options(parser):
@@ -49,12 +62,14 @@ PATIENCE = 60.0
 
 
 class EnergyView(Node):
-    """Collects ``diag_dynamics/state`` and shows it.
+    """Collects the states of a monitor and shows their kinetic energy.
 
     Parameters
     ----------
     robot : str
-        Title.
+        Title; empty: the topic of the states.
+    state : str or None
+        Topic of the states; None: :data:`STATE`, or where somebody else on the graph publishes such states.
     duration : float or None
         Seconds to run; None for until Ctrl-C at a terminal and for 10 s elsewhere.
     picture : Path or None
@@ -63,7 +78,7 @@ class EnergyView(Node):
         Called with every frame; what it returns, if anything, is why the view has to end.
     """
 
-    def __init__(self, robot="", duration=None, picture=None, watch=lambda: None, **kwargs):
+    def __init__(self, robot="", duration=None, picture=None, watch=lambda: None, state=None, **kwargs):
         super().__init__("energy_view", **kwargs)
         self.finished = Future()
         self.failure = None
@@ -78,8 +93,38 @@ class EnergyView(Node):
         self._live = Live(console=self._console, auto_refresh=False) if live else None
         if self._live:
             self._live.start()
-        self.create_subscription(DiagonalizedState, "diag_dynamics/state", self._take, 100)
+        self._chosen, self._states, self._waiting = state, None, ""
+        self._listen_to(state or STATE)
         self.create_timer(REFRESH, self._frame, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _listen_to(self, topic):
+        if self._states:
+            self.destroy_subscription(self._states)
+        self._states = self.create_subscription(DiagonalizedState, topic, self._take, 100)
+
+    def _look_around(self):
+        """Until there is a state: find somebody who publishes some, and tell what is waited for."""
+        listened = self._states.topic_name
+        names, problems = publishers(self, self._states, KIND)
+        others = [topic for topic in topics_of(self, KIND) if topic != listened]
+        found = [topic for topic in others if not topic.endswith(TRUTH)]
+        if not names and found and not self._chosen:
+            self._listen_to(found[0])
+            return
+        waiting = f"waiting for states on {listened}, published by {', '.join(names) or 'nobody yet'}"
+        lines = [waiting, *problems]
+        if others:
+            lines.append(f"such states are on {', '.join(others)} too: --state shows them")
+        elif not names:
+            lines.append("there are such states on no other topic")
+        if self._waiting != "\n".join(lines):
+            self._waiting = "\n".join(lines)
+            if not self._live:
+                self._console.print(self._waiting, highlight=False, markup=False, soft_wrap=True)
+
+    @property
+    def _title(self):
+        return self._robot or self._states.topic_name
 
     def _take(self, message):
         now = self.get_clock().now().nanoseconds
@@ -97,8 +142,10 @@ class EnergyView(Node):
     def _frame(self):
         self.failure = self._watch()
         elapsed = time.monotonic() - self._begun
-        if self._duration is not None and self._history is None and elapsed > PATIENCE:
-            self.failure = self.failure or f"No state arrived within {PATIENCE:.0f} s."
+        if self._history is None:
+            self._look_around()
+            if self._duration is not None and elapsed > PATIENCE:
+                self.failure = self.failure or f"No state arrived within {PATIENCE:.0f} s: {self._waiting}."
         over = self._duration is not None and elapsed > self._duration and self._history is not None
         if (self.failure or over) and not self.finished.done():
             self.finished.set_result(None)
@@ -106,7 +153,8 @@ class EnergyView(Node):
             size = self._console.size
             history = self._history or EnergyHistory([])
             silent = time.monotonic() - self._received
-            self._live.update(energy_panel(self._robot, history, size.height, size.width, silent), refresh=True)
+            panel = energy_panel(self._title, history, size.height, size.width, silent, self._waiting)
+            self._live.update(panel, refresh=True)
         elif self._history is not None and elapsed >= self._said + 1:
             self._said = int(elapsed)
             last = self._history.recent(1.0)
@@ -127,7 +175,7 @@ class EnergyView(Node):
             if self._history.count > 1:
                 name = "".join(c if c.isalnum() else "_" for c in self._robot) or "robot"
                 path = self._picture or Path(f"kinetic_energy_{name}.png")
-                self._history.picture(path, f"{self._robot}: kinetic energy of each total joint rate")
+                self._history.picture(path, f"{self._title}: kinetic energy of each total joint rate")
                 self._console.print(f"picture: {path.resolve()}", highlight=False, soft_wrap=True)
         super().destroy_node()
 
@@ -135,8 +183,24 @@ class EnergyView(Node):
 def main(args=None):
     """Show a running monitor: ``ros2 run diag_dynamics energy_view``."""
     parser = options(argparse.ArgumentParser(prog="energy_view", description=__doc__))
+    parser.add_argument("--state", metavar="TOPIC", help=f"its states (default: {STATE}, or those of whoever has some)")
     chosen = checked(parser, parser.parse_args(remove_ros_args(args or sys.argv)[1:]))
-    return run(lambda: EnergyView("robot", chosen.duration, chosen.picture), args)
+    try:
+        validate_topic_name(chosen.state or STATE)
+    except InvalidTopicNameException as error:
+        parser.error(f"argument --state: {error}")
+    view = None
+
+    def make_view():
+        nonlocal view
+        view = EnergyView("", chosen.duration, chosen.picture, state=chosen.state)
+        return view
+
+    status = run(make_view, args)
+    if view is not None and view.failure:
+        print(view.failure, file=sys.stderr)
+        status = 1
+    return status
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Who publishes on a topic, and whether anything of it can arrive."""
+"""Who publishes on a topic, and whether anything of it can arrive; where messages of a type are."""
 
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
@@ -32,3 +32,10 @@ def publishers(node, subscription, kind):
         if compatible == QoSCompatibility.ERROR:
             problems.append(f"QoS of {name} on {topic} is not compatible with this node's subscription: {reason}")
     return names, problems
+
+
+def topics_of(node, kind):
+    """Topics on which somebody publishes messages of a type, as ``sensor_msgs/msg/JointState``, in the order of names."""
+    return [
+        topic for topic, kinds in node.get_topic_names_and_types() if kind in kinds and node.count_publishers(topic)
+    ]

@@ -7,6 +7,8 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+from diag_dynamics.nodes.names import NODES
+
 USE_SIM_TIME = {"use_sim_time": (bool, "take time from /clock")}
 
 
@@ -43,7 +45,7 @@ def launch_of_node(executable, arguments, aliases=None):
             Node(
                 package="diag_dynamics",
                 executable=executable,
-                name=f"diag_dynamics_{executable}",  # its own; without it a section of that name beats what is given
+                name=NODES[executable],  # its own; without it a section of that name beats what is given
                 namespace=LaunchConfiguration("namespace"),
                 parameters=[LaunchConfiguration("params_file"), *([parameters] if parameters else [])],
                 output="both",

@@ -24,6 +24,7 @@ from diag_dynamics.nodes.health import numerical_health
 from diag_dynamics.nodes.inputs.rejected import RejectedError
 from diag_dynamics.nodes.managed import ACTIVE, INACTIVE, UNCONFIGURED, ManagedNode
 from diag_dynamics.nodes.monitored import MonitoredRobot
+from diag_dynamics.nodes.names import NODES
 from diag_dynamics.nodes.outputs import BESIDE, TOPICS, Outputs, connected
 from diag_dynamics.nodes.parameters import declare
 from diag_dynamics.nodes.robot import load_robot, payload_entry, payloads_of
@@ -51,7 +52,7 @@ class MonitorNode(ManagedNode):
     """
 
     def __init__(self, **kwargs):
-        super().__init__("diag_dynamics", **kwargs)
+        super().__init__(NODES["monitor"], **kwargs)
         self._settings = Settings.of(declare(self, PARAMETERS))
         self._robot = self._outputs = self._offered = self._descriptions = None
         self._inputs = []

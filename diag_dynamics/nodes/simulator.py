@@ -23,6 +23,7 @@ from diag_dynamics.nodes.inputs.joint_states import RobotState
 from diag_dynamics.nodes.inputs.rejected import RejectedError
 from diag_dynamics.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
 from diag_dynamics.nodes.messages import MessageMaker, requested_state, to_time
+from diag_dynamics.nodes.names import NODES
 from diag_dynamics.nodes.outputs import connected
 from diag_dynamics.nodes.parameters import declare, wrong
 from diag_dynamics.nodes.plant.lockstep import PATIENCE, Lockstep
@@ -54,7 +55,7 @@ class SimulatorNode(ManagedNode):
     """
 
     def __init__(self, **kwargs):
-        super().__init__("diag_dynamics_simulator", **kwargs)
+        super().__init__(NODES["simulator"], **kwargs)
         self._values = declare(self, PARAMETERS)
         self._plant = self._pace = None
         self._published, self._listened, self._services_offered, self._timers_running = [], [], [], []

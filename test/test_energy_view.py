@@ -1,0 +1,46 @@
+"""The terminal view by itself: it finds a monitor, says what it waits for, and shows the topic it is told to."""
+
+import contextlib
+import sys
+from pathlib import Path
+
+from nodes import START, Monitor, Process
+
+VIEW = Path(__file__).resolve().parents[1] / "scripts" / "energy_view"
+
+
+def test_a_monitor_in_a_namespace_is_found(peer, panda, tmp_path):
+    """The view says what it waits for; then it shows the states of the only monitor there is, wherever it is.
+
+    One that is told of a topic listens to no other, and says which there are.
+    """
+    with contextlib.ExitStack() as stack:
+        open_view = lambda *options: stack.enter_context(  # noqa: E731
+            Process([sys.executable, VIEW, "--duration", "1", *options], cwd=tmp_path)
+        )
+        view, told = open_view(), open_view("--state", "/nowhere/state")
+        view.wait_for_text("waiting for states on /diag_dynamics/state, published by nobody yet")
+        view.wait_for_text("such states on no other topic")
+        told.wait_for_text("waiting for states on /nowhere/state, published by nobody yet")
+        monitor = Monitor(peer, "/away", robot_description=panda.path)
+        with monitor.process:
+            monitor.connect(panda)
+            told.wait_for_text("such states are on /away/diag_dynamics/state too: --state shows them")
+
+            def over():
+                monitor.serves(panda)
+                return view.popen.poll() is not None
+
+            peer.wait_until(over, "the end of the view", START)
+            assert view.wait() == 0, view.output
+            assert "states on /away/diag_dynamics/state, published by /away/diag_dynamics\n" in view.output
+            assert "kinetic energy" in view.output
+            assert (tmp_path / "kinetic_energy_robot.png").exists()
+
+
+def test_a_topic_that_cannot_be_one(tmp_path):
+    """A topic name that is none is refused before anything starts."""
+    with Process([sys.executable, VIEW, "--state", "no topic"], cwd=tmp_path) as process:
+        assert process.wait() == 2
+        assert "argument --state: " in process.output
+        assert "Traceback" not in process.output
