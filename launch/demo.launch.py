@@ -1,8 +1,8 @@
 """The simulator and the monitor of one robot; takes the arguments of both."""
 
-from diag_dynamics.nodes.launching import launch_together
+from diag_dynamics.nodes.launching import launched
 
 
 def generate_launch_description():
     """Describe the launch; the arguments are listed by `ros2 launch diag_dynamics demo.launch.py -s`."""
-    return launch_together({"simulator": {}, "monitor": {}})
+    return launched("demo")

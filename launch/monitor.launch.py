@@ -1,12 +1,8 @@
 """The monitor: publishes the diagonalized dynamics of the robot whose joint_states it hears."""
 
-from diag_dynamics.nodes.launching import launch_of_node
-
-ARGUMENTS = {
-    "mimic": (str, "mimic joints: coupled to their leaders (embed), independent (free) or locked (lock)"),
-}
+from diag_dynamics.nodes.launching import launched
 
 
 def generate_launch_description():
     """Describe the launch; the arguments are listed by `ros2 launch diag_dynamics monitor.launch.py -s`."""
-    return launch_of_node("monitor", ARGUMENTS)
+    return launched("monitor")

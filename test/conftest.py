@@ -43,6 +43,7 @@ ROS_FILES = (
     "test_simulator_node.py",
     "test_soak.py",
     "test_two_hosts.py",
+    "test_two_robots.py",
 )
 """Files that import ROS 2 at their top, and whose tests are all marked `ros`."""
 

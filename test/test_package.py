@@ -14,6 +14,8 @@ import yaml
 
 import diag_dynamics as dd
 from diag_dynamics import spatial
+from diag_dynamics.nodes.launches import ARGUMENTS, LAUNCHES, arguments_of, misspelt, started
+from diag_dynamics.nodes.names import NODES
 
 ROOT = Path(__file__).parents[1]
 SOURCES = sorted((ROOT / "diag_dynamics").rglob("*.py"))
@@ -155,33 +157,41 @@ def test_readme_lists_every_parameter(node):
 
 @pytest.mark.parametrize("path", sorted((ROOT / "launch").glob("*.py")), ids=lambda path: path.name)
 def test_launch_files_name_what_exists(path):
-    """Executables are installed and configuration files there; the rest needs `launch`."""
+    """Each starts the launch of its name, whose executables are installed and have files of parameters."""
+    name = path.name.removesuffix(".launch.py")
     text = path.read_text(encoding="utf-8")
     compile(text, str(path), "exec")
-    assert "def generate_launch_description" in text
-    for executable in re.findall(r'launch_of_node\("(\w+)"', text):
+    assert 'def generate_launch_description():\n    """' in text and f'return launched("{name}")' in text
+    for executable in LAUNCHES[name].given:
         assert (ROOT / "scripts" / executable).is_file()
-    for name in re.findall(r'"(\w+\.(?:yaml|launch\.py))"', text):
-        assert (ROOT / "config" / name).is_file() or (ROOT / "launch" / name).is_file()
+        assert (ROOT / "config" / f"{executable}.yaml").is_file()
 
 
 @pytest.mark.ros
-def test_included_launch_files_take_what_they_are_given():
-    """Every argument that one launch file passes on to another is declared there, and is a parameter of the node."""
+@pytest.mark.parametrize("name", LAUNCHES)
+def test_arguments_of_launches_are_parameters(name):
+    """What a launch takes and gives are parameters of its nodes, and it lists none that has no effect."""
+    launch = LAUNCHES[name]
+    listed = set(arguments_of(launch)) - {"namespace", "params_file", "clock_topic", "urdf"}
+    free = {text[1:] for given in launch.given.values() for text in given.values() if text.startswith("$")}
+    for node, given in launch.given.items():
+        assert set(given) <= set(ARGUMENTS[node])
+        assert set(ARGUMENTS[node]) <= {"robot_compensates_gravity", "use_sim_time", *node_parameters(node)}
+        free |= set(ARGUMENTS[node]) - set(given)
+    assert listed == free
+    assert set(launch.defaults) <= free
 
-    def keys_in(file, constant):
-        tree = ast.parse((ROOT / "launch" / file).read_text(encoding="utf-8"))
-        assigned = {node.targets[0].id: node.value for node in tree.body if isinstance(node, ast.Assign)}
-        return {key.value: value for key, value in zip(assigned[constant].keys, assigned[constant].values, strict=True)}
 
-    given = keys_in("control.launch.py", "GIVEN")
-    assert set(given) == {"simulator", "controller", "monitor"}
-    for node, arguments in given.items():
-        declared = keys_in(f"{node}.launch.py", "ARGUMENTS")
-        assert {key.value for key in arguments.keys} <= {"use_sim_time", *declared}, node
-        assert set(declared) <= {"robot_compensates_gravity", *node_parameters(node)}, node
-    defaults = set(keys_in("control.launch.py", "DEFAULTS"))
-    assert defaults <= {name for node in given for name in keys_in(f"{node}.launch.py", "ARGUMENTS")}
+def test_misspelt_arguments_are_told_of():
+    """An argument that is nearly another one, or that a launch decides, is told of; those of a launch around it are not."""
+    said = misspelt(LAUNCHES["control"], {"robot_compensate_gravity": "true", "rviz": "true", "urdf": "x.urdf"})
+    assert said == [
+        "argument 'robot_compensate_gravity' is not known, and has no effect: is 'robot_compensates_gravity' meant?"
+    ]
+    assert misspelt(LAUNCHES["control"], {"use_sim_time": "true"}) == []
+    (said,) = misspelt(LAUNCHES["control"], {"publish_clock": "false"})
+    assert said == "argument 'publish_clock' has no effect: this launch says itself what it is."
+    assert misspelt(LAUNCHES["demo"], {"publish_clock": "false"}) == []
 
 
 @pytest.mark.ros
@@ -271,7 +281,33 @@ sys.exit(service.run())
 """As `ros2 launch` does."""
 
 
-@pytest.mark.parametrize(("file", "arguments", "expected"), [(f, *case) for f, case in LAUNCHED.items()], ids=LAUNCHED)
+LAUNCH_CASES = pytest.mark.parametrize(
+    ("file", "arguments", "expected"), [(f, *case) for f, case in LAUNCHED.items()], ids=LAUNCHED
+)
+
+
+@LAUNCH_CASES
+def test_launches_give_what_they_say(file, arguments, expected):
+    """Each node has the same name as by itself, its namespace, a clock of its robot's, and the parameters that are given."""
+    launch = LAUNCHES[file]
+    values = {name: default for name, (default, _) in arguments_of(launch).items()} | arguments
+    found = {}
+    for node in started(launch, values | {"params_file": "~/robot.yaml"}):
+        assert (node.name, node.namespace) == (NODES[node.executable], arguments.get("namespace", ""))
+        assert node.remappings == {"/clock": "/clock" if file in ("monitor", "controller") else "clock"}
+        assert node.params_file == str(Path.home() / "robot.yaml")
+        found[node.executable] = {
+            name: kind(yaml.safe_load(text) if kind is bool else text) for name, (kind, text) in node.parameters.items()
+        }
+    assert found == expected
+    assert NODES == {
+        "monitor": "diag_dynamics",
+        "simulator": "diag_dynamics_simulator",
+        "controller": "diag_dynamics_controller",
+    }
+
+
+@LAUNCH_CASES
 def test_launch_files_launch(file, arguments, expected):
     """By launch itself, which prints what it would start; its files of parameters say what each node would be given."""
     pytest.importorskip("launch_ros", reason="launch and launch_ros are not on PyPI, only in an installed ROS 2")
@@ -279,15 +315,17 @@ def test_launch_files_launch(file, arguments, expected):
     given = [f"{name}:={value}" for name, value in (arguments | {"launch-prefix": "echo"}).items()]
     done = subprocess.run([sys.executable, "-c", LAUNCH, path, *given], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
-    found = {}
+    executables, found = {name: executable for executable, name in NODES.items()}, {}
     for line in done.stdout.splitlines():
-        if node := re.search(r"__node:=diag_dynamics_(\w+)", line):
+        if name := re.search(r"__node:=(\w+)", line):
+            node = executables[name[1]]
             files = re.findall(r"--params-file (\S+)", line)
-            assert Path(files[0]).name == f"{node[1]}.yaml"
+            assert Path(files[0]).name == f"{node}.yaml"
             assert ("__ns:=/arm" in line) == ("namespace" in arguments)
+            assert f"/clock:={'/clock' if file in ('monitor', 'controller') else 'clock'}" in line
             sections = [yaml.safe_load(Path(path).read_text(encoding="utf-8")).values() for path in files[1:]]
             tables = [section["ros__parameters"] for of_file in sections for section in of_file]
-            found[node[1]] = {key: value for table in tables for key, value in table.items()}
+            found[node] = {key: value for table in tables for key, value in table.items()}
     assert found == expected
 
 

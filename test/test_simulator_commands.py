@@ -335,10 +335,11 @@ def test_lifecycle_and_stall(arm):
 def test_lockstep(peer):
     """Each command takes the robot one state further, to the last bit where the library's own simulation gets.
 
-    That one is compared with Pinocchio elsewhere. Sensors err by seed; the truth does not.
+    That one is compared with Pinocchio elsewhere. Sensors err by seed; the truth does not. use_sim_time, as a launch gives it
+    to all of its nodes, is not for the one that makes time.
     """
     noise = [1e-3, 1e-2, 0.0]
-    parameters = {"lockstep": True, "rate": 500.0, "sensor_noise": noise, "seed": 3}
+    parameters = {"lockstep": True, "rate": 500.0, "sensor_noise": noise, "seed": 3, "use_sim_time": True}
     clock = peer.topic(Clock, "/clock")
     with Simulator(peer, "/lockstep", PANDA, **parameters) as simulator:
         own = dd.Simulation(simulator.model, step=1e-3)
@@ -378,6 +379,7 @@ def test_lockstep(peer):
         peer.wait_until(lambda: simulator.truth.at(stamp + 2 * PERIOD), "the state after the reset")
         own.advance(effort, steps=2)
         assert list(simulator.truth.at(stamp + 2 * PERIOD).position) == own.q.tolist()
+        assert peer.get_parameters(simulator.name, ["use_sim_time"]) == {"use_sim_time": False}
         refused = peer.set_parameter(simulator.name, "use_sim_time", True)
         assert not refused.successful and "use_sim_time" in refused.reason
 

@@ -293,7 +293,6 @@ def test_bad_parameters(ros_domain):
         (f"robot_description:={panda}", "rate:=0.0"): "rate",
         (f"robot_description:={panda}", "order:=1", "floating_base:=true"): "parameter 'order' is 1",
         (f"robot_description:={panda}", "command_joints:=[elbow]"): "parameter 'command_joints' names 'elbow'",
-        (f"robot_description:={panda}", "lockstep:=true", "use_sim_time:=true"): "use_sim_time",
     }
     running = {}
     try:

@@ -18,6 +18,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.msg import ControllerStatus
+from diag_dynamics.nodes.clocks import clock_notes
 from diag_dynamics.nodes.controlled.loop import ControlLoop
 from diag_dynamics.nodes.controlled.messages import status_message
 from diag_dynamics.nodes.controlled.report import Record, problems_of_limits, values_of_loop
@@ -285,7 +286,7 @@ class ControllerNode(ManagedNode):
         now, last = self._now(), self._last_time
         if last is not None and now < last - self._values["max_state_age"] * 1e9:
             self._record.counts["clock went back"] += 1
-            self.get_logger().warning(f"The clock went back by {(last - now) * 1e-9:.6g} s.")
+            self.get_logger().warning(f"The clock went back by {(last - now) * 1e-9:.6g} s.", throttle_duration_sec=5.0)
             self._assembled.forget()
             self._assembled.stamps.forget()
         self._last_time = now
@@ -387,11 +388,12 @@ class ControllerNode(ManagedNode):
         if self.phase == ACTIVE:
             missing["joints that have not arrived"] = counted(self._assembled.missing)
             missing["senders of joint states"] = self.count_publishers(self.resolve_topic_name("joint_states"))
+        time_values, time_problems = clock_notes(self)
         problems, values = self._listeners()
         return [
             self._control_status(recent),
             record.command_status(recent, problems, values),
-            record.input_status(recent, missing),
+            record.input_status(recent, missing | time_values, time_problems),
         ]
 
     def _control_status(self, recent):

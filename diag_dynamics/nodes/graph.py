@@ -23,7 +23,7 @@ def publishers(node, subscription, kind):
     names, problems = [], []
     topic = subscription.topic_name
     for info in node.get_publishers_info_by_topic(topic):
-        name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+        name = _name(info)
         names.append(name)
         if info.topic_type != kind:
             problems.append(f"{name} publishes {info.topic_type} on {topic}, expected {kind}")
@@ -32,6 +32,15 @@ def publishers(node, subscription, kind):
         if compatible == QoSCompatibility.ERROR:
             problems.append(f"QoS of {name} on {topic} is not compatible with this node's subscription: {reason}")
     return names, problems
+
+
+def publishing(node, topic):
+    """Nodes that publish on a topic, each as often as it does."""
+    return [_name(info) for info in node.get_publishers_info_by_topic(topic)]
+
+
+def _name(info):
+    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
 
 
 def topics_of(node, kind):

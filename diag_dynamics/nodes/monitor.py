@@ -18,6 +18,7 @@ from std_msgs.msg import String
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import Payload
+from diag_dynamics.nodes.clocks import clock_notes
 from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Status, counted, shortened
 from diag_dynamics.nodes.graph import publishers
 from diag_dynamics.nodes.health import numerical_health
@@ -426,9 +427,8 @@ class MonitorNode(ManagedNode):
                 names, wrong = publishers(self, subscription, kind)
                 notes[f"publishers of {subscription.topic_name}"] = counted(names)
                 problems += wrong
-        if not self._now():
-            problems.append("use_sim_time, but nothing on /clock yet")
-        return notes | {None: problems}
+        values, wrong = clock_notes(self)
+        return notes | values | {None: problems + wrong}
 
     def _model_status(self):
         robot = self._robot

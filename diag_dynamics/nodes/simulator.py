@@ -8,6 +8,7 @@ from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock as SomeClock
 from rclpy.clock import ClockType
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -17,6 +18,7 @@ from std_srvs.srv import SetBool, Trigger
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import Payload, urdf_text
 from diag_dynamics.msg import DiagonalizedState, EnergyAudit
+from diag_dynamics.nodes.clocks import CLOCK, clock_notes
 from diag_dynamics.nodes.diagnostics import ERROR, WARN, Diagnostics, Status, shortened
 from diag_dynamics.nodes.inputs.followers import Followers
 from diag_dynamics.nodes.inputs.joint_states import RobotState
@@ -77,7 +79,10 @@ class SimulatorNode(ManagedNode):
         if not values["robot_description"]:
             raise InputError("parameter 'robot_description' is empty: give the simulator a URDF or the path of one.")
         if self._keeps_time and self.get_clock().ros_time_is_active:
-            raise InputError("parameter 'use_sim_time' is true, but simulated time is this node's own to publish.")
+            self.set_parameters([Parameter("use_sim_time", value=False)])  # as a launch sets it for all of its nodes
+            self.get_logger().info(
+                "Simulated time is this node's own to publish: its use_sim_time is false from now on."
+            )
         text = urdf_text(values["robot_description"])
         model = load_robot(self, text, values)
         if values["real_time_factor"] != 1.0 and not self._keeps_time:
@@ -113,7 +118,7 @@ class SimulatorNode(ManagedNode):
         self._odometry = self._publisher(Odometry, "odom") if self._plant.simulation.model.floating_base else None
         self._truth = self._publisher(DiagonalizedState, "~/ground_truth")
         self._audit = self._publisher(EnergyAudit, "~/energy_audit")
-        self._clock_out = self._publisher(Clock, "/clock") if self._keeps_time else None
+        self._clock_out = self._publisher(Clock, CLOCK) if self._keeps_time else None
 
     def _publisher(self, kind, topic, qos=None):
         publisher = connected(self.create_publisher, kind, topic, qos or QoSProfile(depth=10))
@@ -420,7 +425,7 @@ class SimulatorNode(ManagedNode):
         stuck = lockstep is not None and self._moving and lockstep.waits(time.monotonic())
         return [
             simulation_status(self._plant, self.phase, self._paused, self._failure),
-            pace_status(self._pace, lockstep, stuck),
+            pace_status(self._pace, lockstep, stuck, *clock_notes(self, self._keeps_time)),
             self._commands_report.status(self._plant.drives, self._plant.pushes),
         ]
 

@@ -89,14 +89,16 @@ class Record:
             return Status("commands", WARN, "; ".join(problems), values)
         return Status("commands", OK, "limited" if recent["commands limited"] else "within limits", values)
 
-    def input_status(self, recent, values):
-        """Status of states and targets."""
+    def input_status(self, recent, values, problems):
+        """Status of states, targets and time; `problems` are those of the latter."""
         values = {key: n for key, n in sorted(self.counts.items()) if key not in _OF_COMMANDS} | values
         refused = sum(n for key, n in recent.items() if "rejected" in key or "refused" in key or "given up" in key)
         if self._last_refusal:
             values["last refusal"] = self._last_refusal
         if refused:
-            return Status("inputs", WARN, f"{refused} refused: {self._last_refusal}", values)
+            problems = [f"{refused} refused: {self._last_refusal}", *problems]
+        if problems:
+            return Status("inputs", WARN, "; ".join(problems), values)
         return Status("inputs", OK, "nothing refused", values)
 
 

@@ -29,8 +29,11 @@ def simulation_status(plant, phase, paused, failure):
     return Status("simulation", OK, "running", values)
 
 
-def pace_status(pace, lockstep, waits):
-    """Status of time, which is kept by a pace or by commands, and which may wait for one of them."""
+def pace_status(pace, lockstep, waits, time_values, problems):
+    """Status of time, which is kept by a pace or by commands, and which may wait for one of them.
+
+    `time_values` are those of who publishes it, `problems` what is wrong with them.
+    """
     kept = pace.kept()
     values = {
         "ticks": kept.ticks,
@@ -39,11 +42,14 @@ def pace_status(pace, lockstep, waits):
         "overruns": pace.overruns,
         "time let go [s]": f"{kept.let_go:.3f}",
         "real-time factor": "lockstep" if lockstep else f"{pace.factor:g}",
+        **time_values,
     }
     if waits:
-        return Status("pace", WARN, "in lockstep: waiting for a command", values)
-    if kept.overruns:
-        return Status("pace", WARN, f"{kept.overruns} ticks overran since the last report", values)
+        problems = [*problems, "in lockstep: waiting for a command"]
+    elif kept.overruns:
+        problems = [*problems, f"{kept.overruns} ticks overran since the last report"]
+    if problems:
+        return Status("pace", WARN, "; ".join(problems), values)
     return Status("pace", OK, "kept", values)
 
 
