@@ -66,10 +66,10 @@ def refuse_massless(model, found):
 
 def positions_to_hold(model, found):
     """Positions at which joints that move no inertia are locked: zero, or their limit next to it."""
-    joints, coordinates = _joints_of_dofs(model), model.coordinate_names
+    joints, at = _joints_of_dofs(model), {name: k for k, name in enumerate(model.coordinate_names)}
     held = {}
     for k in found[0]:
         if joints[k].is_single:
-            at = coordinates.index(joints[k].name)
-            held[joints[k].name] = float(np.clip(0.0, model.lower[at], model.upper[at]))
+            i = at[joints[k].name]
+            held[joints[k].name] = float(np.clip(0.0, model.lower[i], model.upper[i]))
     return held

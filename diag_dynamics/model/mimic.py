@@ -1,5 +1,6 @@
 """Mimic joints: whom each follows in the end, and which of them are held."""
 
+from heapq import heapify, heappop, heappush, heapreplace
 from typing import NamedTuple
 
 from diag_dynamics.exceptions import MimicJointError
@@ -54,10 +55,11 @@ def resolve_mimics(robot, mode, locked):
     if mode == "free":
         return mimics, held
     joints = {joint.name: joint for joint in robot.joints}
+    ends = {}
     for joint in robot.joints:
-        if joint.mimic is None or joint.name in locked or joint.type == "fixed":
+        if not _follows(joint, locked):
             continue
-        leader, multiplier, offset = _followed(joint, joints, locked)
+        leader, multiplier, offset = _followed(joint, joints, locked, ends)
         if leader.name in locked or leader.type == "fixed":
             held[joint.name] = offset + multiplier * locked.get(leader.name, 0.0)
         elif mode == "lock" or multiplier == 0.0:
@@ -67,36 +69,48 @@ def resolve_mimics(robot, mode, locked):
     return mimics, held
 
 
-def _followed(joint, joints, locked):
-    """The joint at the end of a chain of mimics, with multiplier and offset."""
-    chain = [joint.name]
-    multiplier, offset = 1.0, 0.0
-    while joint.mimic is not None and joint.name not in locked and joint.type != "fixed":
+def _follows(joint, locked):
+    return joint.mimic is not None and joint.name not in locked and joint.type != "fixed"
+
+
+def _followed(joint, joints, locked, ends):
+    """The joint at the end of a chain of mimics, with multiplier and offset; `ends` keeps those that are known."""
+    chain, on_the_way = [joint.name], {joint.name}
+    while joint.name not in ends and _follows(joint, locked):
         _require_single(joint, chain)
-        own = joint.mimic
-        factor = 1.0 if own.multiplier is None else own.multiplier
-        offset += multiplier * (own.offset or 0.0)
-        vanished = multiplier * factor == 0.0 and multiplier != 0.0 and factor != 0.0
-        multiplier *= factor
-        if vanished or not (abs(multiplier) <= LARGEST and abs(offset) <= LARGEST):
+        leader = joint.mimic.joint
+        if leader not in joints:
             raise MimicJointError(
-                f"joint '{chain[0]}' follows '{own.joint}' with multiplier {multiplier:g} and offset {offset:g}: these are "
-                f"beyond {LARGEST:g}, or vanish. {_CURE}",
-                chain,
+                f"joint '{joint.name}': it mimics '{leader}', which is not a joint of this URDF. {_CURE}", [joint.name]
             )
-        if own.joint not in joints:
+        if leader in on_the_way:
             raise MimicJointError(
-                f"joint '{joint.name}': it mimics '{own.joint}', which is not a joint of this URDF. {_CURE}",
-                [joint.name],
+                f"joint '{leader}' mimics itself: {' → '.join(map(repr, [*chain, leader]))}. {_CURE}", chain
             )
-        if own.joint in chain:
-            raise MimicJointError(
-                f"joint '{own.joint}' mimics itself: {' → '.join(map(repr, [*chain, own.joint]))}. {_CURE}", chain
-            )
-        joint = joints[own.joint]
-        chain.append(joint.name)
+        joint = joints[leader]
+        chain.append(leader)
+        on_the_way.add(leader)
     _require_single(joint, chain)
-    return joint, multiplier, offset
+    end = ends.get(joint.name, (joint, 1.0, 0.0))
+    for name in reversed(chain[:-1]):
+        end = ends[name] = _led(joints[name], *end)
+    return end
+
+
+def _led(joint, leader, multiplier, offset):
+    """Leader, multiplier and offset of a follower, from those of the joint that it names."""
+    own = joint.mimic
+    factor = 1.0 if own.multiplier is None else own.multiplier
+    product = factor * multiplier
+    offset = (own.offset or 0.0) + factor * offset
+    vanished = product == 0.0 and multiplier != 0.0 and factor != 0.0
+    if vanished or not (abs(product) <= LARGEST and abs(offset) <= LARGEST):
+        raise MimicJointError(
+            f"joint '{joint.name}' follows '{leader.name}' with multiplier {product:g} and offset {offset:g}: these are "
+            f"beyond {LARGEST:g}, or vanish. {_CURE}",
+            [joint.name, leader.name],
+        )
+    return leader, product, offset
 
 
 def _require_single(joint, chain):
@@ -127,29 +141,67 @@ def coupled_groups(mimics, joints, carriers):
     dict
         The group, a frozenset of names, of each joint that is in one.
     """
-    members = {}
+    families = {}
     for follower, mimic in mimics.items():
-        members.setdefault(mimic.leader, [mimic.leader]).append(follower)
-    group_of = {}
-    for names in members.values():
-        group = _paths(names, carriers)
-        for name in list(group):
-            group |= group_of.get(name, frozenset())
-        group = frozenset(group)
-        group_of.update(dict.fromkeys(group, group))
-    return group_of
+        families.setdefault(mimic.leader, [mimic.leader]).append(follower)
+    sets = _Sets(joints, carriers)
+    for names in families.values():
+        sets.couple(names)
+    return sets.groups()
 
 
-def _paths(names, carriers):
-    """The joints on the ways from the last common carrier of some, exclusive, to them, inclusive."""
-    paths = []
-    for name in names:
-        path = [name]
-        while carriers[path[-1]] is not None:
-            path.append(carriers[path[-1]])
-        paths.append(path[::-1])
-    common = 0
-    shortest = min(map(len, paths)) - 1  # a member is never its own carrier
-    while common < shortest and len({path[common] for path in paths}) == 1:
-        common += 1
-    return {name for path in paths for name in path[common:]}
+class _Sets:
+    """Disjoint sets of joints, each with the one that carries it."""
+
+    def __init__(self, joints, carriers):
+        self._carriers, self._place, self._depth = carriers, {None: -1}, {None: 0}
+        for k, name in enumerate(joints):
+            self._place[name], self._depth[name] = k, self._depth[carriers[name]] + 1
+        self._parent, self._members, self._carrier = {}, {}, {}
+
+    def _of(self, name):
+        """The set of a joint, which is its own where it has not been in any yet."""
+        if name not in self._parent:
+            self._parent[name], self._members[name], self._carrier[name] = name, [name], self._carriers[name]
+        while self._parent[name] != name:
+            self._parent[name] = self._parent[self._parent[name]]
+            name = self._parent[name]
+        return name
+
+    def _join(self, a, b):
+        """Make one of two sets of which one is carried by the other, or both by the same joint; returns it."""
+        carrier = min(self._carrier[a], self._carrier[b], key=self._depth.get)
+        large, small = (a, b) if len(self._members[a]) >= len(self._members[b]) else (b, a)
+        self._parent[small] = large
+        self._members[large] += self._members.pop(small)
+        self._carrier[large] = carrier
+        return large
+
+    def _entry(self, one):
+        carrier = self._carrier[one]
+        return -self._depth[carrier], self._place[carrier], one
+
+    def couple(self, names):
+        """Make one set of the joints' and of all between them: the one whose carrier is deepest takes it in."""
+        heap = [self._entry(one) for one in {self._of(name) for name in names}]
+        heapify(heap)
+        while len(heap) > 1:
+            *_, one = entry = heappop(heap)
+            *_, other = heap[0]
+            if one == other or entry != self._entry(self._of(one)):
+                continue  # another entry stands for it
+            if heap[0] != self._entry(self._of(other)):
+                heapreplace(heap, entry)  # take that out first
+                continue
+            if self._carrier[one] == self._carrier[other]:
+                heappop(heap)
+            else:
+                other = self._of(self._carrier[one])
+            heappush(heap, self._entry(self._join(one, other)))
+
+    def groups(self):
+        """The set of each joint that is in one."""
+        found = {}
+        for members in self._members.values():
+            found.update(dict.fromkeys(members, frozenset(members)))
+        return found

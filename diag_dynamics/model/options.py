@@ -40,6 +40,7 @@ class Options(NamedTuple):
     locked: dict
     armature: dict
     payloads: dict
+    max_coupled: int
     held: dict | None = None  # joints that massless="lock" has locked; None before that was decided
 
 
@@ -47,6 +48,13 @@ def choice(name, value, choices):
     """Refuse a value that is none of the choices."""
     if value not in choices:
         raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(repr, choices))}.")
+
+
+def bound(name, value):
+    """A largest number accepted."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+        raise InputError(f"{name} is {value!r}, expected a whole number >= 1.")
+    return int(value)
 
 
 def gravity_vector(value):

@@ -1,17 +1,19 @@
 """RobotModel, and how a URDF becomes one."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
 
-from diag_dynamics.exceptions import InputError, UrdfError
+from diag_dynamics.exceptions import InputError, MimicJointError, UrdfError
 from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, refuse_massless
 from diag_dynamics.model.mimic import resolve_mimics
 from diag_dynamics.model.options import (
     Options,
     armature_by_joint,
+    bound,
     checked_payloads,
     choice,
     gravity_vector,
@@ -19,7 +21,10 @@ from diag_dynamics.model.options import (
     warn_of_inertias,
 )
 from diag_dynamics.model.tree import Tree
-from diag_dynamics.model.urdf import read_urdf
+from diag_dynamics.model.urdf import MAX_JOINTS, read_urdf
+
+MAX_COUPLED = 200
+"""Bodies of a coupled group accepted unless more are asked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,6 +242,8 @@ def load_urdf(
     locked_joints=None,
     armature=None,
     payloads=None,
+    max_joints=MAX_JOINTS,
+    max_coupled=MAX_COUPLED,
 ):
     """Build a model from a URDF; meshes are neither needed nor looked for.
 
@@ -262,6 +269,12 @@ def load_urdf(
         freedom. Of a joint that is held it has no effect.
     payloads : dict
         :class:`Payload`, or a tuple of its fields, by link name.
+    max_joints : int
+        Most joints, fixed ones included, of a URDF that is not refused. The largest public robots have some 200; loading
+        takes time and memory in proportion.
+    max_coupled : int
+        Most bodies of a coupled group that is not refused: its degrees of freedom and followers, see
+        :attr:`RobotModel.coupled_groups`. Every evaluation takes time as the cube of that number.
 
     Returns
     -------
@@ -270,9 +283,10 @@ def load_urdf(
     Raises
     ------
     UrdfError
-        The URDF is malformed or not a tree.
+        The URDF is malformed, not a tree, or has more joints than `max_joints`.
     MimicJointError
-        Mimic joints follow themselves, a joint that does not exist, or one of several degrees of freedom.
+        Mimic joints follow themselves, a joint that does not exist, or one of several degrees of freedom; or a coupled
+        group is larger than `max_coupled`.
     MasslessLinkError
         Joints move no inertia: the mass matrix would be singular.
     InputError
@@ -286,7 +300,7 @@ def load_urdf(
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))
     gravity = gravity_vector(gravity)
-    robot, root = read_urdf(source)
+    robot, root = read_urdf(source, bound("max_joints", max_joints))
     warn_of_inertias(robot)
     options = Options(
         bool(floating_base),
@@ -296,6 +310,7 @@ def load_urdf(
         locked_positions({} if locked_joints is None else locked_joints, robot),
         armature_by_joint(armature, robot),
         checked_payloads({} if payloads is None else payloads, robot),
+        bound("max_coupled", max_coupled),
     )
     return _model(robot, root, options)
 
@@ -320,7 +335,16 @@ def _model(robot, root, options):
 def _tree(robot, root, options, held):
     """The robot walked, with more joints held than the options lock."""
     mimics, held = resolve_mimics(robot, options.mimic, options.locked | held)
-    return Tree(robot, root, options.floating_base, held, mimics)
+    tree = Tree(robot, root, options.floating_base, held, mimics)
+    for group, size in zip(tree.groups, tree.group_sizes, strict=True):
+        if size > options.max_coupled:
+            raise MimicJointError(
+                f"robot '{robot.name}' has a group of {len(group)} coupled joints, '{group[0]}' to '{group[-1]}', of {size} "
+                f"bodies, and no more than {options.max_coupled} are accepted. Raise max_coupled, or "
+                "take every joint as independent by mimic='free'.",
+                group,
+            )
+    return tree
 
 
 def _restored(robot, root, options):
@@ -330,7 +354,7 @@ def _restored(robot, root, options):
 
 def _refuse_same_names(what, names):
     if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
+        [(twice, _)] = Counter(names).most_common(1)
         raise UrdfError(f"Two {what} would have the name '{twice}': rename one of the joints.")
 
 

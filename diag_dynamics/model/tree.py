@@ -80,6 +80,8 @@ class Tree:
         Independent joints, base to tip; those of a coupled group come together, before what the group carries.
     groups : list of tuple of str
         Joints of each coupled group, base to tip.
+    group_sizes : list of int
+        Bodies of each of them.
     links : list of (yourdfpy.Link, int, ndarray)
         Each link with its body and its 4x4 placement in that body's frame.
     """
@@ -87,7 +89,7 @@ class Tree:
     def __init__(self, robot, root, floating_base=False, locked=None, mimics=None):
         self.robot, self.root = robot, root
         self.floating_base, self.locked, self.mimics = floating_base, dict(locked or {}), dict(mimics or {})
-        self.joints, self.groups, self.links = [], [], []
+        self.joints, self.groups, self.group_sizes, self.links = [], [], [], []
         self._records = [np.zeros((), BODY)]
         self._coordinates = self._dofs = 0
         self._body = {}  # last body of each moving joint, by name
@@ -126,15 +128,18 @@ class Tree:
         body, placement = 0, np.eye(4)
         if self.floating_base:
             body, placement = self._add_joint(Freedom(self._base_name(), "floating"), 0, placement)
-        ahead = self._add_links(self.root, body, placement)
+        waiting = {}  # joints of each group that leave its carrier
+        ahead = self._seen(self._add_links(self.root, body, placement), group_of, waiting)
         while ahead:
             joint, body, origin = ahead.pop()
+            if joint.name in self._body:
+                continue  # added with its group
             if joint.name in group_of:
-                ahead.append((joint, body, origin))
-                ahead = self._add_group(group_of[joint.name], ahead)
+                leaving = self._add_group(group_of[joint.name], waiting)
             else:
                 freedom = Freedom(joint.name, joint.type, joint)
-                ahead += self._add_links(joint.child, *self._add_joint(freedom, body, origin))
+                leaving = self._add_links(joint.child, *self._add_joint(freedom, body, origin))
+            ahead += self._seen(leaving, group_of, waiting)
         self.links.sort(key=lambda entry: self._order[entry[0].name])
 
     def _add_links(self, link, body, placement):
@@ -156,11 +161,17 @@ class Tree:
                     stack.append((joint.child, origin))
         return leaving[::-1]
 
-    def _add_group(self, group, ahead):
-        """Add all bodies of a coupled group, whose first joints are among those ahead; returns those then ahead."""
+    def _seen(self, leaving, group_of, waiting):
+        """The joints that leave a body, those of groups noted as waiting."""
+        for entry in leaving:
+            if entry[0].name in group_of:
+                waiting.setdefault(group_of[entry[0].name], []).append(entry)
+        return leaving
+
+    def _add_group(self, group, waiting):
+        """Add all bodies of a coupled group; returns the moving joints that leave them, the first one last."""
         first, start, names = len(self._records), self._dofs, []
-        stack = [entry for entry in ahead if entry[0].name in group]
-        ahead = [entry for entry in ahead if entry[0].name not in group]
+        stack = waiting.pop(group)
         carried = []
         while stack:
             joint, body, origin = stack.pop()
@@ -168,7 +179,7 @@ class Tree:
             freedom = Freedom(joint.name, joint.type, joint)
             leaving = self._add_links(joint.child, *self._add_joint(freedom, body, origin))
             stack += [entry for entry in leaving if entry[0].name in group]
-            carried = [entry for entry in leaving if entry[0].name not in group] + carried
+            carried.append([entry for entry in leaving if entry[0].name not in group])
         for record in self._records[first:]:
             record["first"], record["last"], record["start"] = first, len(self._records) - 1, start
         for name in names:
@@ -178,11 +189,12 @@ class Tree:
                 follower["q"], follower["dof"], follower["owner"] = led["q"], led["dof"], self._body[leader]
                 follower["multiplier"], follower["offset"] = multiplier, offset
         self.groups.append(tuple(names))
-        return ahead + carried
+        self.group_sizes.append(len(self._records) - first)
+        return [entry for leaving in reversed(carried) for entry in leaving]
 
     def _base_name(self):
-        name = "root_joint"
-        while any(joint.name == name for joint in self.robot.joints):
+        name, taken = "root_joint", {joint.name for joint in self.robot.joints}
+        while name in taken:
             name += "_"
         return name
 

@@ -18,6 +18,8 @@ from diag_dynamics.exceptions import UrdfError
 MAX_BYTES = 32 * 1024 * 1024
 """Largest URDF accepted; the largest public robot descriptions have some 200 kB."""
 
+MAX_JOINTS = 2000
+"""Joints accepted unless more are asked for; the largest public robots have some 200."""
 
 LARGEST = 1e30
 """Largest number accepted, of whatever unit: products of a few must stay numbers."""
@@ -40,13 +42,15 @@ _JOINT_NUMBERS = {
 _MAY_BE_INFINITE = {"limit"}
 
 
-def read_urdf(source):
+def read_urdf(source, max_joints=MAX_JOINTS):
     """Parse a URDF and check that it is a tree of links and known joints.
 
     Parameters
     ----------
     source : str, bytes or os.PathLike
         A path, or XML text (whatever starts with ``<``).
+    max_joints : int
+        Most joints accepted, fixed ones included.
 
     Returns
     -------
@@ -61,6 +65,7 @@ def read_urdf(source):
         Names the element, the value and what was expected.
     """
     robot = _parse(urdf_text(source).encode(errors="replace"))
+    _refuse_size(robot, max_joints)
     reduced = etree.Element("robot", name=_plain(robot.get("name"), "The robot's name") or "robot")
     _add_links(robot, reduced)
     _add_joints(robot, reduced)
@@ -68,6 +73,16 @@ def read_urdf(source):
     stream = io.BytesIO(etree.tostring(reduced))
     urdf = yourdfpy.URDF.load(stream, build_scene_graph=False, load_meshes=False)
     return urdf.robot, root
+
+
+def _refuse_size(robot, max_joints):
+    """Refuse more joints than asked for, or links than so many joints can connect, before anything is done with them."""
+    joints, links = (len(robot.findall(tag)) for tag in ("joint", "link"))
+    if max(joints, links - 1) > max_joints:
+        raise UrdfError(
+            f"The URDF has {joints} joints and {links} links, and no more than {max_joints} joints are accepted. Raise "
+            "max_joints if it is to be loaded."
+        )
 
 
 def urdf_text(source):

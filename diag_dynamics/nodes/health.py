@@ -3,7 +3,7 @@
 import numpy as np
 
 from diag_dynamics.nodes.diagnostics import ERROR, OK, STALE, WARN, Status
-from diag_dynamics.nodes.robot import single_joints
+from diag_dynamics.nodes.robot import places, single_joints
 from diag_dynamics.nodes.settings import share_thresholds
 
 HEALTHY = 1e-9
@@ -49,7 +49,7 @@ class EnergyWatch:
         """
         names = single_joints(model)
         warn, error = (np.array(shares) for shares in share_thresholds(thresholds, names))
-        self._names, self._at = names, np.array([model.dof_names.index(name) for name in names], dtype=int)
+        self._names, self._at = names, np.array(places(names, model.dof_names), dtype=int)
         self._thresholds, self._shares = thresholds, ((ERROR, "error", error), (WARN, "warn", warn))
         self._watch_shares = bool(np.isfinite([*warn, *error]).any())
         self.forget()

@@ -6,7 +6,8 @@ import numpy as np
 
 from diag_dynamics.exceptions import InertiaWarning, InputError, UnsupportedError
 from diag_dynamics.model import Payload, load_urdf
-from diag_dynamics.model.urdf import read_urdf
+from diag_dynamics.model.robot import MAX_COUPLED
+from diag_dynamics.model.urdf import MAX_JOINTS, read_urdf
 from diag_dynamics.nodes.inputs.joint_states import Joints
 from diag_dynamics.nodes.parameters import Spec, assignments
 
@@ -32,6 +33,14 @@ PARAMETERS = {
         [""],
         "Payloads, each as link=mass, link=mass x y z, or link=mass x y z ixx iyy izz ixy ixz iyz: centre of mass and "
         "inertia about it in the link's axes [kg, m, kg m^2]. Those on links that a robot lacks are not applied.",
+    ),
+    "max_joints": Spec(
+        MAX_JOINTS, "Most joints, fixed ones included, of a URDF that is not refused.", while_unconfigured=True
+    ),
+    "max_coupled": Spec(
+        MAX_COUPLED,
+        "Most bodies of a group of coupled joints that is not refused: its degrees of freedom and followers.",
+        while_unconfigured=True,
     ),
     "floating_base": Spec(
         False, "Whether the root link moves freely; its state then comes from the topic odom.", while_unconfigured=True
@@ -71,7 +80,7 @@ def load_robot(node, description, values):
     """
     payloads = payloads_of(values["payloads"])
     if payloads:
-        links = {link.name for link in read_urdf(description)[0].links}
+        links = {link.name for link in read_urdf(description, values["max_joints"])[0].links}
         payloads = {link: payload for link, payload in payloads.items() if link in links}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", InertiaWarning)
@@ -84,11 +93,14 @@ def load_robot(node, description, values):
             locked_joints=assignments("locked_joints", values["locked_joints"]),
             armature=assignments("armature", values["armature"]),
             payloads=payloads,
+            max_joints=values["max_joints"],
+            max_coupled=values["max_coupled"],
         )
     for warning in caught:
         node.get_logger().warning(str(warning.message))
     if len(model.joint_names) != len(single_joints(model)) + model.floating_base:
-        several = next(n for n in model.joint_names[model.floating_base :] if n not in model.dof_names)
+        single = set(single_joints(model))
+        several = next(name for name in model.joint_names[model.floating_base :] if name not in single)
         raise UnsupportedError(
             f"joint '{several}' has several degrees of freedom, and joint_states has no place for its state. "
             "Only a floating base is supported (floating_base, with odom)."
@@ -98,13 +110,21 @@ def load_robot(node, description, values):
 
 def single_joints(model):
     """Joints of one degree of freedom, those that joint_states brings, in the model's order."""
-    return tuple(name for name in model.joint_names if name in model.dof_names)
+    dofs = set(model.dof_names)
+    return tuple(name for name in model.joint_names if name in dofs)
+
+
+def places(names, among):
+    """Where each of some names stands among others."""
+    place = {name: k for k, name in enumerate(among)}
+    return [place[name] for name in names]
 
 
 def joints_of(model):
     """What assembling joint states has to know of a model."""
-    at = [model.coordinate_names.index(name) for name in single_joints(model)]
-    return Joints(single_joints(model), model.mimics, model.continuous_joints, model.lower[at], model.upper[at])
+    names = single_joints(model)
+    at = places(names, model.coordinate_names)
+    return Joints(names, model.mimics, frozenset(model.continuous_joints), model.lower[at], model.upper[at])
 
 
 def payloads_of(entries):

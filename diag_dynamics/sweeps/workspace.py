@@ -93,10 +93,11 @@ def _spans(bodies, nv):
 
     Where there are none the first is nv, and the end that of its group's own.
     """
-    first, end = np.full(len(bodies), nv), np.zeros(len(bodies), np.int64)
+    first, end, own = np.full(len(bodies), nv), np.zeros(len(bodies), np.int64), np.zeros(len(bodies), np.int64)
+    np.maximum.at(own, bodies["first"], 1 + bodies["dof"])
     for i in range(len(bodies) - 1, 0, -1):
         body = bodies[i]
-        end[i] = max(end[i], 1 + bodies["dof"][body["first"] : body["last"] + 1].max())
+        end[i] = max(end[i], own[body["first"]])
         carrier = body["parent"]
         first[carrier] = min(first[carrier], first[i] if i > body["first"] else body["start"])
         end[carrier] = max(end[carrier], end[i])

@@ -155,20 +155,22 @@ def command_order(entries, names):
         A name is no joint of the robot, or there twice, or a joint has no place: every joint needs its effort.
     """
     joints = [name for name in entries if name] or list(names)
-    for k, name in enumerate(joints):
-        if name not in names:
+    place, seen = {name: k for k, name in enumerate(names)}, set()
+    for name in joints:
+        if name not in place:
             raise InputError(
                 f"parameter 'command_joints' names '{name}', which is no joint to control: {', '.join(names)}."
             )
-        if name in joints[:k]:
+        if name in seen:
             raise InputError(f"parameter 'command_joints' names '{name}' twice.")
+        seen.add(name)
     for name in names:
-        if name not in joints:
+        if name not in seen:
             raise InputError(
                 f"parameter 'command_joints' lacks joint '{name}', which nothing would drive: name it, or lock it "
                 "(locked_joints)."
             )
-    return tuple(joints), [list(names).index(name) for name in joints]
+    return tuple(joints), [place[name] for name in joints]
 
 
 def require_same_joints(own, theirs, controller):

@@ -43,7 +43,8 @@ class Followers:
         self.index = {name: k for k, name in enumerate(self.names)}
         self.tolerance = tolerance
         self._leader_names, multipliers, offsets = zip(*mimics.values(), strict=True) if mimics else ((), (), ())
-        self.leaders = np.array([joints.index(leader) for leader in self._leader_names], dtype=int)
+        place = {name: k for k, name in enumerate(joints)}
+        self.leaders = np.array([place[leader] for leader in self._leader_names], dtype=int)
         self.turns = np.array([name in continuous for name in self.names], dtype=bool)
         self.multipliers, self.offsets = np.array(multipliers), np.array(offsets)
 

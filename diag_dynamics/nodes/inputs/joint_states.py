@@ -28,7 +28,7 @@ class Joints(NamedTuple):
 
     names: tuple
     mimics: Mapping = _NONE
-    continuous: tuple = ()
+    continuous: frozenset = frozenset()
     lower: np.ndarray | None = None
     upper: np.ndarray | None = None
 

@@ -44,15 +44,17 @@ class Drives:
 
     def __init__(self, names, joints, timeout, without):
         joints = [name for name in joints if name] or list(names)
-        for k, name in enumerate(joints):
-            if name not in names:
+        place, seen = {name: k for k, name in enumerate(names)}, set()
+        for name in joints:
+            if name not in place:
                 raise InputError(
                     f"parameter 'command_joints' names '{name}', which is no joint that can be driven; these are "
                     f"{', '.join(names)}."
                 )
-            if name in joints[:k]:
+            if name in seen:
                 raise InputError(f"parameter 'command_joints' names '{name}' twice.")
-        self._joints, self._at = tuple(joints), np.array([list(names).index(name) for name in joints], dtype=int)
+            seen.add(name)
+        self._joints, self._at = tuple(joints), np.array([place[name] for name in joints], dtype=int)
         self.timeout, self.without = timeout, without
         self._effort = np.zeros(len(names))
         self.counts, self.last_rejection = Counter(), ""

@@ -9,7 +9,7 @@ from diag_dynamics.nodes.inputs.followers import Followers
 from diag_dynamics.nodes.plant.drives import Drives
 from diag_dynamics.nodes.plant.pushes import Pushes
 from diag_dynamics.nodes.plant.sensors import Errors, Sensors
-from diag_dynamics.nodes.robot import single_joints
+from diag_dynamics.nodes.robot import places, single_joints
 from diag_dynamics.simulation import CompliantLimits, Simulation, Wave
 
 BRAKE = 2.0
@@ -65,7 +65,7 @@ class Plant:
         joints = single_joints(model)
         self._followers = Followers(joints, model.mimics)
         self.names = (*joints, *self._followers.names)
-        self._driven = np.array([model.dof_names.index(name) for name in joints], dtype=int)
+        self._driven = np.array(places(joints, model.dof_names), dtype=int)
         self.drives = Drives(joints, values["command_joints"], values["command_timeout"], values["without_command"])
         noise, resolution = tuple(values["sensor_noise"]), tuple(values["sensor_resolution"])
         errors = Errors(noise, resolution, values["sensor_delay"], values["sensor_dropped"], values["seed"])
