@@ -38,5 +38,5 @@ lock:  ## requirements/*.txt from *.in; ARGS=--upgrade takes newer versions
 	@scripts/lock $(ARGS)
 
 clean:  ## delete all that was built
-	rm -rf build *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf build "$$(dd_root="$$PWD"; . scripts/choose_ros.bash; echo "$$dd_home")" *.egg-info .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +

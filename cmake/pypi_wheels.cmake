@@ -13,8 +13,11 @@ foreach(_target IN LISTS _targets)
   endif()
 endforeach()
 
-# Ours are in a virtual environment below this directory, and CMake refuses to export paths into the source tree.
+# Ours are in a virtual environment below this directory, and CMake refuses to export paths into the source tree. A stock
+# rosidl_generator_py sets no such property, and writing what was not found would make CMake fail.
 set(_target ${PROJECT_NAME}__rosidl_generator_py)
 get_target_property(_includes ${_target} INTERFACE_INCLUDE_DIRECTORIES)
-list(TRANSFORM _includes REPLACE "^/.*/site-packages/.*" "$<BUILD_INTERFACE:\\0>")
-set_target_properties(${_target} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${_includes}")
+if(_includes)
+  list(TRANSFORM _includes REPLACE "^/.*/site-packages/.*" "$<BUILD_INTERFACE:\\0>")
+  set_target_properties(${_target} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${_includes}")
+endif()

@@ -1,5 +1,7 @@
 """Finding a URDF by the name of a robot in the `example-robot-data` wheel."""
 
+import os
+from difflib import get_close_matches
 from importlib import metadata
 from pathlib import Path
 
@@ -33,10 +35,11 @@ def find_urdf(robot):
     Raises
     ------
     InputError
-        There is no such robot, or several; the message lists those that are.
+        There is no such robot, and the message names those of a similar name; or several, which it lists.
     """
-    if Path(robot).is_file():
-        return Path(robot).resolve()
+    path = Path(os.path.expanduser(robot))
+    if path.is_file():
+        return path.resolve()
     urdfs = example_urdfs()
     name = robot.removesuffix(".urdf")
     exact = [path for key, path in urdfs.items() if name in (key, key.rsplit("/", 1)[-1])]
@@ -47,5 +50,20 @@ def find_urdf(robot):
         return next(iter(part.values()))
     if part:
         raise InputError(f"robot '{robot}' could be any of:\n  " + "\n  ".join(part))
-    known = "\n  ".join(urdfs) or "(none: the package example-robot-data is not installed)"
-    raise InputError(f"robot '{robot}' is neither a file nor an example robot. Those are:\n  {known}")
+    if not urdfs:
+        raise InputError(
+            f"robot '{robot}' is no file, and the package example-robot-data, whose robots have names, is absent."
+        )
+    if robot.startswith(("/", ".", "~")) or robot.endswith((".urdf", ".xml", ".xacro")):  # meant as a path
+        raise InputError(f"robot '{robot}': no such file.")
+    known = sorted({key.rsplit("/", 1)[-1] for key in urdfs})
+    near = get_close_matches(name.lower(), known, n=3, cutoff=0.6)
+    meant = f"; did you mean {' or '.join(near)}?" if near else "."
+    raise InputError(
+        f"robot '{robot}' is neither a file nor one of the {len(urdfs)} example robots{meant} "
+        "All of them: python3 -m diag_dynamics.example_robots"
+    )
+
+
+if __name__ == "__main__":
+    print("\n".join(example_urdfs()))

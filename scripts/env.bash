@@ -20,10 +20,11 @@ if grep -qsF "$dd_home " "$dd_home/install/.complete"; then  # complete, and mad
   dd_status=0
 else
   echo "Nothing built here for ${dd_home##*/} yet." \
-    "Run: ${ROS_DISTRO:+ROS_DISTRO=$ROS_DISTRO }make -C $dd_root setup" >&2
+    "Run: ${ROS_DISTRO:+ROS_DISTRO=$ROS_DISTRO }make -C '$dd_root' setup" >&2
   dd_status=1
 fi
 
-unset dd_strict dd_root dd_ros dd_home dd_python dd_numpy dd_name dd_value
+unset -f dd_plain
+unset dd_strict dd_root dd_ros dd_built dd_home dd_python dd_numpy dd_name dd_value
 # "return" with a value that outlives the unset
 eval "unset dd_status; return $dd_status"

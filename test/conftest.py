@@ -114,8 +114,12 @@ def compiled():
 
 
 @pytest.fixture(scope="module")
-def ros_domain(tmp_path_factory, compiled):
-    """A ROS domain that no other test run on this machine has, in this process and in those it starts."""
+def ros_domain(request, tmp_path_factory, compiled):
+    """A ROS domain that no other test run on this machine has, in this process and in those it starts.
+
+    A file marked `kills` takes UDP. A process that is killed while it holds a lock of Fast DDS's shared memory leaves it
+    locked, and those beside it wait for ever, signals and all: https://github.com/eProsima/Fast-DDS/issues/5469.
+    """
     from nodes import Process
 
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -127,6 +131,8 @@ def ros_domain(tmp_path_factory, compiled):
         environment.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         environment.setenv("ROS_PYTHON_CHECK_FIELDS", "1")
         environment.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
+        if request.node.get_closest_marker("kills"):
+            environment.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
         yield domain
     os.close(lock)
     Process.started.clear()

@@ -10,6 +10,8 @@ from controllers import ACTIVE, START_AT, Controller, gravity_of, put, quiet
 from nodes import MS, START, UR5, nanoseconds
 from test_simulator_commands import Simulator
 
+pytestmark = pytest.mark.kills
+
 TIMEOUT = 0.3
 """After which the drives close their brakes [s]."""
 STALL, STALLS = 50 * MS, 10

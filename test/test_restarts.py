@@ -27,6 +27,8 @@ from nodes import (
     robot,
 )
 
+pytestmark = pytest.mark.kills
+
 OK, WARN, ERROR, STALE = b"\x00", b"\x01", b"\x02", b"\x03"
 
 

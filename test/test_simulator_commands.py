@@ -37,6 +37,8 @@ from nodes import (
 )
 from oracles import Oracle
 
+pytestmark = pytest.mark.kills
+
 NODE = "diag_dynamics_simulator"
 PERIOD = 2 * MS
 
