@@ -62,8 +62,8 @@ class DisturbanceObserver:
         Whether `tau` was measured with the state, or has been held on the joints since the last sample, as a controller
         that knows its own command can tell.
     friction : bool
-        Whether to take the friction of the model into account, see :meth:`DiagonalDynamics.friction_torque`. Coulomb
-        friction of a joint that stands still is not known, and remains in r.
+        Whether to take the friction of the model into account, see :meth:`DiagonalDynamics.friction_torque`. What friction
+        holds a joint that stands still is not known, and remains in r.
     max_gap : float
         Longest interval that is integrated over [s]; a longer one resets.
 

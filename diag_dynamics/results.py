@@ -162,7 +162,7 @@ class Evaluation:
 class BatchEvaluation(Evaluation):
     """What :class:`Evaluation` holds, of T states at once: every attribute has a leading axis of length T.
 
-    Numbers such as kinetic_energy are arrays of shape (T,). There are no wrenches and no friction.
+    Numbers such as kinetic_energy are arrays of shape (T,). There are no wrenches.
     """
 
     def __len__(self):

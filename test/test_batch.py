@@ -1,5 +1,6 @@
 """Many states at once: the numbers of single calls, whatever the number of threads, in bounded memory."""
 
+import dataclasses
 import tracemalloc
 
 import numpy as np
@@ -77,6 +78,21 @@ def test_batch_is_single_calls(dyn, threads):
     singles = [dyn.evaluate(q, qd, tau) for q, qd, tau in zip(Q, QD, TAU, strict=True)]
     assert_same(batch, singles, (*ALWAYS, *WITH_TAU))
     assert batch.external is None and batch.friction is None
+
+
+def test_friction(dyn):
+    """ε_fric and all that holds it, as of single calls; with efforts or without."""
+    friction = np.linspace(1.0, 2.0, dyn.model.nv)
+    rubbing = dd.DiagonalDynamics(dataclasses.replace(dyn.model, friction=friction, damping=0.1 * friction))
+    Q, QD, TAU = states(dyn, 300)
+    QD[::2] *= 3e-3  # where friction turns round
+    batch = rubbing.evaluate_batch(Q, QD, TAU, threads=2, friction=True)
+    singles = [rubbing.evaluate(q, qd, tau, friction=True) for q, qd, tau in zip(Q, QD, TAU, strict=True)]
+    assert_same(batch, singles, ("friction", "nu_dot", "power"))
+    assert np.abs(batch.friction).max() > 1.0
+    assert np.array_equal(rubbing.evaluate_batch(Q, QD, friction=True).friction, batch.friction)
+    (streamed,) = rubbing.evaluate_stream(Q, QD, size=1000, friction=True)
+    assert np.array_equal(streamed.friction, batch.friction)
 
 
 def test_without_efforts(dyn):

@@ -231,6 +231,7 @@ EXPECTED = {
     "external_torque.friction",
     "external_torque.max_gap",
     "publish_inverse_factor",
+    "friction_velocity",
     "publish_friction",
     "max_rate.mass_matrix_factors",
     "max_rate.joint_space_dynamics",

@@ -369,7 +369,7 @@ def test_friction(spec):
     for case in robot.cases[:2]:
         (q, qd, tau, qdd), t = case.sample, case.truth
         full = o.G @ qd
-        resisting = o.G.T @ (damping * full + friction * np.sign(full))
+        resisting = o.G.T @ (damping * full) + model.friction * np.tanh(qd / model.friction_velocity)
         assert_close(case.dyn.friction_torque(qd), resisting, 1e-13, norm(np.abs(o.G).T @ np.abs(damping * full)))
         s = case.dyn.evaluate(q, qd, tau, friction=True)
         assert_close(s.friction, np.linalg.solve(t.m, resisting), tolerance(t))

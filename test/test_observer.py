@@ -14,6 +14,7 @@ import diag_dynamics as dd
 import robots
 from coupling import Coupled
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.inputs.velocities import VelocityEstimator
 
 PANDA = robots.robot("panda_description/urdf/panda.urdf")
 ARM = PANDA._replace(id="panda_arm", locked_joints={"panda_finger_joint1": 0.02})
@@ -182,7 +183,7 @@ def test_friction_is_taken_out_only_when_asked():
     assert (model.damping == 2.0).all() and (model.friction == 1.5).all()
     motion = Motion("panda_arm")
     motion.push[:] = 0.0
-    friction = 2.0 * motion.rate + 1.5 * np.sign(motion.rate)
+    friction = 2.0 * motion.rate + 1.5 * np.tanh(motion.rate / 5e-3)
     observers = {
         asked: dd.DisturbanceObserver(dd.DiagonalDynamics(model), GAIN, np.inf, friction=asked)
         for asked in (False, True)
@@ -193,6 +194,27 @@ def test_friction_is_taken_out_only_when_asked():
     assert seen[True].norm < 1e-4
     standing = np.linalg.solve(subject("panda_arm").oracle.factor(motion.q(t)), -friction)
     assert np.linalg.norm(seen[False].residual - standing) < 0.05 * np.linalg.norm(standing)
+
+
+def creeping(dynamics, count=1500, step=2e-3, resolution=1e-4):
+    """Whether a held arm is said to collide that creeps by less than 2 mrad/s, seen by encoders of 1e-4 rad alone."""
+    estimator, everything = VelocityEstimator([False] * N), np.arange(N)
+    observer = dd.DisturbanceObserver(dynamics, GAIN, 5.0, friction=True)
+    collided = False
+    for k in range(count):
+        true = READY + 1e-3 * np.sin(2 * np.pi * 0.3 * k * step + np.arange(N))
+        q = np.round(true / resolution) * resolution
+        velocity = estimator.update(everything, q, round(k * step * 1e9) + 1, 0.01, np.full(N, 5e8))
+        if np.isfinite(velocity).all():
+            collided |= observer.update(k * step, q, velocity, dynamics.gravity_torque(q)).collision
+    return collided
+
+
+def test_friction_at_rest_is_no_collision():
+    """Friction that jumps with the sign of an estimated velocity pushes a held arm; friction that is smooth does not."""
+    urdf = PANDA.urdf.replace('friction="0.0"', 'friction="0.5"')
+    assert not creeping(dd.DiagonalDynamics(dd.load_urdf(urdf, **ARM.options)))
+    assert creeping(dd.DiagonalDynamics(dd.load_urdf(urdf, **ARM.options, friction_velocity=0.0)))
 
 
 # --- Collisions ---

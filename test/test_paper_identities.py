@@ -961,7 +961,7 @@ class Mover:
 
     def friction(self, qd):
         """Return what resists the motion."""
-        return self.damping * qd + self.coulomb * np.sign(qd)
+        return self.damping * qd + self.coulomb * np.tanh(qd / 5e-3)
 
     def effort(self, t):
         """Return the joints' efforts at a time."""

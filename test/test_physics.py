@@ -4,6 +4,8 @@ Errors are measured in the units of ν (√J), in which all dofs weigh alike: ra
 """
 
 import os
+import pickle
+import re
 import shutil
 import subprocess
 import sys
@@ -16,6 +18,7 @@ import pytest
 import diag_dynamics as dd
 import robots
 from accuracy import EPS, assert_close, norm, tolerance, tolerance_of_differences
+from diag_dynamics.exceptions import InputError
 from oracles import FLOATING, Oracle, State
 
 PANDA = "panda_description/urdf/panda.urdf"
@@ -400,7 +403,7 @@ def test_friction(robot):
                 array[k] = (0 if element.find("dynamics") is None else element.find("dynamics").get(name)) or 0
     for case in robot.cases:
         (q, qd, tau, qdd), t = case.sample, case.truth
-        resisting = numbers["damping"] * qd + numbers["friction"] * np.sign(qd)
+        resisting = numbers["damping"] * qd + numbers["friction"] * np.tanh(qd / 5e-3)
         assert_close(case.dyn.friction_torque(qd), resisting, 1e-15)
         s = case.dyn.evaluate(q, qd, tau, friction=True)
         epsilon = np.linalg.solve(t.m, resisting)
@@ -418,6 +421,36 @@ def test_friction(robot):
         terms = (slowed.nu_dot, s.coriolis, s.gravity, s.friction, s.epsilon)
         assert_close(sum(terms[:4]), s.epsilon, tolerance(t), sum(map(norm, terms)))
         assert_close(s.power, slowed.power, tolerance(t), norm(s.nu) * (sum(map(norm, terms)) + t.coriolis_scale))
+
+
+def test_coulomb_friction_is_smooth_at_rest():
+    """Odd, rising and continuous, f sign(q̇) but for 1e-4 beyond 25 mrad/s; its rate stays with the model."""
+    urdf = re.sub('damping="[^"]*" friction="[^"]*"', 'damping="0" friction="1.5"', robots.robot(PANDA).urdf)
+    model = dd.load_urdf(urdf)
+    torque = dd.DiagonalDynamics(model).friction_torque
+    rubbing = model.friction > 0.0
+    assert model.friction_velocity == 5e-3 and rubbing.sum() == 7
+    rates = np.concatenate([[0.0], np.logspace(-9, 3, 400)])
+    along, backward = (
+        np.array([torque(np.full(model.nv, sign * rate))[rubbing] for rate in rates]) / 1.5 for sign in (1.0, -1.0)
+    )
+    assert (along == -backward).all() and (along[0] == 0.0).all()
+    assert (np.diff(along, axis=0) >= 0.0).all() and (np.diff(along[rates < 0.01], axis=0) > 0.0).all()
+    assert (np.diff(along, axis=0) <= np.diff(rates)[:, None] / 5e-3 * (1 + 1e-9) + 1e-15).all()
+    assert (np.abs(along[rates > 0.025] - 1.0) < 1e-4).all()
+    other = dd.load_urdf(urdf, friction_velocity=0.02)
+    for same in (
+        other.with_gravity((0, 0, 0)),
+        other.with_payload("panda_hand", 1.0),
+        pickle.loads(pickle.dumps(other)),
+    ):
+        assert same.friction_velocity == 0.02
+    jumping = dd.DiagonalDynamics(dd.load_urdf(urdf, friction_velocity=0))
+    qd = np.linspace(-1e-9, 1e-9, model.nv)
+    assert (jumping.friction_torque(qd)[rubbing] == 1.5 * np.sign(qd[rubbing])).all()
+    for wrong in (-1e-3, np.nan, np.inf, "5e-3", None):
+        with pytest.raises(InputError, match="friction_velocity"):
+            dd.load_urdf(urdf, friction_velocity=wrong)
 
 
 def test_power_balance_by_difference(robot):

@@ -11,6 +11,13 @@ from diag_dynamics.exceptions import InertiaWarning, InputError
 SINGLE = ("revolute", "continuous", "prismatic")
 """Joint types of one degree of freedom."""
 
+FRICTION_VELOCITY = 5e-3
+"""Rate at which Coulomb friction has three quarters of its full size, by default [rad/s, m/s].
+
+A held arm creeps, and velocities estimated from an encoder flicker, by milliradians a second; friction that jumps there from
+-f to f is a torque that nobody exerts.
+"""
+
 
 class Payload(NamedTuple):
     """A rigid body attached to a link, in the link's axes.
@@ -42,6 +49,7 @@ class Options(NamedTuple):
     payloads: dict
     max_coupled: int
     held: dict | None = None  # joints that massless="lock" has locked; None before that was decided
+    friction_velocity: float = FRICTION_VELOCITY
 
 
 def choice(name, value, choices):
@@ -79,6 +87,15 @@ def mapping(name, value):
     if not isinstance(value, Mapping):
         raise InputError(f"{name} is {value!r}, expected a dict by name.")
     return value
+
+
+def friction_velocity_of(value):
+    """Rate that friction turns round within, checked."""
+    expected = "a finite number >= 0 [rad/s, m/s]"
+    number = float(numbers("friction_velocity", value, (), expected))
+    if number < 0.0:
+        raise InputError(f"friction_velocity is {value!r}, expected {expected}.")
+    return number
 
 
 def armature_by_joint(value, robot):

@@ -11,11 +11,13 @@ from diag_dynamics.exceptions import InputError, MimicJointError, UrdfError
 from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, refuse_massless
 from diag_dynamics.model.mimic import resolve_mimics
 from diag_dynamics.model.options import (
+    FRICTION_VELOCITY,
     Options,
     armature_by_joint,
     bound,
     checked_payloads,
     choice,
+    friction_velocity_of,
     gravity_vector,
     locked_positions,
     warn_of_inertias,
@@ -128,6 +130,11 @@ class RobotModel:
     def nq(self):
         """Number of position coordinates."""
         return len(self.coordinate_names)
+
+    @property
+    def friction_velocity(self):
+        """v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). A simulation's friction has none."""
+        return self._options.friction_velocity
 
     @property
     def armature(self):
@@ -244,6 +251,7 @@ def load_urdf(
     payloads=None,
     max_joints=MAX_JOINTS,
     max_coupled=MAX_COUPLED,
+    friction_velocity=FRICTION_VELOCITY,
 ):
     """Build a model from a URDF; meshes are neither needed nor looked for.
 
@@ -275,6 +283,8 @@ def load_urdf(
     max_coupled : int
         Most bodies of a coupled group that is not refused: its degrees of freedom and followers, see
         :attr:`RobotModel.coupled_groups`. Every evaluation takes time as the cube of that number.
+    friction_velocity : float
+        v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s], see :meth:`DiagonalDynamics.friction_torque`; 0 for f sign(q̇).
 
     Returns
     -------
@@ -311,6 +321,7 @@ def load_urdf(
         armature_by_joint(armature, robot),
         checked_payloads({} if payloads is None else payloads, robot),
         bound("max_coupled", max_coupled),
+        friction_velocity=friction_velocity_of(friction_velocity),
     )
     return _model(robot, root, options)
 

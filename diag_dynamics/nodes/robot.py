@@ -6,6 +6,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InertiaWarning, InputError, UnsupportedError
 from diag_dynamics.model import Payload, load_urdf
+from diag_dynamics.model.options import FRICTION_VELOCITY
 from diag_dynamics.model.robot import MAX_COUPLED
 from diag_dynamics.model.urdf import MAX_JOINTS, read_urdf
 from diag_dynamics.nodes.inputs.joint_states import Joints
@@ -71,7 +72,7 @@ def load_robot(node, description, values):
     description : str
         URDF or its path.
     values : dict
-        Values of :data:`PARAMETERS`.
+        Values of :data:`PARAMETERS`; and `friction_velocity`, of a node that has it.
 
     Raises
     ------
@@ -95,6 +96,7 @@ def load_robot(node, description, values):
             payloads=payloads,
             max_joints=values["max_joints"],
             max_coupled=values["max_coupled"],
+            friction_velocity=values.get("friction_velocity", FRICTION_VELOCITY),
         )
     for warning in caught:
         node.get_logger().warning(str(warning.message))

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.options import FRICTION_VELOCITY
 from diag_dynamics.nodes.inputs.joint_states import Options
 from diag_dynamics.nodes.outputs import BESIDE, TOPICS
 from diag_dynamics.nodes.parameters import ALL, Spec, assignments, by_name, wrong
@@ -132,6 +133,14 @@ PARAMETERS = {
         maximum=100.0,
     ),
     "publish_inverse_factor": Spec(False, "Whether mass_matrix_factors carries l, the inverse of m."),
+    "friction_velocity": Spec(
+        FRICTION_VELOCITY,
+        "Rate v0 within which Coulomb friction turns round, f tanh(velocity / v0) [rad/s, m/s]; 0: it jumps, f "
+        "sign(velocity).",
+        minimum=0.0,
+        maximum=1.0,
+        while_unconfigured=True,
+    ),
     "publish_friction": Spec(
         False, "Whether state and coriolis carry the URDF's damping and friction, which no other term ever holds."
     ),
