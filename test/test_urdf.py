@@ -154,6 +154,8 @@ def test_unicode_names():
         ((-0.1, 0, 0, 0.2, 0, 0.3), "principal moments -0.1, 0.2, 0.3 are not all positive"),
         ((0.1, 0, 0, 0.1, 0, 0.3), "principal moments 0.1, 0.1, 0.3 break the triangle inequality"),
         ((0.1, 0.3, 0, 0.1, 0, 0.1), "are not all positive"),
+        ((0.1, 0, 0, 0.1, 0, 0.2005), "break the triangle inequality"),
+        ((-2e-4, 0, 0, 0.1, 0, 0.1), "are not all positive"),
     ],
 )
 def test_inertia_of_no_rigid_body_loads_with_a_warning(inertia, reason):
@@ -162,6 +164,26 @@ def test_inertia_of_no_rigid_body_loads_with_a_warning(inertia, reason):
     with pytest.warns(dd.InertiaWarning, match="link 'odd' of robot 'r'") as caught:
         assert dd.load_urdf(text).nv == 1
     assert reason in str(caught[0].message)
+
+
+def rounded(inertia, digits):
+    """Return ixx ixy ixz iyy iyz izz as a URDF has them that gives so many digits of each."""
+    return [float(f"{inertia[i, j]:.{digits - 1}e}") for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
+
+
+def test_rounding_makes_no_warning():
+    """Plates and rods of any size and direction are on the edge of what bodies have; four digits of them suffice."""
+    rng = np.random.default_rng(0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for digits in (4, 5, 6, 9):
+            for _ in range(50):
+                a, b = rng.uniform(0.01, 2.0, 2) ** 2 * rng.uniform(0.1, 10.0) / 12.0
+                turn, _ = np.linalg.qr(rng.standard_normal((3, 3)))
+                for body in (np.diag([a, b, a + b]), np.diag([0.0, a, a])):
+                    for inertia in (body, turn @ body @ turn.T):
+                        text = link("a", mass=1.0, inertia=rounded(inertia, digits))
+                        dd.load_urdf(description("r", text))
 
 
 @pytest.mark.parametrize("inertia", [(0, 0, 0, 0, 0, 0), (0.1, 0, 0, 0.1, 0, 0.2), (1e-20, 0, 0, -1e-20, 0, 0)])

@@ -169,8 +169,9 @@ def checked_payloads(value, robot):
 def not_physical(inertia, mass):
     """Why an inertia about the centre of mass is that of no rigid body, or None."""
     moments = np.linalg.eigvalsh(inertia)
-    # A radius of gyration of a micrometre is that of a point.
-    rounding = max(1e-6 * np.abs(moments).max(), 1e-12 * mass)
+    # Plates and rods are on the edge: four digits of their moments are off it by as much as this. A radius of gyration of a
+    # micrometre is that of a point.
+    rounding = max(1e-3 * np.abs(moments).max(), 1e-12 * mass)
     if moments[0] < -rounding:
         return f"whose principal moments {_short(moments)} are not all positive"
     if moments[2] > moments[0] + moments[1] + rounding:
