@@ -17,7 +17,11 @@ from geometry_msgs.msg import Inertia, Vector3
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 
+from diag_dynamics import DiagonalDynamics, load_urdf
+from diag_dynamics.nodes.external_torque import TorqueWatch
+from diag_dynamics.nodes.inputs.joint_states import RobotState
 from diag_dynamics.nodes.monitor import MonitorNode
+from diag_dynamics.nodes.settings import Observation
 from nodes import MS, PANDA, START, UR5, Monitor, S, joint_state, nanoseconds, node_process, robot
 from test_floating_base import Rig
 from test_simulator_commands import Simulator
@@ -422,6 +426,42 @@ def test_the_ground_is_external(peer):
         assert np.linalg.norm(said.messages[-1].external_torque[:3]) == pytest.approx(
             9.81 * pin.computeTotalMass(rig.model), rel=1e-4
         )
+
+
+def test_what_was_above_what(panda):
+    """Of a collision diagnostics say the norm, the threshold, the joint; then that it is not over, by the other threshold."""
+    push = np.zeros(len(panda.names))
+    push[panda.names.index("panda_joint2")] = 30.0
+    pushed, free = (Motion(panda, push, size=0.0)(0), Motion(panda, size=0.0)(0))
+    watch = TorqueWatch(DiagonalDynamics(load_urdf(panda.path)), Observation(GAIN, 4.0, 1.0, False, 0.1))
+    seen = []
+
+    def take(states):
+        for q, qd, tau in states:
+            watch.take(RobotState(q, qd, tau, S + STEP * len(seen), S, False))
+            seen.append(watch.seen)
+        return watch.report([])
+
+    risen = take([free] + [pushed] * 60)
+    first = next(one for one in seen if one.collision)
+    k = panda.names.index("panda_joint2")
+    assert np.argmax(np.abs(first.residual)) == k
+    told = (
+        f"collision: |r| rose to {first.norm:.6g} J^0.5/s, above external_torque.threshold = 4; most of it is joint "
+        f"'panda_joint2', with {first.residual[k]:.6g} J^0.5/s and {first.external_torque[k]:.6g} N m (prismatic: N)"
+    )
+    assert risen.level == WARN and risen.message == told
+    while seen[-1].norm > 4.0:
+        take([free])
+    assert seen[-1].collision
+    falling = take([free])
+    assert (
+        falling.level == WARN
+        and falling.message == f"{told}; since then not below external_torque.release_threshold = 1"
+    )
+    while seen[-1].collision:
+        take([free])
+    assert take([free]).message == "no collision"
 
 
 # --- who listens

@@ -1,5 +1,7 @@
 """External torque over all states: the disturbance observer at the monitor's states, and what diagnostics say of it."""
 
+import numpy as np
+
 from diag_dynamics.nodes.diagnostics import OK, STALE, WARN, Status, counted
 from diag_dynamics.observer import Disturbance, DisturbanceObserver
 
@@ -27,6 +29,7 @@ class TorqueWatch:
         self._collisions, self._origin = 0, None
         self._colliding = self._without_effort = False
         self._reported = False  # whether diagnostics told of a collision last
+        self._cause = ""  # what was above what when the last collision began
         self._begin()
         self.use(dynamics, observation)
 
@@ -45,7 +48,7 @@ class TorqueWatch:
     def _begin(self):
         """Begin another interval between two reports."""
         self._count = self._valid = 0
-        self._largest, self._collided = 0.0, False
+        self._largest, self._collided, self._above = 0.0, False, False
 
     def take(self, state):
         """Observe at a RobotState; return whether this is a collision, and the last report told of none."""
@@ -58,10 +61,22 @@ class TorqueWatch:
         self._valid += seen.valid
         self._largest = max(self._largest, seen.norm)
         self._collided |= seen.collision
+        self._above |= seen.norm > self.observation.threshold
+        if seen.collision and not self._colliding:
+            self._cause = self._told(seen)
         if not self._without_effort:  # else the observer remembers
             self._collisions += seen.collision and not self._colliding
             self._colliding = seen.collision
         return seen.collision and not self._reported
+
+    def _told(self, seen):
+        """What is above what, and which joint has most of it."""
+        k = int(np.argmax(np.abs(seen.residual)))
+        return (
+            f"|r| rose to {seen.norm:.6g} J^0.5/s, above external_torque.threshold = {self.observation.threshold:g}; most of "
+            f"it is joint '{self.dynamics.model.dof_names[k]}', with {seen.residual[k]:.6g} J^0.5/s and "
+            f"{seen.external_torque[k]:.6g} N m (prismatic: N)"
+        )
 
     def report(self, without_effort):
         """Status of all states since the last report; `without_effort` names the joints whose efforts are not known."""
@@ -74,8 +89,9 @@ class TorqueWatch:
         if seen.valid:
             values["|r| [J^0.5/s]"] = f"{seen.norm:.6g}"
         if self._collided:
-            message = f"collision: |r| up to {self._largest:.6g} J^0.5/s, external_torque.threshold = {threshold:g}"
-            level = WARN
+            level, message = WARN, f"collision: {self._cause}"
+            if not self._above:
+                message += f"; since then not below external_torque.release_threshold = {self.observation.release:g}"
         elif self._valid:
             level, message = OK, "no collision" if threshold < float("inf") else "observed, without a threshold"
         else:
