@@ -203,6 +203,8 @@ EXPECTED = {
     "armature",
     "gravity",
     "payloads",
+    "max_joints",
+    "max_coupled",
     "floating_base",
     "serialization",
     "odom_twist_frame",
@@ -254,6 +256,7 @@ def test_every_parameter_is_described(monitor):
     now = monitor.peer.get_parameters(monitor.name, names)
     kinds = {
         bool: ParameterType.PARAMETER_BOOL,
+        int: ParameterType.PARAMETER_INTEGER,
         float: ParameterType.PARAMETER_DOUBLE,
         str: ParameterType.PARAMETER_STRING,
     }
