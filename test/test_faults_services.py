@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from diag_dynamics.srv import Diagonalize, ForwardDynamics, InverseDynamics, SetPayload
 from geometry_msgs.msg import Inertia, Vector3, Wrench
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rclpy.qos import QoSProfile
 
 from nodes import MS, PANDA, Monitor, Truth, assert_close, joint_state, robot
@@ -118,6 +120,27 @@ def test_many_clients_at_once(monitor, panda):
     assert received
     for stamp in sorted(received)[:: max(1, len(received) // 20)]:
         Truth(panda, *panda.samples[(sent.index(stamp) + 1) % 3][:3]).check_state(states.at(stamp))
+
+
+def test_many_transitions_at_once(peer, panda):
+    """Two hundred requests wait while the first of them loads a robot: all are answered, those that come too late by no."""
+    with Monitor(peer, "/asked_often", autostart=False, robot_description=panda.path) as monitor:
+        # As long a queue as there are answers: what does not fit into a client's own is lost there.
+        queue = QoSProfile(depth=1000)
+        client = peer.node.create_client(ChangeState, f"{monitor.name}/change_state", qos_profile=queue)
+        peer.wait_until(client.service_is_ready, "the service")
+        peer.become_known(monitor.name)
+        labels = ["configure", *["activate", "deactivate"] * 99, "cleanup"]
+        asked = [client.call_async(ChangeState.Request(transition=Transition(label=label))) for label in labels]
+        try:
+            peer.wait_until(lambda: all(answer.done() for answer in asked), f"{len(asked)} answers")
+            assert all(answer.result().success for answer in asked)  # in order, or many of them would be wrong
+            assert peer.phase(monitor.name) == "unconfigured"
+            asked = [client.call_async(ChangeState.Request(transition=Transition(label="configure"))) for _ in labels]
+            peer.wait_until(lambda: all(answer.done() for answer in asked), f"{len(asked)} answers")
+            assert [answer.result().success for answer in asked] == [True] + [False] * (len(labels) - 1)
+        finally:
+            peer.node.destroy_client(client)
 
 
 # --- requests that cannot be

@@ -35,7 +35,7 @@ from diag_dynamics.nodes.effort_controller import JointsWatch, joints_of_control
 from diag_dynamics.nodes.inputs.joint_states import JointStateAssembler, Options
 from diag_dynamics.nodes.inputs.known import KnownJointStates
 from diag_dynamics.nodes.inputs.rejected import RejectedError
-from diag_dynamics.nodes.managed import ACTIVE, INACTIVE, SUCCESS, UNCONFIGURED, ManagedNode
+from diag_dynamics.nodes.managed import ACTIVE, INACTIVE, PATIENT, SUCCESS, UNCONFIGURED, ManagedNode
 from diag_dynamics.nodes.names import NODES
 from diag_dynamics.nodes.outputs import RateLimit, connected
 from diag_dynamics.nodes.parameters import declare, wrong
@@ -104,7 +104,8 @@ class ControllerNode(ManagedNode):
         self._status = self._publisher(ControllerStatus, "~/status")
         self._status_limit = RateLimit(self._values["max_rate.status"])
         for mode in MODES:
-            self._offered.append(self.create_service(Trigger, f"~/mode/{mode}", self._switching(mode)))
+            answer = self._switching(mode)
+            self._offered.append(self.create_service(Trigger, f"~/mode/{mode}", answer, qos_profile=PATIENT))
         if self._values["robot_description"]:
             self._adopt(self._values["robot_description"])
         else:

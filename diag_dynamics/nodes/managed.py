@@ -1,6 +1,8 @@
 """A managed node that can bring itself up, and that no transition, however wrong, brings down."""
 
+from lifecycle_msgs import srv
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.qos import QoSProfile
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.nodes.diagnostics import shortened
@@ -8,6 +10,9 @@ from diag_dynamics.nodes.diagnostics import shortened
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active", "finalized"
+
+PATIENT = QoSProfile(depth=1000)
+"""Requests that wait, of every service: rclpy's default keeps ten, and lets the others go without an answer."""
 
 
 class ManagedNode(LifecycleNode):
@@ -26,9 +31,17 @@ class ManagedNode(LifecycleNode):
 
     def __init__(self, name, **kwargs):
         self.phase, self.failure = UNCONFIGURED, ""
-        super().__init__(name, **kwargs)
-        service = self._service_change_state
-        service.callback = self._harmless(service.callback)
+        super().__init__(name, enable_communication_interface=False, **kwargs)
+        for service, kind in (
+            ("change_state", srv.ChangeState),
+            ("get_state", srv.GetState),
+            ("get_available_states", srv.GetAvailableStates),
+            ("get_available_transitions", srv.GetAvailableTransitions),
+            ("get_transition_graph", srv.GetAvailableTransitions),
+        ):  # as rclpy would offer them, with a queue of ten requests
+            answer = getattr(self, f"_LifecycleNodeMixin__on_{service}")
+            answer = self._harmless(answer) if kind is srv.ChangeState else answer
+            self.create_service(kind, f"~/{service}", answer, qos_profile=PATIENT)
 
     def _harmless(self, answer):
         """Answer to a wrong transition, at which rclpy before 9 would end the node."""
@@ -37,7 +50,7 @@ class ManagedNode(LifecycleNode):
             try:
                 return answer(request, response)
             except Exception as error:
-                self.get_logger().error(f"Transition refused in state {self.phase}: {error}")
+                self.get_logger().error(f"Transition refused in state {self.phase}: {error}", throttle_duration_sec=0.5)
                 response.success = False
                 return response
 

@@ -1,13 +1,13 @@
 """The dynamics services: each answers with numbers, or with success = false and a message that names the fault."""
 
 import numpy as np
-from rclpy.qos import QoSProfile
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.model import Payload
 from diag_dynamics.nodes.diagnostics import shortened
 from diag_dynamics.nodes.inputs.joint_states import RobotState
+from diag_dynamics.nodes.managed import PATIENT
 from diag_dynamics.nodes.messages import (
     doubles,
     requested_acceleration,
@@ -16,9 +16,6 @@ from diag_dynamics.nodes.messages import (
     requested_wrenches,
 )
 from diag_dynamics.srv import Diagonalize, ForwardDynamics, InverseDynamics, SetPayload
-
-PATIENT = QoSProfile(depth=1000)
-"""Requests that wait: of many clients' at once rclpy's default keeps ten, and lets the others go without an answer."""
 
 
 class DynamicsServices:

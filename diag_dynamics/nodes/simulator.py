@@ -23,7 +23,7 @@ from diag_dynamics.nodes.diagnostics import ERROR, WARN, Diagnostics, Status, sh
 from diag_dynamics.nodes.inputs.followers import Followers
 from diag_dynamics.nodes.inputs.joint_states import RobotState
 from diag_dynamics.nodes.inputs.rejected import RejectedError
-from diag_dynamics.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
+from diag_dynamics.nodes.managed import ACTIVE, PATIENT, UNCONFIGURED, ManagedNode
 from diag_dynamics.nodes.messages import MessageMaker, requested_state, to_time
 from diag_dynamics.nodes.names import NODES
 from diag_dynamics.nodes.outputs import connected
@@ -132,7 +132,8 @@ class SimulatorNode(ManagedNode):
             (Trigger, "reset", self._reset),
             (SetState, "set_state", self._set_state),
         ):
-            self._services_offered.append(self.create_service(kind, f"~/{name}", self._answered(answer)))
+            answer = self._answered(answer)
+            self._services_offered.append(self.create_service(kind, f"~/{name}", answer, qos_profile=PATIENT))
 
     def listen(self):
         """Subscribe to commands and wrenches, and let time go on."""
