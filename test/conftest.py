@@ -35,6 +35,7 @@ ROS_FILES = (
     "test_lifecycle.py",
     "test_mimic_nodes.py",
     "test_monitor.py",
+    "test_overrides.py",
     "test_pipeline.py",
     "test_plant.py",
     "test_restarts.py",

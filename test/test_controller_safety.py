@@ -507,9 +507,16 @@ def test_it_does_not_start_on_a_guess(peer):
     model = robot(UR5)
     swapped = [model.names[1], model.names[0], *model.names[2:]]
     with effort_controller(peer, "/bare", swapped) as other:  # noqa: SIM117 (it has to be there first)
-        with Controller(peer, "/bare", robot_description=model.path, check_time=60.0) as controller:
+        with Controller(
+            peer, "/bare", robot_description=model.path, check_time=60, payloads="[]", energy_limt=1
+        ) as controller:
             name = controller.name
             peer.wait_until(lambda: controller.reports, "a report", START)
+            said = controller.process.output
+            assert f"Waiting to be configured (autostart is false): ros2 lifecycle set {name} configure" in said
+            assert "Parameter 'energy_limt' is not known, and has no effect: is 'energy_limit' meant?" in said
+            given = {"check_time": 60.0, "payloads": [""]}
+            assert peer.get_parameters(name, given) == given
             assert not peer.transition(name, "configure")
             controller.wait_until_told(
                 "control", "parameter 'robot_compensates_gravity' is not set, and has no default", b"\2"
@@ -533,7 +540,8 @@ def test_it_does_not_start_on_a_guess(peer):
             controller.wait_until_told("control", "no valid state yet", b"\1")
             assert not controller.sent.messages
     with Process([*controller.process.command, "-p", "autostart:=true"]) as process:
-        assert process.wait(START) == 1 and "robot_compensates_gravity" in process.output
+        assert process.wait(START) == 1
+        assert process.output.count("robot_compensates_gravity") == 1, process.output  # said once
 
 
 def test_an_order_of_joints_that_changes_ends_it(peer):

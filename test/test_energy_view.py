@@ -25,6 +25,7 @@ def test_a_monitor_in_a_namespace_is_found(peer, panda, tmp_path):
         monitor = Monitor(peer, "/away", robot_description=panda.path)
         with monitor.process:
             monitor.connect(panda)
+            assert monitor.next_report().entries["model"].hardware_id == "panda"
             told.wait_for_text("such states are on /away/diag_dynamics/state too: --state shows them")
 
             def over():

@@ -365,7 +365,7 @@ def test_lockstep(peer):
         peer.wait_until(lambda: all(topic.messages for topic in late), "the last state once more")
         assert nanoseconds(late[0].messages[0].header.stamp) == nanoseconds(late[1].messages[0].clock) == stamp
         report = simulator.wait_for_report(lambda r: "waiting for a command" in said(r, "pace"), "the wait")
-        assert report.entries["pace"].level == b"\1"
+        assert report.entries["pace"].level == b"\1" and report.entries["pace"].hardware_id == simulator.model.name
         assert {nanoseconds(m.header.stamp) for m in late[0].messages} == {stamp}
         simulator.command(*[np.nan] * 8)
         simulator.wait_for_report(lambda r: "refused" in said(r, "commands"), "the refusal")

@@ -290,6 +290,7 @@ def test_bad_parameters(ros_domain):
         (f"robot_description:={singular}",): "robot 'RomeoH37' has 2 joint(s) that move no inertia",
         (f"robot_description:={panda}", "gravity:=[0.0, -9.81]"): "gravity",
         (f"robot_description:={panda}", "motion:=dance"): "motion",
+        ("gravity:=[0, 0.0, -9.81]",): "Sequence should be of same type",  # so says rcl, before there is a node
         (f"robot_description:={panda}", "rate:=0.0"): "rate",
         (f"robot_description:={panda}", "order:=1", "floating_base:=true"): "parameter 'order' is 1",
         (f"robot_description:={panda}", "command_joints:=[elbow]"): "parameter 'command_joints' names 'elbow'",

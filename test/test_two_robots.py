@@ -72,6 +72,7 @@ def test_two_robots_have_two_times(peer, two):
         peer.wait_until(lambda one=one, begin=begin: len(one.commands.messages) > begin + 100, "commands")
         report = one.wait_for_report(lambda r: r.entries["control"].level == b"\0", f"{one.name} in control")
         clock = f"publishers of {one.namespace}/clock"
+        assert report.entries["control"].hardware_id == robot(UR5).oracle.xml.get("name")
         assert report.values[clock] == f"1: {one.namespace}/diag_dynamics_simulator"
         assert "clock went back" not in report.values
         assert "clock went back" not in one.processes["controller"].output

@@ -27,6 +27,13 @@ def test_path_text_and_bytes_are_the_same(tmp_path):
         assert model.bodies.tobytes() == models[0].bodies.tobytes()
 
 
+def test_path_in_the_home_directory(tmp_path, monkeypatch):
+    """``~`` in a path is who reads it's own, as parameters and launch arguments have it, which no shell has expanded."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "my.urdf").write_text(description("mine", link("base")))
+    assert dd.load_urdf("~/my.urdf").name == "mine"
+
+
 def test_declared_encoding(tmp_path):
     """The bytes of a file are in the encoding they declare; text is text whatever it declares."""
     text = '<?xml version="1.0" encoding="iso-8859-1"?>' + arm().replace("shoulder", "Schläger")

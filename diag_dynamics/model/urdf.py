@@ -92,7 +92,7 @@ def urdf_text(source):
     elif isinstance(source, (bytes, bytearray)):
         text = _decoded(bytes(source))
     elif isinstance(source, (str, os.PathLike)):
-        text = _decoded(_file(Path(source)))
+        text = _decoded(_file(Path(os.path.expanduser(source))))
     else:
         raise UrdfError(f"A URDF is a path or XML text, not a {type(source).__name__}.")
     if len(text) > MAX_BYTES:

@@ -70,9 +70,8 @@ class ControllerNode(ManagedNode):
         self._left = {}  # efforts that the robot was left with, by joint
         self._last_time = None  # of anything [ns]
         self.add_on_set_parameters_callback(self._set_parameters)
-        self._diagnostics = Diagnostics(self, self._report)
-        if self._values["autostart"]:
-            self.start()
+        self._diagnostics = Diagnostics(self, self._report, lambda: self._loop and self._loop.dynamics.model)
+        self.begin(self._values["autostart"])
 
     def start(self):
         """Configure, and activate as soon as there is a robot.

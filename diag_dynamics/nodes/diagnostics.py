@@ -49,12 +49,14 @@ class Diagnostics:
     node : rclpy.node.Node
     report : callable
         Returns a list of :class:`Status`.
+    robot : callable
+        Returns the model in force, whose name is that of the hardware; None while there is none.
     """
 
-    def __init__(self, node, report):
+    def __init__(self, node, report, robot):
         self._node = node
         self._name = node.get_fully_qualified_name().lstrip("/")
-        self._report = report
+        self._report, self._robot = report, robot
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._timer = node.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -64,8 +66,11 @@ class Diagnostics:
     def publish(self, statuses):
         """Publish some statuses at once."""
         array = DiagnosticArray()
+        model = self._robot()
+        hardware = shortened(model.name) if model else ""
         for name, level, message, values in statuses:
             status = DiagnosticStatus(level=level, name=f"{self._name}: {name}", message=shortened(message))
+            status.hardware_id = hardware
             status.values = [KeyValue(key=str(key), value=shortened(str(value))) for key, value in values.items()]
             array.status.append(status)
         array.header.stamp = self._node.get_clock().now().to_msg()

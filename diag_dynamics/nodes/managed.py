@@ -6,6 +6,7 @@ from rclpy.qos import QoSProfile
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.nodes.diagnostics import shortened
+from diag_dynamics.nodes.overrides import tell_unknown
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
@@ -31,6 +32,7 @@ class ManagedNode(LifecycleNode):
 
     def __init__(self, name, **kwargs):
         self.phase, self.failure = UNCONFIGURED, ""
+        self._beginning = False  # whoever runs the process says then what is wrong
         super().__init__(name, enable_communication_interface=False, **kwargs)
         for service, kind in (
             ("change_state", srv.ChangeState),
@@ -59,6 +61,17 @@ class ManagedNode(LifecycleNode):
     def settled(self):
         """Called when all that stays has been loaded; whoever runs the process puts something in its place."""
 
+    def begin(self, autostart):
+        """Begin to live, all parameters being declared: start, or say what is waited for."""
+        tell_unknown(self)
+        if autostart:
+            self._beginning = True
+            self.start()
+            self._beginning = False
+        else:
+            configure = f"ros2 lifecycle set {self.get_fully_qualified_name()} configure"
+            self.get_logger().info(f"Waiting to be configured (autostart is false): {configure}")
+
     def start(self):
         """Configure and activate.
 
@@ -80,7 +93,8 @@ class ManagedNode(LifecycleNode):
         except Exception as error:
             reason = str(error) if isinstance(error, DiagDynamicsError) else repr(error)
             self.failure = shortened(f"{what}: {reason}")
-            self.get_logger().error(self.failure)
+            if not self._beginning:
+                self.get_logger().error(self.failure)
             undo()
             return False
 

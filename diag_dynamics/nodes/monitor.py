@@ -65,11 +65,10 @@ class MonitorNode(ManagedNode):
         backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
         self._simulated_time = self.get_clock().ros_time_is_active
         self._jumps = self.get_clock().create_jump_callback(backward, post_callback=self._clock_jumped)
-        self._diagnostics = Diagnostics(self, self._report)
+        self._diagnostics = Diagnostics(self, self._report, lambda: self._robot and self._robot.model)
         self._beat = time.monotonic()
         self.create_timer(HEARTBEAT, self._take_heartbeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        if self._settings.values["autostart"]:
-            self.start()
+        self.begin(self._settings.values["autostart"])
 
     # --- Lifecycle ---
 

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.overrides import convert
 
 ALL = "*"
 """Stands for every joint that has no entry of its own."""
@@ -26,6 +27,7 @@ class Spec(NamedTuple):
 
 def declare(node, specs):
     """Declare all parameters of a table and return their values by name."""
+    convert(node, {name: spec.default for name, spec in specs.items()})
     values = {}
     for name, spec in specs.items():
         descriptor = ParameterDescriptor(description=spec.description, read_only=spec.read_only)

@@ -4,6 +4,7 @@ import gc
 import sys
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
@@ -16,6 +17,9 @@ try:  # Jazzy and later: a third of the CPU time per message
     from rclpy.experimental import EventsExecutor as Executor
 except ImportError:
     Executor = SingleThreadedExecutor
+
+ARGUMENTS_MAKE_NO_SENSE = (RCLError, UnknownROSArgsError)
+"""What rclpy raises of arguments, remappings and files of parameters that it cannot read; it has no public name for them."""
 
 
 def run(make_node, args=None):
@@ -38,10 +42,8 @@ def run(make_node, args=None):
             spin(node, done)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except (
-        DiagDynamicsError,
-        ParameterException,
-    ) as error:  # what it was started with makes no sense: one line says so
+    except (DiagDynamicsError, ParameterException, *ARGUMENTS_MAKE_NO_SENSE) as error:
+        # What it was started with makes no sense: one line says so.
         print(f"{type(error).__name__}: {error}", file=sys.stderr)
         return 1
     finally:

@@ -67,9 +67,8 @@ class SimulatorNode(ManagedNode):
         self._latest = 0  # stamp [ns]
         self._commands_report = CommandsReport()
         self.add_on_set_parameters_callback(self._set_parameters)
-        self._diagnostics = Diagnostics(self, self._report)
-        if self._values["autostart"]:
-            self.start()
+        self._diagnostics = Diagnostics(self, self._report, lambda: self._plant and self._plant.simulation.model)
+        self.begin(self._values["autostart"])
 
     # --- Lifecycle ---
 
