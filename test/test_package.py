@@ -152,6 +152,35 @@ def test_readme_lists_every_parameter(node):
     assert dict(rows) == expected
 
 
+HELP = """
+import importlib, sys
+for node in ("monitor", "simulator", "controller"):
+    sys.argv = [node, "--help", "--ros-args", "-p", "rate:=1.0"]
+    try:
+        importlib.import_module(f"diag_dynamics.nodes.{node}").main()
+    except SystemExit as end:
+        assert end.code == 0
+    print(chr(12))
+sys.argv = ["monitor", "my.urdf"]
+importlib.import_module("diag_dynamics.nodes.monitor").main()
+"""
+
+
+@pytest.mark.ros
+def test_help_helps():
+    """It names all that README lists of a node, and ends with status 0; what is no ROS argument is refused, with status 2."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    node_parameters("monitor")
+    done = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True)
+    assert done.returncode == 2 and "error: unrecognized arguments: my.urdf" in done.stderr
+    for node, said in zip(MODULES, done.stdout.split(chr(12)), strict=False):
+        assert f"usage: {node} " in said
+        section = readme.split(f"## The {node}\n")[1].split("\n## ")[0]
+        names = re.findall(r"^\| (?:← )?`([\w./~]+)(?:<mode>)?` \|", section, re.M)
+        assert len(names) > 20
+        assert [name for name in names if name not in said] == []
+
+
 # --- Launching and installing ---
 
 

@@ -41,6 +41,7 @@ from diag_dynamics.nodes.outputs import RateLimit, connected
 from diag_dynamics.nodes.parameters import declare, wrong
 from diag_dynamics.nodes.robot import joints_of, load_robot
 from diag_dynamics.nodes.runner import main_of
+from diag_dynamics.nodes.usage import parser_of
 
 COMMANDS = "effort_controller/commands"
 
@@ -425,7 +426,7 @@ class ControllerNode(ManagedNode):
         return [*problems, *problems_of_limits(self._loop.efforts)], {"receivers": receivers, "other senders": others}
 
 
-main = main_of(ControllerNode)
+main = main_of(ControllerNode, parser_of("controller", __doc__, PARAMETERS, {COMPENSATES: WHY_REQUIRED}))
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -202,7 +202,10 @@ def requested_state(model, request, followers):
     if model.floating_base:
         p, o = request.base_pose.position, request.base_pose.orientation
         twist = _six("base_twist", request.base_twist)
-        base, rates = base_state(model, model.root_link, (p.x, p.y, p.z), (o.x, o.y, o.z, o.w), twist)
+        try:
+            base, rates = base_state(model, model.root_link, (p.x, p.y, p.z), (o.x, o.y, o.z, o.w), twist)
+        except InputError as error:
+            raise InputError(f"base_pose: {error}") from error
         position, velocity = np.concatenate([base, position]), np.concatenate([rates, velocity])
         effort = None if effort is None else np.concatenate([np.zeros(6), effort])
     return Requested(position, velocity, effort, joints)
@@ -217,17 +220,28 @@ def requested_acceleration(model, request, joints):
     return acceleration
 
 
-def requested_wrenches(request):
-    """External wrenches of a request by link name, and the frame they are in."""
+def requested_wrenches(model, request):
+    """External wrenches of a request by link name, and the frame they are in.
+
+    Raises
+    ------
+    InputError
+        There are not as many as links, or too many; no such link, or a number that is not finite.
+    """
     if len(request.wrench_links) != len(request.wrenches):
         raise InputError(f"wrenches has {len(request.wrenches)} entries for {len(request.wrench_links)} wrench_links.")
     if len(request.wrenches) > MOST_WRENCHES:
         raise InputError(f"wrenches has {len(request.wrenches)} entries, expected no more than {MOST_WRENCHES}.")
     wrenches = {}
     for link, wrench in zip(request.wrench_links, request.wrenches, strict=True):
+        if link not in model.link_names:
+            raise InputError(f"wrench_links: '{link}' is not a link of robot '{model.name}'.")
         f, n = wrench.force, wrench.torque
         # Several wrenches on one link act together.
-        wrenches[link] = wrenches.get(link, np.zeros(6)) + np.array([f.x, f.y, f.z, n.x, n.y, n.z])
+        six = [f.x, f.y, f.z, n.x, n.y, n.z]
+        if not np.isfinite(six).all():
+            raise InputError(f"wrenches on link '{link}' is {six}, expected finite numbers.")
+        wrenches[link] = wrenches.get(link, np.zeros(6)) + np.array(six)
     return wrenches, "world" if request.wrenches_in_world else "link"
 
 

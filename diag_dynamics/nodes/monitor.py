@@ -33,6 +33,7 @@ from diag_dynamics.nodes.runner import main_of
 from diag_dynamics.nodes.services import DynamicsServices
 from diag_dynamics.nodes.settings import PARAMETERS, Settings
 from diag_dynamics.nodes.traffic import OVERLOAD, Traffic
+from diag_dynamics.nodes.usage import parser_of
 
 HEARTBEAT, OVERDUE = 0.1, 1.0
 """Period of the heartbeat, and how long it may be overdue before states are skipped [s].
@@ -454,7 +455,7 @@ class MonitorNode(ManagedNode):
         return Status("model", OK, f"robot '{robot.model.name}'", values)
 
 
-main = main_of(MonitorNode)
+main = main_of(MonitorNode, parser_of("monitor", __doc__, PARAMETERS))
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -9,6 +9,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.utilities import remove_ros_args
 
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.nodes.start import deafen, listen, stop
@@ -77,10 +78,11 @@ def spin(node, until):
         executor.shutdown()
 
 
-def main_of(make_node):
-    """Return the main function of an executable."""
+def main_of(make_node, parser):
+    """Return the main function of an executable; `parser` parses its arguments but for those of ROS."""
 
     def main(args=None):
+        parser.parse_args(remove_ros_args(args or sys.argv)[1:])
         return run(make_node, args)
 
     return main

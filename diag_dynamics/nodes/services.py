@@ -1,5 +1,7 @@
 """The dynamics services: each answers with numbers, or with success = false and a message that names the fault."""
 
+import re
+
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
@@ -63,7 +65,7 @@ class DynamicsServices:
                 answer(request, response, *current)
                 response.success = True
             except DiagDynamicsError as error:
-                response = kind.Response(success=False, message=shortened(str(error)))
+                response = kind.Response(success=False, message=shortened(_by_fields(str(error))))
             except Exception as error:  # a request must not end the node
                 self._node.get_logger().error(f"{kind.__name__}: {error!r}", throttle_duration_sec=5.0)
                 response = kind.Response(success=False, message=shortened(f"Internal error: {error!r}"))
@@ -74,7 +76,7 @@ class DynamicsServices:
     def _forward(self, request, response, dynamics, maker, followers):
         dynamics = _with_gravity(dynamics, request)
         asked = requested_state(dynamics.model, request, followers)
-        f_ext, frame = requested_wrenches(request)
+        f_ext, frame = requested_wrenches(dynamics.model, request)
         q, qd = asked.position, asked.velocity
         tau = np.zeros(dynamics.model.nv) if asked.effort is None else asked.effort
         friction = request.include_friction
@@ -88,7 +90,7 @@ class DynamicsServices:
         dynamics = _with_gravity(dynamics, request)
         asked = requested_state(dynamics.model, request, followers)
         qdd = requested_acceleration(dynamics.model, request, asked.joints)
-        f_ext, frame = requested_wrenches(request)
+        f_ext, frame = requested_wrenches(dynamics.model, request)
         response.dof_names = list(dynamics.model.dof_names)
         options = {"frame": frame, "friction": request.include_friction}
         response.effort = doubles(dynamics.inverse_dynamics(asked.position, asked.velocity, qdd, f_ext, **options))
@@ -96,7 +98,7 @@ class DynamicsServices:
     def _diagonalize(self, request, response, dynamics, maker, followers):
         dynamics = _with_gravity(dynamics, request)
         q, qd, tau, _ = requested_state(dynamics.model, request, followers)
-        f_ext, frame = requested_wrenches(request)
+        f_ext, frame = requested_wrenches(dynamics.model, request)
         s = dynamics.evaluate(q, qd, tau, f_ext, frame=frame, friction=request.include_friction)
         stamp = request.state.header.stamp
         at = stamp.sec * 1_000_000_000 + stamp.nanosec
@@ -120,3 +122,26 @@ class DynamicsServices:
 def _with_gravity(dynamics, request):
     gravity = requested_gravity(request)
     return dynamics if gravity is None else DiagonalDynamics(dynamics.model.with_gravity(gravity))
+
+
+_FIELDS = {
+    "q": "state.position",
+    "qd": "state.velocity",
+    "tau": "state.effort",
+    "qdd": "acceleration",
+    "f_ext": "wrenches",
+    "payloads: mass": "inertia.m",
+    "payloads: com": "inertia.com",
+    "payloads: inertia": "inertia.ixx to inertia.izz",
+    "payloads:": "link:",
+}
+"""What a request calls what the library calls otherwise."""
+
+
+def _by_fields(text):
+    """What the library says is wrong, with the request's fields in place of its own arguments."""
+    if "too large" in text:
+        arguments, _, rest = text.partition(" are ")
+        return re.sub(r"\w+", lambda word: _FIELDS.get(word[0], word[0]), arguments) + " are " + rest
+    own = next((argument for argument in _FIELDS if text.startswith(argument) and ":" in argument), "")
+    return _FIELDS.get(own, "") + text[len(own) :]

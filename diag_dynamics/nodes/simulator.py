@@ -36,6 +36,7 @@ from diag_dynamics.nodes.plant.report import CommandsReport, pace_status, simula
 from diag_dynamics.nodes.plant.settings import DYNAMIC, PARAMETERS
 from diag_dynamics.nodes.robot import COMPILED, load_robot, payloads_of, single_joints
 from diag_dynamics.nodes.runner import main_of
+from diag_dynamics.nodes.usage import parser_of
 from diag_dynamics.srv import SetState, Step
 
 COMMANDS, WRENCHES = "effort_controller/commands", "external_wrench"
@@ -430,7 +431,7 @@ class SimulatorNode(ManagedNode):
         ]
 
 
-main = main_of(SimulatorNode)
+main = main_of(SimulatorNode, parser_of("simulator", __doc__, PARAMETERS))
 
 if __name__ == "__main__":
     sys.exit(main())
