@@ -2,6 +2,8 @@
 
 import warnings
 from collections.abc import Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import NamedTuple
 
 import numpy as np
@@ -183,10 +185,26 @@ def _short(numbers):
     return ", ".join(f"{number:.3g}" for number in numbers)
 
 
+_tell = ContextVar("tell", default=None)
+
+
+@contextmanager
+def inertias_told(tell):
+    """Within it, `tell` is called with what would be an InertiaWarning: warnings are no thread's own, and this is."""
+    token = _tell.set(tell)
+    try:
+        yield
+    finally:
+        _tell.reset(token)
+
+
 def warn_of_inertias(robot):
     """Warn of every link whose inertia is that of no rigid body."""
     for link in robot.links:
         reason = None if link.inertial is None else not_physical(link.inertial.inertia, link.inertial.mass)
         if reason:
             text = f"link '{link.name}' of robot '{robot.name}' has an inertia {reason}: no rigid body is like that."
-            warnings.warn(text, InertiaWarning, stacklevel=3)
+            if tell := _tell.get():
+                tell(text)
+            else:
+                warnings.warn(text, InertiaWarning, stacklevel=3)

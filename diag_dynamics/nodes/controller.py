@@ -30,6 +30,7 @@ from diag_dynamics.nodes.controlled.settings import (
     command_order,
     require_same_joints,
 )
+from diag_dynamics.nodes.descriptions import Descriptions
 from diag_dynamics.nodes.diagnostics import ERROR, WARN, Diagnostics, Status, counted, shortened
 from diag_dynamics.nodes.effort_controller import JointsWatch, joints_of_controller
 from diag_dynamics.nodes.inputs.joint_states import JointStateAssembler, Options
@@ -66,6 +67,7 @@ class ControllerNode(ManagedNode):
         self._loop = self._states = self._descriptions = None
         self._description, self._refused, self._other = None, "", None
         self._published, self._listened, self._offered = [], [], []
+        self._loads = Descriptions(self, self._made, self._take_made)
         self._starting, self._watch, self._joints_watch = False, None, None
         self._record, self._order_known = Record(), ""
         self._left = {}  # efforts that the robot was left with, by joint
@@ -107,7 +109,8 @@ class ControllerNode(ManagedNode):
             answer = self._switching(mode)
             self._offered.append(self.create_service(Trigger, f"~/mode/{mode}", answer, qos_profile=PATIENT))
         if self._values["robot_description"]:
-            self._adopt(self._values["robot_description"])
+            description = self._values["robot_description"]
+            self._adopt(self._made(description, self._values, self._compensated), description)
         else:
             once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
             self._descriptions = connected(
@@ -122,6 +125,8 @@ class ControllerNode(ManagedNode):
 
     def listen(self):
         """Compare the order of joints with the effort controller's, and subscribe to states and targets."""
+        self._starting = False
+        self._loads.finish()  # or it would move by the model of a robot that is being replaced
         if self._loop is None or self._refused:  # or it would move by the model of a robot that has been replaced
             raise InputError(self._refused or "no robot_description has arrived yet.")
         self._compare_joints()
@@ -174,6 +179,7 @@ class ControllerNode(ManagedNode):
 
     def tear_down(self):
         """Let the robot go, and all that was made for it."""
+        self._loads.drop()
         if self._descriptions:
             self.destroy_subscription(self._descriptions)
         for service in self._offered:
@@ -187,21 +193,25 @@ class ControllerNode(ManagedNode):
 
     # --- The robot ---
 
-    def _adopt(self, description):
-        """Make the robot of a description the one to control."""
-        model = load_robot(self, description, self._values | {"floating_base": False})
-        joints, order = command_order(self._values["command_joints"], model.dof_names)
-        standing = self._standing()
-        self._loop = ControlLoop(model, self._values, self._compensated)
-        self._loop.efforts.reset(np.array([standing.get(name, 0.0) for name in model.dof_names]))
-        self._joints, self._order = joints, order
+    def _made(self, description, values, compensated):
+        """What belongs to the robot of a description; perhaps in a thread, so the node stays as it is."""
+        model = load_robot(self, description, values | {"floating_base": False})
+        joints, order = command_order(values["command_joints"], model.dof_names)
         # A single state from the future would make late ones of all that are right, so none is taken in.
-        age = self._values["max_state_age"]
-        options = Options(timeout=self._values["joint_timeout"], max_age=age, refuse_foreign=True, **ABSURD)
-        self._assembled = JointStateAssembler(joints_of(model), options)
-        self._assembled.stamps.limit = "max_state_age"
-        self._states = KnownJointStates(self._assembled)
-        self._states.configure()
+        age = values["max_state_age"]
+        options = Options(timeout=values["joint_timeout"], max_age=age, refuse_foreign=True, **ABSURD)
+        assembled = JointStateAssembler(joints_of(model), options)
+        assembled.stamps.limit = "max_state_age"
+        states = KnownJointStates(assembled)
+        states.configure()
+        return ControlLoop(model, values, compensated), joints, order, assembled, states
+
+    def _adopt(self, made, description):
+        """Make the robot of a description the one to control."""
+        standing = self._standing()
+        self._loop, self._joints, self._order, self._assembled, self._states = made
+        model = self._loop.dynamics.model
+        self._loop.efforts.reset(np.array([standing.get(name, 0.0) for name in model.dof_names]))
         self._description = description
         self.settled()
         self.get_logger().info(f"Ready: robot '{model.name}', {model.nv} degrees of freedom.")
@@ -223,21 +233,31 @@ class ControllerNode(ManagedNode):
             return
         self._refused, self._other = "", None
         if description == self._description:
-            return
+            self._loads.drop()
+        elif self.phase == ACTIVE:
+            self._other = message
+            self._refuse(InputError("another robot is not taken over while this one is controlled: deactivate first."))
+        elif description != self._loads.loading:
+            self._loads.load(description, dict(self._values), self._compensated)
+
+    def _take_made(self, made, description, *_):
         try:
-            if self.phase == ACTIVE:
-                self._other = message
-                raise InputError("another robot is not taken over while this one is controlled: deactivate first.")
-            self._adopt(description)
+            if isinstance(made, Exception):
+                raise made
+            self._adopt(made, description)
             self.failure = ""  # which was that of the robot before, or of none
         except Exception as error:  # nothing that arrives may end the node
-            reason = str(error) if isinstance(error, DiagDynamicsError) else f"internal error: {error!r}"
-            self._refused = shortened(f"robot_description refused: {reason}")
-            self.get_logger().error(self._refused)
+            self.failure = ""
+            self._refuse(error)
             return
         if self._starting:
             self._starting = False
             self.trigger_activate()
+
+    def _refuse(self, error):
+        reason = str(error) if isinstance(error, DiagDynamicsError) else f"internal error: {error!r}"
+        self._refused = shortened(f"robot_description refused: {reason}")
+        self.get_logger().error(self._refused)
 
     def _compare_joints(self):
         """Refuse an effort controller that has another order of joints."""
@@ -409,6 +429,8 @@ class ControllerNode(ManagedNode):
         if reason:
             return Status("control", ERROR, reason, values)
         waiting = self.phase == INACTIVE and not self._loop
+        if self._loads.loading is not None:
+            return Status("control", WARN, f"{self.phase}: loading a robot_description", values)
         return Status("control", WARN, "no robot yet" if waiting else f"{self.phase}: no commands", values)
 
     def _listeners(self):

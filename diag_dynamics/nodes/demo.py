@@ -76,19 +76,18 @@ def prepared(urdf, *more):
     """
     patience = threading.Timer(2.0, print, ["Compiling the dynamics, once: it takes about a minute …"], {"flush": True})
     patience.start()
-    stop.callback = lambda: os._exit(130)  # the compiler does not let go of the interpreter for a wish
     try:
-        model = load_urdf(urdf)
-        if model.nv == 0:
-            raise InputError(f"robot '{model.name}' has no moving joint: there is nothing to show.")
-        DiagonalDynamics(model).compile(*COMPILED)
-        Simulation(model).advance(steps=0)
-        for compile_ in more:
-            compile_(model)
-        return model
+        with stop.may_be_left(status=130):
+            model = load_urdf(urdf)
+            if model.nv == 0:
+                raise InputError(f"robot '{model.name}' has no moving joint: there is nothing to show.")
+            DiagonalDynamics(model).compile(*COMPILED)
+            Simulation(model).advance(steps=0)
+            for compile_ in more:
+                compile_(model)
+            return model
     finally:
         patience.cancel()
-        stop.callback = None
 
 
 def main(args=None):

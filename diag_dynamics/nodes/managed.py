@@ -7,6 +7,7 @@ from rclpy.qos import QoSProfile
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.nodes.diagnostics import shortened
 from diag_dynamics.nodes.overrides import tell_unknown
+from diag_dynamics.nodes.start import stop
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
@@ -100,7 +101,9 @@ class ManagedNode(LifecycleNode):
 
     def on_configure(self, state):
         """Set up."""
-        if not self._tried(self.set_up, self.tear_down, "not configured"):
+        with stop.may_be_left(self.destroy_node):  # loading and compiling a robot, which nobody hears of yet
+            configured = self._tried(self.set_up, self.tear_down, "not configured")
+        if not configured:
             return FAILURE
         self.phase = INACTIVE
         return super().on_configure(state)

@@ -17,14 +17,14 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.model import Payload
 from diag_dynamics.nodes.clocks import clock_notes
-from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Status, counted, shortened
+from diag_dynamics.nodes.descriptions import Descriptions
+from diag_dynamics.nodes.diagnostics import WARN, Diagnostics, Status, counted, shortened
 from diag_dynamics.nodes.graph import publishers
 from diag_dynamics.nodes.health import numerical_health
 from diag_dynamics.nodes.inputs.rejected import RejectedError
 from diag_dynamics.nodes.managed import ACTIVE, INACTIVE, UNCONFIGURED, ManagedNode
-from diag_dynamics.nodes.monitored import MonitoredRobot
+from diag_dynamics.nodes.monitored import NO_PAYLOAD, MonitoredRobot, Refused, fitted, model_status
 from diag_dynamics.nodes.names import NODES
 from diag_dynamics.nodes.outputs import BESIDE, TOPICS, Outputs, connected
 from diag_dynamics.nodes.parameters import declare
@@ -32,6 +32,7 @@ from diag_dynamics.nodes.robot import load_robot, payload_entry, payloads_of
 from diag_dynamics.nodes.runner import main_of
 from diag_dynamics.nodes.services import DynamicsServices
 from diag_dynamics.nodes.settings import PARAMETERS, Settings
+from diag_dynamics.nodes.start import stop
 from diag_dynamics.nodes.traffic import OVERLOAD, Traffic
 from diag_dynamics.nodes.usage import parser_of
 
@@ -41,9 +42,6 @@ HEARTBEAT, OVERDUE = 0.1, 1.0
 An executor that serves events in their order puts everything off, services and diagnostics too, as long as states come in
 faster than they can be evaluated.
 """
-
-NOTHING = Payload(0.0)
-"""What takes a payload off."""
 
 
 class MonitorNode(ManagedNode):
@@ -58,7 +56,8 @@ class MonitorNode(ManagedNode):
         self._settings = Settings.of(declare(self, PARAMETERS))
         self._robot = self._outputs = self._offered = self._descriptions = None
         self._inputs = []
-        self._refused = None  # description that is not in force, and why
+        self._refused = None  # description that is not in force, why, and its model if there is one
+        self._loads = Descriptions(self, self._made, self._take_made)
         self._listening = 0  # number of the activation
         self._revision = 0
         self._traffic = Traffic()
@@ -116,6 +115,7 @@ class MonitorNode(ManagedNode):
 
     def tear_down(self):
         """Let the robot go, and all that was made for it."""
+        self._loads.drop()
         if self._descriptions:
             self.destroy_subscription(self._descriptions)
         for part in (self._offered, self._outputs):
@@ -151,13 +151,36 @@ class MonitorNode(ManagedNode):
         description = codecs.BOM_UTF8 + message.data.lstrip("\ufeff").encode(errors="replace")
         if self.phase not in (INACTIVE, ACTIVE):
             return  # an event of a subscription that is gone
+        if self._robot and description == self._robot.description:
+            self._loads.drop()
+            self._refused = None
+        elif description != self._loads.loading:
+            self._loads.load(description, self._settings)
+
+    def _made(self, description, settings):
+        """Model of a description, and its robot or why the settings do not fit; in a thread: the node stays as it is."""
+        model = load_robot(self, description, settings.values)
         try:
-            if not self._robot or description != self._robot.description:
-                self._adopt(self._loaded(description, self._settings))
+            return model, MonitoredRobot(description, model, settings, self._revision + 1)
+        except DiagDynamicsError as error:
+            return model, error
+
+    def _take_made(self, made, description, settings):
+        """Make the robot of a description the one in force, or tell why it cannot be."""
+        model, robot = (None, made) if isinstance(made, Exception) else made
+        try:
+            if isinstance(robot, Exception):
+                if settings is not self._settings:  # others may fit
+                    self._loads.load(description, self._settings)
+                    return
+                raise robot
+            if settings is not self._settings or robot.revision != self._revision + 1:
+                robot.use(fitted(model, self._settings), self._settings, self._revision + 1)
+            self._adopt(robot)
             self._refused = None
         except Exception as error:  # nothing that arrives may end the node
             reason = shortened(str(error) if isinstance(error, DiagDynamicsError) else f"internal error: {error!r}")
-            self._refused = description, reason
+            self._refused = Refused(description, reason, model)
             kept = f"; keeping robot '{self._robot.model.name}'" if self._robot else ""
             self.get_logger().error(f"robot_description refused{kept}: {reason}", throttle_duration_sec=0.5)
 
@@ -174,7 +197,8 @@ class MonitorNode(ManagedNode):
 
     def _loaded_from_parameter(self, settings):
         try:
-            return self._loaded(settings.values["robot_description"], settings)
+            with stop.may_be_left(self.destroy_node):
+                return self._loaded(settings.values["robot_description"], settings)
         except DiagDynamicsError as error:
             raise InputError(f"parameter 'robot_description' refused: {error}") from error
 
@@ -336,7 +360,12 @@ class MonitorNode(ManagedNode):
         self._settings = settings
         if robot is not self._robot:
             self._refused = None
+            self._loads.drop()
             self._adopt(robot)
+        elif (
+            self._refused and not self._refused.model and self._loads.loading is None
+        ):  # the other settings may make a robot of it
+            self._loads.load(self._refused.description, settings)
         for topic in TOPICS | BESIDE if self._outputs else ():
             if f"max_rate.{topic}" in changed:
                 self._outputs.limit(topic, changed[f"max_rate.{topic}"])
@@ -370,9 +399,10 @@ class MonitorNode(ManagedNode):
             ACTIVE,
         ):  # be it the same path: its file may not be
             return self._loaded_from_parameter(settings)
-        if self._refused:  # for want of these settings, perhaps
+        if self._refused and self._refused.model:  # for want of these settings, perhaps
             with contextlib.suppress(DiagDynamicsError):
-                return self._loaded(self._refused[0], settings)
+                model = fitted(self._refused.model, settings)
+                return MonitoredRobot(self._refused.description, model, settings, self._revision + 1)
         if robot:
             self._use(robot, settings, changed)
         return robot
@@ -385,7 +415,7 @@ class MonitorNode(ManagedNode):
             for link in robot.unapplied():  # has been left out before, and is said to be
                 wanted.pop(link, None)
             for link in {**model.payloads, **wanted}:
-                model = model.with_payload(link, *wanted.get(link, NOTHING))
+                model = model.with_payload(link, *wanted.get(link, NO_PAYLOAD))
         if "gravity" in changed:
             model = model.with_gravity(changed["gravity"])
         revision = self._revision + (model is not robot.model)
@@ -404,7 +434,7 @@ class MonitorNode(ManagedNode):
         elif robot is None:
             statuses[0] = statuses[0]._replace(level=WARN, message=f"no robot yet; {statuses[0].message}")
         statuses += [
-            self._model_status(),
+            model_status(robot, self.phase, self._revision, self.failure, self._refused, self._loads.loading),
             numerical_health(*((robot.dynamics, robot.state) if robot else (None, None))),
         ]
         if robot:
@@ -429,30 +459,6 @@ class MonitorNode(ManagedNode):
                 problems += wrong
         values, wrong = clock_notes(self)
         return notes | values | {None: problems + wrong}
-
-    def _model_status(self):
-        robot = self._robot
-        values = {"lifecycle": self.phase, "model revision": self._revision}
-        if robot:
-            model = robot.model
-            values |= {
-                "robot": model.name,
-                "degrees of freedom": model.nv,
-                "total mass [kg]": f"{model.total_mass:.6g}",
-                "mimic joints": counted(model.mimics),
-                "locked joints": counted(model.locked_joints),
-                "payloads": counted(model.payloads),
-                "serialization": robot.serialization,
-            }
-        if self.failure or self._refused:
-            message = self.failure or f"robot_description refused: {self._refused[1]}"
-            return Status("model", ERROR, message, values)
-        if robot is None:
-            waiting = "no robot_description yet" if self.phase in (INACTIVE, ACTIVE) else self.phase
-            return Status("model", WARN, waiting, values)
-        if unapplied := robot.unapplied():
-            return Status("model", WARN, f"payloads on links that are not there: {', '.join(unapplied)}", values)
-        return Status("model", OK, f"robot '{robot.model.name}'", values)
 
 
 main = main_of(MonitorNode, parser_of("monitor", __doc__, PARAMETERS))

@@ -1,8 +1,12 @@
 """A robot as the monitor keeps it: the model in force, what has arrived of its state, and its energies."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.model import Payload, RobotModel
+from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Status, counted
 from diag_dynamics.nodes.encoded import EncodedMessages
 from diag_dynamics.nodes.external_torque import TorqueWatch
 from diag_dynamics.nodes.health import EnergyWatch
@@ -10,9 +14,13 @@ from diag_dynamics.nodes.inputs.joint_states import JointStateAssembler, RobotSt
 from diag_dynamics.nodes.inputs.known import KnownJointStates
 from diag_dynamics.nodes.inputs.odometry import OdometryBase
 from diag_dynamics.nodes.inputs.stamps import SECOND
+from diag_dynamics.nodes.managed import ACTIVE, INACTIVE
 from diag_dynamics.nodes.messages import MessageMaker
 from diag_dynamics.nodes.pipeline import Pipeline, compile_pipeline
 from diag_dynamics.nodes.robot import COMPILED, joints_of, payloads_of
+
+NO_PAYLOAD = Payload(0.0)
+"""What takes a payload off."""
 
 
 class MonitoredRobot:
@@ -29,6 +37,7 @@ class MonitoredRobot:
 
     Attributes
     ----------
+    revision : int
     dynamics : DiagonalDynamics
     maker : MessageMaker
         For services.
@@ -58,7 +67,7 @@ class MonitoredRobot:
         in_header = settings.values["odom_twist_frame"] == "header"
         self.base = OdometryBase(model, in_header) if model.floating_base else None
         self.energy = EnergyWatch(model, settings.thresholds)
-        self.settings = self.dynamics = self.pipeline = self.torque = self._state = None
+        self.settings = self.dynamics = self.revision = self.pipeline = self.torque = self._state = None
         self._at_once = False
         self._jumps = 0  # of the joints' time that the base knows of
         self.use(model, settings, revision)
@@ -89,10 +98,11 @@ class MonitoredRobot:
         self._state, self._at_once = self.state, False
         before, self.settings = self.settings, settings
         if self.dynamics is None or model is not self.model:
-            self.dynamics = DiagonalDynamics(model)
+            self.dynamics, self.revision, self._state = DiagonalDynamics(model), None, None
+        if revision != self.revision:
+            self.revision = revision
             self.maker = MessageMaker(model, revision)
             self.encoder = EncodedMessages(self.maker) if self._by_template else self.maker
-            self._state = None
         self._observe(before)
         plain = self.assembler.efforts.without_gravity is None and not settings.values["publish_friction"]
         whole = not self.base and model.nq == model.nv == len(self.assembler.names)
@@ -200,3 +210,60 @@ def matrix(topic, maker, dynamics, state, with_inverse=False):
     if topic == "mass_matrix_factors":
         return maker.mass_matrix_factors(dynamics.factors(q), with_inverse, state)
     return maker.joint_space_dynamics(dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q), state)
+
+
+class Refused(NamedTuple):
+    """A description that is not in force, why, and its model where that is not the reason."""
+
+    description: bytes
+    reason: str
+    model: RobotModel | None
+
+
+def fitted(model, settings):
+    """The model with the payloads and the gravity of other settings; payloads on links that it lacks are left out."""
+    links = set(model.link_names)
+    wanted = {link: one for link, one in payloads_of(settings.values["payloads"]).items() if link in links}
+    for link in {**model.payloads, **wanted}:
+        model = model.with_payload(link, *wanted.get(link, NO_PAYLOAD))
+    return model.with_gravity(settings.values["gravity"])
+
+
+def model_status(robot, phase, revision, failure, refused, loading):
+    """Status of the MonitoredRobot in force, or of none.
+
+    Parameters
+    ----------
+    robot : MonitoredRobot or None
+    phase : str
+        Of the node.
+    revision : int
+        Of the last model.
+    failure : str
+        Why the node could not be configured or activated.
+    refused : Refused or None
+    loading : bytes or None
+        The description that is being loaded.
+    """
+    values = {"lifecycle": phase, "model revision": revision}
+    values["loading"] = "nothing" if loading is None else f"a robot_description of {len(loading)} bytes"
+    if robot:
+        model = robot.model
+        values |= {
+            "robot": model.name,
+            "degrees of freedom": model.nv,
+            "total mass [kg]": f"{model.total_mass:.6g}",
+            "mimic joints": counted(model.mimics),
+            "locked joints": counted(model.locked_joints),
+            "payloads": counted(model.payloads),
+            "serialization": robot.serialization,
+        }
+    if failure or refused:
+        return Status("model", ERROR, failure or f"robot_description refused: {refused.reason}", values)
+    if robot is None:
+        waiting = "no robot_description yet" if loading is None else "loading the robot_description"
+        return Status("model", WARN, waiting if phase in (INACTIVE, ACTIVE) else phase, values)
+    if unapplied := robot.unapplied():
+        return Status("model", WARN, f"payloads on links that are not there: {', '.join(unapplied)}", values)
+    another = "; loading another robot_description" if loading is not None else ""
+    return Status("model", OK, f"robot '{robot.model.name}'{another}", values)

@@ -1,12 +1,10 @@
 """Which robot a node works with: the parameters that say so, and the model they make of a description."""
 
-import warnings
-
 import numpy as np
 
-from diag_dynamics.exceptions import InertiaWarning, InputError, UnsupportedError
+from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.model import Payload, load_urdf
-from diag_dynamics.model.options import FRICTION_VELOCITY
+from diag_dynamics.model.options import FRICTION_VELOCITY, inertias_told
 from diag_dynamics.model.robot import MAX_COUPLED
 from diag_dynamics.model.urdf import MAX_JOINTS, read_urdf
 from diag_dynamics.nodes.inputs.joint_states import Joints
@@ -79,12 +77,12 @@ def load_robot(node, description, values):
     DiagDynamicsError
         As :func:`load_urdf`; and for a robot with a joint whose state no ROS topic brings.
     """
+    node.get_logger().info("Loading a robot.")
     payloads = payloads_of(values["payloads"])
     if payloads:
         links = {link.name for link in read_urdf(description, values["max_joints"])[0].links}
         payloads = {link: payload for link, payload in payloads.items() if link in links}
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", InertiaWarning)
+    with inertias_told(node.get_logger().warning):
         model = load_urdf(
             description,
             floating_base=values["floating_base"],
@@ -98,8 +96,6 @@ def load_robot(node, description, values):
             max_coupled=values["max_coupled"],
             friction_velocity=values.get("friction_velocity", FRICTION_VELOCITY),
         )
-    for warning in caught:
-        node.get_logger().warning(str(warning.message))
     if len(model.joint_names) != len(single_joints(model)) + model.floating_base:
         single = set(single_joints(model))
         several = next(name for name in model.joint_names[model.floating_base :] if name not in single)

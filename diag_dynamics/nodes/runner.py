@@ -12,7 +12,8 @@ from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
 from diag_dynamics.exceptions import DiagDynamicsError
-from diag_dynamics.nodes.start import deafen, listen, stop
+from diag_dynamics.nodes.descriptions import working
+from diag_dynamics.nodes.start import deafen, leave, listen, stop
 
 try:  # Jazzy and later: a third of the CPU time per message
     from rclpy.experimental import EventsExecutor as Executor
@@ -34,6 +35,8 @@ def run(make_node, args=None):
     node = None
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        if stop.asked:
+            return 0
         node = make_node()
         node.settled = settle
         settle()
@@ -52,6 +55,8 @@ def run(make_node, args=None):
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
+        if working():  # a thread that is torn off while it computes may take the process down with another status
+            leave(0)
     return 0
 
 

@@ -1,0 +1,115 @@
+"""Robots of descriptions that come while a node is at work: made in a thread beside it, handed over between two callbacks."""
+
+import sys
+import threading
+from contextlib import contextmanager
+
+from rclpy.clock import Clock, ClockType
+
+LOOK = 0.02
+"""How often the executor looks whether something has been made [s]."""
+
+TURN = 1e-4
+"""How long the thread computes while the executor waits for its turn [s]; Python's own 5 ms are half a period at 100 Hz."""
+
+_turns = {"threads": 0, "before": None}
+_lock = threading.Lock()
+
+
+def working():
+    """Whether such a thread is running, in whichever node; the interpreter may crash if it ends meanwhile."""
+    return _turns["threads"] > 0
+
+
+@contextmanager
+def _short_turns():
+    with _lock:
+        if not _turns["threads"]:
+            _turns["before"] = sys.getswitchinterval()
+            sys.setswitchinterval(TURN)
+        _turns["threads"] += 1
+    try:
+        yield
+    finally:
+        with _lock:
+            _turns["threads"] -= 1
+            if not _turns["threads"]:
+                sys.setswitchinterval(_turns["before"])
+
+
+class Descriptions:
+    """Makes something of descriptions while the node goes on, one after the other; only the newest counts.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    make : callable
+        Called in the thread with what :meth:`load` was called with; it changes nothing of the node's.
+    take : callable
+        Called by the executor with what `make` has returned or raised, and with what :meth:`load` was called with.
+
+    Attributes
+    ----------
+    loading : str, bytes or None
+        The description that something is being made of.
+    """
+
+    def __init__(self, node, make, take):
+        self._node, self._make, self._take = node, make, take
+        self.loading = self._wanted = self._thread = self._timer = None
+
+    def load(self, description, *context):
+        """Make something of this description, whatever was loading before."""
+        self.loading = description
+        self._wanted = (
+            description,
+            *context,
+        )  # a new tuple for each wish: that is how the thread's result knows its own
+        if self._timer is None:
+            self._timer = self._node.create_timer(LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._begin()
+
+    def drop(self):
+        """Take nothing over any more; the thread ends as soon as it has made what it is at."""
+        self.loading = self._wanted = None
+        if self._timer is not None:
+            self._node.destroy_timer(self._timer)
+            self._timer = None
+
+    def finish(self):
+        """Wait until what is loading has been handed over."""
+        while self._timer is not None and self.loading is not None:
+            self._thread.join()
+            self._look()
+
+    def _begin(self):
+        """Start on what is wanted, unless the thread is at something that was wanted before."""
+        if self._thread is None:
+            self._thread = _Making(self._make, self._wanted)
+            self._thread.start()
+
+    def _look(self):
+        thread = self._thread
+        if self._timer is None or (thread is not None and thread.is_alive()):
+            return
+        self._thread = None
+        if thread is None or thread.wanted is not self._wanted:
+            self._begin()
+            return
+        self.drop()
+        self._take(thread.made, *thread.wanted)
+
+
+class _Making(threading.Thread):
+    """One call of `make`; a daemon, for nobody waits for it at the end."""
+
+    def __init__(self, make, wanted):
+        super().__init__(name="description", daemon=True)
+        self._make, self.wanted, self.made = make, wanted, None
+
+    def run(self):
+        with _short_turns():
+            try:
+                self.made = self._make(*self.wanted)
+            except Exception as error:  # the executor tells of it
+                self.made = error
