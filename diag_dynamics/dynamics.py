@@ -93,6 +93,7 @@ class DiagonalDynamics:
             result.external = self.epsilon_from_tau(q, self._effort_of(f_ext, frame))
         if friction:
             result.friction = self.epsilon_from_tau(q, self.friction_torque(state[sweeps.RATES, : model.nv]))
+        _check_power(result)
         return result
 
     def factors(self, q):
@@ -563,6 +564,15 @@ def _check_sum(tau, friction, f_ext):
     """Refuse what only wrenches or friction have made infinite."""
     if (friction or _given(f_ext)) and not np.isfinite(tau).all():
         raise InputError("tau, f_ext or friction are not finite or too large: their sum is not a finite number.")
+
+
+def _check_power(s):
+    """Refuse what wrenches or friction make of the power, which the sweep has found finite without them."""
+    terms = [term for term in (s.external, s.friction) if term is not None]
+    with np.errstate(over="ignore", invalid="ignore"):
+        power = sum(float(s.nu @ term) for term in terms)
+    if not np.isfinite(power):
+        raise InputError("qd, f_ext or friction are too large: the power overflows.")
 
 
 def _given(f_ext):

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics import sweeps
+from diag_dynamics.exceptions import InputError
 
 
 class _Lazy:
@@ -120,8 +121,15 @@ class Evaluation:
         return energy
 
     def write_link_energy(self, energy):
-        """Write :attr:`link_energy` into an array of its shape, for who has one already."""
-        sweeps.link_energies(self._model.bodies, self._model.links, self._states[None], energy[None])
+        """Write :attr:`link_energy` into an array of its shape, for who has one already.
+
+        Raises
+        ------
+        InputError
+            A link's energy overflows, which it can where K does not: with an inertia that is no rigid body's.
+        """
+        if not sweeps.link_energies(self._model.bodies, self._model.links, self._states[None], energy[None]):
+            raise InputError("qd is too large: the kinetic energy of a link overflows.")
 
     @_Lazy
     def nu_dot(self):
@@ -190,7 +198,8 @@ class BatchEvaluation(Evaluation):
     def link_energy(self):
         """Kinetic energy of each link [J], shape (T, len(model.link_names))."""
         energy = np.empty((len(self), len(self._model.link_names)))
-        sweeps.link_energies(self._model.bodies, self._model.links, self._states, energy)
+        if not sweeps.link_energies(self._model.bodies, self._model.links, self._states, energy):
+            raise InputError("QD is too large: the kinetic energy of a link overflows.")
         return energy
 
     @_Lazy

@@ -241,6 +241,7 @@ UNPHYSICAL = {
     "a link of a million characters": (SetPayload.Request(link="z" * MILLION, inertia=inertia(1.0)), "zzz"),
     "negative mass": (SetPayload.Request(link=HAND, inertia=inertia(-1.0)), "mass"),
     "NaN mass": (SetPayload.Request(link=HAND, inertia=inertia(math.nan)), "mass"),
+    "a mass that nothing has": (SetPayload.Request(link=HAND, inertia=inertia(1e300)), "within ±1e+09"),
     "infinite mass": (SetPayload.Request(link=HAND, inertia=inertia(math.inf)), "mass"),
     "NaN in the centre of mass": (SetPayload.Request(link=HAND, inertia=inertia(1.0, y=math.nan)), "com"),
     "negative moment": (SetPayload.Request(link=HAND, inertia=inertia(1.0, (-0.01, 0.02, 0.02))), "inertia"),

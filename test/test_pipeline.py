@@ -229,25 +229,32 @@ def test_after_a_change_of_settings(twins, change):
     assert served(twins) == usual
 
 
-def test_state_that_cannot_be_evaluated(twins):
-    """Velocities whose kinetic energy no number can hold: the state is refused as ever, and the next one is right."""
+@pytest.mark.parametrize(
+    ("velocity", "effort"), [(1e200, 0.0), (1e150, 1e200), (1e150, -1e200)], ids=["energy", "power", "power taken out"]
+)
+def test_state_that_cannot_be_evaluated(twins, velocity, effort):
+    """Velocities and efforts whose energy or power no number can hold: refused as ever, and the next state is right."""
     twins.begin()
-    twins.change({"absurd.velocity": 0.0})
+    twins.change({"absurd.velocity": 0.0, "absurd.effort": 0.0})
     try:
         for _ in range(3):
             twins.take(A_STEP)
+        assert served(twins)
         for node in twins.nodes:
-            huge = joint_state((*ARM, FINGER), np.full(8, 0.01), np.full(8, 1e200), np.zeros(8), twins.now + MS)
+            refused = node._traffic.counts["rejected: InputError"]
+            speed, push = np.full(8, velocity), np.full(8, effort)
+            huge = joint_state((*ARM, FINGER), np.full(8, 0.01), speed, push, twins.now + MS)
             message = serialize_message(huge) if node is twins.nodes[0] else huge
             twins.received = twins.now + MS
             assert twins._taken(node, message, frozenset(ORDER)) == []
-            assert node._traffic.counts["rejected: InputError"]
+            assert node._traffic.counts["rejected: InputError"] == refused + 1
+            assert "overflows" in node._traffic.last_rejection
         first, second = (twins._memory(node) for node in twins.nodes)
         assert first == second
         twins.take(A_STEP._replace(passed=2 * MS))
         assert served(twins)
     finally:
-        twins.change({"absurd.velocity": 1e4})
+        twins.change({"absurd.velocity": 1e4, "absurd.effort": 1e6})
 
 
 def test_what_a_message_holds_does_not_change(twins):

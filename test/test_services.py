@@ -243,9 +243,9 @@ def test_bad_state(monitor, panda, service, case):
 
 
 @pytest.mark.parametrize("service", SERVICES)
-@pytest.mark.parametrize("gravity", [(0.0, math.nan, 0.0), (math.inf, 0.0, 0.0)])
+@pytest.mark.parametrize("gravity", [(0.0, math.nan, 0.0), (math.inf, 0.0, 0.0), (0.0, 0.0, 1e305)])
 def test_bad_gravity(monitor, panda, service, gravity):
-    """A gravity that is not finite is refused."""
+    """A gravity that is not finite, or that nothing has, is refused."""
     assert_refused(ask(monitor, service, panda.message(0, panda.samples[0]), gravity), "gravity")
     assert_well(monitor, panda)
 

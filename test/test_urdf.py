@@ -478,6 +478,25 @@ def test_light_links_are_no_false_alarm():
         ({"massless": "drop"}, dd.InputError, "massless is 'drop', expected one of 'error', 'lock'."),
         ({"gravity": (0, 0)}, dd.InputError, "gravity is (0, 0), expected three finite numbers [m/s²]."),
         ({"gravity": (0, 0, np.inf)}, dd.InputError, "expected three finite numbers"),
+        ({"gravity": (0, 1e305, 0)}, dd.InputError, "expected three finite numbers [m/s²], none beyond ±1000."),
+        ({"gravity": (0, 0, -9810.0)}, dd.InputError, "none beyond ±1000"),
+        ({"armature": {"shoulder": 1e10}}, dd.InputError, "armature of joint 'shoulder' is 10000000000.0, expected"),
+        ({"locked_joints": {"shoulder": -1e300}}, dd.InputError, "'shoulder' is -1e+300, expected a finite number"),
+        (
+            {"payloads": {"upper": (1e300,)}},
+            dd.InputError,
+            "mass on link 'upper' is 1e+300, expected a finite number >=",
+        ),
+        (
+            {"payloads": {"upper": (1.0, (0, 1e200, 0))}},
+            dd.InputError,
+            "com on link 'upper' is (0, 1e+200, 0), expected",
+        ),
+        (
+            {"payloads": {"upper": (1.0, (0, 0, 0), np.diag([1e300, 1e300, 1e300]))}},
+            dd.InputError,
+            "3 x 3 finite numbers [kg m²], none beyond ±1e+09.",
+        ),
         (
             {"armature": {"elbow": 1.0}},
             dd.InputError,
@@ -530,6 +549,12 @@ def two():
         (lambda d: d.evaluate([[1], 2], [0, 0]), "q is not a vector of numbers"),
         (lambda d: d.evaluate([1j, 2], [0, 0]), "q is not a vector of numbers"),
         (lambda d: d.evaluate([0, 0], [1e200, 0]), "qd, tau are too large: a result overflows"),
+        (lambda d: d.evaluate([0, 0], [1e150, 0], [1e200, 0]), "qd, tau are too large: a result overflows"),  # power
+        (
+            lambda d: d.evaluate_batch([[0, 0]] * 9, [[0, 1e150]] * 9, [[0, 1e200]] * 9),
+            "state 0: q, qd, tau are too large",
+        ),
+        (lambda d: d.evaluate([0, 0], [1e150, 0], f_ext={"upper": [0, 1e200, 0, 0, 0, 1e200]}), "the power overflows"),
         (lambda d: d.forward_dynamics([0, 0], [1e200, 0], [0, 0]), "are too large: a result overflows"),
         (lambda d: d.inverse_dynamics([0, 0], [1e200, 0], [0, 0]), "are too large: a result overflows"),
         (lambda d: d.evaluate([0, 0], [0, 0], f_ext={"hand": [0] * 6}), "f_ext: 'hand' is not a link of robot 'arm'."),

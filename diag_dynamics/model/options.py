@@ -20,6 +20,15 @@ A held arm creeps, and velocities estimated from an encoder flicker, by millirad
 -f to f is a torque that nobody exerts.
 """
 
+LARGEST = 1e9
+"""Largest number accepted of what is put on a robot, in SI units: whatever is larger is a mistake, or malice."""
+
+LARGEST_GRAVITY = 1000.0
+"""Largest component of gravity accepted [m/s²], a hundred times that of the Earth: nothing a robot stands on pulls more.
+
+A value in mm/s² is beyond it, and so is one by which results would overflow.
+"""
+
 
 class Payload(NamedTuple):
     """A rigid body attached to a link, in the link's axes.
@@ -69,11 +78,11 @@ def bound(name, value):
 
 def gravity_vector(value):
     """Acceleration of gravity as a new array."""
-    return numbers("gravity", value, (3,), "three finite numbers [m/s²]")
+    return numbers("gravity", value, (3,), "three finite numbers [m/s²]", LARGEST_GRAVITY)
 
 
-def numbers(name, value, shape, expected):
-    """`value` as a new float array, or an error that says what was expected."""
+def numbers(name, value, shape, expected, most=np.inf):
+    """`value` as a new float array, or an error that says what was expected; no entry is beyond ±`most`."""
     try:
         array = np.array(value)
         array = array.astype(float) if array.dtype.kind in "fiu" else np.array(np.nan)
@@ -81,6 +90,8 @@ def numbers(name, value, shape, expected):
         array = np.array(np.nan)
     if array.shape != shape or not np.isfinite(array).all():
         raise InputError(f"{name} is {value!r}, expected {expected}.")
+    if array.size and np.abs(array).max() > most:
+        raise InputError(f"{name} is {value!r}, expected {expected}, none beyond ±{most:g}.")
     return array
 
 
@@ -113,7 +124,7 @@ def armature_by_joint(value, robot):
             raise InputError(
                 f"armature: {name!r} is not a joint of one degree of freedom of this robot; those are {_some(single)}."
             )
-        checked[name] = float(numbers(f"armature of joint '{name}'", inertia, (), "a finite number >= 0"))
+        checked[name] = float(numbers(f"armature of joint '{name}'", inertia, (), "a finite number >= 0", LARGEST))
         if checked[name] < 0.0:
             raise InputError(f"armature of joint '{name}' is {inertia!r}, expected a finite number >= 0.")
     return checked
@@ -133,7 +144,7 @@ def locked_positions(value, robot):
         if joints[name].type not in SINGLE:
             raise InputError(f"locked_joints: joint '{name}' is {joints[name].type}, expected one degree of freedom.")
         expected = "a finite number [rad, m]"
-        locked[name] = float(numbers(f"locked_joints: position of joint '{name}'", position, (), expected))
+        locked[name] = float(numbers(f"locked_joints: position of joint '{name}'", position, (), expected, LARGEST))
     return locked
 
 
@@ -153,11 +164,12 @@ def checked_payloads(value, robot):
         except TypeError as error:
             raise InputError(f"payloads: '{name}' has {given!r}, expected (mass, com, inertia).") from error
         expected = "a finite number >= 0 [kg]"
-        mass = float(numbers(f"payloads: mass on link '{name}'", mass, (), expected))
+        mass = float(numbers(f"payloads: mass on link '{name}'", mass, (), expected, LARGEST))
         if mass < 0.0:
             raise InputError(f"payloads: mass on link '{name}' is {mass}, expected {expected}.")
-        com = numbers(f"payloads: com on link '{name}'", com, (3,), "three finite numbers [m]")
-        inertia = numbers(f"payloads: inertia on link '{name}'", inertia, (3, 3), "3 x 3 finite numbers [kg m²]")
+        com = numbers(f"payloads: com on link '{name}'", com, (3,), "three finite numbers [m]", LARGEST)
+        expected = "3 x 3 finite numbers [kg m²]"
+        inertia = numbers(f"payloads: inertia on link '{name}'", inertia, (3, 3), expected, LARGEST)
         reason = not_physical(inertia, mass)
         if reason or np.abs(inertia - inertia.T).max() > 1e-9 * np.abs(inertia).max():
             raise InputError(f"payloads: inertia on link '{name}' is {inertia.tolist()}, {reason or 'not symmetric'}.")

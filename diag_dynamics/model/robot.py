@@ -155,7 +155,7 @@ class RobotModel:
         Raises
         ------
         InputError
-            `gravity` is not three finite numbers.
+            `gravity` is not three finite numbers, or one is beyond ±1000 m/s², which nothing that a robot stands on reaches.
         """
         gravity = gravity_vector(gravity)
         return replace(self, gravity=gravity, _options=self._options._replace(gravity=gravity))
@@ -262,7 +262,8 @@ def load_urdf(
     floating_base : bool
         Whether the root link moves freely.
     gravity : array_like, shape (3,)
-        Acceleration of gravity in the world's axes, those of the root link of a fixed base [m/s²].
+        Acceleration of gravity in the world's axes, those of the root link of a fixed base [m/s²]; no component beyond ±1000,
+        which nothing that a robot stands on reaches.
     mimic : {"embed", "free", "lock"}
         What to do with mimic joints: couple them to their leaders, exactly; treat them as independent; or lock them where
         they belong with their leaders at zero, or as these are locked. A mimic joint that is locked itself follows
@@ -285,6 +286,8 @@ def load_urdf(
         :attr:`RobotModel.coupled_groups`. Every evaluation takes time as the cube of that number.
     friction_velocity : float
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s], see :meth:`DiagonalDynamics.friction_torque`; 0 for f sign(q̇).
+
+    Numbers of `locked_joints`, `armature` and `payloads` are within ±1e9, those of the URDF within ±1e30.
 
     Returns
     -------

@@ -12,14 +12,21 @@ ALL = "*"
 """Stands for every joint that has no entry of its own."""
 
 
+LARGEST = 1e9
+"""Largest number that a parameter takes, but for those that say otherwise."""
+
+
 class Spec(NamedTuple):
-    """One parameter: its description says the unit; `minimum` and `maximum` bound a float."""
+    """One parameter: its description says the unit.
+
+    `minimum` and `maximum` bound a float; of a list of floats each one lies within ±`maximum`.
+    """
 
     default: Any
     description: str
     read_only: bool = False
     minimum: float | None = None
-    maximum: float = 1e9
+    maximum: float = LARGEST
     choices: tuple = ()
     while_unconfigured: bool = False
     """Whether a managed node takes another value only before it is configured."""
@@ -55,6 +62,8 @@ def wrong(name, value, specs):
         return f"parameter '{name}' is {value!r}, expected finite numbers"
     if numbers is value and len(numbers) != len(spec.default):
         return f"parameter '{name}' is {list(value)!r}, expected {len(spec.default)} numbers"
+    if numbers is value and any(abs(number) > spec.maximum for number in numbers):
+        return f"parameter '{name}' is {list(value)!r}, expected numbers within ±{spec.maximum:g}"
     return None
 
 
@@ -70,7 +79,7 @@ def assignments(parameter, entries, kind=float, minimum=None):
     kind : {float, bool, str}
         What stands behind the last ``=``.
     minimum : float or None
-        Smallest number allowed.
+        Smallest number allowed; the largest is :data:`LARGEST`, either way.
 
     Raises
     ------
@@ -92,6 +101,8 @@ def assignments(parameter, entries, kind=float, minimum=None):
             raise InputError(f"parameter '{parameter}' has {entry!r}, expected name={_EXPECTED[kind]}.")
         if minimum is not None and value < minimum:
             raise InputError(f"parameter '{parameter}' has {entry!r}, expected no less than {minimum:g}.")
+        if kind is float and abs(value) > LARGEST:
+            raise InputError(f"parameter '{parameter}' has {entry!r}, expected a number within ±{LARGEST:g}.")
         values[name] = value
     return values
 

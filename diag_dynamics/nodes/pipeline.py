@@ -122,5 +122,6 @@ def _serve(known, layout, now, mode, pipeline, wanted):
     if wanted & WITH_LINK_ENERGY:
         bodies, _, work, _ = sweeps.opened(robot)
         links = sweeps.links_at(at[_LINKS], (at[_LINK_COUNT],))
-        sweeps.energies_of_links(bodies, links, work, velocity, link_energy_at(sheets))
+        if not sweeps.energies_of_links(bodies, links, work, velocity, link_energy_at(sheets)):
+            return found, stamp, False, 0, 0.0, 0.0
     return found, stamp, True, newest, energy, power

@@ -4,11 +4,11 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.model import Payload, load_urdf
-from diag_dynamics.model.options import FRICTION_VELOCITY, inertias_told
+from diag_dynamics.model.options import FRICTION_VELOCITY, LARGEST_GRAVITY, inertias_told
 from diag_dynamics.model.robot import MAX_COUPLED
 from diag_dynamics.model.urdf import MAX_JOINTS, read_urdf
 from diag_dynamics.nodes.inputs.joint_states import Joints
-from diag_dynamics.nodes.parameters import Spec, assignments
+from diag_dynamics.nodes.parameters import LARGEST, Spec, assignments
 
 PARAMETERS = {
     "mimic": Spec(
@@ -27,7 +27,12 @@ PARAMETERS = {
     "armature": Spec(
         [""], "Reflected rotor inertias, each as joint=inertia [kg m^2, prismatic: kg].", while_unconfigured=True
     ),
-    "gravity": Spec([0.0, 0.0, -9.81], "Acceleration of gravity in the world, for a fixed base the root link [m/s^2]."),
+    "gravity": Spec(
+        [0.0, 0.0, -9.81],
+        "Acceleration of gravity in the world, for a fixed base the root link [m/s^2]; each within 1000, which nothing a "
+        "robot stands on reaches.",
+        maximum=LARGEST_GRAVITY,
+    ),
     "payloads": Spec(
         [""],
         "Payloads, each as link=mass, link=mass x y z, or link=mass x y z ixx iyy izz ixy ixz iyz: centre of mass and "
@@ -143,6 +148,8 @@ def payloads_of(entries):
             raise InputError(
                 f"parameter 'payloads' has {link}={text}, expected link= and 1, 4 or 10 finite numbers, no mass below 0."
             )
+        if max(map(abs, numbers)) > LARGEST:
+            raise InputError(f"parameter 'payloads' has {link}={text}, expected numbers within ±{LARGEST:g}.")
         mass, com, inertia = numbers[0], numbers[1:4] or (0.0, 0.0, 0.0), numbers[4:] or (0.0,) * 6
         xx, yy, zz, xy, xz, yz = inertia
         payloads[link] = Payload(mass, tuple(com), ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))

@@ -257,15 +257,16 @@ def _is_base(bodies, last):
 
 @kernel
 def _is_finite_result(out, n):
-    """Whether all that has been filled is finite, and the kinetic energy too."""
-    energy = nought(out)
+    """Whether all that has been filled is finite, and the kinetic energy and the power of efforts and gravity, too."""
+    energy, power = nought(out), nought(out)
     for k in range(n):
         rows = out[XI, k] + out[EPSILON, k] + out[KAPPA, k] + out[CORIOLIS, k] + out[CORIOLIS_UNNORMALIZED, k]
         rows += out[GRAVITY, k] + out[ARTICULATED_INERTIA, k] + out[ARTICULATED_INERTIA_RATE, k]
         if not math.isfinite(rows):
             return False
         energy += out[NU, k] * out[NU, k]
-    return math.isfinite(energy)
+        power += out[NU, k] * (out[EPSILON, k] - out[GRAVITY, k])
+    return math.isfinite(energy) and math.isfinite(power)
 
 
 @kernel
@@ -335,7 +336,7 @@ def energy_and_power_within(state, nv):
 
 @kernel
 def energies_of_links(bodies, links, work, qd, energy):
-    """Fill `energy` with the kinetic energy of every link, for bodies that move by their V."""
+    """Fill `energy` with the kinetic energy of every link, for bodies that move by their V; whether all are finite."""
     for k in range(len(energy)):
         energy[k] = 0.0
     for i in range(1, len(bodies)):
@@ -344,15 +345,20 @@ def energies_of_links(bodies, links, work, qd, energy):
     for j in range(len(links)):
         V = motion_of(work[links[j].body].V)
         energy[links[j].index] += 0.5 * power(momentum(links[j], V), V)
+    total = 0.0
+    for k in range(len(energy)):
+        total += energy[k]
+    return math.isfinite(total)
 
 
 @entry_kernel(BODIES, LINKS, STATES, MATRIX, nogil=True)
 def link_energies(bodies, links, states, energies):
     """Kinetic energy of every link, ½VᵀIV and ½ armature q̇² of its joint, at each state that :func:`evaluate` was at.
 
+    It returns whether all are finite: K may be where those of links of no rigid body are not.
     A state is what it filled; I is taken in the frame of the body that the link belongs to.
     """
-    work = np.empty(len(bodies), WORK)
+    work, finite = np.empty(len(bodies), WORK), True
     for t in range(len(states)):
         q, qd, energy = states[t, POSITIONS], states[t, RATES], energies[t]
         rest_at_world(work)
@@ -361,4 +367,5 @@ def link_energies(bodies, links, states, energies):
             body, w = bodies[i], work[i]
             place(body, q, w)
             move(body, qd, work, w)
-        energies_of_links(bodies, links, work, qd, energy)
+        finite &= energies_of_links(bodies, links, work, qd, energy)
+    return finite
