@@ -49,7 +49,7 @@ def find_urdf(robot):
     if len(part) == 1:
         return next(iter(part.values()))
     if part:
-        raise InputError(f"robot '{robot}' could be any of:\n  " + "\n  ".join(part))
+        raise InputError(f"robot '{robot}' could be any of: {', '.join(part)}.")
     if not urdfs:
         raise InputError(
             f"robot '{robot}' is no file, and the package example-robot-data, whose robots have names, is absent."

@@ -1,8 +1,25 @@
 """What can go wrong: every exception names the thing, its value and what was expected."""
 
+from diag_dynamics.text import plain
+
+_LONGEST = 10_000
+"""Characters of an exception's text: a name may be of any length, what is said of it is not."""
+
+
+def shown(error):
+    """The text of an exception as it is shown: names come from files and messages, and may hold anything."""
+    text = str(error.args[0]) if error.args else ""
+    return plain(text) if len(text) <= _LONGEST else f"{plain(text[:_LONGEST])}… ({len(text)} characters)"
+
 
 class DiagDynamicsError(Exception):
-    """Base of all exceptions of this package."""
+    """Base of all exceptions of this package.
+
+    Their text is of one line and safe to show, see :func:`~diag_dynamics.text.plain`; in `args` names are as they are.
+    """
+
+    def __str__(self):
+        return shown(self)
 
 
 class InputError(DiagDynamicsError, ValueError):
@@ -24,6 +41,9 @@ class UnsupportedError(ModelError, NotImplementedError):
 class InertiaWarning(UserWarning):
     """A link's inertia is not that of any rigid body; it is used as it is."""
 
+    def __str__(self):
+        return shown(self)
+
 
 class MimicJointError(UrdfError):
     """Joints mimic others in a way that no coupling can hold.
@@ -37,9 +57,6 @@ class MimicJointError(UrdfError):
     def __init__(self, message, joints):
         super().__init__(message, joints)
         self.joints = tuple(joints)
-
-    def __str__(self):
-        return self.args[0]
 
 
 class MasslessLinkError(ModelError):
@@ -58,9 +75,6 @@ class MasslessLinkError(ModelError):
         self.joints = tuple(joints)
         self.articulated_inertia = tuple(map(float, articulated_inertia))
 
-    def __str__(self):
-        return self.args[0]
-
 
 class SingularMassMatrixError(DiagDynamicsError, ArithmeticError):
     """The mass matrix is singular at the given configuration, though not at others.
@@ -77,6 +91,3 @@ class SingularMassMatrixError(DiagDynamicsError, ArithmeticError):
         super().__init__(message, joint, articulated_inertia)
         self.joint = joint
         self.articulated_inertia = articulated_inertia
-
-    def __str__(self):
-        return self.args[0]

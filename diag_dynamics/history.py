@@ -4,6 +4,8 @@ from array import array
 
 import numpy as np
 
+from diag_dynamics.text import plain
+
 PALETTE = (
     *("#4e79a7", "#f28e2b", "#59a14f", "#e15759", "#b07aa1", "#76b7b2", "#edc948", "#ff9da7", "#9c755f"),
     *("#86bcb6", "#d37295", "#8cd17d", "#b6992d", "#499894", "#d4a6c8", "#bab0ac"),
@@ -83,7 +85,7 @@ class EnergyHistory:
         span = time[-1] - time[0]
         mean = shares.mean(axis=0)
         most = np.argsort(mean)[::-1][:3]
-        parts = ", ".join(f"{self.names[k]} {100 * mean[k] / max(mean.sum(), 1e-300):.0f} %" for k in most)
+        parts = ", ".join(f"{plain(self.names[k])} {100 * mean[k] / max(mean.sum(), 1e-300):.0f} %" for k in most)
         lines = [
             f"{self.count} states in {span:.1f} s ({(self.count - 1) / span:.0f} Hz), "
             f"latency {1e3 * np.median(latency):.2f} ms median, {1e3 * np.quantile(latency, 0.99):.2f} ms 99 %",
@@ -107,7 +109,7 @@ class EnergyHistory:
         # As many joints as there are colours, those with the most energy; the rest in grey on top.
         shown = sorted(np.argsort(shares.mean(axis=0))[::-1][: len(PALETTE)])
         layers = [shares[:, k] for k in shown]
-        labels = [self.names[k] for k in shown]
+        labels = [plain(self.names[k]) for k in shown]
         colours = list(PALETTE[: len(shown)])
         if len(shown) < len(self.names):
             layers.append(total - shares[:, shown].sum(axis=1))
@@ -120,11 +122,13 @@ class EnergyHistory:
         energy.stackplot(time, layers, labels=labels, colors=colours, linewidth=0)
         energy.plot(time, total, color="black", linewidth=1.0, label="total K")
         energy.set_ylabel("kinetic energy ½ν² [J]")
-        energy.set_title(title)
+        energy.set_title(plain(title), parse_math=False)
         handles, names = energy.get_legend_handles_labels()
-        energy.legend(
+        legend = energy.legend(
             handles[::-1], names[::-1], loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9
         )
+        for text in legend.get_texts():
+            text.set_parse_math(False)  # a dollar in a name is a dollar
         power.plot(time, samples[:, 1], color="#444444", linewidth=1.0)
         power.axhline(0.0, color="#aaaaaa", linewidth=0.8)
         power.set_ylabel("power [W]")

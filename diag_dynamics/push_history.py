@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from diag_dynamics.text import plain
+
 PERCENT_OVER = 5.0
 """Part by which the kinetic energy may exceed its bound [%]: what pushes comes on top until the observer knows of it."""
 
@@ -121,7 +123,7 @@ class PushHistory:
         way.set_ylim(bottom=0.0)
         way.set_ylabel("hand off its place [mm]")
         way.set_xlabel("time since the push began [s]")
-        energy.set_title(title, loc="left")
+        energy.set_title(plain(title), loc="left", parse_math=False)
         for axes in (energy, norm, way):
             span = axes.axvspan(0.0, self.end - begin, color="#efefef", linewidth=0, zorder=0)
             axes.margins(x=0)

@@ -8,6 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from diag_dynamics.history import PALETTE
+from diag_dynamics.text import plain
 
 _LEVELS = "▁▂▃▄▅▆▇█"
 WINDOW = 10.0
@@ -42,7 +43,7 @@ def energy_panel(robot, history, height, width, silent=0.0, waiting=""):
     """
     samples = history.recent(WINDOW)
     if len(samples) < 2:
-        return Panel(Text(waiting or "waiting for joint states …", style="dim"), title=robot)
+        return Panel(Text(waiting or "waiting for joint states …", style="dim"), title=Text(plain(robot)))
     last = samples[samples[:, 0] > samples[-1, 0] - 1.0]
     shares = last[-1, 4:]
     total = float(shares.sum())
@@ -54,7 +55,7 @@ def energy_panel(robot, history, height, width, silent=0.0, waiting=""):
             Text(),
             _shares(history.names, samples[:, 4:], shares, total, height - 9, width),
         ),
-        title=f"[bold]{robot}[/]",
+        title=Text(plain(robot), style="bold"),
         subtitle=f"[bold red]no state for {silent:.0f} s[/]" if silent > 1.0 else "[dim]Ctrl-C ends[/]",
         border_style="red" if silent > 1.0 else "none",
         padding=(1, 2),
@@ -90,7 +91,7 @@ def _shares(names, recent, shares, total, rows, width):
     for k in kept:
         part = shares[k] / total if total > 0.0 else 0.0
         bar = Bar(1.0, 0.0, part, color=PALETTE[k % len(PALETTE)])
-        table.add_row(names[k], bar, f"{shares[k]:.4f} J", f"{100 * part:3.0f} %")
+        table.add_row(Text(plain(names[k])), bar, f"{shares[k]:.4f} J", f"{100 * part:3.0f} %")
     if len(kept) < len(names):
         others = total - sum(shares[k] for k in kept)
         table.add_row(f"{len(names) - len(kept)} others", "", f"{others:.4f} J", "")

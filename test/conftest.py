@@ -27,6 +27,7 @@ ROS_FILES = (
     "test_faults_graph.py",
     "test_faults_input.py",
     "test_faults_model.py",
+    "test_faults_names.py",
     "test_faults_services.py",
     "test_floating_base.py",
     "test_inputs.py",

@@ -34,6 +34,7 @@ def imports(path):
 # --- Structure ---
 
 FLOORS = [
+    "text",
     "exceptions kernel",
     "lanes",
     "trigonometry",

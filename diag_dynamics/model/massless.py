@@ -46,19 +46,19 @@ def refuse_massless(model, found):
         joint = joints[k]
         link = joint.joint.child if joint.joint else model.root_link
         why = "has little inertia about that axis" if joint.name in heavy else "has no <inertial>"
-        lines.append(f"  joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): link '{link}' {why}")
+        lines.append(f"joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): link '{link}' {why}")
     if len(massless) > MOST_LISTED:
-        lines.append(f"  … and {len(massless) - MOST_LISTED} more")
-    lines.append("Give the link mass and inertia in the URDF, or make the joint fixed.")
+        lines.append(f"… and {len(massless) - MOST_LISTED} more")
+    advice = "Give the link mass and inertia in the URDF, or make the joint fixed."
     single = next((joints[k].name for k in massless if joints[k].is_single), None)
     if single is not None:
-        lines[-1] += (
+        advice += (
             f" Or give the joint a rotor inertia, armature={{'{single}': …}}, or lock it, "
             f"locked_joints={{'{single}': 0.0}} or massless='lock'."
         )
     raise MasslessLinkError(
         f"robot '{model.name}' has {len(massless)} joint(s) that move no inertia, which makes its mass matrix "
-        "singular:\n" + "\n".join(lines),
+        f"singular: {'; '.join(lines)}. {advice}",
         [model.dof_names[k] for k in massless],
         smallest[massless],
     )

@@ -6,6 +6,8 @@ from typing import NamedTuple
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 
+from diag_dynamics.text import plain
+
 OK, WARN, ERROR, STALE = (
     DiagnosticStatus.OK,
     DiagnosticStatus.WARN,
@@ -37,8 +39,8 @@ def counted(names):
 
 
 def shortened(text, most=LONG):
-    """The text, or its beginning: what arrives may be of any length, what is said of it not."""
-    return text if len(text) <= most else f"{text[:most]}… ({len(text)} characters)"
+    """The text, or its beginning, safe to show: what arrives may be long and hold anything, what is said of it may not."""
+    return plain(text) if len(text) <= most else f"{plain(text[:most])}… ({len(text)} characters)"
 
 
 class Diagnostics:
@@ -69,9 +71,11 @@ class Diagnostics:
         model = self._robot()
         hardware = shortened(model.name) if model else ""
         for name, level, message, values in statuses:
-            status = DiagnosticStatus(level=level, name=f"{self._name}: {name}", message=shortened(message))
+            status = DiagnosticStatus(level=level, name=shortened(f"{self._name}: {name}"), message=shortened(message))
             status.hardware_id = hardware
-            status.values = [KeyValue(key=str(key), value=shortened(str(value))) for key, value in values.items()]
+            status.values = [
+                KeyValue(key=shortened(str(key)), value=shortened(str(value))) for key, value in values.items()
+            ]
             array.status.append(status)
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)

@@ -22,6 +22,7 @@ from diag_dynamics.nodes.graph import publishers, topics_of
 from diag_dynamics.nodes.names import NODES
 from diag_dynamics.nodes.runner import run
 from diag_dynamics.terminal import energy_panel
+from diag_dynamics.text import plain
 
 REFRESH = 0.1
 """Seconds between two frames."""
@@ -117,8 +118,9 @@ class EnergyView(Node):
             lines.append(f"such states are on {', '.join(others)} too: --state shows them")
         elif not names:
             lines.append("there are such states on no other topic")
-        if self._waiting != "\n".join(lines):
-            self._waiting = "\n".join(lines)
+        said = "\n".join(map(plain, lines))
+        if self._waiting != said:
+            self._waiting = said
             if not self._live:
                 self._console.print(self._waiting, highlight=False, markup=False, soft_wrap=True)
 
@@ -171,12 +173,12 @@ class EnergyView(Node):
             self._live.stop()
         if self._history is not None and not self.failure:
             for line in self._history.summary():
-                self._console.print(line, highlight=False, soft_wrap=True)
+                self._console.print(line, highlight=False, soft_wrap=True, markup=False)
             if self._history.count > 1:
                 name = "".join(c if c.isalnum() else "_" for c in self._robot) or "robot"
                 path = self._picture or Path(f"kinetic_energy_{name}.png")
                 self._history.picture(path, f"{self._title}: kinetic energy of each total joint rate")
-                self._console.print(f"picture: {path.resolve()}", highlight=False, soft_wrap=True)
+                self._console.print(f"picture: {path.resolve()}", highlight=False, soft_wrap=True, markup=False)
         super().destroy_node()
 
 

@@ -1,11 +1,14 @@
 """A managed node that can bring itself up, and that no transition, however wrong, brings down."""
 
+from functools import cached_property
+
 from lifecycle_msgs import srv
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.nodes.diagnostics import shortened
+from diag_dynamics.nodes.logger import PlainLogger
 from diag_dynamics.nodes.overrides import tell_unknown
 from diag_dynamics.nodes.start import stop
 
@@ -45,6 +48,14 @@ class ManagedNode(LifecycleNode):
             answer = getattr(self, f"_LifecycleNodeMixin__on_{service}")
             answer = self._harmless(answer) if kind is srv.ChangeState else answer
             self.create_service(kind, f"~/{service}", answer, qos_profile=PATIENT)
+
+    @cached_property
+    def _plain_logger(self):
+        return PlainLogger(super().get_logger().name)
+
+    def get_logger(self):
+        """The node's logger: names of joints and the like, which anybody may have written, cannot forge its lines."""
+        return self._plain_logger
 
     def _harmless(self, answer):
         """Answer to a wrong transition, at which rclpy before 9 would end the node."""

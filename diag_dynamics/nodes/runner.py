@@ -14,6 +14,7 @@ from rclpy.utilities import remove_ros_args
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.nodes.descriptions import working
 from diag_dynamics.nodes.start import deafen, leave, listen, stop
+from diag_dynamics.text import plain
 
 try:  # Jazzy and later: a third of the CPU time per message
     from rclpy.experimental import EventsExecutor as Executor
@@ -48,7 +49,7 @@ def run(make_node, args=None):
         pass
     except (DiagDynamicsError, ParameterException, *ARGUMENTS_MAKE_NO_SENSE) as error:
         # What it was started with makes no sense: one line says so.
-        print(f"{type(error).__name__}: {error}", file=sys.stderr)
+        print(plain(f"{type(error).__name__}: {error}"), file=sys.stderr)
         return 1
     finally:
         deafen()
