@@ -365,6 +365,7 @@ OTHER_COUNTERS = (
     "clock jumped back",
     "mimic disagreement",
     "absurd effort",
+    "positions jumped",
     "lost in transport",
 )
 
@@ -409,6 +410,10 @@ def report_of(array, name):
     return Report(nanoseconds(array.header.stamp), worst.level, worst.message, values, entries)
 
 
+BELIEVING = {f"absurd.{bound}": 0.0 for bound in ("beyond_velocity", "beyond_effort", "jump")}
+"""Parameters of a monitor that takes states drawn at random, up to 90 times as fast as the URDF allows and no motion."""
+
+
 class Monitor(contextlib.AbstractContextManager):
     """A monitor in a process of its own, seen from outside: all its inputs and outputs.
 
@@ -429,6 +434,7 @@ class Monitor(contextlib.AbstractContextManager):
         self.reports = []
         peer.node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, MANY)
         defaults = {f"max_rate.{topic}": 0.0 for topic in OUTPUTS} if live else {"max_age": 0.0}
+        defaults |= BELIEVING
         self.process = node_process("monitor", "-r", f"__ns:={namespace}", *arguments, **(defaults | parameters))
 
     def __exit__(self, *error):

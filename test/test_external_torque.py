@@ -22,7 +22,7 @@ from diag_dynamics.nodes.external_torque import TorqueWatch
 from diag_dynamics.nodes.inputs.joint_states import RobotState
 from diag_dynamics.nodes.monitor import MonitorNode
 from diag_dynamics.nodes.settings import Observation
-from nodes import MS, PANDA, START, UR5, Monitor, S, joint_state, nanoseconds, node_process, robot
+from nodes import BELIEVING, MS, PANDA, START, UR5, Monitor, S, joint_state, nanoseconds, node_process, robot
 from test_floating_base import Rig
 from test_simulator_commands import Simulator
 
@@ -471,7 +471,7 @@ def test_nobody_listens(ros_domain, panda):
     """Every state is observed, and diagnostics are ready to tell; no message is made."""
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=ros_domain)
-    values = {"robot_description": str(panda.path), "external_torque.gain": GAIN, "max_age": 0.0}
+    values = {"robot_description": str(panda.path), "external_torque.gain": GAIN, "max_age": 0.0, **BELIEVING}
     node = MonitorNode(
         context=context, parameter_overrides=[Parameter(name, value=value) for name, value in values.items()]
     )

@@ -13,7 +13,9 @@ from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
 from coupling import Coupled
+from diag_dynamics.nodes.settings import PARAMETERS
 from nodes import (
+    BELIEVING,
     MS,
     OUTPUTS,
     PANDA,
@@ -476,6 +478,38 @@ def test_impossible_by_name(monitor, panda, make, cause, named):
     """The rejection says what is wrong, of which joint."""
     monitor.feeder.publish(make(monitor.tick()))
     assert named in after(monitor, f"rejected: {cause}").values["last rejection"]
+
+
+def test_garbage_row(monitor, panda):
+    """What a real arm sent once is refused, positions that jump are, too; where they stay they are believed."""
+    q, qd, tau, _ = panda.samples[0]
+    k, still = panda.names.index(JOINT), 0.0 * qd
+    monitor.serves(panda, 0)
+    usual = {name: PARAMETERS[name].default for name in BELIEVING}
+    assert monitor.set_parameters(usual).successful
+    for effort in (253.0, 47.0):  # four times 12 N m is 48
+        message = joint_state(panda.names, q, still, still + effort, monitor.tick(8 * MS))
+        published = monitor.feed(message, ["state"])
+        assert published["state"].effort_valid == (effort == 47.0)
+    monitor.feeder.publish(joint_state(panda.names, 0.0 * q, still + 30.0, still + 253.0, monitor.tick(8 * MS)))
+    named = after(monitor, "rejected: absurd value").values["last rejection"]
+    assert "velocity is 30" in named and "absurd.beyond_velocity" in named
+    elsewhere = q + 0.5 * (np.arange(len(q)) == k)
+    for _ in range(2):
+        monitor.feeder.publish(joint_state(panda.names, elsewhere, still, tau, monitor.tick(8 * MS)))
+    assert f"'{JOINT}': position went from" in after(monitor, "rejected: jump", by=2).values["last rejection"]
+    begin, stamp = len(monitor.reports), monitor.tick(8 * MS)
+    published = monitor.feed(joint_state(panda.names, elsewhere, still, tau, stamp), ["state", "kinetic_energy"])
+    Truth(panda, elsewhere, still, tau).check(published, stamp)
+
+    def told():
+        return next((report for report in monitor.reports[begin:] if report.count("positions jumped")), None)
+
+    report = monitor.peer.wait_until(told, "the jump")
+    assert report.level == WARN
+    assert f"positions jumped, and stayed: joint '{JOINT}'" in report.entries["joint states"].message
+    assert monitor.set_parameters(BELIEVING).successful
+    monitor.serves(panda, 1)
 
 
 def test_bytes_that_are_no_message(monitor, panda):

@@ -12,7 +12,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from nodes import LATCHED, MANY, S, description, joint_state, nanoseconds, node_process
+from nodes import BELIEVING, LATCHED, MANY, S, description, joint_state, nanoseconds, node_process
 from robots import robot_path
 
 SOLO = "solo_description/robots/solo12.urdf"
@@ -37,7 +37,7 @@ class Rig:
         self.name = node
         if description:
             parameters["robot_description"] = robot_path(description)
-        self.process = node_process("monitor", "-r", f"__ns:={namespace}", floating_base=True, **parameters)
+        self.process = node_process("monitor", "-r", f"__ns:={namespace}", floating_base=True, **BELIEVING | parameters)
         rng = np.random.default_rng(3)
         self.q = pin.neutral(self.model)
         self.q[:3], self.q[7:] = rng.normal(size=3), rng.uniform(-1, 1, len(self.joints))

@@ -878,6 +878,9 @@ def test_default_settings():
         max_velocity=1e4,
         max_effort=1e6,
         beyond_limits=6.3,
+        beyond_velocity=3.0,
+        beyond_effort=4.0,
+        jump=0.1,
     )
     assert settings.thresholds == Thresholds()
 
@@ -899,6 +902,9 @@ def test_settings_reach_their_options():
         "absurd.velocity": 12.0,
         "absurd.effort": 13.0,
         "absurd.beyond_limits": 14.0,
+        "absurd.beyond_velocity": 15.0,
+        "absurd.beyond_effort": 16.0,
+        "absurd.jump": 17.0,
         "warn_energy": 1.0,
         "error_energy": 2.0,
         "warn_energy_share": ["elbow=3"],
@@ -920,6 +926,9 @@ def test_settings_reach_their_options():
         12.0,
         13.0,
         14.0,
+        15.0,
+        16.0,
+        17.0,
     )
     assert settings.thresholds == Thresholds(1.0, 2.0, {"elbow": 3.0}, {"elbow": 4.0, "*": 5.0})
 

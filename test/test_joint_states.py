@@ -885,6 +885,143 @@ def test_a_message_with_absurd_efforts_counts_once(coupled):
     assert counted(coupled) == {"absurd effort": 1}
 
 
+def test_beyond_multiples_of_limits():
+    """Velocities refuse the message, efforts are unknown, in N m; a limit or a factor of 0 bounds nothing."""
+    limits = {"velocity": np.array([6.0, 0.0, np.inf]), "effort": np.array([50.0, 0.0, np.inf])}
+    assembler = JointStateAssembler(
+        Joints(NAMES, **limits), Options(beyond_velocity=3.0, beyond_effort=4.0, effort_scale={"shoulder": 10.0})
+    )
+    state = assembler.update(whole(1 * S, velocity=[-18, 1e6, 1e6], effort=[20, 1e6, -1e6]), NOW)
+    assert state.velocity.tolist() == [-18, 1e6, 1e6] and state.effort.tolist() == [200, 1e6, -1e6]
+    named = ["'shoulder': velocity is -18.1,", "±18 ", "absurd.beyond_velocity"]
+    refused(assembler, whole(2 * S, velocity=[-18.1, 0, 0]), "absurd value", *named)
+    assert assembler.update(whole(2 * S, velocity=[0, 0, 0], effort=[-20.1, 0, 0]), NOW).effort is None
+    assert counted(assembler) == {"absurd effort": 1} and assembler.without_effort == ["shoulder"]
+    configure(assembler, max_velocity=10.0, max_effort=100.0)
+    refused(assembler, whole(3 * S, velocity=[10.1, 0, 0]), "absurd value", "±10 ")
+    assert assembler.update(whole(3 * S, velocity=[0, 0, 0], effort=[10.1, 0, 0]), NOW).effort is None
+    configure(assembler, max_velocity=0.0, max_effort=0.0, beyond_velocity=0.0, beyond_effort=0.0)
+    assert assembler.update(whole(4 * S, velocity=[1e6, 0, 0], effort=[1e6, 0, 0]), NOW).effort[0] == 1e7
+
+
+# --- positions that no motion has led to
+
+
+PERIOD = 8 * MS
+
+
+def moving(*, limit=(3.0, 3.0, 0.0), jump=0.1, **options):
+    """Return an assembler that judges steps, with a state at PERIOD of all joints at 0, at rest."""
+    joints = Joints(NAMES, continuous=("wrist",), velocity=np.array(limit))
+    assembler = JointStateAssembler(joints, Options(jump=jump, **options))
+    if not options.get("estimate_velocity"):
+        assert assembler.update(at_rest(1), NOW)
+    return assembler
+
+
+def at_rest(k, *position, velocity=(0, 0, 0)):
+    """Return a message of all joints at a number of periods."""
+    return joint_state(NAMES, position or (0, 0, 0), velocity, (), k * PERIOD)
+
+
+@pytest.mark.parametrize(
+    ("step", "velocities", "periods", "explained"),
+    [
+        ((0.129, 0, 0), (0, 0), 1, True),  # 0.1 and what 3 rad/s do in 10 ms, the least time
+        ((0, -0.131, 0), (0, 0), 1, False),
+        ((0.219, 0, 0), (0, 0), 5, True),
+        ((0.221, 0, 0), (0, 0), 5, False),
+        ((0, 0, 0.099), (0, 0), 1, True),  # without a limit
+        ((0, 0, 0.101), (0, 0), 1, False),
+        ((0, 0, 0.299), (-1, 10), 1, True),  # twice the larger velocity
+        ((0, 0, -0.299), (10, 0), 1, True),
+        ((0, 0, 0.301), (10, -2), 1, False),
+        ((0, 0, 2 * math.pi - 0.09), (0, 0), 1, True),  # it turns round
+        ((0, 2 * math.pi - 0.09, 0), (0, 0), 1, False),
+        ((0, 0, 9.0), (0, 0), 7, True),  # too long ago, without a limit
+        ((0, 0, 9.0), (0, 0), 6, False),
+        ((1.58, 0, 0), (0, 0), 62, True),
+        ((1.60, 0, 0), (0, 0), 62, False),
+        ((3.0, 3.0, 3.0), (0, 0), 63, True),  # too long ago for all
+        ((3.0, 0, 0), (0, 0), 0, False),  # at the same stamp
+    ],
+)
+def test_jump(step, velocities, periods, explained):
+    """Refused by name, with the step and the velocities, where neither these nor the limit explain it."""
+    assembler = moving()
+    before, after = velocities
+    assembler.update(at_rest(2, velocity=[before] * 3), NOW)
+    message = at_rest(2 + periods, *step, velocity=[after] * 3)
+    if explained:
+        assert assembler.update(message, NOW).position.tolist() == list(step)
+    else:
+        k = int(np.argmax(np.abs(step)))
+        refused(assembler, message, "jump", f"'{NAMES[k]}': position went from 0 to {step[k]:.9g}", "absurd.jump")
+        assert assembler.update(at_rest(3 + periods), NOW).position.tolist() == [0, 0, 0]
+    assert not counted(assembler)
+
+
+def test_a_jump_is_believed_when_it_stays():
+    """With the third message in a row that agrees with the one before; what one row said is forgotten with a good one."""
+    assembler = moving()
+    for k in range(2, 200, 3):  # two rows of garbage and a good one
+        refused(assembler, at_rest(k, 1, 0, 0), "jump")
+        refused(assembler, at_rest(k + 1, 1, 0, 0), "jump")
+        assembler.update(at_rest(k + 2), NOW)
+    for k in range(200, 230):  # garbage that never agrees
+        refused(assembler, at_rest(k, (-1) ** k, 0, 0), "jump")
+    assembler.update(at_rest(230), NOW)
+    refused(assembler, at_rest(231, 2, 0, 0), "jump")
+    refused(assembler, at_rest(232, 2.05, 0, 0), "jump")
+    assert not counted(assembler)
+    assert assembler.update(at_rest(233, 2.1, 0, 0), NOW).position.tolist() == [2.1, 0, 0]
+    assert counted(assembler) == {"positions jumped": 1}
+    assert assembler.jumps.last == "joint 'shoulder': position went from 0 to 2.1"
+    refused(assembler, at_rest(234, 0, 0, 0), "jump")  # from now on this is the place
+
+
+def test_a_jump_of_one_joint_leaves_others_alone():
+    """Those that another driver sends go on; and a jump of all is believed as one."""
+    assembler = moving()
+    for k in range(2, 7):
+        refused(assembler, joint_state(["wrist"], [(-1) ** k], [0], (), k * PERIOD), "jump")
+        arm = joint_state(NAMES[:2], [0.01 * k] * 2, [0, 0], (), k * PERIOD)
+        assert assembler.update(arm, NOW).position.tolist() == [0.01 * k] * 2 + [0]
+    for k in (7, 8):
+        refused(assembler, at_rest(k, 1, 2, 3), "jump")
+    assert assembler.update(at_rest(9, 1, 2, 3), NOW).position.tolist() == [1, 2, 3]
+    assert counted(assembler) == {"positions jumped": 1}
+
+
+def test_after_all_was_forgotten_nothing_is_a_jump():
+    """Nor by another clock, nor where it is not judged."""
+    assembler = moving()
+    assembler.forget()
+    assert assembler.update(at_rest(2, 2, 2, 2), NOW)
+    assert assembler.update(joint_state(NAMES, [0, 0, 0], [0, 0, 0], ()), 3 * PERIOD)
+    refused(assembler, at_rest(0, 2, 2, 2), "jump", now=4 * PERIOD)
+    configure(assembler, jump=0.0)
+    assert assembler.update(joint_state(NAMES, [2, 2, 2], [0, 0, 0], ()), 4 * PERIOD)
+
+
+def test_jump_where_velocities_are_estimated():
+    """A missing velocity may be as large as velocities may be; one that is believed begins the estimate anew."""
+    options = {"beyond_velocity": 3.0, "estimate_velocity": True, "velocity_filter_time": 0.0}
+    assembler = moving(limit=(3.0, 3.0, 3.0), **options)
+
+    def update(k, *position):
+        return assembler.update(joint_state(NAMES, position, (), (), k * PERIOD), NOW)
+
+    assert update(1, 0, 0, 0) is None
+    assert update(2, 0.18, 0, 0).velocity[0] == pytest.approx(0.18 / 8e-3)
+    for k in (3, 4):
+        with pytest.raises(RejectedError, match=r"'elbow'.* 0 and nan") as rejection:
+            update(k, 0.18, 0.5, 0)
+        assert rejection.value.cause == "jump"
+    assert update(5, 0.18, 0.5, 0) is None  # of the elbow there is no velocity yet
+    assert update(6, 0.18, 0.5, 0).velocity.tolist() == [0, 0, 0]
+
+
 # --- efforts as they are meant
 
 

@@ -30,7 +30,9 @@ from test_joint_states import CONTINUOUS, LIMITS, MIMICS, NAMES, journeys, set_c
 
 NOW = 77 * S
 LOWER, UPPER = np.array([LIMITS[name] for name in NAMES]).T
-JOINTS = Joints(NAMES, MIMICS, CONTINUOUS, LOWER, UPPER)
+JOINTS = Joints(
+    NAMES, MIMICS, CONTINUOUS, LOWER, UPPER, np.array([5.0, math.inf, 0.0]), np.array([100.0, 0.0, math.inf])
+)
 TURNING = JOINTS._replace(continuous=(*CONTINUOUS, "pinky"))
 UNCOUPLED = Joints(NAMES)
 
@@ -107,7 +109,8 @@ def memory(assembler):
     """Return all that an assembler knows, as texts and numbers, in which NaN is equal to itself."""
     arrays = {name: repr(getattr(assembler, name).tolist()) for name in OF_JOINTS + OF_FOLLOWERS}
     said = {name: getattr(assembler, name) for name in SAID}
-    return arrays | said | vars(assembler.stamps) | {"estimator": repr(vars(assembler._estimator))}
+    rest = {"estimator": repr(vars(assembler._estimator)), "jumps": repr(vars(assembler.jumps))}
+    return arrays | said | vars(assembler.stamps) | rest
 
 
 # --- what is taken in without deserialization
@@ -214,6 +217,9 @@ UNUSUAL = {
     "velocity that is none": with_field("velocity", 1, math.nan),
     "infinite velocity": with_field("velocity", 1, math.inf),
     "absurd velocity": with_field("velocity", 1, -20.1),
+    "velocity beyond its limit": with_field("velocity", 1, -15.1),
+    "effort beyond its limit": with_field("effort", 1, -400.1),
+    "jump": with_field("position", 1, 0.5),
     "infinite effort": with_field("effort", 1, math.inf),
     "absurd effort": with_field("effort", 1, -1000.1),
     "absurd effort of a follower": with_field("effort", 0, 1000.1),
@@ -239,6 +245,7 @@ UNUSUAL = {
 def test_whatever_is_unusual_is_deserialized(change):
     """It goes the ordinary way, and so do those after it as long as that is in doubt; in the end all is at once again."""
     bounds = {"max_velocity": 20.0, "max_effort": 1000.0, "beyond_limits": 0.5, "max_age": 10.0}
+    bounds |= {"beyond_velocity": 3.0, "beyond_effort": 4.0, "jump": 0.1}
     twins = Twins(mimic_tolerance=0.01, **bounds)
     for k in range(2):
         twins.update(good(100 * S + k * MS, ALL), 100 * S)
@@ -250,6 +257,26 @@ def test_whatever_is_unusual_is_deserialized(change):
     for k in range(3, 10):
         twins.update(good(100 * S + k * MS, ALL), 100 * S)
     assert twins.at_once
+
+
+def test_jumps_at_the_edge():
+    """Steps of about what is explained, one joint or all, known text or not: taken, refused and believed alike."""
+    rng, twins = np.random.default_rng(0), Twins(jump=0.1, beyond_velocity=3.0)
+    position, stamp, seen = np.zeros(3), S, Counter()
+    for _ in range(400):
+        elapsed = int(rng.choice([0, MS, 10 * MS, 49 * MS, 51 * MS, 499 * MS, 501 * MS]))
+        stamp += elapsed
+        velocity = rng.uniform(-4.0, 4.0, 3)
+        step = (2.0 * np.abs(velocity) * max(1e-9 * elapsed, 0.01) + 0.1) * rng.choice([-1.1, -0.5, 0.5, 1.02, 1.5], 3)
+        moved = position + step * (rng.random(3) < 0.4) + rng.choice([0.0, 2 * math.pi], 3, p=[0.95, 0.05])
+        moved = np.clip(moved, -3.0, 3.0)
+        names = NAMES if rng.random() < 0.8 else NAMES[:2]
+        what = twins.update(joint_state(names, moved[: len(names)], velocity[: len(names)], (), stamp))
+        seen[what[1] if what[0] == "rejected" else what[0], twins.at_once] += 1
+        if what[0] == "state" or rng.random() < 0.8:
+            position = moved
+    believed = twins.assembler.counts["positions jumped"]
+    assert seen["state", True] > 50 and seen["jump", False] > 20 and believed and not seen["jump", True]
 
 
 def test_what_is_not_known_of_an_effort_is_nothing_unusual():

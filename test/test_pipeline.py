@@ -15,7 +15,7 @@ from rclpy.serialization import serialize_message
 from diag_dynamics.nodes.monitor import MonitorNode
 from diag_dynamics.nodes.outputs import ABOUT_STATE, BITS, MATRICES, ORDER
 from examples import examples
-from nodes import MS, PANDA, S, joint_state, robot
+from nodes import BELIEVING, MS, PANDA, S, joint_state, robot
 from test_encoded import same
 
 FINGER, FOLLOWER = "panda_finger_joint1", "panda_finger_joint2"
@@ -82,7 +82,7 @@ class Twins:
         """Start both."""
         self.nodes, self.now = [], 1000 * S
         for way in ("template", "rclpy"):
-            values = {"serialization": way, "robot_description": str(robot(PANDA).path)}
+            values = {"serialization": way, "robot_description": str(robot(PANDA).path), **BELIEVING}
             parameters = [Parameter(name, value=value) for name, value in values.items()]
             node = MonitorNode(context=context, namespace=f"/by_{way}", parameter_overrides=parameters)
             node._now = lambda: self.received

@@ -13,6 +13,7 @@ from std_msgs.msg import String
 
 from network import Watch, random_state, values
 from nodes import (
+    BELIEVING,
     LATCHED,
     MANY,
     PANDA,
@@ -38,7 +39,7 @@ OK, WARN, ERROR, STALE = b"\x00", b"\x01", b"\x02", b"\x03"
 class Fed:
     """A monitor of known states, wherever it runs: its inputs and all its outputs."""
 
-    parameters = {"max_rate.mass_matrix_factors": 0.0, "max_rate.joint_space_dynamics": 0.0}  # noqa: RUF012
+    parameters = {"max_rate.mass_matrix_factors": 0.0, "max_rate.joint_space_dynamics": 0.0, **BELIEVING}  # noqa: RUF012
     """For it to publish everything of every state."""
 
     def __init__(self, peer, namespace, id):

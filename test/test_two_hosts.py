@@ -10,7 +10,7 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
 from network import Network, Watch, random_state, unavailable, values
-from nodes import MANY, PANDA, START, TIMEOUT, UR5, Topic, joint_state, robot
+from nodes import BELIEVING, MANY, PANDA, START, TIMEOUT, UR5, Topic, joint_state, robot
 
 OK, WARN, ERROR, STALE = b"\x00", b"\x01", b"\x02", b"\x03"
 
@@ -73,7 +73,7 @@ class Driver:
 
     def monitor(self, **parameters):
         """Start a monitor of its states on the other host."""
-        parameters |= {"robot_description": self.robot.path}
+        parameters |= {"robot_description": self.robot.path, **BELIEVING}
         return self.network.monitor_host.process("monitor", "-r", f"__ns:={self.namespace}", **parameters)
 
     def run_until(self, condition, what, writers=2, timeout=TIMEOUT):

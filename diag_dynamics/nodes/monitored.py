@@ -70,6 +70,7 @@ class MonitoredRobot:
         self.settings = self.dynamics = self.revision = self.pipeline = self.torque = self._state = None
         self._at_once = False
         self._jumps = 0  # of the joints' time that the base knows of
+        self._moved = 0  # jumps of positions that the watches know of
         self.use(model, settings, revision)
         self.dynamics.compile(*COMPILED)
         if self._by_template:
@@ -179,6 +180,11 @@ class MonitoredRobot:
 
     def evaluate(self, state):
         """Evaluation of a whole state, and that state with efforts that hold gravity."""
+        if self.assembler.counts["positions jumped"] > self._moved:  # no motion has led here
+            self._moved = self.assembler.counts["positions jumped"]
+            self.energy.forget()
+            if self.torque:
+                self.torque.forget()
         without = self.assembler.efforts.without_gravity
         if state.effort is not None and without is not None:
             gravity = self.dynamics.gravity_torque(state.position)

@@ -126,8 +126,16 @@ def places(names, among):
 def joints_of(model):
     """What assembling joint states has to know of a model."""
     names = single_joints(model)
-    at = places(names, model.coordinate_names)
-    return Joints(names, model.mimics, frozenset(model.continuous_joints), model.lower[at], model.upper[at])
+    at, dof = places(names, model.coordinate_names), places(names, model.dof_names)
+    return Joints(
+        names,
+        model.mimics,
+        frozenset(model.continuous_joints),
+        model.lower[at],
+        model.upper[at],
+        model.velocity_limit[dof],
+        model.effort_limit[dof],
+    )
 
 
 def payloads_of(entries):

@@ -96,6 +96,27 @@ PARAMETERS = {
         "Positions further outside the URDF's limits, by default a turn, reject the message [rad, m]; 0: no bound.",
         minimum=0.0,
     ),
+    "absurd.beyond_velocity": Spec(
+        3.0,
+        "Velocities beyond so many times the URDF's velocity limit reject the message, where there is such a limit; 0: no "
+        "bound.",
+        minimum=0.0,
+        maximum=1e6,
+    ),
+    "absurd.beyond_effort": Spec(
+        4.0,
+        "Efforts beyond so many times the URDF's effort limit, where there is such a limit, are taken as unknown; 0: no "
+        "bound.",
+        minimum=0.0,
+        maximum=1e6,
+    ),
+    "absurd.jump": Spec(
+        0.1,
+        "Step of a position [rad, m] beyond what the velocities before and after it explain, or the URDF's velocity "
+        "limit, that rejects the message, until three in a row agree on the new place; 0: not judged.",
+        minimum=0.0,
+        maximum=1e6,
+    ),
     "mimic_tolerance": Spec(
         0.01,
         "Largest distance of a coupled mimic joint's own position from that which its leader gives it [rad, m]; beyond it, "
@@ -208,6 +229,9 @@ class Settings(NamedTuple):
             max_velocity=values["absurd.velocity"],
             max_effort=values["absurd.effort"],
             beyond_limits=values["absurd.beyond_limits"],
+            beyond_velocity=values["absurd.beyond_velocity"],
+            beyond_effort=values["absurd.beyond_effort"],
+            jump=values["absurd.jump"],
         )
         thresholds = Thresholds(
             values["warn_energy"],

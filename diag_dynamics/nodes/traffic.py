@@ -106,6 +106,8 @@ class Traffic:
             problems.append(f"{absurd} messages with efforts that cannot be: taken as unknown")
         if skipped := recent[OVERLOAD] + recent[f"odometry {OVERLOAD}"]:
             problems.append(f"{skipped} messages skipped: more come in than this machine can take")
+        if robot and recent["positions jumped"]:
+            problems.append(f"positions jumped, and stayed: {robot.assembler.jumps.last}")
         for jump in ("time jumped back", "clock jumped back"):
             if recent[jump]:
                 problems.append(f"{jump}: all joints were forgotten")

@@ -7,7 +7,7 @@ from diag_dynamics.simulation.states import rest_position
 
 
 class Wave:
-    """Something for a robot to do: every joint swings about the middle of its range, each at its own pace.
+    """Something for a robot to do: every joint swings about the middle of its range, each at its own pace, within its limits.
 
     The effort is that of a computed-torque controller, M(q) q̈_c + c + g + d q̇_d with q̈_c from the reference and a
     critically damped error of 5 rad/s; damping and friction are made up for at the desired rate, which
@@ -38,10 +38,11 @@ class Wave:
         span = np.where(bounded, model.upper - model.lower, 2.0)
         lower = np.where(bounded, model.lower, 0.0)
         self._centre = np.where(bounded, lower + 0.5 * span, rest_position(model))
-        self._amplitude = np.minimum(0.35 * span, 0.7)
         golden = 0.5 * (np.sqrt(5.0) - 1.0)
         k = np.arange(model.nv)
         self._pace = 2.0 * np.pi * (0.15 + 0.25 * ((k + 1) * golden % 1.0))  # [rad/s], no two alike
+        slow = np.where(model.velocity_limit > 0.0, model.velocity_limit, np.inf) / (self._pace + 0.65 / self.RAMP)
+        self._amplitude = np.minimum(np.minimum(0.35 * span, 0.7), slow)
         self._sign = np.where(k % 2, -1.0, 1.0)
         simulation.reset(self._centre, np.zeros(model.nv))
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.inputs.bounds import times_limit
 from diag_dynamics.nodes.parameters import by_name
 
 
@@ -17,7 +18,10 @@ class Efforts:
         Joints that follow one of these.
     options : Options
         Its `effort_available`, `effort_scale` and `effort_includes_gravity` by joint, ``*`` for all others. What is
-        undeclared is taken as available where it is sent, in N m, gravity included.
+        undeclared is taken as available where it is sent, in N m, gravity included. Its `max_effort` [N m, N] and
+        `beyond_effort`, how many times its effort limit the effort of a joint may be; 0 for no bound.
+    effort_limit : array_like, shape (n,), optional
+        Of the independent joints [N m, N]; infinite or 0 where there is none.
 
     Attributes
     ----------
@@ -27,6 +31,8 @@ class Efforts:
         What efforts are multiplied by; NaN for those that cannot be used.
     most : float
         Efforts beyond it are absurd [N m, N].
+    strongest : ndarray
+        So are those of the independent joints beyond these.
     undeclared : tuple of str
         Joints of which scale or gravity is not declared, although their efforts count.
 
@@ -36,7 +42,7 @@ class Efforts:
         A joint that is not the robot's, or gravity of a follower, which is its leader's.
     """
 
-    def __init__(self, joints, followers, options):
+    def __init__(self, joints, followers, options, effort_limit=None):
         for name in options.effort_includes_gravity:
             if name in followers:
                 raise InputError(
@@ -53,20 +59,22 @@ class Efforts:
 
         self.factors, self.follower_factors = factors(joints), factors(followers)
         self.most = options.max_effort or np.inf
+        self.strongest = times_limit(options.beyond_effort, effort_limit, options.max_effort, len(joints))
         without = np.array([not gravity.get(name, True) for name in joints], dtype=float)
         self.without_gravity = without if without.any() else None
         self.undeclared = tuple(n for n in joints if available.get(n, True) and (n not in scale or n not in gravity))
 
     def of(self, effort, here):
         """Efforts of joints [N m, N], NaN where unknown; and whether one of them was absurd, which is as unknown."""
-        return self._taken(effort * self.factors[here])
+        return _taken(effort * self.factors[here], self.strongest[here])
 
     def of_followers(self, effort, here):
         """Likewise of followers."""
-        return self._taken(effort * self.follower_factors[here])
+        return _taken(effort * self.follower_factors[here], self.most)
 
-    def _taken(self, effort):
-        absurd = np.abs(effort) > self.most
-        if absurd.any() or np.isinf(effort).any():
-            return np.where(absurd | np.isinf(effort), np.nan, effort), True
-        return effort, False
+
+def _taken(effort, most):
+    absurd = np.abs(effort) > most
+    if absurd.any() or np.isinf(effort).any():
+        return np.where(absurd | np.isinf(effort), np.nan, effort), True
+    return effort, False

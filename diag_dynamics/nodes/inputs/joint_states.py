@@ -11,6 +11,7 @@ import numpy as np
 from diag_dynamics.nodes.inputs.bounds import Bounds
 from diag_dynamics.nodes.inputs.efforts import Efforts
 from diag_dynamics.nodes.inputs.followers import Followers
+from diag_dynamics.nodes.inputs.jumps import Jumps
 from diag_dynamics.nodes.inputs.rejected import RejectedError
 from diag_dynamics.nodes.inputs.stamps import SECOND, Stamps, nanoseconds, stamp_of
 from diag_dynamics.nodes.inputs.velocities import VelocityEstimator
@@ -23,7 +24,8 @@ class Joints(NamedTuple):
     """The joints of a robot whose states are needed, and those that follow them.
 
     `mimics` holds a :class:`Mimic` by name of the follower, `continuous` the joints whose position is an angle that turns
-    round; `lower` and `upper` are position limits [rad, m], None for none.
+    round; `lower` and `upper` are position limits [rad, m], `velocity` and `effort` those of velocity [rad/s, m/s] and effort
+    [N m, N], None for none.
     """
 
     names: tuple
@@ -31,6 +33,8 @@ class Joints(NamedTuple):
     continuous: frozenset = frozenset()
     lower: np.ndarray | None = None
     upper: np.ndarray | None = None
+    velocity: np.ndarray | None = None
+    effort: np.ndarray | None = None
 
 
 class Options(NamedTuple):
@@ -50,6 +54,9 @@ class Options(NamedTuple):
     max_velocity: float = 0.0
     max_effort: float = 0.0
     beyond_limits: float = 0.0
+    beyond_velocity: float = 0.0
+    beyond_effort: float = 0.0
+    jump: float = 0.0
 
 
 class RobotState(NamedTuple):
@@ -85,6 +92,7 @@ class JointStateAssembler:
         Which followers were astray.
     stamps : Stamps
     efforts : Efforts
+    jumps : Jumps
 
     Raises
     ------
@@ -108,7 +116,9 @@ class JointStateAssembler:
         self._known, self._without_stamp, self._estimated = np.zeros((3, count), dtype=bool)
         self._follower_effort = self.followers.unknown()
         self._follower_stamp = np.zeros(len(self.followers.names), dtype=np.int64)
-        self._estimator = VelocityEstimator([name in joints.continuous for name in self.names])
+        turns = [name in joints.continuous for name in self.names]
+        self._estimator = VelocityEstimator(turns)
+        self.jumps = Jumps(self.names, turns, joints.velocity)
         self.configure(options)
 
     def configure(self, options):
@@ -126,7 +136,7 @@ class JointStateAssembler:
             self._velocity[self._estimated] = math.nan
             self._estimated[:] = False
             self._estimator.forget()
-        self.followers.tolerance = options.mimic_tolerance
+        self.followers.tolerance, self.jumps.slack = options.mimic_tolerance, options.jump
         self.stamps.max_age, self.stamps.refuse_foreign = options.max_age, options.refuse_foreign
 
     def judges(self, options):
@@ -145,9 +155,9 @@ class JointStateAssembler:
         ]
         lower = np.full(count, -math.inf) if joints.lower is None else joints.lower
         upper = np.full(count, math.inf) if joints.upper is None else joints.upper
-        efforts = Efforts(self.names, self.followers.names, options)
+        efforts = Efforts(self.names, self.followers.names, options, joints.effort)
         turns = [name in joints.continuous for name in self.names]
-        return efforts, Bounds(self.names, lower, upper, turns, options), ages
+        return efforts, Bounds(self.names, lower, upper, turns, options, joints.velocity), ages
 
     def plain_judgement(self):
         """What a whole message that is plainly good is judged by and kept in, as known.py takes it in.
@@ -157,13 +167,19 @@ class JointStateAssembler:
         tuple of arrays and numbers, or None
             None if it takes more to judge a message.
         """
-        followers, bounds, efforts = self.followers, self._bounds, self.efforts
+        followers, bounds, efforts, jumps = self.followers, self._bounds, self.efforts, self.jumps
         if self.options.estimate_velocity or (followers.tolerance and followers.turns.any()):
             return None
         return (
             nanoseconds(self.options.max_age),
-            np.array([bounds.lower, bounds.upper, efforts.factors, self._spans], dtype=float),
-            np.array([bounds.fastest, efforts.most, followers.tolerance], dtype=float),
+            np.array(
+                [
+                    *(bounds.lower, bounds.upper, efforts.factors, self._spans, bounds.fastest, efforts.strongest),
+                    *(jumps.reach, jumps.lasting, jumps.turns),
+                ],
+                dtype=float,
+            ),
+            np.array([efforts.most, followers.tolerance, jumps.slack], dtype=float),
             self._values,
             self._stamp,
             self._known,
@@ -206,6 +222,7 @@ class JointStateAssembler:
         self._estimated[:] = False
         self._follower_effort[:] = math.nan
         self._estimator.forget()
+        self.jumps.forget()
 
     def update(self, message, now):
         """Take a message in and return the state it completes.
@@ -225,7 +242,7 @@ class JointStateAssembler:
         Raises
         ------
         RejectedError
-            The message is malformed, out of time, absurd or without velocity, or a joint is stale.
+            The message is malformed, out of time, absurd, a jump or without velocity, or a joint is stale.
         """
         (there, here), (beside, following) = self._match(message)
         if not len(here) and not len(following):
@@ -238,6 +255,8 @@ class JointStateAssembler:
         self._require(position, "position", here)
         self._bounds.check(position, velocity, here)
         self._judge_stamp(stamp, unstamped, now, here, following)
+        if self.jumps.slack:
+            self._judge_steps(stamp, unstamped, here, position, velocity)
         absurd = False
         if len(here):
             absurd |= self._take(stamp, unstamped, here, position, velocity, effort)
@@ -281,6 +300,15 @@ class JointStateAssembler:
         if self.stamps.judge(source, what, stamp, 0 if unstamped else now, last, span):
             self.counts["time jumped back"] += 1
             self.forget()
+
+    def _judge_steps(self, stamp, unstamped, here, position, velocity):
+        """Refuse positions that no motion has led to, until they stay."""
+        known = self._known[here] & (self._without_stamp[here] == unstamped)
+        before = self._position[here], self._velocity[here], self._stamp[here], known
+        moved = self.jumps.judge(here, position, velocity, self._bounds.fastest[here], stamp, before)
+        if len(moved):
+            self._estimator.forget(moved)
+            self.counts["positions jumped"] += 1
 
     def _field(self, message, field, there):
         """One field of a message at the places wanted; an empty array stands for unknown."""

@@ -17,6 +17,7 @@ from diag_dynamics.kernel import COUNT, entry_kernel, kernel, large_kernel, read
 from diag_dynamics.nodes.addresses import Addresses, bytes_at, flags_at, indices_at, matrix_at, vector_at, words_at
 from diag_dynamics.nodes.cdr import Template
 from diag_dynamics.nodes.inputs.joint_states import RobotState
+from diag_dynamics.nodes.inputs.jumps import SHORTEST
 from diag_dynamics.nodes.inputs.rejected import RejectedError
 from diag_dynamics.nodes.inputs.stamps import FAR, SECOND
 
@@ -221,7 +222,7 @@ def _opened_known(address):
         words_at(at[2] + 8, (LONGEST // 4,)),
         vector_at(at[2] + 8, (LONGEST // 8,)),
         at[3],
-        matrix_at(at[4], (4, n)),
+        matrix_at(at[4], (9, n)),
         vector_at(at[5], (3,)),
         matrix_at(at[6], (3, n)),
         indices_at(at[7], (n,)),
@@ -293,14 +294,29 @@ def take(known, layout, now, mode):
         if not of.needed[j]:
             newest, oldest = max(newest, stamps[j]), min(oldest, stamps[j])
 
-    fastest, most_effort, tolerance = own.most[0], own.most[1], own.most[2]
+    most_effort, tolerance, slack = own.most[0], own.most[1], own.most[2]
     lower, upper, factor, span = own.limits[0], own.limits[1], own.limits[2], own.limits[3]
+    fastest, strongest, reach, lasting, turns = (
+        own.limits[4],
+        own.limits[5],
+        own.limits[6],
+        own.limits[7],
+        own.limits[8],
+    )
     for k in range(len(of.here)):
         i, j = of.there[k], of.here[k]
         position, velocity = doubles[begin[0] + i], doubles[begin[1] + i]
         effort = doubles[begin[2] + i] * factor[j] if with_efforts else np.nan
-        if position < lower[j] or position > upper[j] or abs(velocity) > fastest or _absurd(effort, most_effort):
+        if position < lower[j] or position > upper[j] or abs(velocity) > fastest[j] or _absurd(effort, strongest[j]):
             return nothing
+        elapsed = (stamp - stamps[j]) * 1e-9
+        if slack > 0.0 and elapsed <= lasting[j]:
+            step, speed = abs(position - kept[0, j]), _faster(velocity, kept[1, j], reach[j])
+            if turns[j] > 0.0:
+                step = step % (2.0 * np.pi)
+                step = min(step, 2.0 * np.pi - step)
+            if step > speed * max(elapsed, SHORTEST) + slack:  # as Jumps has it
+                return nothing
         draft[0, j], draft[1, j], draft[2, j] = position, velocity, effort
 
     with_effort = True
@@ -347,6 +363,15 @@ def take(known, layout, now, mode):
 def _take(known, layout, now, mode):
     """:func:`take`, and nothing else."""
     return take(known, layout, now, mode)
+
+
+@kernel
+def _faster(velocity, before, reach):
+    """Twice the larger of two speeds, of which the second one may be NaN, but no less than `reach`."""
+    speed = abs(velocity)
+    if abs(before) > speed:
+        speed = abs(before)
+    return max(2.0 * speed, reach)
 
 
 @kernel
