@@ -747,6 +747,24 @@ def test_damaged_bytes(damage, tmp_path):
     assert "malformed" in done.stdout or damage in ("with_more_after_it", "with_odd_texts"), done.stdout
 
 
+def test_damaged_bytes_are_no_lines_on_stderr(capfd):
+    """Whatever bytes come, nothing is written past the log, as rosidl does for every count that is beyond the bytes."""
+    bytes_of = KnownJointStates(JointStateAssembler(JOINTS, Options()))
+    refused = 0
+    for raw in (raw for damage in (overwritten, with_other_lengths, truncated, at_random) for raw in damage()):
+        try:
+            bytes_of.update(raw, NOW)
+        except RejectedError as rejection:
+            refused += rejection.cause == "malformed"
+    assert refused > 1000
+    assert capfd.readouterr().err == ""
+    raw, lengths = encoded(one())
+    spoilt = raw[: lengths[1]] + b"\xff" * 4 + raw[lengths[1] + 4 :]
+    with contextlib.suppress(Exception):  # the fault that is met: rosidl's own
+        deserialize_message(spoilt, JointState)
+    assert "sequence size" in capfd.readouterr().err
+
+
 @settings(examples(100))
 @given(broadcasts())
 def test_big_endian(journey):

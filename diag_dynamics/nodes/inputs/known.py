@@ -18,6 +18,7 @@ from diag_dynamics.nodes.addresses import Addresses, bytes_at, flags_at, indices
 from diag_dynamics.nodes.cdr import Template
 from diag_dynamics.nodes.inputs.joint_states import RobotState
 from diag_dynamics.nodes.inputs.jumps import SHORTEST
+from diag_dynamics.nodes.inputs.overrun import overruns
 from diag_dynamics.nodes.inputs.rejected import RejectedError
 from diag_dynamics.nodes.inputs.stamps import FAR, SECOND
 
@@ -97,6 +98,8 @@ class KnownJointStates:
     def deserialized(self, raw, now):
         """As :meth:`update`, in the ordinary way."""
         try:
+            if overruns(raw):
+                raise ValueError("a sequence counts more entries than there are bytes")
             message = deserialize_message(raw, JointState)
         except Exception as error:
             raise RejectedError(
