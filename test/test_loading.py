@@ -10,6 +10,7 @@ from diag_dynamics.srv import Diagonalize
 from std_msgs.msg import String
 
 from diag_dynamics.nodes.descriptions import TURN, Descriptions, working
+from diag_dynamics.nodes.robot import MOST_TOLD, PARAMETERS, load_robot
 from nodes import LATCHED, PANDA, Monitor, Process, Truth, description, robot
 from robots import description as urdf_of
 from robots import joint, link
@@ -48,6 +49,12 @@ def test_the_robot_in_force_goes_on(peer, large):
         report = monitor.next_report()
         assert report.values["loading"].startswith("a robot_description of ") and report.values["robot"] == "panda"
         assert report.entries["model"].message == "robot 'panda'; loading another robot_description"
+        monitor.transition("deactivate", "cleanup")
+        report = monitor.next_report()
+        assert (report.values["loading"], report.values["lifecycle"]) == ("nothing", "unconfigured")
+        monitor.transition("configure")  # the description is latched
+        report = monitor.wait_for_report(lambda report: report.values["loading"] != "nothing", "loading again")
+        assert report.entries["model"].message == "loading the robot_description"
         monitor.process.stop(signal.SIGTERM)  # though a thread is at it yet
         assert "robot 'large'" not in monitor.process.output
 
@@ -82,6 +89,32 @@ def test_signal_while_it_compiles(tmp_path, number):
         process.stop(number)
     assert "Ready" not in process.output
     assert not list(tmp_path.rglob("*_serve*.nbc"))  # which is compiled last
+
+
+# --- what is said of a robot
+
+
+class Said(list):
+    """A node's log."""
+
+    def get_logger(self):
+        return self
+
+    info = warning = list.append
+
+
+def test_many_odd_inertias_are_summed_up():
+    """A thousand of them would fill the log of everybody."""
+    odd = (1.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 1.0, 0.0, 5.0))
+    text = urdf_of(
+        "odd",
+        *(link(f"l{k}", *odd) for k in range(30)),
+        *(joint(f"j{k}", "revolute", f"l{k}", f"l{k + 1}", axis=(0, 0, 1)) for k in range(29)),
+    )
+    said, values = Said(), {name: spec.default for name, spec in PARAMETERS.items()}
+    assert load_robot(said, text, values).nv == 29
+    of_links = [line for line in said if "triangle" in line]
+    assert len(of_links) == MOST_TOLD and said[-1] == f"{30 - MOST_TOLD} more links have such inertias."
 
 
 # --- who makes the robots

@@ -51,6 +51,8 @@ PARAMETERS = {
     ),
 }
 
+MOST_TOLD = 20
+"""Links whose inertias are warned of one by one."""
 
 COMPILED = (
     "evaluate",
@@ -87,7 +89,8 @@ def load_robot(node, description, values):
     if payloads:
         links = {link.name for link in read_urdf(description, values["max_joints"])[0].links}
         payloads = {link: payload for link, payload in payloads.items() if link in links}
-    with inertias_told(node.get_logger().warning):
+    told = []
+    with inertias_told(told.append):
         model = load_urdf(
             description,
             floating_base=values["floating_base"],
@@ -101,6 +104,10 @@ def load_robot(node, description, values):
             max_coupled=values["max_coupled"],
             friction_velocity=values.get("friction_velocity", FRICTION_VELOCITY),
         )
+    for text in told[:MOST_TOLD]:
+        node.get_logger().warning(text)
+    if len(told) > MOST_TOLD:
+        node.get_logger().warning(f"{len(told) - MOST_TOLD} more links have such inertias.")
     if len(model.joint_names) != len(single_joints(model)) + model.floating_base:
         single = set(single_joints(model))
         several = next(name for name in model.joint_names[model.floating_base :] if name not in single)
