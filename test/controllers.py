@@ -117,8 +117,7 @@ class Controller:
         publish()
 
         def told(report):
-            message = report.entries["inputs"].message
-            return "refused" in message and said in message
+            return "refused: " in report.entries["inputs"].message and said in report.values["last refusal"]
 
         self.peer.wait_until(lambda: any(map(told, self.reports[begin:])), f"refusal: {said}")
 

@@ -4,7 +4,7 @@ import contextlib
 import sys
 from pathlib import Path
 
-from nodes import START, Monitor, Process
+from nodes import START, Monitor, Process, joint_state
 
 VIEW = Path(__file__).resolve().parents[1] / "scripts" / "energy_view"
 
@@ -12,7 +12,7 @@ VIEW = Path(__file__).resolve().parents[1] / "scripts" / "energy_view"
 def test_a_monitor_in_a_namespace_is_found(peer, panda, tmp_path):
     """The view says what it waits for; then it shows the states of the only monitor there is, wherever it is.
 
-    One that is told of a topic listens to no other, and says which there are.
+    One that is told of a topic listens to no other, and says which there are. A monitor at DEBUG tells of every rejection.
     """
     with contextlib.ExitStack() as stack:
         open_view = lambda *options: stack.enter_context(  # noqa: E731
@@ -22,7 +22,8 @@ def test_a_monitor_in_a_namespace_is_found(peer, panda, tmp_path):
         view.wait_for_text("waiting for states on /diag_dynamics/state, published by nobody yet")
         view.wait_for_text("such states on no other topic")
         told.wait_for_text("waiting for states on /nowhere/state, published by nobody yet")
-        monitor = Monitor(peer, "/away", robot_description=panda.path)
+        debugged = ("--log-level", "away.diag_dynamics:=debug")
+        monitor = Monitor(peer, "/away", *debugged, robot_description=panda.path)
         with monitor.process:
             monitor.connect(panda)
             assert monitor.next_report().entries["model"].hardware_id == "panda"
@@ -37,6 +38,9 @@ def test_a_monitor_in_a_namespace_is_found(peer, panda, tmp_path):
             assert "states on /away/diag_dynamics/state, published by /away/diag_dynamics\n" in view.output
             assert "kinetic energy" in view.output
             assert (tmp_path / "kinetic_energy_robot.png").exists()
+            monitor.feeder.publish(joint_state(panda.names, [0.0], stamp=monitor.tick()))
+            monitor.process.wait_for_text("[DEBUG] ")
+            monitor.process.wait_for_text("rejected: wrong length: ")
 
 
 def test_a_topic_that_cannot_be_one(tmp_path):

@@ -8,6 +8,7 @@ from rclpy.parameter import Parameter, get_parameter_value
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.controlled.settings import PARAMETERS as OF_CONTROLLER
+from diag_dynamics.nodes.diagnostics import steady
 from diag_dynamics.nodes.overrides import meant, tell_unknown
 from diag_dynamics.nodes.parameters import declare
 from diag_dynamics.nodes.settings import PARAMETERS
@@ -107,3 +108,27 @@ def test_names_that_nobody_knows(made, tmp_path, capfd):
         "Parameter 'max_rate.statos' is not known, and has no effect: is 'max_rate.status' meant?",
         "Parameter 'use_sim_tme' is not known, and has no effect: is 'use_sim_time' meant?",
     ]
+
+
+# --- texts
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (
+            "position of joint 'joint 1' is 12.5, expected a number",
+            "position of joint 'joint 1' is …, expected a number",
+        ),
+        ("the state is 0.034 s old, expected no more than max_state_age = 0.02 s", None),
+        ("state.position has 3 entries for 7 names", "state.position has … entries for … names"),
+        ("target.pose.position is [nan, -1e-05, 2]", "target.pose.position is [nan, …, …]"),
+        ("stamp 1700000000.5 s behind /robot1/clock of panda_link0, 2.5 J^0.5/s", None),
+    ],
+)
+def test_a_status_says_what_stays(text, expected):
+    """Numbers that are measured are left out of a status's message, those of parameters and within names are not."""
+    if expected is None:
+        expected = text.replace("0.034", "…").replace("1700000000.5", "…").replace("2.5 J", "… J")
+    assert steady(text) == expected
+    assert steady(expected) == expected

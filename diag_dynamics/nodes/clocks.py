@@ -31,4 +31,7 @@ def clock_notes(node, publishes=False):
         problems.append(f"several publish {topic}, and time jumps between them: {counted(names)}")
     if not publishes and not node.get_clock().now().nanoseconds:
         problems.append(f"use_sim_time, but nothing on {topic} yet")
+        # Not at once: time may begin a little later than the node. A recording has none unless it is played with --clock.
+        said = f"use_sim_time is true, but nothing is on {topic} yet: a recording is played with --clock."
+        node.get_logger().warning(said, skip_first=True, once=True)
     return {f"publishers of {topic}": counted(names)}, problems

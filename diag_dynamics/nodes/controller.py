@@ -232,6 +232,7 @@ class ControllerNode(ManagedNode):
         if self.phase not in (INACTIVE, ACTIVE):
             return
         self._refused, self._other = "", None
+        self.get_logger().debug(f"robot_description came: {len(description)} bytes")
         if description == self._description:
             self._loads.drop()
         elif self.phase == ACTIVE:
@@ -338,6 +339,7 @@ class ControllerNode(ManagedNode):
 
     def _rejected(self, now, cause, reason):
         self._record.refuse(f"rejected: {cause}", reason)
+        self.get_logger().debug(f"rejected: {cause}: {shortened(reason)}")
         return self._loop.without_state(now, reason)
 
     def _answer(self, sent, now):
@@ -364,9 +366,11 @@ class ControllerNode(ManagedNode):
             try:
                 take(message)
                 self._record.counts[f"{topic} taken"] += 1
+                self.get_logger().debug(f"{topic} taken")
             except Exception as error:
                 reason = shortened(str(error) if isinstance(error, DiagDynamicsError) else f"internal error: {error!r}")
                 self._record.refuse(f"{topic} refused", reason)
+                self.get_logger().debug(f"{topic} refused: {reason}")
                 self.get_logger().warning(f"Refused on {topic}: {reason}", throttle_duration_sec=1.0)
 
         return callback
@@ -378,6 +382,7 @@ class ControllerNode(ManagedNode):
                     raise InputError(f"the controller is {self.phase}: activate it first.")
                 self._loop.switch(mode)
                 response.success, response.message = True, f"mode {mode}"
+                self.get_logger().debug(f"mode {mode} asked for")
             except DiagDynamicsError as error:
                 response.success, response.message = False, shortened(str(error))
             return response

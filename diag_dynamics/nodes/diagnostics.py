@@ -1,5 +1,6 @@
 """The entries of a node on /diagnostics, once a second."""
 
+import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -41,6 +42,17 @@ def counted(names):
 def shortened(text, most=LONG):
     """The text, or its beginning, safe to show: what arrives may be long and hold anything, what is said of it may not."""
     return plain(text) if len(text) <= most else f"{plain(text[:most])}… ({len(text)} characters)"
+
+
+_MEASURED = re.compile(r"'[^']*'|= [^\s,;]+|(?<![\w/.^])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w/])")
+
+
+def steady(text):
+    """A text without its numbers, but for those of parameters (``name = number``) and of names: it stays while a fault does.
+
+    The message of a status says what is wrong, and who watches it is told once; how wrong it is now is for its values.
+    """
+    return _MEASURED.sub(lambda found: found[0] if found[0][0] in "'=" else "…", text)
 
 
 class Diagnostics:

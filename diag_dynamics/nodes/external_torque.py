@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from diag_dynamics.nodes.diagnostics import OK, STALE, WARN, Status, counted
+from diag_dynamics.nodes.diagnostics import OK, STALE, WARN, Status, counted, steady
 from diag_dynamics.observer import Disturbance, DisturbanceObserver
 
 
@@ -95,7 +95,7 @@ class TorqueWatch:
         elif self._valid:
             level, message = OK, "no collision" if threshold < float("inf") else "observed, without a threshold"
         else:
-            level, message = WARN, seen.reason
+            level, message = WARN, steady(seen.reason)
             if self._without_effort and without_effort:
                 message = f"no effort of {counted(without_effort)}"
         self._reported = self._collided

@@ -62,6 +62,7 @@ class EnergyWatch:
         """Begin another interval between two reports."""
         self._count, self._largest, self._level, self._alarm = 0, 0.0, OK, ""
         self._gained = self._explained = self._time = 0.0
+        self._share = 0.0, ""  # the largest one above a threshold, and its joint
 
     def take(self, stamp, s):
         """Take the Evaluation of a state stamped `stamp` [ns]; return whether this is worse than all reported last."""
@@ -90,19 +91,18 @@ class EnergyWatch:
     def _judge(self, K, s):
         warn, error = self._thresholds.warn, self._thresholds.error
         if error and error < K:
-            self._raise(ERROR, f"kinetic energy {K:.6g} J > error_energy = {error:g} J")
+            self._raise(ERROR, f"kinetic energy > error_energy = {error:g} J")
         elif warn and warn < K:
-            self._raise(WARN, f"kinetic energy {K:.6g} J > warn_energy = {warn:g} J")
+            self._raise(WARN, f"kinetic energy > warn_energy = {warn:g} J")
         if self._watch_shares:
             share = s.energy_share[self._at]
             for level, word, most in self._shares:
                 beyond = np.flatnonzero(share > most)
                 if len(beyond):
                     k = beyond[0]
-                    self._raise(
-                        level,
-                        f"energy share of joint '{self._names[k]}' {share[k]:.6g} J > {word}_energy_share = {most[k]:g} J",
-                    )
+                    name = self._names[k]
+                    self._raise(level, f"energy share of joint '{name}' > {word}_energy_share = {most[k]:g} J")
+                    self._share = max(self._share, (float(share[k]), name))
 
     def _raise(self, level, alarm):
         if level > self._level:
@@ -117,6 +117,8 @@ class EnergyWatch:
             values["kinetic energy [J]"] = f"{self._K:.6g}"
             if self._power is not None:
                 values["power [W]"] = f"{self._power:.6g}"
+        if self._share[1]:
+            values[f"largest energy share of '{self._share[1]}' [J]"] = f"{self._share[0]:.6g}"
         if self._time:
             values["power-balance residual [W]"] = f"{(self._gained - self._explained) / self._time:.6g}"
         self._reported, self._alarm_reported = self._level, self._alarm
@@ -139,11 +141,7 @@ def numerical_health(dynamics, state):
     if len(D):
         k = int(np.argmin(D))
         values |= {"smallest D [kg m^2, kg]": f"{D[k]:.6g}", "its joint": dynamics.model.dof_names[k]}
-    unhealthy = [
-        f"{key} is {value}"
-        for key, value, number in zip(values, values.values(), (work, apart), strict=False)
-        if not number <= HEALTHY
-    ]
+    unhealthy = [key for key, number in zip(values, (work, apart), strict=False) if not number <= HEALTHY]
     if unhealthy:
-        return Status("numerical health", WARN, f"{'; '.join(unhealthy)}, expected no more than {HEALTHY:g}", values)
+        return Status("numerical health", WARN, f"{' and '.join(unhealthy)} > {HEALTHY:g}", values)
     return Status("numerical health", OK, "exact but for rounding", values)

@@ -33,7 +33,7 @@ from diag_dynamics.nodes.runner import main_of
 from diag_dynamics.nodes.services import DynamicsServices
 from diag_dynamics.nodes.settings import PARAMETERS, Settings
 from diag_dynamics.nodes.start import stop
-from diag_dynamics.nodes.traffic import OVERLOAD, Traffic
+from diag_dynamics.nodes.traffic import OVERLOAD, Traffic, foreign_stamps
 from diag_dynamics.nodes.usage import parser_of
 
 HEARTBEAT, OVERDUE = 0.1, 1.0
@@ -151,6 +151,7 @@ class MonitorNode(ManagedNode):
         description = codecs.BOM_UTF8 + message.data.lstrip("\ufeff").encode(errors="replace")
         if self.phase not in (INACTIVE, ACTIVE):
             return  # an event of a subscription that is gone
+        self.get_logger().debug(f"robot_description came: {len(description)} bytes")
         if self._robot and description == self._robot.description:
             self._loads.drop()
             self._refused = None
@@ -310,6 +311,7 @@ class MonitorNode(ManagedNode):
         except Exception as error:
             cause, reason = "internal error", repr(error)
         self._traffic.rejected(what, cause, reason)
+        self.get_logger().debug(f"{what}: {cause}: {self._traffic.last_rejection}")
         self.get_logger().warning(f"Rejected: {self._traffic.last_rejection}", throttle_duration_sec=5.0)
 
     def _now(self):
@@ -358,6 +360,7 @@ class MonitorNode(ManagedNode):
             self.get_logger().error(f"Parameters refused: {error!r}")
             return SetParametersResult(successful=False, reason=f"internal error: {error!r}")
         self._settings = settings
+        self.get_logger().debug(f"parameters taken: {', '.join(changed)}")
         if robot is not self._robot:
             self._refused = None
             self._loads.drop()
@@ -426,6 +429,13 @@ class MonitorNode(ManagedNode):
 
     def _report(self):
         robot = self._robot
+        if foreign := robot and foreign_stamps(robot):
+            what, offset = foreign[0]
+            self.get_logger().warning(
+                f"Stamps of {what} are {abs(offset):.3f} s {'behind' if offset > 0.0 else 'ahead of'} this node's clock. A "
+                "recording is played with --clock, and its listeners have use_sim_time; clocks of hosts are synchronized.",
+                once=True,
+            )
         active = self.phase == ACTIVE
         statuses = [self._traffic.status(robot, self._now(), self._notes())]
         if not active:

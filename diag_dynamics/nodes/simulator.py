@@ -277,6 +277,7 @@ class SimulatorNode(ManagedNode):
             self._say_rejected(WRENCHES, error)
 
     def _say_rejected(self, topic, error):
+        self.get_logger().debug(f"rejected on {topic}: {shortened(str(error))}")
         self.get_logger().warning(f"Rejected on {topic}: {shortened(str(error))}", throttle_duration_sec=5.0)
 
     # --- Outputs ---

@@ -3,7 +3,7 @@
 import time
 from collections import Counter
 
-from diag_dynamics.nodes.diagnostics import OK, STALE, WARN, Status, counted, shortened
+from diag_dynamics.nodes.diagnostics import OK, STALE, WARN, Status, counted, shortened, steady
 
 OVERLOAD = "skipped: overload"
 """Outcome of what comes while there is more to do than can be done."""
@@ -89,7 +89,13 @@ class Traffic:
         self._begin()
         if robot:
             values |= _of_inputs(robot.assembler, now)
-            problems += _of_stamps(robot)
+            foreign = foreign_stamps(robot)
+            values |= {f"clock less stamps of {what} [s]": f"{offset:.3f}" for what, offset in foreign}
+            problems += [
+                f"stamps of {what} are {'behind' if offset > 0.0 else 'ahead of'} this node's clock, so their age is unknown "
+                "(a recording without use_sim_time, or hosts whose clocks differ)"
+                for what, offset in foreign
+            ]
         values |= notes | dict(sorted(counts.items()))
         if self.last_rejection:
             values["last rejection"] = self.last_rejection
@@ -98,16 +104,16 @@ class Traffic:
 
     def _judge(self, robot, recent, problems):
         """Level and message for what happened since the last status."""
-        if rejected := sum(n for cause, n in recent.items() if cause.startswith(("rejected", "odometry rejected"))):
-            problems.insert(0, f"{rejected} messages rejected: {self.last_rejection}")
-        if disagreeing := recent["mimic disagreement"]:
-            problems.append(f"{disagreeing} messages with mimic joints astray: {robot.assembler.last_disagreement}")
-        if absurd := recent["absurd effort"]:
-            problems.append(f"{absurd} messages with efforts that cannot be: taken as unknown")
-        if skipped := recent[OVERLOAD] + recent[f"odometry {OVERLOAD}"]:
-            problems.append(f"{skipped} messages skipped: more come in than this machine can take")
+        if any(cause.startswith(("rejected", "odometry rejected")) for cause in recent):
+            problems.insert(0, f"messages rejected: {steady(self.last_rejection)}")
+        if recent["mimic disagreement"]:
+            problems.append(f"mimic joints astray: {steady(robot.assembler.last_disagreement)}")
+        if recent["absurd effort"]:
+            problems.append("efforts that cannot be: taken as unknown")
+        if recent[OVERLOAD] + recent[f"odometry {OVERLOAD}"]:
+            problems.append("messages skipped: more come in than this machine can take")
         if robot and recent["positions jumped"]:
-            problems.append(f"positions jumped, and stayed: {robot.assembler.jumps.last}")
+            problems.append(f"positions jumped, and stayed: {steady(robot.assembler.jumps.last)}")
         for jump in ("time jumped back", "clock jumped back"):
             if recent[jump]:
                 problems.append(f"{jump}: all joints were forgotten")
@@ -148,12 +154,7 @@ def _of_inputs(assembler, now):
     return values
 
 
-def _of_stamps(robot):
-    """What is wrong with the times of the inputs."""
+def foreign_stamps(robot):
+    """Inputs whose stamps are of another time, and this node's clock less the last of them [s]."""
     sources = [("joint_states", robot.assembler.stamps)] + ([("odom", robot.base.stamps)] if robot.base else [])
-    return [
-        f"stamps of {what} are {abs(stamps.offset):.3f} s {'behind' if stamps.offset > 0.0 else 'ahead of'} this node's "
-        "clock, so their age is unknown (a recording without use_sim_time, or hosts whose clocks differ)"
-        for what, stamps in sources
-        if stamps.in_step is False
-    ]
+    return [(what, stamps.offset) for what, stamps in sources if stamps.in_step is False]

@@ -5,7 +5,7 @@ from collections import Counter
 from diag_dynamics.control.limits import HEAVY
 from diag_dynamics.nodes.controlled.supervisor import ACTIVE as IN_FORCE
 from diag_dynamics.nodes.controlled.supervisor import RAMPING_DOWN
-from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Status, counted, shortened
+from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Status, counted, shortened, steady
 
 _OF_COMMANDS = ("commands", "commands limited", "stalls")
 
@@ -61,16 +61,18 @@ class Record:
         supervisor, mode = loop.supervisor, f"mode {loop.mode}"
         if supervisor.phase == IN_FORCE:
             if recent["holds"]:
-                said = f"{mode}; gravity was held {recent['holds']} times, the last time: {self._last_hold}"
-                return Status("control", WARN, said, values)
+                values["last hold"] = self._last_hold
+                return Status("control", WARN, f"{mode}; gravity was held: {steady(self._last_hold)}", values)
             if loop.taking_up:
                 return Status("control", WARN, f"{mode}; the robot is taken up: damped until efforts carry it", values)
             return Status("control", OK, mode, values)
+        values["reason"] = supervisor.reason
+        reason = steady(supervisor.reason)
         if loop.state is None:
-            return Status("control", WARN, f"no commands: {supervisor.reason}", values)
+            return Status("control", WARN, f"no commands: {reason}", values)
         if supervisor.phase == RAMPING_DOWN:
-            return Status("control", ERROR, f"ramping down: {supervisor.reason}", values)
-        return Status("control", WARN, f"holding gravity: {supervisor.reason}", values)
+            return Status("control", ERROR, f"ramping down: {reason}", values)
+        return Status("control", WARN, f"holding gravity: {reason}", values)
 
     def command_status(self, recent, problems, values):
         """Status of commands; `problems` are those of who listens and of what limits them."""
@@ -80,10 +82,7 @@ class Record:
             **values,
         }
         if recent["stalls"]:
-            stalls = (
-                f"{recent['stalls']} gaps between commands beyond max_state_age, the largest {self._largest_gap:.3f} s"
-            )
-            problems = [stalls, *problems]
+            problems = ["gaps between commands beyond max_state_age", *problems]
         self._largest_gap, self._smallest_scale = 0.0, 1.0
         if problems:
             return Status("commands", WARN, "; ".join(problems), values)
@@ -96,7 +95,7 @@ class Record:
         if self._last_refusal:
             values["last refusal"] = self._last_refusal
         if refused:
-            problems = [f"{refused} refused: {self._last_refusal}", *problems]
+            problems = [f"refused: {steady(self._last_refusal)}", *problems]
         if problems:
             return Status("inputs", WARN, "; ".join(problems), values)
         return Status("inputs", OK, "nothing refused", values)

@@ -2,7 +2,7 @@
 
 from collections import Counter
 
-from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Status, counted
+from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Status, counted, steady
 from diag_dynamics.nodes.managed import INACTIVE
 from diag_dynamics.nodes.plant.drives import TIMED_OUT
 
@@ -47,7 +47,7 @@ def pace_status(pace, lockstep, waits, time_values, problems):
     if waits:
         problems = [*problems, "in lockstep: waiting for a command"]
     elif kept.overruns:
-        problems = [*problems, f"{kept.overruns} ticks overran since the last report"]
+        problems = [*problems, "ticks overran since the last report"]
     if problems:
         return Status("pace", WARN, "; ".join(problems), values)
     return Status("pace", OK, "kept", values)
@@ -69,14 +69,14 @@ class CommandsReport:
             "brakes": "closed" if drives.braked else "open",
             **dict(sorted(counts.items())),
         }
-        refused, last = 0, []
+        refused = []
         for what, part in (("command", drives), ("wrench", pushes)):
             if part.last_rejection:
                 values[f"last rejected {what}"] = part.last_rejection
-            count = sum(n for key, n in recent.items() if key in part.counts and "rejected" in key)
-            refused, last = refused + count, last + [part.last_rejection] * bool(count)
+            if any(key in part.counts and "rejected" in key for key in recent):
+                refused.append(steady(part.last_rejection))
         if refused:
-            return Status("commands", WARN, f"{refused} refused: {'; '.join(last)}", values)
+            return Status("commands", WARN, f"refused: {'; '.join(refused)}", values)
         if drives.phase == TIMED_OUT:
             return Status("commands", WARN, f"no command for {drives.timeout:g} s", values)
         return Status("commands", OK, drives.phase, values)
