@@ -1,5 +1,6 @@
 """While a robot is loaded or compiled: states, services and diagnostics go on, and a signal ends the process."""
 
+import gc
 import os
 import signal
 import sys
@@ -9,8 +10,12 @@ import pytest
 from diag_dynamics.srv import Diagonalize
 from std_msgs.msg import String
 
+from diag_dynamics import DiagonalDynamics, load_urdf
 from diag_dynamics.nodes.descriptions import TURN, Descriptions, working
-from diag_dynamics.nodes.robot import MOST_TOLD, PARAMETERS, load_robot
+from diag_dynamics.nodes.monitored import MonitoredRobot
+from diag_dynamics.nodes.robot import MOST_TOLD, PARAMETERS, compile_dynamics, load_robot
+from diag_dynamics.nodes.settings import PARAMETERS as MONITOR
+from diag_dynamics.nodes.settings import Settings
 from nodes import LATCHED, PANDA, Monitor, Process, Truth, description, robot
 from robots import description as urdf_of
 from robots import joint, link
@@ -117,6 +122,21 @@ def test_many_odd_inertias_are_summed_up():
     assert len(of_links) == MOST_TOLD and said[-1] == f"{30 - MOST_TOLD} more links have such inertias."
 
 
+def test_a_large_robot_is_put_in_force_without_its_matrices(monkeypatch):
+    """Its matrices would take time as their entries, in which nobody else has a turn: a small one is compiled for."""
+    sizes = []
+    for method in ("factors", "mass_matrix"):
+        original = getattr(DiagonalDynamics, method)
+        monkeypatch.setattr(
+            DiagonalDynamics, method, lambda self, q, call=original: sizes.append(self.model.nv) or call(self, q)
+        )
+    compile_dynamics.cache_clear()
+    settings = Settings.of({name: spec.default for name, spec in MONITOR.items()})
+    model = load_urdf(robot(PANDA).path)
+    assert MonitoredRobot(b"", model, settings, 1).model is model
+    assert sizes and max(sizes) == 1
+
+
 # --- who makes the robots
 
 
@@ -168,14 +188,14 @@ def making():
         making.allow(name)
     while working():
         threading.Event().wait(0.001)
-    assert sys.getswitchinterval() == before
+    assert sys.getswitchinterval() == before and gc.isenabled()
 
 
 def test_what_is_made_is_handed_over_by_the_executor(making):
     making.loads.load("one", 1, 2)
     assert making.loads.loading == "one" and not making.taken
     making.node.spin(lambda: making.begun)
-    assert sys.getswitchinterval() == pytest.approx(TURN) and working()
+    assert sys.getswitchinterval() == pytest.approx(TURN) and working() and not gc.isenabled()
     making.allow("one")
     making.node.spin(lambda: making.taken)
     assert making.taken == [("ONE", "one", 1, 2)]

@@ -1,5 +1,6 @@
 """Robots of descriptions that come while a node is at work: made in a thread beside it, handed over between two callbacks."""
 
+import gc
 import sys
 import threading
 from contextlib import contextmanager
@@ -12,7 +13,7 @@ LOOK = 0.02
 TURN = 1e-4
 """How long the thread computes while the executor waits for its turn [s]; Python's own 5 ms are half a period at 100 Hz."""
 
-_turns = {"threads": 0, "before": None}
+_turns = {"threads": 0, "before": None, "collects": False}
 _lock = threading.Lock()
 
 
@@ -25,7 +26,8 @@ def working():
 def _short_turns():
     with _lock:
         if not _turns["threads"]:
-            _turns["before"] = sys.getswitchinterval()
+            _turns["before"], _turns["collects"] = sys.getswitchinterval(), gc.isenabled()
+            gc.disable()  # which would look through all that is being made, again and again, while nobody else has a turn
             sys.setswitchinterval(TURN)
         _turns["threads"] += 1
     try:
@@ -35,6 +37,8 @@ def _short_turns():
             _turns["threads"] -= 1
             if not _turns["threads"]:
                 sys.setswitchinterval(_turns["before"])
+                if _turns["collects"]:
+                    gc.enable()
 
 
 class Descriptions:

@@ -17,7 +17,7 @@ from diag_dynamics.nodes.inputs.stamps import SECOND
 from diag_dynamics.nodes.managed import ACTIVE, INACTIVE
 from diag_dynamics.nodes.messages import MessageMaker
 from diag_dynamics.nodes.pipeline import Pipeline, compile_pipeline
-from diag_dynamics.nodes.robot import COMPILED, joints_of, payloads_of
+from diag_dynamics.nodes.robot import compile_dynamics, joints_of, payloads_of
 
 NO_PAYLOAD = Payload(0.0)
 """What takes a payload off."""
@@ -72,7 +72,7 @@ class MonitoredRobot:
         self._jumps = 0  # of the joints' time that the base knows of
         self._moved = 0  # jumps of positions that the watches know of
         self.use(model, settings, revision)
-        self.dynamics.compile(*COMPILED)
+        compile_dynamics()
         if self._by_template:
             compile_pipeline()
 

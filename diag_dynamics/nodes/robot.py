@@ -1,7 +1,10 @@
 """Which robot a node works with: the parameters that say so, and the model they make of a description."""
 
+from functools import cache
+
 import numpy as np
 
+from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.model import Payload, load_urdf
 from diag_dynamics.model.options import FRICTION_VELOCITY, LARGEST_GRAVITY, inertias_told
@@ -66,6 +69,18 @@ COMPILED = (
     "qd_from_nu",
 )
 """Methods of DiagonalDynamics that nodes call."""
+
+ANY = (
+    '<robot name="any"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" '
+    'ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint></robot>'
+)
+"""A robot to compile for: compiled code is no robot's own, but the matrices of a large one take their time."""
+
+
+@cache
+def compile_dynamics():
+    """Compile what nodes call, or load it from the cache."""
+    DiagonalDynamics(load_urdf(ANY)).compile(*COMPILED)
 
 
 def load_robot(node, description, values):
