@@ -530,7 +530,7 @@ def test_simulated_time(peer):
     with Monitor(peer, "/sim", robot_description=ur5.path, use_sim_time=True) as monitor:
         monitor.connect(ur5)
         peer.wait_until(clock.get_subscription_count, "the subscription to /clock")
-        monitor.process.wait_for_text("use_sim_time is true, but nothing is on /clock yet")
+        monitor.process.wait_for_text("Joint states come, but no time on /clock (use_sim_time)")
         monitor.forget()
         q, qd, tau, _ = ur5.samples[0]
 

@@ -31,7 +31,26 @@ def clock_notes(node, publishes=False):
         problems.append(f"several publish {topic}, and time jumps between them: {counted(names)}")
     if not publishes and not node.get_clock().now().nanoseconds:
         problems.append(f"use_sim_time, but nothing on {topic} yet")
-        # Not at once: time may begin a little later than the node. A recording has none unless it is played with --clock.
-        said = f"use_sim_time is true, but nothing is on {topic} yet: a recording is played with --clock."
-        node.get_logger().warning(said, skip_first=True, once=True)
     return {f"publishers of {topic}": counted(names)}, problems
+
+
+def tell_of_time(node, received, foreign):
+    """Say on the console, once, what is probably a recording that is played without time.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    received : int
+        Number of joint states that have come.
+    foreign : list
+        Inputs whose stamps are of another time, and the node's clock less these [s].
+    """
+    if received and not node.get_clock().now().nanoseconds:
+        said = f"Joint states come, but no time on {node.resolve_topic_name(CLOCK)} (use_sim_time): "
+        node.get_logger().warning(f"{said}a recording is played with --clock.", once=True)
+    for what, offset in foreign[:1]:
+        node.get_logger().warning(
+            f"Stamps of {what} are {abs(offset):.3f} s {'behind' if offset > 0.0 else 'ahead of'} this node's clock. A "
+            "recording is played with --clock, and its listeners have use_sim_time; clocks of hosts are synchronized.",
+            once=True,
+        )

@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.nodes.clocks import clock_notes
+from diag_dynamics.nodes.clocks import clock_notes, tell_of_time
 from diag_dynamics.nodes.descriptions import Descriptions
 from diag_dynamics.nodes.diagnostics import WARN, Diagnostics, Status, counted, shortened
 from diag_dynamics.nodes.graph import publishers
@@ -429,13 +429,7 @@ class MonitorNode(ManagedNode):
 
     def _report(self):
         robot = self._robot
-        if foreign := robot and foreign_stamps(robot):
-            what, offset = foreign[0]
-            self.get_logger().warning(
-                f"Stamps of {what} are {abs(offset):.3f} s {'behind' if offset > 0.0 else 'ahead of'} this node's clock. A "
-                "recording is played with --clock, and its listeners have use_sim_time; clocks of hosts are synchronized.",
-                once=True,
-            )
+        tell_of_time(self, self._traffic.counts["received"], foreign_stamps(robot) if robot else [])
         active = self.phase == ACTIVE
         statuses = [self._traffic.status(robot, self._now(), self._notes())]
         if not active:
