@@ -410,7 +410,7 @@ def report_of(array, name):
     return Report(nanoseconds(array.header.stamp), worst.level, worst.message, values, entries)
 
 
-BELIEVING = {f"absurd.{bound}": 0.0 for bound in ("beyond_velocity", "beyond_effort", "jump")}
+BELIEVING = {f"absurd.{bound}": 0.0 for bound in ("beyond_velocity", "beyond_effort", "jump")} | {"frozen_timeout": 0.0}
 """Parameters of a monitor that takes states drawn at random, up to 90 times as fast as the URDF allows and no motion."""
 
 

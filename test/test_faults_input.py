@@ -513,6 +513,53 @@ def test_garbage_row(monitor, panda):
     monitor.serves(panda, 1)
 
 
+def test_frozen_values(monitor, panda):
+    """Old values under fresh stamps: told of, and refused if that is wanted; the next that moves is served."""
+    q, qd, tau, _ = panda.samples[0]
+    assert abs(qd[panda.names.index(JOINT)]) > 0.05
+    begin = len(monitor.reports)
+
+    def feed(moved=0.0):
+        stamp = monitor.tick(100 * MS)
+        monitor.feeder.publish(joint_state(panda.names, q + moved, qd, tau, stamp))
+        return stamp
+
+    def told():
+        begun = monitor.reports[begin:]
+        return next((report for report in begun if "frozen values" in report.entries["joint states"].message), None)
+
+    with monitor.having(frozen_timeout=0.5):
+        monitor.serves(panda, 0)
+        for _ in range(4):
+            feed()
+        last = feed()
+        monitor.peer.wait_until(lambda: monitor.topics["state"].at(last), "a state that is told of")
+        assert monitor.peer.wait_until(told, "frozen values").level == WARN
+        before = monitor.next_report()
+        with monitor.having(frozen_values="refuse"):
+            for _ in range(8):
+                last = feed()
+            report = monitor.wait_for_report(lambda r: r.since(before).get("rejected: frozen"), "frozen values")
+            assert "no bit of its position changes" in report.values["last rejection"]
+            moving = feed(1e-3)
+            monitor.peer.wait_until(lambda: monitor.topics["state"].at(moving), "a state that moves")
+            assert not monitor.topics["state"].at(last)
+
+
+def test_states_lost_between_stamps(monitor, panda):
+    """Every eighth of a regular sequence never comes: as many are counted as are not there, and no outcome has them."""
+    monitor.tick(10 * S)
+    before = monitor.next_report()
+    stamps = [monitor.tick(10 * MS) for _ in range(120)]
+    sent = [stamp for k, stamp in enumerate(stamps) if k % 8 != 3]
+    for stamp in sent[:97]:  # of which 96 intervals are judged
+        monitor.feed(panda.message(stamp, panda.samples[0]), ["state"])
+    report = monitor.wait_for_report(lambda r: r.count("published") >= before.count("published") + 97, "all")
+    lost = report.count("lost by gaps in stamps") - before.count("lost by gaps in stamps")
+    assert lost == (sent[96] - sent[0]) // (10 * MS) - 96 > 10
+    assert report.since(before) == {"received": 97, "published": 97}
+
+
 def test_bytes_that_are_no_message(monitor, panda):
     """They are rejected where this node reads them itself; rclpy lets them fall. Neither way is anything lost but them."""
     monitor.serves(panda, 1)

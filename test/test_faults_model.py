@@ -225,6 +225,8 @@ EXPECTED = {
     "absurd.beyond_velocity",
     "absurd.beyond_effort",
     "absurd.jump",
+    "frozen_timeout",
+    "frozen_values",
     "mimic_tolerance",
     "warn_energy",
     "error_energy",

@@ -17,6 +17,8 @@ from diag_dynamics.nodes.diagnostics import ERROR, OK, STALE, WARN
 from diag_dynamics.nodes.health import EnergyWatch, numerical_health
 from diag_dynamics.nodes.inputs.bounds import Bounds
 from diag_dynamics.nodes.inputs.efforts import Efforts
+from diag_dynamics.nodes.inputs.frozen import Frozen
+from diag_dynamics.nodes.inputs.gaps import Gaps
 from diag_dynamics.nodes.inputs.joint_states import Options, RobotState
 from diag_dynamics.nodes.inputs.odometry import OdometryBase
 from diag_dynamics.nodes.inputs.rejected import RejectedError
@@ -1278,6 +1280,106 @@ def test_joints_of_another_time(turtle):
     assert at(5 * S + MS) is None
     robot.base.update(odometry(4 * S), CLOCK)
     assert at(5 * S + 2 * MS)[3:5] == (5 * S + 2 * MS, 4 * S)
+
+
+# --- states that never came
+
+
+def gaps_of(stamps, source="arm"):
+    """Return how many are lost of these stamps."""
+    gaps = Gaps()
+    for stamp in stamps:
+        gaps.take(source, int(stamp))
+    return gaps.lost
+
+
+@pytest.mark.parametrize("part", [0.0, 0.05, 0.12])
+@pytest.mark.parametrize("jitter", [0.0, 0.1])
+def test_lost_between_stamps(part, jitter):
+    """Whatever part is lost, at any rate, with stamps that jitter by a part of the period."""
+    rng = np.random.default_rng(2)
+    for period in (1e6, 2e6, 8e6, 1e8 / 3):
+        stamps = 1e18 + period * (np.arange(4000) + jitter * rng.uniform(-0.5, 0.5, 4000))
+        kept = rng.random(4000) >= part
+        kept[0] = True
+        places = np.flatnonzero(kept)
+        places = places[: 1 + 32 * ((len(places) - 1) // 32)]
+        assert gaps_of(stamps[places]) == places[-1] + 1 - len(places)
+
+
+def test_what_is_no_gap():
+    """Irregular senders, pauses, two senders of the same joint, stamps again, and what came, but was not looked at."""
+    rng = np.random.default_rng(3)
+    assert gaps_of(np.cumsum(rng.exponential(1e7, 500))) == 0
+    assert gaps_of(np.cumsum([1e7, 2e9] * 200)) == 0
+    assert gaps_of(np.repeat(np.arange(1, 200) * 10 * MS, 3)) == 0
+    assert gaps_of(sorted([*(np.arange(200) * 10 * MS), *(np.arange(200) * 10 * MS + 3 * MS)])) == 0
+    gaps = Gaps()
+    for k in range(1, 400):
+        if k % 10:
+            gaps.take("arm", k * 10 * MS)
+            gaps.take("gripper", k * 25 * MS)
+        else:
+            gaps.pause()
+    assert gaps.lost == 0
+
+
+# --- frozen values
+
+
+def watched(states, timeout=0.5, refused=False):
+    """Return what is said after each of states (stamp, position, velocity) of two joints."""
+    watch, said = Frozen(("shoulder", "elbow"), timeout, refused), []
+    for stamp, position, velocity in states:
+        state = RobotState(np.array([9.0, *position]), np.array([9.0, *velocity]), None, stamp, stamp, False)
+        try:
+            watch.judge(stamp, lambda state=state: state)
+            said.append(watch.text)
+        except RejectedError as rejection:
+            assert refused and rejection.cause == "frozen" and str(rejection) == watch.text
+            said.append("refused")
+    return said
+
+
+def frozen_at(period, count, position, velocity):
+    """Return states of one period, of functions of time."""
+    return [(S + k * period, position(1e-9 * k * period), velocity(1e-9 * k * period)) for k in range(count)]
+
+
+@pytest.mark.parametrize("period", [MS, 8 * MS, 100 * MS, 400 * MS])
+def test_frozen(period):
+    """A velocity without motion, from the timeout on until it moves; and motion without a velocity."""
+    count = 2 * S // period
+    said = watched(frozen_at(period, count, lambda t: (0.3, t), lambda t: (0.05, 1.0)))
+    first = next(k for k, text in enumerate(said) if text)
+    assert 0.5 <= 1e-9 * first * period <= max(0.61, 0.81 * (period == 400 * MS)) and all(said[first:])
+    assert (
+        said[-1]
+        == "frozen values: joint 'shoulder' has a velocity, but no bit of its position changes (frozen_timeout)"
+    )
+    assert watched(frozen_at(period, count, lambda t: (0.3, t), lambda t: (0.05, 1.0)), refused=True)[-1] == "refused"
+    said = watched(frozen_at(period, count, lambda t: (t, t), lambda t: (1.0, 0.0)))
+    assert said[-1] == "frozen values: joint 'elbow' moves, but its velocity is 0 (frozen_timeout)" and not said[0]
+    moving = [(S + count * period + k * 120 * MS, (3 + k, 3 + k), (1.0, 1.0)) for k in range(1, 9)]
+    assert not watched(frozen_at(period, count, lambda t: (0.3, t), lambda t: (0.05, 1.0)) + moving)[-1]
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity"),
+    [
+        (lambda t: (0.3, 0.3), lambda t: (0.0, 0.0)),  # at rest
+        (lambda t: (0.3, 0.3), lambda t: (0.04, -0.04)),  # noise, an offset
+        (lambda t: (0.3 + 1e-15 * round(1e3 * t), t), lambda t: (1.0, 1.0)),  # a bit changes
+        (lambda t: (0.09 * t, -0.09 * t), lambda t: (0.0, 0.0)),  # creeps
+        (lambda t: (round(t / 0.4), t), lambda t: (1.0, 1.0)),  # a coarse encoder
+        (lambda t: (0.3, 0.3), lambda t: (float(round(1e3 * t) % 400 < 200), 0.0)),  # stands still now and then
+    ],
+)
+def test_not_frozen(position, velocity):
+    """What healthy joints and drivers do; nor what is seldom sent, or not judged."""
+    assert not any(watched(frozen_at(8 * MS, 1000, position, velocity)))
+    stuck = frozen_at(600 * MS, 20, lambda t: (0.3, t), lambda t: (1.0, 0.0))
+    assert not any(watched(stuck)) and not any(watched(frozen_at(8 * MS, 500, lambda t: (0, 0), lambda t: (1, 1)), 0.0))
 
 
 class Base:

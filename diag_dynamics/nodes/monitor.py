@@ -249,6 +249,8 @@ class MonitorNode(ManagedNode):
         counts["received"] += 1
         if self._overloaded():
             counts[OVERLOAD] += 1
+            if robot:
+                robot.assembler.gaps.pause()
             return
         if robot is None:
             counts["before the model"] += 1
@@ -264,6 +266,7 @@ class MonitorNode(ManagedNode):
             if served:
                 at_once = robot.pipeline
                 self._traffic.arrived(at_once.newest, now)
+                robot.frozen.judge(at_once.newest, lambda: at_once.state)
                 self._pass_on(robot, at_once.newest, at_once, at_once.messages, "published")
                 return
             state = robot.joint_states.deserialized(message, now) if served is None else robot.pipeline.state
@@ -310,6 +313,8 @@ class MonitorNode(ManagedNode):
             cause, reason = type(error).__name__, str(error)
         except Exception as error:
             cause, reason = "internal error", repr(error)
+        if what == "rejected":
+            robot.assembler.gaps.pause()  # its stamp may not have been looked at
         self._traffic.rejected(what, cause, reason)
         self.get_logger().debug(f"{what}: {cause}: {self._traffic.last_rejection}")
         self.get_logger().warning(f"Rejected: {self._traffic.last_rejection}", throttle_duration_sec=5.0)
@@ -320,6 +325,7 @@ class MonitorNode(ManagedNode):
 
     def _publish(self, robot, state, what):
         """Evaluate a state, and pass it on."""
+        robot.frozen.judge(state.newest, lambda: state)
         self._outputs.wanted()
         s, state = robot.evaluate(state)
         if robot.torque:  # a collision is told of before anything else

@@ -10,6 +10,7 @@ from diag_dynamics.nodes.diagnostics import ERROR, OK, WARN, Status, counted
 from diag_dynamics.nodes.encoded import EncodedMessages
 from diag_dynamics.nodes.external_torque import TorqueWatch
 from diag_dynamics.nodes.health import EnergyWatch
+from diag_dynamics.nodes.inputs.frozen import Frozen
 from diag_dynamics.nodes.inputs.joint_states import JointStateAssembler, RobotState
 from diag_dynamics.nodes.inputs.known import KnownJointStates
 from diag_dynamics.nodes.inputs.odometry import OdometryBase
@@ -49,6 +50,7 @@ class MonitoredRobot:
     base : OdometryBase or None
     pipeline : Pipeline or None
         What takes joint states in, evaluates them and makes messages at once, where that is possible.
+    frozen : Frozen
     energy : EnergyWatch
     torque : TorqueWatch or None
         What observes external torque, if it is wanted.
@@ -67,6 +69,7 @@ class MonitoredRobot:
         in_header = settings.values["odom_twist_frame"] == "header"
         self.base = OdometryBase(model, in_header) if model.floating_base else None
         self.energy = EnergyWatch(model, settings.thresholds)
+        self.frozen = Frozen(self.assembler.names, *_frozen_by(settings))
         self.settings = self.dynamics = self.revision = self.pipeline = self.torque = self._state = None
         self._at_once = False
         self._jumps = 0  # of the joints' time that the base knows of
@@ -92,6 +95,8 @@ class MonitoredRobot:
         self.assembler.judges(settings.inputs)
         self.energy.configure(model, settings.thresholds)
         self.assembler.configure(settings.inputs)
+        if self.settings and _frozen_by(settings) != _frozen_by(self.settings):
+            self.frozen.configure(*_frozen_by(settings))
         if self._by_template:
             self.joint_states.configure()
         if self.base:
@@ -153,6 +158,7 @@ class MonitoredRobot:
         if self.base:
             self.base.forget()
         self.energy.forget()
+        self.frozen.forget()
         if self.torque:
             self.torque.forget()
         self._state, self._at_once = None, False
@@ -208,6 +214,11 @@ class MonitoredRobot:
         """One of outputs.MATRICES at the last state."""
         with_inverse = self.settings.values["publish_inverse_factor"]
         return matrix(topic, self.encoder, self.dynamics, self.state, with_inverse)
+
+
+def _frozen_by(settings):
+    """What Frozen judges by."""
+    return settings.values["frozen_timeout"], settings.values["frozen_values"] == "refuse"
 
 
 def matrix(topic, maker, dynamics, state, with_inverse=False):

@@ -117,6 +117,18 @@ PARAMETERS = {
         minimum=0.0,
         maximum=1e6,
     ),
+    "frozen_timeout": Spec(
+        0.5,
+        "How long a joint may have a velocity while no bit of its position changes, or move while its velocity is 0, as by "
+        "a driver that repeats old values under fresh stamps [s]; 0: not judged.",
+        minimum=0.0,
+        maximum=100.0,
+    ),
+    "frozen_values": Spec(
+        "warn",
+        "States with frozen values: published, and diagnostics warn (warn), or rejected (refuse).",
+        choices=("warn", "refuse"),
+    ),
     "mimic_tolerance": Spec(
         0.01,
         "Largest distance of a coupled mimic joint's own position from that which its leader gives it [rad, m]; beyond it, "

@@ -112,6 +112,8 @@ class Traffic:
             problems.append("efforts that cannot be: taken as unknown")
         if recent[OVERLOAD] + recent[f"odometry {OVERLOAD}"]:
             problems.append("messages skipped: more come in than this machine can take")
+        if robot and robot.frozen.text and recent["received"]:
+            problems.append(robot.frozen.text)
         if robot and recent["positions jumped"]:
             problems.append(f"positions jumped, and stayed: {steady(robot.assembler.jumps.last)}")
         for jump in ("time jumped back", "clock jumped back"):
@@ -133,7 +135,8 @@ class Traffic:
 def _counts_of(robot):
     """What the assembly of a robot's state has counted."""
     jumps = robot.base.jumps if robot.base else 0
-    return robot.assembler.counts + Counter({"time jumped back": jumps})
+    own = {"time jumped back": jumps, "lost by gaps in stamps": robot.assembler.gaps.lost}
+    return robot.assembler.counts + Counter(own)
 
 
 def _of_inputs(assembler, now):

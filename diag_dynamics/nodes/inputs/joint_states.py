@@ -11,6 +11,7 @@ import numpy as np
 from diag_dynamics.nodes.inputs.bounds import Bounds
 from diag_dynamics.nodes.inputs.efforts import Efforts
 from diag_dynamics.nodes.inputs.followers import Followers
+from diag_dynamics.nodes.inputs.gaps import Gaps
 from diag_dynamics.nodes.inputs.jumps import Jumps
 from diag_dynamics.nodes.inputs.rejected import RejectedError
 from diag_dynamics.nodes.inputs.stamps import SECOND, Stamps, nanoseconds, stamp_of
@@ -93,6 +94,7 @@ class JointStateAssembler:
     stamps : Stamps
     efforts : Efforts
     jumps : Jumps
+    gaps : Gaps
 
     Raises
     ------
@@ -106,7 +108,7 @@ class JointStateAssembler:
         self.followers = Followers(self.names, joints.mimics, options.mimic_tolerance, joints.continuous)
         self.counts = Counter()
         self.last_disagreement = ""
-        self.stamps = Stamps()
+        self.stamps, self.gaps = Stamps(), Gaps()
         self._joints = joints
         self._index = {name: k for k, name in enumerate(self.names)}
         self._columns = None  # (names of the last message, what _match returned for them)
@@ -223,6 +225,7 @@ class JointStateAssembler:
         self._follower_effort[:] = math.nan
         self._estimator.forget()
         self.jumps.forget()
+        self.gaps.pause()
 
     def update(self, message, now):
         """Take a message in and return the state it completes.
@@ -300,6 +303,8 @@ class JointStateAssembler:
         if self.stamps.judge(source, what, stamp, 0 if unstamped else now, last, span):
             self.counts["time jumped back"] += 1
             self.forget()
+        if source is not None and not unstamped:
+            self.gaps.take(source, stamp)
 
     def _judge_steps(self, stamp, unstamped, here, position, velocity):
         """Refuse positions that no motion has led to, until they stay."""

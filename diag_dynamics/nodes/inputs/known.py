@@ -139,6 +139,7 @@ class KnownJointStates:
                 if found[0]:
                     self.at_once += 1
                     layout.used = True
+                    self._assembler.gaps.take(layout.source, found[1])
                     if mode:
                         self._stamps.offset = (now - found[1]) * 1e-9
                     return found
