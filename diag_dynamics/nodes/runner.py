@@ -2,6 +2,7 @@
 
 import gc
 import sys
+from contextlib import suppress
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
@@ -88,7 +89,8 @@ def main_of(make_node, parser):
     """Return the main function of an executable; `parser` parses its arguments but for those of ROS."""
 
     def main(args=None):
-        parser.parse_args(remove_ros_args(args or sys.argv)[1:])
+        with suppress(*ARGUMENTS_MAKE_NO_SENSE):  # run says so
+            parser.parse_args(remove_ros_args(args or sys.argv)[1:])
         return run(make_node, args)
 
     return main
