@@ -134,9 +134,10 @@ def test_end_while_starting(tmp_path):
 
 
 def test_robots_it_cannot_show(tmp_path):
-    """Exit status 1 and the reason: unknown ones with the names there are, ambiguous ones with those meant."""
+    """Exit status 1 and the reason: unknown ones with similar names, ambiguous ones with those meant, paths as paths."""
     cases = {
-        "nosuchrobot": ["nosuchrobot", *(id.removesuffix(".urdf") for id in robots.all_robots())],
+        "nosuchrobot": ["'nosuchrobot'", "neither a file nor one of the", "All of them: "],
+        "pandaa": ["'pandaa'", "did you mean panda"],
         "ur5": ["ur5", *(id.removesuffix(".urdf") for id in robots.all_robots() if "ur5" in id)],
         "iris_simple": ["iris", "no moving joint"],
         "romeo_laas_small": ["l_gripper_joint"],
