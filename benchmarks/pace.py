@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from diag_dynamics import load_urdf
-from diag_dynamics.example_robots import find_urdf
+from diag_dynamics.model.example_robots import find_urdf
 
 ROBOTS = ("ur5_robot", "panda", "talos_reduced")
 RATE = 1000.0
@@ -62,7 +62,7 @@ def measured(robot, seconds, order, commanded=False):
     parameters |= {"compensates_gravity": True, "publish_clock": True} if commanded else {"motion": "wave"}
     arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
     process = subprocess.Popen(
-        [sys.executable, "-m", "diag_dynamics.nodes.start", "simulator", "--ros-args", *arguments]
+        [sys.executable, "-m", "diag_dynamics.nodes.support.start", "simulator", "--ros-args", *arguments]
     )
     node, reports, done = rclpy.create_node("listener"), [], Future()
 

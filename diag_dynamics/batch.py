@@ -7,8 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from diag_dynamics import sweeps
+from diag_dynamics.compiled.lanes import WIDTH
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.lanes import WIDTH
 
 PIECES = 4
 """Pieces for each thread: one that is held up leaves its share to the others."""

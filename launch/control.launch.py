@@ -1,6 +1,6 @@
 """The simulator, the controller and the monitor of one robot; takes the arguments of all three, but for clocks."""
 
-from diag_dynamics.nodes.launching import launched
+from diag_dynamics.nodes.support.launching import launched
 
 
 def generate_launch_description():

@@ -1,6 +1,6 @@
 """The monitor: publishes the diagonalized dynamics of the robot whose joint_states it hears."""
 
-from diag_dynamics.nodes.launching import launched
+from diag_dynamics.nodes.support.launching import launched
 
 
 def generate_launch_description():

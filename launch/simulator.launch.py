@@ -1,6 +1,6 @@
 """The simulator: moves a robot and publishes its joint_states and robot_description."""
 
-from diag_dynamics.nodes.launching import launched
+from diag_dynamics.nodes.support.launching import launched
 
 
 def generate_launch_description():

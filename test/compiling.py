@@ -27,9 +27,10 @@ def simulation():
 
 def messages():
     """What turns bytes into bytes."""
-    from diag_dynamics.kernel import ready
-    from diag_dynamics.nodes import encoded, pipeline
-    from diag_dynamics.nodes.inputs import known
+    from diag_dynamics.compiled.kernel import ready
+    from diag_dynamics.nodes.wire import encoding as encoded
+    from diag_dynamics.nodes.wire import joint_states as known
+    from diag_dynamics.nodes.wire import pipeline
 
     for entry in (known._take, encoded._write, pipeline._serve):
         ready(entry)

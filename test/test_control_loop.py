@@ -7,12 +7,13 @@ import pytest
 
 import diag_dynamics as dd
 from controllers import pose_message
+from diag_dynamics.control import supervisor as phases
+from diag_dynamics.control.loop import ControlLoop
+from diag_dynamics.control.modes import MODES
 from diag_dynamics.control.pose import rotation_of
+from diag_dynamics.control.references import WITHIN, SetPoint, at_rest
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.controlled import supervisor as phases
-from diag_dynamics.nodes.controlled.loop import ControlLoop
-from diag_dynamics.nodes.controlled.reference import WITHIN, SetPoint, at_rest
-from diag_dynamics.nodes.controlled.settings import MODES, PARAMETERS
+from diag_dynamics.parameters.controller import PARAMETERS
 from nodes import MS, UR5, S, joint_state, robot
 from test_controller import state_at, trajectory
 

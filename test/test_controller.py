@@ -9,22 +9,16 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import diag_dynamics as dd
 from controllers import pinocchio_command
+from diag_dynamics.assembly.assembler import RobotState
+from diag_dynamics.control import supervisor as phases
+from diag_dynamics.control.by_dof import by_dof, command_order, require_same_joints
+from diag_dynamics.control.loop import ControlLoop
+from diag_dynamics.control.modes import MODES, POSE, TRACKING
+from diag_dynamics.control.supervisor import Supervisor
+from diag_dynamics.control.targets import set_point
+from diag_dynamics.control.trajectory import Trajectory
 from diag_dynamics.exceptions import InputError, UnsupportedError
-from diag_dynamics.nodes.controlled import supervisor as phases
-from diag_dynamics.nodes.controlled.loop import ControlLoop
-from diag_dynamics.nodes.controlled.settings import (
-    MODES,
-    PARAMETERS,
-    POSE,
-    TRACKING,
-    by_dof,
-    command_order,
-    require_same_joints,
-)
-from diag_dynamics.nodes.controlled.supervisor import Supervisor
-from diag_dynamics.nodes.controlled.targets import set_point
-from diag_dynamics.nodes.controlled.trajectory import Trajectory
-from diag_dynamics.nodes.inputs.joint_states import RobotState
+from diag_dynamics.parameters.controller import PARAMETERS
 from nodes import MS, UR5, S, joint_state, robot
 
 NAMES = ("shoulder", "elbow", "wrist")

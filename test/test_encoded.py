@@ -11,14 +11,15 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
 import diag_dynamics as dd
-from diag_dynamics.nodes import encoded
-from diag_dynamics.nodes.cdr import Template
-from diag_dynamics.nodes.encoded import EncodedMessages
-from diag_dynamics.nodes.inputs.joint_states import RobotState
-from diag_dynamics.nodes.messages import MessageMaker
-from diag_dynamics.nodes.outputs import MATRICES, ORDER, TOPICS
-from diag_dynamics.nodes.settings import Observation
-from diag_dynamics.observer import Disturbance
+from diag_dynamics.assembly.assembler import RobotState
+from diag_dynamics.control.observer import Disturbance
+from diag_dynamics.nodes.monitor.outputs import TOPICS
+from diag_dynamics.nodes.support.messages import MessageMaker
+from diag_dynamics.nodes.wire import encoding as encoded
+from diag_dynamics.nodes.wire.cdr import Template
+from diag_dynamics.nodes.wire.encoding import EncodedMessages
+from diag_dynamics.nodes.wire.topics import MATRICES, ORDER
+from diag_dynamics.parameters.monitor import Observation
 from examples import examples
 from nodes import PANDA, S, robot
 from robots import description, link, random_tree

@@ -18,10 +18,10 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 
 from diag_dynamics import DiagonalDynamics, load_urdf
-from diag_dynamics.nodes.external_torque import TorqueWatch
-from diag_dynamics.nodes.inputs.joint_states import RobotState
-from diag_dynamics.nodes.monitor import MonitorNode
-from diag_dynamics.nodes.settings import Observation
+from diag_dynamics.assembly.assembler import RobotState
+from diag_dynamics.nodes.monitor.monitor import MonitorNode
+from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
+from diag_dynamics.parameters.monitor import Observation
 from nodes import BELIEVING, MS, PANDA, START, UR5, Monitor, S, joint_state, nanoseconds, node_process, robot
 from test_floating_base import Rig
 from test_simulator_commands import Simulator

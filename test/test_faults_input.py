@@ -13,8 +13,8 @@ from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
 from coupling import Coupled
-from diag_dynamics.nodes.diagnostics import steady
-from diag_dynamics.nodes.settings import PARAMETERS
+from diag_dynamics.nodes.support.diagnostics import steady
+from diag_dynamics.parameters.monitor import PARAMETERS
 from nodes import (
     BELIEVING,
     MS,

@@ -11,8 +11,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from diag_dynamics.nodes.diagnostics import LONG, Diagnostics, Status, shortened
-from diag_dynamics.nodes.logger import PlainLogger
+from diag_dynamics.nodes.support.diagnostics import LONG, Diagnostics, Status, shortened
+from diag_dynamics.nodes.support.logger import PlainLogger
 from nodes import LATCHED, MANY, START, description, joint_state, node_process
 
 FIRE = "\n[FATAL] [0.0] [safety_controller]: fire"

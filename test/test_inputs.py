@@ -11,23 +11,23 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 
 import diag_dynamics as dd
+from diag_dynamics.assembly.assembler import Options, RobotState
+from diag_dynamics.assembly.bounds import Bounds
+from diag_dynamics.assembly.efforts import Efforts
+from diag_dynamics.assembly.frozen import Frozen
+from diag_dynamics.assembly.gaps import Gaps
+from diag_dynamics.assembly.odometry import OdometryBase
+from diag_dynamics.assembly.rejected import RejectedError
+from diag_dynamics.assembly.stamps import PATIENCE, Stamps, stamp_of
+from diag_dynamics.assembly.velocities import LONGEST, PERIODS, VelocityEstimator
+from diag_dynamics.entries import assignments, by_name
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Payload
-from diag_dynamics.nodes.diagnostics import ERROR, OK, STALE, WARN
-from diag_dynamics.nodes.health import EnergyWatch, numerical_health
-from diag_dynamics.nodes.inputs.bounds import Bounds
-from diag_dynamics.nodes.inputs.efforts import Efforts
-from diag_dynamics.nodes.inputs.frozen import Frozen
-from diag_dynamics.nodes.inputs.gaps import Gaps
-from diag_dynamics.nodes.inputs.joint_states import Options, RobotState
-from diag_dynamics.nodes.inputs.odometry import OdometryBase
-from diag_dynamics.nodes.inputs.rejected import RejectedError
-from diag_dynamics.nodes.inputs.stamps import PATIENCE, Stamps, stamp_of
-from diag_dynamics.nodes.inputs.velocities import LONGEST, PERIODS, VelocityEstimator
-from diag_dynamics.nodes.monitored import MonitoredRobot
-from diag_dynamics.nodes.parameters import assignments, by_name
-from diag_dynamics.nodes.robot import payload_entry, payloads_of
-from diag_dynamics.nodes.settings import PARAMETERS, Settings, Thresholds, share_thresholds
+from diag_dynamics.nodes.monitor.energy_watch import EnergyWatch, numerical_health
+from diag_dynamics.nodes.monitor.robot import MonitoredRobot
+from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN
+from diag_dynamics.parameters.monitor import PARAMETERS, Settings, Thresholds, share_thresholds
+from diag_dynamics.parameters.robot import payload_entry, payloads_of
 from examples import examples
 from nodes import MS, S, joint_state
 from robots import TwoLinkArm, description, joint, link

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from diag_dynamics.assembly.assembler import Joints, JointStateAssembler, Options
+from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Mimic
-from diag_dynamics.nodes.inputs.joint_states import Joints, JointStateAssembler, Options
-from diag_dynamics.nodes.inputs.rejected import RejectedError
 from examples import examples
 from nodes import MS, S, joint_state
 

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 import pytest
 
-from diag_dynamics.kernel import NUMBER, VECTOR, entry_kernel
+from diag_dynamics.compiled.kernel import NUMBER, VECTOR, entry_kernel
 
 PACKAGE = Path(__file__).parents[1] / "diag_dynamics"
 

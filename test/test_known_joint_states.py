@@ -20,10 +20,10 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from diag_dynamics.nodes.inputs import known
-from diag_dynamics.nodes.inputs.joint_states import Joints, JointStateAssembler, Options
-from diag_dynamics.nodes.inputs.known import FREELY, LONGEST, MOST_LAYOUTS, SELDOM, KnownJointStates
-from diag_dynamics.nodes.inputs.rejected import RejectedError
+from diag_dynamics.assembly.assembler import Joints, JointStateAssembler, Options
+from diag_dynamics.assembly.rejected import RejectedError
+from diag_dynamics.nodes.wire import joint_states as known
+from diag_dynamics.nodes.wire.joint_states import FREELY, LONGEST, MOST_LAYOUTS, SELDOM, KnownJointStates
 from examples import examples
 from nodes import MS, S, joint_state
 from test_joint_states import CONTINUOUS, LIMITS, MIMICS, NAMES, journeys, set_clocks, some_options

@@ -6,8 +6,8 @@ import numba
 import numpy as np
 import pytest
 
-from diag_dynamics.kernel import VECTOR, entry_kernel
-from diag_dynamics.lanes import (
+from diag_dynamics.compiled.kernel import VECTOR, entry_kernel
+from diag_dynamics.compiled.lanes import (
     EIGHT,
     FOUR,
     WIDTH,
@@ -23,8 +23,8 @@ from diag_dynamics.lanes import (
     spreader,
     store,
 )
+from diag_dynamics.compiled.trigonometry import LARGEST, sine_and_cosine
 from diag_dynamics.sweeps.workspace import aligned
-from diag_dynamics.trigonometry import LARGEST, sine_and_cosine
 
 _lanes_at = array_at(EIGHT, 1)
 

@@ -11,11 +11,12 @@ from diag_dynamics.srv import Diagonalize
 from std_msgs.msg import String
 
 from diag_dynamics import DiagonalDynamics, load_urdf
-from diag_dynamics.nodes.descriptions import TURN, Descriptions, working
-from diag_dynamics.nodes.monitored import MonitoredRobot
-from diag_dynamics.nodes.robot import MOST_TOLD, PARAMETERS, compile_dynamics, load_robot
-from diag_dynamics.nodes.settings import PARAMETERS as MONITOR
-from diag_dynamics.nodes.settings import Settings
+from diag_dynamics.nodes.monitor.robot import MonitoredRobot
+from diag_dynamics.nodes.support.descriptions import TURN, Descriptions, working
+from diag_dynamics.nodes.support.loading import MOST_TOLD, compile_dynamics, load_robot
+from diag_dynamics.parameters.monitor import PARAMETERS as MONITOR
+from diag_dynamics.parameters.monitor import Settings
+from diag_dynamics.parameters.robot import PARAMETERS
 from nodes import LATCHED, PANDA, Monitor, Process, Truth, description, robot
 from robots import description as urdf_of
 from robots import joint, link
@@ -69,7 +70,7 @@ def test_the_robot_in_force_goes_on(peer, large):
 
 def until_it_loads(node, path, **environment):
     """Start a node, and return its process when it says that it loads its robot."""
-    command = [sys.executable, "-m", "diag_dynamics.nodes.start", node, "--ros-args"]
+    command = [sys.executable, "-m", "diag_dynamics.nodes.support.start", node, "--ros-args"]
     for name, value in {"robot_description": path, "max_joints": 2 * LARGE}.items():
         command += ["-p", f"{name}:={value}"]
     process = Process(command, env={**os.environ, **environment})

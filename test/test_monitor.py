@@ -11,7 +11,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 import robots
-from diag_dynamics.nodes.diagnostics import steady
+from diag_dynamics.nodes.support.diagnostics import steady
 from nodes import (
     LATCHED,
     MS,

@@ -13,8 +13,8 @@ import pytest
 import diag_dynamics as dd
 import robots
 from coupling import Coupled
+from diag_dynamics.assembly.velocities import VelocityEstimator
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.inputs.velocities import VelocityEstimator
 
 PANDA = robots.robot("panda_description/urdf/panda.urdf")
 ARM = PANDA._replace(id="panda_arm", locked_joints={"panda_finger_joint1": 0.02})

@@ -7,11 +7,11 @@ import rclpy
 from rclpy.parameter import Parameter, get_parameter_value
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.controlled.settings import PARAMETERS as OF_CONTROLLER
-from diag_dynamics.nodes.diagnostics import steady
-from diag_dynamics.nodes.overrides import meant, tell_unknown
-from diag_dynamics.nodes.parameters import declare
-from diag_dynamics.nodes.settings import PARAMETERS
+from diag_dynamics.nodes.support.declaring import declare
+from diag_dynamics.nodes.support.diagnostics import steady
+from diag_dynamics.nodes.support.overrides import meant, tell_unknown
+from diag_dynamics.parameters.controller import PARAMETERS as OF_CONTROLLER
+from diag_dynamics.parameters.monitor import PARAMETERS
 
 
 @pytest.mark.parametrize(

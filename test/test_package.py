@@ -7,15 +7,16 @@ import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 import yaml
 
 import diag_dynamics as dd
-from diag_dynamics import spatial
-from diag_dynamics.nodes.launches import ARGUMENTS, LAUNCHES, arguments_of, misspelt, started
-from diag_dynamics.nodes.names import NODES
+from diag_dynamics.nodes.support.launches import ARGUMENTS, LAUNCHES, arguments_of, misspelt, started
+from diag_dynamics.nodes.support.names import NODES
+from diag_dynamics.sweeps import spatial
 
 ROOT = Path(__file__).parents[1]
 SOURCES = sorted((ROOT / "diag_dynamics").rglob("*.py"))
@@ -35,40 +36,74 @@ def imports(path):
 
 FLOORS = [
     "text",
-    "exceptions kernel",
-    "lanes",
-    "trigonometry",
-    "spatial",
+    "exceptions",
+    "entries compiled",
     "sweeps",
     "model results batch",
     "dynamics",
-    "simulation history push_history example_robots control",
-    "observer",
-    "terminal",
+    "control assembly",
+    "simulation",
+    "parameters views",
+    "nodes/support",
+    "nodes/wire",
+    "nodes/monitor nodes/controller nodes/simulator",
+    "nodes/demos",
 ]
-"""Rooms from the ground up: a module imports from its own floor or below. nodes stand on all of them."""
+"""Rooms from the ground up: a module imports from its own room or from a lower floor."""
+
+INTERFACES = {"msg", "srv"}
+"""What the ROS 2 build puts beside the rooms."""
+
+WITHOUT_ROS = {"numpy", "numba", "llvmlite", "lxml", "yourdfpy", "rich", "matplotlib"} | set(sys.stdlib_module_names)
+"""All that the library imports. Anything else is a package of ROS."""
+
+
+def room_of(parts):
+    """Room of a dotted name or path below diag_dynamics, as FLOORS has it."""
+    return "/".join(parts[:2]) if parts[0] == "nodes" and len(parts) > 1 else parts[0]
 
 
 def test_imports_point_downward():
     floor = {name: k for k, names in enumerate(FLOORS) for name in names.split()}
     for path in SOURCES:
-        room = path.relative_to(ROOT / "diag_dynamics").parts[0].removesuffix(".py")
-        if room in ("__init__", "nodes"):
+        room = room_of(path.relative_to(ROOT / "diag_dynamics").with_suffix("").parts)
+        if room in ("__init__", "nodes/__init__"):
             continue
-        assert room in floor, f"{path.name} has no floor in {__name__}.FLOORS"
+        assert room in floor, f"{path} has no floor in {__name__}.FLOORS"
         for name in imports(path):
             parts = name.split(".")
-            if parts[0] == "diag_dynamics" and len(parts) > 1:
-                assert floor[parts[1]] <= floor[room], f"{room} imports {name}"
+            if parts[0] != "diag_dynamics" or len(parts) < 2 or parts[1] in INTERFACES:
+                continue
+            other = room_of(parts[1:])
+            if other != "nodes":  # of `from diag_dynamics.nodes import support`, which names the room next
+                assert other == room or floor[other] < floor[room], f"{path} imports {name}"
 
 
 def test_ros_only_in_nodes_and_pinocchio_nowhere():
-    ros = {"rclpy", "std_msgs", "sensor_msgs", "diagnostic_msgs", "rcl_interfaces", "builtin_interfaces"}
+    """Outside of nodes/ nothing is imported but the library's own dependencies, so no package of ROS, known or not."""
     for path in SOURCES:
-        found = {name.split(".")[0] for name in imports(path)}
-        assert not found & {"pinocchio", "pin"}, path
-        if "nodes" not in path.parts:
-            assert not found & ros, path
+        found = set(imports(path))
+        assert not {name.split(".")[0] for name in found} & {"pinocchio", "pin"}, path
+        if "nodes" not in path.relative_to(ROOT / "diag_dynamics").parts:
+            others = {name.split(".")[0] for name in found} - {"diag_dynamics"}
+            assert others <= WITHOUT_ROS, path
+            assert not {name.split(".")[1] for name in found if name.count(".")} & INTERFACES, path
+
+
+def test_compiled_code_knows_what_it_is_made_of():
+    """Whatever has kernels, and all that it imports of ours, lies where a change makes compiled code stale."""
+    from diag_dynamics.compiled import kernel
+
+    package = ROOT / "diag_dynamics"
+    for path in SOURCES:
+        made_of = set(imports(path))
+        if not any(name.startswith("diag_dynamics.compiled.kernel") for name in made_of):
+            continue
+        modules = {package.parent / (name.replace(".", "/") + ".py") for name in made_of if "diag_dynamics." in name}
+        for module in {path, *modules & set(SOURCES)}:
+            assert any((package / room) in module.parents for room in kernel._ROOMS), (
+                f"{module}, of which {path} is made"
+            )
 
 
 def test_importing_the_package_is_cheap():
@@ -113,15 +148,11 @@ def test_every_field_has_a_meaning(path):
 # --- Parameters: code, configuration and README ---
 
 
-MODULES = {"monitor": "settings", "simulator": "plant.settings", "controller": "controlled.settings"}
-"""Where a node's table of parameters is."""
+NODES_WITH_PARAMETERS = ("monitor", "simulator", "controller")
 
 
 def node_parameters(node):
-    if os.environ.get("DIAG_DYNAMICS_REQUIRE_ROS") != "1":
-        pytest.importorskip("rclpy", reason="rclpy is not installed: parameters cannot be read")
-    module = __import__(f"diag_dynamics.nodes.{MODULES[node]}", fromlist=["PARAMETERS"])
-    return module.PARAMETERS
+    return import_module(f"diag_dynamics.parameters.{node}").PARAMETERS
 
 
 def flat(tree, prefix=""):
@@ -158,12 +189,12 @@ import importlib, sys
 for node in ("monitor", "simulator", "controller"):
     sys.argv = [node, "--help", "--ros-args", "-p", "rate:=1.0"]
     try:
-        importlib.import_module(f"diag_dynamics.nodes.{node}").main()
+        importlib.import_module(f"diag_dynamics.nodes.{node}.{node}").main()
     except SystemExit as end:
         assert end.code == 0
     print(chr(12))
 sys.argv = ["monitor", "my.urdf"]
-importlib.import_module("diag_dynamics.nodes.monitor").main()
+importlib.import_module("diag_dynamics.nodes.monitor.monitor").main()
 """
 
 
@@ -174,7 +205,7 @@ def test_help_helps():
     node_parameters("monitor")
     done = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True)
     assert done.returncode == 2 and "error: unrecognized arguments: my.urdf" in done.stderr
-    for node, said in zip(MODULES, done.stdout.split(chr(12)), strict=False):
+    for node, said in zip(NODES_WITH_PARAMETERS, done.stdout.split(chr(12)), strict=False):
         assert f"usage: {node} " in said
         section = readme.split(f"## The {node}\n")[1].split("\n## ")[0]
         names = re.findall(r"^\| (?:← )?`([\w./~]+)(?:<mode>)?` \|", section, re.M)

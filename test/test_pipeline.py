@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 
-from diag_dynamics.nodes.monitor import MonitorNode
-from diag_dynamics.nodes.outputs import ABOUT_STATE, BITS, MATRICES, ORDER
+from diag_dynamics.nodes.monitor.monitor import MonitorNode
+from diag_dynamics.nodes.wire.topics import ABOUT_STATE, BITS, MATRICES, ORDER
 from examples import examples
 from nodes import BELIEVING, MS, PANDA, S, joint_state, robot
 from test_encoded import same

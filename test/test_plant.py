@@ -13,15 +13,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import diag_dynamics as dd
+from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.inputs.rejected import RejectedError
-from diag_dynamics.nodes.plant.drives import BRAKE, DRIVEN, TIMED_OUT, WAITING, ZERO, Drives
-from diag_dynamics.nodes.plant.lockstep import Lockstep
-from diag_dynamics.nodes.plant.pace import MOST_BEHIND, Pace
-from diag_dynamics.nodes.plant.plant import Plant
-from diag_dynamics.nodes.plant.pushes import Pushes
-from diag_dynamics.nodes.plant.sensors import Errors, Sensors
-from diag_dynamics.nodes.plant.settings import PARAMETERS
+from diag_dynamics.parameters.simulator import PARAMETERS
+from diag_dynamics.simulation.drives import BRAKE, DRIVEN, TIMED_OUT, WAITING, ZERO, Drives
+from diag_dynamics.simulation.lockstep import Lockstep
+from diag_dynamics.simulation.pace import MOST_BEHIND, Pace
+from diag_dynamics.simulation.plant import Plant
+from diag_dynamics.simulation.pushes import Pushes
+from diag_dynamics.simulation.sensors import Errors, Sensors
 from examples import examples
 from nodes import PANDA, START, UR5, robot
 from oracles import Oracle

@@ -4,7 +4,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from diag_dynamics.push_history import Moment, PushHistory, Seen
+from diag_dynamics.views.push_history import Moment, PushHistory, Seen
 
 ONSET, END, STEP = 1.0, 2.0, 2e-3
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import diag_dynamics as dd
-from diag_dynamics.example_robots import example_urdfs, find_urdf
+from diag_dynamics.model.example_robots import example_urdfs, find_urdf
 
 ROOT = Path(__file__).parents[1]
 

@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 import robots
-from diag_dynamics.nodes.plant.pace import MOST_BEHIND
+from diag_dynamics.simulation.pace import MOST_BEHIND
 from nodes import (
     LATCHED,
     MS,

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 import diag_dynamics as dd
-from diag_dynamics.history import EnergyHistory
-from diag_dynamics.nodes.inputs.rejected import RejectedError
-from diag_dynamics.push_history import Moment, PushHistory, Seen
-from diag_dynamics.terminal import energy_panel
+from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.text import plain
+from diag_dynamics.views.energy_history import EnergyHistory
+from diag_dynamics.views.push_history import Moment, PushHistory, Seen
+from diag_dynamics.views.terminal import energy_panel
 
 FORGED = "\n[FATAL] [0.0] [safety_controller]: fire"
 HOSTILE = {

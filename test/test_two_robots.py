@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 
-from diag_dynamics.nodes.launches import LAUNCHES, arguments_of, started
+from diag_dynamics.nodes.support.launches import LAUNCHES, arguments_of, started
 from nodes import START, UR5, node_process, report_of, robot
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"

@@ -2,11 +2,11 @@
 
 import sys
 
-from diag_dynamics.nodes import runner
+from diag_dynamics.nodes.support import runner
 from graph.executors import EXECUTORS
 
 if __name__ == "__main__":
     runner.Executor = EXECUTORS[sys.argv.pop(1)]
-    from diag_dynamics.nodes.monitor import main
+    from diag_dynamics.nodes.monitor.monitor import main
 
     sys.exit(main())

@@ -7,12 +7,13 @@ import numpy as np
 from rclpy.serialization import serialize_message
 
 import diag_dynamics as dd
-from diag_dynamics.example_robots import find_urdf
-from diag_dynamics.nodes.inputs.joint_states import RobotState
-from diag_dynamics.nodes.messages import MessageMaker
-from diag_dynamics.nodes.monitored import matrix
-from diag_dynamics.nodes.outputs import MATRICES, ORDER, TOPICS
-from diag_dynamics.nodes.robot import single_joints
+from diag_dynamics.assembly.assembler import RobotState
+from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.model.joints import single_joints
+from diag_dynamics.nodes.monitor.robot import matrix
+from diag_dynamics.nodes.support.messages import MessageMaker
+from diag_dynamics.nodes.wire.topics import MATRICES, ORDER
+from diag_dynamics.parameters.monitor import RATES
 
 
 class Output(NamedTuple):
@@ -43,6 +44,6 @@ def outputs(robot):
         for topic in ORDER
     ]
     return [
-        Output(topic, type(message).__name__, TOPICS[topic][1], bytes(serialize_message(message)).hex())
+        Output(topic, type(message).__name__, RATES[topic], bytes(serialize_message(message)).hex())
         for topic, message in zip(ORDER, messages, strict=True)
     ]

@@ -4,7 +4,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.options import numbers
-from diag_dynamics.spatial import rotation_of_quaternion
+from diag_dynamics.sweeps.spatial import rotation_of_quaternion
 
 
 def base_state(model, link, position, quaternion, twist, twist_in_world=False):

@@ -4,8 +4,8 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.mimic import coupled_groups
-from diag_dynamics.spatial import ANGULAR_X, ANGULAR_Y, ANGULAR_Z, LINEAR_X, LINEAR_Y, LINEAR_Z
 from diag_dynamics.sweeps import BODY, LINK
+from diag_dynamics.sweeps.spatial import ANGULAR_X, ANGULAR_Y, ANGULAR_Z, LINEAR_X, LINEAR_Y, LINEAR_Z
 
 _LINEAR = (("v_x", LINEAR_X), ("v_y", LINEAR_Y), ("v_z", LINEAR_Z))
 _ANGULAR = (("w_x", ANGULAR_X), ("w_y", ANGULAR_Y), ("w_z", ANGULAR_Z))

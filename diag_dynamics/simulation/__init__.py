@@ -24,8 +24,8 @@ wave: something to do.
 """
 
 from diag_dynamics.simulation.audit import EnergyAudit
-from diag_dynamics.simulation.plant import Simulation
-from diag_dynamics.simulation.settings import CompliantLimits
+from diag_dynamics.simulation.resistance import CompliantLimits
+from diag_dynamics.simulation.simulation import Simulation
 from diag_dynamics.simulation.states import potential_energy, rest_position
 from diag_dynamics.simulation.tableau import EXPLICIT, IMPLICIT, STAGES, WEIGHTS
 from diag_dynamics.simulation.wave import Wave

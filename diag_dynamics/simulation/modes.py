@@ -8,7 +8,7 @@ is decided together: each held one needs a torque λ within its bounds, each rel
 import math
 
 from diag_dynamics import sweeps
-from diag_dynamics.kernel import kernel, large_kernel
+from diag_dynamics.compiled.kernel import kernel, large_kernel
 from diag_dynamics.simulation.layout import DAMPING, FREE, FRICTION, HELD, LIMIT_DAMPING, LOWER, STIFFNESS, UPPER
 
 ROUNDING = 1e-12

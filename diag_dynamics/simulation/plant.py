@@ -1,334 +1,183 @@
-"""Simulation: a robot, its state, and what acts on it."""
+"""A simulated robot with drives and sensors, which somebody may push. No ROS but for messages that others fill."""
+
+import math
 
 import numpy as np
 
-from diag_dynamics import sweeps
-from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.assembly.followers import Followers
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model import RobotModel
-from diag_dynamics.model.wrenches import wrenches_on_links
-from diag_dynamics.results import Evaluation
-from diag_dynamics.simulation import steps as compiled
-from diag_dynamics.simulation.audit import EnergyAudit
-from diag_dynamics.simulation.layout import (
-    DAMPING,
-    DAMPING_WORK,
-    EFFORT_WORK,
-    FRICTION,
-    FRICTION_WORK,
-    LIMIT_DAMPING,
-    LIMIT_WORK,
-    STIFFNESS,
-    TAKEN,
-    WORKS,
-    WRENCH_WORK,
-)
-from diag_dynamics.simulation.settings import effort_limits_of, limits_of, positive, resistance, vector
-from diag_dynamics.simulation.states import potential_energy, rest_position, with_unit_quaternions
+from diag_dynamics.model.joints import places, single_joints
+from diag_dynamics.simulation import CompliantLimits, Simulation, Wave
+from diag_dynamics.simulation.drives import Drives
+from diag_dynamics.simulation.pushes import Pushes
+from diag_dynamics.simulation.sensors import Errors, Sensors
+
+BRAKE = 2.0
+"""Torque of a brake, as a multiple of its drive's largest effort."""
+
+ENOUGH = 1e9
+"""Torque of a brake whose drive has no limit [N m, N]."""
 
 
-class Simulation:
-    """A robot, its state and the effort on its joints, advanced in fixed steps.
+class Measured:
+    """What is known of the robot, and its stamp: vectors of all joints, followers last, and a floating base's q and q̇."""
 
-    Every model that :class:`DiagonalDynamics` takes can move: floating bases, planar and floating joints, coupled mimic
-    joints, payloads, locked joints. The same inputs give the same bits.
+    __slots__ = ("base", "effort", "position", "stamp", "velocity")
+
+    def __init__(self, stamp, values, base):
+        self.stamp, self.base = stamp, base
+        self.position, self.velocity, self.effort = values
+
+
+class Plant:
+    """See the module.
 
     Parameters
     ----------
     model : RobotModel
-    q : array_like, shape (nq,), optional
-        Initial positions [rad, m]; by default at zero or, where that is outside the limits, in the middle of them.
-    qd : array_like, shape (nv,), optional
-        Initial rates [rad/s, m/s], of a floating base the twist in its own axes; by default at rest.
-    step : float
-        Step size h [s].
-    damping : array_like, shape (nv,), optional
-        Joint damping d [N m s/rad, N s/m], by default that of the URDF.
-    limits : bool or CompliantLimits
-        Whether position limits are hard stops without rebound, or springs with dampers.
-    order : {4, 1}
-        Order of the error in the step: 4, or 1 for steps at a tenth of the cost.
-    friction : array_like, shape (nv,), optional
-        Coulomb friction f [N m, N], by default that of the URDF.
-    effort_limits : bool or array_like, shape (nv,)
-        Largest efforts [N m, N], to which commands are cut: those of the URDF, where 0 stands for none; none; or given ones.
+    values : dict
+        Values of simulator.PARAMETERS.
+
+    Attributes
+    ----------
+    simulation : Simulation
+    drives : Drives
+    sensors : Sensors
+    pushes : Pushes
+    names : tuple of str
+        All joints, followers last.
+    time : float
+        Simulated time, which goes on when the robot is put into another state [s].
 
     Raises
     ------
     InputError
-        A value is out of range.
+        The values do not fit the robot.
     """
 
-    def __init__(
-        self,
-        model,
-        q=None,
-        qd=None,
-        step=1e-3,
-        damping=None,
-        limits=True,
-        order=4,
-        friction=None,
-        effort_limits=True,
-    ):
-        self._use(model)
-        self.step_size = positive("step", step)
-        if order not in (1, 4):
-            raise InputError(f"order is {order!r}, expected 4 or 1.")
-        self._order = int(order)
-        self._joints = np.zeros((4, model.nv))
-        self.damping = model.damping if damping is None else damping
-        self.friction = model.friction if friction is None else friction
-        self._bounds, self._joints[STIFFNESS], self._joints[LIMIT_DAMPING] = limits_of(limits, model)
-        self._may_lean = np.isfinite(self._joints[STIFFNESS]).any()
-        self.effort_limits = effort_limits
-        self._rows = np.zeros((sweeps.ROWS, model.nq))
-        self._memory, self._places = np.zeros((compiled.ROWS, model.nv)), np.zeros((compiled.PLACES, model.nq))
-        self._no_effort, self._no_wrenches = np.zeros(model.nv), np.zeros(0, sweeps.WRENCH)
-        self._works = np.zeros((3, WORKS))
-        self.reset(rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
-
-    def _use(self, model):
-        """Take a model, its bodies as a copy in which joints can be held."""
-        self.dynamics = DiagonalDynamics(model)
-        self.model = model
-        self._workspace = sweeps.Workspace(model.bodies.copy(), model.gravity)
-        self._armature = model.bodies["armature"].copy()
-        self._flat = bool((model.bodies["dofs"][1:] == 1).all())
-        # The limits' stiffness is that of degrees of freedom, their bounds those of coordinates.
-        single = (model.bodies["dofs"] == 1) & (model.bodies["owner"] == np.arange(len(model.bodies)))
-        self._limited, self._coordinate = model.bodies["dof"][single], model.bodies["q"][single]
-
-    def reset(self, q, qd):
-        """Put the robot into a state, at time 0; the audit begins anew.
-
-        Parameters
-        ----------
-        q : array_like, shape (nq,)
-            Positions [rad, m]; orientations are brought to unit length.
-        qd : array_like, shape (nv,)
-            Rates [rad/s, m/s].
-
-        Raises
-        ------
-        InputError
-            Wrong shape, not finite, or no orientation; the state is then as it was.
-        """
-        self._nu = self.dynamics.nu_from_qd(q, qd)
-        self._q = np.array(q, dtype=float) if self._flat else with_unit_quaternions(self.model, q)
-        self._qd = np.array(qd, dtype=float)
-        self._effort = self._wanted = self._no_effort
-        self._works[:] = 0.0
-        self._exchanged = 0.0
-        self._start, self._start_energies = (self._q.copy(), self._nu.copy()), None
-
-    def change_model(self, model):
-        """Go on with another model of the same degrees of freedom: another payload, gravity or armature.
-
-        q and q̇ stay, so kinetic and potential energy jump as mass comes with the robot's own speed and height; the audit
-        has the difference as `exchanged`. Damping, friction and limits in force stay, too.
-
-        Parameters
-        ----------
-        model : RobotModel
-            As of :meth:`RobotModel.with_payload`.
-
-        Raises
-        ------
-        InputError
-            Its degrees of freedom or coordinates are others.
-        SingularMassMatrixError
-            Its mass matrix is singular here; the model is then as it was.
-        """
-        if not isinstance(model, RobotModel):
-            raise InputError(f"change_model needs a RobotModel, not {type(model).__name__}.")
-        if (model.dof_names, model.coordinate_names) != (self.model.dof_names, self.model.coordinate_names):
-            raise InputError(
-                f"change_model: robot '{model.name}' has the degrees of freedom {', '.join(model.dof_names)}, "
-                f"expected those of '{self.model.name}', {', '.join(self.model.dof_names)}."
-            )
-        nu = DiagonalDynamics(model).nu_from_qd(self._q, self._qd)
-        self._start_energies = self._energies_at_start()
-        before = self._energies(self._q, self._nu).sum()
-        self._use(model)
-        self._nu = nu
-        self._exchanged += float(self._energies(self._q, self._nu).sum() - before)
+    def __init__(self, model, values):
+        _refuse_together(model, values)
+        period = 1.0 / values["rate"]
+        step = period / math.ceil(period / values["step"] - 1e-9)  # a period is so many of them
+        compliant = CompliantLimits(values["limit_stiffness"], values["limit_damping"])
+        limits = {"hard": True, "compliant": compliant, "none": False}[values["limits"]]
+        self.simulation = Simulation(model, step=step, limits=limits, order=values["order"])
+        joints = single_joints(model)
+        self._followers = Followers(joints, model.mimics)
+        self.names = (*joints, *self._followers.names)
+        self._driven = np.array(places(joints, model.dof_names), dtype=int)
+        self.drives = Drives(joints, values["command_joints"], values["command_timeout"], values["without_command"])
+        noise, resolution = tuple(values["sensor_noise"]), tuple(values["sensor_resolution"])
+        errors = Errors(noise, resolution, values["sensor_delay"], values["sensor_dropped"], values["seed"])
+        self.sensors = Sensors(errors)
+        self.pushes = Pushes(model.link_names, values["wrench_timeout"])
+        self._hard = values["limits"] == "hard"
+        self._axes, self._carries = values["wrench_axes"], values["compensates_gravity"]
+        self._wave = Wave(self.simulation) if values["motion"] == "wave" else None
+        self._friction, self._braked = self.simulation.friction, False
+        limit = np.where(model.effort_limit > 0.0, model.effort_limit, np.inf)[self._driven]
+        self._brakes = self._friction.copy()
+        self._brakes[self._driven] += np.where(np.isfinite(limit), BRAKE * limit, ENOUGH)
+        self._start = self.simulation.q, self.simulation.qd
+        self._before = 0.0
+        self.advance(0)
 
     @property
     def time(self):
-        """Simulated time since the last reset [s]: a whole number of steps."""
-        return float(self._works[0, TAKEN]) * self.step_size
+        """Simulated time [s]."""
+        return self._before + self.simulation.time
 
-    @property
-    def damping(self):
-        """Joint damping in force [N m s/rad, N s/m], shape (nv,); a copy."""
-        return self._joints[DAMPING].copy()
+    def advance(self, steps):
+        """Take some steps together: none of them times a command out that was in force when the first one began.
 
-    @damping.setter
-    def damping(self, value):
-        self._joints[DAMPING] = resistance("damping", value, self.model.nv)
-
-    @property
-    def friction(self):
-        """Coulomb friction in force [N m, N], shape (nv,); a copy."""
-        return self._joints[FRICTION].copy()
-
-    @friction.setter
-    def friction(self, value):
-        self._joints[FRICTION] = resistance("friction", value, self.model.nv)
-
-    @property
-    def effort_limits(self):
-        """Largest efforts in force [N m, N], shape (nv,); a copy. True sets those of the URDF, False none."""
-        return self._effort_limits.copy()
-
-    @effort_limits.setter
-    def effort_limits(self, value):
-        self._effort_limits = effort_limits_of(value, self.model)
-
-    @property
-    def q(self):
-        """Positions [rad, m], shape (nq,); a copy."""
-        return self._q.copy()
-
-    @property
-    def nu(self):
-        """Total joint rates [J^½], shape (nv,); a copy."""
-        return self._nu.copy()
-
-    @property
-    def qd(self):
-        """Joint rates q̇ = ℓᵀν [rad/s, m/s], shape (nv,); a copy. Exactly zero where a joint sticks or rests at a stop."""
-        return self._qd.copy()
-
-    @property
-    def effort(self):
-        """Joint efforts that acted in the last steps [N m, N], shape (nv,), after saturation; a copy."""
-        return self._effort.copy()
-
-    @property
-    def saturated(self):
-        """Names of the degrees of freedom whose effort was cut in the last steps."""
-        return self._named(self._effort != self._wanted)
-
-    @property
-    def overspeed(self):
-        """Names of the degrees of freedom that are faster than the URDF's velocity limit, where it has one above 0."""
-        limit = self.model.velocity_limit
-        return self._named((limit > 0.0) & (np.abs(self._qd) > limit))
-
-    @property
-    def at_limit(self):
-        """Names of the joints at or beyond a position limit."""
-        at, (lower, upper) = np.zeros(self.model.nv, bool), self._bounds[:, self._coordinate]
-        q = self._q[self._coordinate]
-        at[self._limited] = (q <= lower) | (q >= upper)
-        return self._named(at)
-
-    def _named(self, chosen):
-        return tuple(self.model.dof_names[k] for k in np.flatnonzero(chosen))
-
-    def advance(self, tau=None, steps=1, f_ext=None, frame="link"):
-        """Take `steps` steps with joint efforts and wrenches held, in one call of compiled code.
-
-        Parameters
-        ----------
-        tau : array_like, shape (nv,), optional
-            Joint efforts [N m, N], cut to the effort limits; zero by default.
-        steps : int
-            How many.
-        f_ext : dict, optional
-            External wrenches by link name: force [N], then moment [N m], at the link's origin.
-        frame : {"link", "world"}
-            Axes in which they are held, while the link turns.
+        What has come while the simulation was late waits behind the steps that catch up.
 
         Raises
         ------
-        InputError
-            `tau` has the wrong shape or is not finite, a wrench is wrong, or the motion has left what numbers can hold.
-        SingularMassMatrixError
-            The robot has arrived where its mass matrix is singular. Either way the state is the last good one.
+        DiagDynamicsError
+            As of :meth:`Simulation.advance`.
         """
-        model = self.model
-        wanted = self._no_effort if tau is None else vector("tau", tau, model.nv)
-        if not (isinstance(steps, (int, np.integer)) and 0 <= steps < 2**63):
-            raise InputError(f"steps is {steps!r}, expected a whole number >= 0 and below 2**63.")
-        wrenches = self._no_wrenches
-        if f_ext is not None or frame != "link":
-            wrenches = wrenches_on_links(model, {} if f_ext is None else f_ext, frame)
-        effort = np.minimum(np.maximum(wanted, -self._effort_limits), self._effort_limits)
-        status = compiled.advance(
-            self._workspace.robot,
-            self._order,
-            self._flat,
-            self._armature,
-            self._joints,
-            self._bounds,
-            self.step_size,
-            steps,
-            effort,
-            wrenches,
-            frame == "world",
-            self._q,
-            self._qd,
-            self._nu,
-            self._works,
-            self._memory,
-            self._places,
-            self._rows,
+        simulation, begin = self.simulation, self.time
+        if not steps:
+            simulation.advance(self._effort(begin), steps=0)
+        for _ in range(steps):
+            effort, wrenches = self._effort(begin), self.pushes.at(self.time)
+            simulation.advance(effort, f_ext=wrenches or None, frame=self._axes if wrenches else "link")
+
+    def _effort(self, begin):
+        """Efforts on all degrees of freedom, by the drives as they were at `begin` [s], and brakes as these want them."""
+        simulation = self.simulation
+        if self._wave:
+            return self._wave.effort()
+        effort = np.zeros(simulation.model.nv)
+        effort[self._driven] = self.drives.effort(begin)
+        if self.drives.braked != self._braked:
+            self._braked = self.drives.braked
+            simulation.friction = self._brakes if self._braked else self._friction
+        if self._carries and not self._braked:
+            effort[self._driven] += simulation.dynamics.gravity_torque(simulation.q)[self._driven]
+        return effort
+
+    def measure(self, stamp=None):
+        """Have the sensors look at the state as it is now; `stamp` comes out with what they measure."""
+        simulation, followers = self.simulation, self._followers
+        model, q, qd = simulation.model, simulation.q, simulation.qd
+        own, rate, effort = q[len(q) - len(self._driven) :], qd[self._driven], simulation.effort[self._driven]
+        position = np.append(own, followers.positions(own))
+        velocity = np.append(rate, followers.velocities(rate))
+        effort = np.append(effort, np.zeros(len(followers.names)))  # on followers none acts of their own
+        base = (q[:7], qd[:6]) if model.floating_base else None
+        self.sensors.measure(self.time, position, velocity, effort, (stamp, base))
+
+    def known(self):
+        """All :class:`Measured` that have become known since this was asked last."""
+        return [Measured(stamp, values, base) for _, values, (stamp, base) in self.sensors.known(self.time)]
+
+    def put(self, q, qd):
+        """Put the robot into a state; time and command stay, what sensors have under way does not.
+
+        Raises
+        ------
+        DiagDynamicsError
+            As of :meth:`Simulation.reset`; or a joint would be beyond a hard limit, or the robot cannot be evaluated there.
+            Nothing has changed then.
+        """
+        simulation, before = self.simulation, self.time
+        model = simulation.model
+        outside = np.flatnonzero((np.asarray(q) < model.lower) | (np.asarray(q) > model.upper)) if self._hard else ()
+        if len(outside):
+            k = int(outside[0])
+            raise InputError(
+                f"position of '{model.coordinate_names[k]}' is {q[k]:.9g}, expected within its hard limits "
+                f"{model.lower[k]:g} … {model.upper[k]:g}."
+            )
+        if not np.isfinite(simulation.dynamics.evaluate(q, qd).kinetic_energy):
+            raise InputError("the kinetic energy is not finite.")
+        simulation.reset(q, qd)
+        self._before = before
+        self.sensors.forget()
+
+    def reset(self):
+        """Put the robot where it began, without a command or a wrench, and let the sensors err as they did then."""
+        self.put(*self._start)
+        self.drives.forget()
+        self.pushes.forget()
+        self.sensors.restart()
+
+
+def _refuse_together(model, values):
+    """Raise InputError where values do not go together, or are out of a range that their type cannot tell."""
+    if values["seed"] < 0:
+        raise InputError(f"parameter 'seed' is {values['seed']}, expected no less than 0.")
+    if 0.0 < values["real_time_factor"] < 1e-3:
+        raise InputError(
+            f"parameter 'real_time_factor' is {values['real_time_factor']:g}, expected 0 or at least 0.001."
         )
-        self._effort, self._wanted = effort, wanted
-        if status:
-            self.dynamics._workspace.work["D"][:] = self._workspace.work["D"]
-            self.dynamics._positions(self._q)
-            self.dynamics._fail(status, nu=self._nu)
-
-    def evaluate(self, tau=None, f_ext=None, *, frame="link") -> Evaluation:
-        """Everything of the diagonalized equations at the present state, as :meth:`DiagonalDynamics.evaluate`."""
-        return self.dynamics.evaluate(self.q, self.qd, tau, f_ext, frame=frame)
-
-    @property
-    def kinetic_energy(self):
-        """K = ½νᵀν [J]."""
-        return 0.5 * float(self._nu @ self._nu)
-
-    @property
-    def potential_energy(self):
-        """Energy in the field of gravity [J], zero where the centre of mass is level with the world's origin."""
-        return potential_energy(self.model, self._q)
-
-    @property
-    def elastic_energy(self):
-        """Energy that compliant limits store [J]."""
-        return self._elastic_energy(self._q)
-
-    def _elastic_energy(self, q):
-        if not self._may_lean:
-            return 0.0
-        q, (lower, upper) = q[self._coordinate], self._bounds[:, self._coordinate]
-        depth, stiffness = np.maximum(np.maximum(q - upper, lower - q), 0.0), self._joints[STIFFNESS, self._limited]
-        leaning = np.isfinite(stiffness) & (depth > 0.0)
-        return 0.5 * float(stiffness[leaning] @ depth[leaning] ** 2)
-
-    def _energies(self, q, nu):
-        return np.array([0.5 * nu @ nu, potential_energy(self.model, q), self._elastic_energy(q)])
-
-    def _energies_at_start(self):
-        """Those of the state that it was reset to: only when they are asked for, as resetting should cost nothing."""
-        if self._start_energies is None:
-            self._start_energies = self._energies(*self._start)
-        return self._start_energies
-
-    @property
-    def audit(self):
-        """Work and change of energy since the last :meth:`reset`, an :class:`EnergyAudit`."""
-        work = self._works[0].tolist()
-        return EnergyAudit(
-            work[EFFORT_WORK],
-            work[WRENCH_WORK],
-            work[DAMPING_WORK],
-            work[FRICTION_WORK],
-            work[LIMIT_WORK],
-            self._exchanged,
-            *(self._energies(self._q, self._nu) - self._energies_at_start()).tolist(),
-        )
+    if values["order"] == 1 and model.floating_base:
+        raise InputError("parameter 'order' is 1, at which a free robot gains energy as it tumbles, expected 4.")
+    for name, idle in (("motion", "free"), ("sensor_delay", 0.0), ("sensor_dropped", 0.0)):
+        if values["lockstep"] and values[name] != idle:
+            raise InputError(
+                f"parameter 'lockstep' is true, for which there must be a command for every joint state, but '{name}' is "
+                f"{values[name]!r}, expected {idle!r}."
+            )

@@ -3,7 +3,7 @@
 import math
 
 from diag_dynamics import sweeps
-from diag_dynamics.kernel import kernel, large_kernel
+from diag_dynamics.compiled.kernel import kernel, large_kernel
 from diag_dynamics.simulation.layout import (
     DAMPING,
     DAMPING_WORK,

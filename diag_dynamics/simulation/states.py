@@ -3,7 +3,7 @@
 import numpy as np
 
 from diag_dynamics import sweeps
-from diag_dynamics.simulation.settings import vector
+from diag_dynamics.simulation.resistance import vector
 
 
 def rest_position(model):

@@ -3,7 +3,7 @@
 import math
 
 from diag_dynamics import sweeps
-from diag_dynamics.kernel import COUNT, FLAG, MATRIX, NUMBER, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.compiled.kernel import COUNT, FLAG, MATRIX, NUMBER, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
 from diag_dynamics.simulation.layout import (
     FREE,
     FRICTION,

@@ -23,6 +23,7 @@ of freedom that belong together. state, factorization, factors, classical, deriv
 of state, over many states. motions: positions that move along a twist, and joints that are held.
 """
 
+from diag_dynamics.sweeps.bodies import BODY, LINK, WORK, WRENCH, WRENCHES, links_at
 from diag_dynamics.sweeps.classical import (
     accelerations_with_added_inertia,
     effort_of_wrenches,
@@ -39,6 +40,14 @@ from diag_dynamics.sweeps.derivatives import (
     mass_matrix_rate,
     mass_matrix_rate_times,
 )
+from diag_dynamics.sweeps.evaluation import (
+    energies_of_links,
+    energy_and_power,
+    energy_and_power_within,
+    evaluate,
+    evaluate_within,
+    link_energies,
+)
 from diag_dynamics.sweeps.factorization import (
     epsilon_from_tau,
     factor_of_wrenches,
@@ -50,19 +59,10 @@ from diag_dynamics.sweeps.factorization import (
 )
 from diag_dynamics.sweeps.factors import factors
 from diag_dynamics.sweeps.groups import owns
+from diag_dynamics.sweeps.joints import FLOATING, PLANAR, SINGULAR, UNIT_TOLERANCE
 from diag_dynamics.sweeps.kinematics import placement
 from diag_dynamics.sweeps.many import evaluate_many
 from diag_dynamics.sweeps.motions import chart_rates, displace, hold
-from diag_dynamics.sweeps.records import BODY, LINK, WORK, WRENCH, WRENCHES, links_at
-from diag_dynamics.sweeps.state import (
-    energies_of_links,
-    energy_and_power,
-    energy_and_power_within,
-    evaluate,
-    evaluate_within,
-    link_energies,
-)
-from diag_dynamics.sweeps.steps import FLOATING, PLANAR, SINGULAR, UNIT_TOLERANCE
 from diag_dynamics.sweeps.workspace import (
     ARTICULATED_INERTIA,
     ARTICULATED_INERTIA_RATE,

@@ -1,7 +1,51 @@
 """The classical form: M(q) q̈ + c(q, q̇) + g(q) = τ + Jᵀf, its forward and inverse dynamics."""
 
-from diag_dynamics.kernel import FLAG, MATRIX, NUMBER, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
-from diag_dynamics.spatial import (
+from diag_dynamics.compiled.kernel import FLAG, MATRIX, NUMBER, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.sweeps.bodies import (
+    WRENCHES,
+    add_to_force,
+    force_of,
+    inertia_of,
+    matrix_of,
+    motion_of,
+    placement_of,
+    set_force,
+    set_matrix,
+    set_motion,
+    set_vector,
+    vector_of,
+)
+from diag_dynamics.sweeps.groups import (
+    compose,
+    eliminate,
+    filter_moments,
+    gather_bias,
+    induced_rate,
+    is_grouped,
+    owns,
+)
+from diag_dynamics.sweeps.inertias import hand_on
+from diag_dynamics.sweeps.joints import (
+    accelerate_world,
+    are_finite,
+    are_positions,
+    is_singular,
+    joint_inertia,
+    magnitude_along,
+    momentum,
+    motion_outboard,
+    move,
+    own_motion,
+    pass_size,
+    place,
+    place_all,
+    rest_at_world,
+    start,
+    start_inertia,
+    turn,
+    zeta,
+)
+from diag_dynamics.sweeps.spatial import (
     ANGULAR_Z,
     LINEAR_Z,
     Force,
@@ -21,50 +65,6 @@ from diag_dynamics.spatial import (
     product,
     scale,
     scale_force,
-)
-from diag_dynamics.sweeps.groups import (
-    compose,
-    eliminate,
-    filter_moments,
-    gather_bias,
-    induced_rate,
-    is_grouped,
-    owns,
-)
-from diag_dynamics.sweeps.inertias import hand_on
-from diag_dynamics.sweeps.records import (
-    WRENCHES,
-    add_to_force,
-    force_of,
-    inertia_of,
-    matrix_of,
-    motion_of,
-    placement_of,
-    set_force,
-    set_matrix,
-    set_motion,
-    set_vector,
-    vector_of,
-)
-from diag_dynamics.sweeps.steps import (
-    accelerate_world,
-    are_finite,
-    are_positions,
-    is_singular,
-    joint_inertia,
-    magnitude_along,
-    momentum,
-    motion_outboard,
-    move,
-    own_motion,
-    pass_size,
-    place,
-    place_all,
-    rest_at_world,
-    start,
-    start_inertia,
-    turn,
-    zeta,
 )
 from diag_dynamics.sweeps.workspace import MISFIT, copy, fit, opened
 

@@ -2,18 +2,8 @@
 
 import math
 
-from diag_dynamics.kernel import MATRIX, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
-from diag_dynamics.spatial import (
-    ZERO,
-    Motion,
-    add_force,
-    add_motion,
-    along,
-    cross_force,
-    cross_motion,
-    power,
-    scale_force,
-)
+from diag_dynamics.compiled.kernel import MATRIX, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.sweeps.bodies import add_to_force, force_of, motion_of, set_force, set_motion
 from diag_dynamics.sweeps.groups import (
     compose,
     compose_rates,
@@ -26,8 +16,7 @@ from diag_dynamics.sweeps.groups import (
     owns,
     rate_inboard,
 )
-from diag_dynamics.sweeps.records import add_to_force, force_of, motion_of, set_force, set_motion
-from diag_dynamics.sweeps.steps import (
+from diag_dynamics.sweeps.joints import (
     are_finite,
     are_positions,
     force_inboard,
@@ -38,6 +27,17 @@ from diag_dynamics.sweeps.steps import (
     own_motion,
     rest_at_world,
     start,
+)
+from diag_dynamics.sweeps.spatial import (
+    ZERO,
+    Motion,
+    add_force,
+    add_motion,
+    along,
+    cross_force,
+    cross_motion,
+    power,
+    scale_force,
 )
 from diag_dynamics.sweeps.workspace import opened
 

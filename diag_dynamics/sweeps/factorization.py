@@ -2,18 +2,16 @@
 
 import math
 
-from diag_dynamics.kernel import FLAG, MATRIX, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
-from diag_dynamics.spatial import (
-    Force,
-    add,
-    add_force,
-    along,
-    apply_transposed,
-    cross,
-    force_to_parent,
-    motion_to_child,
-    power,
-    scale_force,
+from diag_dynamics.compiled.kernel import FLAG, MATRIX, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.sweeps.bodies import (
+    WRENCHES,
+    add_to_force,
+    force_of,
+    inertia_of,
+    motion_of,
+    placement_of,
+    set_force,
+    vector_of,
 )
 from diag_dynamics.sweeps.groups import (
     carried_motion,
@@ -28,17 +26,7 @@ from diag_dynamics.sweeps.groups import (
     working_moments_of_wrench,
 )
 from diag_dynamics.sweeps.inertias import hand_on
-from diag_dynamics.sweeps.records import (
-    WRENCHES,
-    add_to_force,
-    force_of,
-    inertia_of,
-    motion_of,
-    placement_of,
-    set_force,
-    vector_of,
-)
-from diag_dynamics.sweeps.steps import (
+from diag_dynamics.sweeps.joints import (
     are_finite,
     are_positions,
     is_singular,
@@ -51,6 +39,18 @@ from diag_dynamics.sweeps.steps import (
     rest_at_world,
     start,
     start_inertia,
+)
+from diag_dynamics.sweeps.spatial import (
+    Force,
+    add,
+    add_force,
+    along,
+    apply_transposed,
+    cross,
+    force_to_parent,
+    motion_to_child,
+    power,
+    scale_force,
 )
 from diag_dynamics.sweeps.workspace import MISFIT, copy, fit, opened
 

@@ -2,13 +2,13 @@
 
 import math
 
-from diag_dynamics.kernel import ROBOT, STATES, VECTOR, entry_kernel, kernel, large_kernel
-from diag_dynamics.lanes import EIGHT, WIDTH, from_lane, lanes_at, set_lanes, set_lanes_from, spreader
-from diag_dynamics.spatial import Force, add_force, force_to_parent, scale_force, subtract_force
+from diag_dynamics.compiled.kernel import ROBOT, STATES, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.compiled.lanes import EIGHT, WIDTH, from_lane, lanes_at, set_lanes, set_lanes_from, spreader
+from diag_dynamics.sweeps.bodies import force_of, placement_of
 from diag_dynamics.sweeps.factorization import take_out, take_out_group
 from diag_dynamics.sweeps.groups import is_grouped, owns
-from diag_dynamics.sweeps.records import force_of, placement_of
-from diag_dynamics.sweeps.steps import are_positions, start
+from diag_dynamics.sweeps.joints import are_positions, start
+from diag_dynamics.sweeps.spatial import Force, add_force, force_to_parent, scale_force, subtract_force
 from diag_dynamics.sweeps.workspace import MISFIT, fit_positions, opened, opened_columns
 
 _eight = spreader(EIGHT)

@@ -22,8 +22,27 @@ to body never forms.
 F and G of a degree of freedom, Ḟ, D and the size D is judged by are in the workspace of the body that owns it.
 """
 
-from diag_dynamics.kernel import kernel, large_kernel
-from diag_dynamics.spatial import (
+from diag_dynamics.compiled.kernel import kernel, large_kernel
+from diag_dynamics.sweeps.bodies import (
+    add_to_force,
+    add_to_inertia,
+    force_of,
+    inertia_of,
+    motion_of,
+    placement_of,
+    set_force,
+    set_inertia,
+    set_motion,
+)
+from diag_dynamics.sweeps.joints import (
+    force_inboard,
+    is_singular,
+    joint_motion,
+    magnitude_along,
+    motion_outboard,
+    pass_inertia,
+)
+from diag_dynamics.sweeps.spatial import (
     ZERO,
     Force,
     add_force,
@@ -44,25 +63,6 @@ from diag_dynamics.spatial import (
     scale_force,
     subtract_force,
     transport,
-)
-from diag_dynamics.sweeps.records import (
-    add_to_force,
-    add_to_inertia,
-    force_of,
-    inertia_of,
-    motion_of,
-    placement_of,
-    set_force,
-    set_inertia,
-    set_motion,
-)
-from diag_dynamics.sweeps.steps import (
-    force_inboard,
-    is_singular,
-    joint_motion,
-    magnitude_along,
-    motion_outboard,
-    pass_inertia,
 )
 
 NOTHING = Force(ZERO, ZERO)

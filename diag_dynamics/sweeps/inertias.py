@@ -11,9 +11,10 @@ them one inertia after the other, and give the same bits.
 from numba.core import types
 from numba.extending import overload
 
-from diag_dynamics.kernel import INLINED, kernel
-from diag_dynamics.lanes import EIGHT, FOUR, chooser, loader, mover, spreader, store
-from diag_dynamics.spatial import (
+from diag_dynamics.compiled.kernel import INLINED, kernel
+from diag_dynamics.compiled.lanes import EIGHT, FOUR, chooser, loader, mover, spreader, store
+from diag_dynamics.sweeps.bodies import add_to_inertia, inertia_of, set_inertia, symmetric_of, vector_of
+from diag_dynamics.sweeps.spatial import (
     ANGULAR_Z,
     NOTHING,
     Inertia,
@@ -31,7 +32,6 @@ from diag_dynamics.spatial import (
     transpose,
     turn_columns,
 )
-from diag_dynamics.sweeps.records import add_to_inertia, inertia_of, set_inertia, symmetric_of, vector_of
 
 # --- Stacks -------------------------------------------------------------------------------------------------
 

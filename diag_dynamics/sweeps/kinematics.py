@@ -1,9 +1,9 @@
 """Where the links are."""
 
-from diag_dynamics.kernel import COUNT, MATRIX, ROBOT, VECTOR, entry_kernel
-from diag_dynamics.spatial import ZERO, add, apply
-from diag_dynamics.sweeps.records import placement_of, set_vector
-from diag_dynamics.sweeps.steps import are_positions, orientation, place_all
+from diag_dynamics.compiled.kernel import COUNT, MATRIX, ROBOT, VECTOR, entry_kernel
+from diag_dynamics.sweeps.bodies import placement_of, set_vector
+from diag_dynamics.sweeps.joints import are_positions, orientation, place_all
+from diag_dynamics.sweeps.spatial import ZERO, add, apply
 from diag_dynamics.sweeps.workspace import MISFIT, fit_positions, opened
 
 

@@ -1,9 +1,9 @@
 """Many states at once: as many as there are lanes side by side, in the same sweep as a single one."""
 
-from diag_dynamics.kernel import MATRIX, ROBOT, STATES, entry_kernel, kernel
-from diag_dynamics.lanes import WIDTH
-from diag_dynamics.sweeps.state import sweep
-from diag_dynamics.sweeps.steps import are_finite, are_positions
+from diag_dynamics.compiled.kernel import MATRIX, ROBOT, STATES, entry_kernel, kernel
+from diag_dynamics.compiled.lanes import WIDTH
+from diag_dynamics.sweeps.evaluation import sweep
+from diag_dynamics.sweeps.joints import are_finite, are_positions
 from diag_dynamics.sweeps.workspace import POSITIONS, RATES, RESULTS, copy, opened, opened_wide
 
 

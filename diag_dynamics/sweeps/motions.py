@@ -6,8 +6,10 @@ each: q = q₀ exp(u) in the axes of the moving body. Of a joint of one degree o
 
 import math
 
-from diag_dynamics.kernel import kernel, large_kernel
-from diag_dynamics.spatial import (
+from diag_dynamics.compiled.kernel import kernel, large_kernel
+from diag_dynamics.sweeps.groups import owns
+from diag_dynamics.sweeps.joints import FLOATING
+from diag_dynamics.sweeps.spatial import (
     Motion,
     add,
     apply,
@@ -18,8 +20,6 @@ from diag_dynamics.spatial import (
     rotation_quaternion,
     screw_translation,
 )
-from diag_dynamics.sweeps.groups import owns
-from diag_dynamics.sweeps.steps import FLOATING
 
 HELD = 1e150
 """Rotor inertia of a joint that is held [kg m², kg]: nothing moves it, and its square is a number still."""

@@ -5,9 +5,9 @@ from collections import namedtuple
 import numba
 import numpy as np
 
-from diag_dynamics.kernel import kernel
-from diag_dynamics.lanes import EIGHT, WIDTH, array_at, record_of_lanes
-from diag_dynamics.sweeps.records import BODY, WORK
+from diag_dynamics.compiled.kernel import kernel
+from diag_dynamics.compiled.lanes import EIGHT, WIDTH, array_at, record_of_lanes
+from diag_dynamics.sweeps.bodies import BODY, WORK
 
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
 """Rows of what state.evaluate fills."""

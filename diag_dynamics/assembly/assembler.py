@@ -1,0 +1,433 @@
+"""Assembling the state of a whole robot from JointState messages that each bring some of its joints."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.assembly.bounds import Bounds
+from diag_dynamics.assembly.efforts import Efforts
+from diag_dynamics.assembly.followers import Followers
+from diag_dynamics.assembly.gaps import Gaps
+from diag_dynamics.assembly.jumps import Jumps
+from diag_dynamics.assembly.rejected import RejectedError
+from diag_dynamics.assembly.stamps import SECOND, Stamps, nanoseconds, stamp_of
+from diag_dynamics.assembly.velocities import VelocityEstimator
+from diag_dynamics.entries import by_name
+from diag_dynamics.model.joints import places, single_joints
+
+_NONE = MappingProxyType({})
+
+
+class Joints(NamedTuple):
+    """The joints of a robot whose states are needed, and those that follow them.
+
+    `mimics` holds a :class:`Mimic` by name of the follower, `continuous` the joints whose position is an angle that turns
+    round; `lower` and `upper` are position limits [rad, m], `velocity` and `effort` those of velocity [rad/s, m/s] and effort
+    [N m, N], None for none.
+    """
+
+    names: tuple
+    mimics: Mapping = _NONE
+    continuous: frozenset = frozenset()
+    lower: np.ndarray | None = None
+    upper: np.ndarray | None = None
+    velocity: np.ndarray | None = None
+    effort: np.ndarray | None = None
+
+
+class Options(NamedTuple):
+    """How messages are judged; see the monitor's parameters. Mappings are by joint, ``*`` for all others."""
+
+    timeout: float = 0.5
+    timeouts: Mapping = _NONE
+    mimic_tolerance: float = 0.0
+    max_age: float = 0.0
+    refuse_foreign: bool = False
+    estimate_velocity: bool = False
+    velocity_filter_time: float = 0.01
+    effort_available: Mapping = _NONE
+    effort_scale: Mapping = _NONE
+    effort_includes_gravity: Mapping = _NONE
+    max_position: float = 0.0
+    max_velocity: float = 0.0
+    max_effort: float = 0.0
+    beyond_limits: float = 0.0
+    beyond_velocity: float = 0.0
+    beyond_effort: float = 0.0
+    jump: float = 0.0
+
+
+class RobotState(NamedTuple):
+    """A whole state; times are in nanoseconds."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray | None
+    newest: int
+    oldest: int
+    stamp_is_receive_time: bool
+    velocity_estimated: bool = False
+
+
+class JointStateAssembler:
+    """Keeps the newest values of every joint and hands out a state once all of them are known and fresh.
+
+    Joints that follow one of these may be listed, too. Their efforts are reflected to their leaders; one that is missing,
+    NaN or stale counts as zero. Their positions are compared with those that their leaders give them, and disagreement is
+    counted, but keeps no state back. A state's stamps are those of the joints that are needed. Joints that are neither are
+    ignored.
+
+    Parameters
+    ----------
+    joints : Joints
+    options : Options
+
+    Attributes
+    ----------
+    counts : Counter
+        What has happened to messages that made no state and were not rejected, and what else is worth counting.
+    last_disagreement : str
+        Which followers were astray.
+    stamps : Stamps
+    efforts : Efforts
+    jumps : Jumps
+    gaps : Gaps
+
+    Raises
+    ------
+    InputError
+        The options name a joint that is not there.
+    """
+
+    def __init__(self, joints, options):
+        count = len(joints.names)
+        self.names = tuple(joints.names)
+        self.followers = Followers(self.names, joints.mimics, options.mimic_tolerance, joints.continuous)
+        self.counts = Counter()
+        self.last_disagreement = ""
+        self.stamps, self.gaps = Stamps(), Gaps()
+        self._joints = joints
+        self._index = {name: k for k, name in enumerate(self.names)}
+        self._columns = None  # (names of the last message, what _match returned for them)
+        self._values = np.full((3, count), math.nan)
+        self._position, self._velocity, self._effort = self._values
+        self._stamp = np.zeros(count, dtype=np.int64)
+        self._known, self._without_stamp, self._estimated = np.zeros((3, count), dtype=bool)
+        self._follower_effort = self.followers.unknown()
+        self._follower_stamp = np.zeros(len(self.followers.names), dtype=np.int64)
+        turns = [name in joints.continuous for name in self.names]
+        self._estimator = VelocityEstimator(turns)
+        self.jumps = Jumps(self.names, turns, joints.velocity)
+        self.configure(options)
+
+    def configure(self, options):
+        """Judge what comes from now on by other options; nothing changes if they are refused.
+
+        Raises
+        ------
+        InputError
+            They name a joint that is not there.
+        """
+        efforts, bounds, spans = self.judges(options)
+        self.efforts, self._bounds, (self._spans, self._follower_spans) = efforts, bounds, spans
+        self.options = options
+        if not options.estimate_velocity:
+            self._velocity[self._estimated] = math.nan
+            self._estimated[:] = False
+            self._estimator.forget()
+        self.followers.tolerance, self.jumps.slack = options.mimic_tolerance, options.jump
+        self.stamps.max_age, self.stamps.refuse_foreign = options.max_age, options.refuse_foreign
+
+    def judges(self, options):
+        """What `options` would judge by.
+
+        Raises
+        ------
+        InputError
+            They name a joint that is not there.
+        """
+        joints, count = self._joints, len(self.names)
+        timeouts = by_name("joint_timeouts", options.timeouts, (*self.names, *self.followers.names))
+        ages = [
+            np.array([nanoseconds(timeouts.get(name, options.timeout)) or math.inf for name in names])
+            for names in (self.names, self.followers.names)
+        ]
+        lower = np.full(count, -math.inf) if joints.lower is None else joints.lower
+        upper = np.full(count, math.inf) if joints.upper is None else joints.upper
+        efforts = Efforts(self.names, self.followers.names, options, joints.effort)
+        turns = [name in joints.continuous for name in self.names]
+        return efforts, Bounds(self.names, lower, upper, turns, options, joints.velocity), ages
+
+    def plain_judgement(self):
+        """What a whole message that is plainly good is judged by and kept in, as known.py takes it in.
+
+        Returns
+        -------
+        tuple of arrays and numbers, or None
+            None if it takes more to judge a message.
+        """
+        followers, bounds, efforts, jumps = self.followers, self._bounds, self.efforts, self.jumps
+        if self.options.estimate_velocity or (followers.tolerance and followers.turns.any()):
+            return None
+        return (
+            nanoseconds(self.options.max_age),
+            np.array(
+                [
+                    *(bounds.lower, bounds.upper, efforts.factors, self._spans, bounds.fastest, efforts.strongest),
+                    *(jumps.reach, jumps.lasting, jumps.turns),
+                ],
+                dtype=float,
+            ),
+            np.array([efforts.most, followers.tolerance, jumps.slack], dtype=float),
+            self._values,
+            self._stamp,
+            self._known,
+            self._without_stamp,
+            followers.leaders,
+            np.array(
+                [followers.multipliers, followers.offsets, efforts.follower_factors, self._follower_spans], dtype=float
+            ),
+            self._follower_effort,
+            self._follower_stamp,
+        )
+
+    @property
+    def missing(self):
+        """Joints that have never arrived."""
+        return [name for name, known in zip(self.names, self._known, strict=True) if not known]
+
+    @property
+    def without_effort(self):
+        """Joints that have arrived, their efforts not."""
+        return [self.names[k] for k in np.flatnonzero(self._known & ~np.isfinite(self._effort))]
+
+    @property
+    def estimated(self):
+        """Joints whose velocities are estimated from their positions."""
+        return [self.names[k] for k in np.flatnonzero(self._known & self._estimated)]
+
+    @property
+    def newest(self):
+        """The newest stamp of the joints that have arrived [ns]; 0 without any."""
+        return int(self._stamp[self._known].max(initial=0))
+
+    def stale(self, now):
+        """Joints that have arrived, but not within their age limit before `now` [ns]."""
+        return [self.names[k] for k in np.flatnonzero(self._known & (now - self._stamp > self._spans))]
+
+    def forget(self):
+        """Start anew, as after a jump of time."""
+        self._known[:] = False
+        self._estimated[:] = False
+        self._follower_effort[:] = math.nan
+        self._estimator.forget()
+        self.jumps.forget()
+        self.gaps.pause()
+
+    def update(self, message, now):
+        """Take a message in and return the state it completes.
+
+        Parameters
+        ----------
+        message : sensor_msgs.msg.JointState
+        now : int
+            Time of reception [ns], which stands for a stamp of zero.
+
+        Returns
+        -------
+        RobotState or None
+            None if the message brings none of the joints that are needed, or others have not arrived yet, or a velocity
+            cannot be estimated yet.
+
+        Raises
+        ------
+        RejectedError
+            The message is malformed, out of time, absurd, a jump or without velocity, or a joint is stale.
+        """
+        (there, here), (beside, following) = self._match(message)
+        if not len(here) and not len(following):
+            self.counts["foreign"] += 1
+            return None
+        stamp, unstamped = stamp_of(message, now)
+        position, velocity, effort = (
+            self._field(message, field, there) for field in ("position", "velocity", "effort")
+        )
+        self._require(position, "position", here)
+        self._bounds.check(position, velocity, here)
+        self._judge_stamp(stamp, unstamped, now, here, following)
+        if self.jumps.slack:
+            self._judge_steps(stamp, unstamped, here, position, velocity)
+        absurd = False
+        if len(here):
+            absurd |= self._take(stamp, unstamped, here, position, velocity, effort)
+        if len(following):
+            absurd |= self._follow(message, beside, following, stamp)
+        self.counts["absurd effort"] += absurd
+        if len(here):
+            return self._assembled()
+        self.counts["followers only"] += 1
+        return None
+
+    def columns(self, message):
+        """Where needed joints and followers are in a message that was taken in, and where they belong: four arrays of int."""
+        (there, here), (beside, following) = self._match(message)
+        return tuple(np.ascontiguousarray(places) for places in (there, here, beside, following))
+
+    def _match(self, message):
+        """Where the needed joints are in the message and where they belong; and likewise for the followers."""
+        names = message.name
+        if self._columns is None or names != self._columns[0]:
+            if len(set(names)) != len(names):
+                twice = next(name for name, count in Counter(names).items() if count > 1)
+                raise RejectedError("duplicate name", f"joint '{twice}' is listed twice in one message")
+            self._columns = (list(names), [_places(names, index) for index in (self._index, self.followers.index)])
+        return self._columns[1]
+
+    def _judge_stamp(self, stamp, unstamped, now, here, following):
+        """Refuse what is out of time, and forget all if time has started anew."""
+        if len(here):
+            # Stamps and times of reception may be those of different clocks, so only like is compared with like.
+            comparable = self._known[here] & (self._without_stamp[here] == unstamped)
+            before = np.where(comparable, self._stamp[here], -1)
+            k = int(np.argmax(before))
+            last = int(before[k]) if comparable[k] else None
+            source, what = int(here.min()), f"joint '{self.names[here[k]]}'"
+            span = self._spans[here[k]]
+        else:  # nobody waits for followers, so they have no order
+            source = last = None
+            what, span = f"joint '{self.followers.names[following[0]]}'", 0.0
+        span = max(int(span), SECOND) if math.isfinite(span) else SECOND
+        if self.stamps.judge(source, what, stamp, 0 if unstamped else now, last, span):
+            self.counts["time jumped back"] += 1
+            self.forget()
+        if source is not None and not unstamped:
+            self.gaps.take(source, stamp)
+
+    def _judge_steps(self, stamp, unstamped, here, position, velocity):
+        """Refuse positions that no motion has led to, until they stay."""
+        known = self._known[here] & (self._without_stamp[here] == unstamped)
+        before = self._position[here], self._velocity[here], self._stamp[here], known
+        moved = self.jumps.judge(here, position, velocity, self._bounds.fastest[here], stamp, before)
+        if len(moved):
+            self._estimator.forget(moved)
+            self.counts["positions jumped"] += 1
+
+    def _field(self, message, field, there):
+        """One field of a message at the places wanted; an empty array stands for unknown."""
+        values = getattr(message, field)
+        if len(values) == 0:
+            return np.full(len(there), math.nan)
+        if len(values) != len(message.name):
+            # The joint at which the two part is the first one that cannot be right.
+            at = min(len(values), len(message.name) - 1)
+            raise RejectedError(
+                "wrong length",
+                f"{field} has {len(values)} entries for {len(message.name)} names (first at '{message.name[at]}')",
+            )
+        return np.frombuffer(values, dtype=np.float64)[there]
+
+    def _require(self, values, what, here):
+        good = np.isfinite(values)
+        if not good.all():
+            k = int(np.argmin(good))
+            raise RejectedError(
+                f"no {what}", f"joint '{self.names[here[k]]}': {what} is {values[k]}, expected a finite number"
+            )
+
+    def _take(self, stamp, unstamped, here, position, velocity, effort):
+        """Keep the values of joints; return whether an effort is absurd."""
+        if self.options.estimate_velocity:
+            self._estimator.forget(here[self._without_stamp[here] != unstamped])  # another clock
+            missing = np.isnan(velocity)
+            velocity = np.where(missing, self._estimate(stamp, here, position, missing), velocity)
+            self._estimated[here] = missing
+        else:
+            self._estimated[here] = False
+        effort, absurd = self.efforts.of(effort, here)
+        self._position[here], self._velocity[here], self._effort[here] = position, velocity, effort
+        self._stamp[here], self._without_stamp[here] = stamp, unstamped
+        self._known[here] = True
+        return absurd
+
+    def _estimate(self, stamp, here, position, missing):
+        """Velocities from positions, judged where they are missing."""
+        longest = np.where(np.isfinite(self._spans[here]), self._spans[here], 0.0)
+        fastest = np.where(missing, self.options.max_velocity or math.inf, math.inf)
+        estimate = self._estimator.update(here, position, stamp, self.options.velocity_filter_time, longest, fastest)
+        absurd = np.isinf(estimate)
+        if absurd.any():
+            k = int(np.argmax(absurd))
+            raise RejectedError(
+                "absurd value",
+                f"joint '{self.names[here[k]]}': its step to position {position[k]:.9g} is faster than {fastest[k]:g} "
+                "(absurd.velocity)",
+            )
+        return estimate
+
+    def _follow(self, message, there, here, stamp):
+        """Take in the efforts of followers, and compare their positions where their leaders' are fresh.
+
+        Returns whether an effort is absurd.
+        """
+        own = self.followers.unknown()
+        own[here] = self._field(message, "position", there)
+        self._follower_effort[here], absurd = self.efforts.of_followers(self._field(message, "effort", there), here)
+        self._follower_stamp[here] = stamp
+        fresh = self._known & (np.abs(self._stamp - stamp) <= self._spans)
+        disagreements = self.followers.disagreements(np.where(fresh, self._position, math.nan), own)
+        if disagreements:
+            self.counts["mimic disagreement"] += 1
+            self.last_disagreement = "; ".join(disagreements)
+        return absurd
+
+    def _assembled(self):
+        if not self._known.all():
+            self.counts["incomplete"] += 1
+            return None
+        newest, oldest = int(self._stamp.max()), int(self._stamp.min())
+        stale = self.stale(newest)
+        if stale:
+            k = self._index[stale[0]]
+            raise RejectedError("stale joint", f"joint '{stale[0]}' is older than {self._spans[k] * 1e-9:g} s")
+        if self.options.estimate_velocity and np.isnan(self._velocity).any():
+            self.counts["awaiting velocity"] += 1
+            return None
+        self._require(self._velocity, "velocity", range(len(self.names)))
+        effort = None
+        if np.isfinite(self._effort).all():
+            fresh = np.abs(newest - self._follower_stamp) <= self._follower_spans
+            effort = self.followers.reflected(self._effort, np.where(fresh, self._follower_effort, math.nan))
+        return RobotState(
+            self._position.copy(),
+            self._velocity.copy(),
+            effort,
+            newest,
+            oldest,
+            bool(self._without_stamp.any()),
+            bool(self._estimated.any()),
+        )
+
+
+def _places(names, index):
+    """Where those of the names that are in an index stand among the names, and what the index says of them."""
+    known = [(k, index[name]) for k, name in enumerate(names) if name in index]
+    return np.array(known, dtype=int).reshape(-1, 2).T
+
+
+def joints_of(model):
+    """What assembling joint states has to know of a model."""
+    names = single_joints(model)
+    at, dof = places(names, model.coordinate_names), places(names, model.dof_names)
+    return Joints(
+        names,
+        model.mimics,
+        frozenset(model.continuous_joints),
+        model.lower[at],
+        model.upper[at],
+        model.velocity_limit[dof],
+        model.effort_limit[dof],
+    )

@@ -1,0 +1,80 @@
+"""What drivers mean by effort: its unit, whether it holds gravity, and whether it can be believed at all."""
+
+import numpy as np
+
+from diag_dynamics.assembly.bounds import times_limit
+from diag_dynamics.entries import by_name
+from diag_dynamics.exceptions import InputError
+
+
+class Efforts:
+    """Efforts in N m (prismatic: N) from what is sent, joint by joint.
+
+    Parameters
+    ----------
+    joints : sequence of str
+        The independent joints.
+    followers : sequence of str
+        Joints that follow one of these.
+    options : Options
+        Its `effort_available`, `effort_scale` and `effort_includes_gravity` by joint, ``*`` for all others. What is
+        undeclared is taken as available where it is sent, in N m, gravity included. Its `max_effort` [N m, N] and
+        `beyond_effort`, how many times its effort limit the effort of a joint may be; 0 for no bound.
+    effort_limit : array_like, shape (n,), optional
+        Of the independent joints [N m, N]; infinite or 0 where there is none.
+
+    Attributes
+    ----------
+    without_gravity : ndarray or None
+        1 for each joint whose effort has gravity taken out, 0 for the others; None if there is none.
+    factors, follower_factors : ndarray
+        What efforts are multiplied by; NaN for those that cannot be used.
+    most : float
+        Efforts beyond it are absurd [N m, N].
+    strongest : ndarray
+        So are those of the independent joints beyond these.
+    undeclared : tuple of str
+        Joints of which scale or gravity is not declared, although their efforts count.
+
+    Raises
+    ------
+    InputError
+        A joint that is not the robot's, or gravity of a follower, which is its leader's.
+    """
+
+    def __init__(self, joints, followers, options, effort_limit=None):
+        for name in options.effort_includes_gravity:
+            if name in followers:
+                raise InputError(
+                    f"parameter 'effort_includes_gravity' names '{name}', which follows another joint: gravity is "
+                    "declared for the joint it follows."
+                )
+        names = (*joints, *followers)
+        available = by_name("effort_available", options.effort_available, names)
+        scale = by_name("effort_scale", options.effort_scale, names)
+        gravity = by_name("effort_includes_gravity", options.effort_includes_gravity, names)
+
+        def factors(some):
+            return np.array([scale.get(n, 1.0) if available.get(n, True) else np.nan for n in some], dtype=float)
+
+        self.factors, self.follower_factors = factors(joints), factors(followers)
+        self.most = options.max_effort or np.inf
+        self.strongest = times_limit(options.beyond_effort, effort_limit, options.max_effort, len(joints))
+        without = np.array([not gravity.get(name, True) for name in joints], dtype=float)
+        self.without_gravity = without if without.any() else None
+        self.undeclared = tuple(n for n in joints if available.get(n, True) and (n not in scale or n not in gravity))
+
+    def of(self, effort, here):
+        """Efforts of joints [N m, N], NaN where unknown; and whether one of them was absurd, which is as unknown."""
+        return _taken(effort * self.factors[here], self.strongest[here])
+
+    def of_followers(self, effort, here):
+        """Likewise of followers."""
+        return _taken(effort * self.follower_factors[here], self.most)
+
+
+def _taken(effort, most):
+    absurd = np.abs(effort) > most
+    if absurd.any() or np.isinf(effort).any():
+        return np.where(absurd | np.isinf(effort), np.nan, effort), True
+    return effort, False

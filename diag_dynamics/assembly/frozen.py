@@ -1,0 +1,93 @@
+"""Frozen values under fresh stamps: velocities without motion, and motion without velocity."""
+
+import numpy as np
+
+from diag_dynamics.assembly.rejected import RejectedError
+
+SAMPLES = 5
+"""How often within the timeout states are looked at."""
+
+MOVING = 0.05
+"""Speed from which a joint cannot be where it was to the last bit [rad/s, m/s]: noise of a joint at rest stays below it."""
+
+MOVED = 0.05
+"""Way within the timeout that a joint does not go at a velocity of zero [rad, m]."""
+
+
+class Frozen:
+    """Judges velocities by positions, and the other way round, over some states.
+
+    A joint is frozen that is said to move at :data:`MOVING` or faster while no bit of its position changes for as long as
+    the timeout, and so is a velocity of exactly 0 while the position moves by more than :data:`MOVED` in that time. An arm
+    at rest is neither. States further apart than the timeout say nothing.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The joints.
+    timeout : float
+        [s]; 0: not judged.
+    refused : bool
+        Whether states with frozen values are.
+
+    Attributes
+    ----------
+    text : str
+        Which joint is frozen; empty if none is.
+    """
+
+    def __init__(self, names, timeout, refused):
+        self._names = names
+        self.configure(timeout, refused)
+
+    def configure(self, timeout, refused):
+        """Judge otherwise, anew."""
+        self._timeout, self._refused = round(timeout * 1e9), refused
+        self.forget()
+
+    def forget(self):
+        """Know of no state any more."""
+        self._last, self.text = None, ""
+
+    def judge(self, stamp, state):
+        """Take in a state stamped `stamp` [ns], if it is time to; `state()` is that, a RobotState that ends in the joints.
+
+        Raises
+        ------
+        RejectedError
+            Values are frozen, and this is to be refused.
+        """
+        if not self._timeout:
+            return
+        elapsed = None if self._last is None else stamp - self._last
+        if elapsed is None or elapsed < 0 or SAMPLES * elapsed >= self._timeout:
+            whole, count = state(), len(self._names)
+            position, velocity = (vector[len(vector) - count :] for vector in (whole.position, whole.velocity))
+            self._take(stamp, elapsed, position, velocity)
+        if self.text and self._refused:
+            raise RejectedError("frozen", self.text)
+
+    def _take(self, stamp, elapsed, position, velocity):
+        fast, zero = np.abs(velocity) >= MOVING, velocity == 0.0
+        if elapsed is None or not 0 <= elapsed <= self._timeout:
+            self._still_since, self._zero_since = (np.full(len(position), stamp) for _ in range(2))
+            self._zero_at, self._slides = position.copy(), np.zeros(len(position), dtype=bool)
+        else:
+            self._still_since[~(fast & self._fast & (position == self._position))] = stamp
+            over = zero & (stamp - self._zero_since >= self._timeout)
+            self._slides = np.where(over, np.abs(position - self._zero_at) > MOVED, self._slides & zero)
+            anew = over | ~zero
+            self._zero_since[anew], self._zero_at[anew] = stamp, position[anew]
+        self._last, self._position, self._fast = stamp, position.copy(), fast
+        self.text = self._told(stamp - self._still_since >= self._timeout)
+
+    def _told(self, still):
+        for joints, what in (
+            (still, "has a velocity, but no bit of its position changes"),
+            (self._slides, "moves, but its velocity is 0"),
+        ):
+            if joints.any():
+                names = [self._names[k] for k in np.flatnonzero(joints)]
+                more = f" (and {len(names) - 1} more)" if len(names) > 1 else ""
+                return f"frozen values: joint '{names[0]}'{more} {what} (frozen_timeout)"
+        return ""

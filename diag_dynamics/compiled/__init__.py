@@ -1,0 +1,1 @@
+"""How the physics is compiled and kept: the only room that knows numba's inside."""

@@ -1,0 +1,69 @@
+"""Finding a URDF by the name of a robot in the `example-robot-data` wheel."""
+
+import os
+from difflib import get_close_matches
+from importlib import metadata
+from pathlib import Path
+
+from diag_dynamics.exceptions import InputError
+
+_FOLDER = "example-robot-data/robots/"
+
+
+def example_urdfs():
+    """Paths of all URDFs of the wheel by their short name (``panda_description/urdf/panda``); empty without it."""
+    try:
+        files = metadata.files("example-robot-data") or ()
+    except metadata.PackageNotFoundError:
+        return {}
+    found = {}
+    for file in files:
+        text = file.as_posix()
+        if text.endswith(".urdf") and _FOLDER in text:
+            found[text.split(_FOLDER)[1].removesuffix(".urdf")] = Path(file.locate()).resolve()
+    return dict(sorted(found.items()))
+
+
+def find_urdf(robot):
+    """Path of a URDF.
+
+    Parameters
+    ----------
+    robot : str
+        A path; or the name of an example robot: its file's (``panda``), or any part of its path that is its alone.
+
+    Raises
+    ------
+    InputError
+        There is no such robot, and the message names those of a similar name; or several, which it lists.
+    """
+    path = Path(os.path.expanduser(robot))
+    if path.is_file():
+        return path.resolve()
+    urdfs = example_urdfs()
+    name = robot.removesuffix(".urdf")
+    exact = [path for key, path in urdfs.items() if name in (key, key.rsplit("/", 1)[-1])]
+    part = {key: path for key, path in urdfs.items() if name.lower() in key.lower()}
+    if len(exact) == 1:
+        return exact[0]
+    if len(part) == 1:
+        return next(iter(part.values()))
+    if part:
+        raise InputError(f"robot '{robot}' could be any of: {', '.join(part)}.")
+    if not urdfs:
+        raise InputError(
+            f"robot '{robot}' is no file, and the package example-robot-data, whose robots have names, is absent."
+        )
+    if robot.startswith(("/", ".", "~")) or robot.endswith((".urdf", ".xml", ".xacro")):  # meant as a path
+        raise InputError(f"robot '{robot}': no such file.")
+    known = sorted({key.rsplit("/", 1)[-1] for key in urdfs})
+    near = get_close_matches(name.lower(), known, n=3, cutoff=0.6)
+    meant = f"; did you mean {' or '.join(near)}?" if near else "."
+    raise InputError(
+        f"robot '{robot}' is neither a file nor one of the {len(urdfs)} example robots{meant} "
+        "All of them: python3 -m diag_dynamics.model.example_robots"
+    )
+
+
+if __name__ == "__main__":
+    print("\n".join(example_urdfs()))

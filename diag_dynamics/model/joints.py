@@ -1,0 +1,13 @@
+"""Joints of a model, as messages list them: by name, one number for each."""
+
+
+def single_joints(model):
+    """Joints of one degree of freedom, those that joint_states brings, in the model's order."""
+    dofs = set(model.dof_names)
+    return tuple(name for name in model.joint_names if name in dofs)
+
+
+def places(names, among):
+    """Where each of some names stands among others."""
+    place = {name: k for k, name in enumerate(among)}
+    return [place[name] for name in names]

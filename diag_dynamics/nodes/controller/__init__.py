@@ -1,0 +1,1 @@
+"""The controller: joint_states and targets in, efforts out."""

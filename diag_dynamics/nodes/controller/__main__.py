@@ -1,0 +1,7 @@
+"""The controller, by ``python3 -m diag_dynamics.nodes.controller``."""
+
+import sys
+
+from diag_dynamics.nodes.controller.controller import main
+
+sys.exit(main())

@@ -1,0 +1,451 @@
+"""The controller node: joint_states and targets in, efforts out, by laws in total joint rates."""
+
+import codecs
+from array import array
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.clock import Clock as SomeClock
+from rclpy.clock import ClockType
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from diag_dynamics.assembly.assembler import JointStateAssembler, Options, joints_of
+from diag_dynamics.assembly.rejected import RejectedError
+from diag_dynamics.control.by_dof import command_order, require_same_joints
+from diag_dynamics.control.loop import ControlLoop
+from diag_dynamics.control.modes import MODES
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.msg import ControllerStatus
+from diag_dynamics.nodes.controller.effort_controller import JointsWatch, joints_of_controller
+from diag_dynamics.nodes.controller.record import Record, problems_of_limits, values_of_loop
+from diag_dynamics.nodes.controller.status import status_message
+from diag_dynamics.nodes.support.clocks import clock_notes
+from diag_dynamics.nodes.support.declaring import declare
+from diag_dynamics.nodes.support.descriptions import Descriptions
+from diag_dynamics.nodes.support.diagnostics import ERROR, WARN, Diagnostics, Status, counted, shortened
+from diag_dynamics.nodes.support.loading import load_robot
+from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE, PATIENT, SUCCESS, UNCONFIGURED, ManagedNode
+from diag_dynamics.nodes.support.names import NODES
+from diag_dynamics.nodes.support.publishing import RateLimit, connected
+from diag_dynamics.nodes.support.runner import main_of
+from diag_dynamics.nodes.support.usage import parser_of
+from diag_dynamics.nodes.wire.joint_states import KnownJointStates
+from diag_dynamics.parameters.controller import COMPENSATES, PARAMETERS, WHY_REQUIRED
+from diag_dynamics.parameters.spec import wrong
+
+COMMANDS = "effort_controller/commands"
+
+WATCHES = 4
+"""How often in the largest age of a state the node looks whether it has got too old."""
+
+ABSURD = {"max_position": 1e8, "max_velocity": 1e4, "beyond_limits": 0.5}
+"""States beyond it are not believed [rad, rad/s, rad outside of the limits]: springs throw an encoder that is a turn off."""
+
+
+class ControllerNode(ManagedNode):
+    """See the module; parameters are in :data:`~controlled.settings.PARAMETERS`, and one more that has no default.
+
+    A managed node. Configured, it has a robot or waits for its description; active, it answers every state by a command.
+    """
+
+    def __init__(self, **kwargs):
+        super().__init__(NODES["controller"], **kwargs)
+        self._values = declare(self, PARAMETERS)
+        required = ParameterDescriptor(description=f"Required: {WHY_REQUIRED}.")
+        self._compensated = self.declare_parameter(COMPENSATES, Parameter.Type.BOOL, required).value
+        self._loop = self._states = self._descriptions = None
+        self._description, self._refused, self._other = None, "", None
+        self._published, self._listened, self._offered = [], [], []
+        self._loads = Descriptions(self, self._made, self._take_made)
+        self._starting, self._watch, self._joints_watch = False, None, None
+        self._record, self._order_known = Record(), ""
+        self._left = {}  # efforts that the robot was left with, by joint
+        self._last_time = None  # of anything [ns]
+        self.add_on_set_parameters_callback(self._set_parameters)
+        self._diagnostics = Diagnostics(self, self._report, lambda: self._loop and self._loop.dynamics.model)
+        self.begin(self._values["autostart"])
+
+    def start(self):
+        """Configure, and activate as soon as there is a robot.
+
+        Raises
+        ------
+        InputError
+            That was not possible.
+        """
+        self._starting = not self._values["robot_description"]
+        if not self._starting:
+            super().start()
+        elif self.trigger_configure() != SUCCESS:
+            self.destroy_node()
+            raise InputError(self.failure)
+
+    def destroy_node(self):
+        """Leave the robot by a last command, and end."""
+        self.stop_listening()
+        super().destroy_node()
+
+    # --- Lifecycle ---
+
+    def set_up(self):
+        """Load the robot or wait for one; make publishers and services."""
+        if self._compensated is None:
+            raise InputError(f"parameter '{COMPENSATES}' is not set, and has no default. It says {WHY_REQUIRED}.")
+        self._commands = self._publisher(Float64MultiArray, COMMANDS)
+        self._status = self._publisher(ControllerStatus, "~/status")
+        self._status_limit = RateLimit(self._values["max_rate.status"])
+        for mode in MODES:
+            answer = self._switching(mode)
+            self._offered.append(self.create_service(Trigger, f"~/mode/{mode}", answer, qos_profile=PATIENT))
+        if self._values["robot_description"]:
+            description = self._values["robot_description"]
+            self._adopt(self._made(description, self._values, self._compensated), description)
+        else:
+            once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+            self._descriptions = connected(
+                self.create_subscription, String, "robot_description", self._take_description, once
+            )
+            self.get_logger().info(f"Waiting for a robot on {self.resolve_topic_name('robot_description')}.")
+
+    def _publisher(self, kind, topic):
+        publisher = connected(self.create_publisher, kind, topic, QoSProfile(depth=10))
+        self._published.append(publisher)
+        return publisher
+
+    def listen(self):
+        """Compare the order of joints with the effort controller's, and subscribe to states and targets."""
+        self._starting = False
+        self._loads.finish()  # or it would move by the model of a robot that is being replaced
+        if self._loop is None or self._refused:  # or it would move by the model of a robot that has been replaced
+            raise InputError(self._refused or "no robot_description has arrived yet.")
+        self._compare_joints()
+        self._loop.forget()
+        self._assembled.forget()
+        self._assembled.stamps.forget()
+        self._last_time = None
+        self._record.begin()
+        newest = QoSProfile(depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self._listen_to(JointState, "joint_states", self._take_joint_state, newest, raw=True)
+        loop = self._loop
+        for kind, topic, take in (
+            (PoseStamped, "target", loop.take_pose),
+            (JointTrajectory, "trajectory", lambda message: loop.take_trajectory(message, self._now())),
+            (JointState, "set_point", loop.take_set_point),
+        ):
+            self._listen_to(kind, topic, self._target_taker(topic, take), QoSProfile(depth=1))
+        # By simulated time where that is the node's; else by a clock that nobody sets, or it might stand still for hours.
+        clock = self.get_clock() if self.get_clock().ros_time_is_active else SomeClock(clock_type=ClockType.STEADY_TIME)
+        self._watch = self.create_timer(self._values["max_state_age"] / WATCHES, self._look, clock=clock)
+        if self._values["check_time"]:
+            self._joints_watch = JointsWatch(self, self._controller, self._take_joints)
+        self.get_logger().info(f"Active: mode {loop.mode}, commands for {', '.join(self._joints)}.")
+
+    def _listen_to(self, kind, topic, take, qos, **options):
+        self._listened.append(connected(self.create_subscription, kind, topic, take, qos, **options))
+
+    def stop_listening(self):
+        """Send a last command, which holds the robot by its gravity torque, and take nothing in any more."""
+        if self._watch:
+            self.destroy_timer(self._watch)
+            self._watch = None
+        if self._joints_watch:
+            self._joints_watch.end()
+            self._joints_watch = None
+        if self._listened and (effort := self._loop.leave()) is not None:
+            self._send(effort)
+        for subscription in self._listened:
+            self.destroy_subscription(subscription)
+        self._listened = []
+        if self._loop:
+            self._loop.supervisor.forget()
+
+    def on_deactivate(self, state):
+        """Stop listening, and take over the robot that was described meanwhile."""
+        result = super().on_deactivate(state)
+        if self._other is not None:
+            self._take_description(self._other)
+        return result
+
+    def tear_down(self):
+        """Let the robot go, and all that was made for it."""
+        self._loads.drop()
+        if self._descriptions:
+            self.destroy_subscription(self._descriptions)
+        for service in self._offered:
+            self.destroy_service(service)
+        for publisher in self._published:
+            self.destroy_publisher(publisher)
+        self._offered, self._published = [], []
+        self._left = self._standing()
+        self._loop = self._descriptions = self._description = None
+        self._refused, self._other = "", None
+
+    # --- The robot ---
+
+    def _made(self, description, values, compensated):
+        """What belongs to the robot of a description; perhaps in a thread, so the node stays as it is."""
+        model = load_robot(self, description, values | {"floating_base": False})
+        joints, order = command_order(values["command_joints"], model.dof_names)
+        # A single state from the future would make late ones of all that are right, so none is taken in.
+        age = values["max_state_age"]
+        options = Options(timeout=values["joint_timeout"], max_age=age, refuse_foreign=True, **ABSURD)
+        assembled = JointStateAssembler(joints_of(model), options)
+        assembled.stamps.limit = "max_state_age"
+        states = KnownJointStates(assembled)
+        states.configure()
+        return ControlLoop(model, values, compensated), joints, order, assembled, states
+
+    def _adopt(self, made, description):
+        """Make the robot of a description the one to control."""
+        standing = self._standing()
+        self._loop, self._joints, self._order, self._assembled, self._states = made
+        model = self._loop.dynamics.model
+        self._loop.efforts.reset(np.array([standing.get(name, 0.0) for name in model.dof_names]))
+        self._description = description
+        self.settled()
+        self.get_logger().info(f"Ready: robot '{model.name}', {model.nv} degrees of freedom.")
+        if self._loop.efforts.unlimited:
+            self.get_logger().warning(
+                f"No effort limit for {', '.join(self._loop.efforts.unlimited)}: anything may be sent there."
+            )
+
+    def _standing(self):
+        """What was sent to each joint last: with another payload, or robot, it goes on from there."""
+        if self._loop is None:
+            return self._left
+        return dict(zip(self._loop.dynamics.model.dof_names, self._loop.efforts.sent, strict=True))
+
+    def _take_description(self, message):
+        # What comes from a topic is text and never a path; see the monitor.
+        description = codecs.BOM_UTF8 + message.data.lstrip("\ufeff").encode(errors="replace")
+        if self.phase not in (INACTIVE, ACTIVE):
+            return
+        self._refused, self._other = "", None
+        self.get_logger().debug(f"robot_description came: {len(description)} bytes")
+        if description == self._description:
+            self._loads.drop()
+        elif self.phase == ACTIVE:
+            self._other = message
+            self._refuse(InputError("another robot is not taken over while this one is controlled: deactivate first."))
+        elif description != self._loads.loading:
+            self._loads.load(description, dict(self._values), self._compensated)
+
+    def _take_made(self, made, description, *_):
+        try:
+            if isinstance(made, Exception):
+                raise made
+            self._adopt(made, description)
+            self.failure = ""  # which was that of the robot before, or of none
+        except Exception as error:  # nothing that arrives may end the node
+            self.failure = ""
+            self._refuse(error)
+            return
+        if self._starting:
+            self._starting = False
+            self.trigger_activate()
+
+    def _refuse(self, error):
+        reason = str(error) if isinstance(error, DiagDynamicsError) else f"internal error: {error!r}"
+        self._refused = shortened(f"robot_description refused: {reason}")
+        self.get_logger().error(self._refused)
+
+    def _compare_joints(self):
+        """Refuse an effort controller that has another order of joints."""
+        self._controller = self.resolve_topic_name(COMMANDS).rpartition("/")[0]
+        if not self._values["check_time"]:
+            self._order_known = "not compared (check_time is 0)"
+            return
+        theirs = joints_of_controller(self, self._controller, self._values["check_time"])
+        self._judge_joints(theirs)
+        if theirs is None:
+            self.get_logger().warning(f"The order of joints is {self._order_known}.")
+
+    def _judge_joints(self, theirs):
+        if theirs is None:
+            self._order_known = f"not compared: {self._controller} has not said its joints"
+        else:
+            require_same_joints(self._joints, theirs, self._controller)
+            self._order_known = f"that of {self._controller}"
+
+    def _take_joints(self, theirs):
+        """Stop where the effort controller turns out to have another order of joints."""
+        try:
+            self._judge_joints(theirs)
+        except InputError as error:
+            # The last command stays: it is in their order, or nothing.
+            known = sorted(theirs) == sorted(self._joints)
+            names, own = list(self._loop.dynamics.model.dof_names), self._order
+            if known:
+                self._order = [names.index(name) for name in theirs]
+                self.trigger_deactivate()
+                self._order = own
+            else:
+                self._loop.supervisor.forget()  # nothing more of what it has asked for
+                self.trigger_deactivate()
+                self._loop.efforts.reset(np.zeros(len(names)))
+                self._commands.publish(Float64MultiArray(data=array("d", [0.0] * len(theirs))))
+            self.failure = shortened(f"deactivated: {error}")
+            self.get_logger().error(self.failure)
+
+    # --- Every cycle ---
+
+    def _now(self):
+        return self.get_clock().now().nanoseconds
+
+    def _cycle(self):
+        """The time of a cycle [ns]; where it has gone back, the states of before are forgotten, whose stamps are ahead."""
+        now, last = self._now(), self._last_time
+        if last is not None and now < last - self._values["max_state_age"] * 1e9:
+            self._record.counts["clock went back"] += 1
+            self.get_logger().warning(f"The clock went back by {(last - now) * 1e-9:.6g} s.", throttle_duration_sec=5.0)
+            self._assembled.forget()
+            self._assembled.stamps.forget()
+        self._last_time = now
+        return now
+
+    def _take_joint_state(self, raw):
+        if self.phase != ACTIVE:
+            return
+        self._record.counts["joint states"] += 1
+        now = self._cycle()
+        try:
+            state = self._states.update(raw, now)
+            sent = None if state is None else self._loop.step(state, now)
+        except RejectedError as rejection:
+            sent = self._rejected(now, rejection.cause, str(rejection))
+        except Exception as error:  # nothing that arrives may end the node, and the robot is not to be left by itself
+            sent = self._rejected(now, "internal error", shortened(repr(error)))
+        self._answer(sent, now)
+
+    def _look(self):
+        """See whether the last state has become too old."""
+        state, now = self._loop.state, self._cycle()
+        if self.phase == ACTIVE and state and (problem := self._loop.age_problem(state, now)):
+            late = self._assembled.stale(now)
+            if 0 < len(late) < len(self._assembled.names):
+                problem = f"joint '{late[0]}' is older than {self._values['joint_timeout']:g} s"
+            self._answer(self._loop.without_state(now, problem), now)
+
+    def _rejected(self, now, cause, reason):
+        self._record.refuse(f"rejected: {cause}", reason)
+        self.get_logger().debug(f"rejected: {cause}: {shortened(reason)}")
+        return self._loop.without_state(now, reason)
+
+    def _answer(self, sent, now):
+        """Send a command, and say so."""
+        if sent is None:
+            return
+        self._send(sent.effort)
+        if sent.lost:
+            self._record.refuse("targets given up", sent.lost)
+            self.get_logger().warning(sent.lost, throttle_duration_sec=1.0)
+        self._record.command(now, sent, self._loop, self._values["max_state_age"])
+        if self._status.get_subscription_count() and self._status_limit.due(now):
+            self._status.publish(status_message(self._loop, sent))
+
+    def _send(self, effort):
+        self._commands.publish(Float64MultiArray(data=array("d", effort[self._order])))
+
+    # --- Targets and modes ---
+
+    def _target_taker(self, topic, take):
+        def callback(message):
+            if self.phase != ACTIVE:
+                return
+            try:
+                take(message)
+                self._record.counts[f"{topic} taken"] += 1
+                self.get_logger().debug(f"{topic} taken")
+            except Exception as error:
+                reason = shortened(str(error) if isinstance(error, DiagDynamicsError) else f"internal error: {error!r}")
+                self._record.refuse(f"{topic} refused", reason)
+                self.get_logger().debug(f"{topic} refused: {reason}")
+                self.get_logger().warning(f"Refused on {topic}: {reason}", throttle_duration_sec=1.0)
+
+        return callback
+
+    def _switching(self, mode):
+        def answer(_, response):
+            try:
+                if self.phase != ACTIVE:
+                    raise InputError(f"the controller is {self.phase}: activate it first.")
+                self._loop.switch(mode)
+                response.success, response.message = True, f"mode {mode}"
+                self.get_logger().debug(f"mode {mode} asked for")
+            except DiagDynamicsError as error:
+                response.success, response.message = False, shortened(str(error))
+            return response
+
+        return answer
+
+    # --- Parameters ---
+
+    def _set_parameters(self, parameters):
+        changed = {parameter.name: parameter.value for parameter in parameters if parameter.name in PARAMETERS}
+        compensated = next((parameter.value for parameter in parameters if parameter.name == COMPENSATES), None)
+        for name, value in changed.items():
+            if reason := wrong(name, value, PARAMETERS):
+                return SetParametersResult(successful=False, reason=f"{reason}.")
+        others = [name for name, value in changed.items() if value != self._values[name]]
+        others += [COMPENSATES] if compensated not in (None, self._compensated) else []
+        if others and self.phase != UNCONFIGURED:
+            reason = f"parameter '{others[0]}' is read-only while the node is configured: clean it up first."
+            return SetParametersResult(successful=False, reason=reason)
+        self._values |= changed
+        self._compensated = self._compensated if compensated is None else compensated
+        return SetParametersResult(successful=True)
+
+    # --- Diagnostics ---
+
+    def _report(self):
+        record, recent = self._record, self._record.take_recent()
+        missing = {}
+        if self.phase == ACTIVE:
+            missing["joints that have not arrived"] = counted(self._assembled.missing)
+            missing["senders of joint states"] = self.count_publishers(self.resolve_topic_name("joint_states"))
+        time_values, time_problems = clock_notes(self)
+        problems, values = self._listeners()
+        return [
+            self._control_status(recent),
+            record.command_status(recent, problems, values),
+            record.input_status(recent, missing | time_values, time_problems),
+        ]
+
+    def _control_status(self, recent):
+        values = {"lifecycle": self.phase}
+        if self._loop:
+            values |= values_of_loop(self._loop)
+            values |= {"robot compensates gravity": self._compensated, "order of joints": self._order_known}
+        reason = self.failure or self._refused
+        if self.phase == ACTIVE:
+            status = self._record.law_status(recent, self._loop, values)
+            return status._replace(level=ERROR, message=f"{status.message}; {reason}") if reason else status
+        if reason:
+            return Status("control", ERROR, reason, values)
+        waiting = self.phase == INACTIVE and not self._loop
+        if self._loads.loading is not None:
+            return Status("control", WARN, f"{self.phase}: loading a robot_description", values)
+        return Status("control", WARN, "no robot yet" if waiting else f"{self.phase}: no commands", values)
+
+    def _listeners(self):
+        """What is wrong with who gets the commands and with what limits them, and all that there is to say of who does."""
+        if self.phase != ACTIVE:
+            return [], {}
+        topic, problems = self._commands.topic_name, []
+        receivers, others = self._commands.get_subscription_count(), self.count_publishers(topic) - 1
+        if not receivers:
+            problems.append(f"nobody listens to {topic}")
+        elif self._values["check_time"] and "not compared" in self._order_known:
+            problems.append(f"the order of joints is {self._order_known}")
+        if others > 0:
+            problems.append(f"others send to {topic} as well: {others}")
+        return [*problems, *problems_of_limits(self._loop.efforts)], {"receivers": receivers, "other senders": others}
+
+
+main = main_of(ControllerNode, parser_of("controller", __doc__, PARAMETERS, {COMPENSATES: WHY_REQUIRED}))

@@ -1,0 +1,1 @@
+"""Demos and the terminal view: what is started to be looked at."""

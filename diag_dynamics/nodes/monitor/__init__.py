@@ -1,0 +1,1 @@
+"""The monitor: joint_states and robot_description in, diagonalized dynamics out."""

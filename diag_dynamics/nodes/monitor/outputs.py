@@ -1,0 +1,127 @@
+"""What the monitor publishes: each topic's message, made only where somebody listens, and no more often than wanted."""
+
+import time
+
+from rclpy.qos import QoSProfile
+
+from diag_dynamics.msg import (
+    CoriolisTerm,
+    DiagonalizedState,
+    ExternalTorque,
+    JointSpaceDynamics,
+    KineticEnergy,
+    MassMatrixFactors,
+    TotalJointRates,
+    WorkingMoments,
+)
+from diag_dynamics.nodes.support.publishing import RateLimit, connected
+from diag_dynamics.nodes.wire.topics import ABOUT_STATE, BITS, MATRICES, ORDER
+
+BESIDE = {"external_torque": ExternalTorque}
+"""Types of topics that are made only where a parameter asks for them."""
+
+TOPICS = {
+    "total_joint_rates": TotalJointRates,
+    "working_moments": WorkingMoments,
+    "coriolis": CoriolisTerm,
+    "mass_matrix_factors": MassMatrixFactors,
+    "kinetic_energy": KineticEnergy,
+    "joint_space_dynamics": JointSpaceDynamics,
+    "state": DiagonalizedState,
+}
+"""Types of the other topics."""
+
+SELDOM = 0.01
+"""Time for which it is taken for granted that the same people listen [s]."""
+
+
+class Outputs:
+    """The publishers of a managed node.
+
+    Who listens is not asked for every message: where they come fast, asking every publisher would cost as much as evaluating
+    a state does. (ROS can tell of changes by itself, too, but an EventsExecutor then crashes when a publisher goes.)
+
+    Parameters
+    ----------
+    node : rclpy.lifecycle.LifecycleNode
+    """
+
+    def __init__(self, node):
+        self._node = node
+        self._limits = {}  # of topics that have one
+        self._publishers = {}
+        self._handles = {}
+        try:
+            for topic, kind in (TOPICS | BESIDE).items():
+                self._publishers[topic] = connected(
+                    node.create_lifecycle_publisher, kind, f"~/{topic}", QoSProfile(depth=10)
+                )
+        except BaseException:
+            self.destroy()
+            raise
+        # By the handles: what rclpy puts around them takes longer than they do, as it is not in the processor's cache after
+        # a millisecond.
+        self._handles = {topic: self._publishers[topic].handle for topic in (*ORDER, *BESIDE)}
+        self.look()
+
+    def look(self):
+        """See who listens."""
+        self._looked = time.monotonic()
+        self._wanted = [t for t, handle in self._handles.items() if t in BITS and handle.get_subscription_count()]
+        self._bits = sum(BITS[topic] for topic in self._wanted)
+
+    def destroy(self):
+        """Take the publishers off the graph."""
+        for publisher in self._publishers.values():
+            self._node.destroy_lifecycle_publisher(publisher)
+        self._publishers, self._handles = {}, {}
+        self.look()
+
+    def limit(self, topic, rate):
+        """Publish a topic at no more than this rate [Hz]; 0 for every state."""
+        if rate:
+            self._limits[topic] = RateLimit(rate)
+        else:
+            self._limits.pop(topic, None)
+
+    def wanted(self):
+        """Sum of the :data:`BITS` of topics about a state that somebody listens to; it holds for :meth:`publish`."""
+        if time.monotonic() - self._looked > SELDOM:
+            self.look()
+        return self._bits & ABOUT_STATE
+
+    def publish(self, stamp, about_state, matrix):
+        """Publish where somebody listens.
+
+        Parameters
+        ----------
+        stamp : int
+            Of the state [ns].
+        about_state : callable
+            Makes a list of messages, or of their bytes, of a list of topics about the state.
+        matrix : callable
+            Makes one, of one of :data:`MATRICES`.
+        """
+        if not self._publishers[ORDER[0]].is_activated:
+            return
+        limits = self._limits
+        due = [topic for topic in self._wanted if topic not in limits or limits[topic].due(stamp)]
+        matrices = [topic for topic in due if topic in MATRICES]
+        topics = due[: len(due) - len(matrices)]
+        for topic, message in zip(topics, about_state(topics) if topics else (), strict=True):
+            self._send(topic, message)
+        for topic in matrices:
+            self._send(topic, matrix(topic))
+
+    def publish_beside(self, topic, stamp, make):
+        """Publish one of :data:`BESIDE`, which `make` makes, of a state stamped `stamp` [ns], where somebody listens."""
+        if not self._publishers[topic].is_activated or not self._handles[topic].get_subscription_count():
+            return
+        if topic not in self._limits or self._limits[topic].due(stamp):
+            self._send(topic, make())
+
+    def _send(self, topic, message):
+        if type(message) is bytes:
+            self._handles[topic].publish_raw(message)
+        else:
+            self._publishers[topic].publish(message)

@@ -1,0 +1,287 @@
+"""A robot as the monitor keeps it: the model in force, what has arrived of its state, and its energies."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.assembly.assembler import JointStateAssembler, RobotState, joints_of
+from diag_dynamics.assembly.frozen import Frozen
+from diag_dynamics.assembly.odometry import OdometryBase
+from diag_dynamics.assembly.stamps import SECOND
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.model import Payload, RobotModel
+from diag_dynamics.nodes.monitor.energy_watch import EnergyWatch
+from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
+from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted
+from diag_dynamics.nodes.support.loading import compile_dynamics
+from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE
+from diag_dynamics.nodes.support.messages import MessageMaker
+from diag_dynamics.nodes.wire.encoding import EncodedMessages
+from diag_dynamics.nodes.wire.joint_states import KnownJointStates
+from diag_dynamics.nodes.wire.pipeline import Pipeline, compile_pipeline
+from diag_dynamics.parameters.robot import payloads_of
+
+NO_PAYLOAD = Payload(0.0)
+"""What takes a payload off."""
+
+
+class MonitoredRobot:
+    """All that belongs to one description and goes with it, so that nothing of two robots is ever mixed.
+
+    Parameters
+    ----------
+    description : str or bytes
+        What the model was made of.
+    model : RobotModel
+    settings : Settings
+    revision : int
+        Number of the model.
+
+    Attributes
+    ----------
+    revision : int
+    dynamics : DiagonalDynamics
+    maker : MessageMaker
+        For services.
+    encoder : EncodedMessages or MessageMaker
+        For topics.
+    joint_states : KnownJointStates or JointStateAssembler
+        What takes in joint states: as bytes, or as messages.
+    assembler : JointStateAssembler
+    base : OdometryBase or None
+    pipeline : Pipeline or None
+        What takes joint states in, evaluates them and makes messages at once, where that is possible.
+    frozen : Frozen
+    energy : EnergyWatch
+    torque : TorqueWatch or None
+        What observes external torque, if it is wanted.
+
+    Raises
+    ------
+    InputError
+        The settings name a joint that this robot has not.
+    """
+
+    def __init__(self, description, model, settings, revision):
+        self.description = description
+        self.assembler = JointStateAssembler(joints_of(model), settings.inputs)
+        self._by_template = settings.values["serialization"] == "template"
+        self.joint_states = KnownJointStates(self.assembler) if self._by_template else self.assembler
+        in_header = settings.values["odom_twist_frame"] == "header"
+        self.base = OdometryBase(model, in_header) if model.floating_base else None
+        self.energy = EnergyWatch(model, settings.thresholds)
+        self.frozen = Frozen(self.assembler.names, *_frozen_by(settings))
+        self.settings = self.dynamics = self.revision = self.pipeline = self.torque = self._state = None
+        self._at_once = False
+        self._jumps = 0  # of the joints' time that the base knows of
+        self._moved = 0  # jumps of positions that the watches know of
+        self.use(model, settings, revision)
+        compile_dynamics()
+        if self._by_template:
+            compile_pipeline()
+
+    @property
+    def model(self):
+        """The model in force."""
+        return self.dynamics.model
+
+    def use(self, model, settings, revision):
+        """Put the same robot in force with other settings or another gravity or payload; `model` is as it shall be.
+
+        Raises
+        ------
+        InputError
+            The settings name a joint that this robot has not; nothing has changed then.
+        """
+        self.assembler.judges(settings.inputs)
+        self.energy.configure(model, settings.thresholds)
+        self.assembler.configure(settings.inputs)
+        if self.settings and _frozen_by(settings) != _frozen_by(self.settings):
+            self.frozen.configure(*_frozen_by(settings))
+        if self._by_template:
+            self.joint_states.configure()
+        if self.base:
+            self.base.configure(settings.inputs)
+        self._state, self._at_once = self.state, False
+        before, self.settings = self.settings, settings
+        if self.dynamics is None or model is not self.model:
+            self.dynamics, self.revision, self._state = DiagonalDynamics(model), None, None
+        if revision != self.revision:
+            self.revision = revision
+            self.maker = MessageMaker(model, revision)
+            self.encoder = EncodedMessages(self.maker) if self._by_template else self.maker
+        self._observe(before)
+        plain = self.assembler.efforts.without_gravity is None and not settings.values["publish_friction"]
+        whole = not self.base and model.nq == model.nv == len(self.assembler.names)
+        by_pipeline = self._by_template and plain and whole and not self.torque
+        self.pipeline = Pipeline(self.joint_states, self.dynamics, self.encoder) if by_pipeline else None
+
+    def _observe(self, before):
+        """Have external torque observed as the settings want it: anew, where what it is seen by is not as it was before."""
+        wanted, settings = self.settings.observation, self.settings
+        if wanted is None:
+            self.torque = None
+        elif self.torque is None:
+            self.torque = TorqueWatch(self.dynamics, wanted)
+        elif (self.dynamics, wanted, settings.inputs) != (self.torque.dynamics, before.observation, before.inputs):
+            self.torque.use(self.dynamics, wanted)
+
+    @property
+    def state(self):
+        """The last RobotState, which was evaluated; None if it could not be, or all has been forgotten since."""
+        return self.pipeline.state if self._at_once else self._state
+
+    @property
+    def serialization(self):
+        """How messages are made; where template was wanted, but rclpy's bytes are others, which they are."""
+        if not self._by_template:
+            return "rclpy"
+        unlike = sorted(self.encoder.unlike)
+        return f"rclpy, which makes other bytes of {', '.join(unlike)} than templates have" if unlike else "template"
+
+    @property
+    def at_once(self):
+        """How many joint states were read by template; None where that is not wanted."""
+        return self.joint_states.at_once if self._by_template else None
+
+    def torque_report(self):
+        """Status of external torque, where it is observed."""
+        return self.torque.report(self.assembler.without_effort)
+
+    def unapplied(self):
+        """Links of payloads that are wanted, but not on this robot."""
+        wanted = payloads_of(self.settings.values["payloads"])
+        return [link for link, payload in wanted.items() if payload.mass and link not in self.model.link_names]
+
+    def forget(self):
+        """Start anew, as after a jump of time or a pause."""
+        self.assembler.forget()
+        if self.base:
+            self.base.forget()
+        self.energy.forget()
+        self.frozen.forget()
+        if self.torque:
+            self.torque.forget()
+        self._state, self._at_once = None, False
+
+    def forget_clocks(self):
+        """Forget whether stamps agree with this node's clock: what comes next comes from a new subscription."""
+        self.assembler.stamps.forget()
+        if self.base:
+            self.base.stamps.forget()
+
+    def with_base(self, state):
+        """The state of a robot with a floating base from that of its joints; None while the base's is unknown."""
+        jumps = self.assembler.counts["time jumped back"]
+        if jumps > self._jumps and self.base.stamp is not None and self.base.stamp > state.newest + SECOND:
+            self.base.forget()  # it is of the time that is over
+        self._jumps = jumps
+        return self.base.with_joints(state, self.settings.values["odom_timeout"])
+
+    def state_of_base(self):
+        """The state after odometry: of a robot that is all base, for which no joint state will ever come, else None."""
+        if self.assembler.names:
+            return None
+        nothing, at = np.zeros(0), self.base.stamp
+        return self.with_base(RobotState(nothing, nothing, None, at, at, False))
+
+    def evaluate(self, state):
+        """Evaluation of a whole state, and that state with efforts that hold gravity."""
+        if self.assembler.counts["positions jumped"] > self._moved:  # no motion has led here
+            self._moved = self.assembler.counts["positions jumped"]
+            self.energy.forget()
+            if self.torque:
+                self.torque.forget()
+        without = self.assembler.efforts.without_gravity
+        if state.effort is not None and without is not None:
+            gravity = self.dynamics.gravity_torque(state.position)
+            gravity[: len(gravity) - len(without)] = 0.0  # of a base, on which no effort acts
+            gravity[len(gravity) - len(without) :] *= without
+            state = state._replace(effort=state.effort + gravity)
+        self._state, self._at_once = None, False
+        friction = self.settings.values["publish_friction"]
+        s = self.dynamics.evaluate(state.position, state.velocity, state.effort, friction=friction)
+        self._state = state
+        return s, state
+
+    def serve_at_once(self, raw, now, wanted):
+        """Serve a joint state by the pipeline: see there. What it says of it is all that is said of the state then."""
+        served = self.pipeline.serve(raw, now, wanted)
+        if served is not None:
+            self._state, self._at_once = None, served
+        return served
+
+    def matrix(self, topic):
+        """One of outputs.MATRICES at the last state."""
+        with_inverse = self.settings.values["publish_inverse_factor"]
+        return matrix(topic, self.encoder, self.dynamics, self.state, with_inverse)
+
+
+def _frozen_by(settings):
+    """What Frozen judges by."""
+    return settings.values["frozen_timeout"], settings.values["frozen_values"] == "refuse"
+
+
+def matrix(topic, maker, dynamics, state, with_inverse=False):
+    """One of outputs.MATRICES at a RobotState, by a MessageMaker or EncodedMessages; the factors with ℓ, if wanted."""
+    q, qd = state.position, state.velocity
+    if topic == "mass_matrix_factors":
+        return maker.mass_matrix_factors(dynamics.factors(q), with_inverse, state)
+    return maker.joint_space_dynamics(dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q), state)
+
+
+class Refused(NamedTuple):
+    """A description that is not in force, why, and its model where that is not the reason."""
+
+    description: bytes
+    reason: str
+    model: RobotModel | None
+
+
+def fitted(model, settings):
+    """The model with the payloads and the gravity of other settings; payloads on links that it lacks are left out."""
+    links = set(model.link_names)
+    wanted = {link: one for link, one in payloads_of(settings.values["payloads"]).items() if link in links}
+    for link in {**model.payloads, **wanted}:
+        model = model.with_payload(link, *wanted.get(link, NO_PAYLOAD))
+    return model.with_gravity(settings.values["gravity"])
+
+
+def model_status(robot, phase, revision, failure, refused, loading):
+    """Status of the MonitoredRobot in force, or of none.
+
+    Parameters
+    ----------
+    robot : MonitoredRobot or None
+    phase : str
+        Of the node.
+    revision : int
+        Of the last model.
+    failure : str
+        Why the node could not be configured or activated.
+    refused : Refused or None
+    loading : bytes or None
+        The description that is being loaded.
+    """
+    values = {"lifecycle": phase, "model revision": revision}
+    values["loading"] = "nothing" if loading is None else f"a robot_description of {len(loading)} bytes"
+    if robot:
+        model = robot.model
+        values |= {
+            "robot": model.name,
+            "degrees of freedom": model.nv,
+            "total mass [kg]": f"{model.total_mass:.6g}",
+            "mimic joints": counted(model.mimics),
+            "locked joints": counted(model.locked_joints),
+            "payloads": counted(model.payloads),
+            "serialization": robot.serialization,
+        }
+    if failure or refused:
+        return Status("model", ERROR, failure or f"robot_description refused: {refused.reason}", values)
+    if robot is None:
+        waiting = "no robot_description yet" if loading is None else "loading the robot_description"
+        return Status("model", WARN, waiting if phase in (INACTIVE, ACTIVE) else phase, values)
+    if unapplied := robot.unapplied():
+        return Status("model", WARN, f"payloads on links that are not there: {', '.join(unapplied)}", values)
+    another = "; loading another robot_description" if loading is not None else ""
+    return Status("model", OK, f"robot '{robot.model.name}'{another}", values)

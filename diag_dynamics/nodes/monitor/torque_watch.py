@@ -1,0 +1,103 @@
+"""External torque over all states: the disturbance observer at the monitor's states, and what diagnostics say of it."""
+
+import numpy as np
+
+from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
+from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, steady
+
+
+class TorqueWatch:
+    """A disturbance observer at states as they are assembled, with efforts that hold gravity.
+
+    Of several states with one stamp the first one counts. A base on which nothing acts has efforts that are known, zero: what
+    the ground does to it is external, and so is all that a drive does that is not among the joints.
+
+    Parameters
+    ----------
+    dynamics : DiagonalDynamics
+    observation : Observation
+
+    Attributes
+    ----------
+    dynamics : DiagonalDynamics
+    observation : Observation
+    seen : Disturbance
+        At the last state.
+    """
+
+    def __init__(self, dynamics, observation):
+        self._collisions, self._origin = 0, None
+        self._colliding = self._without_effort = False
+        self._reported = False  # whether diagnostics told of a collision last
+        self._cause = ""  # what was above what when the last collision began
+        self._begin()
+        self.use(dynamics, observation)
+
+    def use(self, dynamics, observation):
+        """Observe anew, by another model or otherwise."""
+        gain, threshold, release, friction, max_gap = observation
+        self.dynamics, self.observation = dynamics, observation
+        self._observer = DisturbanceObserver(dynamics, gain, threshold, release, friction=friction, max_gap=max_gap)
+        self.seen = Disturbance(False, "no state yet")
+
+    def forget(self):
+        """Begin anew at the next state, as after a jump of time or a pause."""
+        self._observer.reset()
+        self.seen = Disturbance(False, "no state yet")
+
+    def _begin(self):
+        """Begin another interval between two reports."""
+        self._count = self._valid = 0
+        self._largest, self._collided, self._above = 0.0, False, False
+
+    def take(self, state):
+        """Observe at a RobotState; return whether this is a collision, and the last report told of none."""
+        if self._origin is None:
+            self._origin = state.newest  # a double holds some hours to the nanosecond, but not the time since 1970
+        time = 1e-9 * (state.newest - self._origin)
+        self.seen = seen = self._observer.update(time, state.position, state.velocity, state.effort)
+        self._without_effort = state.effort is None
+        self._count += 1
+        self._valid += seen.valid
+        self._largest = max(self._largest, seen.norm)
+        self._collided |= seen.collision
+        self._above |= seen.norm > self.observation.threshold
+        if seen.collision and not self._colliding:
+            self._cause = self._told(seen)
+        if not self._without_effort:  # else the observer remembers
+            self._collisions += seen.collision and not self._colliding
+            self._colliding = seen.collision
+        return seen.collision and not self._reported
+
+    def _told(self, seen):
+        """What is above what, and which joint has most of it."""
+        k = int(np.argmax(np.abs(seen.residual)))
+        return (
+            f"|r| rose to {seen.norm:.6g} J^0.5/s, above external_torque.threshold = {self.observation.threshold:g}; most of "
+            f"it is joint '{self.dynamics.model.dof_names[k]}', with {seen.residual[k]:.6g} J^0.5/s and "
+            f"{seen.external_torque[k]:.6g} N m (prismatic: N)"
+        )
+
+    def report(self, without_effort):
+        """Status of all states since the last report; `without_effort` names the joints whose efforts are not known."""
+        if not self._count:
+            return Status("external torque", STALE, "no state since")
+        seen, threshold = self.seen, self.observation.threshold
+        values = {"collisions": self._collisions, "states without result": self._count - self._valid}
+        if self._valid:
+            values["largest |r| [J^0.5/s]"] = f"{self._largest:.6g}"
+        if seen.valid:
+            values["|r| [J^0.5/s]"] = f"{seen.norm:.6g}"
+        if self._collided:
+            level, message = WARN, f"collision: {self._cause}"
+            if not self._above:
+                message += f"; since then not below external_torque.release_threshold = {self.observation.release:g}"
+        elif self._valid:
+            level, message = OK, "no collision" if threshold < float("inf") else "observed, without a threshold"
+        else:
+            level, message = WARN, steady(seen.reason)
+            if self._without_effort and without_effort:
+                message = f"no effort of {counted(without_effort)}"
+        self._reported = self._collided
+        self._begin()
+        return Status("external torque", level, message, values)

@@ -1,0 +1,1 @@
+"""The simulator: efforts in, joint_states out."""

@@ -1,0 +1,7 @@
+"""The simulator, by ``python3 -m diag_dynamics.nodes.simulator``."""
+
+import sys
+
+from diag_dynamics.nodes.simulator.simulator import main
+
+sys.exit(main())

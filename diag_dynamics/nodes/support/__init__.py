@@ -1,0 +1,1 @@
+"""What nodes share: their life, their parameters, their diagnostics, their robot."""

@@ -1,0 +1,308 @@
+"""What MessageMaker makes, as the bytes that are sent: laid out once, then only the numbers are written anew."""
+
+from collections import namedtuple
+
+import numpy as np
+from rclpy.serialization import serialize_message
+
+from diag_dynamics import sweeps
+from diag_dynamics.assembly.stamps import SECOND
+from diag_dynamics.compiled.addresses import Addresses, bytes_at, indices_at, table_at, vector_at, words_at
+from diag_dynamics.compiled.kernel import COUNT, FLAG, MATRIX, NUMBER, VECTOR, entry_kernel, kernel, large_kernel, ready
+from diag_dynamics.nodes.wire.cdr import HEADER, Template
+from diag_dynamics.nodes.wire.topics import BITS, WITH_LINK_ENERGY
+from diag_dynamics.sweeps import NU
+
+_ROW, _STAMP, _OLDEST, _RECEIVED, _ESTIMATED, _ENERGY, _POWER, _BASE, _SHARES, _POSITION, _EFFORT, _FRICTION = range(12)
+
+FIELDS = {
+    "header.stamp.sec": (_STAMP, 0),
+    "oldest_stamp.sec": (_OLDEST, 0),
+    "stamp_is_receive_time": (_RECEIVED, 0),
+    "velocity_estimated": (_ESTIMATED, 0),
+    "total": (_ENERGY, 0),
+    "kinetic_energy": (_ENERGY, 0),
+    "power": (_POWER, 0),
+    "base_energy": (_BASE, 0),
+    "energy_share": (_SHARES, 0),
+    "position": (_POSITION, 0),
+    "effort": (_EFFORT, 0),
+    "friction": (_FRICTION, 0),
+    "velocity": (_ROW, sweeps.RATES),
+    "nu": (_ROW, sweeps.NU),
+    "xi": (_ROW, sweeps.XI),
+    "epsilon": (_ROW, sweeps.EPSILON),
+    "kappa": (_ROW, sweeps.KAPPA),
+    "coriolis": (_ROW, sweeps.CORIOLIS),
+    "coriolis_unnormalized": (_ROW, sweeps.CORIOLIS_UNNORMALIZED),
+    "gravity": (_ROW, sweeps.GRAVITY),
+    "articulated_inertia": (_ROW, sweeps.ARTICULATED_INERTIA),
+}
+"""What is written where a message about one Evaluation has this field, and which row of it."""
+
+CONSTANT = {"effort_valid", "friction_valid", "power_valid", "model_revision"}
+"""Fields that are the same in all messages of one shape."""
+
+ALONGSIDE = {"header.stamp.nanosec", "oldest_stamp.nanosec", "link_energy"}
+"""Fields that are written with others, or by themselves."""
+
+
+class EncodedMessages:
+    """Makes what a MessageMaker makes of the same arguments, as bytes.
+
+    Each topic is laid out by what the maker and rclpy make of its first message, and of the first one of another shape (with
+    efforts or without). Should rclpy serialize it otherwise than :class:`Template` does, the message itself is returned.
+
+    Parameters
+    ----------
+    maker : MessageMaker
+
+    Attributes
+    ----------
+    unlike : set of str
+        Topics of which rclpy makes other bytes.
+    """
+
+    def __init__(self, maker):
+        self._maker = maker
+        self._sheets, self._templates = {}, {}
+        self.unlike = set()
+        ready(_write)
+
+    def messages(self, topics, s, state):
+        """The messages of several topics that are about an Evaluation and the RobotState it came from."""
+        shape = state.effort is not None, s.friction is not None
+        sheets = self._sheets.get(shape)
+        if sheets is None or any(topic not in sheets.spans and topic not in self.unlike for topic in topics):
+            sheets = self._sheets[shape] = self._laid_out({*topics, *(sheets.spans if sheets else ())}, s, state)
+        sheets.write(sum(BITS[topic] for topic in topics), s, state)
+        return [
+            sheets.encoded(topic) if topic in sheets.spans else getattr(self._maker, topic)(s, state)
+            for topic in topics
+        ]
+
+    def sheets(self, with_effort):
+        """The Sheets of messages without friction, of those topics that have been asked for; None without any."""
+        return self._sheets.get((with_effort, False))
+
+    def mass_matrix_factors(self, factors, with_inverse, state):
+        """M and D of Factors, and ℓ if wanted."""
+        values = {"m": factors.m, "d": factors.D} | ({"l": factors.l} if with_inverse else {})
+        return self._single("mass_matrix_factors", values, state, factors, with_inverse, state)
+
+    def joint_space_dynamics(self, mass_matrix, bias, gravity, state):
+        """M, c and g."""
+        values = {"mass_matrix": mass_matrix, "bias": bias, "gravity": gravity}
+        return self._single("joint_space_dynamics", values, state, mass_matrix, bias, gravity, state)
+
+    def external_torque(self, seen, observation, state):
+        """What an observer has seen."""
+        values = {"norm": seen.norm, "collision": seen.collision, "threshold": observation.threshold}
+        values["release_threshold"] = observation.release
+        if seen.valid:
+            values |= {"residual": seen.residual, "external_torque": seen.external_torque}
+        return self._single("external_torque", values, state, seen, observation, state)
+
+    def _laid_out(self, topics, s, state):
+        templates = {}
+        for topic in BITS:
+            if topic in topics and (template := self._template(topic, getattr(self._maker, topic)(s, state))):
+                templates[topic] = template
+        return Sheets(templates, s, state)
+
+    def _template(self, topic, message):
+        """The template of a message; None if rclpy makes other bytes of it, or has of one before."""
+        if topic not in self.unlike:
+            template = Template(message)
+            if template.holds(serialize_message(message)):
+                return template
+            self.unlike.add(topic)
+        return None
+
+    def _single(self, topic, values, state, *arguments):
+        """A message that is not about an Evaluation, and has no part in what is written at once."""
+        shape = topic, *values
+        template = self._templates.get(shape)
+        if template is None:
+            message = getattr(self._maker, topic)(*arguments)
+            template = self._template(topic, message)
+            if template is None:
+                return message
+            self._templates[shape] = template
+        sec, nanosec = divmod(state.newest, SECOND)
+        values = values | {
+            "header.stamp.sec": sec,
+            "header.stamp.nanosec": nanosec,
+            "stamp_is_receive_time": state.stamp_is_receive_time,
+            "velocity_estimated": state.velocity_estimated,
+        }
+        for field, value in values.items():
+            if field in template.numbers:
+                template.numbers[field][:] = np.ravel(value)
+        return template.encoded()
+
+
+class Sheets:
+    """Templates of several messages about one Evaluation in one piece of memory, written in one pass.
+
+    Parameters
+    ----------
+    templates : dict
+        By topic.
+    s : Evaluation
+    state : RobotState
+
+    Attributes
+    ----------
+    spans : dict of tuple
+        Begin and end of each topic's bytes.
+    bits : int
+        Sum of their :data:`~outputs.BITS`.
+    addresses : Addresses
+        Of what :func:`write` writes in.
+    """
+
+    def __init__(self, templates, s, state):
+        begin, self.spans, table, energies = 0, {}, [], -1
+        for topic, template in templates.items():
+            begin += -begin % 8 + 8 - len(HEADER)  # what comes after the encapsulation begins on a multiple of eight
+            end = begin + len(template.data)
+            self.spans[topic] = begin, end
+            table += [(BITS[topic], *instruction) for instruction in _instructions(template, begin)]
+            if template.place("link_energy") >= 0:
+                energies = (begin + template.place("link_energy")) // 8
+            begin = end
+        room = np.zeros(begin + 16, dtype=np.uint8)
+        room = room[-room.ctypes.data % 8 :]
+        for topic, (first, last) in self.spans.items():
+            room[first:last] = templates[topic].data
+        self.bits = sum(BITS[topic] for topic in templates)
+        self._view = memoryview(room)
+        self._base = 6 if len(state.position) > len(state.velocity) else 0
+        links, nv = len(s.link_energy), len(state.velocity)
+        self._link_energy = room[8 * energies : 8 * (energies + links)].view(np.float64) if energies >= 0 else None
+        table = np.array(table, dtype=np.int64).reshape(-1, 4)
+        self.addresses = Addresses(len(room), room, len(table), table, nv, energies, links)
+
+    def write(self, wanted, s, state):
+        """Write the messages about a state whose bits are in `wanted`."""
+        _, _, effort, newest, oldest, received, estimated = state
+        K, power = s.kinetic_energy, s.effort_power
+        _write(
+            self.addresses.at,
+            wanted,
+            newest,
+            oldest,
+            received,
+            estimated,
+            K,
+            0.0 if power is None else power,
+            self._base,
+            s.rows,
+            state.position,
+            _NOTHING if effort is None else effort,
+            _NOTHING if s.friction is None else s.friction,
+        )
+        if wanted & WITH_LINK_ENERGY and self._link_energy is not None:
+            s.write_link_energy(self._link_energy)
+
+    def encoded(self, topic):
+        """The message of a topic as it is now."""
+        first, last = self.spans[topic]
+        return bytes(self._view[first:last])
+
+
+_NOTHING = np.zeros(0)
+
+
+def _instructions(template, begin):
+    """What is written where: rows for :func:`write`.
+
+    Places are those of bytes, of 32-bit words or of doubles, in memory where the template begins at a byte.
+    """
+    found = []
+    for field in template.numbers:
+        if field in FIELDS:
+            what, row = FIELDS[field]
+            size = {_STAMP: 4, _OLDEST: 4, _RECEIVED: 1, _ESTIMATED: 1}.get(what, 8)
+            found.append((what, (begin + template.place(field)) // size, row))
+        elif field not in CONSTANT | ALONGSIDE:
+            raise AssertionError(f"nobody writes {field}")
+    return found
+
+
+_Opened = namedtuple("_Opened", ["data", "words", "doubles", "table", "nv", "link_energy"])
+"""Memory of Sheets as numbers of three kinds, what is written where, and where link energies are, if they are there."""
+
+
+@kernel
+def _opened(sheets):
+    at = indices_at(sheets, (7,))
+    size, links = at[0], at[6] if at[5] >= 0 else 0
+    return _Opened(
+        bytes_at(at[1], (size,)),
+        words_at(at[1], (size // 4,)),
+        vector_at(at[1], (size // 8,)),
+        table_at(at[3], (at[2], 4)),
+        at[4],
+        vector_at(at[1] + 8 * max(at[5], 0), (links,)),
+    )
+
+
+@kernel
+def link_energy_at(sheets):
+    """Where link energies are written in Sheets; of length 0 if nowhere."""
+    return _opened(sheets).link_energy
+
+
+@large_kernel
+def write(sheets, wanted, newest, oldest, received, estimated, energy, power, base, rows, position, effort, friction):
+    """Write everything but link energies in messages whose bits are in `wanted`, in Sheets at this address."""
+    data, words, doubles, table, count, _ = _opened(sheets)
+    for k in range(len(table)):
+        bit, what, at, row = table[k, 0], table[k, 1], table[k, 2], table[k, 3]
+        if not bit & wanted:
+            continue
+        if what == _ROW:
+            for i in range(count):
+                doubles[at + i] = rows[row, i]
+        elif what == _STAMP:
+            words[at], words[at + 1] = newest // SECOND, newest % SECOND
+        elif what == _OLDEST:
+            words[at], words[at + 1] = oldest // SECOND, oldest % SECOND
+        elif what == _RECEIVED:
+            data[at] = received
+        elif what == _ESTIMATED:
+            data[at] = estimated
+        elif what == _ENERGY:
+            doubles[at] = energy
+        elif what == _POWER:
+            doubles[at] = power
+        elif what == _BASE:
+            doubles[at] = 0.0
+            for i in range(base):
+                doubles[at] += 0.5 * rows[NU, i] * rows[NU, i]
+        elif what == _SHARES:
+            for i in range(count):
+                doubles[at + i] = 0.5 * rows[NU, i] * rows[NU, i]
+        elif what == _POSITION:
+            _copy(position, doubles, at)
+        elif what == _EFFORT:
+            _copy(effort, doubles, at)
+        elif what == _FRICTION:
+            _copy(friction, doubles, at)
+
+
+@entry_kernel(
+    *(COUNT, COUNT, COUNT, COUNT, FLAG, FLAG, NUMBER, NUMBER, COUNT),
+    *(MATRIX, VECTOR, VECTOR, VECTOR),
+)
+def _write(sheets, wanted, newest, oldest, received, estimated, energy, power, base, rows, position, effort, friction):
+    """:func:`write`, and nothing else."""
+    write(sheets, wanted, newest, oldest, received, estimated, energy, power, base, rows, position, effort, friction)
+
+
+@kernel
+def _copy(values, doubles, at):
+    for i in range(len(values)):
+        doubles[at + i] = values[i]

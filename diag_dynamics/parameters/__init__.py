@@ -1,0 +1,1 @@
+"""What each node can be told: tables of parameters, and what their values say together. No ROS."""

@@ -1,0 +1,102 @@
+"""The parameters of the controller, all in one table."""
+
+from diag_dynamics.control.modes import MODES, TRACKING
+from diag_dynamics.parameters.robot import PARAMETERS as ROBOT_PARAMETERS
+from diag_dynamics.parameters.spec import Spec
+
+COMPENSATES = "robot_compensates_gravity"
+"""The one parameter that has no default."""
+
+WHY_REQUIRED = (
+    "whether the robot itself adds what carries its weight to the efforts it is sent, as the torque interfaces of some "
+    "vendors do. Nobody can guess it: gravity that is added twice launches the arm, gravity that nobody adds drops it"
+)
+
+
+def _once(default, description, **options):
+    return Spec(default, description, while_unconfigured=True, **options)
+
+
+PARAMETERS = {
+    "autostart": Spec(
+        False,
+        "Whether the node configures and activates itself: when it starts, or as soon as the robot's description has come.",
+        read_only=True,
+    ),
+    "robot_description": _once("", "URDF, or the path of one. If it is empty, the topic robot_description is used."),
+    **{
+        name: spec._replace(while_unconfigured=True)
+        for name, spec in ROBOT_PARAMETERS.items()
+        if name != "floating_base"
+    },
+    "command_joints": _once([""], "Joints in the order of a command's entries; by default all, in the robot's order."),
+    "check_time": _once(
+        1.0,
+        "How long the effort controller may take to say its joints on activation [s]; 0: it is not asked.",
+        minimum=0.0,
+        maximum=60.0,
+    ),
+    "initial_mode": _once(TRACKING, "The law in force on activation.", choices=MODES),
+    # laws
+    "damping": _once(["*=10.0"], "Gains c of damping, each as joint=gain; * for all others [1/s]."),
+    "controlled_link": _once("", "Link whose pose is regulated; empty: none, and no mode pose."),
+    "position_stiffness": _once(200.0, "Of the pose's position [N/m].", minimum=1e-6),
+    "orientation_stiffness": _once(20.0, "Of the pose's orientation [N m/rad].", minimum=1e-6),
+    "position_speed": _once(0.25, "How fast the position of a pose is gone to [m/s].", minimum=1e-6),
+    "orientation_speed": _once(0.5, "How fast its orientation is gone to [rad/s].", minimum=1e-6),
+    "pose_damping": _once(["*=12.0"], "Gains c1 of pose regulation, each as joint=gain; * for all others [1/s]."),
+    "tracking_gain": _once(["*=20.0"], "Gains K of tracking, each as joint=gain; * for all others [1/s]."),
+    "tracking_convergence": _once(
+        ["*=10.0"], "Rates at which tracking errors decay, each as joint=rate; * for all others [1/s]."
+    ),
+    "set_point_speed": _once(
+        0.25,
+        "How fast set-points are gone to, in parts of the URDF's velocity limits.",
+        minimum=1e-3,
+        maximum=1.0,
+    ),
+    "following_energy": _once(
+        2.0,
+        "V of tracking at which a target that the robot does not follow is given up [J], from a quarter of which set-points "
+        "and poses wait for it; 0: never.",
+        minimum=0.0,
+    ),
+    # filters
+    "limit_margin": _once(
+        0.1, "Where springs before the position limits begin, from those inward [rad, m]; 0: none.", minimum=0.0
+    ),
+    "limit_stiffness": _once(100.0, "Of these springs [N m/rad, N/m].", minimum=1e-6),
+    "limit_damping": _once(10.0, "Of their dampers at the limit [N m s/rad, N s/m].", minimum=0.0),
+    "energy_limit": _once(0.0, "Bound on the kinetic energy [J]; 0: none.", minimum=0.0),
+    "energy_rate": _once(
+        50.0, "Rate at which that bound is approached [1/s]; times the period of states below 1.", minimum=1e-6
+    ),
+    "observer_gain": _once(
+        0.0,
+        "Gain of the disturbance observer [1/s], by which the energy limiter counts the power of pushes; 0: none.",
+        minimum=0.0,
+    ),
+    "effort_limit": _once([""], "Largest efforts, below the URDF's, each as joint=effort; * for all others [N m, N]."),
+    "effort_rate": _once(["*=1000.0"], "How fast efforts change, each as joint=rate; * for all others [N m/s, N/s]."),
+    # safety
+    "joint_timeout": _once(
+        0.02, "Largest age of a joint's last values against the newest joint's [s].", minimum=1e-4, maximum=1.0
+    ),
+    "max_state_age": _once(
+        0.02,
+        "Largest distance of a state's stamp from this node's clock [s]; beyond it, gravity is held.",
+        minimum=1e-4,
+        maximum=1.0,
+    ),
+    "hold_time": _once(
+        0.5,
+        "How long the last gravity torque is held without a valid state [s]; then it is taken to zero.",
+        minimum=0.0,
+        maximum=10.0,
+    ),
+    "resume_after_ramp": _once(
+        False, "Whether a valid state puts the law in force again after that; else choosing a mode does."
+    ),
+    "max_rate.status": _once(0.0, "Highest rate of ~/status [Hz]; 0 for every command.", minimum=0.0),
+}
+"""All parameters but :data:`COMPENSATES`."""

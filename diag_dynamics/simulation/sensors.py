@@ -1,0 +1,94 @@
+"""The sensors: what is measured of a state, and when it becomes known."""
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.simulation.drives import ROUNDING
+
+FIELDS = ("position", "velocity", "effort")
+
+
+class Errors(NamedTuple):
+    """What sensors do wrong.
+
+    Attributes
+    ----------
+    noise : tuple of float
+        Standard deviation of white noise on position [rad, m], velocity [rad/s, m/s] and effort [N m, N].
+    resolution : tuple of float
+        Their steps; 0: none.
+    delay : float
+        From when a state is to when it is published, in simulated time [s].
+    dropped : float
+        Probability that a message is lost.
+    seed : int
+        The same seed, and the same states: the same errors.
+    """
+
+    noise: tuple = (0.0, 0.0, 0.0)
+    resolution: tuple = (0.0, 0.0, 0.0)
+    delay: float = 0.0
+    dropped: float = 0.0
+    seed: int = 0
+
+
+class Sensors:
+    """Sensors of all joints.
+
+    Parameters
+    ----------
+    errors : Errors
+
+    Attributes
+    ----------
+    lost : int
+        Messages that were lost.
+
+    Raises
+    ------
+    InputError
+        `errors` has a list of the wrong length or a negative number.
+    """
+
+    def __init__(self, errors):
+        for name, values in (("noise", errors.noise), ("resolution", errors.resolution)):
+            if len(values) != len(FIELDS) or min(values) < 0.0:
+                raise InputError(f"parameter 'sensor_{name}' is {list(values)}, expected 3 numbers >= 0.")
+        self._errors, self.lost = errors, 0
+        self.restart()
+
+    def restart(self):
+        """Begin the sequence of errors anew; what is under way is lost."""
+        self._random = np.random.default_rng(self._errors.seed)
+        self.forget()
+
+    def forget(self):
+        """Lose what is under way."""
+        self._under_way = deque()
+
+    def measure(self, time, position, velocity, effort, label=None):
+        """Measure a state at a simulated time [s]; it becomes known after the delay, unless it is lost.
+
+        `label` comes out with it as it is.
+        """
+        values = []
+        for value, noise, step in zip((position, velocity, effort), *self._errors[:2], strict=True):
+            if noise:
+                value = value + noise * self._random.normal(size=len(value))
+            if step:
+                value = step * np.round(value / step)
+            values.append(value)
+        if self._errors.dropped and self._random.random() < self._errors.dropped:
+            self.lost += 1
+            return
+        self._under_way.append((time, tuple(values), label))
+
+    def known(self, time):
+        """What has become known until a simulated time [s]: the time that it is of, its three vectors, and the label."""
+        found = []
+        while self._under_way and self._under_way[0][0] + self._errors.delay <= time + ROUNDING:
+            found.append(self._under_way.popleft())
+        return found

@@ -1,0 +1,334 @@
+"""Simulation: a robot, its state, and what acts on it."""
+
+import numpy as np
+
+from diag_dynamics import sweeps
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.model import RobotModel
+from diag_dynamics.model.wrenches import wrenches_on_links
+from diag_dynamics.results import Evaluation
+from diag_dynamics.simulation import steps as compiled
+from diag_dynamics.simulation.audit import EnergyAudit
+from diag_dynamics.simulation.layout import (
+    DAMPING,
+    DAMPING_WORK,
+    EFFORT_WORK,
+    FRICTION,
+    FRICTION_WORK,
+    LIMIT_DAMPING,
+    LIMIT_WORK,
+    STIFFNESS,
+    TAKEN,
+    WORKS,
+    WRENCH_WORK,
+)
+from diag_dynamics.simulation.resistance import effort_limits_of, limits_of, positive, resistance, vector
+from diag_dynamics.simulation.states import potential_energy, rest_position, with_unit_quaternions
+
+
+class Simulation:
+    """A robot, its state and the effort on its joints, advanced in fixed steps.
+
+    Every model that :class:`DiagonalDynamics` takes can move: floating bases, planar and floating joints, coupled mimic
+    joints, payloads, locked joints. The same inputs give the same bits.
+
+    Parameters
+    ----------
+    model : RobotModel
+    q : array_like, shape (nq,), optional
+        Initial positions [rad, m]; by default at zero or, where that is outside the limits, in the middle of them.
+    qd : array_like, shape (nv,), optional
+        Initial rates [rad/s, m/s], of a floating base the twist in its own axes; by default at rest.
+    step : float
+        Step size h [s].
+    damping : array_like, shape (nv,), optional
+        Joint damping d [N m s/rad, N s/m], by default that of the URDF.
+    limits : bool or CompliantLimits
+        Whether position limits are hard stops without rebound, or springs with dampers.
+    order : {4, 1}
+        Order of the error in the step: 4, or 1 for steps at a tenth of the cost.
+    friction : array_like, shape (nv,), optional
+        Coulomb friction f [N m, N], by default that of the URDF.
+    effort_limits : bool or array_like, shape (nv,)
+        Largest efforts [N m, N], to which commands are cut: those of the URDF, where 0 stands for none; none; or given ones.
+
+    Raises
+    ------
+    InputError
+        A value is out of range.
+    """
+
+    def __init__(
+        self,
+        model,
+        q=None,
+        qd=None,
+        step=1e-3,
+        damping=None,
+        limits=True,
+        order=4,
+        friction=None,
+        effort_limits=True,
+    ):
+        self._use(model)
+        self.step_size = positive("step", step)
+        if order not in (1, 4):
+            raise InputError(f"order is {order!r}, expected 4 or 1.")
+        self._order = int(order)
+        self._joints = np.zeros((4, model.nv))
+        self.damping = model.damping if damping is None else damping
+        self.friction = model.friction if friction is None else friction
+        self._bounds, self._joints[STIFFNESS], self._joints[LIMIT_DAMPING] = limits_of(limits, model)
+        self._may_lean = np.isfinite(self._joints[STIFFNESS]).any()
+        self.effort_limits = effort_limits
+        self._rows = np.zeros((sweeps.ROWS, model.nq))
+        self._memory, self._places = np.zeros((compiled.ROWS, model.nv)), np.zeros((compiled.PLACES, model.nq))
+        self._no_effort, self._no_wrenches = np.zeros(model.nv), np.zeros(0, sweeps.WRENCH)
+        self._works = np.zeros((3, WORKS))
+        self.reset(rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
+
+    def _use(self, model):
+        """Take a model, its bodies as a copy in which joints can be held."""
+        self.dynamics = DiagonalDynamics(model)
+        self.model = model
+        self._workspace = sweeps.Workspace(model.bodies.copy(), model.gravity)
+        self._armature = model.bodies["armature"].copy()
+        self._flat = bool((model.bodies["dofs"][1:] == 1).all())
+        # The limits' stiffness is that of degrees of freedom, their bounds those of coordinates.
+        single = (model.bodies["dofs"] == 1) & (model.bodies["owner"] == np.arange(len(model.bodies)))
+        self._limited, self._coordinate = model.bodies["dof"][single], model.bodies["q"][single]
+
+    def reset(self, q, qd):
+        """Put the robot into a state, at time 0; the audit begins anew.
+
+        Parameters
+        ----------
+        q : array_like, shape (nq,)
+            Positions [rad, m]; orientations are brought to unit length.
+        qd : array_like, shape (nv,)
+            Rates [rad/s, m/s].
+
+        Raises
+        ------
+        InputError
+            Wrong shape, not finite, or no orientation; the state is then as it was.
+        """
+        self._nu = self.dynamics.nu_from_qd(q, qd)
+        self._q = np.array(q, dtype=float) if self._flat else with_unit_quaternions(self.model, q)
+        self._qd = np.array(qd, dtype=float)
+        self._effort = self._wanted = self._no_effort
+        self._works[:] = 0.0
+        self._exchanged = 0.0
+        self._start, self._start_energies = (self._q.copy(), self._nu.copy()), None
+
+    def change_model(self, model):
+        """Go on with another model of the same degrees of freedom: another payload, gravity or armature.
+
+        q and q̇ stay, so kinetic and potential energy jump as mass comes with the robot's own speed and height; the audit
+        has the difference as `exchanged`. Damping, friction and limits in force stay, too.
+
+        Parameters
+        ----------
+        model : RobotModel
+            As of :meth:`RobotModel.with_payload`.
+
+        Raises
+        ------
+        InputError
+            Its degrees of freedom or coordinates are others.
+        SingularMassMatrixError
+            Its mass matrix is singular here; the model is then as it was.
+        """
+        if not isinstance(model, RobotModel):
+            raise InputError(f"change_model needs a RobotModel, not {type(model).__name__}.")
+        if (model.dof_names, model.coordinate_names) != (self.model.dof_names, self.model.coordinate_names):
+            raise InputError(
+                f"change_model: robot '{model.name}' has the degrees of freedom {', '.join(model.dof_names)}, "
+                f"expected those of '{self.model.name}', {', '.join(self.model.dof_names)}."
+            )
+        nu = DiagonalDynamics(model).nu_from_qd(self._q, self._qd)
+        self._start_energies = self._energies_at_start()
+        before = self._energies(self._q, self._nu).sum()
+        self._use(model)
+        self._nu = nu
+        self._exchanged += float(self._energies(self._q, self._nu).sum() - before)
+
+    @property
+    def time(self):
+        """Simulated time since the last reset [s]: a whole number of steps."""
+        return float(self._works[0, TAKEN]) * self.step_size
+
+    @property
+    def damping(self):
+        """Joint damping in force [N m s/rad, N s/m], shape (nv,); a copy."""
+        return self._joints[DAMPING].copy()
+
+    @damping.setter
+    def damping(self, value):
+        self._joints[DAMPING] = resistance("damping", value, self.model.nv)
+
+    @property
+    def friction(self):
+        """Coulomb friction in force [N m, N], shape (nv,); a copy."""
+        return self._joints[FRICTION].copy()
+
+    @friction.setter
+    def friction(self, value):
+        self._joints[FRICTION] = resistance("friction", value, self.model.nv)
+
+    @property
+    def effort_limits(self):
+        """Largest efforts in force [N m, N], shape (nv,); a copy. True sets those of the URDF, False none."""
+        return self._effort_limits.copy()
+
+    @effort_limits.setter
+    def effort_limits(self, value):
+        self._effort_limits = effort_limits_of(value, self.model)
+
+    @property
+    def q(self):
+        """Positions [rad, m], shape (nq,); a copy."""
+        return self._q.copy()
+
+    @property
+    def nu(self):
+        """Total joint rates [J^½], shape (nv,); a copy."""
+        return self._nu.copy()
+
+    @property
+    def qd(self):
+        """Joint rates q̇ = ℓᵀν [rad/s, m/s], shape (nv,); a copy. Exactly zero where a joint sticks or rests at a stop."""
+        return self._qd.copy()
+
+    @property
+    def effort(self):
+        """Joint efforts that acted in the last steps [N m, N], shape (nv,), after saturation; a copy."""
+        return self._effort.copy()
+
+    @property
+    def saturated(self):
+        """Names of the degrees of freedom whose effort was cut in the last steps."""
+        return self._named(self._effort != self._wanted)
+
+    @property
+    def overspeed(self):
+        """Names of the degrees of freedom that are faster than the URDF's velocity limit, where it has one above 0."""
+        limit = self.model.velocity_limit
+        return self._named((limit > 0.0) & (np.abs(self._qd) > limit))
+
+    @property
+    def at_limit(self):
+        """Names of the joints at or beyond a position limit."""
+        at, (lower, upper) = np.zeros(self.model.nv, bool), self._bounds[:, self._coordinate]
+        q = self._q[self._coordinate]
+        at[self._limited] = (q <= lower) | (q >= upper)
+        return self._named(at)
+
+    def _named(self, chosen):
+        return tuple(self.model.dof_names[k] for k in np.flatnonzero(chosen))
+
+    def advance(self, tau=None, steps=1, f_ext=None, frame="link"):
+        """Take `steps` steps with joint efforts and wrenches held, in one call of compiled code.
+
+        Parameters
+        ----------
+        tau : array_like, shape (nv,), optional
+            Joint efforts [N m, N], cut to the effort limits; zero by default.
+        steps : int
+            How many.
+        f_ext : dict, optional
+            External wrenches by link name: force [N], then moment [N m], at the link's origin.
+        frame : {"link", "world"}
+            Axes in which they are held, while the link turns.
+
+        Raises
+        ------
+        InputError
+            `tau` has the wrong shape or is not finite, a wrench is wrong, or the motion has left what numbers can hold.
+        SingularMassMatrixError
+            The robot has arrived where its mass matrix is singular. Either way the state is the last good one.
+        """
+        model = self.model
+        wanted = self._no_effort if tau is None else vector("tau", tau, model.nv)
+        if not (isinstance(steps, (int, np.integer)) and 0 <= steps < 2**63):
+            raise InputError(f"steps is {steps!r}, expected a whole number >= 0 and below 2**63.")
+        wrenches = self._no_wrenches
+        if f_ext is not None or frame != "link":
+            wrenches = wrenches_on_links(model, {} if f_ext is None else f_ext, frame)
+        effort = np.minimum(np.maximum(wanted, -self._effort_limits), self._effort_limits)
+        status = compiled.advance(
+            self._workspace.robot,
+            self._order,
+            self._flat,
+            self._armature,
+            self._joints,
+            self._bounds,
+            self.step_size,
+            steps,
+            effort,
+            wrenches,
+            frame == "world",
+            self._q,
+            self._qd,
+            self._nu,
+            self._works,
+            self._memory,
+            self._places,
+            self._rows,
+        )
+        self._effort, self._wanted = effort, wanted
+        if status:
+            self.dynamics._workspace.work["D"][:] = self._workspace.work["D"]
+            self.dynamics._positions(self._q)
+            self.dynamics._fail(status, nu=self._nu)
+
+    def evaluate(self, tau=None, f_ext=None, *, frame="link") -> Evaluation:
+        """Everything of the diagonalized equations at the present state, as :meth:`DiagonalDynamics.evaluate`."""
+        return self.dynamics.evaluate(self.q, self.qd, tau, f_ext, frame=frame)
+
+    @property
+    def kinetic_energy(self):
+        """K = ½νᵀν [J]."""
+        return 0.5 * float(self._nu @ self._nu)
+
+    @property
+    def potential_energy(self):
+        """Energy in the field of gravity [J], zero where the centre of mass is level with the world's origin."""
+        return potential_energy(self.model, self._q)
+
+    @property
+    def elastic_energy(self):
+        """Energy that compliant limits store [J]."""
+        return self._elastic_energy(self._q)
+
+    def _elastic_energy(self, q):
+        if not self._may_lean:
+            return 0.0
+        q, (lower, upper) = q[self._coordinate], self._bounds[:, self._coordinate]
+        depth, stiffness = np.maximum(np.maximum(q - upper, lower - q), 0.0), self._joints[STIFFNESS, self._limited]
+        leaning = np.isfinite(stiffness) & (depth > 0.0)
+        return 0.5 * float(stiffness[leaning] @ depth[leaning] ** 2)
+
+    def _energies(self, q, nu):
+        return np.array([0.5 * nu @ nu, potential_energy(self.model, q), self._elastic_energy(q)])
+
+    def _energies_at_start(self):
+        """Those of the state that it was reset to: only when they are asked for, as resetting should cost nothing."""
+        if self._start_energies is None:
+            self._start_energies = self._energies(*self._start)
+        return self._start_energies
+
+    @property
+    def audit(self):
+        """Work and change of energy since the last :meth:`reset`, an :class:`EnergyAudit`."""
+        work = self._works[0].tolist()
+        return EnergyAudit(
+            work[EFFORT_WORK],
+            work[WRENCH_WORK],
+            work[DAMPING_WORK],
+            work[FRICTION_WORK],
+            work[LIMIT_WORK],
+            self._exchanged,
+            *(self._energies(self._q, self._nu) - self._energies_at_start()).tolist(),
+        )

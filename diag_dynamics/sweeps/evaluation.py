@@ -1,0 +1,371 @@
+"""Everything of the diagonalized equations of motion at one state: an outward and an inward sweep."""
+
+import math
+
+import numpy as np
+
+from diag_dynamics.compiled.kernel import COUNT, MATRIX, ROBOT, STATES, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.compiled.lanes import nought
+from diag_dynamics.sweeps.bodies import (
+    BODIES,
+    LINKS,
+    WORK,
+    add_to_force,
+    force_of,
+    inertia_of,
+    motion_of,
+    placement_of,
+    set_force,
+    set_motion,
+    set_vector,
+    vector_of,
+)
+from diag_dynamics.sweeps.groups import (
+    carried_motion,
+    compose,
+    compose_rates,
+    eliminate,
+    eliminate_rate,
+    filter_moments,
+    gather,
+    gather_bias,
+    induced_rate,
+    is_grouped,
+    momentum_rate,
+    owns,
+)
+from diag_dynamics.sweeps.inertias import hand_on_with_rate
+from diag_dynamics.sweeps.joints import (
+    are_finite,
+    are_orientations,
+    is_singular,
+    joint_inertia,
+    magnitude_along,
+    momentum,
+    move,
+    own_motion,
+    pass_size,
+    place,
+    rest_at_world,
+    start_inertia,
+    turn,
+)
+from diag_dynamics.sweeps.spatial import (
+    ANGULAR_Z,
+    LINEAR_Z,
+    ZERO,
+    Motion,
+    add_force,
+    add_motion,
+    along,
+    apply_transposed,
+    column_along,
+    cross_along_z,
+    cross_force,
+    dot,
+    force_to_parent,
+    inertia_times,
+    motion_along,
+    motion_to_child,
+    power,
+    scale,
+    scale_force,
+    subtract_force,
+    subtract_motion,
+)
+from diag_dynamics.sweeps.workspace import (
+    ARTICULATED_INERTIA,
+    ARTICULATED_INERTIA_RATE,
+    CORIOLIS,
+    CORIOLIS_UNNORMALIZED,
+    EPSILON,
+    GRAVITY,
+    KAPPA,
+    MISFIT,
+    NU,
+    POSITIONS,
+    RATES,
+    XI,
+    fit,
+    opened,
+)
+
+
+@large_kernel
+def _outward(bodies, gravity, q, qd, work):
+    """V, gravity's acceleration, and what the inward sweep starts from."""
+    world = work[0]
+    rest_at_world(work)
+    set_vector(world.acceleration, 0, scale(vector_of(gravity), -1.0))
+    turn(bodies, q, work)
+    for i in range(1, len(bodies)):
+        body, w, parent = bodies[i], work[i], work[bodies[i].parent]
+        X = place(body, q, w)
+        V = add_motion(motion_to_child(X, motion_of(parent.V)), own_motion(body, qd))
+        set_motion(w.V, V)
+        set_vector(w.acceleration, 0, apply_transposed(X.rotation, vector_of(parent.acceleration)))
+        start_inertia(body, w)
+        set_force(w.y, cross_force(V, momentum(body, V)))
+        w.z[:] = 0.0
+
+
+@kernel
+def _axis(bodies, i, direction, qd, tau, work, out):
+    """The inward step at a joint of one degree of freedom; the direction is a constant, for the compiler's sake."""
+    body, w = bodies[i], work[i]
+    k = body.dof
+    rate = qd[k]
+    V, P, P_rate, y, z = motion_of(w.V), inertia_of(w.P), inertia_of(w.P_rate), force_of(w.y), force_of(w.z)
+
+    D, column, G = joint_inertia(direction, w, P)
+    w.D = D
+    if is_singular(magnitude_along(body, w), D):
+        return i
+    root = math.sqrt(D)
+
+    # Total rate: own rate, and the rate induced by the base's motion (eq. 5.3)
+    v_J = motion_along(direction, rate)
+    xi = rate + power(G, subtract_motion(V, v_J))
+
+    # Coriolis term, un-normalized Sᵀ[y − Ṗ(V − S ξ)] and normalized with half of the last part
+    u = column_along(direction, P_rate)
+    D_rate = along(direction, u)
+    without_xi = along(direction, y) - power(u, V)
+
+    kappa = tau[k] - along(direction, z)
+    out[NU, k] = root * xi
+    out[XI, k] = xi
+    out[EPSILON, k] = kappa / root
+    out[KAPPA, k] = kappa
+    out[CORIOLIS, k] = (without_xi + 0.5 * D_rate * xi) / root
+    out[CORIOLIS_UNNORMALIZED, k] = without_xi + D_rate * xi
+    out[GRAVITY, k] = dot(column.force, vector_of(w.acceleration)) / root
+    out[ARTICULATED_INERTIA, k] = D
+    out[ARTICULATED_INERTIA_RATE, k] = D_rate
+
+    if body.parent > 0:
+        # y⁺ = τ̄ y + P⁺ζ, P⁺ζ = Pζ − G (P S)ᵀζ;  z⁺ = z + G κ
+        X, parent = placement_of(w), work[body.parent]
+        zeta = cross_along_z(direction, V, rate)
+        y_plus = subtract_force(y, scale_force(G, along(direction, y) + power(column, zeta)))
+        y_plus = add_force(y_plus, inertia_times(P, zeta))
+        z_plus = add_force(z, scale_force(G, kappa))
+        pass_size(w, X, parent)
+        hand_on_with_rate(w, direction, rate, G, column, subtract_force(u, scale_force(G, 0.5 * D_rate)), X, parent)
+        add_to_force(parent.y, force_to_parent(X, y_plus))
+        add_to_force(parent.z, force_to_parent(X, z_plus))
+    return 0
+
+
+@large_kernel
+def _group(bodies, last, qd, tau, work, table, out):
+    """The inward step at degrees of freedom that are eliminated together: see groups."""
+    first, Q, Q_rate, kappa, bias = bodies[last].first, table[0], table[1], out[KAPPA], out[CORIOLIS]
+    for i in range(first, last + 1):
+        kappa[bodies[i].dof], bias[bodies[i].dof] = tau[bodies[i].dof], 0.0
+    z = gather(bodies, first, last, work, work.z, -1.0, kappa)
+    compose(bodies, first, last, work, Q)
+    y = gather_bias(bodies, first, last, qd, work, work.V, -1.0, bias)
+    compose_rates(bodies, first, last, qd, work, Q_rate)
+    status = eliminate(bodies, first, last, work, Q, False)
+    if status != 0:
+        return status
+    y = add_force(y, filter_moments(bodies, first, last, work, Q, bias))
+    z = add_force(z, filter_moments(bodies, first, last, work, Q, kappa))
+
+    V_A = carried_motion(bodies, first, work)
+    carrier = work[bodies[first].parent]
+    acceleration = Motion(vector_of(carrier.acceleration), ZERO)
+    for i in range(last, first - 1, -1):
+        if not owns(bodies, i):
+            continue
+        w, k, start = work[i], bodies[i].dof, bodies[i].start
+        G, D, D_rate = force_of(w.G), w.D, Q_rate[k, k - start]
+        root, xi = math.sqrt(D), qd[k] + induced_rate(bodies, i, V_A, qd, Q, G)
+        without_xi = -bias[k] - momentum_rate(bodies, i, V_A, qd, work, Q_rate)
+        out[NU, k] = root * xi
+        out[XI, k] = xi
+        out[EPSILON, k] = kappa[k] / root
+        out[CORIOLIS, k] = (without_xi + 0.5 * D_rate * xi) / root
+        out[CORIOLIS_UNNORMALIZED, k] = without_xi + D_rate * xi
+        out[GRAVITY, k] = root * power(G, acceleration)
+        out[ARTICULATED_INERTIA, k] = D
+        out[ARTICULATED_INERTIA_RATE, k] = D_rate
+        eliminate_rate(bodies, first, i, work, Q, Q_rate)
+    if bodies[first].parent > 0:
+        add_to_force(carrier.y, y)
+        add_to_force(carrier.z, z)
+    return 0
+
+
+@large_kernel
+def _base(bodies, last, qd, tau, work, table, out):
+    """As :func:`_group`, at a joint of several degrees of freedom that the world carries.
+
+    There V_A is zero, and 𝓜 and 𝓜̇ are P and Ṗ in the joint's own axes: most of what a group needs is not there.
+    """
+    first, start, w, Q, Q_rate = bodies[last].first, bodies[last].start, work[last], table[0], table[1]
+    kappa, bias, gravity = out[KAPPA], out[CORIOLIS], out[GRAVITY]
+    P, P_rate, y, z = inertia_of(w.P), inertia_of(w.P_rate), force_of(w.y), force_of(w.z)
+    weight = inertia_times(P, Motion(vector_of(w.acceleration), ZERO))
+    for i in range(first, last + 1):
+        c, direction = bodies[i].dof, bodies[i].direction
+        kappa[c], bias[c], gravity[c] = tau[c] - along(direction, z), along(direction, y), along(direction, weight)
+        column, rate = column_along(direction, P), column_along(direction, P_rate)
+        for j in range(first, i + 1):
+            b = bodies[j].dof
+            Q[b, c - start] = along(bodies[j].direction, column)
+            Q_rate[b, c - start] = along(bodies[j].direction, rate)
+        Q[c, c - start] += work[i].armature
+
+    for i in range(last, first - 1, -1):
+        c = bodies[i].dof
+        D, D_rate = Q[c, c - start], Q_rate[c, c - start]
+        work[i].D = D
+        if is_singular(magnitude_along(bodies[i], w), D):
+            return i
+        inverse, root = 1.0 / D, math.sqrt(D)
+        xi, momentum_rate = qd[c], D_rate * qd[c]
+        for b in range(start, c):
+            g, u = Q[b, c - start] * inverse, Q_rate[b, c - start]
+            xi += g * qd[b]
+            momentum_rate += u * qd[b]
+            kappa[b] -= g * kappa[c]
+            bias[b] -= g * bias[c]
+            gravity[b] -= g * gravity[c]
+            for a in range(start, b + 1):  # as eliminate and eliminate_rate of groups
+                g_a = Q[a, c - start] * inverse
+                Q[a, b - start] -= g_a * Q[b, c - start]
+                Q_rate[a, b - start] -= g_a * (u - g * D_rate) + Q_rate[a, c - start] * g
+        without_xi = bias[c] - momentum_rate
+        out[NU, c] = root * xi
+        out[XI, c] = xi
+        out[EPSILON, c] = kappa[c] / root
+        out[CORIOLIS, c] = (without_xi + 0.5 * D_rate * xi) / root
+        out[CORIOLIS_UNNORMALIZED, c] = without_xi + D_rate * xi
+        out[GRAVITY, c] = gravity[c] / root
+        out[ARTICULATED_INERTIA, c] = D
+        out[ARTICULATED_INERTIA_RATE, c] = D_rate
+    return 0
+
+
+@kernel
+def _is_base(bodies, last):
+    """Whether a group is one joint, carried by the world."""
+    return bodies[bodies[last].first].parent == 0 and bodies[last].dofs == last - bodies[last].first + 1
+
+
+@kernel
+def _is_finite_result(out, n):
+    """Whether all that has been filled is finite, and the kinetic energy and the power of efforts and gravity, too."""
+    energy, power = nought(out), nought(out)
+    for k in range(n):
+        rows = out[XI, k] + out[EPSILON, k] + out[KAPPA, k] + out[CORIOLIS, k] + out[CORIOLIS_UNNORMALIZED, k]
+        rows += out[GRAVITY, k] + out[ARTICULATED_INERTIA, k] + out[ARTICULATED_INERTIA_RATE, k]
+        if not math.isfinite(rows):
+            return False
+        energy += out[NU, k] * out[NU, k]
+        power += out[NU, k] * (out[EPSILON, k] - out[GRAVITY, k])
+    return math.isfinite(energy) and math.isfinite(power)
+
+
+@kernel
+def sweep(bodies, gravity, q, qd, tau, work, table, out):
+    """Fill the rows of `out` from NU on with what :func:`evaluate` gives; q, q̇ and τ are finite."""
+    _outward(bodies, gravity, q, qd, work)
+    i = len(bodies) - 1
+    while i > 0:
+        first = bodies[i].first
+        if is_grouped(bodies[i]) and _is_base(bodies, i):
+            status = _base(bodies, i, qd, tau, work, table, out)
+        elif is_grouped(bodies[i]):
+            status = _group(bodies, i, qd, tau, work, table, out)
+        elif bodies[i].direction == ANGULAR_Z:
+            status = _axis(bodies, i, ANGULAR_Z, qd, tau, work, out)
+        else:
+            status = _axis(bodies, i, LINEAR_Z, qd, tau, work, out)
+        if status != 0:
+            return status
+        i = first - 1
+    return 0 if _is_finite_result(out, len(qd)) else -1
+
+
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, MATRIX)
+def evaluate(robot, q, qd, tau, out):
+    """ν, ξ, ε, κ, C, C_ξ, ε_g, D and Ḋ at one state, in an outward and an inward sweep.
+
+    Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. Rows of `out`, of length nq, are those of :data:`NU` and so on; the
+    last two receive q and q̇.
+    """
+    return evaluate_within(robot, q, qd, tau, out)
+
+
+@large_kernel
+def evaluate_within(robot, q, qd, tau, out):
+    """:func:`evaluate`, for who is compiled himself."""
+    if not fit(robot, q, qd, tau):
+        return MISFIT
+    if not (are_finite(q) and are_finite(qd) and are_finite(tau)):
+        return -1
+    bodies, gravity, work, table = opened(robot)
+    if not are_orientations(bodies, q):
+        return -1
+    for k in range(len(q)):
+        out[POSITIONS, k] = q[k]
+    for k in range(len(qd)):
+        out[RATES, k] = qd[k]
+    return sweep(bodies, gravity, q, qd, tau, work, table, out)
+
+
+@entry_kernel(MATRIX, COUNT)
+def energy_and_power(state, nv):
+    """½νᵀν and νᵀ(ε − ε_g) of a state that :func:`evaluate` has filled."""
+    return energy_and_power_within(state, nv)
+
+
+@kernel
+def energy_and_power_within(state, nv):
+    """:func:`energy_and_power`, for who is compiled himself."""
+    energy, power = 0.0, 0.0
+    for k in range(nv):
+        nu = state[NU, k]
+        energy += 0.5 * nu * nu
+        power += nu * (state[EPSILON, k] - state[GRAVITY, k])
+    return energy, power
+
+
+@kernel
+def energies_of_links(bodies, links, work, qd, energy):
+    """Fill `energy` with the kinetic energy of every link, for bodies that move by their V; whether all are finite."""
+    for k in range(len(energy)):
+        energy[k] = 0.0
+    for i in range(1, len(bodies)):
+        body = bodies[i]
+        energy[body.link] += 0.5 * body.armature * (body.multiplier * qd[body.dof]) ** 2
+    for j in range(len(links)):
+        V = motion_of(work[links[j].body].V)
+        energy[links[j].index] += 0.5 * power(momentum(links[j], V), V)
+    total = 0.0
+    for k in range(len(energy)):
+        total += energy[k]
+    return math.isfinite(total)
+
+
+@entry_kernel(BODIES, LINKS, STATES, MATRIX, nogil=True)
+def link_energies(bodies, links, states, energies):
+    """Kinetic energy of every link, ½VᵀIV and ½ armature q̇² of its joint, at each state that :func:`evaluate` was at.
+
+    It returns whether all are finite: K may be where those of links of no rigid body are not.
+    A state is what it filled; I is taken in the frame of the body that the link belongs to.
+    """
+    work, finite = np.empty(len(bodies), WORK), True
+    for t in range(len(states)):
+        q, qd, energy = states[t, POSITIONS], states[t, RATES], energies[t]
+        rest_at_world(work)
+        turn(bodies, q, work)
+        for i in range(1, len(bodies)):
+            body, w = bodies[i], work[i]
+            place(body, q, w)
+            move(body, qd, work, w)
+        finite &= energies_of_links(bodies, links, work, qd, energy)
+    return finite

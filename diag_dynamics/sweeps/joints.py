@@ -1,0 +1,314 @@
+"""Steps that several sweeps share: a body placed, moved, weighed; its joint's inertia taken out, or passed on."""
+
+import math
+
+from numba.core import types
+from numba.extending import overload
+
+from diag_dynamics.compiled.kernel import INLINED, kernel, large_kernel
+from diag_dynamics.compiled.lanes import WIDTH, numbers_of, side_by_side
+from diag_dynamics.compiled.trigonometry import sine_and_cosine
+from diag_dynamics.sweeps.bodies import (
+    add_to_inertia,
+    matrix_of,
+    motion_of,
+    placement_of,
+    set_motion,
+    set_placement,
+    symmetric_of,
+    vector_of,
+)
+from diag_dynamics.sweeps.inertias import start_own
+from diag_dynamics.sweeps.spatial import (
+    ANGULAR_X,
+    ANGULAR_Z,
+    ZERO,
+    Motion,
+    Placement,
+    add,
+    add_motion,
+    along,
+    apply,
+    column_along,
+    cross_motion,
+    dot,
+    force_to_parent,
+    inertia_to_parent,
+    motion_along,
+    motion_to_child,
+    no_motion,
+    product,
+    rigid_momentum,
+    rotation_of_quaternion,
+    scale,
+    scale_force,
+    turned_about_z,
+)
+
+PLANAR, FLOATING = 3, 6
+"""Degrees of freedom of the joints that have several; they name the joint."""
+
+UNIT_TOLERANCE = 1e-3
+"""How far from 1 the squared length of an orientation's quaternion may be; it is normalized."""
+
+SINGULAR = 1e-10
+"""A joint counts as moving no inertia where D is below this part of the inertias that D is the remainder of."""
+
+REMOTE = 1e-4
+"""How much less than what its children hand on the inertia of all links outboard counts when D is judged: what is left of it
+in 1e-14 is rounding."""
+
+# --- Positions --------------------------------------------------------------------------------------------
+
+
+@kernel
+def _position(body, q):
+    """Angle or displacement of the joint of a body; of one of several degrees of freedom the angle of a planar joint."""
+    if body.dofs == 1:
+        return body.multiplier * q[body.q] + body.offset
+    return q[body.q + 2]
+
+
+@kernel
+def _turn_one_by_one(bodies, q, work):
+    for i in range(1, len(bodies)):
+        work[i].sine, work[i].cosine = sine_and_cosine(_position(bodies[i], q))
+
+
+@kernel
+def _turn_side_by_side(bodies, q, work):
+    last = len(bodies) - 1
+    for i in range(1, last + 1, WIDTH):
+        a, b, c, d = i, min(i + 1, last), min(i + 2, last), min(i + 3, last)
+        e, f, g, h = min(i + 4, last), min(i + 5, last), min(i + 6, last), min(i + 7, last)
+        angles = (
+            _position(bodies[a], q),
+            _position(bodies[b], q),
+            _position(bodies[c], q),
+            _position(bodies[d], q),
+            _position(bodies[e], q),
+            _position(bodies[f], q),
+            _position(bodies[g], q),
+            _position(bodies[h], q),
+        )
+        sine, cosine = sine_and_cosine(side_by_side(angles))
+        sines, cosines = numbers_of(sine), numbers_of(cosine)
+        for k, j in enumerate((a, b, c, d, e, f, g, h)):
+            work[j].sine, work[j].cosine = sines[k], cosines[k]
+
+
+def turn(bodies, q, work):
+    """Sine and cosine of all joints' angles, kept for :func:`place`: of one number eight joints are as fast as one."""
+
+
+@overload(turn, jit_options=INLINED)
+def _(bodies, q, work):
+    form = _turn_side_by_side if isinstance(q.dtype, types.Float) else _turn_one_by_one
+    return lambda bodies, q, work: form(bodies, q, work)
+
+
+@kernel
+def place(body, q, w):
+    """X of the body at the positions q, kept in its workspace; the later bodies of a joint are where the first is.
+
+    After :func:`turn`.
+    """
+    if body.dofs == 1 and body.direction == ANGULAR_Z:
+        rotation = turned_about_z(matrix_of(body.rotation), w.sine, w.cosine)
+        set_placement(w, Placement(rotation, vector_of(body.translation)))
+    else:
+        _place_rarer(body, q, w)
+    return placement_of(w)
+
+
+@large_kernel
+def _place_rarer(body, q, w):
+    """What :func:`place` does with all but a revolute joint."""
+    rotation, translation = matrix_of(body.rotation), vector_of(body.translation)
+    if body.dofs == 1:
+        translation = add(translation, apply(rotation, (0.0, 0.0, _position(body, q))))
+    elif body.rank == 0:
+        k = body.q
+        if body.dofs == PLANAR:
+            translation = add(translation, apply(rotation, (q[k], q[k + 1], 0.0)))
+            rotation = turned_about_z(rotation, w.sine, w.cosine)
+        else:
+            translation = add(translation, apply(rotation, (q[k], q[k + 1], q[k + 2])))
+            rotation = product(rotation, rotation_of_quaternion(q[k + 3], q[k + 4], q[k + 5], q[k + 6]))
+    set_placement(w, Placement(rotation, translation))
+
+
+@kernel
+def place_all(bodies, q, work):
+    """X of every body."""
+    turn(bodies, q, work)
+    for i in range(1, len(bodies)):
+        place(bodies[i], q, work[i])
+
+
+@kernel
+def orientation(bodies, i, work):
+    """Rotation of a placed body in the world."""
+    R = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    while i > 0:
+        R = product(matrix_of(work[i].rotation), R)
+        i = bodies[i].parent
+    return R
+
+
+@kernel
+def start(bodies, q, work):
+    """X of every body and P before any child has been added."""
+    turn(bodies, q, work)
+    for i in range(1, len(bodies)):
+        place(bodies[i], q, work[i])
+        start_inertia(bodies[i], work[i])
+
+
+@kernel
+def are_positions(bodies, q):
+    """Whether all positions are finite, and orientations near unit length."""
+    return are_finite(q) and are_orientations(bodies, q)
+
+
+@kernel
+def are_orientations(bodies, q):
+    """Whether orientations are near unit length."""
+    for i in range(1, len(bodies)):
+        if bodies[i].dofs == FLOATING and bodies[i].rank == 0:
+            k = bodies[i].q + 3
+            length = q[k] * q[k] + q[k + 1] * q[k + 1] + q[k + 2] * q[k + 2] + q[k + 3] * q[k + 3]
+            if not abs(length - 1.0) < UNIT_TOLERANCE:
+                return False
+    return True
+
+
+@kernel
+def are_finite(x):
+    """Whether all of a vector is."""
+    for k in range(len(x)):
+        if not math.isfinite(x[k]):
+            return False
+    return True
+
+
+# --- Motions ----------------------------------------------------------------------------------------------
+
+
+@kernel
+def own_motion(body, rates):
+    """S q̇ of one body; a follower's rate is its leader's, multiplied."""
+    return motion_along(body.direction, body.multiplier * rates[body.dof])
+
+
+@kernel
+def joint_motion(bodies, i, rates):
+    """v_J, what moves the frame of body i against its parent's; nothing for the later bodies of a joint."""
+    if bodies[i].dofs == 1:
+        return own_motion(bodies[i], rates)
+    v_J = no_motion(rates)
+    if bodies[i].rank == 0:
+        for j in range(i, i + bodies[i].dofs):
+            v_J = add_motion(v_J, own_motion(bodies[j], rates))
+    return v_J
+
+
+@kernel
+def zeta(bodies, i, rates, work):
+    """ζ = V × v_J of the joint whose first body is i; V of all its bodies is known."""
+    return cross_motion(motion_of(work[i + bodies[i].dofs - 1].V), joint_motion(bodies, i, rates))
+
+
+@kernel
+def rest_at_world(work):
+    """V of the world."""
+    set_motion(work[0].V, Motion(ZERO, ZERO))
+
+
+@kernel
+def accelerate_world(gravity, weight, work):
+    """Gravity as an acceleration of the world, −g, times a weight."""
+    set_motion(work[0].acceleration, Motion(scale(vector_of(gravity), -weight), ZERO))
+
+
+@kernel
+def move(body, rates, work, w):
+    """V of a placed body."""
+    V = add_motion(motion_to_child(placement_of(w), motion_of(work[body.parent].V)), own_motion(body, rates))
+    set_motion(w.V, V)
+    return V
+
+
+# --- Inertias ---------------------------------------------------------------------------------------------
+
+
+@kernel
+def momentum(body, V):
+    """I V."""
+    return rigid_momentum(body.mass, vector_of(body.first_moment), symmetric_of(body.inertia), V)
+
+
+@kernel
+def start_inertia(body, w):
+    """P of a body before its children have been added, and the magnitudes that D will be judged by."""
+    start_own(body, w)
+    w.magnitude[0] = 3.0 * body.mass
+    w.magnitude[1] = body.inertia[0] + body.inertia[3] + body.inertia[5]
+    w.total[0], w.total[1] = w.magnitude[0], w.magnitude[1]
+    w.armature = body.armature
+
+
+@kernel
+def joint_inertia(direction, w, P):
+    """D, with the armature that theory adds to it, P S and G (Algorithm 4.1)."""
+    column = column_along(direction, P)
+    D = along(direction, column) + w.armature
+    return D, column, scale_force(column, 1.0 / D)
+
+
+@kernel
+def magnitude_along(body, w):
+    """The size of the inertias that D of this body came from.
+
+    These are what the joints outboard have left over. Where they have left nothing but rounding, that of all they had.
+    """
+    k = 0 if body.direction < ANGULAR_X else 1
+    return max(w.magnitude[k], REMOTE * w.total[k])
+
+
+@kernel
+def is_singular(size, D):
+    """Whether D is no more than what cancellation leaves of inertias of this size."""
+    return not SINGULAR * size < D
+
+
+@kernel
+def pass_size(w, X, parent):
+    """Add the size of P to the parent's magnitudes."""
+    P = w.P
+    linear, angular = P[0] + P[32] + P[64], P[2] + P[34] + P[66]
+    lever = dot(X.translation, X.translation)
+    parent.magnitude[0] += linear
+    parent.magnitude[1] += angular + linear * lever
+    parent.total[0] += w.total[0]
+    parent.total[1] += w.total[1] + w.total[0] * lever
+
+
+@kernel
+def pass_inertia(w, P, parent):
+    """Add XᵀP X to the parent's P, and its size to the parent's magnitudes: P of the body w, nothing taken out."""
+    X = placement_of(w)
+    add_to_inertia(parent.P, inertia_to_parent(X, P))
+    pass_size(w, X, parent)
+
+
+@kernel
+def force_inboard(body, w, F):
+    """XᵀF; the later bodies of a joint share the first one's frame."""
+    return F if body.rank > 0 else force_to_parent(placement_of(w), F)
+
+
+@kernel
+def motion_outboard(body, w, V):
+    """X V; the later bodies of a joint share the first one's frame."""
+    return V if body.rank > 0 else motion_to_child(placement_of(w), V)

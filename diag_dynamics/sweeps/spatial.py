@@ -1,0 +1,459 @@
+"""Spatial (6-D) vector algebra on tuples of scalars, which numba turns into straight-line code.
+
+Conventions: the linear part comes first. A 3-vector is a tuple of three floats, a 3x3 matrix a tuple of three
+rows. Body frames are chosen so that the axis of every joint is z (see model), and a joint of several degrees of
+freedom moves along axes of its body; what projects on a degree of freedom S therefore picks an entry.
+"""
+
+import math
+from collections import namedtuple
+
+from diag_dynamics.compiled.kernel import kernel
+from diag_dynamics.compiled.lanes import nought
+
+Motion = namedtuple("Motion", ["linear", "angular"])
+"""Twist or spatial acceleration about the frame's origin."""
+
+Force = namedtuple("Force", ["force", "moment"])
+"""Wrench or momentum about the frame's origin."""
+
+Inertia = namedtuple("Inertia", ["A", "B", "C"])
+"""Symmetric 6x6 matrix [[A, B], [Bᵀ, C]] that takes a Motion to a Force."""
+
+Placement = namedtuple("Placement", ["rotation", "translation"])
+"""Pose of a child frame in its parent: x_parent = rotation x_child + translation."""
+
+LINEAR_X, LINEAR_Y, LINEAR_Z, ANGULAR_X, ANGULAR_Y, ANGULAR_Z = range(6)
+"""Directions of a degree of freedom: entries of a Motion. A revolute joint has ANGULAR_Z, a prismatic one LINEAR_Z."""
+
+ZERO = (0.0, 0.0, 0.0)
+
+NOTHING = (ZERO, ZERO, ZERO)
+
+# --- 3-vectors and 3x3 matrices ---------------------------------------------------------------------------
+
+
+@kernel
+def add(a, b):
+    """Sum a + b."""
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+@kernel
+def subtract(a, b):
+    """Difference a − b."""
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+@kernel
+def scale(a, s):
+    """Multiple s a."""
+    return (a[0] * s, a[1] * s, a[2] * s)
+
+
+@kernel
+def dot(a, b):
+    """aᵀb."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def cross(a, b):
+    """Vector product a × b."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@kernel
+def transpose(M):
+    """Mᵀ."""
+    return (
+        (M[0][0], M[1][0], M[2][0]),
+        (M[0][1], M[1][1], M[2][1]),
+        (M[0][2], M[1][2], M[2][2]),
+    )
+
+
+@kernel
+def mirror(M):
+    """Symmetric matrix from its upper triangle; spares the compiler the lower one."""
+    return (M[0], (M[0][1], M[1][1], M[1][2]), (M[0][2], M[1][2], M[2][2]))
+
+
+@kernel
+def apply(M, a):
+    """M a."""
+    return (dot(M[0], a), dot(M[1], a), dot(M[2], a))
+
+
+@kernel
+def apply_transposed(M, a):
+    """Mᵀ a."""
+    return add(add(scale(M[0], a[0]), scale(M[1], a[1])), scale(M[2], a[2]))
+
+
+@kernel
+def product(M, N):
+    """M N."""
+    return (apply_transposed(N, M[0]), apply_transposed(N, M[1]), apply_transposed(N, M[2]))
+
+
+@kernel
+def matrix_sum(M, N):
+    """M + N."""
+    return (add(M[0], N[0]), add(M[1], N[1]), add(M[2], N[2]))
+
+
+@kernel
+def matrix_difference(M, N):
+    """M − N."""
+    return (subtract(M[0], N[0]), subtract(M[1], N[1]), subtract(M[2], N[2]))
+
+
+@kernel
+def outer(a, b):
+    """Outer product a bᵀ."""
+    return (scale(b, a[0]), scale(b, a[1]), scale(b, a[2]))
+
+
+@kernel
+def cross_columns(a, M):
+    """ã M: the cross product of a with each column of M."""
+    return (
+        subtract(scale(M[2], a[1]), scale(M[1], a[2])),
+        subtract(scale(M[0], a[2]), scale(M[2], a[0])),
+        subtract(scale(M[1], a[0]), scale(M[0], a[1])),
+    )
+
+
+@kernel
+def turn_columns(M, rate):
+    """ã M for a = rate along z."""
+    return (scale(M[1], -rate), scale(M[0], rate), scale(M[2], 0.0))
+
+
+@kernel
+def rotated(R, M):
+    """R M Rᵀ."""
+    return product(product(R, M), transpose(R))
+
+
+# --- Spatial vectors --------------------------------------------------------------------------------------
+
+
+@kernel
+def add_motion(V, W):
+    """V + W."""
+    return Motion(add(V.linear, W.linear), add(V.angular, W.angular))
+
+
+@kernel
+def subtract_motion(V, W):
+    """V − W."""
+    return Motion(subtract(V.linear, W.linear), subtract(V.angular, W.angular))
+
+
+@kernel
+def add_force(F, H):
+    """F + H."""
+    return Force(add(F.force, H.force), add(F.moment, H.moment))
+
+
+@kernel
+def subtract_force(F, H):
+    """F − H."""
+    return Force(subtract(F.force, H.force), subtract(F.moment, H.moment))
+
+
+@kernel
+def scale_force(F, s):
+    """F s."""
+    return Force(scale(F.force, s), scale(F.moment, s))
+
+
+@kernel
+def power(F, V):
+    """FᵀV: the power of a wrench on a twist."""
+    return dot(F.force, V.linear) + dot(F.moment, V.angular)
+
+
+@kernel
+def cross_motion(V, W):
+    """V × W of two motions."""
+    return Motion(add(cross(V.angular, W.linear), cross(V.linear, W.angular)), cross(V.angular, W.angular))
+
+
+@kernel
+def cross_force(V, F):
+    """V ×* F of a motion and a force; equal to −(V×)ᵀF."""
+    return Force(cross(V.angular, F.force), add(cross(V.angular, F.moment), cross(V.linear, F.force)))
+
+
+@kernel
+def motion_to_child(X, V):
+    """X V: the parent's motion seen in the child's frame."""
+    at_origin = add(V.linear, cross(V.angular, X.translation))
+    return Motion(apply_transposed(X.rotation, at_origin), apply_transposed(X.rotation, V.angular))
+
+
+@kernel
+def force_to_parent(X, F):
+    """XᵀF: the child's wrench seen in the parent's frame."""
+    force = apply(X.rotation, F.force)
+    return Force(force, add(apply(X.rotation, F.moment), cross(X.translation, force)))
+
+
+# --- Inertias ---------------------------------------------------------------------------------------------
+
+
+@kernel
+def rigid_inertia(mass, first_moment, rotational):
+    """Spatial inertia of a rigid body from mass, mass times centre of mass, and inertia about the origin."""
+    h = first_moment
+    A = ((mass, 0.0, 0.0), (0.0, mass, 0.0), (0.0, 0.0, mass))
+    B = ((0.0, h[2], -h[1]), (-h[2], 0.0, h[0]), (h[1], -h[0], 0.0))
+    return Inertia(A, B, rotational)
+
+
+@kernel
+def rigid_momentum(mass, first_moment, rotational, V):
+    """I V of a rigid body."""
+    return Force(
+        subtract(scale(V.linear, mass), cross(first_moment, V.angular)),
+        add(apply(rotational, V.angular), cross(first_moment, V.linear)),
+    )
+
+
+@kernel
+def add_inertia(P, Q):
+    """P + Q."""
+    return Inertia(matrix_sum(P.A, Q.A), matrix_sum(P.B, Q.B), matrix_sum(P.C, Q.C))
+
+
+@kernel
+def inertia_times(P, V):
+    """P V."""
+    return Force(
+        add(apply(P.A, V.linear), apply(P.B, V.angular)),
+        add(apply_transposed(P.B, V.linear), apply(P.C, V.angular)),
+    )
+
+
+@kernel
+def inertia_to_parent(X, P):
+    """XᵀP X: the child's inertia seen in the parent's frame."""
+    r = X.translation
+    A, B, C = mirror(rotated(X.rotation, P.A)), rotated(X.rotation, P.B), mirror(rotated(X.rotation, P.C))
+    # [[A, B], [Bᵀ, C]] [[1, −r̃], [0, 1]] adds −A r̃ = (r̃ A)ᵀ to B and −Bᵀr̃ = (r̃ B)ᵀ to C
+    shifted = matrix_sum(B, transpose(cross_columns(r, A)))
+    C = matrix_sum(matrix_sum(C, transpose(cross_columns(r, B))), cross_columns(r, shifted))
+    return Inertia(A, shifted, mirror(C))
+
+
+@kernel
+def less_rank_one(P, G, H):
+    """P − G Hᵀ, for a difference that is symmetric."""
+    return Inertia(
+        mirror(matrix_difference(P.A, outer(G.force, H.force))),
+        matrix_difference(P.B, outer(G.force, H.moment)),
+        mirror(matrix_difference(P.C, outer(G.moment, H.moment))),
+    )
+
+
+@kernel
+def less_rank_two(P, G, H):
+    """P − G Hᵀ − H Gᵀ."""
+    return Inertia(
+        mirror(matrix_difference(matrix_difference(P.A, outer(G.force, H.force)), outer(H.force, G.force))),
+        matrix_difference(matrix_difference(P.B, outer(G.force, H.moment)), outer(H.force, G.moment)),
+        mirror(matrix_difference(matrix_difference(P.C, outer(G.moment, H.moment)), outer(H.moment, G.moment))),
+    )
+
+
+# --- Degrees of freedom -------------------------------------------------------------------------------------
+
+
+@kernel
+def entry(direction, v, w):
+    """Entry of the six numbers (v, w) in a direction; the usual ones are looked for first."""
+    if direction == ANGULAR_Z:
+        return w[2]
+    if direction == LINEAR_Z:
+        return v[2]
+    if direction < ANGULAR_X:
+        return v[0] if direction == LINEAR_X else v[1]
+    return w[0] if direction == ANGULAR_X else w[1]
+
+
+@kernel
+def along(direction, F):
+    """SᵀF."""
+    return entry(direction, F.force, F.moment)
+
+
+@kernel
+def motion_along(direction, rate):
+    """S rate."""
+    zero = nought(rate)
+    nothing = (zero, zero, zero)
+    if direction == ANGULAR_Z:
+        return Motion(nothing, (zero, zero, rate))
+    if direction == LINEAR_Z:
+        return Motion((zero, zero, rate), nothing)
+    x = rate if direction in (LINEAR_X, ANGULAR_X) else zero
+    y = rate if direction in (LINEAR_Y, ANGULAR_Y) else zero
+    return Motion((x, y, zero), nothing) if direction < ANGULAR_X else Motion(nothing, (x, y, zero))
+
+
+@kernel
+def cross_along_z(direction, V, rate):
+    """V × S rate for a joint motion about or along z."""
+    zero = nought(rate)
+    if direction == ANGULAR_Z:
+        v, w = V.linear, V.angular
+        return Motion((v[1] * rate, -(v[0] * rate), zero), (w[1] * rate, -(w[0] * rate), zero))
+    w = V.angular
+    return Motion((w[1] * rate, -(w[0] * rate), zero), (zero, zero, zero))
+
+
+@kernel
+def no_motion(like):
+    """Motion of zeros, of the kind of number that an array holds."""
+    zero = nought(like)
+    return Motion((zero, zero, zero), (zero, zero, zero))
+
+
+@kernel
+def no_force(like):
+    """Force of zeros, of the kind of number that an array holds."""
+    zero = nought(like)
+    return Force((zero, zero, zero), (zero, zero, zero))
+
+
+@kernel
+def column_along(direction, P):
+    """P S."""
+    if direction == ANGULAR_Z:
+        return Force((P.B[0][2], P.B[1][2], P.B[2][2]), P.C[2])
+    if direction == LINEAR_Z:
+        return Force(P.A[2], P.B[2])
+    if direction < ANGULAR_X:
+        return Force(P.A[0], P.B[0]) if direction == LINEAR_X else Force(P.A[1], P.B[1])
+    if direction == ANGULAR_X:
+        return Force((P.B[0][0], P.B[1][0], P.B[2][0]), P.C[0])
+    return Force((P.B[0][1], P.B[1][1], P.B[2][1]), P.C[1])
+
+
+@kernel
+def turned_about_z(rotation, sine, cosine):
+    """R Rz of an angle with this sine and cosine."""
+    x, y, z = transpose(rotation)
+    return transpose(
+        (add(scale(x, cosine), scale(y, sine)), subtract(scale(y, cosine), scale(x, sine)), z),
+    )
+
+
+@kernel
+def rotation_of_quaternion(x, y, z, w):
+    """Rotation matrix of a quaternion of any length but zero."""
+    s = 2.0 / (x * x + y * y + z * z + w * w)
+    return (
+        (1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)),
+        (s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w)),
+        (s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y)),
+    )
+
+
+# --- Displacements ------------------------------------------------------------------------------------------
+
+SMALL = 1e-4
+"""Square of the angle below which the functions of an exponential are taken from their series, good to 1e-16."""
+
+
+@kernel
+def screw_functions(squared):
+    """(1 − cos θ)/θ² and (θ − sin θ)/θ³, of θ²."""
+    if squared < SMALL:
+        return 0.5 - squared * (1 / 24 - squared / 720), 1 / 6 - squared * (1 / 120 - squared / 5040)
+    angle = math.sqrt(squared)
+    return (1.0 - math.cos(angle)) / squared, (angle - math.sin(angle)) / (squared * angle)
+
+
+@kernel
+def screw_translation(V):
+    """Where exp(V) takes the origin: v + (1 − cos θ)/θ² ω × v + (θ − sin θ)/θ³ ω × (ω × v)."""
+    first, second = screw_functions(dot(V.angular, V.angular))
+    turned = cross(V.angular, V.linear)
+    return add(V.linear, add(scale(turned, first), scale(cross(V.angular, turned), second)))
+
+
+@kernel
+def rotation_quaternion(vector):
+    """Unit quaternion (x, y, z, w) of a rotation vector."""
+    squared = dot(vector, vector)
+    half = 0.5 * math.sqrt(squared)
+    s = 0.5 - squared * (1 / 48 - squared / 3840) if squared < SMALL else 0.5 * math.sin(half) / half
+    return (s * vector[0], s * vector[1], s * vector[2], math.cos(half))
+
+
+@kernel
+def quaternion_product(p, r):
+    """The rotation r, then p: quaternions (x, y, z, w)."""
+    a, b = (p[0], p[1], p[2]), (r[0], r[1], r[2])
+    v = add(add(scale(b, p[3]), scale(a, r[3])), cross(a, b))
+    return (v[0], v[1], v[2], p[3] * r[3] - dot(a, b))
+
+
+@kernel
+def chart_rate(U, V):
+    """U̇ for a body that is displaced by exp(U) and moves with the twist V in its own axes, to order 3 in U.
+
+    V + ½ U × V + 1/12 U × (U × V), the inverse of exp's differential; the next term is of order 4.
+    """
+    once = cross_motion(U, V)
+    twice = cross_motion(U, once)
+    return Motion(
+        add(V.linear, add(scale(once.linear, 0.5), scale(twice.linear, 1 / 12))),
+        add(V.angular, add(scale(once.angular, 0.5), scale(twice.angular, 1 / 12))),
+    )
+
+
+# --- How an inertia changes as its frame moves ------------------------------------------------------------
+
+
+@kernel
+def _commutator(axis, M):
+    """ã M − M ã of a symmetric matrix."""
+    N = cross_columns(axis, M)
+    return mirror(matrix_sum(N, transpose(N)))
+
+
+@kernel
+def _commutator_of_block(axis, B):
+    """ã B − B ã of any matrix."""
+    return matrix_sum(cross_columns(axis, B), transpose(cross_columns(axis, transpose(B))))
+
+
+@kernel
+def transport_along_z(direction, rate, P):
+    """−(v_J×)ᵀP − P(v_J×) for a joint motion v_J = S rate about or along z."""
+    B = turn_columns(P.B, rate)
+    if direction == ANGULAR_Z:
+        A, C = turn_columns(P.A, rate), turn_columns(P.C, rate)
+        return Inertia(
+            mirror(matrix_sum(A, transpose(A))),
+            matrix_sum(B, transpose(turn_columns(transpose(P.B), rate))),
+            mirror(matrix_sum(C, transpose(C))),
+        )
+    row = scale(P.A[0], 0.0)
+    return Inertia((row, row, row), transpose(turn_columns(P.A, rate)), mirror(matrix_sum(B, transpose(B))))
+
+
+@kernel
+def transport(V, P):
+    """−(V×)ᵀP − P(V×) for any motion V."""
+    B = cross_columns(V.linear, P.B)
+    return Inertia(
+        _commutator(V.angular, P.A),
+        matrix_sum(_commutator_of_block(V.angular, P.B), transpose(cross_columns(V.linear, P.A))),
+        matrix_sum(_commutator(V.angular, P.C), mirror(matrix_sum(B, transpose(B)))),
+    )
