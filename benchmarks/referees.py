@@ -8,13 +8,14 @@ import warnings
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "test"))
+sys.path.insert(0, str(ROOT / "test" / "support"))
 
-import diag_dynamics as dd  # noqa: E402
 import test_simulation_forces as forces  # noqa: E402
-from robots import robot_path  # noqa: E402
 from test_referees import SCENES, by_mujoco, by_pinocchio, ours, scene  # noqa: E402
 from test_simulation_bodies import distance  # noqa: E402
+
+import diag_dynamics as dd  # noqa: E402
+from robots import robot_path  # noqa: E402
 
 PAGE = ROOT / "docs" / "simulation.md"
 MARK = "<!-- figures, by benchmarks/referees.py -->"

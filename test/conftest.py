@@ -11,43 +11,8 @@ import pytest
 
 import examples  # noqa: F401 (its profiles must be known before pytest looks for one)
 
-ROS_FILES = (
-    "test_cdr.py",
-    "test_control_loop.py",
-    "test_controller.py",
-    "test_controller_live.py",
-    "test_controller_node.py",
-    "test_controller_safety.py",
-    "test_demo.py",
-    "test_demo_control.py",
-    "test_encoded.py",
-    "test_energy_view.py",
-    "test_external_torque.py",
-    "test_faults_diagnostics.py",
-    "test_faults_graph.py",
-    "test_faults_input.py",
-    "test_faults_model.py",
-    "test_faults_names.py",
-    "test_faults_services.py",
-    "test_floating_base.py",
-    "test_inputs.py",
-    "test_joint_states.py",
-    "test_known_joint_states.py",
-    "test_lifecycle.py",
-    "test_mimic_nodes.py",
-    "test_monitor.py",
-    "test_overrides.py",
-    "test_pipeline.py",
-    "test_plant.py",
-    "test_restarts.py",
-    "test_services.py",
-    "test_simulator_commands.py",
-    "test_simulator_node.py",
-    "test_soak.py",
-    "test_two_hosts.py",
-    "test_two_robots.py",
-)
-"""Files that import ROS 2 at their top, and whose tests are all marked `ros`."""
+NODES = Path(__file__).parent / "nodes"
+"""Folder of the files that import ROS 2 at their top, and whose tests are all marked `ros`."""
 
 REQUIRED = os.environ.get("DIAG_DYNAMICS_REQUIRE_ROS") == "1"
 
@@ -76,7 +41,7 @@ class RosFile(pytest.Module):
 
 
 def pytest_pycollect_makemodule(module_path, parent):
-    if module_path.name not in ROS_FILES:
+    if NODES not in module_path.parents:
         return None
     file = RosFile.from_parent(parent, path=module_path)
     file.add_marker(pytest.mark.ros)

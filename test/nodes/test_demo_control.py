@@ -7,11 +7,11 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from nodes import START, Process
 from test_demo import check_picture, ended
 
-DEMO = Path(__file__).resolve().parents[1] / "scripts" / "demo_control"
+from nodes import START, Process
+
+DEMO = Path(__file__).resolve().parents[2] / "scripts" / "demo_control"
 
 
 @pytest.fixture(autouse=True)

@@ -1,6 +1,6 @@
 """A soak of the monitor: a stream of states at a high rate with faults among them, and whether all of it is accounted for.
 
-As a program, for hours: ``python test/soak.py --seconds 3600 --figure soak.png``; as a test, for seconds: test_soak.py.
+As a test, for seconds: test_soak.py. As a program, for hours: ``python test/support/soak.py --seconds 3600``.
 
 A feeder in a process of its own publishes the states of a UR5 by two publishers, its arm and its wrist, and in between,
 drawn by seed, messages that are wrong in every way known. Positions, velocities and efforts are functions of the time, so

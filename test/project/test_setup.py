@@ -9,7 +9,7 @@ import pytest
 import diag_dynamics as dd
 from diag_dynamics.model.example_robots import example_urdfs, find_urdf
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 PROJECT = """
 cmake_minimum_required(VERSION 3.21)

@@ -13,7 +13,7 @@ import pytest
 
 from diag_dynamics.compiled.kernel import NUMBER, VECTOR, entry_kernel
 
-PACKAGE = Path(__file__).parents[1] / "diag_dynamics"
+PACKAGE = Path(__file__).parents[2] / "diag_dynamics"
 
 # Prints D of a pendulum, and how many of the calls were loaded from the cache.
 SCRIPT = """

@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 import pytest
+from test_simulation_bodies import distance, reference, start
 
 import diag_dynamics as dd
 from oracles import Oracle
 from robots import robot_path
-from test_simulation_bodies import distance, reference, start
 
 PAYLOAD = 0.5, (0.02, -0.01, 0.05), 1e-3 * np.diag([1.0, 2.0, 2.5])
 """Mass [kg], centre of mass [m] and inertia about it [kg m²], in the axes of the link that is pushed, too."""

@@ -20,7 +20,7 @@ import pytest
 import robots
 from nodes import PANDA, START, UR5, Process, robot
 
-DEMO = Path(__file__).resolve().parents[1] / "scripts" / "demo"
+DEMO = Path(__file__).resolve().parents[2] / "scripts" / "demo"
 
 # What a shell does for a program in the foreground: it gets the terminal, so that Ctrl-C reaches it.
 IN_TERMINAL = """

@@ -14,13 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+import test_random_trees as trees
 from hypothesis import given, note
 from pinocchio.rpy import rpyToMatrix
 
 import derivative_oracles
 import diag_dynamics as dd
 import robots
-import test_random_trees as trees
 from accuracy import EPS, assert_close, norm, tolerance, tolerance_of_differences
 from derivative_oracles import (
     Coupled,

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
+from test_controller import trajectory
+from test_simulator_commands import Simulator
 
 from controllers import (
     ACTIVE,
@@ -22,8 +24,6 @@ from controllers import (
     untouched,
 )
 from nodes import START, UR5, S, joint_state, nanoseconds, robot
-from test_controller import trajectory
-from test_simulator_commands import Simulator
 
 RATE = 250
 """Of joint states [Hz]."""

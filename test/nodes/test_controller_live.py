@@ -5,10 +5,10 @@ import time
 
 import numpy as np
 import pytest
+from test_simulator_commands import Simulator
 
 from controllers import ACTIVE, START_AT, Controller, gravity_of, put, quiet
 from nodes import MS, START, UR5, nanoseconds
-from test_simulator_commands import Simulator
 
 pytestmark = pytest.mark.kills
 

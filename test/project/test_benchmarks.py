@@ -15,7 +15,7 @@ if os.environ.get("DIAG_DYNAMICS_REQUIRE_ROS") != "1":  # where everything is in
     pytest.importorskip("mujoco", reason="mujoco is not installed: a peer of the benchmarks is missing")
     pytest.importorskip("matplotlib", reason="matplotlib is not installed: the benchmarks cannot draw")
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 BENCHMARKS = ROOT / "benchmarks"
 PLOTS = ("dof.png", "growth.png", "batch.png")
 

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from test_controller import state_at, trajectory
 
 import diag_dynamics as dd
 from controllers import pose_message
@@ -15,7 +16,6 @@ from diag_dynamics.control.references import WITHIN, SetPoint, at_rest
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.controller import PARAMETERS
 from nodes import MS, UR5, S, joint_state, robot
-from test_controller import state_at, trajectory
 
 Q = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2])
 STRETCHED = np.zeros(6)

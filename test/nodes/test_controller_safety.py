@@ -8,6 +8,7 @@ import pytest
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
+from test_controller import trajectory
 
 import diag_dynamics as dd
 from controllers import (
@@ -24,7 +25,6 @@ from controllers import (
     untouched,
 )
 from nodes import LATCHED, MS, PANDA, START, TIMEOUT, UR5, Process, S, description, joint_state, nanoseconds, robot
-from test_controller import trajectory
 
 Q, REST = np.array(START_AT), np.zeros(6)
 NAMES = robot(UR5).names

@@ -16,6 +16,8 @@ from diag_dynamics.srv import SetPayload
 from geometry_msgs.msg import Inertia, Vector3
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
+from test_floating_base import Rig
+from test_simulator_commands import Simulator
 
 from diag_dynamics import DiagonalDynamics, load_urdf
 from diag_dynamics.assembly.assembler import RobotState
@@ -23,8 +25,6 @@ from diag_dynamics.nodes.monitor.monitor import MonitorNode
 from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
 from diag_dynamics.parameters.monitor import Observation
 from nodes import BELIEVING, MS, PANDA, START, UR5, Monitor, S, joint_state, nanoseconds, node_process, robot
-from test_floating_base import Rig
-from test_simulator_commands import Simulator
 
 OK, WARN = b"\x00", b"\x01"
 GAIN, STEP = 40.0, 2 * MS

@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
+from test_encoded import same
 
 from diag_dynamics.nodes.monitor.monitor import MonitorNode
 from diag_dynamics.nodes.wire.topics import ABOUT_STATE, BITS, MATRICES, ORDER
 from examples import examples
 from nodes import BELIEVING, MS, PANDA, S, joint_state, robot
-from test_encoded import same
 
 FINGER, FOLLOWER = "panda_finger_joint1", "panda_finger_joint2"
 ARM = tuple(f"panda_joint{k}" for k in range(1, 8))

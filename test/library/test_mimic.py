@@ -9,19 +9,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import test_physics as physics
 from hypothesis import given
 from hypothesis import strategies as st
+from test_physics import Case, Robot, everything
 
 import coupling
 import diag_dynamics as dd
 import robots
-import test_physics as physics
 from accuracy import assert_close, norm, tolerance, tolerance_of_differences
 from coupling import NAMED, SEEDS, Coupled, Coupling, coupled_tree, mimicking
 from examples import examples
 from oracles import Oracle
 from robots import TwoLinkArm, description, joint, link
-from test_physics import Case, Robot, everything
 
 # Some example robots have inertias that no rigid body has; test_urdf.py is about that.
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")

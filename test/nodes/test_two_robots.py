@@ -11,7 +11,7 @@ from std_msgs.msg import Float64MultiArray
 from diag_dynamics.nodes.support.launches import LAUNCHES, arguments_of, started
 from nodes import START, UR5, node_process, report_of, robot
 
-CONFIG = Path(__file__).resolve().parents[1] / "config"
+CONFIG = Path(__file__).resolve().parents[2] / "config"
 
 
 class Launched(contextlib.AbstractContextManager):

@@ -744,7 +744,7 @@ def test_no_coriolis_term(urdf):
 
 MUTANTS = {
     "sign of the rate of P in C": (
-        "state.py",
+        "evaluation.py",
         "along(direction, y) - power(u, V)",
         "along(direction, y) + power(u, V)",
     ),
@@ -753,8 +753,8 @@ MUTANTS = {
         "matrix_sum(M, _moved(direction, rate, M))",
         "matrix_difference(M, _moved(direction, rate, M))",
     ),
-    "sign of it in a base": ("state.py", "bias[c] - momentum_rate", "bias[c] + momentum_rate"),
-    "sign of it in a group": ("state.py", "-bias[k] - momentum_rate", "-bias[k] + momentum_rate"),
+    "sign of it in a base": ("evaluation.py", "bias[c] - momentum_rate", "bias[c] + momentum_rate"),
+    "sign of it in a group": ("evaluation.py", "-bias[k] - momentum_rate", "-bias[k] + momentum_rate"),
 }
 MUTATED = {"sign of it in a base": f"{PANDA}+floating", "sign of it in a group": "mobile_tree_20"}
 """Robots that show it, where an arm does not."""
@@ -776,8 +776,9 @@ def mutants(tmp_path_factory):
         folder = tmp_path_factory.mktemp("mutant")
         package = folder / "diag_dynamics"
         shutil.copytree(Path(dd.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-        for file in ("accuracy.py", "oracles.py", "robots.py", "test_physics.py"):
-            shutil.copy(here / file, folder)
+        for file in ("accuracy.py", "oracles.py", "robots.py"):
+            shutil.copy(here.parent / "support" / file, folder)
+        shutil.copy(__file__, folder)
         file, right, wrong = replacement
         sweep = package / "sweeps" / file
         source = sweep.read_text(encoding="utf-8")

@@ -18,7 +18,7 @@ from diag_dynamics.nodes.support.launches import ARGUMENTS, LAUNCHES, arguments_
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.sweeps import spatial
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 SOURCES = sorted((ROOT / "diag_dynamics").rglob("*.py"))
 
 
@@ -275,7 +275,7 @@ def test_the_table_of_what_is_safe_names_tests():
     """docs/control.md: every row of the controller's table names tests that exist."""
     text = (ROOT / "docs" / "control.md").read_text(encoding="utf-8")
     table = text.split("| what is safe | test |\n")[1].split("\n\n")[0]
-    tests = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "test").glob("test_control*.py"))
+    tests = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "test").rglob("test_control*.py"))
     for row in table.splitlines()[1:]:
         named = re.findall(r"`(test_\w+)`", row)
         assert named, row
@@ -439,6 +439,14 @@ def test_readme_program_runs(tmp_path):
     assert abs(float(done.stdout.split()[-1])) < 1e-12
 
 
+def test_file(name):
+    """Path of a test's file, in whichever folder of test/ it is."""
+    return next((ROOT / "test").rglob(name))
+
+
+test_file.__test__ = False  # it is no test
+
+
 def test_the_map_of_the_paper_names_what_exists():
     """docs/paper.md: every test and every function it names is there, and every row names a test or a measurement."""
     text = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
@@ -454,12 +462,12 @@ def test_the_map_of_the_paper_names_what_exists():
         assert tests or "measured:" in row, row
         for name in tests:
             file, _, function = name.rpartition("::")
-            source = (ROOT / "test" / (file or "test_paper_identities.py")).read_text(encoding="utf-8")
+            source = test_file(file or "test_paper_identities.py").read_text(encoding="utf-8")
             assert re.search(rf"^def {function}\(", source, re.M), name
         for name in set(named) - set(tests):
             if name.startswith("spatial."):
                 assert hasattr(spatial, name.removeprefix("spatial.")), name
             elif name.endswith(".py"):
-                assert (ROOT / name).exists() or (ROOT / "test" / name).exists(), name
+                assert (ROOT / name).exists() or test_file(name), name
             else:
                 assert name.split()[0] in public, name

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from nodes import START, Monitor, Process, joint_state
 
-VIEW = Path(__file__).resolve().parents[1] / "scripts" / "energy_view"
+VIEW = Path(__file__).resolve().parents[2] / "scripts" / "energy_view"
 
 
 def test_a_monitor_in_a_namespace_is_found(peer, panda, tmp_path):

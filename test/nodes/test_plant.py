@@ -428,7 +428,8 @@ def test_same_seed_same_trajectory_in_another_process():
     )
     said = set()
     for hashes in "12":
-        path = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
+        here = Path(__file__).parent
+        path = os.pathsep.join([str(here), str(here.parent / "support"), os.environ.get("PYTHONPATH", "")])
         environment = os.environ | {"PYTHONHASHSEED": hashes, "PYTHONPATH": path}
         done = subprocess.run(
             [sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=START, check=False

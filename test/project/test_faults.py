@@ -4,7 +4,7 @@ import ast
 import re
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 FAULTS = ("test_faults_*.py", "test_lifecycle.py", "test_two_hosts.py", "test_restarts.py")
 """Files of which every test stands in the table."""
 
@@ -31,14 +31,14 @@ def test_every_fault_has_a_test_that_exists():
         named = re.findall(r"`(test_\w+\.py)::(\w+)`", row[3])
         assert named and not re.sub(r"`[^`]+`|, ", "", row[3]), row
         for file, function in named:
-            path = ROOT / "test" / file
-            assert path.exists() and function in functions(path), f"{file}::{function}"
+            (path,) = (ROOT / "test").rglob(file)
+            assert function in functions(path), f"{file}::{function}"
 
 
 def test_every_test_of_faults_is_named():
     """A test that is not in the table shows a fault that nobody is told of."""
     text = (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")
-    files = sorted(path for pattern in FAULTS for path in (ROOT / "test").glob(pattern))
+    files = sorted(path for pattern in FAULTS for path in (ROOT / "test").rglob(pattern))
     assert files
     tests = [f"{path.name}::{name}" for path in files for name in sorted(functions(path))]
     assert not [name for name in tests if f"`{name}`" not in text]

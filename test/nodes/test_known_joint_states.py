@@ -19,6 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
+from test_joint_states import CONTINUOUS, LIMITS, MIMICS, NAMES, journeys, set_clocks, some_options
 
 from diag_dynamics.assembly.assembler import Joints, JointStateAssembler, Options
 from diag_dynamics.assembly.rejected import RejectedError
@@ -26,7 +27,6 @@ from diag_dynamics.nodes.wire import joint_states as known
 from diag_dynamics.nodes.wire.joint_states import FREELY, LONGEST, MOST_LAYOUTS, SELDOM, KnownJointStates
 from examples import examples
 from nodes import MS, S, joint_state
-from test_joint_states import CONTINUOUS, LIMITS, MIMICS, NAMES, journeys, set_clocks, some_options
 
 NOW = 77 * S
 LOWER, UPPER = np.array([LIMITS[name] for name in NAMES]).T
@@ -735,7 +735,8 @@ def test_damaged_bytes(damage, tmp_path):
     """
     trace = tmp_path / "last"
     script = f"import {__name__} as tests; tests.take_damaged({damage!r}, {str(trace)!r})"
-    path = os.pathsep.join(filter(None, [str(Path(__file__).parent), os.environ.get("PYTHONPATH")]))
+    here = Path(__file__).parent
+    path = os.pathsep.join([str(here), str(here.parent / "support"), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(
         [sys.executable, "-X", "faulthandler", "-c", script],
         env=os.environ | {"PYTHONPATH": path},
