@@ -40,6 +40,7 @@ ROS_FILES = (
     "test_pipeline.py",
     "test_plant.py",
     "test_restarts.py",
+    "test_security.py",
     "test_services.py",
     "test_simulator_commands.py",
     "test_simulator_node.py",
