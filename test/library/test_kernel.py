@@ -1,10 +1,12 @@
 """The disk cache of compiled code: used, invalidated by any kernel source, and never in the way."""
 
 import os
+import resource
 import shutil
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import numba
@@ -42,13 +44,19 @@ assert loaded is ("numba.np.npyimpl" not in sys.modules)
 """
 
 
-def run(folder, cache, script=SCRIPT, **more):
-    """Run a script with the package in `folder`; returns D, the cache hits and what was said."""
+def run(folder, cache, script=SCRIPT, begin=None, **more):
+    """Run a script with the package in `folder`, after `begin`; returns D, the cache hits and what was said."""
     environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "XDG_CACHE_HOME", "TMPDIR")}
     environment |= {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(cache), "PYTHONDONTWRITEBYTECODE": "1"} | more
     environment = {k: v for k, v in environment.items() if v != ""}
     done = subprocess.run(
-        [sys.executable, "-c", script], env=environment, cwd=folder, capture_output=True, text=True, timeout=300
+        [sys.executable, "-c", script],
+        env=environment,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        preexec_fn=begin,
     )
     assert done.returncode == 0, done.stderr
     D, hits = done.stdout.split()[-2:]
@@ -138,6 +146,39 @@ def test_damaged_cache_is_made_anew(copy, tmp_path):
         assert (D, hits) == (13, 0)
         assert "unreadable" in said
         assert run(copy, cache)[1] >= 1
+
+
+def test_a_full_disk_is_survived(copy, tmp_path):
+    """A file that cannot be written to its end is no cache, and a warning says so; with room again there is one."""
+    cache = tmp_path / "cache"
+    full = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (4096, 4096))
+    D, hits, said = run(copy, cache, begin=full)
+    assert (D, hits) == (13, 0)
+    assert "could not be saved" in said and "Traceback" not in said
+    assert run(copy, cache)[:2] == (13, 0)
+    assert run(copy, cache)[1] >= 1
+
+
+def test_code_of_another_processor_is_not_used(copy, tmp_path):
+    """A cache that was copied from another computer, or is shared with one, holds instructions that this one may not have."""
+    cache, other = tmp_path / "cache", {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": "+sse2"}
+    if os.uname().machine != "x86_64":
+        pytest.skip("the other processor is a kind of x86-64")
+    assert run(copy, cache, **other)[:2] == (13, 0)
+    assert run(copy, cache)[:2] == (13, 0)
+    for processor in ({}, other):  # each finds its own from then on
+        D, hits, _ = run(copy, cache, **processor)
+        assert D == 13 and hits >= 1
+
+
+def test_processes_may_compile_together(copy, tmp_path):
+    """Two that start with an empty cache compile twice and hurt neither each other nor who comes later."""
+    cache = tmp_path / "cache"
+    with ThreadPoolExecutor(2) as pool:
+        for D, _, said in pool.map(lambda _: run(copy, cache), range(2)):
+            assert D == 13 and "unreadable" not in said and "could not be saved" not in said
+    D, hits, _ = run(copy, cache)
+    assert D == 13 and hits >= 1
 
 
 def test_compiled_code_may_call_first():

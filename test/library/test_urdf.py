@@ -1,5 +1,7 @@
 """What a URDF becomes, and what is said of one that cannot become a model."""
 
+import ctypes
+import os
 import warnings
 
 import numpy as np
@@ -32,6 +34,43 @@ def test_path_in_the_home_directory(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     (tmp_path / "my.urdf").write_text(description("mine", link("base")))
     assert dd.load_urdf("~/my.urdf").name == "mine"
+
+
+def test_no_other_file_is_opened(tmp_path):
+    """Neither meshes nor what a document type or an entity names: who sends a description reads no files by it."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    watch = libc.inotify_init1(os.O_NONBLOCK)
+    assert watch >= 0
+
+    def opened():
+        try:
+            return os.read(watch, 4096)
+        except BlockingIOError:
+            return b""
+
+    secret = tmp_path / "secret"
+    secret.write_text("0.1", encoding="utf-8")
+    assert libc.inotify_add_watch(watch, str(secret).encode(), 0x20) >= 0  # IN_OPEN
+    try:
+        secret.read_text(encoding="utf-8")
+        assert opened()  # the watch works
+        mesh = f'<geometry><mesh filename="file://{secret}"/></geometry>'
+        seen = arm().replace(
+            '<link name="base"/>', f'<link name="base"><visual>{mesh}</visual><collision>{mesh}</collision></link>'
+        )
+        assert dd.load_urdf(seen).nv == 1
+        for kind in ("", "% "):
+            for text in (
+                f'<!DOCTYPE robot [<!ENTITY {kind}x SYSTEM "file://{secret}">]>' + arm(),
+                f'<!DOCTYPE robot SYSTEM "file://{secret}">' + arm(),
+                f'<!DOCTYPE robot [<!ENTITY {kind}x SYSTEM "file://{secret}">{"%x;" if kind else ""}]>'
+                + arm().replace("shoulder", "" if kind else "&x;", 1),
+            ):
+                with pytest.raises(dd.UrdfError):
+                    dd.load_urdf(text)
+        assert not opened()
+    finally:
+        os.close(watch)
 
 
 def test_declared_encoding(tmp_path):

@@ -7,7 +7,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from nodes import LATCHED, OUTPUTS, PANDA, UR5, Monitor, Peer, Truth, description, robot
+from nodes import BELIEVING, LATCHED, MS, OUTPUTS, PANDA, UR5, Monitor, Peer, Truth, description, joint_state, robot
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
@@ -191,6 +191,58 @@ def test_volatile_description(default, other, panda):
 
     joint_states_report(default, over, "its departure")
     Truth(panda, *panda.samples[0][:3]).check_state(default.topics["state"].messages[-1])
+
+
+def test_two_publishers_of_the_same_joints(default, other, panda):
+    """In turns: one robot's states go on, the other's are refused as jumps; both publishers are named to whoever looks."""
+    q, qd, tau, _ = panda.samples[0]
+    intruder = other.publisher(JointState, "/default/joint_states", BEST_EFFORT)
+    try:
+        default.peer.wait_until(
+            lambda: default.peer.node.count_publishers("/default/joint_states") == 2, "the intruder"
+        )
+        default.serves(panda)
+        before = default.next_report()
+        default.set_parameter("absurd.jump", 0.1)
+        listed, still = "publishers of /default/joint_states", 0.0 * qd
+
+        def refused(report):
+            stamp = default.tick(8 * MS)
+            state = default.feed(joint_state(panda.names, q, still, tau, stamp), ["state"])["state"]
+            Truth(panda, q, still, tau).check_state(state)
+            intruder.publish(joint_state(panda.names, q + 0.5, still, tau, default.tick(8 * MS)))
+            return report.since(before).get("rejected: jump", 0) > 3 and report.values[listed].startswith("2: ")
+
+        report = default.wait_for_report(refused, "refused jumps")
+        assert "/intruder" in report.values[listed] and "/test" in report.values[listed]
+        assert report.level == WARN and "position went from" in report.values["last rejection"]
+        assert not default.topics["state"].at(default.now)
+    finally:
+        default.set_parameter("absurd.jump", BELIEVING["absurd.jump"])
+        other.node.destroy_publisher(intruder)
+    default.serves(panda, 1)
+
+
+def test_two_hundred_subscribers(default, panda):
+    """All of them hear every state, and the monitor goes on as if there were one."""
+    peer = default.peer
+    many = [peer.topic(DiagonalizedState, f"{default.name}/state") for _ in range(200)]
+    try:
+        peer.wait_until(lambda: all(topic.subscription.get_publisher_count() for topic in many), "all to know it")
+
+        def heard():
+            default.serves(panda)
+            return all(topic.messages for topic in many)
+
+        peer.wait_until(heard, "all to be known")
+        for sample in range(3):
+            state = default.serves(panda, sample)["state"]
+            stamp = default.now
+            peer.wait_until(lambda stamp=stamp: all(topic.at(stamp) for topic in many), "a state, for all of them")
+            assert all(topic.at(stamp) == state for topic in many)
+    finally:
+        for topic in many:
+            peer.node.destroy_subscription(topic.subscription)
 
 
 def test_publishers_are_listed(default):

@@ -813,6 +813,72 @@ def test_foreign_time_refused(live, panda):
     assert set(report.since(before)) == {"received", "rejected: foreign time"}
 
 
+def test_simulated_clock_stands_still(peer):
+    """States that go on are refused where they are ahead of it by more than max_age; with /clock they are served again."""
+    ur5 = robot(UR5)
+    clock = peer.publisher(Clock, "/clock")
+
+    def at(now):
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(now, S)
+        clock.publish(message)
+
+    with Monitor(peer, "/stopped", robot_description=ur5.path, use_sim_time=True, max_age=1.0) as monitor:
+        peer.wait_until(clock.get_subscription_count, "the subscription to /clock", START)
+        monitor.now = 700 * S
+        states, last = monitor.topics["state"], 700 * S
+
+        def served():
+            at(last)
+            monitor.feeder.publish(ur5.message(monitor.tick(20 * MS), ur5.samples[0]))
+            return states.messages
+
+        peer.wait_until(served, "a state", START)
+        monitor.now = max(monitor.now, last + 3 * S)
+
+        def refused(report):
+            monitor.feeder.publish(ur5.message(monitor.tick(20 * MS), ur5.samples[0]))
+            return report.count("rejected: stamp from the future")
+
+        report = monitor.wait_for_report(refused, "states ahead of /clock")
+        assert report.level == WARN and "ahead of this node's clock" in report.message
+        assert max(states.stamps) <= last + S
+        last = monitor.now
+        states.forget()
+        peer.wait_until(served, "a state by the time that goes on")
+
+
+def test_the_end_of_time(peer, panda):
+    """Stamps count seconds in 32 bits: the last one is of January 2038. What is sent in 2100 wraps round, and is none."""
+    with Monitor(peer, "/last", robot_description=panda.path) as monitor:
+        monitor.connect(panda)
+        stamp = (2**31 - 1) * S + 999 * MS
+        published = monitor.feed(panda.message(stamp, panda.samples[0]), ["state", "kinetic_energy"])
+        Truth(panda, *panda.samples[0][:3]).check(published, stamp)
+        wrapped = panda.message(0, panda.samples[1])
+        wrapped.header.stamp.sec = 4_102_444_800 - 2**32
+        monitor.feeder.publish(wrapped)
+        report = after(monitor, "rejected: malformed stamp")
+        assert report.level == WARN and not monitor.topics["state"].at(0)
+
+
+def test_ten_megabytes(monitor, panda):
+    """A message of a quarter of a million joints that nobody knows goes nowhere, and what comes after it is served."""
+    monitor.serves(panda)
+    names = [f"joint_of_nobody_{k:016d}" for k in range(250_000)]
+    huge = joint_state(names, np.zeros(len(names)), (), (), monitor.tick())
+    assert len(serialize_message(huge)) > 1e7
+    before = monitor.next_report()
+
+    def came(report):
+        monitor.feeder.publish(huge)
+        return report.since(before).get("foreign")
+
+    monitor.wait_for_report(came, "ten megabytes")
+    monitor.peer.wait_until(lambda: monitor.reports[-1].count("received") == monitor.reports[-1].outcomes(), "its end")
+    monitor.connect(panda).serves(panda, 1)
+
+
 def test_simulated_clock_jumps_back(peer):
     """A simulation is reset: states of the new time are served at once, and none of before is part of them."""
     ur5 = robot(UR5)

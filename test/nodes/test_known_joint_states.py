@@ -748,6 +748,45 @@ def test_damaged_bytes(damage, tmp_path):
     assert "malformed" in done.stdout or damage in ("with_more_after_it", "with_odd_texts"), done.stdout
 
 
+def test_damaged_numbers_stay_within_bounds():
+    """A message has no checksum: one byte that is another makes other numbers, and they are believed within the bounds.
+
+    Each byte of a message of a moving arm, in three ways; before it came two that were good.
+    """
+    velocity, jump = 0.3, 0.1
+    limited = Joints(
+        NAMES, velocity=np.full(3, 2.0), effort=np.full(3, 50.0), lower=np.full(3, -3.0), upper=np.full(3, 3.0)
+    )
+    options = Options(max_age=1.0, beyond_velocity=3.0, beyond_effort=4.0, jump=jump)
+
+    def sent(k):
+        return serialize_message(joint_state(NAMES, [0.0024 * k] * 3, [velocity] * 3, [5.0] * 3, NOW + 8 * k * MS))
+
+    changed, good = Counter(), sent(2)
+    for place in range(len(good)):
+        for change in (0x01, 0x80, 0xFF):
+            bytes_of = KnownJointStates(JointStateAssembler(limited, options))
+            for k in range(2):
+                bytes_of.update(sent(k), NOW + 8 * k * MS)
+            raw = bytearray(good)
+            raw[place] ^= change
+            try:
+                state = bytes_of.update(bytes(raw), NOW + 16 * MS)
+            except RejectedError:
+                continue
+            if state is None:
+                continue
+            assert np.abs(state.velocity).max() <= 3.0 * 2.0
+            assert state.effort is None or np.abs(state.effort).max() <= 4.0 * 50.0
+            step = np.abs(state.position - 0.0024).max()
+            assert step <= jump + max(2.0 * max(velocity, np.abs(state.velocity).max()), 2.0) * 0.5
+            assert abs(state.newest - NOW - 16 * MS) <= S
+            changed["position"] += bool(np.ptp(state.position))
+            changed["velocity"] += bool(np.ptp(state.velocity))
+            changed["effort"] += state.effort is not None and bool(np.ptp(state.effort))
+    assert min(changed.values()) > 20  # such messages are taken for what they say
+
+
 def test_damaged_bytes_are_no_lines_on_stderr(capfd):
     """Whatever bytes come, nothing is written past the log, as rosidl does for every count that is beyond the bytes."""
     bytes_of = KnownJointStates(JointStateAssembler(JOINTS, Options()))

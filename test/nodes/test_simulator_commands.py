@@ -510,8 +510,8 @@ def test_sensors(peer):
         peer.wait_until(lambda: simulator.odometry.stamps[-1] >= stamps[-1], "its odometry")
         both, leap = set(simulator.truth.stamps), np.diff(simulator.truth.stamps).max()
         assert leap > 0.3 * S
-        assert len(both.intersection(stamps)) > 0.9 * len(stamps)  # this process may miss one
-        assert len(set(simulator.odometry.stamps).intersection(stamps)) > 0.9 * len(stamps)
+        assert len(both.intersection(stamps)) > 100  # enough to compare: this process may miss some
+        assert len(set(simulator.odometry.stamps).intersection(stamps)) > 100
         for stamp in both.intersection(stamps):
             truth, state = simulator.truth.at(stamp), simulator.states.at(stamp)
             np.testing.assert_allclose(state.position, grid * np.round(np.array(truth.position[7:]) / grid), atol=1e-12)

@@ -105,16 +105,22 @@ class EnergyView(Node):
 
     def _look_around(self):
         """Until there is a state: find somebody who publishes some, and tell what is waited for."""
-        listened = self._states.topic_name
-        names, problems = publishers(self, self._states, KIND)
-        others = [topic for topic in topics_of(self, KIND) if topic != listened]
-        found = [topic for topic in others if not topic.endswith(TRUTH)]
+        names, _ = publishers(self, self._states, KIND)
+        found = [topic for topic in self._others() if not topic.endswith(TRUTH)]
         if not names and found and not self._chosen:
             self._listen_to(found[0])
-            return
-        waiting = f"waiting for states on {listened}, published by {', '.join(names) or 'nobody yet'}"
+        else:
+            self._tell()
+
+    def _others(self):
+        return [topic for topic in topics_of(self, KIND) if topic != self._states.topic_name]
+
+    def _tell(self):
+        """Tell whose states are waited for or shown, and where there are others."""
+        names, problems = publishers(self, self._states, KIND)
+        waiting = f"waiting for states on {self._states.topic_name}, published by {', '.join(names) or 'nobody yet'}"
         lines = [waiting, *problems]
-        if others:
+        if others := self._others():
             lines.append(f"such states are on {', '.join(others)} too: --state shows them")
         elif not names:
             lines.append("there are such states on no other topic")
@@ -130,6 +136,8 @@ class EnergyView(Node):
 
     def _take(self, message):
         now = self.get_clock().now().nanoseconds
+        if self._history is None:
+            self._tell()  # the first state may come before anybody was seen to publish it
         if self._history is None or self._history.names != list(message.dof_names):
             self._history = EnergyHistory(message.dof_names)
             self._begun = time.monotonic()
