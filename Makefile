@@ -8,7 +8,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
 JOBS ?= 2
 
-.PHONY: help setup demo demo-control test bench lint format lock clean
+.PHONY: help setup demo demo-control test test-all bench lint format lock clean
 
 help:  ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -24,6 +24,9 @@ demo-control: setup  ## a push on an arm under control: seen, and its kinetic en
 
 test: lint  ## lint, then every test; ARGS=<pytest options>, JOBS=<files at a time, 0 for a debugger>
 	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
+
+test-all: lint  ## likewise, with all cases and full times: an hour
+	@$(in_env) DIAG_DYNAMICS_TEST_ALL=1 ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
 
 bench: setup  ## speed of library and nodes, worth of the observer, into benchmarks/results/ and the README; ARGS=--short: two minutes' worth
 	@$(in_env) python3 benchmarks/run.py $(ARGS)

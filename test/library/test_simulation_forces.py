@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
+from examples import shortened
 from oracles import Oracle
 from robots import description, joint, link, robot_path
 
@@ -329,7 +330,9 @@ ROBOTS = {
 }
 
 
-@pytest.mark.parametrize(("limits", "seconds"), [("hard", 120.0), ("compliant", 1.0)])
+@pytest.mark.parametrize(
+    ("limits", "seconds"), [("hard", shortened(120.0, 20.0)), ("compliant", 1.0)], ids=["hard", "compliant"]
+)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_energy_is_accounted_for(name, limits, seconds):
     """Every joule is somebody's: the residual is small, friction and dampers take at every instant, and so do stops.
@@ -342,7 +345,7 @@ def test_energy_is_accounted_for(name, limits, seconds):
     if robot == HAND:  # by its own friction it never moves; its own damping, 10⁵ s⁻¹, no step of a millisecond resolves
         own = {"friction": np.full(model.nv, 0.02), "damping": 1e-4 * model.damping}
     if robot == TALOS:
-        own, seconds = {"step": 2e-3}, min(seconds, 10.0)
+        own, seconds = {"step": 2e-3}, min(seconds, shortened(10.0, 3.0))
     D = dd.DiagonalDynamics(model).evaluate(model.neutral, np.zeros(model.nv)).articulated_inertia
     soft = dd.CompliantLimits(60.0**2 * D, 60.0 * D)  # 60 rad/s: what a step of a millisecond resolves
     sim = dd.Simulation(model, limits=soft if limits == "compliant" else True, **own)

@@ -1,7 +1,11 @@
-"""How many examples hypothesis tries: by default always the same few, so that a run is short and repeatable.
+"""How much tests try: by default always the same few cases, so that a run is short and repeatable.
 
-To look at a hundred times as many, and at others each time: `pytest --hypothesis-profile=thorough test/…`
+`make test-all` runs all cases and the full times. To have hypothesis look at a hundred times as many examples, and at others
+each time: `pytest --hypothesis-profile=thorough test/…`
 """
+
+import os
+from itertools import islice
 
 from hypothesis import HealthCheck, settings
 
@@ -20,3 +24,17 @@ settings.load_profile("repeatable")
 def examples(count: int) -> settings:
     """Return the settings of a test that tries this many examples, or the profile's multiple of that."""
     return settings(max_examples=count * settings().max_examples // 100)
+
+
+ALL = os.environ.get("DIAG_DYNAMICS_TEST_ALL") == "1"
+"""Whether all cases are wanted."""
+
+
+def some_of(cases, stride):
+    """Return every `stride`-th case, or all of them; a stride should have no common factor with what cases repeat by."""
+    return islice(cases, 0, None, 1 if ALL else stride)
+
+
+def shortened(full, short):
+    """Return how long or how often something runs: `short`, where not all is wanted."""
+    return full if ALL else short
