@@ -237,7 +237,7 @@ def test_coupled_robot_at_order_1():
 
 
 def run_for_long(robot):
-    """Extremes of 8 s, or of half a minute, from a random state: energy against the start, and how far beyond a limit a joint is."""
+    """Extremes of 8 s, or of 30, from a random state: energy against the start, how far a joint is beyond a limit."""
     model = load(robot, armature=1e-3 if robot in GIMBALS else 0.0)
     q, qd = random_state(model, 7, speed=0.5)
     sim = dd.Simulation(model, np.clip(q, model.lower, model.upper), qd)

@@ -198,7 +198,7 @@ def test_position_limits_repel_softly(arm):
 
 
 def test_for_long(arm):
-    """Sixteen seconds, or sixty, of one target after the other, pushed all the time: commands by Pinocchio, K and efforts bounded."""
+    """One target after the other for 16 s, or 60, pushed all the time: commands by Pinocchio, K and efforts bounded."""
     rng, names = np.random.default_rng(8), arm.simulator.robot.names
     limit = np.array(arm.simulator.model.effort_limit)
 
