@@ -8,7 +8,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
 JOBS ?= 2
 
-.PHONY: help setup demo demo-control test test-all bench lint format lock clean
+.PHONY: help setup demo demo-control test test-all bench docs-tables lint format lock clean
 
 help:  ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -30,6 +30,9 @@ test-all: lint  ## likewise, with all cases and full times: an hour
 
 bench: setup  ## speed of library and nodes, worth of the observer, into benchmarks/results/ and the README; ARGS=--short: two minutes' worth
 	@$(in_env) python3 benchmarks/run.py $(ARGS)
+
+docs-tables: setup  ## docs/parameters.md, docs/interfaces.md and config/*.yaml anew, from the code
+	@$(in_env) python3 docs/tables.py
 
 lint: setup  ## code style and docstrings
 	@$(in_env) ruff check && ruff format --check

@@ -29,10 +29,14 @@ PARAMETERS = {
         for name, spec in ROBOT_PARAMETERS.items()
         if name != "floating_base"
     },
-    "command_joints": _once([""], "Joints in the order of a command's entries; by default all, in the robot's order."),
+    "command_joints": _once(
+        [""],
+        "Joints in the order of a command's entries; by default all, in the robot's order. Lock those that no effort drives.",
+    ),
     "check_time": _once(
         1.0,
-        "How long the effort controller may take to say its joints on activation [s]; 0: it is not asked.",
+        "How long the effort controller may take to say its joints on activation [s]. It is asked again twice a second; 0: "
+        "never.",
         minimum=0.0,
         maximum=60.0,
     ),
@@ -40,18 +44,18 @@ PARAMETERS = {
     # laws
     "damping": _once(["*=10.0"], "Gains c of damping, each as joint=gain; * for all others [1/s]."),
     "controlled_link": _once("", "Link whose pose is regulated; empty: none, and no mode pose."),
-    "position_stiffness": _once(200.0, "Of the pose's position [N/m].", minimum=1e-6),
-    "orientation_stiffness": _once(20.0, "Of the pose's orientation [N m/rad].", minimum=1e-6),
-    "position_speed": _once(0.25, "How fast the position of a pose is gone to [m/s].", minimum=1e-6),
-    "orientation_speed": _once(0.5, "How fast its orientation is gone to [rad/s].", minimum=1e-6),
+    "position_stiffness": _once(200.0, "Stiffness C2 of the position [N/m].", minimum=1e-6),
+    "orientation_stiffness": _once(20.0, "Stiffness C2 of the orientation [N m/rad].", minimum=1e-6),
+    "position_speed": _once(0.25, "Speed at which a pose's position is approached [m/s].", minimum=1e-6),
+    "orientation_speed": _once(0.5, "Speed at which a pose's orientation is approached [rad/s].", minimum=1e-6),
     "pose_damping": _once(["*=12.0"], "Gains c1 of pose regulation, each as joint=gain; * for all others [1/s]."),
     "tracking_gain": _once(["*=20.0"], "Gains K of tracking, each as joint=gain; * for all others [1/s]."),
     "tracking_convergence": _once(
-        ["*=10.0"], "Rates at which tracking errors decay, each as joint=rate; * for all others [1/s]."
+        ["*=10.0"], "Rates Lambda at which tracking errors decay, each as joint=rate; * for all others [1/s]."
     ),
     "set_point_speed": _once(
         0.25,
-        "How fast set-points are gone to, in parts of the URDF's velocity limits.",
+        "Speed at which set-points are approached, in parts of the URDF's velocity limits.",
         minimum=1e-3,
         maximum=1.0,
     ),
@@ -65,19 +69,26 @@ PARAMETERS = {
     "limit_margin": _once(
         0.1, "Where springs before the position limits begin, from those inward [rad, m]; 0: none.", minimum=0.0
     ),
-    "limit_stiffness": _once(100.0, "Of these springs [N m/rad, N/m].", minimum=1e-6),
-    "limit_damping": _once(10.0, "Of their dampers at the limit [N m s/rad, N s/m].", minimum=0.0),
+    "limit_stiffness": _once(
+        100.0, "Stiffness of the springs before the position limits [N m/rad, N/m].", minimum=1e-6
+    ),
+    "limit_damping": _once(10.0, "Damping at the position limits [N m s/rad, N s/m].", minimum=0.0),
     "energy_limit": _once(0.0, "Bound on the kinetic energy [J]; 0: none.", minimum=0.0),
     "energy_rate": _once(
-        50.0, "Rate at which that bound is approached [1/s]; times the period of states below 1.", minimum=1e-6
+        50.0, "Rate alpha at which that bound is approached [1/s]; times the period of states below 1.", minimum=1e-6
     ),
     "observer_gain": _once(
         0.0,
         "Gain of the disturbance observer [1/s], by which the energy limiter counts the power of pushes; 0: none.",
         minimum=0.0,
     ),
-    "effort_limit": _once([""], "Largest efforts, below the URDF's, each as joint=effort; * for all others [N m, N]."),
-    "effort_rate": _once(["*=1000.0"], "How fast efforts change, each as joint=rate; * for all others [N m/s, N/s]."),
+    "effort_limit": _once(
+        [""],
+        "Largest efforts, no more than the URDF's, each as joint=effort; * for all others [N m, N]. By default the URDF's.",
+    ),
+    "effort_rate": _once(
+        ["*=1000.0"], "Rates at which efforts change, each as joint=rate; * for all others [N m/s, N/s]."
+    ),
     # safety
     "joint_timeout": _once(
         0.02, "Largest age of a joint's last values against the newest joint's [s].", minimum=1e-4, maximum=1.0
@@ -90,7 +101,8 @@ PARAMETERS = {
     ),
     "hold_time": _once(
         0.5,
-        "How long the last gravity torque is held without a valid state [s]; then it is taken to zero.",
+        "How long the last gravity torque is held without a valid state [s], at least twice max_state_age; then it is taken "
+        "to zero.",
         minimum=0.0,
         maximum=10.0,
     ),

@@ -33,8 +33,8 @@ PARAMETERS = {
     **ROBOT_PARAMETERS,
     "serialization": Spec(
         "template",
-        "How messages become numbers and numbers messages: by the bytes of those before, of which all but numbers stays the "
-        "same (template), or by rclpy, which costs about four times as much (rclpy). What comes of it is the same.",
+        "How messages are read and written. template: as bytes; of a message like the one before, only the numbers are read "
+        "or written. rclpy: as rclpy's Python objects, at about four times the cost. The numbers are the same either way.",
         while_unconfigured=True,
         choices=("template", "rclpy"),
     ),
@@ -55,7 +55,9 @@ PARAMETERS = {
         "published. 0 for no limit.",
         minimum=0.0,
     ),
-    "joint_timeouts": Spec([""], "The same for single joints, each as joint=seconds."),
+    "joint_timeouts": Spec(
+        [""], "joint_timeout of single joints, each as joint=seconds; the others keep joint_timeout."
+    ),
     "max_age": Spec(
         1.0,
         "Largest distance of a stamp from this node's clock when it is received [s], into the past or the future; what is "
@@ -147,13 +149,14 @@ PARAMETERS = {
         "diagnostics warn and services refuse. 0: not compared.",
         minimum=0.0,
     ),
-    "warn_energy": Spec(0.0, "Kinetic energy beyond which diagnostics warn [J]; 0: none.", minimum=0.0),
-    "error_energy": Spec(0.0, "Kinetic energy beyond which diagnostics report an error [J]; 0: none.", minimum=0.0),
+    "warn_energy": Spec(0.0, "Kinetic energy beyond which diagnostics warn [J]; 0: no warning.", minimum=0.0),
+    "error_energy": Spec(0.0, "Kinetic energy beyond which diagnostics report an error [J]; 0: no error.", minimum=0.0),
     "warn_energy_share": Spec(
-        [""], "The same for the energy shares of single joints, each as joint=energy; * for all."
+        [""],
+        "Share of the kinetic energy beyond which diagnostics warn, each as joint=energy [J]; * for all other joints.",
     ),
     "error_energy_share": Spec(
-        [""], "The same for the energy shares of single joints, each as joint=energy; * for all."
+        [""], "Share beyond which diagnostics report an error, each as joint=energy [J]; * for all other joints."
     ),
     "external_torque.gain": Spec(
         0.0,
@@ -163,7 +166,9 @@ PARAMETERS = {
         maximum=1e6,
     ),
     "external_torque.threshold": Spec(
-        0.0, "Norm of its residual beyond which it reports a collision [J^0.5/s]; 0: never.", minimum=0.0
+        0.0,
+        "Norm of its residual beyond which it reports a collision [J^0.5/s]; 0: never, and the message has inf for it.",
+        minimum=0.0,
     ),
     "external_torque.release_threshold": Spec(
         0.0, "Norm below which the collision is over [J^0.5/s]; 0: half of the threshold.", minimum=0.0
@@ -190,7 +195,12 @@ PARAMETERS = {
         False, "Whether state and coriolis carry the URDF's damping and friction, which no other term ever holds."
     ),
     **{
-        f"max_rate.{topic}": Spec(rate, f"Highest rate of ~/{topic} [Hz]; 0 for every state.", minimum=0.0)
+        f"max_rate.{topic}": Spec(
+            rate,
+            f"Highest rate of ~/{topic} [Hz]; 0 for every state."
+            + (" The observer sees every state, whatever this is." if topic == "external_torque" else ""),
+            minimum=0.0,
+        )
         for topic, rate in RATES.items()
     },
 }

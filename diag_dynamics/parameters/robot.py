@@ -19,7 +19,7 @@ PARAMETERS = {
     ),
     "massless": Spec(
         "error",
-        "Joints that move no inertia: refuse the robot (error), or lock them (lock).",
+        "What to do about joints that move no inertia: refuse the robot (error), or lock them (lock).",
         while_unconfigured=True,
         choices=("error", "lock"),
     ),
@@ -29,8 +29,7 @@ PARAMETERS = {
     ),
     "gravity": Spec(
         [0.0, 0.0, -9.81],
-        "Acceleration of gravity in the world, for a fixed base the root link [m/s^2]; each within 1000, which nothing a "
-        "robot stands on reaches.",
+        "Acceleration of gravity in the world, whose axes for a fixed base are those of the root link [m/s^2].",
         maximum=LARGEST_GRAVITY,
     ),
     "payloads": Spec(
@@ -43,7 +42,8 @@ PARAMETERS = {
     ),
     "max_coupled": Spec(
         MAX_COUPLED,
-        "Most bodies of a group of coupled joints that is not refused: its degrees of freedom and followers.",
+        "Most bodies of a group of coupled joints, its degrees of freedom and its followers, that is not refused. Every "
+        "state takes time as the cube of that number.",
         while_unconfigured=True,
     ),
     "floating_base": Spec(

@@ -16,8 +16,17 @@ PARAMETERS = {
         description="Whether the root link moves freely; its state goes out on the topic odom."
     ),
     "rate": _once(500.0, "joint_states per second of simulated time [Hz].", minimum=1.0, maximum=10000.0),
-    "step": _once(0.001, "Integration step [s]; at most the time between two joint_states.", minimum=1e-6, maximum=0.1),
-    "order": _once(4, "Order of the integration: 4, or 1 at a tenth of the cost.", choices=(4, 1)),
+    "step": _once(
+        0.001,
+        "Integration step [s]. The time between two joint_states is divided into equal steps no longer than this.",
+        minimum=1e-6,
+        maximum=0.1,
+    ),
+    "order": _once(
+        4,
+        "Order of the integration: 4, or 1 at a tenth of the cost, which a floating base does not take.",
+        choices=(4, 1),
+    ),
     "motion": _once(
         "free",
         "free: as commands and wrenches move it; wave: each joint is driven along a sine wave about the middle of its range, "
@@ -37,8 +46,8 @@ PARAMETERS = {
     ),
     "without_command": _once(
         "zero",
-        "What drives do before the first command and after one has timed out: no effort (zero), or hold the joints by their "
-        "brakes (brake).",
+        "What drives do before the first command and after one has timed out: no effort (zero), or hold the joints by "
+        "brakes of twice the effort limit (brake).",
         choices=("zero", "brake"),
     ),
     "compensates_gravity": _once(

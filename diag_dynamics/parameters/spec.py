@@ -1,6 +1,7 @@
 """What a parameter is: default, description, range, when it may change; and whether a value will do."""
 
 import math
+import re
 from typing import Any, NamedTuple
 
 from diag_dynamics.entries import LARGEST
@@ -20,6 +21,19 @@ class Spec(NamedTuple):
     choices: tuple = ()
     while_unconfigured: bool = False
     """Whether a managed node takes another value only before it is configured."""
+
+
+def as_yaml(value):
+    """Value of a parameter as a parameter file has it."""
+    if isinstance(value, list):
+        return "[" + ", ".join(f'"{entry}"' if isinstance(entry, str) else as_yaml(entry) for entry in value) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float) and "e" in repr(value) and "." not in repr(value):
+        return repr(value).replace("e", ".0e")  # YAML 1.1 takes 1e-06 for text
+    if isinstance(value, str) and not re.fullmatch(r"[A-Za-z_]\w*", value):
+        return f'"{value}"'
+    return str(value)
 
 
 def wrong(name, value, specs):

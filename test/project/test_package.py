@@ -145,72 +145,8 @@ def test_every_field_has_a_meaning(path):
         assert field in shared or field.startswith("diag_dynamics/"), f"{path.name}: {field} says nothing"
 
 
-# --- Parameters: code, configuration and README ---
-
-
-NODES_WITH_PARAMETERS = ("monitor", "simulator", "controller")
-
-
 def node_parameters(node):
     return import_module(f"diag_dynamics.parameters.{node}").PARAMETERS
-
-
-def flat(tree, prefix=""):
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            yield from flat(value, f"{prefix}{key}.")
-        else:
-            yield prefix + key, value
-
-
-@pytest.mark.ros
-@pytest.mark.parametrize("node", ["monitor", "simulator", "controller"])
-def test_configuration_holds_the_defaults(node):
-    tree = yaml.safe_load((ROOT / "config" / f"{node}.yaml").read_text(encoding="utf-8"))
-    written = dict(flat(tree["/**"]["ros__parameters"]))
-    assert written == {name: spec.default for name, spec in node_parameters(node).items()}
-
-
-@pytest.mark.ros
-@pytest.mark.parametrize("node", ["monitor", "simulator", "controller"])
-def test_readme_lists_every_parameter(node):
-    section = (ROOT / "README.md").read_text(encoding="utf-8").split(f"## The {node}\n")[1].split("\n## ")[0]
-    rows = re.findall(r"^\| `([\w.]+)` \| `([^`]*)` \|", section, re.M)
-    expected = {}
-    for name, spec in node_parameters(node).items():
-        expected[name] = (
-            str(spec.default).replace("'", '"') if spec.default else {"": '""'}.get(spec.default, str(spec.default))
-        )
-    assert dict(rows) == expected
-
-
-HELP = """
-import importlib, sys
-for node in ("monitor", "simulator", "controller"):
-    sys.argv = [node, "--help", "--ros-args", "-p", "rate:=1.0"]
-    try:
-        importlib.import_module(f"diag_dynamics.nodes.{node}.{node}").main()
-    except SystemExit as end:
-        assert end.code == 0
-    print(chr(12))
-sys.argv = ["monitor", "my.urdf"]
-importlib.import_module("diag_dynamics.nodes.monitor.monitor").main()
-"""
-
-
-@pytest.mark.ros
-def test_help_helps():
-    """It names all that README lists of a node, and ends with status 0; what is no ROS argument is refused, with status 2."""
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    node_parameters("monitor")
-    done = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True)
-    assert done.returncode == 2 and "error: unrecognized arguments: my.urdf" in done.stderr
-    for node, said in zip(NODES_WITH_PARAMETERS, done.stdout.split(chr(12)), strict=False):
-        assert f"usage: {node} " in said
-        section = readme.split(f"## The {node}\n")[1].split("\n## ")[0]
-        names = re.findall(r"^\| (?:← )?`([\w./~]+)(?:<mode>)?` \|", section, re.M)
-        assert len(names) > 20
-        assert [name for name in names if name not in said] == []
 
 
 # --- Launching and installing ---

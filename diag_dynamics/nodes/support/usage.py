@@ -3,20 +3,8 @@
 import argparse
 from textwrap import fill
 
-INTERFACES = {
-    "monitor": """listens to   joint_states, robot_description; odom with floating_base; /clock with use_sim_time
-publishes    ~/state, ~/kinetic_energy, ~/total_joint_rates, ~/working_moments, ~/coriolis, ~/mass_matrix_factors,
-             ~/joint_space_dynamics; ~/external_torque with external_torque.gain; /diagnostics
-services     ~/forward_dynamics, ~/inverse_dynamics, ~/diagonalize, ~/set_payload""",
-    "simulator": """listens to   effort_controller/commands, external_wrench; /clock with use_sim_time
-publishes    joint_states, robot_description, ~/ground_truth, ~/energy_audit; odom with floating_base;
-             /clock with publish_clock; /diagnostics
-services     ~/pause, ~/step, ~/reset, ~/set_state""",
-    "controller": """listens to   joint_states, robot_description, target, trajectory, set_point; /clock with use_sim_time
-publishes    effort_controller/commands, ~/status, /diagnostics
-services     ~/mode/gravity_compensation, ~/mode/damping, ~/mode/pose, ~/mode/tracking""",
-}
-"""Topics and services of each node; ~ is its name."""
+from diag_dynamics.nodes.support.interfaces import INTERFACES, TITLES
+from diag_dynamics.parameters.spec import as_yaml
 
 
 def parser_of(executable, description, specs, required=None):
@@ -36,11 +24,11 @@ def parser_of(executable, description, specs, required=None):
     -------
     argparse.ArgumentParser
     """
-    lines = [INTERFACES[executable], "", "parameters, each with its default:"]
+    lines = [*_interfaces(executable), "", "parameters, each with its default:"]
     for name, text in (required or {}).items():
         lines += [f"  {name}", _indented(f"Required: {text}.")]
     for name, spec in specs.items():
-        lines += [f"  {name}: {_yaml(spec.default)}", _indented(spec.description)]
+        lines += [f"  {name}: {as_yaml(spec.default)}", _indented(spec.description)]
     return argparse.ArgumentParser(
         prog=executable,
         usage=f"{executable} [--help] [--ros-args [-p NAME:=VALUE] [--params-file FILE] [-r FROM:=TO] ...]",
@@ -50,13 +38,16 @@ def parser_of(executable, description, specs, required=None):
     )
 
 
+def _interfaces(executable):
+    """Lines that list a node's topics and services."""
+    for kind, title in TITLES.items():
+        names = [
+            f"{one.name} (with {one.condition})" if one.condition else one.name
+            for one in INTERFACES[executable]
+            if one.kind == kind
+        ]
+        yield fill(", ".join(names), 110, initial_indent=f"{title:13}", subsequent_indent=" " * 13)
+
+
 def _indented(text):
     return fill(text, 100, initial_indent=" " * 6, subsequent_indent=" " * 6)
-
-
-def _yaml(value):
-    if isinstance(value, list):
-        return "[" + ", ".join(_yaml(entry) for entry in value) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return str(value) or '""'

@@ -1,0 +1,207 @@
+"""The pages: what is generated is fresh and holds what the code does, links lead somewhere, and lines can be read."""
+
+import importlib.util
+import re
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+import yaml
+
+from diag_dynamics.nodes.support.interfaces import IN, INTERFACES, OUT, SERVICE
+from diag_dynamics.nodes.support.names import NODES
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+
+
+def node_parameters(node):
+    return import_module(f"diag_dynamics.parameters.{node}").PARAMETERS
+
+
+def text_of(name):
+    return (DOCS / name).read_text(encoding="utf-8")
+
+
+def section_of(page, heading):
+    """Text below a heading, up to the next one of its rank."""
+    return text_of(page).split(f"\n## {heading}\n")[1].split("\n## ")[0]
+
+
+# --- What is generated ---
+
+
+def generated():
+    spec = importlib.util.spec_from_file_location("tables", DOCS / "tables.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.files()
+
+
+def test_generated_files_are_fresh():
+    """Whoever changes a parameter, a message or a topic runs `make docs-tables`."""
+    stale = [path.name for path, text in generated().items() if path.read_text(encoding="utf-8") != text]
+    assert stale == [], "run make docs-tables"
+
+
+def flat(tree, prefix=""):
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from flat(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_configuration_holds_the_defaults(node):
+    """The file that is installed, as a parser of YAML reads it."""
+    tree = yaml.safe_load((ROOT / "config" / f"{node}.yaml").read_text(encoding="utf-8"))
+    written = dict(flat(tree["/**"]["ros__parameters"]))
+    assert written == {name: spec.default for name, spec in node_parameters(node).items()}
+    assert {name: type(value) for name, value in written.items()} == {
+        name: type(spec.default) for name, spec in node_parameters(node).items()
+    }
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_parameters_page_lists_every_parameter(node):
+    """With its default, which can be copied into a parameter file, its choices, and when it changes."""
+    rows = re.findall(r"^\| `([\w.]+)` \| (.*?) \| (.*?) \| (.*?) \| (.*) \|$", section_of("parameters.md", node), re.M)
+    if node == "controller":
+        assert rows.pop(0)[:2] == ("robot_compensates_gravity", "none: **required**")
+    specs = node_parameters(node)
+    assert {name: yaml.safe_load(default.strip("`")) for name, default, *_ in rows} == {
+        name: spec.default for name, spec in specs.items()
+    }
+    for name, _, values, changes, meaning in rows:
+        spec = specs[name]
+        assert all(f"`{choice}`" in values for choice in spec.choices)
+        assert (changes == "never") == spec.read_only
+        assert (changes == "unconfigured") == spec.while_unconfigured
+        assert re.sub(r"\\(.)", r"\1", meaning) == spec.description
+
+
+HELP = """
+import importlib, sys
+for node in ("monitor", "simulator", "controller"):
+    sys.argv = [node, "--help", "--ros-args", "-p", "rate:=1.0"]
+    try:
+        importlib.import_module(f"diag_dynamics.nodes.{node}.{node}").main()
+    except SystemExit as end:
+        assert end.code == 0
+    print(chr(12))
+sys.argv = ["monitor", "my.urdf"]
+importlib.import_module("diag_dynamics.nodes.monitor.monitor").main()
+"""
+
+
+@pytest.mark.ros
+def test_help_helps():
+    """It names all that the pages list of a node, and ends with status 0; no ROS argument: status 2."""
+    done = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 2 and "error: unrecognized arguments: my.urdf" in done.stderr
+    for node, said in zip(NODES, done.stdout.split(chr(12)), strict=False):
+        assert f"usage: {node} " in said
+        pages = section_of("parameters.md", node) + section_of("interfaces.md", node)
+        names = re.findall(r"^\| `([\w./~]+)` \|", pages, re.M)
+        assert len(names) > 30
+        assert [name for name in names if name not in said] == []
+
+
+# --- Topics and services ---
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_interfaces_are_those_of_the_code(node):
+    """Every topic and service of the table is made by the node's code, and its type is imported there or is ours."""
+    code = "".join(
+        path.read_text(encoding="utf-8")
+        for room in (node, "support")
+        for path in (ROOT / "diag_dynamics" / "nodes" / room).glob("*.py")
+        if path.name != "interfaces.py"
+    )
+    for one in INTERFACES[node]:
+        last = one.name.removeprefix("~/").removeprefix("mode/")
+        known = f'"{last}"' in code or f'"~/{last}"' in code or one.name.startswith("~/mode/")
+        assert known or f'"{one.name}"' in code or one.name == "/clock", one.name
+        package, _, kind = one.type.rpartition("/")
+        if not package:
+            folder = "srv" if one.kind == SERVICE else "msg"
+            assert (ROOT / folder / f"{kind}.{folder}").is_file()
+        assert re.search(rf"\b{kind}\b", code), one.type
+
+
+@pytest.mark.ros
+def test_interfaces_list_what_the_monitor_publishes():
+    from diag_dynamics.nodes.monitor.outputs import BESIDE, TOPICS
+
+    ours = {one.name: one.type for one in INTERFACES["monitor"] if one.kind == OUT and one.name.startswith("~/")}
+    assert ours == {f"~/{name}": kind.__name__ for name, kind in (TOPICS | BESIDE).items()}
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("node", NODES)
+def test_every_topic_that_a_node_makes_is_listed(node):
+    """A literal name that is published, subscribed to or offered in a node's code stands in the table."""
+    listed = {one.name for one in INTERFACES[node]}
+    for path in (ROOT / "diag_dynamics" / "nodes" / node).glob("*.py"):
+        for name in re.findall(r'"(~/\w+)"', path.read_text(encoding="utf-8")):
+            assert name in listed, f"{path.name}: {name}"
+
+
+def interface_files():
+    return sorted((ROOT / "msg").glob("*.msg")) + sorted((ROOT / "srv").glob("*.srv"))
+
+
+@pytest.mark.parametrize("path", interface_files(), ids=lambda path: path.name)
+def test_interfaces_page_lists_every_field(path):
+    """With its type; its comment is compared by whoever generates the page."""
+    section = text_of("interfaces.md").split(f"\n### {path.stem}\n")[1].split("\n### ")[0]
+    rows = re.findall(r"^\| `(\w+)(?: = \d+)?` \| (?:`([^`]+)`|\[(\w+)\]\(#\w+\)) \|", section, re.M)
+    fields = []
+    for line in path.read_text(encoding="utf-8").splitlines():
+        words = line.split("#")[0].replace("=", " ").split()
+        if len(words) >= 2:
+            fields.append((words[1], words[0].removeprefix("diag_dynamics/")))
+    assert [(name, own or other) for name, other, own in rows] == fields
+
+
+def test_every_topic_has_a_direction():
+    assert {one.kind for table in INTERFACES.values() for one in table} == {IN, OUT, SERVICE}
+
+
+# --- Pages ---
+
+
+def anchors(path):
+    """Anchors of a page's headings, as GitHub makes them."""
+    text = re.sub(r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.S | re.M)
+    return {
+        re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-")
+        for heading in re.findall(r"^#+ (.*)$", text, re.M)
+    }
+
+
+def test_links_lead_somewhere():
+    """Every link to a file of ours, and to a heading in it."""
+    for page in PAGES:
+        for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+            if re.match(r"https?:", target):
+                continue
+            file, _, anchor = target.partition("#")
+            path = (page.parent / file).resolve() if file else page
+            assert path.exists(), f"{page.name}: {target}"
+            if anchor:
+                assert anchor in anchors(path), f"{page.name}: {target}"
+
+
+def test_pages_that_code_names_are_there():
+    """A comment, a message or a test that sends somebody to docs/… sends them to a page."""
+    folders = ("benchmarks", "config", "diag_dynamics", "docs", "launch", "msg", "scripts", "srv", "test")
+    files = [path for folder in folders for path in (ROOT / folder).rglob("*.*") if path.suffix not in (".png", ".pyc")]
+    for path in (ROOT / "README.md", *files):
+        for name in re.findall(r"\bdocs/(\w+\.md)\b", path.read_text(encoding="utf-8")):
+            assert (DOCS / name).is_file(), f"{path.relative_to(ROOT)}: docs/{name}"
