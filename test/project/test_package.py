@@ -117,6 +117,8 @@ def test_public_names_are_there():
     for name in dd.__all__:
         value = getattr(dd, name)
         assert value.__doc__
+        # An installed copy lies on the path of the package, too, and its modules would stand in for those that have moved.
+        assert Path(inspect.getsourcefile(value)).is_relative_to(ROOT), name
     assert {"load_urdf", "DiagonalDynamics", "RobotModel"} <= set(dir(dd))
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
         _ = dd.nonsense
