@@ -90,6 +90,25 @@ def test_ros_only_in_nodes_and_pinocchio_nowhere():
             assert not {name.split(".")[1] for name in found if name.count(".")} & INTERFACES, path
 
 
+def test_imports_find_modules_of_this_checkout():
+    """Those of scripts, launch files, tests and benchmarks, too: an installed copy would stand in for what has moved."""
+    others = [path for folder in ("test", "benchmarks", "launch") for path in (ROOT / folder).rglob("*.py")]
+    scripts = [
+        path
+        for path in (ROOT / "scripts").iterdir()
+        if path.read_text(encoding="utf-8").startswith("#!/usr/bin/env py")
+    ]
+    assert len(scripts) == 6
+    for path in [*SOURCES, *others, *scripts]:
+        for name in imports(path):
+            parts = name.split(".")
+            if parts[0] == "diag_dynamics" and len(parts) > 1 and parts[1] not in INTERFACES:
+                found = [ROOT.joinpath(*parts[:n]) for n in (len(parts), len(parts) - 1)]  # a module, or a name in one
+                assert any(one.with_suffix(".py").is_file() or (one / "__init__.py").is_file() for one in found), (
+                    f"{path.relative_to(ROOT)} imports {name}"
+                )
+
+
 def test_compiled_code_knows_what_it_is_made_of():
     """Whatever has kernels, and all that it imports of ours, lies where a change makes compiled code stale."""
     from diag_dynamics.compiled import kernel
