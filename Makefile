@@ -28,7 +28,7 @@ test: lint  ## lint, then every test; ARGS=<pytest options>, JOBS=<files at a ti
 test-all: lint  ## likewise, with all cases and full times: an hour
 	@$(in_env) DIAG_DYNAMICS_TEST_ALL=1 ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
 
-bench: setup  ## speed of library and nodes, worth of the observer, into benchmarks/results/ and the README; ARGS=--short: two minutes' worth
+bench: setup  ## speed of library and nodes, worth of the observer, into benchmarks/results/; ARGS=--short: two minutes' worth
 	@$(in_env) python3 benchmarks/run.py $(ARGS)
 
 docs-tables: setup  ## docs/parameters.md, docs/interfaces.md and config/*.yaml anew, from the code

@@ -20,7 +20,7 @@ BEGIN, END = "<!-- benchmarks: begin -->\n", "<!-- benchmarks: end -->\n"
 
 
 def summary(rows):
-    """The table of the README: a line for each target, the worst of it deciding."""
+    """The first table of the page: a line for each target, the worst of it deciding."""
     lines = ["| measured | against | on | target | median | worst | |", "|---|---|---|---|---|---|---|"]
     for row in rows:
         target, verdict = ("", "") if row.target is None else (f"≤ {row.target:g}", "met" if row.met else "missed")
@@ -78,14 +78,6 @@ Exponents from N = 32 on, and the time on the longest chain against that of `nu_
 ## Machine
 
 {machine(("numpy", "scipy", "numba", "pin", "mujoco", "yourdfpy", "example-robot-data"))}"""
-
-
-def put_into_readme(table, readme=ROOT / "README.md"):
-    """Replace the table of the README."""
-    text = readme.read_text(encoding="utf-8")
-    if not re.search(f"{BEGIN}.*{END}", text, re.S):
-        raise ValueError(f"{readme} has no lines {BEGIN.strip()} and {END.strip()} to put the table between")
-    readme.write_text(re.sub(f"{BEGIN}.*{END}", lambda _: f"{BEGIN}{table}{END}", text, flags=re.S), encoding="utf-8")
 
 
 def _text(number):

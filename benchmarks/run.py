@@ -85,7 +85,7 @@ def main():
         "--output",
         type=Path,
         metavar="FOLDER",
-        help="where to write; by default benchmarks/results, and the README's table",
+        help="where to write; by default benchmarks/results",
     )
     arguments = options.parse_args()
     folder = arguments.output
@@ -105,7 +105,7 @@ def main():
         parts[part](arguments.short, folder, official)
 
 
-def library(short, folder, official):
+def library(short, folder, _):
     """Compare outputs and measure the library against its peers."""
     try:
         measured = measure(SHORT if short else FULL)
@@ -116,8 +116,6 @@ def library(short, folder, official):
     if folder:
         plots.draw(folder, measured)
         (folder / "table.md").write_text(report.page(measured), encoding="utf-8")
-    if official:
-        report.put_into_readme(table)
 
 
 def disturbances(short, folder, _):

@@ -23,7 +23,7 @@ COMMAND = "make docs-tables"
 
 CHANGES = {
     "monitor": "Values are judged together: a wrong one is refused with the reason, and changes nothing. `~/set_payload` "
-    "changes `payloads` too. Why the bounds `absurd.*` are what they are: [operations.md](operations.md#what-cannot-be); how "
+    "changes `payloads` too. Why the bounds `absurd.*` are what they are: [drivers.md](drivers.md#what-cannot-be); how "
     "to choose `external_torque.*`: [control.md](control.md#in-the-monitor).",
     "simulator": "`gravity` and `payloads` may change while the robot moves, all others while the node is unconfigured.",
     "controller": "All may change while the node is unconfigured only. What the gains do: [control.md](control.md#laws).",
@@ -155,7 +155,7 @@ def interfaces_page():
             "show diag_dynamics/msg/KineticEnergy` tells the unit and meaning of each field, too. A message that nobody "
             "subscribes to is not made."
         ),
-        " · ".join(f"[{node}](#{node})" for node in NODES) + " · [messages](#messages) · [services](#services)",
+        " · ".join(f"[{name}](#{name})" for name in NODES) + "\n· [messages](#messages) · [services](#services)",
     ]
     for node, name in NODES.items():
         parts += [f"## {node}", f"Node `{name}`."]

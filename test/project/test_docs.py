@@ -9,13 +9,14 @@ from pathlib import Path
 
 import pytest
 import yaml
+from test_package import FLOORS
 
 from diag_dynamics.nodes.support.interfaces import IN, INTERFACES, OUT, SERVICE
 from diag_dynamics.nodes.support.names import NODES
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted(DOCS.glob("*.md"))]
 
 
 def node_parameters(node):
@@ -205,3 +206,43 @@ def test_pages_that_code_names_are_there():
     for path in (ROOT / "README.md", *files):
         for name in re.findall(r"\bdocs/(\w+\.md)\b", path.read_text(encoding="utf-8")):
             assert (DOCS / name).is_file(), f"{path.relative_to(ROOT)}: docs/{name}"
+
+
+def test_architecture_names_what_is_there():
+    """Every file, and every test, that the page names."""
+    named = re.findall(r"`([^`\s]+)`", text_of("architecture.md"))
+    paths = [name for name in named if re.fullmatch(r"[\w/.]+\.(?:py|md|yaml|txt)", name) and "/" in name]
+    assert len(paths) > 35
+    assert [name for name in paths if not (ROOT / name).is_file()] == []
+    tests = [name for name in named if name.startswith("test_")]
+    for name in tests:
+        file, _, function = name.partition("::")
+        if not function and not file.endswith(".py"):
+            file, function = "test_package.py", file
+        (path,) = (ROOT / "test").rglob(file)
+        assert not function or f"\ndef {function}(" in path.read_text(encoding="utf-8"), name
+    bare = [name for name in named if re.fullmatch(r"(?!test_)\w+\.py", name)]
+    assert [name for name in bare if not list((ROOT / "diag_dynamics").rglob(name))] == []
+
+
+def test_architecture_draws_the_floors():
+    """The drawing has every room of FLOORS, floor above floor."""
+    drawing = text_of("architecture.md").split("```text\n")[2].split("```")[0]
+    rooms = [line[:55].split() for line in drawing.splitlines() if not line.startswith("--")]
+    drawn = [sorted(room.removesuffix(".py").rstrip("/") for room in line) for line in rooms]
+    assert drawn == [sorted(floor.split()) for floor in reversed(FLOORS)]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_lines_can_be_read(page):
+    """They have up to 120 characters, but for tables, code, comments, pictures and addresses without a place to break."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
+    for line in text.splitlines():
+        if line.startswith(("|", "    ", "<!--", "![")) or len(line) <= 120:
+            continue
+        assert max(map(len, line.split())) > 100, f"{page.name}: {line}"
+
+
+def test_the_readme_is_short():
+    """A sentence, pictures, install, the equations, a program, the nodes, links: the rest is in docs/."""
+    assert (ROOT / "README.md").stat().st_size <= 9000
