@@ -1,1 +1,1 @@
-"""From joint states and odometry to whole states of a robot, each refused by name where it is not usable. No ROS."""
+"""Assembly of whole robot states from joint states and odometry; an unusable message is refused by name. No ROS."""

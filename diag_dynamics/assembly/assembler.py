@@ -1,4 +1,4 @@
-"""Assembling the state of a whole robot from JointState messages that each bring some of its joints."""
+"""Assembler of a robot's state from JointState messages, each of which may bring only some of its joints."""
 
 import math
 from collections import Counter
@@ -23,7 +23,7 @@ _NONE = MappingProxyType({})
 
 
 class Joints(NamedTuple):
-    """The joints of a robot whose states are needed, and those that follow them.
+    """Joints of a robot: the independent ones, whose states are needed, and their followers.
 
     `mimics` holds a :class:`Mimic` by name of the follower, `continuous` the joints whose position is an angle that turns
     round; `lower` and `upper` are position limits [rad, m], `velocity` and `effort` those of velocity [rad/s, m/s] and effort
@@ -40,7 +40,7 @@ class Joints(NamedTuple):
 
 
 class Options(NamedTuple):
-    """How messages are judged; see the monitor's parameters. Mappings are by joint, ``*`` for all others."""
+    """Rules by which messages are judged: the monitor's parameters. Mappings are by joint, ``*`` for all others."""
 
     timeout: float = 0.5
     timeouts: Mapping = _NONE
@@ -112,7 +112,7 @@ class JointStateAssembler:
         self.stamps, self.gaps = Stamps(), Gaps()
         self._joints = joints
         self._index = {name: k for k, name in enumerate(self.names)}
-        self._columns = None  # (names of the last message, what _match returned for them)
+        self._columns = None  # names of the last message, and the places _match found for them
         self._values = np.full((3, count), math.nan)
         self._position, self._velocity, self._effort = self._values
         self._stamp = np.zeros(count, dtype=np.int64)
@@ -125,7 +125,7 @@ class JointStateAssembler:
         self.configure(options)
 
     def configure(self, options):
-        """Judge what comes from now on by other options; nothing changes if they are refused.
+        """Judge messages by other options from now on; nothing changes if the options are refused.
 
         Raises
         ------
@@ -143,7 +143,7 @@ class JointStateAssembler:
         self.stamps.max_age, self.stamps.refuse_foreign = options.max_age, options.refuse_foreign
 
     def judges(self, options):
-        """What `options` would judge by.
+        """Return efforts, bounds and age limits as `options` would have them.
 
         Raises
         ------
@@ -163,12 +163,12 @@ class JointStateAssembler:
         return efforts, Bounds(self.names, lower, upper, turns, options, joints.velocity), ages
 
     def plain_judgement(self):
-        """What a whole message that is plainly good is judged by and kept in, as known.py takes it in.
+        """Return the bounds and the memory by which nodes/wire/joint_states.py judges and keeps a whole, ordinary message.
 
         Returns
         -------
         tuple of arrays and numbers, or None
-            None if it takes more to judge a message.
+            None if compiled code cannot judge every message: velocities are estimated, or a follower turns round.
         """
         followers, bounds, efforts, jumps = self.followers, self._bounds, self.efforts, self.jumps
         if self.options.estimate_velocity or (followers.tolerance and followers.turns.any()):
@@ -273,12 +273,12 @@ class JointStateAssembler:
         return None
 
     def columns(self, message):
-        """Where needed joints and followers are in a message that was taken in, and where they belong: four arrays of int."""
+        """Places of joints in an accepted message and in the state, then those of followers: four arrays of int."""
         (there, here), (beside, following) = self._match(message)
         return tuple(np.ascontiguousarray(places) for places in (there, here, beside, following))
 
     def _match(self, message):
-        """Where the needed joints are in the message and where they belong; and likewise for the followers."""
+        """Places of the joints in the message and in the state; the same for the followers."""
         names = message.name
         if self._columns is None or names != self._columns[0]:
             if len(set(names)) != len(names):
@@ -288,16 +288,16 @@ class JointStateAssembler:
         return self._columns[1]
 
     def _judge_stamp(self, stamp, unstamped, now, here, following):
-        """Refuse what is out of time, and forget all if time has started anew."""
+        """Refuse a stamp that is out of time; forget all joints if time has started anew."""
         if len(here):
-            # Stamps and times of reception may be those of different clocks, so only like is compared with like.
+            # A stamp may be of another clock than a time of reception: comparing the two would refuse good messages.
             comparable = self._known[here] & (self._without_stamp[here] == unstamped)
             before = np.where(comparable, self._stamp[here], -1)
             k = int(np.argmax(before))
             last = int(before[k]) if comparable[k] else None
             source, what = int(here.min()), f"joint '{self.names[here[k]]}'"
             span = self._spans[here[k]]
-        else:  # nobody waits for followers, so they have no order
+        else:  # a late value of a follower does no harm: its leader decides
             source = last = None
             what, span = f"joint '{self.followers.names[following[0]]}'", 0.0
         span = max(int(span), SECOND) if math.isfinite(span) else SECOND
@@ -308,7 +308,7 @@ class JointStateAssembler:
             self.gaps.take(source, stamp)
 
     def _judge_steps(self, stamp, unstamped, here, position, velocity):
-        """Refuse positions that no motion has led to, until they stay."""
+        """Refuse positions that no motion explains, until three messages agree on them."""
         known = self._known[here] & (self._without_stamp[here] == unstamped)
         before = self._position[here], self._velocity[here], self._stamp[here], known
         moved = self.jumps.judge(here, position, velocity, self._bounds.fastest[here], stamp, before)
@@ -317,12 +317,12 @@ class JointStateAssembler:
             self.counts["positions jumped"] += 1
 
     def _field(self, message, field, there):
-        """One field of a message at the places wanted; an empty array stands for unknown."""
+        """Values of one field of a message at some places; NaN for all if the array is empty."""
         values = getattr(message, field)
         if len(values) == 0:
             return np.full(len(there), math.nan)
         if len(values) != len(message.name):
-            # The joint at which the two part is the first one that cannot be right.
+            # The first joint without a value, or without a name, is the one to tell of.
             at = min(len(values), len(message.name) - 1)
             raise RejectedError(
                 "wrong length",
@@ -341,7 +341,9 @@ class JointStateAssembler:
     def _take(self, stamp, unstamped, here, position, velocity, effort):
         """Keep the values of joints; return whether an effort is absurd."""
         if self.options.estimate_velocity:
-            self._estimator.forget(here[self._without_stamp[here] != unstamped])  # another clock
+            self._estimator.forget(
+                here[self._without_stamp[here] != unstamped]
+            )  # a difference of two clocks is no interval
             missing = np.isnan(velocity)
             velocity = np.where(missing, self._estimate(stamp, here, position, missing), velocity)
             self._estimated[here] = missing
@@ -354,7 +356,7 @@ class JointStateAssembler:
         return absurd
 
     def _estimate(self, stamp, here, position, missing):
-        """Velocities from positions, judged where they are missing."""
+        """Velocities estimated from positions; those that stand in for missing ones are judged."""
         longest = np.where(np.isfinite(self._spans[here]), self._spans[here], 0.0)
         fastest = np.where(missing, self.options.max_velocity or math.inf, math.inf)
         estimate = self._estimator.update(here, position, stamp, self.options.velocity_filter_time, longest, fastest)
@@ -413,13 +415,13 @@ class JointStateAssembler:
 
 
 def _places(names, index):
-    """Where those of the names that are in an index stand among the names, and what the index says of them."""
+    """Places of those names that are in an index: in the names, and in the index."""
     known = [(k, index[name]) for k, name in enumerate(names) if name in index]
     return np.array(known, dtype=int).reshape(-1, 2).T
 
 
 def joints_of(model):
-    """What assembling joint states has to know of a model."""
+    """Return the :class:`Joints` of a model."""
     names = single_joints(model)
     at, dof = places(names, model.coordinate_names), places(names, model.dof_names)
     return Joints(

@@ -1,4 +1,4 @@
-"""Values that no joint can have, whatever a driver says: degrees for radians, a counter that ran over, a sick encoder."""
+"""Bounds on joint values. Beyond them lie degrees sent for radians, overrun counters, broken encoders."""
 
 import numpy as np
 
@@ -39,7 +39,7 @@ class Bounds:
         self.fastest = times_limit(options.beyond_velocity, velocity_limit, options.max_velocity, len(names))
 
     def check(self, position, velocity, here):
-        """Refuse what is beyond the bounds; NaN is not looked at.
+        """Refuse values beyond the bounds; NaN passes, as other rules judge it.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What drivers mean by effort: its unit, whether it holds gravity, and whether it can be believed at all."""
+"""Meaning of a driver's efforts: their unit, whether gravity is in them, whether they can be used at all."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from diag_dynamics.exceptions import InputError
 
 
 class Efforts:
-    """Efforts in N m (prismatic: N) from what is sent, joint by joint.
+    """Converter of efforts as sent to N m (prismatic: N), joint by joint.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Efforts:
         return _taken(effort * self.factors[here], self.strongest[here])
 
     def of_followers(self, effort, here):
-        """Likewise of followers."""
+        """Convert efforts of followers, as :meth:`of` those of joints."""
         return _taken(effort * self.follower_factors[here], self.most)
 
 

@@ -1,4 +1,4 @@
-"""Mimic joints that are coupled to their leaders, as joint_states and requests list them: they may, but need not."""
+"""Followers: mimic joints that are coupled to their leaders. Messages may list them, but need not."""
 
 import math
 
@@ -6,10 +6,10 @@ import numpy as np
 
 
 class Followers:
-    """Where followers are by their leaders, and what their efforts are to these.
+    """Positions of followers by their leaders, and efforts of followers on their leaders.
 
-    The state is the leaders': a follower's own position is only compared, its velocity not even that. Its effort acts on
-    its leader, multiplied by the multiplier, so that q̇ᵀτ is the power of all efforts that are listed.
+    The leaders alone make the state. A follower's own position is only compared with its leader's; its velocity is
+    ignored. Its effort acts on its leader, times the multiplier, so that q̇ᵀτ is the power of all efforts listed.
 
     What followers say of themselves are vectors in the order of :attr:`names`, NaN where it is unknown.
 
@@ -49,15 +49,15 @@ class Followers:
         self.multipliers, self.offsets = np.array(multipliers), np.array(offsets)
 
     def unknown(self):
-        """Say nothing of any: a new vector of NaN."""
+        """New vector of NaN, one entry for each follower."""
         return np.full(len(self.names), math.nan)
 
     def positions(self, position):
-        """Of the followers by the independent joints' [rad, m]."""
+        """Positions of the followers by those of the independent joints [rad, m]."""
         return self.multipliers * position[self.leaders] + self.offsets
 
     def velocities(self, velocity):
-        """Of the followers by the independent joints' [rad/s, m/s]."""
+        """Velocities of the followers by those of the independent joints [rad/s, m/s]."""
         return self.multipliers * velocity[self.leaders]
 
     def reflected(self, effort, own):
@@ -67,7 +67,7 @@ class Followers:
         return reflected
 
     def disagreements(self, position, own):
-        """One text for each follower whose own position is not that which its leader gives it; NaN is not compared."""
+        """Texts, one for each follower further than `tolerance` from where its leader puts it; NaN is not compared."""
         if not self.tolerance:
             return []
         expected = self.positions(position)
@@ -81,6 +81,6 @@ class Followers:
         ]
 
     def without_leader(self, names):
-        """A follower among these names whose leader is not, and that leader; None if there is none."""
+        """First follower among these names without its leader among them, and that leader; None if there is none."""
         pairs = zip(self.names, self._leader_names, strict=True)
         return next(((name, leader) for name, leader in pairs if name in names and leader not in names), None)

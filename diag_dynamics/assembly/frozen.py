@@ -5,21 +5,21 @@ import numpy as np
 from diag_dynamics.assembly.rejected import RejectedError
 
 SAMPLES = 5
-"""How often within the timeout states are looked at."""
+"""Number of states that are compared within the timeout."""
 
 MOVING = 0.05
-"""Speed from which a joint cannot be where it was to the last bit [rad/s, m/s]: noise of a joint at rest stays below it."""
+"""Speed [rad/s, m/s] at which a joint's position must change. Velocity noise of a joint at rest stays below it."""
 
 MOVED = 0.05
-"""Way within the timeout that a joint does not go at a velocity of zero [rad, m]."""
+"""Distance [rad, m] within the timeout that a joint with velocity zero does not go."""
 
 
 class Frozen:
     """Judges velocities by positions, and the other way round, over some states.
 
-    A joint is frozen that is said to move at :data:`MOVING` or faster while no bit of its position changes for as long as
-    the timeout, and so is a velocity of exactly 0 while the position moves by more than :data:`MOVED` in that time. An arm
-    at rest is neither. States further apart than the timeout say nothing.
+    A joint is frozen if its velocity is :data:`MOVING` or more while no bit of its position changes for the timeout, or if
+    its velocity is exactly 0 while its position moves by more than :data:`MOVED` in that time. An arm at rest is
+    neither. States further apart than the timeout say nothing.
 
     Parameters
     ----------
@@ -41,12 +41,12 @@ class Frozen:
         self.configure(timeout, refused)
 
     def configure(self, timeout, refused):
-        """Judge otherwise, anew."""
+        """Take other settings, and begin anew."""
         self._timeout, self._refused = round(timeout * 1e9), refused
         self.forget()
 
     def forget(self):
-        """Know of no state any more."""
+        """Forget all states."""
         self._last, self.text = None, ""
 
     def judge(self, stamp, state):

@@ -1,4 +1,4 @@
-"""States that were sent and never came, by the gaps that they leave in the stamps."""
+"""Count of lost states, by the gaps that they leave in the stamps."""
 
 import numpy as np
 
@@ -25,8 +25,8 @@ class Gaps:
 
     def __init__(self):
         self.lost = 0
-        self._intervals = {}  # of each source
-        self._last = {}  # likewise, stamps [ns]
+        self._intervals = {}  # by source [ns]
+        self._last = {}  # last stamp by source [ns]
 
     def take(self, source, stamp):
         """Take in the stamp of a message [ns]."""
@@ -42,12 +42,12 @@ class Gaps:
             self._intervals.pop(source, None)
 
     def pause(self):
-        """Say that a message came whose stamp is not known, so that the next ones say nothing of what came before."""
+        """Begin anew: a message came whose stamp is unknown, so the next interval would count as a loss."""
         self._last.clear()
 
 
 def lost_between(intervals):
-    """How many states are lost within intervals [ns] that are multiples of one period; 0 if they are not."""
+    """Number of states lost within intervals [ns] that are multiples of one period; 0 if they are not."""
     intervals = np.array(intervals, dtype=float)
     period = np.quantile(intervals, 0.25, method="lower")
     for _ in range(2):

@@ -1,22 +1,22 @@
-"""Positions that no motion has led to: a row of garbage, a re-zeroed encoder, a simulator that was reset."""
+"""Jumps of positions that no motion explains: a row of garbage, a re-zeroed encoder, a simulator that was reset."""
 
 import numpy as np
 
 from diag_dynamics.assembly.rejected import RejectedError
 
 STATES = 3
-"""So many messages in a row that agree with each other are a new place, and no garbage: the last of them is taken in."""
+"""Messages in a row that agree on a new place before it is believed. The last of them is accepted."""
 
 SHORTEST, LONGEST, LONGEST_WITHOUT_LIMIT = 0.01, 0.5, 0.05
-"""Time between two states [s]: the least that is reckoned with, as stamps jitter and clocks tick; and up to which a joint's
-step is judged, with a velocity limit and without. Longer ago, velocities say nothing of what has happened in between."""
+"""Time between two states [s]: the shortest that counts, as stamps jitter and clocks tick; the longest over which a step is
+judged, with a velocity limit and without. Over a longer one the two velocities do not bound the way in between."""
 
 
 class Jumps:
     """Judges the steps of positions by the velocities at both ends.
 
     A joint may move by twice the larger of both velocities times the time between them, or at its velocity limit, whatever
-    the velocities are, and by a slack besides. Whose velocity is not known may move as fast as its velocity may be.
+    the velocities are, and by a slack besides. A joint of unknown velocity may move at the highest velocity that is accepted.
 
     Parameters
     ----------
@@ -100,7 +100,10 @@ class Jumps:
         )
 
     def _farther(self, here, position, velocity, fastest, stamp, last_position, last_velocity, last_stamp):
-        """Where a step is larger than what explains it, and that. known.py has the same sum in compiled form."""
+        """Which steps are larger than the velocities explain, and the largest steps that they do explain.
+
+        nodes/wire/joint_states.py has the same sum, compiled.
+        """
         elapsed = (stamp - last_stamp) * 1e-9
         with np.errstate(over="ignore", invalid="ignore"):
             speed = np.maximum(2.0 * np.fmax(np.abs(velocity), np.abs(last_velocity)), self.reach[here])

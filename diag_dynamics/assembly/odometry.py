@@ -1,4 +1,4 @@
-"""The state of a floating base from nav_msgs/Odometry."""
+"""State of a floating base from nav_msgs/Odometry."""
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class OdometryBase:
         self.forget()
 
     def configure(self, options):
-        """Judge what comes from now on by these :class:`Options`."""
+        """Judge odometry by these :class:`Options` from now on."""
         self.stamps.max_age, self.stamps.refuse_foreign = options.max_age, options.refuse_foreign
         self._farthest, self._fastest = options.max_position or np.inf, options.max_velocity or np.inf
 
@@ -80,7 +80,7 @@ class OdometryBase:
                 raise RejectedError(
                     "absurd value", f"odom: {what} is {values.tolist()}, expected within ±{most:g} (absurd.*)"
                 )
-        # Only like is compared with like: stamps and times of reception may be those of different clocks.
+        # A stamp may be of another clock than a time of reception: comparing the two would refuse good odometry.
         last = self.stamp if unstamped == self._unstamped else None
         self.jumps += self.stamps.judge("odom", "odom", stamp, 0 if unstamped else now, last, SECOND)
         self.position, self.velocity, self.stamp, self._unstamped = position, velocity, stamp, unstamped

@@ -1,10 +1,10 @@
-"""How an input says that it is not usable."""
+"""Rejection of an input."""
 
 from diag_dynamics.exceptions import shown
 
 
 class RejectedError(Exception):
-    """A message, or what would have been assembled from it, is not usable; `cause` is a short key to count by."""
+    """Unusable message, or unusable state that it would complete; `cause` is a short key to count by."""
 
     def __init__(self, cause, message):
         super().__init__(message)

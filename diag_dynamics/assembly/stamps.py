@@ -1,21 +1,21 @@
-"""Judging stamps: by this node's clock, and by those that came before."""
+"""Judge of stamps, by this node's clock and by earlier stamps."""
 
 from diag_dynamics.assembly.rejected import RejectedError
 
 SECOND = 1_000_000_000
 
 PATIENCE = 10 * SECOND
-"""How long all stamps have to be apart from this node's clock, by the same amount, to be believed anew [ns]."""
+"""Time [ns] for which all stamps must differ from this node's clock by the same amount before they are accepted again."""
 
 LATE_COUNT, LATE_TIME = 5, SECOND // 2
-"""Late stamps in a row, and the time between the first and the last of them [ns], that are not late but of another time."""
+"""Late stamps in a row, and time [ns] from the first to the last of them, after which time has started anew instead."""
 
 UNJUDGED, NEAR, FAR = range(3)
 """Where a stamp has to be by this node's clock, within `max_age` or not, for nothing to change: see :attr:`Stamps.mode`."""
 
 
 def nanoseconds(seconds):
-    """The whole number that is meant: 1.001 s are no less than 1001 ms."""
+    """Nanoseconds of seconds, rounded: truncated, 1.001 s would fall short of 1001 ms."""
     return round(seconds * SECOND)
 
 
@@ -42,7 +42,7 @@ def stamp_of(message, now):
 
 
 class Stamps:
-    """Tells a stamp that is right from one that is late, from another time, or after time has started anew.
+    """Judge that tells apart stamps that are right, late, of another time, or of a time that has started anew.
 
     A source whose stamps are far from this node's clock from the first one on lives in another time: a recording, or a
     host whose clock is not synchronized. As soon as a stamp agrees with the clock, those that do not are refused, unless
@@ -73,10 +73,10 @@ class Stamps:
         self.forget()
 
     def forget(self):
-        """Know nothing of the sources any more."""
+        """Forget all sources."""
         self.in_step = None
-        self._refused = None  # when refusals by the clock began, and how far apart it was then [ns]
-        self.suspects = {}  # of each source the first and last stamp, and the number, of those that were too old
+        self._refused = None  # time of the first refusal by the clock, and the distance then [ns]
+        self.suspects = {}  # by source: first and last stamp older than the one before [ns], and their number
 
     @property
     def mode(self):
@@ -124,8 +124,8 @@ class Stamps:
             self.suspects.pop(source, None)
         if far is not None:
             self._refused = None
-            # One that is foreign must come well into the bound to be held to it, lest a clock that is apart by as much as
-            # the bound be let in and shut out by turns.
+            # A foreign stamp must come within half of the bound before the bound holds for its source: at the bound itself,
+            # a clock that differs by just that much would be accepted and refused by turns.
             well_within = 2 * abs(now - stamp) <= nanoseconds(self.max_age)
             self.in_step = not far and (self.in_step is not False or well_within)
         elif not self.max_age:
@@ -133,7 +133,7 @@ class Stamps:
         return anew
 
     def _far(self, what, stamp, now):
-        """Whether a stamp is far from the clock, and may be."""
+        """Whether a stamp is far from the clock and accepted all the same."""
         apart, most = now - stamp, nanoseconds(self.max_age)
         self.offset = apart * 1e-9
         far = abs(apart) > most
@@ -151,7 +151,7 @@ class Stamps:
         return True
 
     def _suspect(self, source, what, stamp, last, span):
-        """Refuse a stamp older than `last`, unless those of the source go on from there."""
+        """Refuse a stamp older than `last`, unless the source goes on from it: its time has started anew."""
         behind = f"{what}: stamp {(last - stamp) * 1e-9:.6f} s older than the one before"
         first, before, count = self.suspects.get(source, (stamp, stamp, 0))
         if count and not 0 <= stamp - before <= span:

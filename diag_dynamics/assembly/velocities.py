@@ -1,14 +1,14 @@
-"""Velocities that a driver does not send, from its positions."""
+"""Velocities estimated from positions, for drivers that send none."""
 
 import numpy as np
 
 SECOND = 1e9
 
 LONGEST = 10.0 * SECOND
-"""Time between the first two positions [ns] beyond which they say nothing of the velocity."""
+"""Longest time [ns] between the first two positions from which a velocity is estimated."""
 
 PERIODS = 3.0
-"""Periods without a position after which the next one says nothing of the velocity."""
+"""Periods without a position after which the estimate begins anew."""
 
 
 class VelocityEstimator:

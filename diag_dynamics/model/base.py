@@ -1,4 +1,4 @@
-"""The state of a floating base from a pose and a twist that somebody measured on another frame of it."""
+"""State of a floating base from the pose and twist of another frame on it."""
 
 import numpy as np
 

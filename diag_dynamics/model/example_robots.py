@@ -1,4 +1,4 @@
-"""Finding a URDF by the name of a robot in the `example-robot-data` wheel."""
+"""Search for a URDF by the name of a robot in the `example-robot-data` wheel."""
 
 import os
 from difflib import get_close_matches

@@ -1,4 +1,4 @@
-"""Joints of a model, as messages list them: by name, one number for each."""
+"""Joints of one degree of freedom: a message has one number for each."""
 
 
 def single_joints(model):
@@ -8,6 +8,6 @@ def single_joints(model):
 
 
 def places(names, among):
-    """Where each of some names stands among others."""
+    """Place of each of some names among others."""
     place = {name: k for k, name in enumerate(among)}
     return [place[name] for name in names]

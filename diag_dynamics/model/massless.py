@@ -1,4 +1,4 @@
-"""Joints that move no inertia and so make the mass matrix singular: found by the recursion itself, named, or held."""
+"""Joints that move no inertia and make the mass matrix singular: the recursion finds them, they are named or locked."""
 
 import numpy as np
 
@@ -31,7 +31,7 @@ def _joints_of_dofs(model):
 
 
 MOST_LISTED = 50
-"""Joints that a message lists at most."""
+"""Largest number of joints that a message lists."""
 
 
 def refuse_massless(model, found):

@@ -1,4 +1,4 @@
-"""Mimic joints: whom each follows in the end, and which of them are held."""
+"""Mimic joints: the independent joint that each follows in the end, and those that are locked."""
 
 from heapq import heapify, heappop, heappush, heapreplace
 from typing import NamedTuple
@@ -11,7 +11,7 @@ _CURE = "mimic='free' takes every joint as independent."
 
 
 class Mimic(NamedTuple):
-    """How a joint follows another one: its position is multiplier · leader's + offset.
+    """Coupling of a joint to its leader: position = multiplier · leader's position + offset.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""How a robot is to be modelled: the arguments of load_urdf, checked, each wrong one named."""
+"""Options of load_urdf, checked; an error names the argument and its value."""
 
 import warnings
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ A held arm creeps, and velocities estimated from an encoder flicker, by millirad
 """
 
 LARGEST = 1e9
-"""Largest number accepted of what is put on a robot, in SI units: whatever is larger is a mistake, or malice."""
+"""Largest mass, length, inertia or armature that is accepted, in SI units. A larger one is a mistake, or malice."""
 
 LARGEST_GRAVITY = 1000.0
 """Largest component of gravity accepted [m/s²], a hundred times that of the Earth: nothing a robot stands on pulls more.
@@ -49,7 +49,7 @@ class Payload(NamedTuple):
 
 
 class Options(NamedTuple):
-    """How a robot is to be modelled: the arguments of :func:`load_urdf`, checked."""
+    """Arguments of :func:`load_urdf`, checked."""
 
     floating_base: bool
     gravity: np.ndarray
@@ -183,8 +183,8 @@ def checked_payloads(value, robot):
 def not_physical(inertia, mass):
     """Why an inertia about the centre of mass is that of no rigid body, or None."""
     moments = np.linalg.eigvalsh(inertia)
-    # Plates and rods are on the edge: four digits of their moments are off it by as much as this. A radius of gyration of a
-    # micrometre is that of a point.
+    # The moments of plates and rods lie on the bound; rounded to four digits, they are beyond it by this much. A radius
+    # of gyration of a micrometre counts as that of a point.
     rounding = max(1e-3 * np.abs(moments).max(), 1e-12 * mass)
     if moments[0] < -rounding:
         return f"whose principal moments {_short(moments)} are not all positive"
@@ -202,7 +202,7 @@ _tell = ContextVar("tell", default=None)
 
 @contextmanager
 def inertias_told(tell):
-    """Within it, `tell` is called with what would be an InertiaWarning: warnings are no thread's own, and this is."""
+    """Context in which `tell` gets the text of each InertiaWarning: Python's warnings are shared by threads, this is not."""
     token = _tell.set(tell)
     try:
         yield

@@ -1,4 +1,4 @@
-"""RobotModel, and how a URDF becomes one."""
+"""RobotModel, and the way from a URDF to it."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ from diag_dynamics.model.tree import Tree
 from diag_dynamics.model.urdf import MAX_JOINTS, read_urdf
 
 MAX_COUPLED = 200
-"""Bodies of a coupled group accepted unless more are asked for."""
+"""Largest number of bodies in a coupled group, by default."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""From a checked URDF to arrays: the tree walked from its root, links that move as one merged."""
+"""Tree of a checked URDF as arrays: walked from its root; links that move as one are merged."""
 
 import numpy as np
 
@@ -30,7 +30,7 @@ _UPPER = np.triu_indices(3)
 
 
 class Freedom:
-    """A moving joint: its name, its type and what the URDF says of it (None for a floating base)."""
+    """Moving joint: its name, its type, and its element of the URDF (None for a floating base)."""
 
     def __init__(self, name, kind, joint=None):
         self.name, self.kind, self.joint = name, kind, joint
@@ -96,7 +96,7 @@ class Tree:
         self._link = {link.name: link for link in robot.links}
         self._outboard = {}
         for joint in sorted(robot.joints, key=lambda joint: joint.name.encode(), reverse=True):
-            self._outboard.setdefault(joint.parent, []).append(joint)  # reversed: a stack turns it round
+            self._outboard.setdefault(joint.parent, []).append(joint)  # reversed, as a stack takes the last one first
         self._order = {name: k for k, name in enumerate(self._depth_first())}
         self._walk(coupled_groups(self.mimics, *self._carriers()))
 
@@ -288,7 +288,7 @@ class Tree:
         links = self._link_records(payloads)
         bodies = np.array(self._records, BODY)
         for name, body in self._body.items():
-            bodies["armature"][body] = armature.get(name, 0.0)  # no joint of several degrees of freedom has any
+            bodies["armature"][body] = armature.get(name, 0.0)  # joints of several degrees of freedom have no limits
         for part in ("mass", "first_moment", "inertia"):
             np.add.at(bodies[part], links["body"], links[part])
         return bodies, links

@@ -1,4 +1,4 @@
-"""From URDF text to a checked description of links and joints; XML and yourdfpy stay behind this door.
+"""Description of links and joints, checked, from the text of a URDF. XML and yourdfpy stay behind this door.
 
 The text may come from a topic, so it is not trusted: no entities, no network, no files, bounded size and depth.
 Only what dynamics needs is handed on to yourdfpy: a broken visual or an unknown extension is nobody's concern here.
@@ -16,13 +16,13 @@ from lxml import etree
 from diag_dynamics.exceptions import UrdfError
 
 MAX_BYTES = 32 * 1024 * 1024
-"""Largest URDF accepted; the largest public robot descriptions have some 200 kB."""
+"""Largest URDF accepted [bytes]; the largest public robot descriptions have some 200 kB."""
 
 MAX_JOINTS = 2000
-"""Joints accepted unless more are asked for; the largest public robots have some 200."""
+"""Largest number of joints, by default; the largest public robots have some 200."""
 
 LARGEST = 1e30
-"""Largest number accepted, of whatever unit: products of a few must stay numbers."""
+"""Largest number accepted, of whatever unit: products of a few must not overflow."""
 
 KNOWN_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
@@ -248,7 +248,7 @@ def _add_joints(robot, reduced):
 
 
 def _check_joint_numbers(joint, name):
-    """Refuse what no joint can have."""
+    """Refuse numbers that no joint can have."""
     for attribute in ("damping", "friction"):
         value = joint.find("dynamics").get(attribute, "0") if joint.find("dynamics") is not None else "0"
         if float(value) < 0.0:
@@ -261,7 +261,7 @@ def _check_joint_numbers(joint, name):
 
 
 def _name(element, taken):
-    """Name of a link or joint, which must be there and be its own."""
+    """Name of a link or joint; refused if it is missing or taken."""
     tag = _tag(element)
     name = _plain(element.get("name"), f"The name of a <{tag}> in line {element.sourceline}")
     if not name:

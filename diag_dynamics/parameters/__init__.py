@@ -1,1 +1,1 @@
-"""What each node can be told: tables of parameters, and what their values say together. No ROS."""
+"""Parameters of the nodes: their tables, and the checks on values that belong together. No ROS."""

@@ -1,4 +1,4 @@
-"""The parameters of the controller, all in one table."""
+"""Parameters of the controller, all in one table."""
 
 from diag_dynamics.control.modes import MODES, TRACKING
 from diag_dynamics.parameters.robot import PARAMETERS as ROBOT_PARAMETERS
@@ -111,4 +111,4 @@ PARAMETERS = {
     ),
     "max_rate.status": _once(0.0, "Highest rate of ~/status [Hz]; 0 for every command.", minimum=0.0),
 }
-"""All parameters but :data:`COMPENSATES`."""
+"""Specs of all parameters but :data:`COMPENSATES`, by name."""

@@ -1,4 +1,4 @@
-"""The monitor's parameters, and what they say together."""
+"""Parameters of the monitor, and the checks on values that belong together."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -216,7 +216,7 @@ class Thresholds(NamedTuple):
 
 
 class Observation(NamedTuple):
-    """How external torque is observed: see the arguments of DisturbanceObserver; the threshold inf for none."""
+    """Arguments of the DisturbanceObserver behind external_torque; a threshold of inf for none."""
 
     gain: float
     threshold: float
@@ -226,7 +226,7 @@ class Observation(NamedTuple):
 
 
 class Settings(NamedTuple):
-    """All parameters as the node works with them."""
+    """Parameters in the form in which the node uses them."""
 
     values: dict
     inputs: Options
@@ -235,7 +235,7 @@ class Settings(NamedTuple):
 
     @classmethod
     def of(cls, values):
-        """Of parameters by name, judged one by one and together.
+        """Settings of parameters by name, judged one by one and together.
 
         Raises
         ------
@@ -283,7 +283,7 @@ class Settings(NamedTuple):
 
 
 def _observation(values):
-    """The Observation that is wanted; None if none is."""
+    """Observation that the values ask for; None if the gain is 0."""
     gain, threshold, release = (values[f"external_torque.{x}"] for x in ("gain", "threshold", "release_threshold"))
     if release > (threshold or float("inf")):
         raise InputError(
@@ -298,7 +298,7 @@ def _observation(values):
 
 
 def _require_order(thresholds):
-    """Refuse an error that would come before its warning."""
+    """Refuse an error threshold below its warning threshold."""
     _require_no_less("warn_energy", thresholds.warn, "error_energy", thresholds.error)
     warn, error = thresholds.warn_share, thresholds.error_share
     for name in sorted({*warn, *error}):

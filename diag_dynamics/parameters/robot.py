@@ -1,4 +1,4 @@
-"""The parameters that say which robot a node works with."""
+"""Parameters that describe the robot, shared by the nodes."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The parameters of the simulator, all in one table."""
+"""Parameters of the simulator, all in one table."""
 
 from diag_dynamics.parameters.robot import PARAMETERS as ROBOT_PARAMETERS
 from diag_dynamics.parameters.spec import Spec
@@ -88,7 +88,7 @@ PARAMETERS = {
         "publish_clock.",
     ),
 }
-"""All parameters."""
+"""Specs of all parameters, by name."""
 
 DYNAMIC = ("gravity", "payloads")
-"""Those that change while the robot moves."""
+"""Parameters that may change while the robot moves."""

@@ -1,4 +1,4 @@
-"""What a parameter is: default, description, range, when it may change; and whether a value will do."""
+"""Spec of a parameter: default, description, range, when it may change; and the check of a value."""
 
 import math
 import re
@@ -37,7 +37,7 @@ def as_yaml(value):
 
 
 def wrong(name, value, specs):
-    """Why a value is not acceptable, or None."""
+    """Return why a value is not acceptable, or None."""
     spec = specs.get(name)
     if spec is None:
         return None

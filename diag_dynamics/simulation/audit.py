@@ -1,4 +1,4 @@
-"""Where the energy came from and where it went."""
+"""Audit of energy: the work of each force, and the change of what is stored."""
 
 from typing import NamedTuple
 
@@ -43,5 +43,5 @@ class EnergyAudit(NamedTuple):
         return self.kinetic + self.potential + self.elastic - work
 
     def since(self, earlier):
-        """The same from an earlier audit to this one."""
+        """Audit of the time from an earlier audit to this one."""
         return EnergyAudit(*(now - then for now, then in zip(self, earlier, strict=True)))

@@ -1,4 +1,4 @@
-"""The drives: what becomes of effort commands, and what when there are none."""
+"""Drives: they hold an effort command until it times out, then let go or brake."""
 
 from collections import Counter
 
@@ -8,10 +8,10 @@ from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.exceptions import InputError
 
 ZERO, BRAKE = "zero", "brake"
-"""What drives do without a command: no effort, or hold the joints by their brakes."""
+"""Behaviour of drives without a command: no effort, or joints held by brakes."""
 
 ROUNDING = 1e-9
-"""What sums of steps may be off by [s]."""
+"""Rounding error of a sum of steps [s]: a command that times out on a step must not last one longer."""
 
 WAITING, DRIVEN, TIMED_OUT = "waiting for a command", "driven", "timed out"
 

@@ -12,18 +12,18 @@ from diag_dynamics.compiled.kernel import kernel, large_kernel
 from diag_dynamics.simulation.layout import DAMPING, FREE, FRICTION, HELD, LIMIT_DAMPING, LOWER, STIFFNESS, UPPER
 
 ROUNDING = 1e-12
-"""What a torque may be beyond its bound, relative to those that it is the remainder of."""
+"""Rounding error of a torque, relative to the terms it is the difference of: within it a bound holds."""
 
 NO_FORCE = 1e-9
-"""What a compliant limit's force may be, relative to its parts, and still be none."""
+"""Force of a compliant limit, relative to its parts, that counts as none."""
 
 ALL_AT_ONCE = 3
-"""Rounds in which all joints that do not stay as they are are changed together; later ones change one, the first."""
+"""Rounds that change all unsettled joints together. Later rounds change only the first one, or they might not end."""
 
 
 @kernel
 def reach(bounds, c, x):
-    """Which limit a coordinate is at or beyond, −1, 1 or 0 for none, and how far beyond, with that sign."""
+    """Side of the limit that a coordinate is at or beyond (−1, 1, 0 for none), and the distance beyond, with that sign."""
     if x >= bounds[UPPER, c]:
         return 1.0, x - bounds[UPPER, c]
     if x <= bounds[LOWER, c]:
@@ -33,7 +33,7 @@ def reach(bounds, c, x):
 
 @kernel
 def limited(bodies, i):
-    """Whether a body's degree of freedom is one that can have limits, its own."""
+    """Whether a body's degree of freedom can have limits: its joint has one, and it is no follower."""
     return bodies[i].dofs == 1 and sweeps.owns(bodies, i)
 
 
@@ -140,7 +140,7 @@ def any_held(mode):
 
 @large_kernel
 def gaps(bodies, joints, bounds, q, qd, mode, spring, depth, gap):
-    """How far beyond what ends its mode each degree of freedom is, negative before; returns whether any is.
+    """Distance of each degree of freedom beyond the end of its mode, negative before it; returns whether any is beyond.
 
     Sliding ends where the rate changes its sign, the first row; the second row is for limits: the way to one, the force of
     a compliant one on which a joint leans, or that force growing again in a joint that it let go. `depth` is that at the

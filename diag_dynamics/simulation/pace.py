@@ -1,4 +1,4 @@
-"""The pace: when the simulation has to be how far, and how well that is kept."""
+"""Pace of simulated time by a clock, and a record of how well it is kept."""
 
 import math
 from typing import NamedTuple
@@ -8,7 +8,7 @@ MOST_BEHIND = 0.1
 
 
 class Kept(NamedTuple):
-    """How well the pace was kept, since this was asked last.
+    """Record of the pace since the last report.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Pace:
 
     After an overrun the next tick takes the steps that are due together, so that the robot is where it has to be, but what
     it would have published in between is not. What is more than :data:`MOST_BEHIND` late is let go: simulated time then
-    stays behind for good, by :attr:`skipped`. However fast it goes, a tick is so never longer than that takes.
+    stays behind for good, by :attr:`skipped`. So no tick computes more than that.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Pace:
     period : float
         Simulated time between two ticks [s].
     step : float
-        What simulated time is a multiple of [s].
+        Integration step, of which simulated time is a multiple [s].
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Pace:
             self._ticks += 1
             return max(1, round(self._period / self._step))
         behind = self._from + (now - self._begun) * self.factor - simulated
-        most = max(MOST_BEHIND, 2.0 * self._period) + self._step  # so that a leap is always longer than that
+        most = max(MOST_BEHIND, 2.0 * self._period) + self._step  # a leap must be longer than two periods
         if behind < -self._period:
             self._due = now
         if behind > most or behind < -self._period:  # too late to catch up, or the clock has jumped back
@@ -88,10 +88,10 @@ class Pace:
         return max(0, int(behind / self._step + 1e-6))
 
     def _judge(self, now):
-        """How late this tick is; ticks are due a period apart."""
+        """Note how late this tick is; ticks are due a period apart."""
         span, late = self._span, now - self._due
         if late < -0.5 * span:
-            return  # a timer's extra tick, after it was late
+            return  # a timer ticks once more after it was late; that tick is not due
         self._ticks += 1
         self._late += max(late, 0.0)
         self._latest = max(self._latest, late)
@@ -101,7 +101,7 @@ class Pace:
         self._due += (missed + 1) * span
 
     def kept(self):
-        """How well it was kept since this was asked last."""
+        """Return the :class:`Kept` since the last call."""
         found = Kept(self._ticks, self._late / max(self._ticks, 1), self._latest, self._overran, self.let_go)
         self._start()
         return found

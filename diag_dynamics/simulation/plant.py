@@ -1,4 +1,4 @@
-"""A simulated robot with drives and sensors, which somebody may push. No ROS but for messages that others fill."""
+"""Plant: a simulated robot with drives, sensors and external wrenches. It imports no ROS."""
 
 import math
 
@@ -20,7 +20,7 @@ ENOUGH = 1e9
 
 
 class Measured:
-    """What is known of the robot, and its stamp: vectors of all joints, followers last, and a floating base's q and q̇."""
+    """Sensor values and their stamp: vectors of all joints, followers last, and a floating base's q and q̇."""
 
     __slots__ = ("base", "effort", "position", "stamp", "velocity")
 
@@ -119,7 +119,7 @@ class Plant:
         return effort
 
     def measure(self, stamp=None):
-        """Have the sensors look at the state as it is now; `stamp` comes out with what they measure."""
+        """Have the sensors measure the present state; `stamp` comes out with the measurement."""
         simulation, followers = self.simulation, self._followers
         model, q, qd = simulation.model, simulation.q, simulation.qd
         own, rate, effort = q[len(q) - len(self._driven) :], qd[self._driven], simulation.effort[self._driven]
@@ -130,11 +130,11 @@ class Plant:
         self.sensors.measure(self.time, position, velocity, effort, (stamp, base))
 
     def known(self):
-        """All :class:`Measured` that have become known since this was asked last."""
+        """Return all :class:`Measured` that have become known since the last call."""
         return [Measured(stamp, values, base) for _, values, (stamp, base) in self.sensors.known(self.time)]
 
     def put(self, q, qd):
-        """Put the robot into a state; time and command stay, what sensors have under way does not.
+        """Put the robot into a state; time and command stay, delayed measurements are lost.
 
         Raises
         ------

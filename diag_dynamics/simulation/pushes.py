@@ -1,4 +1,4 @@
-"""External wrenches: who pushes the robot where, and for how long."""
+"""External wrenches: on which link each acts, and for how long."""
 
 from collections import Counter
 

@@ -1,4 +1,4 @@
-"""What a simulation is told of joints and limits, checked."""
+"""Arguments about friction, damping and limits, checked."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""The sensors: what is measured of a state, and when it becomes known."""
+"""Sensors: noise, resolution, delay and loss between a state and what a driver publishes."""
 
 from collections import deque
 from typing import NamedTuple
@@ -12,7 +12,7 @@ FIELDS = ("position", "velocity", "effort")
 
 
 class Errors(NamedTuple):
-    """What sensors do wrong.
+    """Errors of the sensors.
 
     Attributes
     ----------
@@ -61,12 +61,12 @@ class Sensors:
         self.restart()
 
     def restart(self):
-        """Begin the sequence of errors anew; what is under way is lost."""
+        """Begin the sequence of errors anew; delayed measurements are lost."""
         self._random = np.random.default_rng(self._errors.seed)
         self.forget()
 
     def forget(self):
-        """Lose what is under way."""
+        """Drop delayed measurements."""
         self._under_way = deque()
 
     def measure(self, time, position, velocity, effort, label=None):
@@ -87,7 +87,7 @@ class Sensors:
         self._under_way.append((time, tuple(values), label))
 
     def known(self, time):
-        """What has become known until a simulated time [s]: the time that it is of, its three vectors, and the label."""
+        """Return measurements that have become known by a simulated time [s]: their time, three vectors, and the label."""
         found = []
         while self._under_way and self._under_way[0][0] + self._errors.delay <= time + ROUNDING:
             found.append(self._under_way.popleft())

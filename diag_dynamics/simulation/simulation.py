@@ -314,7 +314,7 @@ class Simulation:
         return np.array([0.5 * nu @ nu, potential_energy(self.model, q), self._elastic_energy(q)])
 
     def _energies_at_start(self):
-        """Those of the state that it was reset to: only when they are asked for, as resetting should cost nothing."""
+        """Energies of the state after the last reset, computed when first asked for: resetting must cost nothing."""
         if self._start_energies is None:
             self._start_energies = self._energies(*self._start)
         return self._start_energies

@@ -22,11 +22,11 @@ from diag_dynamics.simulation.layout import (
 from diag_dynamics.simulation.tableau import EXPLICIT, GAMMA, IMPLICIT, STAGES, WEIGHTS
 
 VECTORS = 8 + 5 * STAGES
-"""Rows of memory, one entry for each degree of freedom, that a step of order 4 works in."""
+"""Rows of memory of a step of order 4, one entry for each degree of freedom."""
 
 
 UNRESOLVED = 1.5
-"""Step over a damper's time constant, at which its work is no longer told from the rates at the stages."""
+"""Step over a damper's time constant, from which on the rates at the stages no longer give the damper's work."""
 
 
 @kernel
@@ -37,7 +37,7 @@ def stored(stiffness, depth):
 
 @large_kernel
 def load_at(robot, q, tau, wrenches, in_world, pushed):
-    """Jᵀf of wrenches at q, to `pushed`; nothing where there are none."""
+    """Write Jᵀf of wrenches at q into `pushed`; zeros without wrenches."""
     if len(wrenches) == 0:
         return 0
     return sweeps.effort_of_wrenches(robot, q, wrenches, in_world, pushed)
@@ -85,7 +85,7 @@ def runge_kutta(
     for i in range(STAGES):
         for k in range(n):
             u[k], stage_nu[k] = 0.0, nu[k]
-        for j in range(i):  # row by row, which the compiler makes vectors of
+        for j in range(i):  # row by row: the compiler vectorizes that
             a, b = h * EXPLICIT[i, j], h * IMPLICIT[i, j]
             for k in range(n):
                 u[k] += a * charts[j, k]
@@ -112,7 +112,7 @@ def runge_kutta(
             sweeps.copy(stage_nu, before)
             for k in range(n):
                 if spring[k] != 0.0:
-                    # What is implicit about a spring has a position of its own, of the implicit method; their ends agree.
+                    # The implicit method moves a spring's position on its own. Both methods agree at the end of the step.
                     stretch = depth[k]
                     for j in range(i):
                         stretch += h * IMPLICIT[i, j] * rates[j, k]
@@ -277,7 +277,9 @@ def glide(robot, joints, bounds, h, steps, tau, q, qd, last_q, last_qd, added, e
             qd[k] += h * qdd[k]
             q[k] += h * qd[k]
         for k in range(n):
-            good &= bounds[LOWER, k] < q[k] and q[k] < bounds[UPPER, k]  # and what is no number is within no limits
+            good &= (
+                bounds[LOWER, k] < q[k] and q[k] < bounds[UPPER, k]
+            )  # NaN must end here, too: it is within no limits
         if good:
             taken += 1
             for k in range(n):

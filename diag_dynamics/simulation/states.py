@@ -1,4 +1,4 @@
-"""Where a robot may start, and its energy there."""
+"""Start states of a robot, and its potential energy."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ def potential_energy(model, q):
 
 
 def with_unit_quaternions(model, q):
-    """A copy of q whose orientations, near unit length already, have unit length."""
+    """Copy of q with quaternions scaled to unit length."""
     q = np.array(q, dtype=float)
     for k, component in enumerate(model._tree.orientations):
         if component == 3:

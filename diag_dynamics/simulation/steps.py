@@ -1,4 +1,4 @@
-"""Steps with friction and limits in them, as many as are asked for in one call."""
+"""Steps with friction and limits, many in one call."""
 
 import math
 
@@ -20,22 +20,22 @@ from diag_dynamics.simulation.modes import any_held, gaps, limited, look, settle
 from diag_dynamics.simulation.smooth import VECTORS, euler_move, euler_rates, glide, load_at, runge_kutta, stored
 
 MOST_EVENTS = 4
-"""Instants in a step at which modes change that are found; what is left of the step after so many is taken at once."""
+"""Changes of mode found within a step. The rest of the step after so many is taken at once, or rattling would never end."""
 
 TRIALS = 40
-"""Steps taken to find such an instant, at most; five or six will do."""
+"""Trial steps to find the instant of such a change, at most; five or six usually do."""
 
 UNMOVED = 1e-6
-"""What an impact may do to the rate of a joint at rest and leave it there, as part of the largest rate that it changes."""
+"""Change of rate by an impact, relative to the largest one, below which a joint at rest stays at rest."""
 
 SOON = 1e-2
-"""Part of a step in which friction stops what an impact has set in motion, and it counts as not moved."""
+"""Part of a step: a joint that friction stops again within it counts as not moved by an impact."""
 
 FAR = 2e-2
-"""How far friction held on to would take a joint that it stops in a step [rad, m]: from there on it is nonsense."""
+"""Distance [rad, m] that friction held constant would throw a joint in a step. A larger one is an impulse instead."""
 
 NEAR = 1e-10
-"""How near to that instant is near enough, as part of what there is to find over the step."""
+"""Tolerance of the instant of a change of mode, relative to the change of its gap over the step."""
 
 (
     MODE,
@@ -105,7 +105,7 @@ def _potential(robot, q, moment):
 
 @large_kernel
 def _begin(robot, rough, armature, joints, bounds, tau, wrenches, in_world, q, qd, memory):
-    """Modes for what comes next, and held joints held. Returns a status, and whether any is held."""
+    """Set the modes of the next step and hold joints accordingly. Returns a status, and whether any is held."""
     bodies, _, _, _ = sweeps.opened(robot)
     mode, pushed, effort = memory[MODE], memory[PUSHED], memory[EFFORT]
     status = load_at(robot, q, tau, wrenches, in_world, pushed)
@@ -213,7 +213,7 @@ def _stop_at_limits(robot, joints, bounds, h, q, qd, nu, works, memory):
 
 @large_kernel
 def _spend_stored(bodies, joints, bounds, before, q, memory, works):
-    """What springs lose on which no joint leans, as these come back: it is lost to the robot, too."""
+    """Count as lost the energy of springs that no joint leans on: they come back without returning it to the robot."""
     spring = memory[SPRING]
     for i in range(1, len(bodies)):
         k, c = bodies[i].dof, bodies[i].q
@@ -225,13 +225,13 @@ def _spend_stored(bodies, joints, bounds, before, q, memory, works):
 
 @kernel
 def _soon(start, end, k):
-    """When in a step a joint that turns round in it is at rest, as part of it."""
+    """Part of a step after which a joint that turns round in it is at rest."""
     return start[k] / (start[k] - end[k]) if start[k] * end[k] < 0.0 else 0.0
 
 
 @large_kernel
 def _hold_by_friction(robot, armature, joints, h, tau, q, start, qd, nu, works, memory, all_of_them):
-    """Rates after a step of order 1, and what joints do in it that come to rest there. Returns a status.
+    """Correct the rates of a step of order 1 for joints that come to rest in it. Returns a status.
 
     A joint that friction would turn round stops at the start, and is held; one that turns round without it goes on, rubbed
     from the other side. One after the other, the first to come to rest first: whether the others do may be another matter
@@ -272,7 +272,7 @@ def _hold_by_friction(robot, armature, joints, h, tau, q, start, qd, nu, works, 
             sweeps.hold(bodies, armature, memory[MARKS])
         for k in range(n):
             if first >= 0 and seen[k] != 0.0 and abs(mode[k]) == 1.0 and start[k] != 0.0:
-                mode[k], seen[k] = math.copysign(1.0, start[k]), 0.0  # that may be another matter now, too
+                mode[k], seen[k] = math.copysign(1.0, start[k]), 0.0  # the other joints at rest may move now, too
             elif first < 0 and turned[k] != 0.0:
                 seen[k] = 1.0
                 mode[k] = -mode[k] if all_of_them else mode[k]
@@ -481,7 +481,7 @@ def _flies_in(bodies, joints, gap):
 
 @kernel
 def _slides(mode):
-    """Whether a joint slides."""
+    """Whether a joint slides: its mode is 1 or −1."""
     for k in range(len(mode)):
         if abs(mode[k]) == 1.0:
             return True
@@ -737,6 +737,6 @@ def advance(
         else:
             sweeps.copy(last_nu, nu)
         if status > 0:
-            work[status].D = failing  # what is to be told of
+            work[status].D = failing  # work to be reported
     works[0, TAKEN] += max(taken, 0)
     return status

@@ -1,4 +1,4 @@
-"""A motion for a robot to follow, and the efforts that drive it along."""
+"""Wave: every joint follows a sine, and the efforts that drive it there."""
 
 import numpy as np
 

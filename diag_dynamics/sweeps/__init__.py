@@ -18,9 +18,10 @@ A sweep takes a robot as :class:`Workspace` holds it: `bodies` are the records o
 body i has no articulated inertia, -1 if an input is not finite or no orientation, or is so large that a result is not
 finite, MISFIT if a vector has not the robot's length.
 
-records: what sweeps work on; workspace: where it is. steps: what they share; inertias: how P is handed on. groups: degrees
-of freedom that belong together. state, factorization, factors, classical, derivatives, kinematics: the sweeps; many: that
-of state, over many states. motions: positions that move along a twist, and joints that are held.
+bodies: the records that sweeps work on; workspace: their memory. joints: steps that sweeps share; inertias: P handed on to
+the parent. groups: degrees of freedom that are eliminated together. evaluation, factorization, factors, classical,
+derivatives, kinematics: the sweeps; many: evaluation of many states. motions: positions that move along a twist, and joints
+that are held.
 """
 
 from diag_dynamics.sweeps.bodies import BODY, LINK, WORK, WRENCH, WRENCHES, links_at

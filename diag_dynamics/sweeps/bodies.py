@@ -1,4 +1,4 @@
-"""The records that sweeps work on, and how they become tuples and back."""
+"""Records that sweeps work on, and their conversion to tuples and back."""
 
 import numba
 import numpy as np
@@ -13,15 +13,15 @@ BODY = np.dtype(
         ("parent", "i8"),  # body that carries this one; 0 is the world
         ("direction", "i8"),  # of its degree of freedom: LINEAR_X … ANGULAR_Z
         ("dofs", "i8"),  # degrees of freedom of its joint
-        ("rank", "i8"),  # which of them this one is, from 0
+        ("rank", "i8"),  # number of this degree of freedom within its joint, from 0
         ("q", "i8"),  # first position coordinate of its joint, or of the leader that it follows
         ("dof", "i8"),  # index of its degree of freedom, or of its leader's
         ("owner", "i8"),  # body whose own degree of freedom that is: this one, unless it follows
         ("multiplier", "f8"),  # position = multiplier q[q] + offset; 1 and 0 unless it follows
         ("offset", "f8"),
-        ("first", "i8"),  # first and last body of those that are eliminated together with it
+        ("first", "i8"),  # first and last body of its group
         ("last", "i8"),
-        ("start", "i8"),  # first degree of freedom of those
+        ("start", "i8"),  # first degree of freedom of its group
         ("link", "i8"),  # index of the link that the joint moves
         ("rotation", "f8", 9),  # constant placement in the parent at q = 0, row-major
         ("translation", "f8", 3),
@@ -49,7 +49,7 @@ LINK = np.dtype(
 """One link with inertia, in the frame of the body it belongs to."""
 
 INERTIA, RATE = 72, 4
-"""Numbers that a body's P and Ṗ take together, and by how many Ṗ comes after P.
+"""Numbers that P and Ṗ of a body take together, and the distance of Ṗ from P.
 
 Row by row, each entry of the 3x3 blocks A, B and C of P, a gap, those of Ṗ, a gap: eight numbers that are next to each other
 make one vector register (see inertias).
@@ -140,7 +140,7 @@ def motion_of(a):
 
 @kernel
 def force_of(a):
-    """Force of six numbers."""
+    """Force from six numbers."""
     return Force((a[0], a[1], a[2]), (a[3], a[4], a[5]))
 
 
@@ -182,7 +182,7 @@ def set_force(a, F):
 
 @kernel
 def add_to_force(a, F):
-    """Add a Force to the one that is there."""
+    """Add a Force to six numbers."""
     set_force(a, add_force(force_of(a), F))
 
 
@@ -212,7 +212,7 @@ def set_inertia(a, P):
 
 @kernel
 def add_to_inertia(a, P):
-    """Add an Inertia to the one that is there."""
+    """Add an Inertia to the numbers of P."""
     Q = inertia_of(a)
     set_inertia(
         a,

@@ -205,7 +205,7 @@ def inverse_dynamics(robot, q, qd, qdd, weight, tau):
         X = place(body, q, w)
         V = move(body, qd, work, w)
         A = add_motion(motion_to_child(X, motion_of(parent.acceleration)), own_motion(body, qdd))
-        if body.rank == body.dofs - 1:  # the body of inertia; those of its joint before it have none
+        if body.rank == body.dofs - 1:  # the joint's last body: the earlier ones have no inertia
             A = add_motion(A, zeta(bodies, i - body.rank, qd, work))
         set_motion(w.acceleration, A)
         set_force(w.y, add_force(momentum(body, A), cross_force(V, momentum(body, V))))
@@ -259,7 +259,7 @@ def mass_matrix(robot, q, M):
         return -1
     start(bodies, q, work)
     if len(bodies) > 1:
-        compose(bodies, 1, len(bodies) - 1, work, M)  # the whole robot as one group
+        compose(bodies, 1, len(bodies) - 1, work, M)  # all bodies as one group: its 𝓜 is M
     return 0 if are_finite(M.ravel()) else -1
 
 

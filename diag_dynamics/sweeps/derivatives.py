@@ -1,4 +1,4 @@
-"""How M and its factors change along a motion, and what follows from it: Ṁ, ṁᵀx, the bracket B(q, ν)x, Ḋ."""
+"""Rates of M and its factors along a motion: Ṁ, ṁᵀx, the bracket B(q, ν)x, Ḋ."""
 
 import math
 

@@ -57,7 +57,7 @@ from diag_dynamics.sweeps.workspace import MISFIT, copy, fit, opened
 
 @kernel
 def take_out(body, w, parent, pass_over):
-    """Riccati step (Algorithm 4.1) at a body that is in no group: D and G of it, and what is left goes to its parent.
+    """Riccati step (Algorithm 4.1) at a body that is in no group: its D and G; P⁺ goes to its parent.
 
     Returns whether it went on: a joint that moves no inertia ends it, or is passed over as if it were locked.
     """
@@ -81,14 +81,14 @@ def take_out(body, w, parent, pass_over):
 
 @kernel
 def take_out_group(bodies, last, work, Q, pass_over):
-    """As :func:`take_out`, of a group; returns 0, or which body ended it."""
+    """Riccati step of a group, as :func:`take_out`; returns 0, or the body at which M is singular."""
     compose(bodies, bodies[last].first, last, work, Q)
     return eliminate(bodies, bodies[last].first, last, work, Q, pass_over)
 
 
 @large_kernel
 def factorize(bodies, work, Q, pass_over=False):
-    """D and G of every one of placed bodies whose inertias are started, inward.
+    """D and G of all bodies, inward; the bodies are placed and their inertias started.
 
     A joint that moves no inertia ends it with the index of its body, or is passed over as if it were locked.
     """
@@ -185,7 +185,7 @@ def own_rates_outward(bodies, xi, work, Q, qd):
         if not is_grouped(body):
             V_plus = motion_to_child(placement_of(w), motion_of(work[body.parent].V))
             qd[body.dof] = xi[body.dof] - power(force_of(w.G), V_plus)
-        elif i == body.first:  # all at once: a follower's rate may be that of a leader further out
+        elif i == body.first:  # after all rates are known: the leader of a follower may lie further out
             V_A = carried_motion(bodies, i, work)
             for j in range(i, body.last + 1):
                 if owns(bodies, j):
@@ -240,7 +240,7 @@ def moments_inward(bodies, kappa, work, Q, tau):
 
 @large_kernel
 def _factorized(robot, q, x):
-    """Place and factorize for a sweep of x, unless one of them is not as it should be."""
+    """Place and factorize for a sweep of x; returns a status that is not 0 if q or x will not do."""
     bodies, _, work, table = opened(robot)
     if not fit(robot, q, x, x):
         return MISFIT

@@ -104,7 +104,7 @@ def _fill_rows_of_group(robot, last, m_l_unit, D):
 
 @kernel
 def _start_columns(bodies, first, last, work, Q, columns):
-    """A group's own columns, and no moments of what it carries; returns where the former end, and the latter."""
+    """Start a group's own columns, and zero the moments of those it carries; returns the end of each."""
     start = stop = end = bodies[first].start
     for i in range(first, last + 1):
         end = max(end, columns.spans[i, 1])
@@ -127,10 +127,10 @@ def _start_columns(bodies, first, last, work, Q, columns):
 
 @kernel
 def _add_moments(body, w, span, columns, row):
-    """Add what the forces on a body of a group exert along its degree of freedom; they go to its parent."""
+    """Add the moments of forces on a body of a group along its degree of freedom; the forces go to its parent."""
     X = placement_of(w)
     for k in range(span[1], span[0], -WIDTH):
-        begin = span[0] + WIDTH - k  # what comes before is on another body of the group
+        begin = span[0] + WIDTH - k  # earlier columns are those of another body of the group
         for forces, moments in ((columns.rigid, columns.moments), (columns.articulated, columns.kappas)):
             moment, others = body.multiplier * lanes_at(forces[body.direction], k), lanes_at(moments[row], k)
             set_lanes(moments[row], k, from_lane(begin, others + moment, others))

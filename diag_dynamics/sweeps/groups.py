@@ -118,7 +118,7 @@ def compose(bodies, first, last, work, Q):
 
 @large_kernel
 def eliminate(bodies, first, last, work, Q, pass_over):
-    """D and G of a group's degrees of freedom, and g in the columns of Q; what is left goes to the carrier.
+    """D and G of a group's degrees of freedom, and g in the columns of Q; P⁺ goes to the carrier.
 
     One that moves no inertia ends it with the index of its body, or is passed over as if it were locked.
     """
@@ -224,7 +224,7 @@ def carried_motion(bodies, i, work):
 
 @kernel
 def induced_rate(bodies, i, V_A, qd, Q, G):
-    """ξ − q̇ of the degree of freedom that body i owns: what A and the ones before it in the group induce."""
+    """ξ − q̇ of the degree of freedom that body i owns: the rate induced by A and by those before it in the group."""
     body = bodies[i]
     rate = power(G, V_A)
     for b in range(body.start, body.dof):
@@ -289,7 +289,7 @@ def working_moments_of_wrench(bodies, i, work, Q, F, kappa):
 
 @large_kernel
 def gather(bodies, first, last, work, forces, sign, moments):
-    """Add what wrenches on a group's bodies do along its degrees of freedom, times a sign.
+    """Add the moments of wrenches on a group's bodies along its degrees of freedom, times a sign.
 
     The wrenches are summed inboard, and the one on the carrier returned.
     """

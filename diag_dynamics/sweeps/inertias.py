@@ -1,4 +1,4 @@
-"""An articulated inertia filtered at its joint and handed on to the parent: P alone, or P and Ṗ together.
+"""Articulated inertias, filtered at their joint and handed on to the parent: P alone, or P and Ṗ together.
 
 Most of a sweep's arithmetic is here, and done in vector registers. A stack is a 3x3 matrix of lanes: entries of the blocks
 A, B and C of P are lanes 0 to 2 of the stack's entries, those of Ṗ lanes 4 to 6. The algebra of 3x3 matrices is that of
@@ -59,7 +59,7 @@ def _symmetric(M):
 
 @kernel
 def _rows(spread, F):
-    """What a wrench F contributes to the rows of F Hᵀ: its force in the blocks A and B, its moment in C."""
+    """Row factors of F Hᵀ: the force of F in the blocks A and B, its moment in C."""
     f, m = F.force, F.moment
     return (
         _of_C(spread(f[0]), spread(m[0])),
@@ -70,7 +70,7 @@ def _rows(spread, F):
 
 @kernel
 def _columns(spread, F):
-    """What a wrench F contributes to the columns of G Fᵀ: its force in the block A, its moment in B and C."""
+    """Column factors of G Fᵀ: the force of F in the block A, its moment in B and C."""
     f, m = F.force, F.moment
     return (
         _of_B_and_C(spread(f[0]), spread(m[0])),
@@ -95,7 +95,7 @@ def _stack_to_parent(X, M):
 
 @kernel
 def _moved(direction, rate, M):
-    """What P's own motion adds to Ṗ: see spatial.transport_along_z."""
+    """Part of Ṗ⁺ from the motion of the joint: see spatial.transport_along_z."""
     if direction == ANGULAR_Z:
         K = matrix_sum(turn_columns(M, rate), transpose(turn_columns(transpose(M), rate)))
     else:
@@ -161,7 +161,7 @@ def hand_on(w, G, column, X, parent):
 
 
 def hand_on_with_rate(w, direction, rate, G, column, h, X, parent):
-    """As :func:`hand_on`, and what becomes of Ṗ, with h = Ṗ S − ½ Ḋ G.
+    """Hand on P as :func:`hand_on`, and Ṗ with it; h = Ṗ S − ½ Ḋ G.
 
     Ṗ⁺ = Ṗ − G hᵀ − h Gᵀ − (v_J×)ᵀP⁺ − P⁺(v_J×), to the parent as P⁺ is.
     """

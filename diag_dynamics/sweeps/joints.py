@@ -1,4 +1,4 @@
-"""Steps that several sweeps share: a body placed, moved, weighed; its joint's inertia taken out, or passed on."""
+"""Steps at a joint that several sweeps share: place, move and weigh a body, take its inertia out or pass it on."""
 
 import math
 
@@ -49,14 +49,14 @@ PLANAR, FLOATING = 3, 6
 """Degrees of freedom of the joints that have several; they name the joint."""
 
 UNIT_TOLERANCE = 1e-3
-"""How far from 1 the squared length of an orientation's quaternion may be; it is normalized."""
+"""Largest distance from 1 of a quaternion's squared length that is accepted; the quaternion is then normalized."""
 
 SINGULAR = 1e-10
 """A joint counts as moving no inertia where D is below this part of the inertias that D is the remainder of."""
 
 REMOTE = 1e-4
-"""How much less than what its children hand on the inertia of all links outboard counts when D is judged: what is left of it
-in 1e-14 is rounding."""
+"""Weight of the whole inertia outboard when D is judged, against 1 of what the children hand on. Where the children hand on
+nothing but rounding, 1e-14 of that inertia, D is judged by this."""
 
 # --- Positions --------------------------------------------------------------------------------------------
 
@@ -123,7 +123,7 @@ def place(body, q, w):
 
 @large_kernel
 def _place_rarer(body, q, w):
-    """What :func:`place` does with all but a revolute joint."""
+    """Place a body as :func:`place`, at any joint that is not revolute."""
     rotation, translation = matrix_of(body.rotation), vector_of(body.translation)
     if body.dofs == 1:
         translation = add(translation, apply(rotation, (0.0, 0.0, _position(body, q))))
@@ -185,7 +185,7 @@ def are_orientations(bodies, q):
 
 @kernel
 def are_finite(x):
-    """Whether all of a vector is."""
+    """Whether all entries of a vector are finite."""
     for k in range(len(x)):
         if not math.isfinite(x[k]):
             return False
@@ -203,7 +203,7 @@ def own_motion(body, rates):
 
 @kernel
 def joint_motion(bodies, i, rates):
-    """v_J, what moves the frame of body i against its parent's; nothing for the later bodies of a joint."""
+    """v_J, the motion of the frame of body i against its parent's; zero for the later bodies of a joint."""
     if bodies[i].dofs == 1:
         return own_motion(bodies[i], rates)
     v_J = no_motion(rates)
@@ -270,7 +270,7 @@ def joint_inertia(direction, w, P):
 def magnitude_along(body, w):
     """The size of the inertias that D of this body came from.
 
-    These are what the joints outboard have left over. Where they have left nothing but rounding, that of all they had.
+    These are what the joints outboard have left over; where that is nothing but rounding, a part of all inertia outboard.
     """
     k = 0 if body.direction < ANGULAR_X else 1
     return max(w.magnitude[k], REMOTE * w.total[k])
@@ -278,7 +278,7 @@ def magnitude_along(body, w):
 
 @kernel
 def is_singular(size, D):
-    """Whether D is no more than what cancellation leaves of inertias of this size."""
+    """Whether D is no more than the rounding error of inertias of this size: the joint moves no inertia."""
     return not SINGULAR * size < D
 
 

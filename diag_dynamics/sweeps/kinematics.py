@@ -1,4 +1,4 @@
-"""Where the links are."""
+"""Placements of links."""
 
 from diag_dynamics.compiled.kernel import COUNT, MATRIX, ROBOT, VECTOR, entry_kernel
 from diag_dynamics.sweeps.bodies import placement_of, set_vector

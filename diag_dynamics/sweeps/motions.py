@@ -1,4 +1,4 @@
-"""Positions that move along a twist, and joints that are held.
+"""Motions of positions along a twist, and joints that are held.
 
 Positions of a joint of several degrees of freedom lie on a manifold. Around positions q₀ they have coordinates u, a twist
 each: q = q₀ exp(u) in the axes of the moving body. Of a joint of one degree of freedom that is q₀ + u.
@@ -22,7 +22,7 @@ from diag_dynamics.sweeps.spatial import (
 )
 
 HELD = 1e150
-"""Rotor inertia of a joint that is held [kg m², kg]: nothing moves it, and its square is a number still."""
+"""Rotor inertia of a joint that is held [kg m², kg]: nothing moves it, and its square does not overflow."""
 
 
 @kernel
@@ -76,7 +76,7 @@ def displace(bodies, start, u, q):
 
 @large_kernel
 def hold(bodies, armature, held):
-    """Hold the degrees of freedom that are marked, and no others: sweeps then take the robot for one that is locked there.
+    """Hold the degrees of freedom that are marked, and no others: sweeps then see a robot whose joints are locked there.
 
     The bodies' own rotor inertias are given.
     """

@@ -324,7 +324,7 @@ def no_motion(like):
 
 @kernel
 def no_force(like):
-    """Force of zeros, of the kind of number that an array holds."""
+    """Force of zeros, of an array's type of number: lanes or a scalar."""
     zero = nought(like)
     return Force((zero, zero, zero), (zero, zero, zero))
 
@@ -380,7 +380,7 @@ def screw_functions(squared):
 
 @kernel
 def screw_translation(V):
-    """Where exp(V) takes the origin: v + (1 − cos θ)/θ² ω × v + (θ − sin θ)/θ³ ω × (ω × v)."""
+    """Translation of exp(V): v + (1 − cos θ)/θ² ω × v + (θ − sin θ)/θ³ ω × (ω × v)."""
     first, second = screw_functions(dot(V.angular, V.angular))
     turned = cross(V.angular, V.linear)
     return add(V.linear, add(scale(turned, first), scale(cross(V.angular, turned), second)))

@@ -1,4 +1,4 @@
-"""The memory that sweeps work in, and how they are told of it."""
+"""Memory that sweeps work in, and the addresses by which they find it."""
 
 from collections import namedtuple
 
@@ -10,14 +10,14 @@ from diag_dynamics.compiled.lanes import EIGHT, WIDTH, array_at, record_of_lanes
 from diag_dynamics.sweeps.bodies import BODY, WORK
 
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
-"""Rows of what state.evaluate fills."""
+"""Rows of the array that evaluation.evaluate fills."""
 
 ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, RESULTS = range(7, 10)
 
 POSITIONS, RATES, ROWS = range(9, 12)
 
 MISFIT = -2
-"""Status of a sweep whose vectors are not of the robot's lengths."""
+"""Status of a sweep: a vector has not the robot's length."""
 
 POSITIONS_OF = {1: 1, 3: 3, 6: 7}
 """Position coordinates of a joint of so many degrees of freedom."""
@@ -66,11 +66,11 @@ class Workspace:
         self.robot = self.addresses.ctypes.data
 
     def __reduce__(self):
-        return type(self), (self.bodies, self.gravity)  # a copy lies elsewhere
+        return type(self), (self.bodies, self.gravity)  # addresses would be those of the original
 
 
 class WideWorkspace(Workspace):
-    """A robot and memory for a sweep over as many states as there are lanes: `addresses` says further where that is."""
+    """Robot and memory for a sweep over as many states as there are lanes; `addresses` has that memory, too."""
 
     def __init__(self, bodies, gravity):
         super().__init__(bodies, gravity)
@@ -89,9 +89,9 @@ def aligned(count, dtype):
 
 
 def _spans(bodies, nv):
-    """Columns that each body carries; they are next to each other, for what a body or group carries comes right after it.
+    """First and end of the columns that each body carries: one run, as carried bodies come right after their carrier.
 
-    Where there are none the first is nv, and the end that of its group's own.
+    A body that carries none has nv for the first, and the end of its group's own columns.
     """
     first, end, own = np.full(len(bodies), nv), np.zeros(len(bodies), np.int64), np.zeros(len(bodies), np.int64)
     np.maximum.at(own, bodies["first"], 1 + bodies["dof"])
@@ -169,7 +169,7 @@ def opened_wide(robot):
 
 @kernel
 def fit(robot, q, qd, tau):
-    """Whether vectors have the lengths that the robot's have."""
+    """Whether vectors have the robot's lengths."""
     at = _addresses_at(robot, (8,))
     return len(q) == at[7] and len(qd) == at[5] and len(tau) == at[5]
 
