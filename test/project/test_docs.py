@@ -4,6 +4,7 @@ import importlib.util
 import re
 import subprocess
 import sys
+import xml.etree.ElementTree as ET
 from importlib import import_module
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 import yaml
 from test_package import FLOORS
 
-from diag_dynamics.nodes.support.interfaces import IN, INTERFACES, OUT, SERVICE
+from diag_dynamics.nodes.support.interfaces import IN, INTERFACES, MANAGED, OUT, SERVICE
 from diag_dynamics.nodes.support.names import NODES
 
 ROOT = Path(__file__).parents[2]
@@ -143,14 +144,39 @@ def test_interfaces_list_what_the_monitor_publishes():
     assert ours == {f"~/{name}": kind.__name__ for name, kind in (TOPICS | BESIDE).items()}
 
 
-@pytest.mark.ros
+OF_EVERY_NODE = {name for name, _ in MANAGED} | {
+    f"~/{name}"
+    for name in (
+        "describe_parameters",
+        "get_parameter_types",
+        "get_parameters",
+        "list_parameters",
+        "set_parameters",
+        "set_parameters_atomically",
+        "get_type_description",
+    )
+}
+"""Services that every managed node offers."""
+
+EVERY_NODE = {"~/transition_event", "/rosout", "/parameter_events"}
+"""Topics that every managed node publishes."""
+
+
 @pytest.mark.parametrize("node", NODES)
-def test_every_topic_that_a_node_makes_is_listed(node):
-    """A literal name that is published, subscribed to or offered in a node's code stands in the table."""
-    listed = {one.name for one in INTERFACES[node]}
-    for path in (ROOT / "diag_dynamics" / "nodes" / node).glob("*.py"):
-        for name in re.findall(r'"(~/\w+)"', path.read_text(encoding="utf-8")):
-            assert name in listed, f"{path.name}: {name}"
+def test_interfaces_are_those_of_the_graph(node):
+    """The same as in the policy of access, which test_security.py holds to what is on the graph."""
+    policy = ET.parse(ROOT / "config" / "sros2_policy.xml").getroot()
+    profile = policy.find(f".//profile[@node='{NODES[node]}']")
+    for kind, path in (
+        (IN, "topics[@subscribe]/topic"),
+        (OUT, "topics[@publish]/topic"),
+        (SERVICE, "services[@reply]/service"),
+    ):
+        listed = {one.name for one in INTERFACES[node] if one.kind == kind}
+        allowed = {element.text for element in profile.findall(path)}
+        if kind == SERVICE:
+            allowed = {name for name in allowed if name not in OF_EVERY_NODE}
+        assert listed == allowed - EVERY_NODE
 
 
 def interface_files():
