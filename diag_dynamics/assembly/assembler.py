@@ -89,9 +89,9 @@ class JointStateAssembler:
     Attributes
     ----------
     counts : Counter
-        What has happened to messages that made no state and were not rejected, and what else is worth counting.
+        Number of messages that made no state and were not rejected, by cause, and of other events.
     last_disagreement : str
-        Which followers were astray.
+        Text on the followers that were astray last.
     stamps : Stamps
     efforts : Efforts
     jumps : Jumps

@@ -21,18 +21,18 @@ class Efforts:
         undeclared is taken as available where it is sent, in N m, gravity included. Its `max_effort` [N m, N] and
         `beyond_effort`, how many times its effort limit the effort of a joint may be; 0 for no bound.
     effort_limit : array_like, shape (n,), optional
-        Of the independent joints [N m, N]; infinite or 0 where there is none.
+        Effort limits of the independent joints [N m, N]; infinite or 0 for none.
 
     Attributes
     ----------
     without_gravity : ndarray or None
         1 for each joint whose effort has gravity taken out, 0 for the others; None if there is none.
     factors, follower_factors : ndarray
-        What efforts are multiplied by; NaN for those that cannot be used.
+        Factors of efforts; NaN for efforts that cannot be used.
     most : float
-        Efforts beyond it are absurd [N m, N].
+        Effort [N m, N] beyond which any effort is absurd.
     strongest : ndarray
-        So are those of the independent joints beyond these.
+        Efforts [N m, N] beyond which those of the independent joints are absurd.
     undeclared : tuple of str
         Joints of which scale or gravity is not declared, although their efforts count.
 

@@ -11,7 +11,7 @@ class Followers:
     The leaders alone make the state. A follower's own position is only compared with its leader's; its velocity is
     ignored. Its effort acts on its leader, times the multiplier, so that q̇ᵀτ is the power of all efforts listed.
 
-    What followers say of themselves are vectors in the order of :attr:`names`, NaN where it is unknown.
+    Vectors of the followers' own values are in the order of :attr:`names`, NaN for unknown ones.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Followers:
     leaders : ndarray of int
         Place of each one's leader among the joints.
     multipliers, offsets : ndarray
-        Of its position by the leader's.
+        Numbers of position = multiplier · leader's position + offset.
     turns : ndarray of bool
         Whether its position turns round.
     """

@@ -33,7 +33,7 @@ class Frozen:
     Attributes
     ----------
     text : str
-        Which joint is frozen; empty if none is.
+        Text on the joint that is frozen; empty if none is.
     """
 
     def __init__(self, names, timeout, refused):

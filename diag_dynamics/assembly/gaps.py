@@ -13,7 +13,7 @@ IRREGULAR = 0.15
 class Gaps:
     """Counts states lost in a full queue, which DDS does not tell of.
 
-    Of each source the intervals between the stamps of its messages are collected, whatever becomes of these. Of every
+    Of each source the intervals between the stamps of its messages are collected, rejected messages included. Of every
     :data:`WINDOW` of them the period is the one that they are multiples of, from their lower quartile; of an interval of n
     periods n − 1 states are lost. Where they are no multiples of anything, as of a driver that sends when something moves,
     or where no more than half of them are one period, as of two drivers of one joint, none is.

@@ -61,7 +61,7 @@ class Jumps:
         position, velocity, fastest : ndarray, shape (k,)
             Theirs, and what velocities may be [rad/s, m/s]; a velocity that is NaN is not known.
         stamp : int
-            Of the message [ns].
+            Stamp of the message [ns].
         before : tuple
             Positions, velocities and stamps of the same joints in the last message that was taken in, and whether they are
             known, by the same clock.

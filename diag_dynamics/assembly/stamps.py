@@ -44,9 +44,9 @@ def stamp_of(message, now):
 class Stamps:
     """Judge that tells apart stamps that are right, late, of another time, or of a time that has started anew.
 
-    A source whose stamps are far from this node's clock from the first one on lives in another time: a recording, or a
-    host whose clock is not synchronized. As soon as a stamp agrees with the clock, those that do not are refused, unless
-    all of them are apart by the same amount for :data:`PATIENCE`: then one of the clocks has been set.
+    A source whose stamps are far from this node's clock from the first one on is foreign: a recording, or a host
+    whose clock is not synchronized. Once a stamp has agreed with the clock, stamps that do not agree are refused. If all
+    stamps differ by the same amount for :data:`PATIENCE`, one of the clocks has been set, and they are accepted.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class Stamps:
     in_step : bool or None
         Whether stamps agree with this node's clock; None before it is known.
     limit : str
-        What messages call `max_age`.
+        Name of `max_age` in messages.
     offset : float
         This node's clock less the stamp, of the last one that was judged [s].
     suspects : dict
@@ -98,7 +98,7 @@ class Stamps:
         Parameters
         ----------
         source : hashable or None
-            Whose stamps are in order; None: nobody's.
+            Source whose stamps have to be in order; None: none has.
         what : str
             Its name.
         stamp, now : int

@@ -17,7 +17,7 @@ def base_state(model, link, position, quaternion, twist, twist_in_world=False):
     link : str
         Link that was measured: the root link, or one that is rigidly attached to it.
     position : array_like, shape (3,)
-        Of the link in the world [m].
+        Position of the link in the world [m].
     quaternion : array_like, shape (4,)
         Its orientation in the world, x y z w; normalized here.
     twist : array_like, shape (6,)

@@ -125,7 +125,7 @@ def _require_single(joint, chain):
 def coupled_groups(mimics, joints, carriers):
     """Joints that are eliminated together: from the lowest body that carries all of a coupling down to its members.
 
-    Those that share a body are one group.
+    Groups that share a body are one group.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def coupled_groups(mimics, joints, carriers):
     joints : iterable of str
         All moving joints.
     carriers : dict
-        Of each moving joint the one that carries it, or None.
+        Moving joint that carries each moving joint, or None.
 
     Returns
     -------
@@ -182,16 +182,16 @@ class _Sets:
         return -self._depth[carrier], self._place[carrier], one
 
     def couple(self, names):
-        """Make one set of the joints' and of all between them: the one whose carrier is deepest takes it in."""
+        """Merge the sets of some joints and of all joints between them; the set with the deepest carrier goes on first."""
         heap = [self._entry(one) for one in {self._of(name) for name in names}]
         heapify(heap)
         while len(heap) > 1:
             *_, one = entry = heappop(heap)
             *_, other = heap[0]
             if one == other or entry != self._entry(self._of(one)):
-                continue  # another entry stands for it
+                continue  # merged already: another entry stands for this set
             if heap[0] != self._entry(self._of(other)):
-                heapreplace(heap, entry)  # take that out first
+                heapreplace(heap, entry)  # an outdated entry on top: take it out, and look again
                 continue
             if self._carrier[one] == self._carrier[other]:
                 heappop(heap)

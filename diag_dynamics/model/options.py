@@ -211,7 +211,7 @@ def inertias_told(tell):
 
 
 def warn_of_inertias(robot):
-    """Warn of every link whose inertia is that of no rigid body."""
+    """Warn of every link whose inertia no rigid body can have."""
     for link in robot.links:
         reason = None if link.inertial is None else not_physical(link.inertial.inertia, link.inertial.mass)
         if reason:

@@ -201,7 +201,7 @@ class RobotModel:
     def with_locked_joints(self, locked_joints):
         """Return this model with exactly these joints held, and those that the options of load_urdf lock besides.
 
-        What ``massless="lock"`` has to hold is decided anew.
+        Which joints ``massless="lock"`` locks is decided anew.
 
         Parameters
         ----------
@@ -265,11 +265,11 @@ def load_urdf(
         Acceleration of gravity in the world's axes, those of the root link of a fixed base [m/s²]; no component beyond ±1000,
         which nothing that a robot stands on reaches.
     mimic : {"embed", "free", "lock"}
-        What to do with mimic joints: couple them to their leaders, exactly; treat them as independent; or lock them where
+        Treatment of mimic joints: couple them to their leaders, exactly; treat them as independent; or lock them where
         they belong with their leaders at zero, or as these are locked. A mimic joint that is locked itself follows
         nobody.
     massless : {"error", "lock"}
-        What to do with joints that move no inertia: raise, or lock them at zero or, where that is outside their limits,
+        Treatment of joints that move no inertia: raise, or lock them at zero or, where that is outside their limits,
         at the limit next to it.
     locked_joints : dict
         Joints that are held, with their positions [rad, m].

@@ -6,8 +6,8 @@ from typing import NamedTuple
 class EnergyAudit(NamedTuple):
     """Work on a robot and change of its energy since it was put into its state [J].
 
-    What each force did is integrated along the motion by the rule that the motion is, but for impulses, whose work is the
-    energy that they take. So the residual is the error of the method, and falls with the step as its order says.
+    The work of each force is integrated by the rule that integrates the motion; the work of an impulse is the energy that
+    it takes. So the residual is the error of the method, and falls with the step as its order says.
 
     Attributes
     ----------
@@ -21,7 +21,7 @@ class EnergyAudit(NamedTuple):
         Work of position limits, without what they store: impacts and dampers. Of hard limits that of bringing a joint back
         to the limit is in it, too; at order 4 there is none, for impacts are at the limit.
     exchanged : float
-        What came with another model: see :meth:`Simulation.change_model`.
+        Energy that came with another model: see :meth:`Simulation.change_model`.
     kinetic, potential, elastic : float
         Change of kinetic energy, of the energy in the field of gravity, and of what compliant limits store.
     """

@@ -28,7 +28,7 @@ class Drives:
     timeout : float
         How long a command holds in simulated time [s]; 0: for ever.
     without : {"zero", "brake"}
-        What the drives do before the first command, and when one has timed out.
+        Behaviour before the first command, and after one has timed out.
 
     Attributes
     ----------

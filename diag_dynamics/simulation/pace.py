@@ -50,7 +50,7 @@ class Pace:
         How far simulated time has come to be behind the clock since it went on last, a multiple of `step` [s]: what was let
         go, less what the clock was set back.
     let_go, overruns : float, int
-        As in :class:`Kept`, in all.
+        Totals of those in :class:`Kept`.
     """
 
     def __init__(self, factor, period, step):

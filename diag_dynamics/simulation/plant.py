@@ -90,7 +90,7 @@ class Plant:
     def advance(self, steps):
         """Take some steps together: none of them times a command out that was in force when the first one began.
 
-        What has come while the simulation was late waits behind the steps that catch up.
+        A command that came while the simulation was late acts after the steps that catch up.
 
         Raises
         ------

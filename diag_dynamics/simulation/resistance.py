@@ -75,8 +75,8 @@ def limits_of(value, model):
 def effort_limits_of(value, model):
     """Largest efforts, shape (nv,): those of the model, given ones, or inf.
 
-    A URDF has to give every joint an effort limit, and those who know none write 0, which would be a joint that cannot be
-    driven: that is taken as none.
+    A URDF has to give every joint an effort limit. Authors who know none write 0, which would be a joint that nothing can
+    drive: 0 is taken for no limit.
     """
     if isinstance(value, (bool, np.bool_)):
         own = np.where(model.effort_limit > 0.0, model.effort_limit, np.inf)

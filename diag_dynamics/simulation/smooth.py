@@ -259,10 +259,10 @@ def euler_move(robot, flat, joints, h, tau, pushed, mode, spring, depth, first, 
 
 @large_kernel
 def glide(robot, joints, bounds, h, steps, tau, q, qd, last_q, last_qd, added, effort, qdd, path, works):
-    """Steps of semi-implicit Euler where that is all there is, until one would end at a limit or fails; returns how many.
+    """Take steps of semi-implicit Euler until one would end at a limit or fails; returns how many were taken.
 
-    Of robots whose joints have one degree of freedom each, without friction, wrenches and springs. Nothing but arithmetic is
-    here, for it is what order 1 is for.
+    The robot's joints have one degree of freedom each, without friction, wrenches and springs. Order 1 is chosen for speed:
+    this is its shortest way.
     """
     n, taken, good = len(qd), 0, True
     for k in range(n):

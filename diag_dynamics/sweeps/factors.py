@@ -76,7 +76,7 @@ def _fill_row(body, w, end, columns, m_l_unit, D):
 def _fill_rows_of_group(robot, last, m_l_unit, D):
     """The rows of a group; the forces of its columns, and of those it carries, go to its carrier.
 
-    As groups.filter_moments does with one column; a group's own begin as columns of the identity, and without force.
+    groups.filter_moments does the same with one column. A group's own columns begin as those of the identity, without force.
     """
     bodies, _, work, table = opened(robot)
     columns, Q = opened_columns(robot), table[0]

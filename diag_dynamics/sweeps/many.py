@@ -1,4 +1,4 @@
-"""Evaluation of many states: as many side by side as there are lanes, in the sweep of a single state."""
+"""Many states at once: as many as there are lanes side by side, in the same sweep as a single one."""
 
 from diag_dynamics.compiled.kernel import MATRIX, ROBOT, STATES, entry_kernel, kernel
 from diag_dynamics.compiled.lanes import WIDTH
@@ -9,7 +9,7 @@ from diag_dynamics.sweeps.workspace import POSITIONS, RATES, RESULTS, copy, open
 
 @kernel
 def _pack(values, first, numbers):
-    """Fill lanes with rows of `values` from `first` on; beyond the last row, with the last row."""
+    """Fill lanes with rows of `values` from `first` on; where there are none left, with the last one."""
     for lane in range(WIDTH):
         row = values[min(first + lane, len(values) - 1)]
         for k in range(len(row)):
@@ -18,7 +18,7 @@ def _pack(values, first, numbers):
 
 @entry_kernel(ROBOT, MATRIX, MATRIX, MATRIX, STATES, nogil=True)
 def evaluate_many(robot, Q, QD, TAU, states):
-    """Fill `states` with what evaluation.evaluate gives of each state; states are the first axis of all arguments.
+    """Fill `states` with what state.evaluate gives at each of many, the first axis of all arguments.
 
     Without efforts TAU has one row, of zeros. The robot is that of a WideWorkspace. It returns how many states have been
     evaluated: all, or those before the first :data:`~lanes.WIDTH` of which one fails.

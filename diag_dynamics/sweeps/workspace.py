@@ -10,7 +10,7 @@ from diag_dynamics.compiled.lanes import EIGHT, WIDTH, array_at, record_of_lanes
 from diag_dynamics.sweeps.bodies import BODY, WORK
 
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
-"""Rows of the array that evaluation.evaluate fills."""
+"""Rows of what state.evaluate fills."""
 
 ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, RESULTS = range(7, 10)
 
