@@ -23,7 +23,18 @@ of freedom that belong together. state, factorization, factors, classical, deriv
 of state, over many states. motions: positions that move along a twist, and joints that are held.
 """
 
-from diag_dynamics.sweeps.bodies import BODY, LINK, WORK, WRENCH, WRENCHES, links_at
+from diag_dynamics.sweeps.bodies import (
+    BODY,
+    FLOATING,
+    LINK,
+    PLANAR,
+    PRISMATIC,
+    REVOLUTE,
+    WORK,
+    WRENCH,
+    WRENCHES,
+    links_at,
+)
 from diag_dynamics.sweeps.classical import (
     accelerations_with_added_inertia,
     effort_of_wrenches,
@@ -59,7 +70,7 @@ from diag_dynamics.sweeps.factorization import (
 )
 from diag_dynamics.sweeps.factors import factors
 from diag_dynamics.sweeps.groups import owns
-from diag_dynamics.sweeps.joints import FLOATING, PLANAR, SINGULAR, UNIT_TOLERANCE
+from diag_dynamics.sweeps.joints import SINGULAR, UNIT_TOLERANCE
 from diag_dynamics.sweeps.kinematics import placement
 from diag_dynamics.sweeps.many import evaluate_many
 from diag_dynamics.sweeps.motions import chart_rates, displace, hold
@@ -98,7 +109,9 @@ __all__ = [
     "NU",
     "PLANAR",
     "POSITIONS",
+    "PRISMATIC",
     "RATES",
+    "REVOLUTE",
     "ROWS",
     "SINGULAR",
     "UNIT_TOLERANCE",
