@@ -6,9 +6,9 @@ from contextlib import suppress
 import numpy as np
 
 from diag_dynamics import batch, sweeps
+from diag_dynamics.checks import numbers
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.model.options import numbers
 from diag_dynamics.model.wrenches import link_in_body, wrenches_at, wrenches_on_links
 from diag_dynamics.results import BatchEvaluation, Evaluation, Factors
 

@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from diag_dynamics.checks import choice, whole
 from diag_dynamics.exceptions import InputError, MimicJointError, UrdfError
 from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, refuse_massless
 from diag_dynamics.model.mimic import resolve_mimics
@@ -14,9 +15,7 @@ from diag_dynamics.model.options import (
     FRICTION_VELOCITY,
     Options,
     armature_by_joint,
-    bound,
     checked_payloads,
-    choice,
     friction_velocity_of,
     gravity_vector,
     locked_positions,
@@ -313,7 +312,7 @@ def load_urdf(
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))
     gravity = gravity_vector(gravity)
-    robot, root = read_urdf(source, bound("max_joints", max_joints))
+    robot, root = read_urdf(source, whole("max_joints", max_joints))
     warn_of_inertias(robot)
     options = Options(
         bool(floating_base),
@@ -323,7 +322,7 @@ def load_urdf(
         locked_positions({} if locked_joints is None else locked_joints, robot),
         armature_by_joint(armature, robot),
         checked_payloads({} if payloads is None else payloads, robot),
-        bound("max_coupled", max_coupled),
+        whole("max_coupled", max_coupled),
         friction_velocity=friction_velocity_of(friction_velocity),
     )
     return _model(robot, root, options)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from diag_dynamics import sweeps
+from diag_dynamics.checks import choice, mapping, numbers
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.options import choice, mapping, numbers
 
 
 def wrenches_on_links(model, f_ext, frame):

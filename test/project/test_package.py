@@ -37,7 +37,7 @@ def imports(path):
 FLOORS = [
     "text",
     "exceptions",
-    "entries compiled",
+    "checks entries compiled",
     "sweeps",
     "model results batch",
     "dynamics",
