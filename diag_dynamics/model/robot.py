@@ -131,6 +131,11 @@ class RobotModel:
         return len(self.coordinate_names)
 
     @property
+    def orientations(self):
+        """For each position coordinate, which component of a quaternion it is (x y z w: 0 to 3), or -1."""
+        return self._tree.orientations
+
+    @property
     def friction_velocity(self):
         """v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). A simulation's friction has none."""
         return self._options.friction_velocity
@@ -146,7 +151,7 @@ class RobotModel:
     @property
     def neutral(self):
         """Positions of zero, floating joints at the identity; shape (nq,)."""
-        return np.array([1.0 if orientation == 3 else 0.0 for orientation in self._tree.orientations])
+        return np.array([1.0 if orientation == 3 else 0.0 for orientation in self.orientations])
 
     def with_gravity(self, gravity):
         """Return this model with another acceleration of gravity [m/s²], shape (3,); everything else is shared.
@@ -190,7 +195,7 @@ class RobotModel:
             total_mass=float(links["mass"].sum()),
             _options=self._options._replace(payloads=payloads),
         )
-        refuse_massless(model, massless_freedoms(model))
+        refuse_massless(model, self._tree, massless_freedoms(model))
         return model
 
     def without_payload(self, link):
@@ -224,13 +229,23 @@ class RobotModel:
         InputError
             No such link, or a joint moves it against the root.
         """
-        links = self._tree.links
-        if link not in self.link_names:
-            raise InputError(f"'{link}' is not a link of robot '{self.name}'.")
-        _, body, placement = links[self.link_names.index(link)]
-        if body != links[0][1]:
+        body, placement = self.placement_in_body(link)
+        if body != self._tree.links[0][1]:
             raise InputError(f"link '{link}' is not rigidly attached to the root link '{self.root_link}'.")
         return placement
+
+    def placement_in_body(self, link):
+        """Index of the body that a link belongs to, and the link's placement (4x4) in the frame of that body.
+
+        Raises
+        ------
+        InputError
+            No such link.
+        """
+        if link not in self.link_names:
+            raise InputError(f"'{link}' is not a link of robot '{self.name}'.")
+        _, body, placement = self._tree.links[self.link_names.index(link)]
+        return body, placement
 
     def __repr__(self):
         return f"<RobotModel '{self.name}': {self.nv} dof, {len(self.link_names)} links, {self.total_mass:.6g} kg>"
@@ -335,13 +350,14 @@ def _model(robot, root, options):
     found = massless_freedoms(model)
     held = {}
     while options.massless == "lock" and options.held is None and len(found[0]):
-        more = positions_to_hold(model, found)
+        more = positions_to_hold(model, tree, found)
         if not more:
             break
         held |= more
-        model = _model_of(_tree(robot, root, options, held), options)
+        tree = _tree(robot, root, options, held)
+        model = _model_of(tree, options)
         found = massless_freedoms(model)
-    refuse_massless(model, found)
+    refuse_massless(model, tree, found)
     return model if options.held is not None else replace(model, _options=options._replace(held=held))
 
 

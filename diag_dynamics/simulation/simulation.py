@@ -282,9 +282,7 @@ class Simulation:
         )
         self._effort, self._wanted = effort, wanted
         if status:
-            self.dynamics._workspace.work["D"][:] = self._workspace.work["D"]
-            self.dynamics._positions(self._q)
-            self.dynamics._fail(status, nu=self._nu)
+            self.dynamics.refuse(status, self._workspace, self._q, nu=self._nu)
 
     def evaluate(self, tau=None, f_ext=None, *, frame="link") -> Evaluation:
         """Everything of the diagonalized equations at the present state, as :meth:`DiagonalDynamics.evaluate`."""

@@ -24,7 +24,7 @@ def potential_energy(model, q):
 def with_unit_quaternions(model, q):
     """A copy of q whose orientations, near unit length already, have unit length."""
     q = np.array(q, dtype=float)
-    for k, component in enumerate(model._tree.orientations):
+    for k, component in enumerate(model.orientations):
         if component == 3:
             q[k - 3 : k + 1] /= np.linalg.norm(q[k - 3 : k + 1])
     return q

@@ -79,6 +79,51 @@ def test_imports_point_downward():
                 assert other == room or floor[other] < floor[room], f"{path} imports {name}"
 
 
+PRIVATE_OF_OTHERS = {
+    "compiled/kernel.py": "_CacheLocator _cache _can_compile _compile_for_args _get_function _getpointer _getvalue",
+    "compiled/lanes.py": "_getvalue",
+    "nodes/support/logger.py": "_internal_callers",
+    "nodes/support/overrides.py": "_parameter_overrides",
+    "nodes/support/start.py": "_exit",
+}
+"""Private names of numba, rclpy and Python that have no public counterpart, by the file that needs them."""
+
+NAMED_TUPLES = {"_replace", "_asdict", "_fields"}
+"""Public names of named tuples, whose underscores keep them apart from fields."""
+
+
+def private_names(tree):
+    """Private attributes that the classes of a module have: their methods and fields, and what is set on self."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ClassDef):
+            for part in node.body:
+                if isinstance(part, ast.FunctionDef):
+                    yield part.name
+                elif isinstance(part, ast.AnnAssign):
+                    yield part.target.id
+        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store) and is_own(node):
+            yield node.attr
+
+
+def is_own(attribute):
+    """Whether an attribute is one of the object or class whose method it stands in."""
+    return isinstance(attribute.value, ast.Name) and attribute.value.id in ("self", "cls")
+
+
+def test_nobody_touches_the_private_state_of_others():
+    """A private attribute is read and written by the module of its class alone, and a private name is not imported."""
+    for path in SOURCES:
+        tree, name = ast.parse(path.read_text(encoding="utf-8")), path.relative_to(ROOT / "diag_dynamics").as_posix()
+        allowed = NAMED_TUPLES | set(private_names(tree)) | set(PRIVATE_OF_OTHERS.get(name, "").split())
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Attribute) and not is_own(node):
+                private = node.attr.startswith("_") and not node.attr.endswith("__")
+                assert not private or node.attr in allowed, f"{name}, line {node.lineno}: {ast.unparse(node)}"
+            elif isinstance(node, ast.ImportFrom):
+                private = [alias.name for alias in node.names if alias.name.startswith("_")]
+                assert not private or node.module == "__future__", f"{name}, line {node.lineno}: {private}"
+
+
 def test_ros_only_in_nodes_and_pinocchio_nowhere():
     """Outside of nodes/ nothing is imported but the library's own dependencies, so no package of ROS, known or not."""
     for path in SOURCES:
