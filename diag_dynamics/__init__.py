@@ -38,7 +38,7 @@ _HOME = {
     "PoseRegulation": "control",
     "PositionRepulsion": "control",
     "RateDamping": "control",
-    "DisturbanceObserver": "observer",
+    "DisturbanceObserver": "control.observer",
 }
 
 __all__ = sorted(_HOME)
