@@ -124,6 +124,22 @@ def test_nobody_touches_the_private_state_of_others():
                 assert not private or node.module == "__future__", f"{name}, line {node.lineno}: {private}"
 
 
+TRANSLATORS = {"compiled/kernel.py", "nodes/support/publishing.py", "nodes/wire/joint_states.py"}
+"""Files that turn whatever numba or rclpy raises into an exception of this package's, or do without."""
+
+
+def test_one_guard_keeps_nodes_from_ending():
+    """What arrives is done by guard.attempt: nobody else catches exceptions that he does not know."""
+    for path in SOURCES:
+        name = path.relative_to(ROOT / "diag_dynamics").as_posix()
+        if name in TRANSLATORS | {"nodes/support/guard.py"}:
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ExceptHandler) and ast.unparse(node.body[-1]) != "raise":
+                caught = ast.unparse(node.type) if node.type else "everything"
+                assert caught not in ("everything", "Exception", "BaseException"), f"{name}, line {node.lineno}"
+
+
 def test_ros_only_in_nodes_and_pinocchio_nowhere():
     """Outside of nodes/ nothing is imported but the library's own dependencies, so no package of ROS, known or not."""
     for path in SOURCES:
