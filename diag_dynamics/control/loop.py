@@ -19,7 +19,7 @@ from diag_dynamics.control.observer import DisturbanceObserver
 from diag_dynamics.control.pose import rotation_vector
 from diag_dynamics.control.references import PoseTarget, SetPoint, at_rest, nearest
 from diag_dynamics.control.supervisor import ACTIVE, HOLDING, INACTIVE, RAMPING_DOWN, Supervisor
-from diag_dynamics.control.targets import aimed, require_within, set_point
+from diag_dynamics.control.targets import aimed, require_within
 from diag_dynamics.control.trajectory import Trajectory
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
@@ -208,8 +208,17 @@ class ControlLoop:
         if self.taking_up:
             raise InputError(f"{what} comes while the robot is taken up: it is damped until efforts carry it.")
 
-    def take_pose(self, message):
-        """Go to a PoseStamped; see :func:`aimed` and :class:`PoseTarget`. It replaces the target before.
+    def take_pose(self, link, position, orientation):
+        """Go to a pose; see :func:`aimed` and :class:`PoseTarget`. It replaces the target before.
+
+        Parameters
+        ----------
+        link : str
+            In whose axes, from whose origin it is.
+        position : array_like, shape (3,)
+            [m].
+        orientation : array_like, shape (4,) or (3, 3)
+            Unit quaternion x y z w, or rotation matrix.
 
         Raises
         ------
@@ -217,7 +226,7 @@ class ControlLoop:
             It is no valid pose, or poses are not regulated now.
         """
         self._require(POSE, "target")
-        target = aimed(message, self.dynamics, self.state.position)
+        target = aimed(link, position, orientation, self.dynamics, self.state.position)
         self._begin()
         speed, rate = self._pose_speed, np.full(2, APPROACH)
         self._target = PoseTarget(
@@ -225,18 +234,25 @@ class ControlLoop:
         )
         self._no_rate()
 
-    def take_trajectory(self, message, now):
-        """Follow a JointTrajectory from where the robot should be; see :class:`Trajectory`. It replaces the target before.
+    def take_trajectory(self, waypoints, stamp, now):
+        """Follow a trajectory from where the robot should be; see :class:`Trajectory`. It replaces the target before.
+
+        Parameters
+        ----------
+        waypoints : Waypoints
+        stamp : int
+            When it starts [ns]; 0: with the last state.
+        now : int
+            The time [ns].
 
         Raises
         ------
         InputError
-            It is no valid trajectory, beyond a position or velocity limit, or over at the time `now` [ns]; or joints are not
-            tracked now.
+            It is no valid trajectory, beyond a position or velocity limit, or over by now; or joints are not tracked now.
         """
         self._require(TRACKING, "trajectory")
         model = self.dynamics.model
-        trajectory = Trajectory(message, model.dof_names, model.continuous_joints)
+        trajectory = Trajectory(waypoints, model.dof_names, model.continuous_joints, stamp)
         require_within("trajectory.points[{}].positions", trajectory.positions, model)
         wait = (trajectory.stamp - now) * 1e-9
         if wait > LONGEST_WAIT:
@@ -279,8 +295,13 @@ class ControlLoop:
                 f"{limit}."
             )
 
-    def take_set_point(self, message):
-        """Go to the positions of a JointState; see :class:`SetPoint`. They replace the target before.
+    def take_set_point(self, position):
+        """Go to positions; see :class:`SetPoint`. They replace the target before.
+
+        Parameters
+        ----------
+        position : ndarray, shape (nv,)
+            [rad, m].
 
         Raises
         ------
@@ -288,9 +309,7 @@ class ControlLoop:
             It is no valid set-point or beyond a position limit, or joints are not tracked now.
         """
         self._require(TRACKING, "set_point")
-        model = self.dynamics.model
-        position = set_point(message, model.dof_names)
-        require_within("set_point.position", position, model)
+        require_within("set_point.position", position, self.dynamics.model)
         self._begin()
         self._target = self._to(position)
         self._no_rate()

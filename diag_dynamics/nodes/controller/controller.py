@@ -21,6 +21,7 @@ from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.modes import MODES
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.msg import ControllerStatus
+from diag_dynamics.nodes.controller import received
 from diag_dynamics.nodes.controller.effort_controller import JointsWatch, joints_of_controller
 from diag_dynamics.nodes.controller.record import Record, problems_of_limits, values_of_loop
 from diag_dynamics.nodes.controller.status import status_message
@@ -129,11 +130,16 @@ class ControllerNode(ManagedNode):
         self._record.begin()
         newest = QoSProfile(depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._listen_to(JointState, "joint_states", self._take_joint_state, newest, raw=True)
-        loop = self._loop
+        loop, model = self._loop, self._loop.dynamics.model
+        names = model.dof_names
         for kind, topic, take in (
-            (PoseStamped, "target", loop.take_pose),
-            (JointTrajectory, "trajectory", lambda message: loop.take_trajectory(message, self._now())),
-            (JointState, "set_point", loop.take_set_point),
+            (PoseStamped, "target", lambda message: loop.take_pose(*received.pose(message, model))),
+            (
+                JointTrajectory,
+                "trajectory",
+                lambda message: loop.take_trajectory(*received.trajectory(message, names), self._now()),
+            ),
+            (JointState, "set_point", lambda message: loop.take_set_point(received.set_point(message, names))),
         ):
             self._listen_to(kind, topic, self._target_taker(topic, take), QoSProfile(depth=1))
         # By simulated time where that is the node's; else by a clock that nobody sets, or it might stand still for hours.
