@@ -67,19 +67,19 @@ def test_a_set_point_in_the_middle_of_a_trajectory_stays_within_limits(arm, star
     goal = closed.arm.q.copy()
     goal[k] = end
     closed.loop.take_trajectory(waypoints([(0.6, goal)]), 0, closed.stamp)
-    while closed.loop._desired.position[k] < 0.8 * end + 0.2 * start:
+    while closed.loop.modes["tracking"].desired.position[k] < 0.8 * end + 0.2 * start:
         closed.go(0.001)
-    assert closed.loop._desired.velocity[k] > 0.8
+    assert closed.loop.modes["tracking"].desired.velocity[k] > 0.8
     back = closed.arm.q.copy()
     back[k] = end - 0.1
     closed.loop.take_set_point(back)
     furthest = 0.0
     for _ in range(1500):
         closed.go(0.001)
-        furthest = max(furthest, closed.loop._desired.position[k])
+        furthest = max(furthest, closed.loop.modes["tracking"].desired.position[k])
     assert furthest < upper
     assert np.array(closed.way)[:, k].max() < upper
-    np.testing.assert_allclose(closed.loop._desired.position, back, atol=0.01)
+    np.testing.assert_allclose(closed.loop.modes["tracking"].desired.position, back, atol=0.01)
 
 
 @pytest.mark.parametrize("period", [2, 10, 100], ids="{} ms".format)
@@ -88,13 +88,13 @@ def test_poses_in_a_stream_are_followed(arm, period):
     gone = []
     for every in (10**6, period):
         closed = Closed(arm, Q, controlled_link="tool0", initial_mode="pose").go(1.5)
-        begin, axes = closed.loop._laws["pose"].pose(closed.arm.q)
+        begin, axes = closed.loop.modes["pose"].law.pose(closed.arm.q)
         goal = begin + np.array([0.1, -0.1, 0.15])
         for k in range(1500):
             if k % every == 0:
                 closed.loop.take_pose("base_link", goal, axes)
             closed.go(0.001)
-        gone.append(np.linalg.norm(closed.loop._laws["pose"].pose(closed.arm.q)[0] - begin))
+        gone.append(np.linalg.norm(closed.loop.modes["pose"].law.pose(closed.arm.q)[0] - begin))
     assert gone[0] > 0.15 and gone[1] == pytest.approx(gone[0], rel=0.1)
 
 

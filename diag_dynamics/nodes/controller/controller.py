@@ -357,7 +357,7 @@ class ControllerNode(ManagedNode):
         def callback(message):
             if self.phase != ACTIVE:
                 return
-            _, fault = attempt(take, message)
+            _, fault = attempt(self._take_target, topic, take, message)
             if fault is None:
                 self._record.counts[f"{topic} taken"] += 1
                 self.get_logger().debug(f"{topic} taken")
@@ -367,6 +367,10 @@ class ControllerNode(ManagedNode):
             self.get_logger().warning(f"Refused on {topic}: {fault.reason}", throttle_duration_sec=1.0)
 
         return callback
+
+    def _take_target(self, topic, take, message):
+        self._loop.require(topic)  # before a long message is read
+        take(message)
 
     def _switch(self, mode, *_):
         if self.phase != ACTIVE:
