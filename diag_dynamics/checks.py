@@ -7,7 +7,6 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 
-
 _FLOAT = np.dtype(np.float64)
 
 
