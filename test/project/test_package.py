@@ -151,6 +151,27 @@ def test_ros_only_in_nodes_and_pinocchio_nowhere():
             assert not {name.split(".")[1] for name in found if name.count(".")} & INTERFACES, path
 
 
+def test_imports_are_found_in_this_tree():
+    """What executables, launch files, benchmarks and tests import of ours is here: an older install hides what is missing.
+
+    Programs that tests hold as text count as well.
+    """
+    files = [path for path in (ROOT / "scripts").iterdir() if path.is_file() and path.suffix != ".bash"]
+    files += [
+        path for room in ("diag_dynamics", "launch", "benchmarks", "test") for path in (ROOT / room).rglob("*.py")
+    ]
+    found = re.compile(r"^(?:.*[\"'])?\s*from (diag_dynamics(?:\.\w+)*) import \(?\s*(\w+)", re.M)
+    for path in files:
+        for module, name in found.findall(path.read_text(encoding="utf-8")):
+            if INTERFACES & {*module.split("."), name}:
+                continue
+            place = ROOT.joinpath(*module.split("."))
+            source = next((s for s in (place.with_suffix(".py"), place / "__init__.py") if s.is_file()), None)
+            assert source, f"{path} imports {module}, which is not there"
+            inside = (place / name).is_dir() or (place / f"{name}.py").is_file()
+            assert inside or re.search(rf"\b{name}\b", source.read_text(encoding="utf-8")), f"{path}: {module}.{name}"
+
+
 def test_compiled_code_knows_what_it_is_made_of():
     """Whatever has kernels, and all that it imports of ours, lies where a change makes compiled code stale."""
     from diag_dynamics.compiled import kernel
