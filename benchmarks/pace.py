@@ -32,7 +32,7 @@ IDLE = """
 import sys, time, rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
-from diag_dynamics.nodes.plant.pace import Pace
+from diag_dynamics.simulation.pace import Pace
 rclpy.init()
 node, pace, seconds = rclpy.create_node("idle"), Pace(1.0, 1e-3, 1e-3), float(sys.argv[1])
 now = lambda: node.get_clock().now().nanoseconds * 1e-9

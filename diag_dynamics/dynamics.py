@@ -6,10 +6,10 @@ from contextlib import suppress
 import numpy as np
 
 from diag_dynamics import batch, sweeps
+from diag_dynamics.checks import numbers
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.model.options import numbers
-from diag_dynamics.model.wrenches import link_in_body, wrenches_at, wrenches_on_links
+from diag_dynamics.model.wrenches import wrenches_at, wrenches_on_links
 from diag_dynamics.results import BatchEvaluation, Evaluation, Factors
 
 ROUNDING = 4e-15
@@ -240,7 +240,7 @@ class DiagonalDynamics:
         InputError
             No such link.
         """
-        body, in_body = link_in_body(self.model, link)
+        body, in_body = self.model.placement_in_body(link)
         result = np.zeros((4, 4))
         result[3, 3] = 1.0
         self._checked(sweeps.placement(self._robot, self._positions(q), body, result[:3]))
@@ -435,6 +435,29 @@ class DiagonalDynamics:
             with suppress(SingularMassMatrixError):  # at this one configuration; it is compiled all the same
                 steps[name]()
 
+    def refuse(self, status, workspace, q, **inputs):
+        """Raise what the status of a sweep stands for that failed in another workspace of this robot.
+
+        Parameters
+        ----------
+        status : int
+            Of the sweep, not zero.
+        workspace : Workspace
+            In which it ran.
+        q : ndarray, shape (nq,)
+            Positions at which it failed.
+        **inputs
+            Its vectors by name, shape (nv,) each.
+
+        Raises
+        ------
+        InputError, SingularMassMatrixError
+            Naming joint and value.
+        """
+        self._workspace.work["D"][:] = workspace.work["D"]
+        self._positions(q)
+        self._fail(status, **inputs)
+
     # --- Between Python and the sweeps ---
 
     def _vector(self, name, value, buffer):
@@ -524,7 +547,7 @@ class DiagonalDynamics:
             for name, value in zip(coordinates if argument == "q" else names, values, strict=True):
                 if not np.isfinite(value):
                     raise InputError(f"{argument} of joint '{name}' is {value}, expected a finite number.")
-        for k, orientation in enumerate(self.model._tree.orientations):
+        for k, orientation in enumerate(self.model.orientations):
             quaternion = self._q[k - 3 : k + 1]
             if orientation == 3 and abs(quaternion @ quaternion - 1.0) >= sweeps.UNIT_TOLERANCE:
                 raise InputError(

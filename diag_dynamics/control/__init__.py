@@ -4,7 +4,6 @@ A law takes a state to a :class:`Command`; filters take commands to commands. Pu
 limits, energy limiter, effort saturation, effort rate.
 
 command: what laws and filters hand on. damping, pose, tracking: the laws; law: what they share. energy, limits: the filters.
-arguments: what all of them check.
 """
 
 from diag_dynamics.control.command import Command, PoseError

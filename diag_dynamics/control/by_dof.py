@@ -1,6 +1,6 @@
 """Numbers and orders of a robot's joints from lists of parameters."""
 
-from diag_dynamics.control.arguments import per_dof
+from diag_dynamics.checks import per_name
 from diag_dynamics.entries import ALL, assignments
 from diag_dynamics.exceptions import InputError
 
@@ -24,7 +24,7 @@ def by_dof(parameter, entries, names, default=None):
         raise InputError(f"parameter '{parameter}' has no entry for joint '{missing[0]}', and none for * (all others).")
     rest = [values.get(ALL, number) for number in default] if default is not None else [values.get(ALL)] * len(names)
     numbers = [values.get(name, other) for name, other in zip(names, rest, strict=True)]
-    return per_dof(f"parameter '{parameter}'", numbers, names, "a number > 0", lambda x: x > 0.0)
+    return per_name(f"parameter '{parameter}'", numbers, names, "a number > 0", lambda x: x > 0.0)
 
 
 def effort_limits(entries, model):

@@ -1,6 +1,6 @@
 """Laws without a target: the robot is braked, or only held against gravity."""
 
-from diag_dynamics.control.arguments import per_dof
+from diag_dynamics.checks import per_name
 from diag_dynamics.control.law import Law
 
 
@@ -23,7 +23,7 @@ class RateDamping(Law):
 
     def __init__(self, dynamics, gain):
         super().__init__(dynamics)
-        self.gain = per_dof("gain", gain, dynamics.model.dof_names, "a finite number > 0 [1/s]")
+        self.gain = per_name("gain", gain, dynamics.model.dof_names, "a finite number > 0 [1/s]")
 
     def command(self, q, qd):
         """Command at the positions q [rad, m] and rates qd [rad/s, m/s], each of shape (nv,)."""

@@ -1,6 +1,7 @@
 """A bound on the kinetic energy that a law may put into the robot."""
 
-from diag_dynamics.control.arguments import actuated, positive, vector_of
+from diag_dynamics.checks import positive, vector
+from diag_dynamics.control.law import actuated
 
 
 class EnergyLimiter:
@@ -34,7 +35,7 @@ class EnergyLimiter:
         nu = command.nu
         power = float(nu @ command.epsilon)
         if external is not None:
-            power += float(nu @ vector_of("external", external, self.dynamics.model.dof_names))
+            power += float(nu @ vector("external", external, self.dynamics.model.dof_names))
         return max(0.0, power - self.rate * (self.limit - 0.5 * float(nu @ nu)))
 
     def filter(self, q, command, external=None):

@@ -43,7 +43,7 @@ class Efforts:
     ----------
     dynamics : DiagonalDynamics
     values : dict
-        Values of settings.PARAMETERS.
+        Values of parameters.controller.PARAMETERS.
     compensated : bool
         Whether the robot adds what carries its weight to what it is sent.
 

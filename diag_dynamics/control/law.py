@@ -1,7 +1,32 @@
 """What all laws share: a robot with a motor at every joint, gains, and the way from ε to efforts."""
 
-from diag_dynamics.control.arguments import actuated
+from diag_dynamics.checks import instance
 from diag_dynamics.control.command import Command
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import UnsupportedError
+
+
+def actuated(dynamics):
+    """The dynamics of a robot that has a motor at every degree of freedom, as far as its description tells.
+
+    Raises
+    ------
+    InputError
+        `dynamics` is no DiagonalDynamics.
+    UnsupportedError
+        Nothing drives one of its joints.
+    """
+    model = instance("dynamics", dynamics, DiagonalDynamics).model
+    if model.floating_base:
+        raise UnsupportedError(
+            f"robot '{model.name}' has a floating base, which no motor drives: control needs a fixed base."
+        )
+    for joint in model.joint_names:
+        if joint not in model.dof_names:
+            raise UnsupportedError(
+                f"joint '{joint}' of robot '{model.name}' has several degrees of freedom, which no motor drives; lock it."
+            )
+    return dynamics
 
 
 class Law:

@@ -2,8 +2,10 @@
 
 import numpy as np
 
-from diag_dynamics.control.arguments import actuated, per_dof, positive, robot_model, vector_of
+from diag_dynamics.checks import instance, not_negative, per_name, vector
+from diag_dynamics.control.law import actuated
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.model import RobotModel
 
 HEAVY = 0.9
 """Part of an effort limit that gravity may take before the joint no longer holds the others back."""
@@ -30,8 +32,8 @@ class EffortSaturation:
     """
 
     def __init__(self, model, limit=None):
-        self._names = robot_model(model).dof_names
-        self.limit = per_dof(
+        self._names = instance("model", model, RobotModel).dof_names
+        self.limit = per_name(
             "effort limit",
             model.effort_limit if limit is None else limit,
             self._names,
@@ -90,13 +92,13 @@ class EffortRateLimiter:
     """
 
     def __init__(self, model, rate, start=None):
-        self._names = robot_model(model).dof_names
-        self.rate = per_dof("effort rate", rate, self._names, "a finite number > 0 [N m/s, N/s]")
+        self._names = instance("model", model, RobotModel).dof_names
+        self.rate = per_name("effort rate", rate, self._names, "a finite number > 0 [N m/s, N/s]")
         self.reset(start)
 
     def reset(self, tau=None):
         """Start from the effort `tau` [N m, N], shape (nv,); without it from the next one that is asked for."""
-        self._last = None if tau is None else vector_of("tau", tau, self._names)
+        self._last = None if tau is None else vector("tau", tau, self._names)
 
     def filter(self, tau, dt):
         """Efforts to send, and which joints had to wait.
@@ -113,8 +115,8 @@ class EffortRateLimiter:
         tau : ndarray, shape (nv,)
         limited : tuple of str
         """
-        tau = vector_of("tau", tau, self._names)
-        change = positive("dt", dt, "[s]", zero=True) * self.rate
+        tau = vector("tau", tau, self._names)
+        change = not_negative("dt", dt, "[s]") * self.rate
         limited = ()
         if self._last is not None:
             near = np.clip(tau, self._last - change, self._last + change)
@@ -153,9 +155,9 @@ class PositionRepulsion:
         self.dynamics = actuated(dynamics)
         model = dynamics.model
         names = model.dof_names
-        margin = per_dof("margin", margin, names, "a finite number > 0 [rad, m]")
-        self.stiffness = per_dof("stiffness", stiffness, names, "a finite number > 0 [N m/rad, N/m]")
-        self.damping = per_dof(
+        margin = per_name("margin", margin, names, "a finite number > 0 [rad, m]")
+        self.stiffness = per_name("stiffness", stiffness, names, "a finite number > 0 [N m/rad, N/m]")
+        self.damping = per_name(
             "damping", damping, names, "a finite number >= 0 [N m s/rad, N s/m]", lambda x: np.isfinite(x) and x >= 0.0
         )
         self._margin = np.minimum(margin, 0.5 * (model.upper - model.lower))
@@ -173,7 +175,7 @@ class PositionRepulsion:
         return np.clip(self._way(q), -self._margin, self._margin)
 
     def _way(self, q):
-        q = vector_of("q", q, self.dynamics.model.dof_names)
+        q = vector("q", q, self.dynamics.model.dof_names)
         return np.maximum(q - self._upper, 0.0) + np.minimum(q - self._lower, 0.0)
 
     def potential(self, q):
@@ -183,7 +185,7 @@ class PositionRepulsion:
 
     def effort(self, q, qd):
         """What the springs and their dampers add to the joint efforts [N m, N], shape (nv,)."""
-        d, qd = self.depth(q), vector_of("qd", qd, self.dynamics.model.dof_names)
+        d, qd = self.depth(q), vector("qd", qd, self.dynamics.model.dof_names)
         outward = np.where(d * qd > 0.0, np.abs(d) / self._margin, 0.0)
         return -self.stiffness * d - self.damping * outward * qd
 

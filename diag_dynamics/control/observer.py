@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.control.arguments import per_dof, positive
+from diag_dynamics.checks import choice, instance, number, per_name, positive
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.options import choice
 
 
 class Disturbance(NamedTuple):
@@ -74,11 +73,10 @@ class DisturbanceObserver:
     """
 
     def __init__(self, dynamics, gain, threshold, release=None, *, effort="sampled", friction=False, max_gap=0.1):
-        if not isinstance(dynamics, DiagonalDynamics):
-            raise InputError(f"dynamics is {dynamics!r}, expected a DiagonalDynamics.")
+        instance("dynamics", dynamics, DiagonalDynamics)
         choice("effort", effort, ("sampled", "held"))
         self._names = dynamics.model.dof_names
-        self.gain = per_dof("gain", gain, self._names, "a finite number > 0 [1/s]")
+        self.gain = per_name("gain", gain, self._names, "a finite number > 0 [1/s]")
         self.threshold = _threshold("threshold", threshold)
         self.release = 0.5 * self.threshold if release is None else _threshold("release", release)
         if self.release > self.threshold:
@@ -137,7 +135,7 @@ class DisturbanceObserver:
         InputError
             A vector is wrong, or a time, position or rate not finite; the observer is as it was before.
         """
-        time = _time(time)
+        time = number("time", time, "a finite number [s]")
         missing = self._missing(tau)
         if missing:
             return Disturbance(False, f"no effort of {missing}")
@@ -190,17 +188,6 @@ class DisturbanceObserver:
         if np.shape(unknown) != (len(self._names),) or not unknown.any():
             return ""
         return ", ".join(f"'{name}'" for name, is_unknown in zip(self._names, unknown, strict=True) if is_unknown)
-
-
-def _time(value):
-    """A time as a finite number."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = np.nan
-    if not np.isfinite(number):
-        raise InputError(f"time is {value!r}, expected a finite number [s].")
-    return number
 
 
 def _threshold(name, value):

@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 
-from diag_dynamics.control.arguments import per_dof, positive
+from diag_dynamics.checks import numbers, per_name, positive
 from diag_dynamics.control.command import PoseError
 from diag_dynamics.control.law import Law
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.options import numbers
 
 ORTHOGONAL = 1e-6
 """How far RᵀR of a desired orientation may be from the identity, and a quaternion's length from 1."""
@@ -49,8 +48,8 @@ class PoseRegulation(Law):
         if link not in dynamics.model.link_names:
             raise InputError(f"'{link}' is not a link of robot '{dynamics.model.name}'.")
         self.link = link
-        self.damping = per_dof("damping", damping, dynamics.model.dof_names, "a finite number > 0 [1/s]")
-        self.position_stiffness = per_dof("position_stiffness", position_stiffness, "xyz", "a finite number > 0 [N/m]")
+        self.damping = per_name("damping", damping, dynamics.model.dof_names, "a finite number > 0 [1/s]")
+        self.position_stiffness = per_name("position_stiffness", position_stiffness, "xyz", "a finite number > 0 [N/m]")
         self.orientation_stiffness = positive("orientation_stiffness", orientation_stiffness, "[N m/rad]")
         self.point = numbers("point", point, (3,), "three finite numbers [m]")
         self._position = self._axes = None

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from diag_dynamics.control.arguments import per_dof, vector_of
+from diag_dynamics.checks import per_name, vector
 from diag_dynamics.control.command import Command
 from diag_dynamics.control.law import Law
 
@@ -36,9 +36,9 @@ class JointTracking(Law):
     def __init__(self, dynamics, gain, convergence, closing=np.inf):
         super().__init__(dynamics)
         model = dynamics.model
-        self.gain = per_dof("gain", gain, model.dof_names, "a finite number > 0 [1/s]")
-        self.convergence = per_dof("convergence", convergence, model.dof_names, "a finite number > 0 [1/s]")
-        self.closing = per_dof("closing", closing, model.dof_names, "a number > 0 [rad/s, m/s]", lambda x: x > 0.0)
+        self.gain = per_name("gain", gain, model.dof_names, "a finite number > 0 [1/s]")
+        self.convergence = per_name("convergence", convergence, model.dof_names, "a finite number > 0 [1/s]")
+        self.closing = per_name("closing", closing, model.dof_names, "a number > 0 [rad/s, m/s]", lambda x: x > 0.0)
         self._turns = np.array([name in model.continuous_joints for name in model.dof_names])
         self._any_turns = bool(self._turns.any())
         self._rest = np.zeros(model.nv)
@@ -66,12 +66,12 @@ class JointTracking(Law):
             A vector has another shape or is not finite; the joint is named.
         """
         dynamics, names = self.dynamics, self.dynamics.model.dof_names
-        q, qd = vector_of("q", q, names), vector_of("qd", qd, names)
-        error = vector_of("desired_q", desired_q, names) - q
+        q, qd = vector("q", q, names), vector("qd", qd, names)
+        error = vector("desired_q", desired_q, names) - q
         if self._any_turns:
             error[self._turns] = np.remainder(error[self._turns] + np.pi, 2.0 * np.pi) - np.pi
-        qd_d = self._rest if desired_qd is None else vector_of("desired_qd", desired_qd, names)
-        qdd_d = self._rest if desired_qdd is None else vector_of("desired_qdd", desired_qdd, names)
+        qd_d = self._rest if desired_qd is None else vector("desired_qd", desired_qd, names)
+        qdd_d = self._rest if desired_qdd is None else vector("desired_qdd", desired_qdd, names)
         wanted = self.convergence * error
         back = np.clip(wanted, -self.closing, self.closing)
         qd_r = qd_d + back

@@ -1,12 +1,11 @@
 """Joint trajectories, interpolated as ros2_control's joint trajectory controller does."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from diag_dynamics.control.references import Desired, at_rest, nearest
 from diag_dynamics.exceptions import InputError
-
-MOST_POINTS = 2000
-"""Points that one trajectory may have."""
 
 ABSURD = 1e8
 """Largest number that a point may hold: with greater ones polynomials overflow."""
@@ -18,8 +17,29 @@ COAST = 0.3
 """How far what is left of the robot's motion may carry it off its way to the first point [rad, m]."""
 
 
+class Waypoints(NamedTuple):
+    """Points of a trajectory, joints in the robot's order; at least one.
+
+    Attributes
+    ----------
+    times : ndarray, shape (points,)
+        From the start [s], increasing.
+    positions, velocities, accelerations : ndarray, shape (points, nv)
+        [rad, m], [rad/s, m/s], [rad/s², m/s²]; the latter two are zero at points without.
+    with_velocity, with_acceleration : ndarray of bool, shape (points,)
+        Which points have them.
+    """
+
+    times: np.ndarray
+    positions: np.ndarray
+    velocities: np.ndarray
+    accelerations: np.ndarray
+    with_velocity: np.ndarray
+    with_acceleration: np.ndarray
+
+
 class Trajectory:
-    """A trajectory_msgs/JointTrajectory for the joints of a robot.
+    """A trajectory for the joints of a robot.
 
     Between two points that both have accelerations the positions are a quintic of time, where both have velocities a
     cubic, else linear. What comes before the first point starts where the robot is when the trajectory begins; after the last
@@ -28,43 +48,35 @@ class Trajectory:
 
     Parameters
     ----------
-    message : trajectory_msgs.msg.JointTrajectory
+    waypoints : Waypoints
     names : sequence of str
-        Joints of the robot, in its order; all of them have to be in the trajectory, in any order.
+        Joints of the robot, in its order.
     continuous : sequence of str
         Those of them that turn round.
+    stamp : int
+        When it starts [ns]; 0: with the first state.
 
     Attributes
     ----------
     positions : ndarray, shape (points, nv)
-        Of the points [rad, m], in the robot's order.
+        Of the points [rad, m].
     stamp : int
-        When it starts [ns]; 0: with the first state.
 
     Raises
     ------
     InputError
-        A joint is missing, unknown or listed twice; a point has no positions, another length or a number that is not
-        finite; times do not increase; efforts are given; or the robot would have to rest while it moves.
+        Times do not increase, a number is not finite or absurd, or the robot would have to rest while it moves.
     """
 
-    def __init__(self, message, names, continuous=()):
-        order = _order(message.joint_names, names)
-        if not message.points:
-            raise InputError(
-                "trajectory.points is empty: there is nothing to follow. To rest where the robot is, choose the mode anew."
-            )
-        if len(message.points) > MOST_POINTS:
-            raise InputError(f"trajectory.points has {len(message.points)} entries, expected at most {MOST_POINTS}.")
-        self.stamp = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
-        if message.header.stamp.sec < 0 or message.header.stamp.nanosec >= 1_000_000_000:
-            raise InputError("trajectory.header.stamp is no time.")
-        self._turns = np.array([name in continuous for name in names])
-        self._times = _times(message.points)
-        _require_no_effort(message.points)
-        fields = [_field(message.points, name, names, order) for name in ("positions", "velocities", "accelerations")]
-        (self.positions, _), self._velocities, self._accelerations = fields
-        _require_rest(*(field[-1] for field in self._velocities), names)
+    def __init__(self, waypoints, names, continuous=(), stamp=0):
+        self.stamp, self._turns = stamp, np.array([name in continuous for name in names])
+        self._times, self.positions = waypoints.times, waypoints.positions
+        _require_order(self._times)
+        for field in ("positions", "velocities", "accelerations"):
+            _require_sane(field, getattr(waypoints, field), names)
+        self._velocities = waypoints.velocities, waypoints.with_velocity
+        self._accelerations = waypoints.accelerations, waypoints.with_acceleration
+        _require_rest(waypoints.velocities[-1], names)
         self._stretches = self._between_points()
         self._start = None
 
@@ -130,21 +142,8 @@ class Trajectory:
         )
 
 
-def _order(listed, names):
-    for k, name in enumerate(listed):
-        if name not in names:
-            raise InputError(f"trajectory.joint_names has '{name}', which is no joint to control: {', '.join(names)}.")
-        if name in listed[:k]:
-            raise InputError(f"trajectory.joint_names has '{name}' twice.")
-    for name in names:
-        if name not in listed:
-            raise InputError(f"trajectory.joint_names lacks joint '{name}'.")
-    return [list(listed).index(name) for name in names]
-
-
-def _times(points):
-    """Times of the points from the start [s], shape (points,)."""
-    times = np.array([point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points])
+def _require_order(times):
+    """Refuse times [s] that do not increase, or begin before the start."""
     if times[0] < 0.0:
         raise InputError(f"trajectory.points[0].time_from_start is {times[0]:g} s, expected no less than 0.")
     backward = np.flatnonzero(np.diff(times) <= 0.0)
@@ -154,44 +153,21 @@ def _times(points):
             f"trajectory.points[{k + 1}].time_from_start is {times[k + 1]:g} s, expected more than the {times[k]:g} s of the "
             "point before."
         )
-    return times
 
 
-def _require_no_effort(points):
-    for k, point in enumerate(points):
-        if len(point.effort):
-            raise InputError(f"trajectory.points[{k}].effort is given, expected none: the law finds the efforts.")
-
-
-def _field(points, name, names, order):
-    """What the points say in one field, in the robot's order, shape (points, nv), and which of them say it.
-
-    All points at once: a long trajectory must not hold up the loop.
-    """
-    values, width = [getattr(point, name) for point in points], len(names)
-    lengths = np.array([len(one) for one in values])
-    given = lengths > 0
-    if name == "positions" and not given.all():
-        k = int(np.argmin(given))
-        raise InputError(f"trajectory.points[{k}].positions is empty, expected {width} entries.")
-    wrong = given & (lengths != width)
-    if wrong.any():
-        k = int(np.argmax(wrong))
-        raise InputError(f"trajectory.points[{k}].{name} has {lengths[k]} entries, expected {width}.")
-    table = np.zeros((len(points), width))
-    table[given] = np.frombuffer(b"".join(values)).reshape(-1, width)[:, order]
+def _require_sane(field, table, names):
+    """Refuse numbers that are not finite, or absurd."""
     strange = np.argwhere(~(np.abs(table) <= ABSURD))
     if strange.size:
         k, joint = strange[0]
         raise InputError(
-            f"trajectory.points[{k}].{name} of joint '{names[joint]}' is {table[k, joint]}, expected a finite number "
+            f"trajectory.points[{k}].{field} of joint '{names[joint]}' is {table[k, joint]}, expected a finite number "
             f"of no more than {ABSURD:g}."
         )
-    return table, given
 
 
-def _require_rest(velocity, given, names):
-    if given and velocity.any():
+def _require_rest(velocity, names):
+    if velocity.any():
         joint = int(np.flatnonzero(velocity)[0])
         raise InputError(
             f"velocity of joint '{names[joint]}' at the last point of the trajectory is {velocity[joint]:g}, expected "

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from diag_dynamics.checks import numbers
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.options import numbers
 from diag_dynamics.sweeps.spatial import rotation_of_quaternion
 
 

@@ -16,7 +16,7 @@ def massless_freedoms(model):
     smallest, massless = np.full(model.nv, np.inf), np.ones(model.nv, dtype=bool)
     for spread in (0.0, 1.0, 1.0, 1.0):
         q = model.neutral
-        turning = np.array([orientation < 0 for orientation in model._tree.orientations], dtype=bool)
+        turning = np.array([orientation < 0 for orientation in model.orientations], dtype=bool)
         q[turning] += spread * rng.uniform(-1.0, 1.0, turning.sum())
         D, magnitude = np.zeros(model.nv), np.zeros(model.nv)
         sweeps.joint_inertias(own.robot, q, D, magnitude)
@@ -25,22 +25,22 @@ def massless_freedoms(model):
     return np.flatnonzero(massless), smallest
 
 
-def _joints_of_dofs(model):
+def _joints_of_dofs(tree):
     """The joint of each degree of freedom."""
-    return [joint for joint in model._tree.joints for _ in joint.dof_names]
+    return [joint for joint in tree.joints for _ in joint.dof_names]
 
 
 MOST_LISTED = 50
 """Largest number of joints that a message lists."""
 
 
-def refuse_massless(model, found):
+def refuse_massless(model, tree, found):
     """Raise, naming all joints that move no inertia, and their cures."""
     massless, smallest = found
     if not len(massless):
         return
-    joints = _joints_of_dofs(model)
-    heavy = model._tree.joints_with_inertia()
+    joints = _joints_of_dofs(tree)
+    heavy = tree.joints_with_inertia()
     lines = []
     for k in massless[:MOST_LISTED]:
         joint = joints[k]
@@ -64,9 +64,9 @@ def refuse_massless(model, found):
     )
 
 
-def positions_to_hold(model, found):
+def positions_to_hold(model, tree, found):
     """Positions at which joints that move no inertia are locked: zero, or their limit next to it."""
-    joints, at = _joints_of_dofs(model), {name: k for k, name in enumerate(model.coordinate_names)}
+    joints, at = _joints_of_dofs(tree), {name: k for k, name in enumerate(model.coordinate_names)}
     held = {}
     for k in found[0]:
         if joints[k].is_single:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from diag_dynamics.checks import mapping, not_negative, numbers
 from diag_dynamics.exceptions import InertiaWarning, InputError
 
 SINGLE = ("revolute", "continuous", "prismatic")
@@ -63,52 +64,14 @@ class Options(NamedTuple):
     friction_velocity: float = FRICTION_VELOCITY
 
 
-def choice(name, value, choices):
-    """Refuse a value that is none of the choices."""
-    if value not in choices:
-        raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(repr, choices))}.")
-
-
-def bound(name, value):
-    """A largest number accepted."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-        raise InputError(f"{name} is {value!r}, expected a whole number >= 1.")
-    return int(value)
-
-
 def gravity_vector(value):
     """Acceleration of gravity as a new array."""
     return numbers("gravity", value, (3,), "three finite numbers [m/s²]", LARGEST_GRAVITY)
 
 
-def numbers(name, value, shape, expected, most=np.inf):
-    """`value` as a new float array, or an error that says what was expected; no entry is beyond ±`most`."""
-    try:
-        array = np.array(value)
-        array = array.astype(float) if array.dtype.kind in "fiu" else np.array(np.nan)
-    except (TypeError, ValueError):
-        array = np.array(np.nan)
-    if array.shape != shape or not np.isfinite(array).all():
-        raise InputError(f"{name} is {value!r}, expected {expected}.")
-    if array.size and np.abs(array).max() > most:
-        raise InputError(f"{name} is {value!r}, expected {expected}, none beyond ±{most:g}.")
-    return array
-
-
-def mapping(name, value):
-    """The value, if it is a dict."""
-    if not isinstance(value, Mapping):
-        raise InputError(f"{name} is {value!r}, expected a dict by name.")
-    return value
-
-
 def friction_velocity_of(value):
     """Rate that friction turns round within, checked."""
-    expected = "a finite number >= 0 [rad/s, m/s]"
-    number = float(numbers("friction_velocity", value, (), expected))
-    if number < 0.0:
-        raise InputError(f"friction_velocity is {value!r}, expected {expected}.")
-    return number
+    return not_negative("friction_velocity", value, "[rad/s, m/s]")
 
 
 def armature_by_joint(value, robot):

@@ -4,7 +4,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.mimic import coupled_groups
-from diag_dynamics.sweeps import BODY, LINK
+from diag_dynamics.sweeps import BODY, FLOATING, LINK, PLANAR, PRISMATIC, REVOLUTE
 from diag_dynamics.sweeps.spatial import ANGULAR_X, ANGULAR_Y, ANGULAR_Z, LINEAR_X, LINEAR_Y, LINEAR_Z
 
 _LINEAR = (("v_x", LINEAR_X), ("v_y", LINEAR_Y), ("v_z", LINEAR_Z))
@@ -25,6 +25,18 @@ COORDINATES = {
     "planar": ("x", "y", "theta"),
     "floating": ("x", "y", "z", "qx", "qy", "qz", "qw"),
 }
+
+KINDS = {
+    "revolute": REVOLUTE,
+    "continuous": REVOLUTE,
+    "prismatic": PRISMATIC,
+    "planar": PLANAR,
+    "floating": FLOATING,
+}
+"""What sweeps call a joint of each type."""
+
+QUATERNION = ("qx", "qy", "qz", "qw")
+"""Suffixes of coordinates that are together an orientation."""
 
 _UPPER = np.triu_indices(3)
 
@@ -209,7 +221,8 @@ class Tree:
         for rank, direction in enumerate(directions):
             body, own = np.zeros((), BODY), len(self._records)
             body["parent"], body["direction"] = parent, direction
-            body["dofs"], body["rank"], body["q"] = len(directions), rank, self._coordinates
+            body["kind"], body["dofs"], body["rank"] = KINDS[freedom.kind], len(directions), rank
+            body["q"] = self._coordinates
             body["dof"], body["owner"], body["multiplier"] = self._dofs + rank, own, 1.0
             body["first"], body["last"], body["start"] = first, first + len(directions) - 1, self._dofs
             body["link"] = self._order[freedom.joint.child if freedom.joint else self.root]
@@ -237,9 +250,9 @@ class Tree:
     def orientations(self):
         """For each position coordinate, which component of a quaternion it is (x y z w: 0 to 3), or -1."""
         return tuple(
-            max(k - 3, -1) if joint.kind == "floating" else -1
+            QUATERNION.index(suffix) if suffix in QUATERNION else -1
             for joint in self.joints
-            for k in range(len(COORDINATES[joint.kind]))
+            for suffix in COORDINATES[joint.kind]
         )
 
     def of_type(self, kind):

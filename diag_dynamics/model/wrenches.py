@@ -3,8 +3,8 @@
 import numpy as np
 
 from diag_dynamics import sweeps
+from diag_dynamics.checks import choice, mapping, numbers
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.options import choice, mapping, numbers
 
 
 def wrenches_on_links(model, f_ext, frame):
@@ -50,23 +50,9 @@ def wrenches_at(model, link, wrenches, point, frame):
     """
     choice("frame", frame, ("link", "world"))
     point = numbers("point", point, (3,), "three finite numbers [m]")
-    body, placement = link_in_body(model, link)
+    body, placement = model.placement_in_body(link)
     turn = np.eye(3) if frame == "world" else placement[:3, :3]
     records = np.zeros(len(wrenches), sweeps.WRENCH)
     records["body"], records["point"] = body, placement[:3, 3] + placement[:3, :3] @ point
     records["force"], records["moment"] = wrenches[:, :3] @ turn.T, wrenches[:, 3:] @ turn.T
     return records
-
-
-def link_in_body(model, link):
-    """Which body a link belongs to, and its placement (4x4) in that body's frame.
-
-    Raises
-    ------
-    InputError
-        No such link.
-    """
-    if link not in model.link_names:
-        raise InputError(f"'{link}' is not a link of robot '{model.name}'.")
-    _, body, placement = model._tree.links[model.link_names.index(link)]
-    return body, placement

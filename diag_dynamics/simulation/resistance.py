@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from diag_dynamics.checks import array_of, numbers
 from diag_dynamics.exceptions import InputError
 
 
@@ -24,30 +25,12 @@ class CompliantLimits(NamedTuple):
     damping: object = 0.0
 
 
-def vector(name, value, length):
-    """`value` as a new vector of finite numbers."""
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        array = np.array(np.nan)
-    if array.shape != (length,) or not np.isfinite(array).all():
-        raise InputError(f"{name} is {value!r}, expected {length} finite numbers.")
-    return array
-
-
 def resistance(name, value, length):
     """`value` as a new vector of finite numbers that are not negative."""
-    array = vector(name, value, length)
+    array = numbers(name, value, (length,), f"{length} finite numbers")
     if (array < 0.0).any():
         raise InputError(f"{name} is {array.tolist()}, expected {length} finite numbers >= 0.")
     return array
-
-
-def positive(name, value):
-    """`value` as a finite number greater than zero, of seconds."""
-    if isinstance(value, bool) or not (isinstance(value, (int, float)) and np.isfinite(value) and value > 0.0):
-        raise InputError(f"{name} is {value!r} s, expected a finite number > 0.")
-    return float(value)
 
 
 def limits_of(value, model):
@@ -58,18 +41,17 @@ def limits_of(value, model):
         return bounds if value else unlimited, np.full(nv, np.inf), np.zeros(nv)
     if not isinstance(value, CompliantLimits):
         raise InputError(f"limits is {value!r}, expected True, False or CompliantLimits(stiffness, damping).")
-    numbers = []
+    checked = []
     for name, given in zip(("stiffness", "damping"), value, strict=True):
-        try:
-            array = np.broadcast_to(np.asarray(given, dtype=float), (nv,)).copy()
-        except (TypeError, ValueError):
-            array = np.full(1, np.nan)
+        array = array_of(given)
+        fits = array is not None and array.shape in ((), (1,), (nv,))
+        array = np.array(np.broadcast_to(array if fits else np.nan, (nv,)))
         wrong = array <= 0.0 if name == "stiffness" else (array < 0.0) | np.isinf(array)
         if np.isnan(array).any() or wrong.any():
             expected = "greater than zero" if name == "stiffness" else ">= 0 and finite"
             raise InputError(f"{name} of limits is {given!r}, expected a number or {nv} numbers, {expected}.")
-        numbers.append(array)
-    return bounds, *numbers
+        checked.append(array)
+    return bounds, *checked
 
 
 def effort_limits_of(value, model):
@@ -81,10 +63,7 @@ def effort_limits_of(value, model):
     if isinstance(value, (bool, np.bool_)):
         own = np.where(model.effort_limit > 0.0, model.effort_limit, np.inf)
         return own if value else np.full(model.nv, np.inf)
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        array = np.array(np.nan)
-    if array.shape != (model.nv,) or not (array >= 0.0).all():
+    array = array_of(value)
+    if array is None or array.shape != (model.nv,) or not (array >= 0.0).all():
         raise InputError(f"effort_limits is {value!r}, expected True, False or {model.nv} numbers >= 0, inf for none.")
     return array

@@ -3,6 +3,7 @@
 import numpy as np
 
 from diag_dynamics import sweeps
+from diag_dynamics.checks import number, numbers
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
@@ -23,7 +24,7 @@ from diag_dynamics.simulation.layout import (
     WORKS,
     WRENCH_WORK,
 )
-from diag_dynamics.simulation.resistance import effort_limits_of, limits_of, positive, resistance, vector
+from diag_dynamics.simulation.resistance import effort_limits_of, limits_of, resistance
 from diag_dynamics.simulation.states import potential_energy, rest_position, with_unit_quaternions
 
 
@@ -72,7 +73,7 @@ class Simulation:
         effort_limits=True,
     ):
         self._use(model)
-        self.step_size = positive("step", step)
+        self.step_size = number("step", step, "a finite number > 0", lambda x: x > 0.0, unit=" s")
         if order not in (1, 4):
             raise InputError(f"order is {order!r}, expected 4 or 1.")
         self._order = int(order)
@@ -250,7 +251,9 @@ class Simulation:
             The robot has arrived where its mass matrix is singular. Either way the state is the last good one.
         """
         model = self.model
-        wanted = self._no_effort if tau is None else vector("tau", tau, model.nv)
+        wanted = self._no_effort
+        if tau is not None:
+            wanted = numbers("tau", tau, (model.nv,), f"{model.nv} finite numbers")
         if not (isinstance(steps, (int, np.integer)) and 0 <= steps < 2**63):
             raise InputError(f"steps is {steps!r}, expected a whole number >= 0 and below 2**63.")
         wrenches = self._no_wrenches
@@ -279,9 +282,7 @@ class Simulation:
         )
         self._effort, self._wanted = effort, wanted
         if status:
-            self.dynamics._workspace.work["D"][:] = self._workspace.work["D"]
-            self.dynamics._positions(self._q)
-            self.dynamics._fail(status, nu=self._nu)
+            self.dynamics.refuse(status, self._workspace, self._q, nu=self._nu)
 
     def evaluate(self, tau=None, f_ext=None, *, frame="link") -> Evaluation:
         """Everything of the diagonalized equations at the present state, as :meth:`DiagonalDynamics.evaluate`."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from diag_dynamics import sweeps
-from diag_dynamics.simulation.resistance import vector
+from diag_dynamics.checks import numbers
 
 
 def rest_position(model):
@@ -16,14 +16,15 @@ def rest_position(model):
 def potential_energy(model, q):
     """Energy of the robot in the field of gravity at q [J]: −g·Σ m_i c_i in the world's axes, q of shape (nq,)."""
     own, moment = sweeps.Workspace(model.bodies, model.gravity), np.zeros(3)
-    sweeps.first_moment(own.robot, vector("q", q, model.nq), moment)
+    q = numbers("q", q, (model.nq,), f"{model.nq} finite numbers")
+    sweeps.first_moment(own.robot, q, moment)
     return -float(model.gravity @ moment)
 
 
 def with_unit_quaternions(model, q):
     """Copy of q with quaternions scaled to unit length."""
     q = np.array(q, dtype=float)
-    for k, component in enumerate(model._tree.orientations):
+    for k, component in enumerate(model.orientations):
         if component == 3:
             q[k - 3 : k + 1] /= np.linalg.norm(q[k - 3 : k + 1])
     return q

@@ -24,7 +24,18 @@ derivatives, kinematics: the sweeps; many: evaluation of many states. motions: p
 that are held.
 """
 
-from diag_dynamics.sweeps.bodies import BODY, LINK, WORK, WRENCH, WRENCHES, links_at
+from diag_dynamics.sweeps.bodies import (
+    BODY,
+    FLOATING,
+    LINK,
+    PLANAR,
+    PRISMATIC,
+    REVOLUTE,
+    WORK,
+    WRENCH,
+    WRENCHES,
+    links_at,
+)
 from diag_dynamics.sweeps.classical import (
     accelerations_with_added_inertia,
     effort_of_wrenches,
@@ -60,7 +71,7 @@ from diag_dynamics.sweeps.factorization import (
 )
 from diag_dynamics.sweeps.factors import factors
 from diag_dynamics.sweeps.groups import owns
-from diag_dynamics.sweeps.joints import FLOATING, PLANAR, SINGULAR, UNIT_TOLERANCE
+from diag_dynamics.sweeps.joints import SINGULAR, UNIT_TOLERANCE
 from diag_dynamics.sweeps.kinematics import placement
 from diag_dynamics.sweeps.many import evaluate_many
 from diag_dynamics.sweeps.motions import chart_rates, displace, hold
@@ -99,7 +110,9 @@ __all__ = [
     "NU",
     "PLANAR",
     "POSITIONS",
+    "PRISMATIC",
     "RATES",
+    "REVOLUTE",
     "ROWS",
     "SINGULAR",
     "UNIT_TOLERANCE",

@@ -8,10 +8,17 @@ from diag_dynamics.compiled.kernel import kernel
 from diag_dynamics.compiled.lanes import array_at
 from diag_dynamics.sweeps.spatial import Force, Inertia, Motion, Placement, add, add_force
 
+REVOLUTE, PRISMATIC, PLANAR, FLOATING = range(4)
+"""Kinds of joints: which one a body belongs to. Several may have as many degrees of freedom, so that number does not say."""
+
+POSITIONS_OF = {REVOLUTE: 1, PRISMATIC: 1, PLANAR: 3, FLOATING: 7}
+"""Position coordinates of a joint of each kind."""
+
 BODY = np.dtype(
     [
         ("parent", "i8"),  # body that carries this one; 0 is the world
         ("direction", "i8"),  # of its degree of freedom: LINEAR_X … ANGULAR_Z
+        ("kind", "i8"),  # of its joint: REVOLUTE … FLOATING
         ("dofs", "i8"),  # degrees of freedom of its joint
         ("rank", "i8"),  # number of this degree of freedom within its joint, from 0
         ("q", "i8"),  # first position coordinate of its joint, or of the leader that it follows

@@ -9,6 +9,10 @@ from diag_dynamics.compiled.kernel import INLINED, kernel, large_kernel
 from diag_dynamics.compiled.lanes import WIDTH, numbers_of, side_by_side
 from diag_dynamics.compiled.trigonometry import sine_and_cosine
 from diag_dynamics.sweeps.bodies import (
+    FLOATING,
+    PLANAR,
+    PRISMATIC,
+    REVOLUTE,
     add_to_inertia,
     matrix_of,
     motion_of,
@@ -21,7 +25,6 @@ from diag_dynamics.sweeps.bodies import (
 from diag_dynamics.sweeps.inertias import start_own
 from diag_dynamics.sweeps.spatial import (
     ANGULAR_X,
-    ANGULAR_Z,
     ZERO,
     Motion,
     Placement,
@@ -44,9 +47,6 @@ from diag_dynamics.sweeps.spatial import (
     scale_force,
     turned_about_z,
 )
-
-PLANAR, FLOATING = 3, 6
-"""Degrees of freedom of the joints that have several; they name the joint."""
 
 UNIT_TOLERANCE = 1e-3
 """Largest distance from 1 of a quaternion's squared length that is accepted; the quaternion is then normalized."""
@@ -113,7 +113,7 @@ def place(body, q, w):
 
     After :func:`turn`.
     """
-    if body.dofs == 1 and body.direction == ANGULAR_Z:
+    if body.kind == REVOLUTE:
         rotation = turned_about_z(matrix_of(body.rotation), w.sine, w.cosine)
         set_placement(w, Placement(rotation, vector_of(body.translation)))
     else:
@@ -125,11 +125,11 @@ def place(body, q, w):
 def _place_rarer(body, q, w):
     """Place a body as :func:`place`, at any joint that is not revolute."""
     rotation, translation = matrix_of(body.rotation), vector_of(body.translation)
-    if body.dofs == 1:
+    if body.kind == PRISMATIC:
         translation = add(translation, apply(rotation, (0.0, 0.0, _position(body, q))))
     elif body.rank == 0:
         k = body.q
-        if body.dofs == PLANAR:
+        if body.kind == PLANAR:
             translation = add(translation, apply(rotation, (q[k], q[k + 1], 0.0)))
             rotation = turned_about_z(rotation, w.sine, w.cosine)
         else:
@@ -172,11 +172,17 @@ def are_positions(bodies, q):
 
 
 @kernel
+def quaternion_at(body):
+    """Index of the first of four position coordinates that are the quaternion of a body's joint; -1 if it has none."""
+    return body.q + 3 if body.kind == FLOATING else -1
+
+
+@kernel
 def are_orientations(bodies, q):
     """Whether orientations are near unit length."""
     for i in range(1, len(bodies)):
-        if bodies[i].dofs == FLOATING and bodies[i].rank == 0:
-            k = bodies[i].q + 3
+        k = quaternion_at(bodies[i])
+        if k >= 0 and bodies[i].rank == 0:
             length = q[k] * q[k] + q[k + 1] * q[k + 1] + q[k + 2] * q[k + 2] + q[k + 3] * q[k + 3]
             if not abs(length - 1.0) < UNIT_TOLERANCE:
                 return False

@@ -7,8 +7,8 @@ each: q = q₀ exp(u) in the axes of the moving body. Of a joint of one degree o
 import math
 
 from diag_dynamics.compiled.kernel import kernel, large_kernel
+from diag_dynamics.sweeps.bodies import FLOATING
 from diag_dynamics.sweeps.groups import owns
-from diag_dynamics.sweeps.joints import FLOATING
 from diag_dynamics.sweeps.spatial import (
     Motion,
     add,
@@ -29,7 +29,7 @@ HELD = 1e150
 def _twist(body, x):
     """Twist of a joint of several degrees of freedom from the entries of x that are its own."""
     k = body.dof
-    if body.dofs == FLOATING:
+    if body.kind == FLOATING:
         return Motion((x[k], x[k + 1], x[k + 2]), (x[k + 3], x[k + 4], x[k + 5]))
     return Motion((x[k], x[k + 1], 0.0), (0.0, 0.0, x[k + 2]))
 
@@ -60,7 +60,7 @@ def displace(bodies, start, u, q):
         elif body.rank == 0:
             U = _twist(body, u)
             moved = screw_translation(U)
-            if body.dofs == FLOATING:
+            if body.kind == FLOATING:
                 turn = (start[k + 3], start[k + 4], start[k + 5], start[k + 6])
                 R = rotation_of_quaternion(turn[0], turn[1], turn[2], turn[3])
                 x, y, z, w = quaternion_product(turn, rotation_quaternion(U.angular))

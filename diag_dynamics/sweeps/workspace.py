@@ -7,7 +7,7 @@ import numpy as np
 
 from diag_dynamics.compiled.kernel import kernel
 from diag_dynamics.compiled.lanes import EIGHT, WIDTH, array_at, record_of_lanes
-from diag_dynamics.sweeps.bodies import BODY, WORK
+from diag_dynamics.sweeps.bodies import BODY, POSITIONS_OF, WORK
 
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
 """Rows of what state.evaluate fills."""
@@ -18,9 +18,6 @@ POSITIONS, RATES, ROWS = range(9, 12)
 
 MISFIT = -2
 """Status of a sweep: a vector has not the robot's length."""
-
-POSITIONS_OF = {1: 1, 3: 3, 6: 7}
-"""Position coordinates of a joint of so many degrees of freedom."""
 
 
 class Workspace:
@@ -52,7 +49,7 @@ class Workspace:
         self.work, self.table = aligned(len(bodies), WORK), np.zeros((2, int(own.sum()), int(widest)))
         for k, block in enumerate(_rigid_blocks(self.bodies)):
             self.work["rigid"][:, k::4] = block.reshape(-1, 9)
-        nq = max((int(body["q"]) + POSITIONS_OF[int(body["dofs"])] for body in moving), default=0)
+        nq = max((int(body["q"]) + POSITIONS_OF[int(body["kind"])] for body in moving), default=0)
         arrays = (self.bodies, self.gravity, self.work, self.table)
         self.spans = _spans(self.bodies, int(own.sum()))
         self.columns = np.zeros((2 * (6 + int(widest)) + 1, int(own.sum()) + WIDTH))

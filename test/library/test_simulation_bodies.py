@@ -22,7 +22,7 @@ def start(model, seed, speed=1.0):
     """A state off every symmetry."""
     rng = np.random.default_rng(seed)
     q = model.neutral + 0.4 * rng.uniform(-1, 1, model.nq)
-    for k, component in enumerate(model._tree.orientations):
+    for k, component in enumerate(model.orientations):
         if component == 3:
             q[k - 3 : k + 1] /= np.linalg.norm(q[k - 3 : k + 1])
     return q, speed * rng.normal(size=model.nv)
@@ -95,7 +95,7 @@ def test_converges_with_its_order(motion, order):
     slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert slope > 0.9 * order, (slope, errors)
     assert errors[-1] < {4: 1e-5, 1: 0.5}[order], errors
-    lengths = [np.linalg.norm(sim.q[k - 3 : k + 1]) for k, c in enumerate(model._tree.orientations) if c == 3]
+    lengths = [np.linalg.norm(sim.q[k - 3 : k + 1]) for k, c in enumerate(model.orientations) if c == 3]
     np.testing.assert_allclose(lengths, 1.0, atol=4e-16)
 
 

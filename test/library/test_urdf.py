@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
+from diag_dynamics.sweeps.bodies import FLOATING, PLANAR, POSITIONS_OF, PRISMATIC, REVOLUTE
 from robots import description, joint, link, robot_path
 
 BOX = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0.0, 0.0, 0.2, 0.0, 0.3)}
@@ -252,6 +253,22 @@ def test_mimic_is_embedded_unless_free_or_locked():
     assert model.coupled_groups == (("shoulder", "follower"),)
     assert dd.load_urdf(urdf, mimic="free").dof_names == ("shoulder", "follower")
     assert dd.load_urdf(urdf, mimic="lock").locked_joints == {"follower": 0.0}
+
+
+def test_bodies_carry_the_kind_of_their_joint():
+    """Each body of a joint says which joint it is: neither their number nor their directions do."""
+    kinds = {
+        "revolute": REVOLUTE,
+        "continuous": REVOLUTE,
+        "prismatic": PRISMATIC,
+        "planar": PLANAR,
+        "floating": FLOATING,
+    }
+    for first, kind in kinds.items():
+        model = dd.load_urdf(arm(first=first))
+        assert (model.bodies["kind"][1:] == kind).all() and model.nq == POSITIONS_OF[kind]
+        assert (model.bodies["dofs"][1:] == model.nv).all()
+        assert sum(component >= 0 for component in model.orientations) == 4 * (kind == FLOATING)
 
 
 def test_positions_of_one_name_are_refused():

@@ -49,7 +49,7 @@ def test_a_push_is_seen_and_its_energy_bounded(tmp_path):
         assert [path.name for path in tmp_path.iterdir()] == ["there.png"]
 
 
-FEATHER = "from diag_dynamics.nodes import demo_control as d; d.FORCE = 0.5; import sys; sys.exit(d.main([]))"
+FEATHER = "from diag_dynamics.nodes.demos import demo_control as d; d.FORCE = 0.5; import sys; sys.exit(d.main([]))"
 
 
 def test_a_push_that_nobody_notices(tmp_path):

@@ -318,8 +318,8 @@ def test_what_is_loaded_is_kept_from_the_garbage_collector():
     """An executable settles when its node is made; a node says so when its first robot has come."""
     program = """
 import gc
-from diag_dynamics.nodes import runner
-from diag_dynamics.nodes.managed import ManagedNode
+from diag_dynamics.nodes.support import runner
+from diag_dynamics.nodes.support.managed import ManagedNode
 class Node(ManagedNode):
     finished = None
     def __init__(self):

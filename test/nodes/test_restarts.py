@@ -121,9 +121,9 @@ import rclpy
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
-from diag_dynamics.nodes.monitor import MonitorNode
-from diag_dynamics.nodes.runner import Executor
-from diag_dynamics.nodes.start import listen, stop
+from diag_dynamics.nodes.monitor.monitor import MonitorNode
+from diag_dynamics.nodes.support.runner import Executor
+from diag_dynamics.nodes.support.start import listen, stop
 
 listen()
 rclpy.init(signal_handler_options=SignalHandlerOptions.NO)

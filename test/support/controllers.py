@@ -14,7 +14,10 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from nodes import MANY, START, UR5, Topic, joint_state, nanoseconds, node_process, report_of, robot
+from arm import gravity_of as gravity_of
+from arm import pinocchio_command
+from arm import pose_of as pose_of
+from nodes import MANY, START, Topic, joint_state, nanoseconds, node_process, report_of
 
 NODE = "diag_dynamics_controller"
 ACTIVE, HOLDING, RAMPING_DOWN = (
@@ -182,47 +185,6 @@ def record(arm):
 
 
 # --- what should come
-
-
-def gravity_of(q):
-    """Gravity torque of a UR5 by Pinocchio."""
-    return robot(UR5).oracle.gravity_torque(np.array(q, dtype=float))
-
-
-def pose_of(q):
-    """Position and axes of a UR5's tool by Pinocchio."""
-    oracle = robot(UR5).oracle.full
-    pin.framesForwardKinematics(oracle.model, oracle.data, oracle.configuration(np.array(q, dtype=float)))
-    placed = oracle.data.oMf[oracle.model.getFrameId("tool0")]
-    return placed.translation.copy(), placed.rotation.copy()
-
-
-def pinocchio_command(mode, q, qd, target, gain=1.0):
-    """Effort of a law for a UR5 by Pinocchio alone, in the joint space; `gain` multiplies those of tracking.
-
-    The target of tracking is a position, or that and a velocity and an acceleration.
-    """
-    oracle = robot(UR5).oracle
-    state, names = oracle.at(q, qd), np.array(oracle.dof_names)
-    if mode == "gravity_compensation":
-        return state.g
-    if mode == "damping_10":
-        return state.g - 10.0 * state.M @ qd
-    if mode == "damping":
-        c = np.where(names == "elbow_joint", 5.0, 8.0)
-        return state.g - state.m @ (c * (state.m.T @ qd))
-    if mode == "tracking":
-        K = gain * np.where(names == "wrist_1_joint", 30.0, 20.0)
-        limits = [float(oracle.xml.find(f"joint[@name='{name}']/limit").get("velocity")) for name in names]
-        q_d, qd_d, qdd_d = target if isinstance(target, tuple) else (target, np.zeros(6), np.zeros(6))
-        back = np.clip(10.0 * (q_d - q), np.negative(limits), limits)
-        qd_r, qdd_r = qd_d + back, qdd_d + np.where(np.abs(back) < limits, 10.0 * (qd_d - qd), 0.0)
-        return state.M @ qdd_r + state.C_s @ qd_r + state.g - state.m @ (K * (state.m.T @ (qd - qd_r)))
-    position, axes = pose_of(q)
-    wrench = np.zeros(6)
-    wrench[:3] = 200.0 * (target[0] - position)
-    wrench[3:] = 0.5 * 20.0 * sum(np.cross(axes[:, j], target[1][:, j]) for j in range(3))
-    return state.g - 12.0 * state.M @ qd + oracle.effort_of(q, {"tool0": wrench}, "world")
 
 
 def untouched(status):

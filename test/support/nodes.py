@@ -1,14 +1,13 @@
 """Nodes in processes of their own, a node to talk to them, and what their messages have to say."""
 
 import contextlib
-import copy
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
-from functools import cache, partial
+from functools import cache
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -33,18 +32,18 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-import robots
-from coupling import NAMED, Coupled
-from oracles import EARTH, Oracle
+import described
+from described import MS as MS
+from described import PANDA as PANDA
+from described import TALOS as TALOS
+from described import UR5 as UR5
+from described import S
+from oracles import EARTH
 
 START = 120.0
 """Longest time for a node to start [s]; on a slow disk the imports alone take long."""
 TIMEOUT = 60.0
 """Longest time for anything else [s]. Only a failing test waits so long."""
-
-PANDA = "panda_description/urdf/panda.urdf"
-UR5 = "ur_description/urdf/ur5_robot.urdf"
-TALOS = "talos_data/robots/talos_reduced.urdf"
 
 OUTPUTS = {
     "total_joint_rates": TotalJointRates,
@@ -62,9 +61,6 @@ SERIALIZATION = "DIAG_DYNAMICS_TEST_SERIALIZATION"
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 MANY = QoSProfile(depth=1000)
-
-S = 1_000_000_000
-MS = 1_000_000
 
 
 # --- processes
@@ -546,43 +542,14 @@ class Monitor(contextlib.AbstractContextManager):
 # --- robots and their messages
 
 
-class Robot:
-    """A robot, its oracle, and its states; mimic joints are coupled, or else `free`."""
-
-    def __init__(self, id, free=False):
-        """Load it into the oracle."""
-        self.id, self.path = id, None if id in NAMED else robots.robot_path(id)
-        self.urdf = (NAMED[id] if id in NAMED else robots.robot(id)).urdf
-        self.make_oracle = Oracle if free else Coupled
-        self.oracle = self.make_oracle(self.urdf)
-        self.names = self.oracle.dof_names
-        self.samples = robots.samples(id, self.oracle)
-        self.root = next(
-            link.get("name")
-            for link in self.oracle.xml.findall("link")
-            if link.get("name") not in {child.get("link") for child in self.oracle.xml.findall("joint/child")}
-        )
-        rng = np.random.default_rng(len(self.names))
-        self.shuffled = tuple(rng.permutation(self.names).tolist())
-
-    def changed(self, urdf=None, **options):
-        """Return the same robot by another description of the same joints, or with options of the oracle."""
-        other = copy.copy(self)
-        other.urdf = urdf or self.urdf
-        other.make_oracle = partial(self.make_oracle, **options)
-        other.oracle = other.make_oracle(other.urdf)
-        assert other.oracle.dof_names == self.names
-        return other
+class Robot(described.Robot):
+    """A robot, and its messages."""
 
     def message(self, stamp, sample, names=None):
         """Return a JointState with some or all joints, in the order of `names`, shuffled by default."""
         names = self.shuffled if names is None else names
         at = [self.names.index(name) for name in names]
         return joint_state(names, *(values[at] for values in sample[:3]), stamp=stamp)
-
-    def in_order(self, names, values):
-        """Put a vector that is in this robot's order into that of `names`."""
-        return np.asarray(values)[[self.names.index(name) for name in names]]
 
 
 @cache

@@ -1,43 +1,44 @@
 """The controller node: joint_states and targets in, efforts out, by laws in total joint rates."""
 
-import codecs
 from array import array
+from functools import partial
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock as SomeClock
 from rclpy.clock import ClockType
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from diag_dynamics.assembly.assembler import JointStateAssembler, Options, joints_of
-from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.control.by_dof import command_order, require_same_joints
 from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.modes import MODES
-from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.msg import ControllerStatus
+from diag_dynamics.nodes.controller import received
 from diag_dynamics.nodes.controller.effort_controller import JointsWatch, joints_of_controller
 from diag_dynamics.nodes.controller.record import Record, problems_of_limits, values_of_loop
 from diag_dynamics.nodes.controller.status import status_message
 from diag_dynamics.nodes.support.clocks import clock_notes
-from diag_dynamics.nodes.support.declaring import declare
-from diag_dynamics.nodes.support.descriptions import Descriptions
+from diag_dynamics.nodes.support.declaring import declare, judge
+from diag_dynamics.nodes.support.descriptions import Descriptions, DescriptionTopic
 from diag_dynamics.nodes.support.diagnostics import ERROR, WARN, Diagnostics, Status, counted, shortened
+from diag_dynamics.nodes.support.guard import answered, attempt
 from diag_dynamics.nodes.support.loading import load_robot
-from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE, PATIENT, SUCCESS, UNCONFIGURED, ManagedNode
+from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE, PATIENT, SUCCESS, ManagedNode
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.publishing import RateLimit, connected
 from diag_dynamics.nodes.support.runner import main_of
 from diag_dynamics.nodes.support.usage import parser_of
 from diag_dynamics.nodes.wire.joint_states import KnownJointStates
 from diag_dynamics.parameters.controller import COMPENSATES, PARAMETERS, WHY_REQUIRED
-from diag_dynamics.parameters.spec import wrong
+from diag_dynamics.parameters.spec import Spec
 
 COMMANDS = "effort_controller/commands"
 
@@ -67,7 +68,8 @@ class ControllerNode(ManagedNode):
         self._record, self._order_known = Record(), ""
         self._left = {}  # efforts that the robot was left with, by joint
         self._last_time = None  # of anything [ns]
-        self.add_on_set_parameters_callback(self._set_parameters)
+        specs = PARAMETERS | {COMPENSATES: Spec(False, WHY_REQUIRED, while_unconfigured=True)}
+        judge(self, specs, lambda: self._values | {COMPENSATES: self._compensated}, self._take_parameters)
         self._diagnostics = Diagnostics(self, self._report, lambda: self._loop and self._loop.dynamics.model)
         self.begin(self._values["autostart"])
 
@@ -101,17 +103,13 @@ class ControllerNode(ManagedNode):
         self._status = self._publisher(ControllerStatus, "~/status")
         self._status_limit = RateLimit(self._values["max_rate.status"])
         for mode in MODES:
-            answer = self._switching(mode)
-            self._offered.append(self.create_service(Trigger, f"~/mode/{mode}", answer, qos_profile=PATIENT))
+            callback = answered(self, Trigger, partial(self._switch, mode))
+            self._offered.append(self.create_service(Trigger, f"~/mode/{mode}", callback, qos_profile=PATIENT))
         if self._values["robot_description"]:
             description = self._values["robot_description"]
             self._adopt(self._made(description, self._values, self._compensated), description)
         else:
-            once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-            self._descriptions = connected(
-                self.create_subscription, String, "robot_description", self._take_description, once
-            )
-            self.get_logger().info(f"Waiting for a robot on {self.resolve_topic_name('robot_description')}.")
+            self._descriptions = DescriptionTopic(self, self._take_description)
 
     def _publisher(self, kind, topic):
         publisher = connected(self.create_publisher, kind, topic, QoSProfile(depth=10))
@@ -132,11 +130,16 @@ class ControllerNode(ManagedNode):
         self._record.begin()
         newest = QoSProfile(depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._listen_to(JointState, "joint_states", self._take_joint_state, newest, raw=True)
-        loop = self._loop
+        loop, model = self._loop, self._loop.dynamics.model
+        names = model.dof_names
         for kind, topic, take in (
-            (PoseStamped, "target", loop.take_pose),
-            (JointTrajectory, "trajectory", lambda message: loop.take_trajectory(message, self._now())),
-            (JointState, "set_point", loop.take_set_point),
+            (PoseStamped, "target", lambda message: loop.take_pose(*received.pose(message, model))),
+            (
+                JointTrajectory,
+                "trajectory",
+                lambda message: loop.take_trajectory(*received.trajectory(message, names), self._now()),
+            ),
+            (JointState, "set_point", lambda message: loop.take_set_point(received.set_point(message, names))),
         ):
             self._listen_to(kind, topic, self._target_taker(topic, take), QoSProfile(depth=1))
         # By simulated time where that is the node's; else by a clock that nobody sets, or it might stand still for hours.
@@ -176,7 +179,7 @@ class ControllerNode(ManagedNode):
         """Let the robot go, and all that was made for it."""
         self._loads.drop()
         if self._descriptions:
-            self.destroy_subscription(self._descriptions)
+            self._descriptions.close()
         for service in self._offered:
             self.destroy_service(service)
         for publisher in self._published:
@@ -221,37 +224,33 @@ class ControllerNode(ManagedNode):
             return self._left
         return dict(zip(self._loop.dynamics.model.dof_names, self._loop.efforts.sent, strict=True))
 
-    def _take_description(self, message):
-        # What comes from a topic is text and never a path; see the monitor.
-        description = codecs.BOM_UTF8 + message.data.lstrip("\ufeff").encode(errors="replace")
-        if self.phase not in (INACTIVE, ACTIVE):
-            return
+    def _take_description(self, description):
+        """Make a new robot the one to control, unless there is one under control."""
         self._refused, self._other = "", None
-        self.get_logger().debug(f"robot_description came: {len(description)} bytes")
         if description == self._description:
             self._loads.drop()
         elif self.phase == ACTIVE:
-            self._other = message
-            self._refuse(InputError("another robot is not taken over while this one is controlled: deactivate first."))
+            self._other = description
+            self._refuse("another robot is not taken over while this one is controlled: deactivate first.")
         elif description != self._loads.loading:
             self._loads.load(description, dict(self._values), self._compensated)
 
     def _take_made(self, made, description, *_):
-        try:
-            if isinstance(made, Exception):
-                raise made
-            self._adopt(made, description)
-            self.failure = ""  # which was that of the robot before, or of none
-        except Exception as error:  # nothing that arrives may end the node
-            self.failure = ""
-            self._refuse(error)
-            return
-        if self._starting:
+        _, fault = attempt(self._put_in_force, made, description)
+        self.failure = ""  # which was that of the robot before, or of none
+        if fault:
+            self._refuse(fault.reason)
+        elif self._starting:
             self._starting = False
             self.trigger_activate()
 
-    def _refuse(self, error):
-        reason = str(error) if isinstance(error, DiagDynamicsError) else f"internal error: {error!r}"
+    def _put_in_force(self, made, description):
+        """Make a robot the one to control, or raise the exception that is in its place."""
+        if isinstance(made, Exception):
+            raise made
+        self._adopt(made, description)
+
+    def _refuse(self, reason):
         self._refused = shortened(f"robot_description refused: {reason}")
         self.get_logger().error(self._refused)
 
@@ -314,14 +313,14 @@ class ControllerNode(ManagedNode):
             return
         self._record.counts["joint states"] += 1
         now = self._cycle()
-        try:
-            state = self._states.update(raw, now)
-            sent = None if state is None else self._loop.step(state, now)
-        except RejectedError as rejection:
-            sent = self._rejected(now, rejection.cause, str(rejection))
-        except Exception as error:  # nothing that arrives may end the node, and the robot is not to be left by itself
-            sent = self._rejected(now, "internal error", shortened(repr(error)))
+        sent, fault = attempt(self._step, raw, now)
+        if fault:  # the robot is not to be left by itself
+            sent = self._rejected(now, fault.cause, shortened(fault.text))
         self._answer(sent, now)
+
+    def _step(self, raw, now):
+        state = self._states.update(raw, now)
+        return None if state is None else self._loop.step(state, now)
 
     def _look(self):
         """See whether the last state has become too old."""
@@ -358,48 +357,33 @@ class ControllerNode(ManagedNode):
         def callback(message):
             if self.phase != ACTIVE:
                 return
-            try:
-                take(message)
+            _, fault = attempt(self._take_target, topic, take, message)
+            if fault is None:
                 self._record.counts[f"{topic} taken"] += 1
                 self.get_logger().debug(f"{topic} taken")
-            except Exception as error:
-                reason = shortened(str(error) if isinstance(error, DiagDynamicsError) else f"internal error: {error!r}")
-                self._record.refuse(f"{topic} refused", reason)
-                self.get_logger().debug(f"{topic} refused: {reason}")
-                self.get_logger().warning(f"Refused on {topic}: {reason}", throttle_duration_sec=1.0)
+                return
+            self._record.refuse(f"{topic} refused", fault.reason)
+            self.get_logger().debug(f"{topic} refused: {fault.reason}")
+            self.get_logger().warning(f"Refused on {topic}: {fault.reason}", throttle_duration_sec=1.0)
 
         return callback
 
-    def _switching(self, mode):
-        def answer(_, response):
-            try:
-                if self.phase != ACTIVE:
-                    raise InputError(f"the controller is {self.phase}: activate it first.")
-                self._loop.switch(mode)
-                response.success, response.message = True, f"mode {mode}"
-                self.get_logger().debug(f"mode {mode} asked for")
-            except DiagDynamicsError as error:
-                response.success, response.message = False, shortened(str(error))
-            return response
+    def _take_target(self, topic, take, message):
+        self._loop.require(topic)  # before a long message is read
+        take(message)
 
-        return answer
+    def _switch(self, mode, *_):
+        if self.phase != ACTIVE:
+            raise InputError(f"the controller is {self.phase}: activate it first.")
+        self._loop.switch(mode)
+        self.get_logger().debug(f"mode {mode} asked for")
+        return f"mode {mode}"
 
     # --- Parameters ---
 
-    def _set_parameters(self, parameters):
-        changed = {parameter.name: parameter.value for parameter in parameters if parameter.name in PARAMETERS}
-        compensated = next((parameter.value for parameter in parameters if parameter.name == COMPENSATES), None)
-        for name, value in changed.items():
-            if reason := wrong(name, value, PARAMETERS):
-                return SetParametersResult(successful=False, reason=f"{reason}.")
-        others = [name for name, value in changed.items() if value != self._values[name]]
-        others += [COMPENSATES] if compensated not in (None, self._compensated) else []
-        if others and self.phase != UNCONFIGURED:
-            reason = f"parameter '{others[0]}' is read-only while the node is configured: clean it up first."
-            return SetParametersResult(successful=False, reason=reason)
+    def _take_parameters(self, _, changed):
+        self._compensated = changed.pop(COMPENSATES, self._compensated)
         self._values |= changed
-        self._compensated = self._compensated if compensated is None else compensated
-        return SetParametersResult(successful=True)
 
     # --- Diagnostics ---
 

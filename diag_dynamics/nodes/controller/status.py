@@ -1,7 +1,6 @@
 """What the controller says with every command, as a message."""
 
 from diag_dynamics.control import PoseError
-from diag_dynamics.control.modes import TRACKING
 from diag_dynamics.msg import ControllerStatus
 from diag_dynamics.nodes.support.diagnostics import shortened
 from diag_dynamics.nodes.support.messages import doubles, to_time
@@ -27,6 +26,6 @@ def status_message(loop, sent):
         message.pose_error_valid = True
         for field, vector in zip((message.position_error, message.orientation_error), command.error, strict=True):
             field.x, field.y, field.z = map(float, vector)
-    elif loop.mode == TRACKING and command.error is not None:
+    elif command.error is not None:
         message.tracking_error, message.tracking_error_valid = doubles(command.error), True
     return message

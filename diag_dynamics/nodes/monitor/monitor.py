@@ -1,21 +1,17 @@
 """The monitor node: joint_states and robot_description in, diagonalized dynamics out."""
 
-import codecs
 import contextlib
 import time
 from functools import partial
 
 from nav_msgs.msg import Odometry
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 
-from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.nodes.monitor.energy_watch import numerical_health
 from diag_dynamics.nodes.monitor.outputs import BESIDE, TOPICS, Outputs
@@ -23,10 +19,11 @@ from diag_dynamics.nodes.monitor.robot import NO_PAYLOAD, MonitoredRobot, Refuse
 from diag_dynamics.nodes.monitor.services import DynamicsServices
 from diag_dynamics.nodes.monitor.traffic import OVERLOAD, Traffic, foreign_stamps
 from diag_dynamics.nodes.support.clocks import clock_notes, tell_of_time
-from diag_dynamics.nodes.support.declaring import declare
-from diag_dynamics.nodes.support.descriptions import Descriptions
-from diag_dynamics.nodes.support.diagnostics import WARN, Diagnostics, Status, counted, shortened
+from diag_dynamics.nodes.support.declaring import declare, judge
+from diag_dynamics.nodes.support.descriptions import Descriptions, DescriptionTopic
+from diag_dynamics.nodes.support.diagnostics import WARN, Diagnostics, Status, counted
 from diag_dynamics.nodes.support.graph import publishers
+from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.loading import load_robot
 from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE, UNCONFIGURED, ManagedNode
 from diag_dynamics.nodes.support.names import NODES
@@ -62,7 +59,7 @@ class MonitorNode(ManagedNode):
         self._listening = 0  # number of the activation
         self._revision = 0
         self._traffic = Traffic()
-        self.add_on_set_parameters_callback(self._set_parameters)
+        judge(self, PARAMETERS, lambda: self._settings.values, self._take_parameters)
         backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
         self._simulated_time = self.get_clock().ros_time_is_active
         self._jumps = self.get_clock().create_jump_callback(backward, post_callback=self._clock_jumped)
@@ -82,7 +79,7 @@ class MonitorNode(ManagedNode):
         if self._settings.values["robot_description"]:
             self._adopt(self._loaded_from_parameter(self._settings))
         else:
-            self._wait_for_description()
+            self._descriptions = DescriptionTopic(self, self._take_description)
 
     def listen(self):
         """Subscribe to the inputs."""
@@ -118,7 +115,7 @@ class MonitorNode(ManagedNode):
         """Let the robot go, and all that was made for it."""
         self._loads.drop()
         if self._descriptions:
-            self.destroy_subscription(self._descriptions)
+            self._descriptions.close()
         for part in (self._offered, self._outputs):
             if part:
                 part.destroy()
@@ -138,21 +135,8 @@ class MonitorNode(ManagedNode):
 
     # --- The model ---
 
-    def _wait_for_description(self):
-        once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._descriptions = connected(
-            self.create_subscription, String, "robot_description", self._take_description, once
-        )
-        self.get_logger().info(f"Waiting for a robot on {self.resolve_topic_name('robot_description')}.")
-
-    def _take_description(self, message):
+    def _take_description(self, description):
         """Make a new robot the one in force; keep the old one if the new one is not valid."""
-        # What comes from a topic is text and never a path: bytes are not looked up. It has been decoded already, whatever
-        # encoding it declares, which the byte-order mark says.
-        description = codecs.BOM_UTF8 + message.data.lstrip("\ufeff").encode(errors="replace")
-        if self.phase not in (INACTIVE, ACTIVE):
-            return  # an event of a subscription that is gone
-        self.get_logger().debug(f"robot_description came: {len(description)} bytes")
         if self._robot and description == self._robot.description:
             self._loads.drop()
             self._refused = None
@@ -170,21 +154,24 @@ class MonitorNode(ManagedNode):
     def _take_made(self, made, description, settings):
         """Make the robot of a description the one in force, or tell why it cannot be."""
         model, robot = (None, made) if isinstance(made, Exception) else made
-        try:
-            if isinstance(robot, Exception):
-                if settings is not self._settings:  # others may fit
-                    self._loads.load(description, self._settings)
-                    return
-                raise robot
-            if settings is not self._settings or robot.revision != self._revision + 1:
-                robot.use(fitted(model, self._settings), self._settings, self._revision + 1)
-            self._adopt(robot)
-            self._refused = None
-        except Exception as error:  # nothing that arrives may end the node
-            reason = shortened(str(error) if isinstance(error, DiagDynamicsError) else f"internal error: {error!r}")
-            self._refused = Refused(description, reason, model)
+        _, fault = attempt(self._put_in_force, model, robot, description, settings)
+        if fault:
+            self._refused = Refused(description, fault.reason, model)
             kept = f"; keeping robot '{self._robot.model.name}'" if self._robot else ""
-            self.get_logger().error(f"robot_description refused{kept}: {reason}", throttle_duration_sec=0.5)
+            said = f"robot_description refused{kept}: {fault.reason}"
+            self.get_logger().error(said, throttle_duration_sec=0.5)
+
+    def _put_in_force(self, model, robot, description, settings):
+        """Put a robot in force, or raise the exception that is in its place; with the settings that are in force by now."""
+        if isinstance(robot, Exception):
+            if settings is self._settings:
+                raise robot
+            self._loads.load(description, self._settings)  # others may fit
+            return
+        if settings is not self._settings or robot.revision != self._revision + 1:
+            robot.use(fitted(model, self._settings), self._settings, self._revision + 1)
+        self._adopt(robot)
+        self._refused = None
 
     def _loaded(self, description, settings):
         """The robot of a description.
@@ -305,19 +292,13 @@ class MonitorNode(ManagedNode):
 
     def _guarded(self, what, action, robot, message):
         """Nothing that arrives may end the node."""
-        try:
-            action(robot, message)
+        _, fault = attempt(action, robot, message)
+        if fault is None:
             return
-        except RejectedError as rejection:
-            cause, reason = rejection.cause, str(rejection)
-        except DiagDynamicsError as error:
-            cause, reason = type(error).__name__, str(error)
-        except Exception as error:
-            cause, reason = "internal error", repr(error)
         if what == "rejected":
             robot.assembler.gaps.pause()  # its stamp may not have been looked at
-        self._traffic.rejected(what, cause, reason)
-        self.get_logger().debug(f"{what}: {cause}: {self._traffic.last_rejection}")
+        self._traffic.rejected(what, fault.cause, fault.text)
+        self.get_logger().debug(f"{what}: {fault.cause}: {self._traffic.last_rejection}")
         self.get_logger().warning(f"Rejected: {self._traffic.last_rejection}", throttle_duration_sec=5.0)
 
     def _now(self):
@@ -354,18 +335,11 @@ class MonitorNode(ManagedNode):
 
     # --- Parameters ---
 
-    def _set_parameters(self, parameters):
+    def _take_parameters(self, _, changed):
         """Take new values over if all of them together make sense."""
-        try:
-            changed = {parameter.name: parameter.value for parameter in parameters if parameter.name in PARAMETERS}
-            self._refuse_now(changed)
-            settings = Settings.of(self._settings.values | changed)
-            robot = self._reconsidered(settings, changed)
-        except DiagDynamicsError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        except Exception as error:
-            self.get_logger().error(f"Parameters refused: {error!r}")
-            return SetParametersResult(successful=False, reason=f"internal error: {error!r}")
+        self._refuse_now(changed)
+        settings = Settings.of(self._settings.values | changed)
+        robot = self._reconsidered(settings, changed)
         self._settings = settings
         self.get_logger().debug(f"parameters taken: {', '.join(changed)}")
         if robot is not self._robot:
@@ -379,17 +353,11 @@ class MonitorNode(ManagedNode):
         for topic in TOPICS | BESIDE if self._outputs else ():
             if f"max_rate.{topic}" in changed:
                 self._outputs.limit(topic, changed[f"max_rate.{topic}"])
-        return SetParametersResult(successful=True)
 
     def _refuse_now(self, changed):
-        """Refuse what only an unconfigured node can take over."""
-        if self.phase == UNCONFIGURED:
-            return
-        for name in changed:
-            if PARAMETERS[name].while_unconfigured and changed[name] != self._settings.values[name]:
-                raise InputError(f"parameter '{name}' is read-only while the node is configured: clean it up first.")
-        description = changed.get("robot_description", self._settings.values["robot_description"])
-        if bool(description) != bool(self._settings.values["robot_description"]):
+        """Refuse to go over from a robot of the topic to one of the parameter, or back, unless unconfigured."""
+        in_force = self._settings.values["robot_description"]
+        if self.phase != UNCONFIGURED and bool(changed.get("robot_description", in_force)) != bool(in_force):
             raise InputError(
                 "parameter 'robot_description' is read-only while the robot comes from the topic, and cannot become empty "
                 "while it does not: clean the node up first."
@@ -462,7 +430,7 @@ class MonitorNode(ManagedNode):
         kinds = ("sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry")
         for subscription, kind in [
             *zip(self._inputs, kinds, strict=False),
-            (self._descriptions, "std_msgs/msg/String"),
+            (self._descriptions and self._descriptions.subscription, "std_msgs/msg/String"),
         ]:
             if subscription:
                 names, wrong = publishers(self, subscription, kind)

@@ -6,9 +6,9 @@ import numpy as np
 
 from diag_dynamics.assembly.assembler import RobotState
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.exceptions import DiagDynamicsError
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Payload
-from diag_dynamics.nodes.support.diagnostics import shortened
+from diag_dynamics.nodes.support.guard import answered
 from diag_dynamics.nodes.support.managed import PATIENT
 from diag_dynamics.nodes.support.messages import doubles
 from diag_dynamics.nodes.support.requests import (
@@ -43,9 +43,8 @@ class DynamicsServices:
             (Diagonalize, "diagonalize", self._diagonalize),
             (SetPayload, "set_payload", self._set_payload),
         ):
-            self._services.append(
-                node.create_service(kind, f"~/{name}", self._guarded(kind, answer), qos_profile=PATIENT)
-            )
+            callback = answered(node, kind, self._with_current(answer), _by_fields)
+            self._services.append(node.create_service(kind, f"~/{name}", callback, qos_profile=PATIENT))
 
     def destroy(self):
         """Take the services off the graph."""
@@ -53,23 +52,14 @@ class DynamicsServices:
             self._node.destroy_service(service)
         self._services = []
 
-    def _guarded(self, kind, answer):
-        """`answer`, with every failure turned into a response."""
+    def _with_current(self, answer):
+        """`answer`, with the robot in force."""
 
         def callback(request, response):
             current = self._current()
             if current is None:
-                response.message = "There is no robot model yet: waiting for a valid robot_description."
-                return response
-            try:
-                answer(request, response, *current)
-                response.success = True
-            except DiagDynamicsError as error:
-                response = kind.Response(success=False, message=shortened(_by_fields(str(error))))
-            except Exception as error:  # a request must not end the node
-                self._node.get_logger().error(f"{kind.__name__}: {error!r}", throttle_duration_sec=5.0)
-                response = kind.Response(success=False, message=shortened(f"Internal error: {error!r}"))
-            return response
+                raise InputError("There is no robot model yet: waiting for a valid robot_description.")
+            answer(request, response, *current)
 
         return callback
 

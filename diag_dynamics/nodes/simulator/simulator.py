@@ -4,7 +4,6 @@ import time
 
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock as SomeClock
 from rclpy.clock import ClockType
 from rclpy.parameter import Parameter
@@ -24,10 +23,11 @@ from diag_dynamics.msg import DiagonalizedState, EnergyAudit
 from diag_dynamics.nodes.simulator.outgoing import audit_message, joint_state_message, odometry_message
 from diag_dynamics.nodes.simulator.reports import CommandsReport, pace_status, simulation_status
 from diag_dynamics.nodes.support.clocks import CLOCK, clock_notes
-from diag_dynamics.nodes.support.declaring import declare
+from diag_dynamics.nodes.support.declaring import declare, judge
 from diag_dynamics.nodes.support.diagnostics import ERROR, WARN, Diagnostics, Status, shortened
+from diag_dynamics.nodes.support.guard import answered
 from diag_dynamics.nodes.support.loading import COMPILED, load_robot
-from diag_dynamics.nodes.support.managed import ACTIVE, PATIENT, UNCONFIGURED, ManagedNode
+from diag_dynamics.nodes.support.managed import ACTIVE, PATIENT, ManagedNode
 from diag_dynamics.nodes.support.messages import MessageMaker, to_time
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.publishing import connected
@@ -36,7 +36,6 @@ from diag_dynamics.nodes.support.runner import main_of
 from diag_dynamics.nodes.support.usage import parser_of
 from diag_dynamics.parameters.robot import payloads_of
 from diag_dynamics.parameters.simulator import DYNAMIC, PARAMETERS
-from diag_dynamics.parameters.spec import wrong
 from diag_dynamics.simulation.lockstep import PATIENCE, Lockstep
 from diag_dynamics.simulation.pace import Pace
 from diag_dynamics.simulation.plant import Plant
@@ -70,7 +69,7 @@ class SimulatorNode(ManagedNode):
         self._lockstep = Lockstep()
         self._latest = 0  # stamp [ns]
         self._commands_report = CommandsReport()
-        self.add_on_set_parameters_callback(self._set_parameters)
+        judge(self, PARAMETERS, lambda: self._values, self._take_parameters)
         self._diagnostics = Diagnostics(self, self._report, lambda: self._plant and self._plant.simulation.model)
         self.begin(self._values["autostart"])
 
@@ -129,14 +128,14 @@ class SimulatorNode(ManagedNode):
         return publisher
 
     def _offer(self):
-        for kind, name, answer in (
-            (SetBool, "pause", self._pause),
-            (Step, "step", self._step),
-            (Trigger, "reset", self._reset),
-            (SetState, "set_state", self._set_state),
+        for kind, name, answer, keep in (
+            (SetBool, "pause", self._pause, ()),
+            (Step, "step", self._step, ("stamp",)),
+            (Trigger, "reset", self._reset, ()),
+            (SetState, "set_state", self._set_state, ()),
         ):
-            answer = self._answered(answer)
-            self._services_offered.append(self.create_service(kind, f"~/{name}", answer, qos_profile=PATIENT))
+            callback = answered(self, kind, answer, keep=keep)
+            self._services_offered.append(self.create_service(kind, f"~/{name}", callback, qos_profile=PATIENT))
 
     def listen(self):
         """Subscribe to commands and wrenches, and let time go on."""
@@ -324,22 +323,6 @@ class SimulatorNode(ManagedNode):
 
     # --- Services ---
 
-    def _answered(self, answer):
-        """`answer`, with every failure turned into a response."""
-
-        def callback(request, response):
-            try:
-                response.success = True
-                response.message = answer(request, response) or ""
-            except DiagDynamicsError as error:
-                response.success, response.message = False, shortened(str(error))
-            except Exception as error:  # a request must not end the node
-                self.get_logger().error(f"internal error: {error!r}", throttle_duration_sec=5.0)
-                response.success, response.message = False, shortened(f"Internal error: {error!r}")
-            return response
-
-        return callback
-
     def _pause(self, request, _):
         if request.data == self._paused:
             return "already paused" if self._paused else "not paused"
@@ -389,27 +372,12 @@ class SimulatorNode(ManagedNode):
 
     # --- Parameters ---
 
-    def _set_parameters(self, parameters):
-        changed = {parameter.name: parameter.value for parameter in parameters if parameter.name in PARAMETERS}
-        try:
-            for parameter in parameters:
-                if parameter.name == "use_sim_time" and parameter.value and self._plant and self._keeps_time:
-                    raise InputError(
-                        "parameter 'use_sim_time' is true, but simulated time is this node's own to publish."
-                    )
-            for name, value in changed.items():
-                if reason := wrong(name, value, PARAMETERS):
-                    raise InputError(f"{reason}.")
-                if self.phase != UNCONFIGURED and name not in DYNAMIC and value != self._values[name]:
-                    raise InputError(
-                        f"parameter '{name}' is read-only while the node is configured: clean it up first."
-                    )
-            if self._plant and set(changed) & set(DYNAMIC):
-                self._change(self._values | changed)
-        except DiagDynamicsError as error:
-            return SetParametersResult(successful=False, reason=str(error))
+    def _take_parameters(self, given, changed):
+        if given.get("use_sim_time") and self._plant and self._keeps_time:
+            raise InputError("parameter 'use_sim_time' is true, but simulated time is this node's own to publish.")
+        if self._plant and set(changed) & set(DYNAMIC):
+            self._change(self._values | changed)
         self._values |= changed
-        return SetParametersResult(successful=True)
 
     def _change(self, values):
         """Go on with other payloads and gravity."""

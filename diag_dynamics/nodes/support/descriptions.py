@@ -1,11 +1,18 @@
 """Robots of descriptions that come while a node is at work: made in a thread beside it, handed over between two callbacks."""
 
+import codecs
 import gc
 import sys
 import threading
 from contextlib import contextmanager
 
 from rclpy.clock import Clock, ClockType
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+
+from diag_dynamics.nodes.support.guard import attempt
+from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE
+from diag_dynamics.nodes.support.publishing import connected
 
 LOOK = 0.02
 """How often the executor looks whether something has been made [s]."""
@@ -104,6 +111,40 @@ class Descriptions:
         self._take(thread.made, *thread.wanted)
 
 
+class DescriptionTopic:
+    """The topic robot_description, as a node that waits for its robot listens to it.
+
+    Parameters
+    ----------
+    node : ManagedNode
+    take : callable
+        Called with each description, bytes, that comes while the node is configured.
+
+    Attributes
+    ----------
+    subscription : rclpy.subscription.Subscription
+    """
+
+    def __init__(self, node, take):
+        self._node, self._take = node, take
+        once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.subscription = connected(node.create_subscription, String, "robot_description", self._take_message, once)
+        node.get_logger().info(f"Waiting for a robot on {node.resolve_topic_name('robot_description')}.")
+
+    def close(self):
+        """Listen no more."""
+        self._node.destroy_subscription(self.subscription)
+
+    def _take_message(self, message):
+        if self._node.phase not in (INACTIVE, ACTIVE):
+            return  # an event of a subscription that is gone
+        # What comes from a topic is text and never a path: bytes are not looked up. It has been decoded already, whatever
+        # encoding it declares, which the byte-order mark says.
+        description = codecs.BOM_UTF8 + message.data.lstrip("\ufeff").encode(errors="replace")
+        self._node.get_logger().debug(f"robot_description came: {len(description)} bytes")
+        self._take(description)
+
+
 class _Making(threading.Thread):
     """One call of `make`; a daemon, for nobody waits for it at the end."""
 
@@ -113,7 +154,5 @@ class _Making(threading.Thread):
 
     def run(self):
         with _short_turns():
-            try:
-                self.made = self._make(*self.wanted)
-            except Exception as error:  # the executor tells of it
-                self.made = error
+            made, fault = attempt(self._make, *self.wanted)
+            self.made = made if fault is None else fault.error  # of which the executor tells

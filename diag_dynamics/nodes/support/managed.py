@@ -6,8 +6,9 @@ from lifecycle_msgs import srv
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 
-from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.diagnostics import shortened
+from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.logger import PlainLogger
 from diag_dynamics.nodes.support.overrides import tell_unknown
 from diag_dynamics.nodes.support.start import stop
@@ -61,12 +62,13 @@ class ManagedNode(LifecycleNode):
         """Answer to a wrong transition, at which rclpy before 9 would end the node."""
 
         def callback(request, response):
-            try:
-                return answer(request, response)
-            except Exception as error:
-                self.get_logger().error(f"Transition refused in state {self.phase}: {error}", throttle_duration_sec=0.5)
-                response.success = False
-                return response
+            answered, fault = attempt(answer, request, response)
+            if fault is None:
+                return answered
+            said = f"Transition refused in state {self.phase}: {fault.error}"
+            self.get_logger().error(said, throttle_duration_sec=0.5)
+            response.success = False
+            return response
 
         return callback
 
@@ -98,17 +100,15 @@ class ManagedNode(LifecycleNode):
 
     def _tried(self, step, undo, what):
         """Whether a step could be taken; rclpy would swallow why not."""
-        try:
-            step()
+        _, fault = attempt(step)
+        if fault is None:
             self.failure = ""
             return True
-        except Exception as error:
-            reason = str(error) if isinstance(error, DiagDynamicsError) else repr(error)
-            self.failure = shortened(f"{what}: {reason}")
-            if not self._beginning:
-                self.get_logger().error(self.failure)
-            undo()
-            return False
+        self.failure = shortened(f"{what}: {fault.text}")
+        if not self._beginning:
+            self.get_logger().error(self.failure)
+        undo()
+        return False
 
     def on_configure(self, state):
         """Set up."""

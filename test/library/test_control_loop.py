@@ -4,10 +4,10 @@ import re
 
 import numpy as np
 import pytest
-from test_controller import state_at, trajectory
 
 import diag_dynamics as dd
-from controllers import pose_message
+from arm import state_at, waypoints
+from described import MS, UR5, S, robot
 from diag_dynamics.control import supervisor as phases
 from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.modes import MODES
@@ -15,7 +15,6 @@ from diag_dynamics.control.pose import rotation_of
 from diag_dynamics.control.references import WITHIN, SetPoint, at_rest
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.controller import PARAMETERS
-from nodes import MS, UR5, S, joint_state, robot
 
 Q = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2])
 STRETCHED = np.zeros(6)
@@ -67,20 +66,20 @@ def test_a_set_point_in_the_middle_of_a_trajectory_stays_within_limits(arm, star
     k, upper = 2, arm.upper[2]
     goal = closed.arm.q.copy()
     goal[k] = end
-    closed.loop.take_trajectory(trajectory([(0.6, goal)], robot(UR5).names), closed.stamp)
-    while closed.loop._desired.position[k] < 0.8 * end + 0.2 * start:
+    closed.loop.take_trajectory(waypoints([(0.6, goal)]), 0, closed.stamp)
+    while closed.loop.modes["tracking"].desired.position[k] < 0.8 * end + 0.2 * start:
         closed.go(0.001)
-    assert closed.loop._desired.velocity[k] > 0.8
+    assert closed.loop.modes["tracking"].desired.velocity[k] > 0.8
     back = closed.arm.q.copy()
     back[k] = end - 0.1
-    closed.loop.take_set_point(joint_state(robot(UR5).names, back))
+    closed.loop.take_set_point(back)
     furthest = 0.0
     for _ in range(1500):
         closed.go(0.001)
-        furthest = max(furthest, closed.loop._desired.position[k])
+        furthest = max(furthest, closed.loop.modes["tracking"].desired.position[k])
     assert furthest < upper
     assert np.array(closed.way)[:, k].max() < upper
-    np.testing.assert_allclose(closed.loop._desired.position, back, atol=0.01)
+    np.testing.assert_allclose(closed.loop.modes["tracking"].desired.position, back, atol=0.01)
 
 
 @pytest.mark.parametrize("period", [2, 10, 100], ids="{} ms".format)
@@ -89,14 +88,13 @@ def test_poses_in_a_stream_are_followed(arm, period):
     gone = []
     for every in (10**6, period):
         closed = Closed(arm, Q, controlled_link="tool0", initial_mode="pose").go(1.5)
-        begin, axes = closed.loop._laws["pose"].pose(closed.arm.q)
+        begin, axes = closed.loop.modes["pose"].law.pose(closed.arm.q)
         goal = begin + np.array([0.1, -0.1, 0.15])
-        quaternion = pose_message("base_link", goal, axes)
         for k in range(1500):
             if k % every == 0:
-                closed.loop.take_pose(quaternion)
+                closed.loop.take_pose("base_link", goal, axes)
             closed.go(0.001)
-        gone.append(np.linalg.norm(closed.loop._laws["pose"].pose(closed.arm.q)[0] - begin))
+        gone.append(np.linalg.norm(closed.loop.modes["pose"].law.pose(closed.arm.q)[0] - begin))
     assert gone[0] > 0.15 and gone[1] == pytest.approx(gone[0], rel=0.1)
 
 
@@ -105,9 +103,9 @@ def test_without_velocity_limits_trajectories_are_slow_all_the_same():
     urdf = re.sub(r' velocity="[^"]*"', ' velocity="0"', robot(UR5).urdf)
     unlimited = dd.load_urdf(urdf)
     closed = Closed(unlimited, Q).go(1.5)
-    fast = trajectory([(0.1, closed.arm.q + 0.5)], robot(UR5).names)
+    fast = waypoints([(0.1, closed.arm.q + 0.5)])
     with pytest.raises(InputError, match=r"expected no more than 1, as the URDF has no velocity limit for it"):
-        closed.loop.take_trajectory(fast, closed.stamp)
+        closed.loop.take_trajectory(fast, 0, closed.stamp)
 
 
 @pytest.mark.parametrize("period", [1, 2, 10, 100], ids="{} ms".format)
@@ -158,7 +156,7 @@ def test_set_points_that_stream_are_followed():
 def test_the_arm_goes_to_a_set_point_and_is_not_thrown_at_it(arm, goal):
     """With the defaults, whose effort rate is slower than the law: a quarter of the speed limit, and no overshoot."""
     closed, goal = Closed(arm, Q).go(0.1), np.array(goal)
-    closed.loop.take_set_point(joint_state(arm.dof_names, goal))
+    closed.loop.take_set_point(goal)
     closed.go(7.0)
     beyond = (np.array(closed.way) - goal) * np.sign(goal - Q)
     assert beyond[:, goal != Q].max() < 1e-3 and not closed.lost
@@ -170,7 +168,7 @@ def test_an_energy_limit_makes_the_target_wait(arm):
     """The limiter lets the arm go slower than set-points go: they wait for it, and are not given up."""
     closed = Closed(arm, Q, energy_limit=0.1).go(0.1)
     goal = Q + np.array([1.2, 0.3, 0, 0, 0, 0])
-    closed.loop.take_set_point(joint_state(arm.dof_names, goal))
+    closed.loop.take_set_point(goal)
     closed.go(10.0)
     np.testing.assert_allclose(closed.arm.q, goal, atol=1e-5)
     assert not closed.lost and closed.most < 1.1 * 0.1
@@ -183,7 +181,7 @@ def test_a_target_does_not_run_away_from_an_arm_that_is_held(arm):
         stamp += MS
         sent = loop.step(state_at(stamp, Q), stamp)
         if k == 200:
-            loop.take_set_point(joint_state(arm.dof_names, goal))
+            loop.take_set_point(goal)
         assert not sent.lost
     assert 1.0 < sent.command.lyapunov < 2.0 and np.abs(sent.command.error).max() < 0.2
     closed = Closed(arm, Q)
@@ -224,7 +222,7 @@ def test_a_pose_is_gone_to_and_the_arm_is_not_thrown_at_it(arm, away):
     placed = closed.loop.dynamics.placement(Q, "tool0")
     axes = placed[:3, :3] @ rotation_of([np.sin(0.5), 0.0, 0.0, np.cos(0.5)])
     goal = placed[:3, 3] + away
-    closed.loop.take_pose(pose_message("base_link", goal, axes))
+    closed.loop.take_pose("base_link", goal, axes)
     closed.go(0.1)
     np.testing.assert_allclose(closed.sent.command.error.position, away, atol=0.02)  # of the goal, not of the way
     assert closed.sent.lyapunov_rate is None
@@ -247,20 +245,20 @@ def test_a_trajectory_faster_than_the_robot_is_refused(arm):
     closed = Closed(arm, Q).go(0.1)
     there = Q + np.array([0.0, 1.0, 0, 0, 0, 0])
     with pytest.raises(InputError, match=r"'shoulder_lift_joint' move at 20, expected no more than its limit 3\.15"):
-        closed.loop.take_trajectory(trajectory([(0.05, there)], arm.dof_names), closed.stamp)
+        closed.loop.take_trajectory(waypoints([(0.05, there)]), 0, closed.stamp)
     rest = np.zeros(6)
     with pytest.raises(
         InputError, match=r"'shoulder_lift_joint' move at 3\.75, expected"
     ):  # a cubic: 1.5 times the mean
         points = [(1.0, Q, rest), (1.4, there, rest)]
-        closed.loop.take_trajectory(trajectory(points, arm.dof_names), closed.stamp)
+        closed.loop.take_trajectory(waypoints(points), 0, closed.stamp)
     with pytest.raises(InputError, match=r"begins 0\.06 from where joint '\w+' is and should be"):
-        closed.loop.take_trajectory(trajectory([(0.0, Q + 0.06), (9.0, there)], arm.dof_names), 0)
+        closed.loop.take_trajectory(waypoints([(0.0, Q + 0.06), (9.0, there)]), 0, 0)
     with pytest.raises(InputError, match=r"points\[0\].velocities of joint 'shoulder_pan_joint' is 1e\+308"):
-        closed.loop.take_trajectory(trajectory([(1.0, Q, [1e308, 0, 0, 0, 0, 0]), (2.0, Q, rest)], arm.dof_names), 0)
+        closed.loop.take_trajectory(waypoints([(1.0, Q, [1e308, 0, 0, 0, 0, 0]), (2.0, Q, rest)]), 0, 0)
     closed.go(0.1)
     np.testing.assert_allclose(closed.arm.q, Q, atol=1e-6)
-    closed.loop.take_trajectory(trajectory([(0.0, Q), (2.0, there, rest)], arm.dof_names), closed.stamp)
+    closed.loop.take_trajectory(waypoints([(0.0, Q), (2.0, there, rest)]), 0, closed.stamp)
     closed.go(4.0)
     np.testing.assert_allclose(closed.arm.q, there, atol=1e-4)
 
@@ -287,7 +285,7 @@ def test_an_arm_with_a_load_that_nobody_knows_is_not_let_sink(arm):
     closed.go(0.02, pull)
     assert closed.loop.taking_up and closed.sent.command.error is None
     with pytest.raises(InputError, match="set_point comes while the robot is taken up"):
-        closed.loop.take_set_point(joint_state(arm.dof_names, Q))
+        closed.loop.take_set_point(Q)
     closed.go(3.0, pull)
     assert not closed.loop.taking_up and np.abs(closed.arm.qd).max() < 1e-3
 

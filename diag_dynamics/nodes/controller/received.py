@@ -1,0 +1,115 @@
+"""Targets as they arrive in messages: their form is checked, and joints are put into the robot's order."""
+
+import numpy as np
+
+from diag_dynamics.control.trajectory import Waypoints
+from diag_dynamics.exceptions import InputError
+
+MOST_POINTS = 2000
+"""Points that one trajectory may have."""
+
+
+def pose(message, model):
+    """Link, position [m] in its axes and quaternion x y z w of a PoseStamped.
+
+    Raises
+    ------
+    InputError
+        No such link, or a position that is not finite.
+    """
+    link, p, o = message.header.frame_id, message.pose.position, message.pose.orientation
+    if link not in model.link_names:
+        raise InputError(
+            f"target.header.frame_id is '{link}', which is no link of robot '{model.name}'; its root is '{model.root_link}'."
+        )
+    position = np.array([p.x, p.y, p.z])
+    if not np.isfinite(position).all():
+        raise InputError(f"target.pose.position is {position.tolist()}, expected finite numbers.")
+    return link, position, (o.x, o.y, o.z, o.w)
+
+
+def set_point(message, names):
+    """Positions of all joints [rad, m], in the order of `names`, of a JointState, in any order.
+
+    Raises
+    ------
+    InputError
+        A joint is missing, unknown or listed twice, or its position is missing or not finite; or it is to move there.
+    """
+    order = _order("set_point.name", message.name, names)
+    if len(message.position) != len(names):
+        raise InputError(f"set_point.position has {len(message.position)} entries, expected {len(names)}.")
+    if any(message.velocity) or any(message.effort):
+        raise InputError("set_point has velocities or efforts, expected positions alone: the robot rests there.")
+    position = np.array(message.position, dtype=float)[order]
+    for name, value in zip(names, position, strict=True):
+        if not np.isfinite(value):
+            raise InputError(f"set_point.position of joint '{name}' is {value}, expected a finite number.")
+    return position
+
+
+def trajectory(message, names):
+    """Waypoints of a JointTrajectory, in the order of `names`, and when it starts [ns]; 0: with the first state.
+
+    Raises
+    ------
+    InputError
+        A joint is missing, unknown or listed twice; there are no points, or too many; a point has no positions, another
+        length, or efforts; or the stamp is no time.
+    """
+    order, points, stamp = (
+        _order("trajectory.joint_names", message.joint_names, names),
+        message.points,
+        message.header.stamp,
+    )
+    if not points:
+        raise InputError(
+            "trajectory.points is empty: there is nothing to follow. To rest where the robot is, choose the mode anew."
+        )
+    if len(points) > MOST_POINTS:
+        raise InputError(f"trajectory.points has {len(points)} entries, expected at most {MOST_POINTS}.")
+    if stamp.sec < 0 or stamp.nanosec >= 1_000_000_000:
+        raise InputError("trajectory.header.stamp is no time.")
+    times = np.array([point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points])
+    for k, point in enumerate(points):
+        if len(point.effort):
+            raise InputError(f"trajectory.points[{k}].effort is given, expected none: the law finds the efforts.")
+    positions, given = _field(points, "positions", order)
+    if not given.all():
+        raise InputError(
+            f"trajectory.points[{int(np.argmin(given))}].positions is empty, expected {len(names)} entries."
+        )
+    velocities, with_velocity = _field(points, "velocities", order)
+    accelerations, with_acceleration = _field(points, "accelerations", order)
+    waypoints = Waypoints(times, positions, velocities, accelerations, with_velocity, with_acceleration)
+    return waypoints, stamp.sec * 1_000_000_000 + stamp.nanosec
+
+
+def _order(what, listed, names):
+    """Where each of the robot's joints is listed."""
+    for k, name in enumerate(listed):
+        if name not in names:
+            raise InputError(f"{what} has '{name}', which is no joint to control: {', '.join(names)}.")
+        if name in listed[:k]:
+            raise InputError(f"{what} has '{name}' twice.")
+    for name in names:
+        if name not in listed:
+            raise InputError(f"{what} lacks joint '{name}'.")
+    return [list(listed).index(name) for name in names]
+
+
+def _field(points, name, order):
+    """What the points say in one field, shape (points, nv), zero where they say nothing, and which of them say it.
+
+    All points at once: a long trajectory must not hold up the loop.
+    """
+    values, width = [getattr(point, name) for point in points], len(order)
+    lengths = np.array([len(one) for one in values])
+    given = lengths > 0
+    wrong = given & (lengths != width)
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        raise InputError(f"trajectory.points[{k}].{name} has {lengths[k]} entries, expected {width}.")
+    table = np.zeros((len(points), width))
+    table[given] = np.frombuffer(b"".join(values)).reshape(-1, width)[:, order]
+    return table, given

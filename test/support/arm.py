@@ -1,0 +1,64 @@
+"""A UR5: its states, and the commands that it should be given by Pinocchio alone."""
+
+import numpy as np
+import pinocchio as pin
+
+from described import UR5, robot
+from diag_dynamics.assembly.assembler import RobotState
+from diag_dynamics.control.trajectory import Waypoints
+
+
+def state_at(stamp, q, qd=None):
+    """State of the robot at a time [ns], at rest by default."""
+    qd = np.zeros(len(q)) if qd is None else qd
+    return RobotState(np.array(q, dtype=float), np.array(qd, dtype=float), None, stamp, stamp, False)
+
+
+def waypoints(points):
+    """Waypoints of (time, positions, velocities, accelerations)."""
+    times, tables, given = np.array([float(point[0]) for point in points]), [], []
+    for k in (1, 2, 3):
+        tables.append(np.array([point[k] if len(point) > k else np.zeros(len(point[1])) for point in points], float))
+        given.append(np.array([len(point) > k for point in points]))
+    return Waypoints(times, *tables, *given[1:])
+
+
+def gravity_of(q):
+    """Gravity torque of a UR5 by Pinocchio."""
+    return robot(UR5).oracle.gravity_torque(np.array(q, dtype=float))
+
+
+def pose_of(q):
+    """Position and axes of a UR5's tool by Pinocchio."""
+    oracle = robot(UR5).oracle.full
+    pin.framesForwardKinematics(oracle.model, oracle.data, oracle.configuration(np.array(q, dtype=float)))
+    placed = oracle.data.oMf[oracle.model.getFrameId("tool0")]
+    return placed.translation.copy(), placed.rotation.copy()
+
+
+def pinocchio_command(mode, q, qd, target, gain=1.0):
+    """Effort of a law for a UR5 by Pinocchio alone, in the joint space; `gain` multiplies those of tracking.
+
+    The target of tracking is a position, or that and a velocity and an acceleration.
+    """
+    oracle = robot(UR5).oracle
+    state, names = oracle.at(q, qd), np.array(oracle.dof_names)
+    if mode == "gravity_compensation":
+        return state.g
+    if mode == "damping_10":
+        return state.g - 10.0 * state.M @ qd
+    if mode == "damping":
+        c = np.where(names == "elbow_joint", 5.0, 8.0)
+        return state.g - state.m @ (c * (state.m.T @ qd))
+    if mode == "tracking":
+        K = gain * np.where(names == "wrist_1_joint", 30.0, 20.0)
+        limits = [float(oracle.xml.find(f"joint[@name='{name}']/limit").get("velocity")) for name in names]
+        q_d, qd_d, qdd_d = target if isinstance(target, tuple) else (target, np.zeros(6), np.zeros(6))
+        back = np.clip(10.0 * (q_d - q), np.negative(limits), limits)
+        qd_r, qdd_r = qd_d + back, qdd_d + np.where(np.abs(back) < limits, 10.0 * (qd_d - qd), 0.0)
+        return state.M @ qdd_r + state.C_s @ qd_r + state.g - state.m @ (K * (state.m.T @ (qd - qd_r)))
+    position, axes = pose_of(q)
+    wrench = np.zeros(6)
+    wrench[:3] = 200.0 * (target[0] - position)
+    wrench[3:] = 0.5 * 20.0 * sum(np.cross(axes[:, j], target[1][:, j]) for j in range(3))
+    return state.g - 12.0 * state.M @ qd + oracle.effort_of(q, {"tool0": wrench}, "world")

@@ -1,0 +1,57 @@
+"""Robots of the wheel with their oracles and states, and units of time: what tests with and without ROS 2 share."""
+
+import copy
+from functools import cache, partial
+
+import numpy as np
+
+import robots
+from coupling import NAMED, Coupled
+from oracles import Oracle
+
+PANDA = "panda_description/urdf/panda.urdf"
+UR5 = "ur_description/urdf/ur5_robot.urdf"
+TALOS = "talos_data/robots/talos_reduced.urdf"
+
+S = 1_000_000_000
+MS = 1_000_000
+"""A second and a millisecond [ns]."""
+
+
+class Robot:
+    """A robot, its oracle, and its states; mimic joints are coupled, or else `free`."""
+
+    def __init__(self, id, free=False):
+        """Load it into the oracle."""
+        self.id, self.path = id, None if id in NAMED else robots.robot_path(id)
+        self.urdf = (NAMED[id] if id in NAMED else robots.robot(id)).urdf
+        self.make_oracle = Oracle if free else Coupled
+        self.oracle = self.make_oracle(self.urdf)
+        self.names = self.oracle.dof_names
+        self.samples = robots.samples(id, self.oracle)
+        self.root = next(
+            link.get("name")
+            for link in self.oracle.xml.findall("link")
+            if link.get("name") not in {child.get("link") for child in self.oracle.xml.findall("joint/child")}
+        )
+        rng = np.random.default_rng(len(self.names))
+        self.shuffled = tuple(rng.permutation(self.names).tolist())
+
+    def changed(self, urdf=None, **options):
+        """Return the same robot by another description of the same joints, or with options of the oracle."""
+        other = copy.copy(self)
+        other.urdf = urdf or self.urdf
+        other.make_oracle = partial(self.make_oracle, **options)
+        other.oracle = other.make_oracle(other.urdf)
+        assert other.oracle.dof_names == self.names
+        return other
+
+    def in_order(self, names, values):
+        """Put a vector that is in this robot's order into that of `names`."""
+        return np.asarray(values)[[self.names.index(name) for name in names]]
+
+
+@cache
+def robot(id, free=False):
+    """Return a robot of the wheel, or one of `coupling.NAMED`, loaded once."""
+    return Robot(id, free)
