@@ -80,7 +80,7 @@ def test_cache_is_used_and_a_change_of_any_kernel_source_invalidates(copy, tmp_p
     assert again == first
     assert hits >= 1
 
-    spatial = copy / "diag_dynamics" / "spatial.py"
+    spatial = copy / "diag_dynamics" / "sweeps" / "spatial.py"
     text = spatial.read_text()
     before = "    if direction == ANGULAR_Z:\n        return w[2]\n"
     assert text.count(before) == 1
