@@ -10,7 +10,7 @@ from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.options import numbers
 from diag_dynamics.model.wrenches import link_in_body, wrenches_at, wrenches_on_links
-from diag_dynamics.results import BatchEvaluation, Evaluation, Factors
+from diag_dynamics.results import BatchEvaluation, BatchMemory, Evaluation, Factors, reused_evaluation
 
 ROUNDING = 4e-15
 """What ℓJᵀu may be of the entries of ℓJᵀ, for each degree of freedom, and still be nothing but rounding."""
@@ -42,14 +42,16 @@ class DiagonalDynamics:
         self._workspace = sweeps.Workspace(model.bodies, model.gravity)
         self._robot = self._workspace.robot
         self._workspaces = batch.Workspaces(model)
-        self._nv, self._shape, self._factors_shape = model.nv, (sweeps.ROWS, model.nq), (3, model.nv, model.nv)
+        self._nv, self._factors_shape = model.nv, (3, model.nv, model.nv)
+        self._shape = sweeps.ROWS, max(model.nq, 1)  # the row of a number has one entry even if there are no joints
+        self._whole = self._shape[1] == model.nv
         self._q = np.zeros(model.nq)
         self._a, self._b, self._zero = np.zeros((3, model.nv))
 
     def __reduce__(self):
         return type(self), (self.model,)  # a copy has a workspace of its own
 
-    def evaluate(self, q, qd, tau=None, f_ext=None, *, frame="link", friction=False):
+    def evaluate(self, q, qd, tau=None, f_ext=None, *, frame="link", friction=False, out=None):
         """Every quantity of the diagonalized equations of motion at one state.
 
         Parameters
@@ -66,35 +68,73 @@ class DiagonalDynamics:
             Axes of the wrenches.
         friction : bool
             Whether to evaluate the friction of :meth:`friction_torque` as a term of its own.
+        out : Evaluation, optional
+            Where to write the results, made by :meth:`new_evaluation`; nothing is allocated then. If an error is raised
+            while it is written, its results are NaN.
 
         Returns
         -------
         Evaluation
+            A new one, or `out`.
+
+        Raises
+        ------
+        InputError
+            `out` is of another robot, or not one that may be written; or as said above.
         """
-        state, effort, status = np.empty(self._shape), self._zero if tau is None else tau, sweeps.MISFIT
+        state = _empty(self._shape) if out is None else _memory_of(out, Evaluation, self.model, "new_evaluation()")
+        effort, status = self._zero if tau is None else tau, _MISFIT
         try:
             if q.dtype is qd.dtype is effort.dtype is _FLOAT:  # numba may take another byte order for this one
                 status = sweeps.evaluate(self._robot, q, qd, effort, state)
         except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet
             pass
         if status or friction or f_ext is not None or frame != "link":
-            return self._evaluate(q, qd, tau, f_ext, frame, friction, state)
-        return Evaluation(self.model, state, tau is not None)
+            return self._evaluate(q, qd, tau, f_ext, frame, friction, state, out)
+        if out is None:
+            state.setflags(False)
+            return Evaluation(self.model, state, state if self._whole else state[:, : self._nv], tau is not None)
+        out._with_tau, out._external, out._friction = tau is not None, None, None
+        return out
 
-    def _evaluate(self, q, qd, tau, f_ext, frame, friction, state):
+    def new_evaluation(self):
+        """Evaluation that :meth:`evaluate` can write into, for loops that allocate nothing: ``evaluate(…, out=…)``.
+
+        Only `evaluate` writes it; its arrays, also those that were read from it before, then hold the new results.
+
+        Returns
+        -------
+        Evaluation
+            Its results are NaN until something has been evaluated into it.
+        """
+        return reused_evaluation(self.model, self._shape)
+
+    def _evaluate(self, q, qd, tau, f_ext, frame, friction, state, out):
         """What :meth:`evaluate` does with arguments that are not plain vectors, are wrong, or not all there is."""
         model = self.model
-        _check_frame(frame)
-        q, rate = self._positions(q), self._vector("qd", qd, self._a)
-        effort = self._zero if tau is None else self._vector("tau", tau, self._b)
-        self._checked(sweeps.evaluate(self._robot, q, rate, effort, state), qd=rate, tau=effort)
-        result = Evaluation(model, state, tau is not None)
-        if _given(f_ext):
-            result.external = self.epsilon_from_tau(q, self._effort_of(f_ext, frame))
-        if friction:
-            result.friction = self.epsilon_from_tau(q, self.friction_torque(state[sweeps.RATES, : model.nv]))
-        _check_power(result)
-        return result
+        external = resisting = None
+        try:
+            _check_frame(frame)
+            q, rate = self._positions(q), self._vector("qd", qd, self._a)
+            effort = self._zero if tau is None else self._vector("tau", tau, self._b)
+            self._checked(sweeps.evaluate(self._robot, q, rate, effort, state), qd=rate, tau=effort)
+            nu, rate = state[sweeps.NU, : self._nv], state[sweeps.RATES, : self._nv]
+            if _given(f_ext):
+                external = self.epsilon_from_tau(q, self._effort_of(f_ext, frame))
+                external.setflags(False)
+            if friction:
+                resisting = self.epsilon_from_tau(q, self.friction_torque(rate))
+                resisting.setflags(False)
+            _check_power(nu, external, resisting)
+        except Exception:
+            if out is not None:
+                state.fill(np.nan)
+            raise
+        if out is None:
+            state.setflags(False)
+            return Evaluation(model, state, state[:, : self._nv], tau is not None, external, resisting)
+        out._with_tau, out._external, out._friction = tau is not None, external, resisting
+        return out
 
     def factors(self, q):
         """m, ℓ, the unit factor and D at q: see :class:`Factors`."""
@@ -311,7 +351,7 @@ class DiagonalDynamics:
 
     # --- Many states ---
 
-    def evaluate_batch(self, Q, QD, TAU=None, *, threads=None, friction=False):
+    def evaluate_batch(self, Q, QD, TAU=None, *, threads=None, friction=False, out=None):
         """:meth:`evaluate` at many states, on all cores; what sweeps compute has the bits of single calls.
 
         Parameters
@@ -326,15 +366,19 @@ class DiagonalDynamics:
             How many to use, by default as many as there are processors for this process.
         friction : bool
             Whether to evaluate friction, too, as :meth:`evaluate` does; it takes as long again.
+        out : BatchEvaluation, optional
+            Where to write the results, made by :meth:`new_batch` for T states. If an error is raised while it is written,
+            its results are NaN.
 
         Returns
         -------
         BatchEvaluation
+            A new one, or `out`.
 
         Raises
         ------
         InputError, SingularMassMatrixError
-            As :meth:`evaluate`, naming the first state that fails.
+            As :meth:`evaluate`, naming the first state that fails; `out` is of another number of states, too.
         """
         if threads is not None and not (isinstance(threads, (int, np.integer)) and threads >= 1):
             raise InputError(f"threads is {threads!r}, expected a whole number >= 1.")
@@ -342,21 +386,61 @@ class DiagonalDynamics:
         Q = batch.states("Q", Q, model.coordinate_names)
         QD = batch.states("QD", QD, model.dof_names, len(Q))
         efforts = self._zero[None] if TAU is None else batch.states("TAU", TAU, model.dof_names, len(Q))
-        states = np.empty((len(Q), *self._shape))
-        failing = batch.evaluate(self._workspaces, Q, QD, efforts, states, threads or batch.cores())
+        if out is None:
+            memory = BatchMemory.of(model, len(Q))
+        else:
+            memory = _memory_of(out, BatchEvaluation, model, "new_batch(T)")
+            if len(out) != len(Q):
+                raise InputError(f"out has room for {len(out)} states, expected {len(Q)}: a row for each state of Q.")
+        try:
+            self._fill_batch(Q, QD, efforts, TAU is not None, memory, threads)
+            resisting = None
+            if friction:
+                resisting = self.evaluate_batch(Q, QD, _friction_torque(model, QD), threads=threads).epsilon
+        except Exception:
+            if out is not None:
+                for part in memory:
+                    part.fill(np.nan)
+            raise
+        if out is None:
+            return BatchEvaluation(model, memory, TAU is not None, resisting)
+        out._with_tau, out._friction = TAU is not None, resisting
+        return out
+
+    def _fill_batch(self, Q, QD, efforts, with_tau, memory, threads):
+        """Evaluate all states into memory, or raise the error of the first that fails."""
+        failing = batch.evaluate(self._workspaces, Q, QD, efforts, memory, threads or batch.cores())
         for t in failing:
             try:
-                self.evaluate(Q[t], QD[t], None if TAU is None else efforts[t])
+                self.evaluate(Q[t], QD[t], efforts[t] if with_tau else None)
             except SingularMassMatrixError as error:
                 raise SingularMassMatrixError(f"state {t}: {error}", error.joint, error.articulated_inertia) from None
             except InputError as error:
                 raise InputError(f"state {t}: {error}") from None
         if failing:
             raise InputError(f"Q, QD or TAU have changed while states {failing[0]} to {failing[-1]} were evaluated.")
-        result = BatchEvaluation(model, states, TAU is not None)
-        if friction:
-            result.friction = self.evaluate_batch(Q, QD, _friction_torque(model, QD), threads=threads).epsilon
-        return result
+
+    def new_batch(self, count):
+        """BatchEvaluation that :meth:`evaluate_batch` can write into, again and again: ``evaluate_batch(…, out=…)``.
+
+        Only `evaluate_batch` writes it; its arrays, also those that were read from it before, then hold the new results.
+
+        Parameters
+        ----------
+        count : int
+            Number of states T.
+
+        Returns
+        -------
+        BatchEvaluation
+            Its results are NaN until something has been evaluated into it.
+        """
+        if not (isinstance(count, (int, np.integer)) and count >= 0):
+            raise InputError(f"count is {count!r}, expected a whole number >= 0.")
+        memory = BatchMemory.of(self.model, int(count))
+        for part in memory:
+            part.fill(np.nan)
+        return BatchEvaluation(self.model, memory, False, keep=True)
 
     def evaluate_stream(self, Q, QD, TAU=None, *, size=16384, threads=None, friction=False):
         """:meth:`evaluate_batch` of any number of states in bounded memory: a generator of one batch after the other.
@@ -534,8 +618,27 @@ class DiagonalDynamics:
         raise InputError(f"{', '.join(['q', *inputs])} are too large: a result overflows.")
 
 
-_FLOAT = np.dtype(np.float64)
+_FLOAT, _MISFIT, _empty = np.dtype(np.float64), sweeps.MISFIT, np.empty
 _new = tuple.__new__  # half of the time that a namedtuple's own takes
+
+
+def _memory_of(out, kind, model, maker):
+    """Memory of a result that may be written; any other is an error."""
+    if type(out) is kind and out._model is model:
+        try:
+            return out._memory
+        except AttributeError:  # a result that stays
+            pass
+    elif type(out) is kind:
+        other, names = out._model, model.dof_names
+        why = f"{len(other.dof_names)} dof" if other.dof_names != names else "another model"
+        raise InputError(f"out is of robot '{other.name}' ({why}), expected '{model.name}' ({len(names)} dof).")
+    raise InputError(f"out is {_kind_of(out)}, expected what {maker} of this robot's dynamics has made.")
+
+
+def _kind_of(out):
+    kind = type(out).__name__
+    return f"an earlier call's {kind}, which stays as it is" if isinstance(out, Evaluation) else f"of type {kind}"
 
 
 def _squared(factor, point):
@@ -566,11 +669,10 @@ def _check_sum(tau, friction, f_ext):
         raise InputError("tau, f_ext or friction are not finite or too large: their sum is not a finite number.")
 
 
-def _check_power(s):
+def _check_power(nu, *terms):
     """Refuse what wrenches or friction make of the power, which the sweep has found finite without them."""
-    terms = [term for term in (s.external, s.friction) if term is not None]
     with np.errstate(over="ignore", invalid="ignore"):
-        power = sum(float(s.nu @ term) for term in terms)
+        power = sum(float(nu @ term) for term in terms if term is not None)
     if not np.isfinite(power):
         raise InputError("qd, f_ext or friction are too large: the power overflows.")
 
