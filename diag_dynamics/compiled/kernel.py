@@ -56,7 +56,7 @@ ROBOT = numba.int64
 VECTOR, MATRIX, STATES = (Lent(numba.float64, ndim) for ndim in (1, 2, 3))
 NUMBER, COUNT, FLAG = numba.float64, numba.int64, numba.boolean
 
-_PACKAGE = Path(__file__).resolve().parent
+_PACKAGE = Path(__file__).resolve().parents[1]
 
 
 _ROOMS = ("compiled", "sweeps", "simulation", "assembly", "nodes/wire")
