@@ -28,8 +28,8 @@ test: lint  ## lint, then every test; ARGS=<pytest options>, JOBS=<files at a ti
 bench: setup  ## speed of library and nodes, worth of the observer, into benchmarks/results/ and the README; ARGS=--short: two minutes' worth
 	@$(in_env) python3 benchmarks/run.py $(ARGS)
 
-lint: setup  ## code style and docstrings
-	@$(in_env) ruff check && ruff format --check
+lint: setup  ## code style, docstrings and types
+	@$(in_env) ruff check && ruff format --check && mypy && pyright
 
 format: setup  ## put the code in style
 	@$(in_env) ruff check --fix; ruff format
@@ -38,5 +38,5 @@ lock:  ## requirements/*.txt from *.in; ARGS=--upgrade takes newer versions
 	@scripts/lock $(ARGS)
 
 clean:  ## delete all that was built
-	rm -rf build "$$(dd_root="$$PWD"; . scripts/choose_ros.bash; echo "$$dd_home")" *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf build "$$(dd_root="$$PWD"; . scripts/choose_ros.bash; echo "$$dd_home")" *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +

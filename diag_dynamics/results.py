@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from diag_dynamics import sweeps
+from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import InputError
 
 if TYPE_CHECKING:
     from diag_dynamics.model import RobotModel
-
-Array = npt.NDArray[np.float64]
 
 NAMES = (
     "nu",
@@ -416,7 +414,7 @@ def reused_evaluation(model: RobotModel, shape: tuple[int, int]) -> Evaluation:
 
 
 def _sealed(array: Array) -> Array:
-    array.setflags(False)
+    array.setflags(False)  # type: ignore[call-arg]  # by keyword it takes twice as long
     return array
 
 
@@ -431,7 +429,7 @@ def _restored(
     """Evaluation of a copy or pickle: arrays that were unpickled are not read-only."""
     for term in (external, friction):
         if term is not None:
-            term.setflags(False)
+            _sealed(term)
     return kind(model, _sealed(state), state[:, : model.nv], with_tau, external, friction)
 
 
