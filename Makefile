@@ -34,8 +34,8 @@ bench: setup  ## speed of library and nodes, worth of the observer, into benchma
 docs-tables: setup  ## docs/parameters.md, docs/interfaces.md and config/*.yaml anew, from the code
 	@$(in_env) python3 docs/tables.py
 
-lint: setup  ## code style and docstrings
-	@$(in_env) ruff check && ruff format --check
+lint: setup  ## code style, docstrings and types
+	@$(in_env) ruff check && ruff format --check && mypy && pyright
 
 format: setup  ## put the code in style
 	@$(in_env) ruff check --fix; ruff format
@@ -44,5 +44,5 @@ lock:  ## requirements/*.txt from *.in; ARGS=--upgrade takes newer versions
 	@scripts/lock $(ARGS)
 
 clean:  ## delete all that was built
-	rm -rf build "$$(dd_root="$$PWD"; . scripts/choose_ros.bash; echo "$$dd_home")" *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf build "$$(dd_root="$$PWD"; . scripts/choose_ros.bash; echo "$$dd_home")" *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -51,7 +51,7 @@ FULL = Plan(
     rounds=51,
     growth_sizes=growth.SIZES,
     growth_rounds=15,
-    batch=16384,
+    batch=20_000,
     batch_sizes=(1, 10, 100, 1000, 10_000, 100_000),
     steps=200,
     states=1_000_000,
@@ -163,7 +163,7 @@ def measure(plan):
     }
     _say("measures batches")
     others = OtherWork()
-    batches = throughput.row(arms, plan.batch, plan.rounds)
+    batches = throughput.rows(arms, plan.batch, plan.rounds)
     curves = throughput.curves(*arms[-1], plan.batch_sizes, max(3, plan.rounds // 5))
     other_work = others.processors()
     _say(f"other work kept {other_work:.2f} processors busy meanwhile, which batches on all of them suffer from")
@@ -188,8 +188,8 @@ def measure(plan):
         batch_sizes=plan.batch_sizes,
         batch_robot=arms[-1][0].label,
         other_work=other_work,
-        rows=[*single.rows(single_times, dof), batches, *steps, grows, *memories, starts],
-        others=[batches, *steps, *memories, starts],
+        rows=[*single.rows(single_times, dof), *batches, *steps, grows, *memories, starts],
+        others=[*batches, *steps, *memories, starts],
     )
 
 

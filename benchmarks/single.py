@@ -9,6 +9,7 @@ from rows import Row
 from timing import interleaved, ratio
 
 FIELDS = f"`evaluate`, then its {len(QUANTITIES)} fields read"
+REUSED = f"`evaluate` with `out=`, then its {len(QUANTITIES)} fields read"
 
 fields = attrgetter(*QUANTITIES)
 
@@ -17,9 +18,11 @@ def measure(case, pinocchio, mujoco, rounds):
     """Seconds per call of the library and its peers, in turns."""
     dyn, q, qd, tau = case.dynamics, case.q, case.qd, case.tau
     evaluate = partial(dyn.evaluate, q, qd, tau)
+    reused = partial(evaluate, out=dyn.new_evaluation())
     ours = {
         "evaluate": evaluate,
         "fields": lambda: fields(evaluate()),
+        "reused": lambda: fields(reused()),
         "forward_dynamics": partial(dyn.forward_dynamics, q, qd, tau),
         "factors": partial(dyn.factors, q),
     }
@@ -37,9 +40,11 @@ def rows(times, dof):
     bare, aba, dense = "`evaluate`", "`pin.aba`", "NumPy and Pinocchio route"
     return [
         row(bare, "evaluate", aba, "aba", "6–9 dof", 0.9),
-        row(FIELDS, "fields", aba, "aba", "6–9 dof", None),
+        row(FIELDS, "fields", aba, "aba", "6–9 dof", 1.5),
+        row(REUSED, "reused", aba, "aba", "6–9 dof", 1.1),
         row(bare, "evaluate", aba, "aba", "29–50 dof", 0.6),
         row(FIELDS, "fields", aba, "aba", "29–50 dof", None),
+        row(REUSED, "reused", aba, "aba", "29–50 dof", None),
         row(bare, "evaluate", dense, "dense_evaluate", "all robots", 0.1),
         row(FIELDS, "fields", dense, "dense_evaluate", "all robots", None),
         row("`forward_dynamics`", "forward_dynamics", aba, "aba", "6–50 dof", 0.7),
@@ -50,6 +55,7 @@ def rows(times, dof):
 COLUMNS = {
     "`evaluate` / `pin.aba`": ("evaluate", "aba"),
     "fields read / `pin.aba`": ("fields", "aba"),
+    "`out=`, fields read / `pin.aba`": ("reused", "aba"),
     "`evaluate` / `pin.aba`, default convention": ("evaluate", "aba_default"),
     "`evaluate` / dense": ("evaluate", "dense_evaluate"),
     "`forward_dynamics` / `pin.aba`": ("forward_dynamics", "aba"),

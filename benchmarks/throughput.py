@@ -1,6 +1,7 @@
 """Many states at once, on several threads."""
 
 import os
+from collections import deque
 
 import numpy as np
 from cases import CLASSES
@@ -9,6 +10,9 @@ from rows import Row
 from timing import interleaved, ratio
 
 OVER = "6–9 dof"
+
+KEPT = 2000
+"""States of a batch of which every result is kept."""
 
 PAUSE = 0.02
 """Rest before a call [s]: OpenMP's threads keep a processor busy for a while after their work, which would slow others."""
@@ -29,13 +33,26 @@ def chosen(cases, pinocchios):
     return [pair for pair in zip(cases, pinocchios, strict=True) if pair[0].dof in CLASSES[OVER]]
 
 
-def row(pairs, size, rounds):
-    """The line of the table: time per state on all processors."""
-    found = {}
+def rows(pairs, size, rounds):
+    """Lines of the table: time per state on all processors, against the peer's and of large batches against small ones."""
+    found = {name: {} for name in ("ours", "reused", "kept")}
     for case, pinocchio in pairs:
         times = interleaved(_calls(case, pinocchio, size, cores()), rounds, seconds=0.03, pause=PAUSE)
-        found[case.label] = ratio(times["ours"], times["theirs"])
-    return Row("`evaluate_batch` per state, all cores", "`pin.abaInParallel`, same threads", OVER, 0.4, found)
+        for name in ("ours", "reused"):
+            found[name][case.label] = ratio(times[name], times["theirs"])
+        times = interleaved(_kept(case, pinocchio, cores()), rounds, seconds=0.03, pause=PAUSE)
+        found["kept"][case.label] = ratio(times["ours"], times["theirs"])
+    peer = "`pin.abaInParallel`, same threads"
+    case, _ = pairs[-1]
+    calls = {count: _call(case, count, cores()) for count in (10 * size, size)}
+    times = interleaved(calls, max(3, rounds // 5), seconds=0.03, pause=PAUSE)
+    growth = {case.label: ratio(times[10 * size] / 10, times[size])}
+    return [
+        Row("`evaluate_batch` per state, all cores", peer, OVER, 0.4, found["ours"]),
+        Row("`evaluate_batch` with `out=` per state, all cores", peer, OVER, 0.18, found["reused"]),
+        Row(f"`evaluate_batch` of {KEPT} states, all results kept", peer, OVER, 0.3, found["kept"]),
+        Row(f"`evaluate_batch` per state, {10 * size:,} states", f"{size:,} states", OVER, 1.25, growth),
+    ]
 
 
 def curves(case, pinocchio, sizes, rounds):
@@ -54,7 +71,23 @@ def curves(case, pinocchio, sizes, rounds):
 def _calls(case, pinocchio, size, count):
     """One call of each, on the same states."""
     Q, QD, TAU = case.states(size)
+    out = case.dynamics.new_batch(size)
     return {
         "ours": lambda: case.dynamics.evaluate_batch(Q, QD, TAU, threads=count),
+        "reused": lambda: case.dynamics.evaluate_batch(Q, QD, TAU, threads=count, out=out),
+        "theirs": Parallel(pinocchio, count, Q, QD, TAU),
+    }
+
+
+def _call(case, size, count):
+    Q, QD, TAU = case.states(size)
+    return lambda: case.dynamics.evaluate_batch(Q, QD, TAU, threads=count)
+
+
+def _kept(case, pinocchio, count):
+    """Calls of few states, of which ours keeps the last hundred results: their memory is fresh."""
+    kept, evaluate, (Q, QD, TAU) = deque(maxlen=100), case.dynamics.evaluate_batch, case.states(KEPT)
+    return {
+        "ours": lambda: kept.append(evaluate(Q, QD, TAU, threads=count)),
         "theirs": Parallel(pinocchio, count, Q, QD, TAU),
     }

@@ -1,10 +1,11 @@
 """Diagonalized Lagrangian dynamics of tree-structured robots (Jain and Rodriguez, 1995)."""
 
-from importlib import import_module
-from pkgutil import extend_path
+import typing as _typing
+from importlib import import_module as _import_module
+from pkgutil import extend_path as _extend_path
 
 # The generated msg/ and srv/ of the ROS 2 build live in another directory of the same package name.
-__path__ = extend_path(__path__, __name__)
+__path__ = _extend_path(__path__, __name__)
 
 __version__ = "0.1.0"
 
@@ -41,16 +42,45 @@ _HOME = {
     "DisturbanceObserver": "control.observer",
 }
 
-__all__ = sorted(_HOME)
+if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothing else of this module
+    from diag_dynamics.control import EffortRateLimiter as EffortRateLimiter
+    from diag_dynamics.control import EffortSaturation as EffortSaturation
+    from diag_dynamics.control import EnergyLimiter as EnergyLimiter
+    from diag_dynamics.control import GravityCompensation as GravityCompensation
+    from diag_dynamics.control import JointTracking as JointTracking
+    from diag_dynamics.control import PoseRegulation as PoseRegulation
+    from diag_dynamics.control import PositionRepulsion as PositionRepulsion
+    from diag_dynamics.control import RateDamping as RateDamping
+    from diag_dynamics.control.observer import DisturbanceObserver as DisturbanceObserver
+    from diag_dynamics.dynamics import DiagonalDynamics as DiagonalDynamics
+    from diag_dynamics.exceptions import DiagDynamicsError as DiagDynamicsError
+    from diag_dynamics.exceptions import InertiaWarning as InertiaWarning
+    from diag_dynamics.exceptions import InputError as InputError
+    from diag_dynamics.exceptions import MasslessLinkError as MasslessLinkError
+    from diag_dynamics.exceptions import MimicJointError as MimicJointError
+    from diag_dynamics.exceptions import ModelError as ModelError
+    from diag_dynamics.exceptions import SingularMassMatrixError as SingularMassMatrixError
+    from diag_dynamics.exceptions import UnsupportedError as UnsupportedError
+    from diag_dynamics.exceptions import UrdfError as UrdfError
+    from diag_dynamics.model import Mimic as Mimic
+    from diag_dynamics.model import Payload as Payload
+    from diag_dynamics.model import RobotModel as RobotModel
+    from diag_dynamics.model import load_urdf as load_urdf
+    from diag_dynamics.results import BatchEvaluation as BatchEvaluation
+    from diag_dynamics.results import Evaluation as Evaluation
+    from diag_dynamics.results import Factors as Factors
+    from diag_dynamics.simulation import CompliantLimits as CompliantLimits
+    from diag_dynamics.simulation import EnergyAudit as EnergyAudit
+    from diag_dynamics.simulation import Simulation as Simulation
+else:
+    __all__ = sorted(_HOME)
 
+    def __getattr__(name):
+        if name not in _HOME:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = getattr(_import_module(f"{__name__}.{_HOME[name]}"), name)
+        globals()[name] = value
+        return value
 
-def __getattr__(name):
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__():
-    return sorted(set(globals()) | set(_HOME))
+    def __dir__():
+        return sorted(set(globals()) | set(_HOME))

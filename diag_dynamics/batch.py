@@ -1,5 +1,6 @@
 """Many states at once: cut into pieces, each evaluated by a thread of its own, without the interpreter's lock."""
 
+import functools
 import itertools
 import os
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +14,7 @@ from diag_dynamics.exceptions import InputError
 PIECES = 4
 """Pieces for each thread: one that is held up leaves its share to the others."""
 
-LEAST = 1024
+LEAST = 256
 """States that are worth a piece: fewer are done before another thread has begun."""
 
 
@@ -39,8 +40,7 @@ def states(name, value, names, length=None):
     if array.ndim != 2 or array.shape[1] != len(names) or length not in (None, len(array)):
         rows = "T" if length is None else length
         raise InputError(f"{name} has shape {array.shape}, expected ({rows}, {len(names)}): a row for each state.")
-    array = np.ascontiguousarray(array, dtype=np.float64)
-    return array if array.flags.writeable else array.copy()  # compiled code takes no array that is read-only
+    return np.ascontiguousarray(array, dtype=np.float64)
 
 
 class Workspaces:
@@ -61,15 +61,15 @@ class Workspaces:
         self._idle.append(workspace)
 
 
-def evaluate(workspaces, Q, QD, TAU, states, threads):
-    """Fill `states`, shape (T, sweeps.ROWS, nq), with what sweeps.evaluate gives.
+def evaluate(workspaces, Q, QD, TAU, memory, threads):
+    """Fill `memory` with what sweeps.evaluate gives at each state.
 
     Parameters
     ----------
     workspaces : Workspaces
     Q, QD, TAU : ndarray
         As :func:`states` returns them; TAU may have one row for all.
-    states : ndarray
+    memory : results.BatchMemory
     threads : int
 
     Returns
@@ -80,10 +80,8 @@ def evaluate(workspaces, Q, QD, TAU, states, threads):
     count = len(Q)
 
     def piece(first, last):
-        part = slice(first, last)
-        tau = TAU if len(TAU) < count else TAU[part]
         own = workspaces.take()
-        done = first + sweeps.evaluate_many(own.robot, Q[part], QD[part], tau, states[part])
+        done = sweeps.evaluate_many(own.robot, Q, QD, TAU, first, last, *memory)
         workspaces.give_back(own)
         return range(done, min(done + WIDTH, last))
 
@@ -99,12 +97,35 @@ def evaluate(workspaces, Q, QD, TAU, states, threads):
         return failing
 
     count_of_pieces = min(PIECES * threads, count // LEAST) if threads > 1 else 1
-    cuts = np.linspace(0, count, max(1, count_of_pieces) + 1, dtype=int)
+    cuts = np.linspace(0, count, max(1, count_of_pieces) + 1, dtype=int).tolist()
     pieces = list(itertools.pairwise(cuts))[::-1]
     helpers = min(threads, len(pieces)) - 1
-    if not helpers:
+    if helpers <= 0:
         return work()
-    with ThreadPoolExecutor(helpers) as pool:  # the calling thread is one of them
-        others = [pool.submit(work) for _ in range(helpers)]
-        failing = [work(), *(other.result() for other in others)]
+    shared = [work]
+    others = [_helpers().submit(_help, shared) for _ in range(helpers)]
+    failing = [work()]  # the calling thread is one of them
+    shared.clear()  # else a helper that has not begun would hold the memory of results
+    failing += [other.result() for other in others if not other.cancel()]
     return min((found for found in failing if found), key=lambda found: found[0], default=range(0))
+
+
+def _help(shared):
+    for work in shared:
+        return work()
+    return range(0)
+
+
+MOST = 1024
+"""Threads of one process that help at most; they are made when they are needed, and kept."""
+
+
+@functools.cache
+def _helpers():
+    """Threads that help, of this process: starting one anew takes as long as some hundred states."""
+    return ThreadPoolExecutor(MOST, thread_name_prefix="diag_dynamics")
+
+
+if hasattr(os, "register_at_fork"):
+    # Threads do not survive a fork. Without this line a child would wait for its parent's.
+    os.register_at_fork(after_in_child=_helpers.cache_clear)

@@ -1,16 +1,21 @@
 """DiagonalDynamics: the dynamics of one robot, as users call it."""
 
+from __future__ import annotations
+
 import math
+from collections.abc import Iterator
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
 from diag_dynamics import batch, sweeps
+from diag_dynamics.arrays import Array, Frame, MatrixLike, VectorLike, Wrenches
 from diag_dynamics.checks import numbers
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.wrenches import wrenches_at, wrenches_on_links
-from diag_dynamics.results import BatchEvaluation, Evaluation, Factors
+from diag_dynamics.results import BatchEvaluation, BatchMemory, Evaluation, Factors, reused_evaluation
 
 ROUNDING = 4e-15
 """What ℓJᵀu may be of the entries of ℓJᵀ, for each degree of freedom, and still be nothing but rounding."""
@@ -35,21 +40,33 @@ class DiagonalDynamics:
         What :func:`load_urdf` returned.
     """
 
-    def __init__(self, model):
+    def __init__(self, model: RobotModel) -> None:
         if not isinstance(model, RobotModel):
             raise InputError(f"DiagonalDynamics needs a RobotModel, as load_urdf returns, not {type(model).__name__}.")
         self.model = model
         self._workspace = sweeps.Workspace(model.bodies, model.gravity)
         self._robot = self._workspace.robot
         self._workspaces = batch.Workspaces(model)
-        self._nv, self._shape, self._factors_shape = model.nv, (sweeps.ROWS, model.nq), (3, model.nv, model.nv)
+        self._nv, self._factors_shape = model.nv, (3, model.nv, model.nv)
+        self._shape = sweeps.ROWS, max(model.nq, 1)  # the row of a number has one entry even if there are no joints
+        self._whole = self._shape[1] == model.nv
         self._q = np.zeros(model.nq)
         self._a, self._b, self._zero = np.zeros((3, model.nv))
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.model,)  # a copy has a workspace of its own
 
-    def evaluate(self, q, qd, tau=None, f_ext=None, *, frame="link", friction=False):
+    def evaluate(
+        self,
+        q: VectorLike,
+        qd: VectorLike,
+        tau: VectorLike | None = None,
+        f_ext: Wrenches | None = None,
+        *,
+        frame: Frame = "link",
+        friction: bool = False,
+        out: Evaluation | None = None,
+    ) -> Evaluation:
         """Every quantity of the diagonalized equations of motion at one state.
 
         Parameters
@@ -66,41 +83,80 @@ class DiagonalDynamics:
             Axes of the wrenches.
         friction : bool
             Whether to evaluate the friction of :meth:`friction_torque` as a term of its own.
+        out : Evaluation, optional
+            Where to write the results, made by :meth:`new_evaluation`; nothing is allocated then. If an error is raised
+            while it is written, its results are NaN.
 
         Returns
         -------
         Evaluation
+            A new one, or `out`.
+
+        Raises
+        ------
+        InputError
+            `out` is of another robot, or not one that may be written; or as said above.
         """
-        state, effort, status = np.empty(self._shape), self._zero if tau is None else tau, sweeps.MISFIT
+        state = _empty(self._shape) if out is None else _memory_of(out, Evaluation, self.model, "new_evaluation()")
+        effort, status = self._zero if tau is None else tau, _MISFIT
         try:
-            if q.dtype is qd.dtype is effort.dtype is _FLOAT:  # numba may take another byte order for this one
+            # numba may take another byte order for this one
+            if q.dtype is qd.dtype is effort.dtype is _FLOAT:  # type: ignore[union-attr]
                 status = sweeps.evaluate(self._robot, q, qd, effort, state)
         except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet
             pass
         if status or friction or f_ext is not None or frame != "link":
-            return self._evaluate(q, qd, tau, f_ext, frame, friction, state)
-        return Evaluation(self.model, state, tau is not None)
+            return self._evaluate(q, qd, tau, f_ext, frame, friction, state, out)
+        if out is None:
+            state.setflags(False)  # type: ignore[call-arg]  # by keyword it takes twice as long
+            return Evaluation(self.model, state, state if self._whole else state[:, : self._nv], tau is not None)
+        out._with_tau, out._external, out._friction = tau is not None, None, None
+        return out
 
-    def _evaluate(self, q, qd, tau, f_ext, frame, friction, state):
+    def new_evaluation(self) -> Evaluation:
+        """Evaluation that :meth:`evaluate` can write into, for loops that allocate nothing: ``evaluate(…, out=…)``.
+
+        Only `evaluate` writes it; its arrays, also those that were read from it before, then hold the new results.
+
+        Returns
+        -------
+        Evaluation
+            Its results are NaN until something has been evaluated into it.
+        """
+        return reused_evaluation(self.model, self._shape)
+
+    def _evaluate(self, q, qd, tau, f_ext, frame, friction, state, out):
         """What :meth:`evaluate` does with arguments that are not plain vectors, are wrong, or not all there is."""
         model = self.model
-        _check_frame(frame)
-        q, rate = self._positions(q), self._vector("qd", qd, self._a)
-        effort = self._zero if tau is None else self._vector("tau", tau, self._b)
-        self._checked(sweeps.evaluate(self._robot, q, rate, effort, state), qd=rate, tau=effort)
-        result = Evaluation(model, state, tau is not None)
-        if _given(f_ext):
-            result.external = self.epsilon_from_tau(q, self._effort_of(f_ext, frame))
-        if friction:
-            result.friction = self.epsilon_from_tau(q, self.friction_torque(state[sweeps.RATES, : model.nv]))
-        _check_power(result)
-        return result
+        external = resisting = None
+        try:
+            _check_frame(frame)
+            q, rate = self._positions(q), self._vector("qd", qd, self._a)
+            effort = self._zero if tau is None else self._vector("tau", tau, self._b)
+            self._checked(sweeps.evaluate(self._robot, q, rate, effort, state), qd=rate, tau=effort)
+            nu, rate = state[sweeps.NU, : self._nv], state[sweeps.RATES, : self._nv]
+            if _given(f_ext):
+                external = self.epsilon_from_tau(q, self._effort_of(f_ext, frame))
+                external.setflags(write=False)
+            if friction:
+                resisting = self.epsilon_from_tau(q, self.friction_torque(rate))
+                resisting.setflags(write=False)
+            _check_power(nu, external, resisting)
+        except Exception:
+            if out is not None:
+                state.fill(np.nan)
+            raise
+        if out is None:
+            state.setflags(write=False)
+            return Evaluation(model, state, state[:, : self._nv], tau is not None, external, resisting)
+        out._with_tau, out._external, out._friction = tau is not None, external, resisting
+        return out
 
-    def factors(self, q):
+    def factors(self, q: VectorLike) -> Factors:
         """m, ℓ, the unit factor and D at q: see :class:`Factors`."""
         factors, D, status = np.empty(self._factors_shape), np.empty(self._nv), sweeps.MISFIT
         try:
-            if q.dtype is _FLOAT:  # as in evaluate
+            if q.dtype is _FLOAT:  # type: ignore[union-attr]  # as in evaluate
                 status = sweeps.factors(self._robot, q, factors, D)
         except (AttributeError, TypeError, ValueError):  # no vector of float64: no error yet
             pass
@@ -108,7 +164,16 @@ class DiagonalDynamics:
             self._checked(sweeps.factors(self._robot, self._positions(q), factors, D))
         return _new(Factors, (factors[0], factors[1], factors[2], D))
 
-    def forward_dynamics(self, q, qd, tau, f_ext=None, *, frame="link", friction=False):
+    def forward_dynamics(
+        self,
+        q: VectorLike,
+        qd: VectorLike,
+        tau: VectorLike,
+        f_ext: Wrenches | None = None,
+        *,
+        frame: Frame = "link",
+        friction: bool = False,
+    ) -> Array:
         """q̈ [rad/s², m/s²], shape (nv,), from M q̈ + c + g + τ_fric = τ + Jᵀf_ext (Algorithm 8.1 in closed form).
 
         τ_fric, see :meth:`friction_torque`, only where `friction` is true. Of a joint of several degrees of freedom it is
@@ -117,9 +182,8 @@ class DiagonalDynamics:
         qdd = np.empty(self._nv)
         if f_ext is None and not friction and frame == "link":
             try:
-                if q.dtype is qd.dtype is tau.dtype is _FLOAT and not sweeps.forward_dynamics(
-                    self._robot, q, qd, tau, qdd
-                ):  # as in evaluate
+                plain = q.dtype is qd.dtype is tau.dtype is _FLOAT  # type: ignore[union-attr]  # as in evaluate
+                if plain and not sweeps.forward_dynamics(self._robot, q, qd, tau, qdd):
                     return qdd
             except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet
                 pass
@@ -133,7 +197,16 @@ class DiagonalDynamics:
         self._checked(sweeps.forward_dynamics(self._robot, q, qd, tau, qdd), qd=qd, tau=tau)
         return qdd
 
-    def inverse_dynamics(self, q, qd, qdd, f_ext=None, *, frame="link", friction=False):
+    def inverse_dynamics(
+        self,
+        q: VectorLike,
+        qd: VectorLike,
+        qdd: VectorLike,
+        f_ext: Wrenches | None = None,
+        *,
+        frame: Frame = "link",
+        friction: bool = False,
+    ) -> Array:
         """τ = M q̈ + c + g + τ_fric − Jᵀf_ext [N m, N], shape (nv,) (Newton–Euler, eq. 4.3).
 
         τ_fric only where `friction` is true.
@@ -147,7 +220,7 @@ class DiagonalDynamics:
         _check_sum(tau, friction, f_ext)
         return tau
 
-    def friction_torque(self, qd):
+    def friction_torque(self, qd: VectorLike) -> Array:
         """τ_fric = d q̇ + f tanh(q̇/v₀) [N m, N], shape (nv,): URDF damping d and Coulomb friction f, resisting the motion.
 
         v₀ is the model's `friction_velocity`. At 5 v₀ it is f sign(q̇) but for 1e-4 of f, and at rest it does not jump with
@@ -155,61 +228,61 @@ class DiagonalDynamics:
         """
         return _friction_torque(self.model, self._finite("qd", qd, np.empty(self.model.nv)))
 
-    def mass_matrix(self, q):
+    def mass_matrix(self, q: VectorLike) -> Array:
         """M(q) [kg m², kg, mixed kg m], shape (nv, nv), armature included."""
         q = self._positions(q)
         M = np.empty((self.model.nv, self.model.nv))
         self._checked(sweeps.mass_matrix(self._robot, q, M))
         return M
 
-    def bias(self, q, qd):
+    def bias(self, q: VectorLike, qd: VectorLike) -> Array:
         """c(q, q̇) of M q̈ + c + g = τ [N m, N], shape (nv,), without gravity. It is not C(q, ν)."""
         return self._newton_euler(0.0, q, qd, self._zero)
 
-    def gravity_torque(self, q):
+    def gravity_torque(self, q: VectorLike) -> Array:
         """g(q) [N m, N], shape (nv,): the effort that holds the robot still."""
         return self._newton_euler(1.0, q, self._zero, self._zero)
 
-    def nu_from_qd(self, q, qd):
+    def nu_from_qd(self, q: VectorLike, qd: VectorLike) -> Array:
         """ν = mᵀq̇ [J^½], shape (nv,), in O(N) (Table 1)."""
         return self._sweep(sweeps.nu_from_qd, q, "qd", qd)
 
-    def qd_from_nu(self, q, nu):
+    def qd_from_nu(self, q: VectorLike, nu: VectorLike) -> Array:
         """q̇ = ℓᵀν [rad/s, m/s], shape (nv,), in O(N) (Table 1, right)."""
         return self._sweep(sweeps.qd_from_nu, q, "nu", nu)
 
-    def epsilon_from_tau(self, q, tau):
+    def epsilon_from_tau(self, q: VectorLike, tau: VectorLike) -> Array:
         """ε = ℓτ [J^½/s], shape (nv,), in O(N) (Table 2)."""
         return self._sweep(sweeps.epsilon_from_tau, q, "tau", tau)
 
-    def tau_from_epsilon(self, q, epsilon):
+    def tau_from_epsilon(self, q: VectorLike, epsilon: VectorLike) -> Array:
         """τ = mε [N m, N], shape (nv,), in O(N) (Table 2, right)."""
         return self._sweep(sweeps.tau_from_epsilon, q, "epsilon", epsilon)
 
     # --- Along a motion, and at a frame ---
 
-    def m_rate_transposed(self, q, qd, x):
+    def m_rate_transposed(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
         """ṁᵀx [J^½/s], shape (nv,), of rates x that are constant [rad/s, m/s], m changing along q̇; in O(N).
 
         mᵀ's own rate, from d(mᵀx)/dt: with q̇ for x it is the difference of ν̇ and mᵀq̈.
         """
         return self._derivative(sweeps.m_rate_transposed, q, qd, x)
 
-    def coriolis_bracket(self, q, qd, x):
+    def coriolis_bracket(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
         """B(q, ν)x [J^½/s], shape (nv,), of x [J^½], in O(N).
 
         B = ℓ(C_s − mṁᵀ)ℓᵀ is skew and B ν = C(q, ν) (Identity 7.1, Lemma 7.1), with C_s of :meth:`coriolis_product`.
         """
         return self._derivative(sweeps.coriolis_bracket, q, qd, x, scratch=2)
 
-    def coriolis_product(self, q, qd, x):
+    def coriolis_product(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
         """C_s(q, q̇)x [N m, N], shape (nv,), of rates x [rad/s, m/s], in O(N): C_s q̇ = c, and Ṁ − 2C_s is skew.
 
         It is the Newton–Euler pass of two velocities that passivity-based tracking needs.
         """
         return self._derivative(sweeps.coriolis_product, q, qd, x)
 
-    def mass_matrix_rate(self, q, qd):
+    def mass_matrix_rate(self, q: VectorLike, qd: VectorLike) -> Array:
         """Ṁ = Σ q̇_i ∂M/∂q_i [kg m²/s, …], shape (nv, nv) (Identity 6.3); with a unit vector for qd a partial derivative.
 
         Of a joint of several degrees of freedom it is the rate along the motion with that twist.
@@ -219,20 +292,20 @@ class DiagonalDynamics:
         self._checked(sweeps.mass_matrix_rate(self._robot, q, rate, M, M_rate), qd=rate)
         return M_rate
 
-    def mass_matrix_rate_times(self, q, qd, x):
+    def mass_matrix_rate_times(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
         """Ṁx [N m, N], shape (nv,), of rates x [rad/s, m/s], in O(N) without forming Ṁ (Identity 6.3)."""
         return self._derivative(sweeps.mass_matrix_rate_times, q, qd, x)
 
-    def log_det(self, q):
+    def log_det(self, q: VectorLike) -> float:
         """Ln det M = Σ ln D_k, as of the numerical values in SI units."""
         return float(np.log(self._articulated_inertias(q, self._zero)[0]).sum())
 
-    def log_det_rate(self, q, qd):
+    def log_det_rate(self, q: VectorLike, qd: VectorLike) -> float:
         """d/dt ln det M = Σ Ḋ_k/D_k [1/s] along q̇."""
         D, D_rate = self._articulated_inertias(q, qd)
         return float((D_rate / D).sum())
 
-    def placement(self, q, link):
+    def placement(self, q: VectorLike, link: str) -> Array:
         """Placement of a link's frame in the world, shape (4, 4): its axes, and in the last column its origin [m].
 
         Raises
@@ -246,7 +319,9 @@ class DiagonalDynamics:
         self._checked(sweeps.placement(self._robot, self._positions(q), body, result[:3]))
         return result @ in_body
 
-    def wrench_factor(self, q, link, point=(0.0, 0.0, 0.0), frame="link"):
+    def wrench_factor(
+        self, q: VectorLike, link: str, point: VectorLike = (0.0, 0.0, 0.0), frame: Frame = "link"
+    ) -> Array:
         """ℓJᵀ, shape (nv, 6): what unit wrenches at a point of a link add to ε, a column each; O(N).
 
         Parameters
@@ -267,12 +342,21 @@ class DiagonalDynamics:
         """
         return self._factor_of_wrenches(q, link, np.eye(6), point, frame)
 
-    def epsilon_from_wrench(self, q, link, wrench, point=(0.0, 0.0, 0.0), frame="link"):
+    def epsilon_from_wrench(
+        self,
+        q: VectorLike,
+        link: str,
+        wrench: VectorLike,
+        point: VectorLike = (0.0, 0.0, 0.0),
+        frame: Frame = "link",
+    ) -> Array:
         """ℓJᵀw [J^½/s], shape (nv,), of one wrench, force [N] then moment [N m]; else as :meth:`wrench_factor`."""
-        wrench = numbers("wrench", wrench, (6,), "six finite numbers, force [N] then moment [N m]")
-        return self._factor_of_wrenches(q, link, wrench[None], point, frame)[:, 0]
+        w = numbers("wrench", wrench, (6,), "six finite numbers, force [N] then moment [N m]")
+        return self._factor_of_wrenches(q, link, w[None], point, frame)[:, 0]
 
-    def operational_inverse_inertia(self, q, link, point=(0.0, 0.0, 0.0), frame="link"):
+    def operational_inverse_inertia(
+        self, q: VectorLike, link: str, point: VectorLike = (0.0, 0.0, 0.0), frame: Frame = "link"
+    ) -> Array:
         """J M⁻¹ Jᵀ = (ℓJᵀ)ᵀ(ℓJᵀ), shape (6, 6): how a wrench at a point of a link accelerates it; M is not formed.
 
         Blocks [1/kg], [1/(kg m)] and [1/(kg m²)]; arguments as of :meth:`wrench_factor`.
@@ -280,7 +364,14 @@ class DiagonalDynamics:
         factor = self.wrench_factor(q, link, point, frame)
         return _squared(factor, point)
 
-    def reflected_mass(self, q, link, direction, point=(0.0, 0.0, 0.0), frame="link"):
+    def reflected_mass(
+        self,
+        q: VectorLike,
+        link: str,
+        direction: VectorLike,
+        point: VectorLike = (0.0, 0.0, 0.0),
+        frame: Frame = "link",
+    ) -> float:
         """1/|ℓJᵀu|² [kg]: the mass that a push along u at a point of a link meets.
 
         It is inf where the point cannot move that way, or moves no more than rounding would have it.
@@ -297,11 +388,11 @@ class DiagonalDynamics:
         InputError
             As there, or the direction is zero.
         """
-        direction = numbers("direction", direction, (3,), "three finite numbers, not all zero")
-        largest = np.abs(direction).max()
+        u = numbers("direction", direction, (3,), "three finite numbers, not all zero")
+        largest = np.abs(u).max()
         if not largest > 0.0:
-            raise InputError(f"direction is {direction.tolist()}, expected three finite numbers, not all zero.")
-        u = direction / largest
+            raise InputError(f"direction is {u.tolist()}, expected three finite numbers, not all zero.")
+        u = u / largest
         u /= np.linalg.norm(u)
         factor = self.wrench_factor(q, link, point, frame)
         w = factor[:, :3] @ u
@@ -311,7 +402,16 @@ class DiagonalDynamics:
 
     # --- Many states ---
 
-    def evaluate_batch(self, Q, QD, TAU=None, *, threads=None, friction=False):
+    def evaluate_batch(
+        self,
+        Q: MatrixLike,
+        QD: MatrixLike,
+        TAU: MatrixLike | None = None,
+        *,
+        threads: int | None = None,
+        friction: bool = False,
+        out: BatchEvaluation | None = None,
+    ) -> BatchEvaluation:
         """:meth:`evaluate` at many states, on all cores; what sweeps compute has the bits of single calls.
 
         Parameters
@@ -326,15 +426,19 @@ class DiagonalDynamics:
             How many to use, by default as many as there are processors for this process.
         friction : bool
             Whether to evaluate friction, too, as :meth:`evaluate` does; it takes as long again.
+        out : BatchEvaluation, optional
+            Where to write the results, made by :meth:`new_batch` for T states. If an error is raised while it is written,
+            its results are NaN.
 
         Returns
         -------
         BatchEvaluation
+            A new one, or `out`.
 
         Raises
         ------
         InputError, SingularMassMatrixError
-            As :meth:`evaluate`, naming the first state that fails.
+            As :meth:`evaluate`, naming the first state that fails; `out` is of another number of states, too.
         """
         if threads is not None and not (isinstance(threads, (int, np.integer)) and threads >= 1):
             raise InputError(f"threads is {threads!r}, expected a whole number >= 1.")
@@ -342,23 +446,72 @@ class DiagonalDynamics:
         Q = batch.states("Q", Q, model.coordinate_names)
         QD = batch.states("QD", QD, model.dof_names, len(Q))
         efforts = self._zero[None] if TAU is None else batch.states("TAU", TAU, model.dof_names, len(Q))
-        states = np.empty((len(Q), *self._shape))
-        failing = batch.evaluate(self._workspaces, Q, QD, efforts, states, threads or batch.cores())
+        if out is None:
+            memory = BatchMemory.of(model, len(Q))
+        else:
+            memory = _memory_of(out, BatchEvaluation, model, "new_batch(T)")
+            if len(out) != len(Q):
+                raise InputError(f"out has room for {len(out)} states, expected {len(Q)}: a row for each state of Q.")
+        try:
+            self._fill_batch(Q, QD, efforts, TAU is not None, memory, threads)
+            resisting = None
+            if friction:
+                resisting = self.evaluate_batch(Q, QD, _friction_torque(model, QD), threads=threads).epsilon
+        except Exception:
+            if out is not None:
+                for part in memory:
+                    part.fill(np.nan)
+            raise
+        if out is None:
+            return BatchEvaluation(model, memory, TAU is not None, resisting)
+        out._with_tau, out._friction = TAU is not None, resisting
+        return out
+
+    def _fill_batch(self, Q, QD, efforts, with_tau, memory, threads):
+        """Evaluate all states into memory, or raise the error of the first that fails."""
+        failing = batch.evaluate(self._workspaces, Q, QD, efforts, memory, threads or batch.cores())
         for t in failing:
             try:
-                self.evaluate(Q[t], QD[t], None if TAU is None else efforts[t])
+                self.evaluate(Q[t], QD[t], efforts[t] if with_tau else None)
             except SingularMassMatrixError as error:
                 raise SingularMassMatrixError(f"state {t}: {error}", error.joint, error.articulated_inertia) from None
             except InputError as error:
                 raise InputError(f"state {t}: {error}") from None
         if failing:
             raise InputError(f"Q, QD or TAU have changed while states {failing[0]} to {failing[-1]} were evaluated.")
-        result = BatchEvaluation(model, states, TAU is not None)
-        if friction:
-            result.friction = self.evaluate_batch(Q, QD, _friction_torque(model, QD), threads=threads).epsilon
-        return result
 
-    def evaluate_stream(self, Q, QD, TAU=None, *, size=16384, threads=None, friction=False):
+    def new_batch(self, count: int) -> BatchEvaluation:
+        """BatchEvaluation that :meth:`evaluate_batch` can write into, again and again: ``evaluate_batch(…, out=…)``.
+
+        Only `evaluate_batch` writes it; its arrays, also those that were read from it before, then hold the new results.
+
+        Parameters
+        ----------
+        count : int
+            Number of states T.
+
+        Returns
+        -------
+        BatchEvaluation
+            Its results are NaN until something has been evaluated into it.
+        """
+        if not (isinstance(count, (int, np.integer)) and count >= 0):
+            raise InputError(f"count is {count!r}, expected a whole number >= 0.")
+        memory = BatchMemory.of(self.model, int(count))
+        for part in memory:
+            part.fill(np.nan)
+        return BatchEvaluation(self.model, memory, False, keep=True)
+
+    def evaluate_stream(
+        self,
+        Q: MatrixLike,
+        QD: MatrixLike,
+        TAU: MatrixLike | None = None,
+        *,
+        size: int = 16384,
+        threads: int | None = None,
+        friction: bool = False,
+    ) -> Iterator[BatchEvaluation]:
         """:meth:`evaluate_batch` of any number of states in bounded memory: a generator of one batch after the other.
 
         Parameters
@@ -382,7 +535,7 @@ class DiagonalDynamics:
             efforts = None if TAU is None else TAU[part]
             yield self.evaluate_batch(Q[part], QD[part], efforts, threads=threads, friction=friction)
 
-    def compile(self, *methods):
+    def compile(self, *methods: str) -> None:
         """Compile methods, or load them from the cache: afterwards no call of them waits for the compiler.
 
         Parameters
@@ -557,8 +710,27 @@ class DiagonalDynamics:
         raise InputError(f"{', '.join(['q', *inputs])} are too large: a result overflows.")
 
 
-_FLOAT = np.dtype(np.float64)
+_FLOAT, _MISFIT, _empty = np.dtype(np.float64), sweeps.MISFIT, np.empty
 _new = tuple.__new__  # half of the time that a namedtuple's own takes
+
+
+def _memory_of(out, kind, model, maker):
+    """Memory of a result that may be written; any other is an error."""
+    if type(out) is kind and out._model is model:
+        try:
+            return out._memory
+        except AttributeError:  # a result that stays
+            pass
+    elif type(out) is kind:
+        other, names = out._model, model.dof_names
+        why = f"{len(other.dof_names)} dof" if other.dof_names != names else "another model"
+        raise InputError(f"out is of robot '{other.name}' ({why}), expected '{model.name}' ({len(names)} dof).")
+    raise InputError(f"out is {_kind_of(out)}, expected what {maker} of this robot's dynamics has made.")
+
+
+def _kind_of(out):
+    kind = type(out).__name__
+    return f"an earlier call's {kind}, which stays as it is" if isinstance(out, Evaluation) else f"of type {kind}"
 
 
 def _squared(factor, point):
@@ -589,11 +761,10 @@ def _check_sum(tau, friction, f_ext):
         raise InputError("tau, f_ext or friction are not finite or too large: their sum is not a finite number.")
 
 
-def _check_power(s):
+def _check_power(nu, *terms):
     """Refuse what wrenches or friction make of the power, which the sweep has found finite without them."""
-    terms = [term for term in (s.external, s.friction) if term is not None]
     with np.errstate(over="ignore", invalid="ignore"):
-        power = sum(float(s.nu @ term) for term in terms)
+        power = sum(float(nu @ term) for term in terms if term is not None)
     if not np.isfinite(power):
         raise InputError("qd, f_ext or friction are too large: the power overflows.")
 

@@ -1,12 +1,16 @@
 """What can go wrong: every exception names the thing, its value and what was expected."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+
 from diag_dynamics.text import plain
 
 _LONGEST = 10_000
 """Characters of an exception's text: a name may be of any length, what is said of it is not."""
 
 
-def shown(error):
+def shown(error: BaseException) -> str:
     """The text of an exception as it is shown: names come from files and messages, and may hold anything."""
     text = str(error.args[0]) if error.args else ""
     return plain(text) if len(text) <= _LONGEST else f"{plain(text[:_LONGEST])}… ({len(text)} characters)"
@@ -18,7 +22,7 @@ class DiagDynamicsError(Exception):
     Their text is of one line and safe to show, see :func:`~diag_dynamics.text.plain`; in `args` names are as they are.
     """
 
-    def __str__(self):
+    def __str__(self) -> str:
         return shown(self)
 
 
@@ -41,7 +45,7 @@ class UnsupportedError(ModelError, NotImplementedError):
 class InertiaWarning(UserWarning):
     """A link's inertia is not that of any rigid body; it is used as it is."""
 
-    def __str__(self):
+    def __str__(self) -> str:
         return shown(self)
 
 
@@ -54,9 +58,9 @@ class MimicJointError(UrdfError):
         The joints concerned.
     """
 
-    def __init__(self, message, joints):
+    def __init__(self, message: str, joints: Iterable[str]) -> None:
         super().__init__(message, joints)
-        self.joints = tuple(joints)
+        self.joints: tuple[str, ...] = tuple(joints)
 
 
 class MasslessLinkError(ModelError):
@@ -70,10 +74,10 @@ class MasslessLinkError(ModelError):
         D of each of them [kg m², prismatic: kg].
     """
 
-    def __init__(self, message, joints, articulated_inertia):
+    def __init__(self, message: str, joints: Iterable[str], articulated_inertia: Iterable[float]) -> None:
         super().__init__(message, joints, articulated_inertia)
-        self.joints = tuple(joints)
-        self.articulated_inertia = tuple(map(float, articulated_inertia))
+        self.joints: tuple[str, ...] = tuple(joints)
+        self.articulated_inertia: tuple[float, ...] = tuple(map(float, articulated_inertia))
 
 
 class SingularMassMatrixError(DiagDynamicsError, ArithmeticError):
@@ -87,7 +91,7 @@ class SingularMassMatrixError(DiagDynamicsError, ArithmeticError):
         Its D [kg m², prismatic: kg].
     """
 
-    def __init__(self, message, joint, articulated_inertia):
+    def __init__(self, message: str, joint: str, articulated_inertia: float) -> None:
         super().__init__(message, joint, articulated_inertia)
         self.joint = joint
         self.articulated_inertia = articulated_inertia

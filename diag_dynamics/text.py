@@ -19,7 +19,7 @@ class _Escapes(dict):
 _ESCAPES = _Escapes()
 
 
-def plain(text):
+def plain(text: str) -> str:
     r"""The text with every character that would act on a terminal or a log, instead of being seen, as ``\x1b`` or ``\u202e``.
 
     Letters of all languages stay as they are, and so does what has been escaped before: doing it twice changes nothing. A

@@ -53,4 +53,4 @@ class Command(NamedTuple):
     lyapunov_rate: float
     error: np.ndarray | PoseError | None = None
     scale: float = 1.0
-    limited: tuple = ()
+    limited: tuple[str, ...] = ()

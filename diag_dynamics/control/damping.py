@@ -1,7 +1,12 @@
 """Laws without a target: the robot is braked, or only held against gravity."""
 
+from __future__ import annotations
+
+from diag_dynamics.arrays import VectorLike
 from diag_dynamics.checks import per_name
+from diag_dynamics.control.command import Command
 from diag_dynamics.control.law import Law
+from diag_dynamics.dynamics import DiagonalDynamics
 
 
 class RateDamping(Law):
@@ -21,11 +26,11 @@ class RateDamping(Law):
         A gain is not a positive number; or see :class:`Law`.
     """
 
-    def __init__(self, dynamics, gain):
+    def __init__(self, dynamics: DiagonalDynamics, gain: VectorLike | float) -> None:
         super().__init__(dynamics)
         self.gain = per_name("gain", gain, dynamics.model.dof_names, "a finite number > 0 [1/s]")
 
-    def command(self, q, qd):
+    def command(self, q: VectorLike, qd: VectorLike) -> Command:
         """Command at the positions q [rad, m] and rates qd [rad/s, m/s], each of shape (nv,)."""
         nu = self.dynamics.nu_from_qd(q, qd)
         epsilon = -self.gain * nu
@@ -38,7 +43,7 @@ class GravityCompensation(Law):
     V = K = ½|ν|², which nothing but the hand and friction changes: dV/dt = 0.
     """
 
-    def command(self, q, qd):
+    def command(self, q: VectorLike, qd: VectorLike) -> Command:
         """Command at the positions q [rad, m] and rates qd [rad/s, m/s], each of shape (nv,)."""
         nu = self.dynamics.nu_from_qd(q, qd)
         return self._command(q, nu, 0.0 * nu, 0.5 * float(nu @ nu), 0.0)

@@ -1,7 +1,12 @@
 """A bound on the kinetic energy that a law may put into the robot."""
 
+from __future__ import annotations
+
+from diag_dynamics.arrays import VectorLike
 from diag_dynamics.checks import positive, vector
+from diag_dynamics.control.command import Command
 from diag_dynamics.control.law import actuated
+from diag_dynamics.dynamics import DiagonalDynamics
 
 
 class EnergyLimiter:
@@ -25,12 +30,12 @@ class EnergyLimiter:
         Not positive numbers; or see :class:`Law`.
     """
 
-    def __init__(self, dynamics, limit, rate):
+    def __init__(self, dynamics: DiagonalDynamics, limit: float, rate: float) -> None:
         self.dynamics = actuated(dynamics)
         self.limit, self.rate = positive("limit", limit, "[J]"), positive("rate", rate, "[1/s]")
         dynamics.compile("tau_from_epsilon")
 
-    def excess_power(self, command, external=None):
+    def excess_power(self, command: Command, external: VectorLike | None = None) -> float:
         """Power that has to be taken out of a command [W]: max(0, νᵀ(ε + ε_ext) − αh)."""
         nu = command.nu
         power = float(nu @ command.epsilon)
@@ -38,7 +43,7 @@ class EnergyLimiter:
             power += float(nu @ vector("external", external, self.dynamics.model.dof_names))
         return max(0.0, power - self.rate * (self.limit - 0.5 * float(nu @ nu)))
 
-    def filter(self, q, command, external=None):
+    def filter(self, q: VectorLike, command: Command, external: VectorLike | None = None) -> Command:
         """Return the command, or one of less power.
 
         Parameters

@@ -1,5 +1,7 @@
 """What all laws share: a robot with a motor at every joint, gains, and the way from ε to efforts."""
 
+from __future__ import annotations
+
 from diag_dynamics.checks import instance
 from diag_dynamics.control.command import Command
 from diag_dynamics.dynamics import DiagonalDynamics
@@ -43,9 +45,9 @@ class Law:
         The robot has a floating base, or another joint of several degrees of freedom: nothing drives these.
     """
 
-    METHODS = "nu_from_qd", "tau_from_epsilon", "gravity_torque"
+    METHODS: tuple[str, ...] = "nu_from_qd", "tau_from_epsilon", "gravity_torque"
 
-    def __init__(self, dynamics):
+    def __init__(self, dynamics: DiagonalDynamics) -> None:
         self.dynamics = actuated(dynamics)
         dynamics.compile(*self.METHODS)
 

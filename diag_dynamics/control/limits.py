@@ -1,9 +1,14 @@
 """What a robot can bear: efforts, how fast they change, and joint ranges."""
 
+from __future__ import annotations
+
 import numpy as np
 
+from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.checks import instance, not_negative, per_name, vector
+from diag_dynamics.control.command import Command
 from diag_dynamics.control.law import actuated
+from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 
@@ -31,7 +36,7 @@ class EffortSaturation:
         A limit is not a positive number; the joint is named.
     """
 
-    def __init__(self, model, limit=None):
+    def __init__(self, model: RobotModel, limit: VectorLike | None = None) -> None:
         self._names = instance("model", model, RobotModel).dof_names
         self.limit = per_name(
             "effort limit",
@@ -41,7 +46,7 @@ class EffortSaturation:
             lambda x: x > 0.0,
         )
 
-    def filter(self, command):
+    def filter(self, command: Command) -> Command:
         """Return the command within the limits, its `scale` s and the joints that made it so in `limited`.
 
         Parameters
@@ -91,16 +96,16 @@ class EffortRateLimiter:
         A rate is not a positive number, or `start` no vector of finite numbers; the joint is named.
     """
 
-    def __init__(self, model, rate, start=None):
+    def __init__(self, model: RobotModel, rate: VectorLike | float, start: VectorLike | None = None) -> None:
         self._names = instance("model", model, RobotModel).dof_names
         self.rate = per_name("effort rate", rate, self._names, "a finite number > 0 [N m/s, N/s]")
         self.reset(start)
 
-    def reset(self, tau=None):
+    def reset(self, tau: VectorLike | None = None) -> None:
         """Start from the effort `tau` [N m, N], shape (nv,); without it from the next one that is asked for."""
         self._last = None if tau is None else vector("tau", tau, self._names)
 
-    def filter(self, tau, dt):
+    def filter(self, tau: VectorLike, dt: float) -> tuple[Array, tuple[str, ...]]:
         """Efforts to send, and which joints had to wait.
 
         Parameters
@@ -151,7 +156,13 @@ class PositionRepulsion:
         Not positive numbers; or see :class:`Law`.
     """
 
-    def __init__(self, dynamics, margin, stiffness, damping=0.0):
+    def __init__(
+        self,
+        dynamics: DiagonalDynamics,
+        margin: VectorLike | float,
+        stiffness: VectorLike | float,
+        damping: VectorLike | float = 0.0,
+    ) -> None:
         self.dynamics = actuated(dynamics)
         model = dynamics.model
         names = model.dof_names
@@ -170,7 +181,7 @@ class PositionRepulsion:
             )
         dynamics.compile("epsilon_from_tau")
 
-    def depth(self, q):
+    def depth(self, q: VectorLike) -> Array:
         """How far each joint is into the margin [rad, m], shape (nv,): positive at its upper end, negative at the lower."""
         return np.clip(self._way(q), -self._margin, self._margin)
 
@@ -178,18 +189,18 @@ class PositionRepulsion:
         q = vector("q", q, self.dynamics.model.dof_names)
         return np.maximum(q - self._upper, 0.0) + np.minimum(q - self._lower, 0.0)
 
-    def potential(self, q):
+    def potential(self, q: VectorLike) -> float:
         """U = ½Σk d² [J], and kd more for every way beyond the limit."""
         d, way = self.depth(q), self._way(q)
         return 0.5 * float(self.stiffness @ (d * (2.0 * way - d)))
 
-    def effort(self, q, qd):
+    def effort(self, q: VectorLike, qd: VectorLike) -> Array:
         """What the springs and their dampers add to the joint efforts [N m, N], shape (nv,)."""
         d, qd = self.depth(q), vector("qd", qd, self.dynamics.model.dof_names)
         outward = np.where(d * qd > 0.0, np.abs(d) / self._margin, 0.0)
         return -self.stiffness * d - self.damping * outward * qd
 
-    def filter(self, q, qd, command):
+    def filter(self, q: VectorLike, qd: VectorLike, command: Command) -> Command:
         """Return the command with that added, to its ε too.
 
         Parameters

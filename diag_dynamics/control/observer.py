@@ -1,10 +1,13 @@
 """External torque without differentiating M: a disturbance observer on total joint rates."""
 
+from __future__ import annotations
+
 import math
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
+from diag_dynamics.arrays import VectorLike
 from diag_dynamics.checks import choice, instance, number, per_name, positive
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
@@ -72,7 +75,17 @@ class DisturbanceObserver:
         An argument has a wrong value.
     """
 
-    def __init__(self, dynamics, gain, threshold, release=None, *, effort="sampled", friction=False, max_gap=0.1):
+    def __init__(
+        self,
+        dynamics: DiagonalDynamics,
+        gain: VectorLike | float,
+        threshold: float,
+        release: float | None = None,
+        *,
+        effort: Literal["sampled", "held"] = "sampled",
+        friction: bool = False,
+        max_gap: float = 0.1,
+    ) -> None:
         instance("dynamics", dynamics, DiagonalDynamics)
         choice("effort", effort, ("sampled", "held"))
         self._names = dynamics.model.dof_names
@@ -85,7 +98,7 @@ class DisturbanceObserver:
         self._held, self._friction = effort == "held", bool(friction)
         self.use(dynamics)
 
-    def use(self, dynamics):
+    def use(self, dynamics: DiagonalDynamics) -> None:
         """Go on with another model of the same degrees of freedom, one with a payload say: m has jumped, so it resets.
 
         Raises
@@ -102,14 +115,14 @@ class DisturbanceObserver:
         dynamics.compile("evaluate", "tau_from_epsilon", "epsilon_from_tau")
         self.reset()
 
-    def reset(self):
+    def reset(self) -> None:
         """Forget everything: r starts from zero at the next sample."""
         self._time = None
         self._residual = np.zeros(len(self._names))
         self._collision = False
         self._last = Disturbance(False, "no sample since the reset")
 
-    def update(self, time, q, qd, tau):
+    def update(self, time: float, q: VectorLike, qd: VectorLike, tau: VectorLike | None) -> Disturbance:
         """Take a sample.
 
         A time before the last one, or more than `max_gap` after it, resets. A sample at the very time of the last one is

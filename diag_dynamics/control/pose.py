@@ -1,12 +1,16 @@
 """Regulation of the pose of a frame of the robot."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np
 
+from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import numbers, per_name, positive
-from diag_dynamics.control.command import PoseError
+from diag_dynamics.control.command import Command, PoseError
 from diag_dynamics.control.law import Law
+from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 
 ORTHOGONAL = 1e-6
@@ -43,7 +47,15 @@ class PoseRegulation(Law):
 
     METHODS = (*Law.METHODS, "placement", "epsilon_from_wrench")
 
-    def __init__(self, dynamics, link, damping, position_stiffness, orientation_stiffness, point=(0.0, 0.0, 0.0)):
+    def __init__(
+        self,
+        dynamics: DiagonalDynamics,
+        link: str,
+        damping: VectorLike | float,
+        position_stiffness: VectorLike | float,
+        orientation_stiffness: float,
+        point: VectorLike = (0.0, 0.0, 0.0),
+    ) -> None:
         super().__init__(dynamics)
         if link not in dynamics.model.link_names:
             raise InputError(f"'{link}' is not a link of robot '{dynamics.model.name}'.")
@@ -54,7 +66,7 @@ class PoseRegulation(Law):
         self.point = numbers("point", point, (3,), "three finite numbers [m]")
         self._position = self._axes = None
 
-    def aim(self, position=None, orientation=None):
+    def aim(self, position: VectorLike | None = None, orientation: MatrixLike | None = None) -> None:
         """Set the target; the first is needed before any command. What is None is left free.
 
         Parameters
@@ -75,12 +87,12 @@ class PoseRegulation(Law):
         self._position = None if position is None else numbers("position", position, (3,), "three finite numbers [m]")
         self._axes = axes
 
-    def pose(self, q):
+    def pose(self, q: VectorLike) -> tuple[Array, Array]:
         """Where the frame is at q: position [m], shape (3,), and axes as columns, shape (3, 3), in the root link's axes."""
         X = self.dynamics.placement(q, self.link)
         return X[:3, :3] @ self.point + X[:3, 3], X[:3, :3]
 
-    def command(self, q, qd):
+    def command(self, q: VectorLike, qd: VectorLike) -> Command:
         """Command at the positions q [rad, m] and rates qd [rad/s, m/s], each of shape (nv,); its error is a PoseError.
 
         Raises

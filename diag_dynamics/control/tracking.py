@@ -1,10 +1,14 @@
 """Tracking of a joint trajectory, with an error that decays at the same rate in every configuration."""
 
+from __future__ import annotations
+
 import numpy as np
 
+from diag_dynamics.arrays import VectorLike
 from diag_dynamics.checks import per_name, vector
 from diag_dynamics.control.command import Command
 from diag_dynamics.control.law import Law
+from diag_dynamics.dynamics import DiagonalDynamics
 
 
 class JointTracking(Law):
@@ -33,7 +37,13 @@ class JointTracking(Law):
 
     METHODS = (*Law.METHODS, "inverse_dynamics", "coriolis_product", "epsilon_from_tau")
 
-    def __init__(self, dynamics, gain, convergence, closing=np.inf):
+    def __init__(
+        self,
+        dynamics: DiagonalDynamics,
+        gain: VectorLike | float,
+        convergence: VectorLike | float,
+        closing: VectorLike | float = np.inf,
+    ) -> None:
         super().__init__(dynamics)
         model = dynamics.model
         self.gain = per_name("gain", gain, model.dof_names, "a finite number > 0 [1/s]")
@@ -43,7 +53,14 @@ class JointTracking(Law):
         self._any_turns = bool(self._turns.any())
         self._rest = np.zeros(model.nv)
 
-    def command(self, q, qd, desired_q, desired_qd=None, desired_qdd=None):
+    def command(
+        self,
+        q: VectorLike,
+        qd: VectorLike,
+        desired_q: VectorLike,
+        desired_qd: VectorLike | None = None,
+        desired_qdd: VectorLike | None = None,
+    ) -> Command:
         """Command at one state, for where the robot should be at this time.
 
         A continuous joint is taken the shorter way round.

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from diag_dynamics.arrays import MatrixLike, VectorLike
 from diag_dynamics.checks import mapping, not_negative, numbers
 from diag_dynamics.exceptions import InertiaWarning, InputError
 
@@ -45,8 +46,8 @@ class Payload(NamedTuple):
     """
 
     mass: float
-    com: object = (0.0, 0.0, 0.0)
-    inertia: object = ((0.0,) * 3,) * 3
+    com: VectorLike = (0.0, 0.0, 0.0)
+    inertia: MatrixLike = ((0.0,) * 3,) * 3
 
 
 class Options(NamedTuple):
@@ -56,11 +57,11 @@ class Options(NamedTuple):
     gravity: np.ndarray
     mimic: str
     massless: str
-    locked: dict
-    armature: dict
-    payloads: dict
+    locked: dict[str, float]
+    armature: dict[str, float]
+    payloads: dict[str, Payload]
     max_coupled: int
-    held: dict | None = None  # joints that massless="lock" has locked; None before that was decided
+    held: dict[str, float] | None = None  # joints that massless="lock" has locked; None before that was decided
     friction_velocity: float = FRICTION_VELOCITY
 
 

@@ -1,19 +1,26 @@
 """RobotModel, and the way from a URDF to it."""
 
+from __future__ import annotations
+
+import os
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 
+from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import choice, whole
 from diag_dynamics.exceptions import InputError, MimicJointError, UrdfError
 from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, refuse_massless
-from diag_dynamics.model.mimic import resolve_mimics
+from diag_dynamics.model.mimic import Mimic, resolve_mimics
 from diag_dynamics.model.options import (
     FRICTION_VELOCITY,
     Options,
+    Payload,
     armature_by_joint,
     checked_payloads,
     friction_velocity_of,
@@ -89,59 +96,59 @@ class RobotModel:
     """
 
     name: str
-    dof_names: tuple
-    coordinate_names: tuple
-    joint_names: tuple
-    link_names: tuple
+    dof_names: tuple[str, ...]
+    coordinate_names: tuple[str, ...]
+    joint_names: tuple[str, ...]
+    link_names: tuple[str, ...]
     root_link: str
     floating_base: bool
-    gravity: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    velocity_limit: np.ndarray
-    effort_limit: np.ndarray
-    damping: np.ndarray
-    friction: np.ndarray
-    mimic_joints: tuple
-    mimics: Mapping
-    coupled_groups: tuple
-    fixed_joints: tuple
-    continuous_joints: tuple
-    locked_joints: Mapping
-    payloads: Mapping
+    gravity: Array
+    lower: Array
+    upper: Array
+    velocity_limit: Array
+    effort_limit: Array
+    damping: Array
+    friction: Array
+    mimic_joints: tuple[str, ...]
+    mimics: Mapping[str, Mimic]
+    coupled_groups: tuple[tuple[str, ...], ...]
+    fixed_joints: tuple[str, ...]
+    continuous_joints: tuple[str, ...]
+    locked_joints: Mapping[str, float]
+    payloads: Mapping[str, Payload]
     total_mass: float
-    bodies: np.ndarray = field(repr=False)
-    links: np.ndarray = field(repr=False)
+    bodies: npt.NDArray[np.void] = field(repr=False)
+    links: npt.NDArray[np.void] = field(repr=False)
     _tree: Tree = field(repr=False)
     _options: Options = field(repr=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for value in vars(self).values():
             if isinstance(value, np.ndarray):
                 value.flags.writeable = False
 
     @property
-    def nv(self):
+    def nv(self) -> int:
         """Number of degrees of freedom."""
         return len(self.dof_names)
 
     @property
-    def nq(self):
+    def nq(self) -> int:
         """Number of position coordinates."""
         return len(self.coordinate_names)
 
     @property
-    def orientations(self):
+    def orientations(self) -> Array:
         """For each position coordinate, which component of a quaternion it is (x y z w: 0 to 3), or -1."""
         return self._tree.orientations
 
     @property
-    def friction_velocity(self):
+    def friction_velocity(self) -> float:
         """v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). A simulation's friction has none."""
         return self._options.friction_velocity
 
     @property
-    def armature(self):
+    def armature(self) -> Array:
         """Reflected rotor inertia [kg m², kg], shape (nv,), that of followers included."""
         moving, reflected = self.bodies[1:], np.zeros(self.nv)
         np.add.at(reflected, moving["dof"], moving["multiplier"] ** 2 * moving["armature"])
@@ -149,11 +156,11 @@ class RobotModel:
         return reflected
 
     @property
-    def neutral(self):
+    def neutral(self) -> Array:
         """Positions of zero, floating joints at the identity; shape (nq,)."""
         return np.array([1.0 if orientation == 3 else 0.0 for orientation in self.orientations])
 
-    def with_gravity(self, gravity):
+    def with_gravity(self, gravity: VectorLike) -> RobotModel:
         """Return this model with another acceleration of gravity [m/s²], shape (3,); everything else is shared.
 
         Raises
@@ -161,10 +168,12 @@ class RobotModel:
         InputError
             `gravity` is not three finite numbers, or one is beyond ±1000 m/s², which nothing that a robot stands on reaches.
         """
-        gravity = gravity_vector(gravity)
-        return replace(self, gravity=gravity, _options=self._options._replace(gravity=gravity))
+        vector = gravity_vector(gravity)
+        return replace(self, gravity=vector, _options=self._options._replace(gravity=vector))
 
-    def with_payload(self, link, mass, com=(0.0, 0.0, 0.0), inertia=None):
+    def with_payload(
+        self, link: str, mass: float, com: VectorLike = (0.0, 0.0, 0.0), inertia: MatrixLike | None = None
+    ) -> RobotModel:
         """Return this model with a payload on a link, in place of one that is there already; the rest is shared.
 
         Parameters
@@ -198,11 +207,11 @@ class RobotModel:
         refuse_massless(model, self._tree, massless_freedoms(model))
         return model
 
-    def without_payload(self, link):
+    def without_payload(self, link: str) -> RobotModel:
         """Return this model without the payload of a link."""
         return self.with_payload(link, 0.0)
 
-    def with_locked_joints(self, locked_joints):
+    def with_locked_joints(self, locked_joints: Mapping[str, float]) -> RobotModel:
         """Return this model with exactly these joints held, and those that the options of load_urdf lock besides.
 
         Which joints ``massless="lock"`` locks is decided anew.
@@ -221,7 +230,7 @@ class RobotModel:
         options = self._options._replace(locked=locked_positions(locked_joints, robot), held=None)
         return _model(robot, self._tree.root, options)
 
-    def placement_in_root(self, link):
+    def placement_in_root(self, link: str) -> Array:
         """Placement (4x4) in the root link of one that is rigidly attached to it.
 
         Raises
@@ -234,7 +243,7 @@ class RobotModel:
             raise InputError(f"link '{link}' is not rigidly attached to the root link '{self.root_link}'.")
         return placement
 
-    def placement_in_body(self, link):
+    def placement_in_body(self, link: str) -> tuple[int, Array]:
         """Index of the body that a link belongs to, and the link's placement (4x4) in the frame of that body.
 
         Raises
@@ -247,26 +256,26 @@ class RobotModel:
         _, body, placement = self._tree.links[self.link_names.index(link)]
         return body, placement
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<RobotModel '{self.name}': {self.nv} dof, {len(self.link_names)} links, {self.total_mass:.6g} kg>"
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return _restored, (self._tree.robot, self._tree.root, self._options)
 
 
 def load_urdf(
-    source,
-    floating_base=False,
-    gravity=(0.0, 0.0, -9.81),
-    mimic="embed",
-    massless="error",
-    locked_joints=None,
-    armature=None,
-    payloads=None,
-    max_joints=MAX_JOINTS,
-    max_coupled=MAX_COUPLED,
-    friction_velocity=FRICTION_VELOCITY,
-):
+    source: str | bytes | os.PathLike[str],
+    floating_base: bool = False,
+    gravity: VectorLike = (0.0, 0.0, -9.81),
+    mimic: Literal["embed", "free", "lock"] = "embed",
+    massless: Literal["error", "lock"] = "error",
+    locked_joints: Mapping[str, float] | None = None,
+    armature: Mapping[str, float] | float | None = None,
+    payloads: Mapping[str, Payload | tuple[Any, ...]] | None = None,
+    max_joints: int = MAX_JOINTS,
+    max_coupled: int = MAX_COUPLED,
+    friction_velocity: float = FRICTION_VELOCITY,
+) -> RobotModel:
     """Build a model from a URDF; meshes are neither needed nor looked for.
 
     Parameters
@@ -326,12 +335,12 @@ def load_urdf(
     """
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))
-    gravity = gravity_vector(gravity)
+    vector = gravity_vector(gravity)
     robot, root = read_urdf(source, whole("max_joints", max_joints))
     warn_of_inertias(robot)
     options = Options(
         bool(floating_base),
-        gravity,
+        vector,
         mimic,
         massless,
         locked_positions({} if locked_joints is None else locked_joints, robot),

@@ -1,5 +1,7 @@
 """Audit of energy: the work of each force, and the change of what is stored."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 
@@ -37,11 +39,11 @@ class EnergyAudit(NamedTuple):
     elastic: float
 
     @property
-    def residual(self):
+    def residual(self) -> float:
         """ΔK + ΔU + ΔE_elastic less all work [J]."""
         work = self.effort + self.wrenches + self.damping + self.friction + self.limits + self.exchanged
         return self.kinetic + self.potential + self.elastic - work
 
-    def since(self, earlier):
+    def since(self, earlier: EnergyAudit) -> EnergyAudit:
         """Audit of the time from an earlier audit to this one."""
         return EnergyAudit(*(now - then for now, then in zip(self, earlier, strict=True)))

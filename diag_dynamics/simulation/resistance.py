@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from diag_dynamics.arrays import VectorLike
 from diag_dynamics.checks import array_of, numbers
 from diag_dynamics.exceptions import InputError
 
@@ -21,8 +22,8 @@ class CompliantLimits(NamedTuple):
         [N m s/rad, N s/m].
     """
 
-    stiffness: object
-    damping: object = 0.0
+    stiffness: VectorLike | float
+    damping: VectorLike | float = 0.0
 
 
 def resistance(name, value, length):

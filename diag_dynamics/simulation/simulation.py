@@ -1,8 +1,13 @@
 """Simulation: a robot, its state, and what acts on it."""
 
+from __future__ import annotations
+
+from typing import Literal
+
 import numpy as np
 
 from diag_dynamics import sweeps
+from diag_dynamics.arrays import Array, Frame, VectorLike, Wrenches
 from diag_dynamics.checks import number, numbers
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
@@ -24,7 +29,7 @@ from diag_dynamics.simulation.layout import (
     WORKS,
     WRENCH_WORK,
 )
-from diag_dynamics.simulation.resistance import effort_limits_of, limits_of, resistance
+from diag_dynamics.simulation.resistance import CompliantLimits, effort_limits_of, limits_of, resistance
 from diag_dynamics.simulation.states import potential_energy, rest_position, with_unit_quaternions
 
 
@@ -62,16 +67,16 @@ class Simulation:
 
     def __init__(
         self,
-        model,
-        q=None,
-        qd=None,
-        step=1e-3,
-        damping=None,
-        limits=True,
-        order=4,
-        friction=None,
-        effort_limits=True,
-    ):
+        model: RobotModel,
+        q: VectorLike | None = None,
+        qd: VectorLike | None = None,
+        step: float = 1e-3,
+        damping: VectorLike | float | None = None,
+        limits: bool | CompliantLimits = True,
+        order: Literal[1, 4] = 4,
+        friction: VectorLike | float | None = None,
+        effort_limits: bool | VectorLike = True,
+    ) -> None:
         self._use(model)
         self.step_size = number("step", step, "a finite number > 0", lambda x: x > 0.0, unit=" s")
         if order not in (1, 4):
@@ -100,7 +105,7 @@ class Simulation:
         single = (model.bodies["dofs"] == 1) & (model.bodies["owner"] == np.arange(len(model.bodies)))
         self._limited, self._coordinate = model.bodies["dof"][single], model.bodies["q"][single]
 
-    def reset(self, q, qd):
+    def reset(self, q: VectorLike, qd: VectorLike) -> None:
         """Put the robot into a state, at time 0; the audit begins anew.
 
         Parameters
@@ -123,7 +128,7 @@ class Simulation:
         self._exchanged = 0.0
         self._start, self._start_energies = (self._q.copy(), self._nu.copy()), None
 
-    def change_model(self, model):
+    def change_model(self, model: RobotModel) -> None:
         """Go on with another model of the same degrees of freedom: another payload, gravity or armature.
 
         q and q̇ stay, so kinetic and potential energy jump as mass comes with the robot's own speed and height; the audit
@@ -156,70 +161,70 @@ class Simulation:
         self._exchanged += float(self._energies(self._q, self._nu).sum() - before)
 
     @property
-    def time(self):
+    def time(self) -> float:
         """Simulated time since the last reset [s]: a whole number of steps."""
         return float(self._works[0, TAKEN]) * self.step_size
 
     @property
-    def damping(self):
+    def damping(self) -> Array:
         """Joint damping in force [N m s/rad, N s/m], shape (nv,); a copy."""
         return self._joints[DAMPING].copy()
 
     @damping.setter
-    def damping(self, value):
+    def damping(self, value: VectorLike | float) -> None:
         self._joints[DAMPING] = resistance("damping", value, self.model.nv)
 
     @property
-    def friction(self):
+    def friction(self) -> Array:
         """Coulomb friction in force [N m, N], shape (nv,); a copy."""
         return self._joints[FRICTION].copy()
 
     @friction.setter
-    def friction(self, value):
+    def friction(self, value: VectorLike | float) -> None:
         self._joints[FRICTION] = resistance("friction", value, self.model.nv)
 
     @property
-    def effort_limits(self):
+    def effort_limits(self) -> Array:
         """Largest efforts in force [N m, N], shape (nv,); a copy. True sets those of the URDF, False none."""
         return self._effort_limits.copy()
 
     @effort_limits.setter
-    def effort_limits(self, value):
+    def effort_limits(self, value: bool | VectorLike) -> None:
         self._effort_limits = effort_limits_of(value, self.model)
 
     @property
-    def q(self):
+    def q(self) -> Array:
         """Positions [rad, m], shape (nq,); a copy."""
         return self._q.copy()
 
     @property
-    def nu(self):
+    def nu(self) -> Array:
         """Total joint rates [J^½], shape (nv,); a copy."""
         return self._nu.copy()
 
     @property
-    def qd(self):
+    def qd(self) -> Array:
         """Joint rates q̇ = ℓᵀν [rad/s, m/s], shape (nv,); a copy. Exactly zero where a joint sticks or rests at a stop."""
         return self._qd.copy()
 
     @property
-    def effort(self):
+    def effort(self) -> Array:
         """Joint efforts that acted in the last steps [N m, N], shape (nv,), after saturation; a copy."""
         return self._effort.copy()
 
     @property
-    def saturated(self):
+    def saturated(self) -> tuple[str, ...]:
         """Names of the degrees of freedom whose effort was cut in the last steps."""
         return self._named(self._effort != self._wanted)
 
     @property
-    def overspeed(self):
+    def overspeed(self) -> tuple[str, ...]:
         """Names of the degrees of freedom that are faster than the URDF's velocity limit, where it has one above 0."""
         limit = self.model.velocity_limit
         return self._named((limit > 0.0) & (np.abs(self._qd) > limit))
 
     @property
-    def at_limit(self):
+    def at_limit(self) -> tuple[str, ...]:
         """Names of the joints at or beyond a position limit."""
         at, (lower, upper) = np.zeros(self.model.nv, bool), self._bounds[:, self._coordinate]
         q = self._q[self._coordinate]
@@ -229,7 +234,13 @@ class Simulation:
     def _named(self, chosen):
         return tuple(self.model.dof_names[k] for k in np.flatnonzero(chosen))
 
-    def advance(self, tau=None, steps=1, f_ext=None, frame="link"):
+    def advance(
+        self,
+        tau: VectorLike | None = None,
+        steps: int = 1,
+        f_ext: Wrenches | None = None,
+        frame: Frame = "link",
+    ) -> None:
         """Take `steps` steps with joint efforts and wrenches held, in one call of compiled code.
 
         Parameters
@@ -284,22 +295,24 @@ class Simulation:
         if status:
             self.dynamics.refuse(status, self._workspace, self._q, nu=self._nu)
 
-    def evaluate(self, tau=None, f_ext=None, *, frame="link") -> Evaluation:
+    def evaluate(
+        self, tau: VectorLike | None = None, f_ext: Wrenches | None = None, *, frame: Frame = "link"
+    ) -> Evaluation:
         """Everything of the diagonalized equations at the present state, as :meth:`DiagonalDynamics.evaluate`."""
         return self.dynamics.evaluate(self.q, self.qd, tau, f_ext, frame=frame)
 
     @property
-    def kinetic_energy(self):
+    def kinetic_energy(self) -> float:
         """K = ½νᵀν [J]."""
         return 0.5 * float(self._nu @ self._nu)
 
     @property
-    def potential_energy(self):
+    def potential_energy(self) -> float:
         """Energy in the field of gravity [J], zero where the centre of mass is level with the world's origin."""
         return potential_energy(self.model, self._q)
 
     @property
-    def elastic_energy(self):
+    def elastic_energy(self) -> float:
         """Energy that compliant limits store [J]."""
         return self._elastic_energy(self._q)
 
@@ -321,7 +334,7 @@ class Simulation:
         return self._start_energies
 
     @property
-    def audit(self):
+    def audit(self) -> EnergyAudit:
         """Work and change of energy since the last :meth:`reset`, an :class:`EnergyAudit`."""
         work = self._works[0].tolist()
         return EnergyAudit(

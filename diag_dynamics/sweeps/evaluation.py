@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from diag_dynamics.compiled.kernel import COUNT, MATRIX, ROBOT, STATES, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.compiled.kernel import MATRIX, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
 from diag_dynamics.compiled.lanes import nought
 from diag_dynamics.sweeps.bodies import (
     BODIES,
@@ -78,9 +78,12 @@ from diag_dynamics.sweeps.workspace import (
     ARTICULATED_INERTIA_RATE,
     CORIOLIS,
     CORIOLIS_UNNORMALIZED,
+    EFFORT_POWER,
+    ENERGY_SHARE,
     EPSILON,
     GRAVITY,
     KAPPA,
+    KINETIC_ENERGY,
     MISFIT,
     NU,
     POSITIONS,
@@ -110,6 +113,23 @@ def _outward(bodies, gravity, q, qd, work):
 
 
 @kernel
+def _fill(out, k, root, xi, kappa, without_xi, gravity, D, D_rate):
+    """Write the results of one degree of freedom: the only place where they are listed.
+
+    `without_xi` is C_ξ but for its part Ḋ ξ, of which C has half; `gravity` is ε_g.
+    """
+    out[NU, k] = root * xi
+    out[XI, k] = xi
+    out[EPSILON, k] = kappa / root
+    out[KAPPA, k] = kappa
+    out[CORIOLIS, k] = (without_xi + 0.5 * D_rate * xi) / root
+    out[CORIOLIS_UNNORMALIZED, k] = without_xi + D_rate * xi
+    out[GRAVITY, k] = gravity
+    out[ARTICULATED_INERTIA, k] = D
+    out[ARTICULATED_INERTIA_RATE, k] = D_rate
+
+
+@kernel
 def _axis(bodies, i, direction, qd, tau, work, out):
     """The inward step at a joint of one degree of freedom; the direction is a constant, for the compiler's sake."""
     body, w = bodies[i], work[i]
@@ -133,15 +153,8 @@ def _axis(bodies, i, direction, qd, tau, work, out):
     without_xi = along(direction, y) - power(u, V)
 
     kappa = tau[k] - along(direction, z)
-    out[NU, k] = root * xi
-    out[XI, k] = xi
-    out[EPSILON, k] = kappa / root
-    out[KAPPA, k] = kappa
-    out[CORIOLIS, k] = (without_xi + 0.5 * D_rate * xi) / root
-    out[CORIOLIS_UNNORMALIZED, k] = without_xi + D_rate * xi
-    out[GRAVITY, k] = dot(column.force, vector_of(w.acceleration)) / root
-    out[ARTICULATED_INERTIA, k] = D
-    out[ARTICULATED_INERTIA_RATE, k] = D_rate
+    weight = dot(column.force, vector_of(w.acceleration)) / root
+    _fill(out, k, root, xi, kappa, without_xi, weight, D, D_rate)
 
     if body.parent > 0:
         # y⁺ = τ̄ y + P⁺ζ, P⁺ζ = Pζ − G (P S)ᵀζ;  z⁺ = z + G κ
@@ -183,14 +196,7 @@ def _group(bodies, last, qd, tau, work, table, out):
         G, D, D_rate = force_of(w.G), w.D, Q_rate[k, k - start]
         root, xi = math.sqrt(D), qd[k] + induced_rate(bodies, i, V_A, qd, Q, G)
         without_xi = -bias[k] - momentum_rate(bodies, i, V_A, qd, work, Q_rate)
-        out[NU, k] = root * xi
-        out[XI, k] = xi
-        out[EPSILON, k] = kappa[k] / root
-        out[CORIOLIS, k] = (without_xi + 0.5 * D_rate * xi) / root
-        out[CORIOLIS_UNNORMALIZED, k] = without_xi + D_rate * xi
-        out[GRAVITY, k] = root * power(G, acceleration)
-        out[ARTICULATED_INERTIA, k] = D
-        out[ARTICULATED_INERTIA_RATE, k] = D_rate
+        _fill(out, k, root, xi, kappa[k], without_xi, root * power(G, acceleration), D, D_rate)
         eliminate_rate(bodies, first, i, work, Q, Q_rate)
     if bodies[first].parent > 0:
         add_to_force(carrier.y, y)
@@ -238,14 +244,7 @@ def _base(bodies, last, qd, tau, work, table, out):
                 Q[a, b - start] -= g_a * Q[b, c - start]
                 Q_rate[a, b - start] -= g_a * (u - g * D_rate) + Q_rate[a, c - start] * g
         without_xi = bias[c] - momentum_rate
-        out[NU, c] = root * xi
-        out[XI, c] = xi
-        out[EPSILON, c] = kappa[c] / root
-        out[CORIOLIS, c] = (without_xi + 0.5 * D_rate * xi) / root
-        out[CORIOLIS_UNNORMALIZED, c] = without_xi + D_rate * xi
-        out[GRAVITY, c] = gravity[c] / root
-        out[ARTICULATED_INERTIA, c] = D
-        out[ARTICULATED_INERTIA_RATE, c] = D_rate
+        _fill(out, c, root, xi, kappa[c], without_xi, gravity[c] / root, D, D_rate)
     return 0
 
 
@@ -256,16 +255,20 @@ def _is_base(bodies, last):
 
 
 @kernel
-def _is_finite_result(out, n):
-    """Whether all that has been filled is finite, and the kinetic energy and the power of efforts and gravity, too."""
+def _complete(out, n):
+    """Fill the rows of energies; return whether they and all other results are finite."""
     energy, power = nought(out), nought(out)
     for k in range(n):
         rows = out[XI, k] + out[EPSILON, k] + out[KAPPA, k] + out[CORIOLIS, k] + out[CORIOLIS_UNNORMALIZED, k]
         rows += out[GRAVITY, k] + out[ARTICULATED_INERTIA, k] + out[ARTICULATED_INERTIA_RATE, k]
         if not math.isfinite(rows):
             return False
-        energy += out[NU, k] * out[NU, k]
+        share = 0.5 * out[NU, k] * out[NU, k]
+        out[ENERGY_SHARE, k] = share
+        energy += share
         power += out[NU, k] * (out[EPSILON, k] - out[GRAVITY, k])
+    if out.shape[1] > 0:
+        out[KINETIC_ENERGY, 0], out[EFFORT_POWER, 0] = energy, power
     return math.isfinite(energy) and math.isfinite(power)
 
 
@@ -287,22 +290,22 @@ def sweep(bodies, gravity, q, qd, tau, work, table, out):
         if status != 0:
             return status
         i = first - 1
-    return 0 if _is_finite_result(out, len(qd)) else -1
+    return 0 if _complete(out, len(qd)) else -1
 
 
 @entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, MATRIX)
 def evaluate(robot, q, qd, tau, out):
     """ν, ξ, ε, κ, C, C_ξ, ε_g, D and Ḋ at one state, in an outward and an inward sweep.
 
-    Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. Rows of `out`, of length nq, are those of :data:`NU` and so on; the
-    last two receive q and q̇.
+    Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. Rows of `out`, of length nq, are those of :data:`NU` and so on:
+    then come ½ν_k², K and νᵀ(ε − ε_g), and the last two receive q and q̇.
     """
     return evaluate_within(robot, q, qd, tau, out)
 
 
 @large_kernel
 def evaluate_within(robot, q, qd, tau, out):
-    """:func:`evaluate`, for who is compiled himself."""
+    """Sweep of :func:`evaluate`, for compiled callers."""
     if not fit(robot, q, qd, tau):
         return MISFIT
     if not (are_finite(q) and are_finite(qd) and are_finite(tau)):
@@ -317,15 +320,9 @@ def evaluate_within(robot, q, qd, tau, out):
     return sweep(bodies, gravity, q, qd, tau, work, table, out)
 
 
-@entry_kernel(MATRIX, COUNT)
-def energy_and_power(state, nv):
-    """½νᵀν and νᵀ(ε − ε_g) of a state that :func:`evaluate` has filled."""
-    return energy_and_power_within(state, nv)
-
-
 @kernel
 def energy_and_power_within(state, nv):
-    """:func:`energy_and_power`, for who is compiled himself."""
+    """½νᵀν and νᵀ(ε − ε_g) of a state that :func:`evaluate` has filled, for compiled callers."""
     energy, power = 0.0, 0.0
     for k in range(nv):
         nu = state[NU, k]
@@ -351,16 +348,16 @@ def energies_of_links(bodies, links, work, qd, energy):
     return math.isfinite(total)
 
 
-@entry_kernel(BODIES, LINKS, STATES, MATRIX, nogil=True)
-def link_energies(bodies, links, states, energies):
-    """Kinetic energy of every link, ½VᵀIV and ½ armature q̇² of its joint, at each state that :func:`evaluate` was at.
+@entry_kernel(BODIES, LINKS, MATRIX, MATRIX, MATRIX, nogil=True)
+def link_energies(bodies, links, Q, QD, energies):
+    """Kinetic energy of every link, ½VᵀIV and ½ armature q̇² of its joint, at each of many states, a row each.
 
-    It returns whether all are finite: K may be where those of links of no rigid body are not.
-    A state is what it filled; I is taken in the frame of the body that the link belongs to.
+    It returns whether all are finite: K may be where those of links of no rigid body are not. Rows of QD may be longer
+    than nv. I is taken in the frame of the body that the link belongs to.
     """
     work, finite = np.empty(len(bodies), WORK), True
-    for t in range(len(states)):
-        q, qd, energy = states[t, POSITIONS], states[t, RATES], energies[t]
+    for t in range(len(Q)):
+        q, qd, energy = Q[t], QD[t], energies[t]
         rest_at_world(work)
         turn(bodies, q, work)
         for i in range(1, len(bodies)):

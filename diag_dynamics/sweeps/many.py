@@ -1,43 +1,50 @@
 """Many states at once: as many as there are lanes side by side, in the same sweep as a single one."""
 
-from diag_dynamics.compiled.kernel import MATRIX, ROBOT, STATES, entry_kernel, kernel
+from diag_dynamics.compiled.kernel import COUNT, MATRIX, ROBOT, STATES, entry_kernel, kernel
 from diag_dynamics.compiled.lanes import WIDTH
 from diag_dynamics.sweeps.evaluation import sweep
 from diag_dynamics.sweeps.joints import are_finite, are_positions
-from diag_dynamics.sweeps.workspace import POSITIONS, RATES, RESULTS, copy, opened, opened_wide
+from diag_dynamics.sweeps.workspace import EFFORT_POWER, KINETIC_ENERGY, RESULTS, copy, opened, opened_wide
 
 
 @kernel
-def _pack(values, first, numbers):
-    """Fill lanes with rows of `values` from `first` on; where there are none left, with the last one."""
+def _pack(values, first, end, numbers):
+    """Fill lanes with rows of `values` from `first` on; where none are left before `end`, with the last one."""
+    last = min(end, len(values)) - 1
     for lane in range(WIDTH):
-        row = values[min(first + lane, len(values) - 1)]
+        row = values[min(first + lane, last)]
         for k in range(len(row)):
             numbers[k, lane] = row[k]
 
 
-@entry_kernel(ROBOT, MATRIX, MATRIX, MATRIX, STATES, nogil=True)
-def evaluate_many(robot, Q, QD, TAU, states):
-    """Fill `states` with what state.evaluate gives at each of many, the first axis of all arguments.
+@entry_kernel(ROBOT, MATRIX, MATRIX, MATRIX, COUNT, COUNT, STATES, MATRIX, MATRIX, MATRIX, nogil=True)
+def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, rates):
+    """What evaluation.evaluate gives at states `begin` to `end` of many, a row of Q, QD and TAU each.
 
-    Without efforts TAU has one row, of zeros. The robot is that of a WideWorkspace. It returns how many states have been
-    evaluated: all, or those before the first :data:`~lanes.WIDTH` of which one fails.
+    The robot is that of a WideWorkspace. Without efforts TAU has one row, of zeros. `results`, of shape (RESULTS, T, nv),
+    receives the rows from NU on, `numbers`, (2, T), K and νᵀ(ε − ε_g), `positions` and `rates` copies of Q and QD. It returns
+    the end of what has been evaluated: all, or what comes before the first :data:`~lanes.WIDTH` of which one fails.
     """
     bodies, gravity, _, _ = opened(robot)
-    work, table, (q, qd, tau), out, (q_numbers, qd_numbers, tau_numbers), numbers = opened_wide(robot)
-    for first in range(0, len(Q), WIDTH):
-        _pack(Q, first, q_numbers)
-        _pack(QD, first, qd_numbers)
-        _pack(TAU, first, tau_numbers)
+    work, table, (q, qd, tau), out, (q_numbers, qd_numbers, tau_numbers), lanes = opened_wide(robot)
+    for first in range(begin, end, WIDTH):
+        _pack(Q, first, end, q_numbers)
+        _pack(QD, first, end, qd_numbers)
+        _pack(TAU, first, end, tau_numbers)
         if not (are_positions(bodies, q) and are_finite(qd) and are_finite(tau)):
             return first
         if sweep(bodies, gravity, q, qd, tau, work, table, out) != 0:
             return first
-        for t in range(first, min(first + WIDTH, len(Q))):
-            state = states[t]
-            for row in range(RESULTS):
+        last = min(first + WIDTH, end)
+        for row in range(RESULTS):
+            for t in range(first, last):
                 for k in range(len(qd)):
-                    state[row, k] = numbers[row, k, t - first]
-            copy(Q[t], state[POSITIONS])
-            copy(QD[t], state[RATES])
-    return len(Q)
+                    results[row, t, k] = lanes[row, k, t - first]
+        for t in range(first, last):
+            if len(qd) > 0:
+                numbers[0, t], numbers[1, t] = lanes[KINETIC_ENERGY, 0, t - first], lanes[EFFORT_POWER, 0, t - first]
+            else:
+                numbers[0, t] = numbers[1, t] = 0.0
+            copy(Q[t], positions[t])
+            copy(QD[t], rates[t])
+    return end

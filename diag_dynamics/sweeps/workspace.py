@@ -4,17 +4,24 @@ from collections import namedtuple
 
 import numba
 import numpy as np
+from numba.core import types
+from numba.core.typeconv import Conversion
+from numba.core.typeconv.rules import default_type_manager
 
-from diag_dynamics.compiled.kernel import kernel
+from diag_dynamics.compiled.kernel import MATRIX, STATES, VECTOR, kernel
 from diag_dynamics.compiled.lanes import EIGHT, WIDTH, array_at, record_of_lanes
 from diag_dynamics.sweeps.bodies import BODY, POSITIONS_OF, WORK
 
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
-"""Rows of what state.evaluate fills."""
+"""Rows of what evaluation.evaluate fills; RESULTS is the number of those that a batch keeps."""
 
 ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, RESULTS = range(7, 10)
 
-POSITIONS, RATES, ROWS = range(9, 12)
+ENERGY_SHARE, KINETIC_ENERGY, EFFORT_POWER, SWEPT = range(9, 13)
+"""Further rows that a sweep fills. Of the two numbers, K and νᵀ(ε − ε_g), the row has the first entry only."""
+
+POSITIONS, RATES, ROWS = range(12, 15)
+"""Rows of a single state that receive q and q̇, and the number of all rows."""
 
 MISFIT = -2
 """Status of a sweep: a vector has not the robot's length."""
@@ -72,7 +79,7 @@ class WideWorkspace(Workspace):
     def __init__(self, bodies, gravity):
         super().__init__(bodies, gravity)
         n, nv, widest, nq = (int(size) for size in self.addresses[4:8])
-        parts = n * WORK.itemsize // 8, 2 * nv * widest, nq, nv, nv, RESULTS * nv
+        parts = n * WORK.itemsize // 8, 2 * nv * widest, nq, nv, nv, SWEPT * nv
         self._memory = aligned(WIDTH * sum(parts), np.dtype(np.float64))
         starts = 8 * WIDTH * np.cumsum([0, *parts[:-1]])
         self._locate([*self.addresses, *(self._memory.ctypes.data + starts)])
@@ -109,6 +116,12 @@ def _rigid_blocks(bodies):
     B = np.array([[zero, z, -y], [-z, zero, x], [y, -x, zero]]).transpose(2, 0, 1)
     return A, B, bodies["inertia"][:, [0, 1, 2, 1, 3, 4, 2, 4, 5]]
 
+
+for _taken in (VECTOR, MATRIX, STATES):
+    # Results are read-only. Without this line an entry kernel refuses them as arguments, after 60 µs of looking for code.
+    default_type_manager.set_compatible(
+        types.Array(_taken.dtype, _taken.ndim, "C", readonly=True), _taken, Conversion.safe
+    )
 
 _bodies_at, _work_at = array_at(numba.from_dtype(BODY), 1), array_at(numba.from_dtype(WORK), 1)
 _vector_at, _matrix_at, _table_at = (array_at(numba.float64, ndim) for ndim in (1, 2, 3))
@@ -158,9 +171,9 @@ def opened_wide(robot):
         _wide_work_at(at[10], (n,)),
         _wide_table_at(at[11], (2, nv, widest)),
         (_wide_vector_at(at[12], (nq,)), _wide_vector_at(at[13], (nv,)), _wide_vector_at(at[14], (nv,))),
-        _wide_matrix_at(at[15], (RESULTS, nv)),
+        _wide_matrix_at(at[15], (SWEPT, nv)),
         (_matrix_at(at[12], (nq, WIDTH)), _matrix_at(at[13], (nv, WIDTH)), _matrix_at(at[14], (nv, WIDTH))),
-        _table_at(at[15], (RESULTS, nv, WIDTH)),
+        _table_at(at[15], (SWEPT, nv, WIDTH)),
     )
 
 

@@ -37,7 +37,7 @@ print(D[0], sum(sweeps.joint_inertias.stats.cache_hits.values()))
 # Calls a function that allocates memory, too, and fails if numba got ready to compile though there was nothing to.
 FROM_CACHE = f"""{SCRIPT}
 energies = np.zeros((1, 2))
-sweeps.link_energies(model.bodies, model.links, np.zeros((1, sweeps.ROWS, 1)), energies)
+sweeps.link_energies(model.bodies, model.links, *np.zeros((2, 1, 1)), energies)
 assert not energies.any()
 loaded = any(sweeps.link_energies.stats.cache_hits.values())
 assert loaded is ("numba.np.npyimpl" not in sys.modules)

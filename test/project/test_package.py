@@ -35,11 +35,12 @@ def imports(path):
 # --- Structure ---
 
 FLOORS = [
-    "text",
+    "text arrays",
     "exceptions",
     "checks entries compiled",
     "sweeps",
-    "model results batch",
+    "model batch",
+    "results",
     "dynamics",
     "control assembly",
     "simulation",
