@@ -1,6 +1,7 @@
 """Many states at once: the numbers of single calls, whatever the number of threads, in bounded memory."""
 
 import dataclasses
+import os
 import tracemalloc
 
 import numpy as np
@@ -111,6 +112,18 @@ def test_any_number_of_states(dyn, count):
     assert batch.link_energy.shape == (count, len(dyn.model.link_names))
     for t in range(count):
         np.testing.assert_array_equal(batch.coriolis[t], dyn.evaluate(Q[t], QD[t], TAU[t]).coriolis)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks here")
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
+def test_a_fork_has_threads_of_its_own(two):
+    """It does not wait for those of its parent, which are not there."""
+    Q, QD, TAU = states(two, 300)
+    expected = two.evaluate_batch(Q, QD, TAU, threads=2).nu
+    child = os.fork()
+    if not child:
+        os._exit(not np.array_equal(two.evaluate_batch(Q, QD, TAU, threads=2).nu, expected))
+    assert os.waitpid(child, 0)[1] == 0
 
 
 def test_arguments_of_any_kind(two):
