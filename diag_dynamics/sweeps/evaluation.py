@@ -10,6 +10,7 @@ from diag_dynamics.sweeps.bodies import (
     BODIES,
     LINKS,
     WORK,
+    WORKS,
     add_to_force,
     force_of,
     inertia_of,
@@ -86,6 +87,7 @@ from diag_dynamics.sweeps.workspace import (
     POSITIONS,
     RATES,
     XI,
+    clear,
     fit,
     opened,
 )
@@ -106,7 +108,7 @@ def _outward(bodies, gravity, q, qd, work):
         set_vector(w.acceleration, 0, apply_transposed(X.rotation, vector_of(parent.acceleration)))
         start_inertia(body, w)
         set_force(w.y, cross_force(V, momentum(body, V)))
-        w.z[:] = 0.0
+        clear(w.z)
 
 
 @kernel
@@ -351,14 +353,18 @@ def energies_of_links(bodies, links, work, qd, energy):
     return math.isfinite(total)
 
 
-@entry_kernel(BODIES, LINKS, STATES, MATRIX, nogil=True)
 def link_energies(bodies, links, states, energies):
     """Kinetic energy of every link, ½VᵀIV and ½ armature q̇² of its joint, at each state that :func:`evaluate` was at.
 
     It returns whether all are finite: K may be where those of links of no rigid body are not.
     A state is what it filled; I is taken in the frame of the body that the link belongs to.
     """
-    work, finite = np.empty(len(bodies), WORK), True
+    return _link_energies(bodies, links, np.empty(len(bodies), WORK), states, energies)
+
+
+@entry_kernel(BODIES, LINKS, WORKS, STATES, MATRIX, nogil=True)
+def _link_energies(bodies, links, work, states, energies):
+    finite = True
     for t in range(len(states)):
         q, qd, energy = states[t, POSITIONS], states[t, RATES], energies[t]
         rest_at_world(work)

@@ -5,8 +5,9 @@ from collections import namedtuple
 import numba
 import numpy as np
 
+from diag_dynamics.compiled.arrays import array_at
 from diag_dynamics.compiled.kernel import kernel
-from diag_dynamics.compiled.lanes import EIGHT, WIDTH, array_at, record_of_lanes
+from diag_dynamics.compiled.lanes import EIGHT, WIDTH, record_of_lanes
 from diag_dynamics.sweeps.bodies import BODY, WORK
 
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
@@ -185,3 +186,10 @@ def copy(source, target):
     """target[:] = source, without a look at whether they overlap."""
     for k in range(len(source)):
         target[k] = source[k]
+
+
+@kernel
+def clear(target):
+    """target[:] = 0.0, which numba takes a second to compile."""
+    for k in range(len(target)):
+        target[k] = 0.0
