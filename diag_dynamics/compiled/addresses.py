@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from diag_dynamics.compiled.lanes import array_at
+from diag_dynamics.compiled.arrays import array_at
 
 bytes_at, words_at, indices_at, flags_at, vector_at = (
     array_at(kind, 1, lent=True) for kind in (numba.uint8, numba.int32, numba.int64, numba.boolean, numba.float64)

@@ -6,7 +6,7 @@ fdlibm for |x| <= π/4. Errors are below one unit in the last place of 1.
 
 import math
 
-from numba.core import types
+from numba import types
 from numba.extending import overload
 
 from diag_dynamics.compiled.kernel import INLINED, kernel

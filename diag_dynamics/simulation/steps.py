@@ -3,6 +3,7 @@
 import math
 
 from diag_dynamics import sweeps
+from diag_dynamics.compiled.arrays import flat
 from diag_dynamics.compiled.kernel import COUNT, FLAG, MATRIX, NUMBER, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
 from diag_dynamics.simulation.layout import (
     FREE,
@@ -138,7 +139,7 @@ def _begin(robot, rough, armature, joints, bounds, tau, wrenches, in_world, q, q
 def _let_go(robot, armature, memory):
     """Hold no joint."""
     bodies, _, _, _ = sweeps.opened(robot)
-    memory[MARKS] = 0.0
+    sweeps.clear(memory[MARKS])
     sweeps.hold(bodies, armature, memory[MARKS])
 
 
@@ -182,8 +183,8 @@ def _stop_at_limits(robot, joints, bounds, h, q, qd, nu, works, memory):
     """
     bodies, _, work, _ = sweeps.opened(robot)
     marks, before = memory[MARKS], memory[QDD]
-    energy = _kinetic(nu) + _potential(robot, q, memory[0:3].ravel())
-    marks[:] = 0.0
+    energy = _kinetic(nu) + _potential(robot, q, flat(memory))
+    sweeps.clear(marks)
     sweeps.copy(qd, before)
     for i in range(1, len(bodies)):
         if limited(bodies, i) and not math.isfinite(joints[STIFFNESS, bodies[i].dof]):
@@ -207,7 +208,7 @@ def _stop_at_limits(robot, joints, bounds, h, q, qd, nu, works, memory):
                 marks[k], more = math.inf, True
         if more:
             status = _arrest(robot, q, nu, qd, memory)
-    works[LIMIT_WORK] += _kinetic(nu) + _potential(robot, q, memory[0:3].ravel()) - energy
+    works[LIMIT_WORK] += _kinetic(nu) + _potential(robot, q, flat(memory)) - energy
     return status
 
 
@@ -241,7 +242,7 @@ def _hold_by_friction(robot, armature, joints, h, tau, q, start, qd, nu, works, 
     bodies, _, _, _ = sweeps.opened(robot)
     n, mode, seen, turned, free = len(qd), memory[MODE], memory[SEEN], memory[TURNED], memory[FREE_RATES]
     spring, depth, pushed = memory[SPRING], memory[DEPTH], memory[PUSHED]
-    seen[:] = 0.0
+    sweeps.clear(seen)
     while True:
         status = euler_rates(robot, joints, h, tau, pushed, mode, spring, depth, q, start, qd, memory)
         if status != 0:
@@ -291,7 +292,7 @@ def _euler_with_limits(robot, flat, armature, joints, bounds, h, tau, q, qd, nu,
     sweeps.copy(qd, start_qd)
     while True:
         status = _hold_by_friction(robot, armature, joints, h, tau, q, start_qd, qd, nu, works[0], memory, True)
-        works[1] = works[0]
+        sweeps.copy(works[0], works[1])
         if status == 0:
             status = euler_move(
                 robot, flat, joints, h, tau, memory[PUSHED], mode, spring, depth, start_qd, q, qd, works[1], memory
@@ -309,7 +310,7 @@ def _euler_with_limits(robot, flat, armature, joints, bounds, h, tau, q, qd, nu,
         if not more:
             break
         sweeps.copy(start_q, q)
-    works[0] = works[1]
+    sweeps.copy(works[1], works[0])
     _spend_stored(bodies, joints, bounds, start_q, q, memory, works[0])
     return 0
 
@@ -397,7 +398,7 @@ def _find_event(robot, flat, joints, bounds, h, tau, wrenches, in_world, q, qd, 
         sweeps.copy(places[START_Q], q)
         sweeps.copy(memory[START_QD], qd)
         sweeps.copy(memory[START_NU], nu)
-        works[1] = 0.0
+        sweeps.clear(works[1])
         status = runge_kutta(
             robot,
             flat,
@@ -441,7 +442,7 @@ def _apply_event(robot, joints, bounds, h, q, qd, nu, works, memory):
     mode, spring, marks = memory[MODE], memory[SPRING], memory[MARKS]
     gap, beyond, scale = memory[GAP : GAP + 2], memory[GAP_BEYOND : GAP_BEYOND + 2], memory[EFFORT : EFFORT + 2]
     slid, struck = False, False
-    marks[:] = 0.0
+    sweeps.clear(marks)
     for i in range(1, len(bodies)):
         k = bodies[i].dof
         if not sweeps.owns(bodies, i):
@@ -514,7 +515,7 @@ def _step_of_order_4(
         sweeps.copy(q, places[START_Q])
         sweeps.copy(qd, memory[START_QD])
         sweeps.copy(nu, memory[START_NU])
-        works[1] = 0.0
+        sweeps.clear(works[1])
         status = runge_kutta(
             robot,
             flat,
@@ -643,7 +644,7 @@ def advance(
     sweeps.copy(q, last_q)
     sweeps.copy(qd, last_qd)
     sweeps.copy(nu, last_nu)
-    works[2] = works[0]
+    sweeps.copy(works[0], works[2])
     memory[MODE], memory[SPRING], memory[DEPTH], memory[NONE], memory[PUSHED] = 0.0, 0.0, 0.0, 0.0, 0.0
     status = 0
     touching = touches(bounds, q)
@@ -676,7 +677,7 @@ def advance(
         sweeps.copy(q, last_q)
         sweeps.copy(qd, last_qd)
         rough = rubs or touching
-        works[2] = works[0]
+        sweeps.copy(works[0], works[2])
         if order == 1:
             status = _step_of_order_1(
                 robot,
@@ -730,7 +731,7 @@ def advance(
         _let_go(robot, armature, memory)
         sweeps.copy(last_q, q)
         sweeps.copy(last_qd, qd)
-        works[0] = works[2]
+        sweeps.copy(works[2], works[0])
         taken -= 1
         if order == 1:
             sweeps.nu_from_qd(robot, q, qd, nu)

@@ -94,6 +94,7 @@ from diag_dynamics.sweeps.workspace import (
     XI,
     WideWorkspace,
     Workspace,
+    clear,
     copy,
     opened,
 )
@@ -132,6 +133,7 @@ __all__ = [
     "accelerations_with_added_inertia",
     "articulated_inertias",
     "chart_rates",
+    "clear",
     "copy",
     "coriolis_bracket",
     "coriolis_product",

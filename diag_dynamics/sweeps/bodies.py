@@ -4,8 +4,8 @@ import numba
 import numpy as np
 from numba import types
 
+from diag_dynamics.compiled.arrays import array_at
 from diag_dynamics.compiled.kernel import kernel
-from diag_dynamics.compiled.lanes import array_at
 from diag_dynamics.sweeps.spatial import Force, Inertia, Motion, Placement, add, add_force
 
 REVOLUTE, PRISMATIC, PLANAR, FLOATING = range(4)
@@ -114,7 +114,7 @@ WRENCH = np.dtype(
 """An external wrench at a point of a body, the point in the body's frame [m], force [N] and moment [N m]."""
 
 BODIES, LINKS = (types.Array(numba.from_dtype(record), 1, "C", readonly=True) for record in (BODY, LINK))
-WRENCHES = numba.from_dtype(WRENCH)[::1]
+WRENCHES, WORKS = numba.from_dtype(WRENCH)[::1], numba.from_dtype(WORK)[::1]
 """Types of arrays of records."""
 
 links_at = array_at(numba.from_dtype(LINK), 1)

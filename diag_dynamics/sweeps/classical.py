@@ -1,5 +1,6 @@
 """The classical form: M(q) q̈ + c(q, q̇) + g(q) = τ + Jᵀf, its forward and inverse dynamics."""
 
+from diag_dynamics.compiled.arrays import flat
 from diag_dynamics.compiled.kernel import FLAG, MATRIX, NUMBER, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
 from diag_dynamics.sweeps.bodies import (
     WRENCHES,
@@ -66,7 +67,7 @@ from diag_dynamics.sweeps.spatial import (
     scale,
     scale_force,
 )
-from diag_dynamics.sweeps.workspace import MISFIT, copy, fit, opened
+from diag_dynamics.sweeps.workspace import MISFIT, clear, copy, fit, opened
 
 
 @kernel
@@ -209,7 +210,7 @@ def inverse_dynamics(robot, q, qd, qdd, weight, tau):
             A = add_motion(A, zeta(bodies, i - body.rank, qd, work))
         set_motion(w.acceleration, A)
         set_force(w.y, add_force(momentum(body, A), cross_force(V, momentum(body, V))))
-    tau[:] = 0.0
+    clear(tau)
     for i in range(n - 1, 0, -1):
         body, w = bodies[i], work[i]
         y = force_of(w.y)
@@ -232,7 +233,7 @@ def effort_of_wrenches(robot, q, wrenches, in_world, tau):
     for i in range(1, n):
         X = place(bodies[i], q, work[i])
         set_matrix(work[i].orientation, product(matrix_of(work[bodies[i].parent].orientation), X.rotation))
-        work[i].y[:] = 0.0
+        clear(work[i].y)
     for j in range(len(wrenches)):
         wrench = wrenches[j]
         w = work[wrench.body]
@@ -241,7 +242,7 @@ def effort_of_wrenches(robot, q, wrenches, in_world, tau):
             R = matrix_of(w.orientation)
             force, moment = apply_transposed(R, force), apply_transposed(R, moment)
         add_to_force(w.y, Force(force, add(moment, cross(vector_of(wrench.point), force))))
-    tau[:] = 0.0
+    clear(tau)
     for i in range(n - 1, 0, -1):
         body, w = bodies[i], work[i]
         y = force_of(w.y)
@@ -260,7 +261,7 @@ def mass_matrix(robot, q, M):
     start(bodies, q, work)
     if len(bodies) > 1:
         compose(bodies, 1, len(bodies) - 1, work, M)  # all bodies as one group: its 𝓜 is M
-    return 0 if are_finite(M.ravel()) else -1
+    return 0 if are_finite(flat(M)) else -1
 
 
 @entry_kernel(ROBOT, VECTOR, VECTOR)
@@ -270,7 +271,7 @@ def first_moment(robot, q, moment):
     n = len(bodies)
     place_all(bodies, q, work)
     for i in range(n):
-        work[i].y[:] = 0.0
+        clear(work[i].y)
         work[i].y[0] = bodies[i].mass
         set_vector(work[i].z, 0, vector_of(bodies[i].first_moment))
     for i in range(n - 1, 0, -1):

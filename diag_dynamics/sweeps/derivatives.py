@@ -2,6 +2,7 @@
 
 import math
 
+from diag_dynamics.compiled.arrays import flat
 from diag_dynamics.compiled.kernel import MATRIX, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
 from diag_dynamics.sweeps.bodies import add_to_force, force_of, motion_of, set_force, set_motion
 from diag_dynamics.sweeps.groups import (
@@ -39,7 +40,7 @@ from diag_dynamics.sweeps.spatial import (
     power,
     scale_force,
 )
-from diag_dynamics.sweeps.workspace import opened
+from diag_dynamics.sweeps.workspace import clear, opened
 
 
 @large_kernel
@@ -114,7 +115,7 @@ def mass_matrix_rate(robot, q, qd, M, M_rate):
     if len(bodies) > 1:
         compose(bodies, 1, len(bodies) - 1, work, M)
         compose_rates(bodies, 1, len(bodies) - 1, qd, work, M_rate)
-    return 0 if are_finite(M_rate.ravel()) else -1
+    return 0 if are_finite(flat(M_rate)) else -1
 
 
 @entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR)
@@ -130,7 +131,7 @@ def mass_matrix_rate_times(robot, q, qd, x, result):
         _carry(bodies, i, qd, x, work)
         set_force(w.y, momentum(body, motion_of(w.W)))
         set_force(w.z, momentum(body, motion_of(w.W_rate)))
-    result[:] = 0.0
+    clear(result)
     for i in range(len(bodies) - 1, 0, -1):
         body, w = bodies[i], work[i]
         h, rate = force_of(w.y), force_of(w.z)
@@ -163,7 +164,7 @@ def coriolis_product(robot, q, qd, x, result):
         _carry(bodies, i, qd, x, work)
         b = _two_velocity_force(body, V, motion_of(w.W))
         set_force(w.y, add_force(momentum(body, motion_of(w.W_rate)), b))
-    result[:] = 0.0
+    clear(result)
     for i in range(len(bodies) - 1, 0, -1):
         body, w = bodies[i], work[i]
         y = force_of(w.y)
@@ -222,7 +223,7 @@ def coriolis_bracket(robot, q, qd, x, eta, u, result):
         W = add_motion(motion_outboard(body, w, motion_of(work[body.parent].W)), own_motion(body, u))
         set_motion(w.W, W)
         set_force(w.y, _two_velocity_force(body, V, W))
-    result[:] = 0.0
+    clear(result)
     last = len(bodies) - 1
     while last > 0:
         first = bodies[last].first

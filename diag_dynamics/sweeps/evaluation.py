@@ -10,6 +10,7 @@ from diag_dynamics.sweeps.bodies import (
     BODIES,
     LINKS,
     WORK,
+    WORKS,
     add_to_force,
     force_of,
     inertia_of,
@@ -89,6 +90,7 @@ from diag_dynamics.sweeps.workspace import (
     POSITIONS,
     RATES,
     XI,
+    clear,
     fit,
     opened,
 )
@@ -109,7 +111,7 @@ def _outward(bodies, gravity, q, qd, work):
         set_vector(w.acceleration, 0, apply_transposed(X.rotation, vector_of(parent.acceleration)))
         start_inertia(body, w)
         set_force(w.y, cross_force(V, momentum(body, V)))
-        w.z[:] = 0.0
+        clear(w.z)
 
 
 @kernel
@@ -348,14 +350,18 @@ def energies_of_links(bodies, links, work, qd, energy):
     return math.isfinite(total)
 
 
-@entry_kernel(BODIES, LINKS, MATRIX, MATRIX, MATRIX, nogil=True)
 def link_energies(bodies, links, Q, QD, energies):
     """Kinetic energy of every link, ½VᵀIV and ½ armature q̇² of its joint, at each of many states, a row each.
 
     It returns whether all are finite: K may be where those of links of no rigid body are not. Rows of QD may be longer
     than nv. I is taken in the frame of the body that the link belongs to.
     """
-    work, finite = np.empty(len(bodies), WORK), True
+    return _link_energies(bodies, links, np.empty(len(bodies), WORK), Q, QD, energies)
+
+
+@entry_kernel(BODIES, LINKS, WORKS, MATRIX, MATRIX, MATRIX, nogil=True)
+def _link_energies(bodies, links, work, Q, QD, energies):
+    finite = True
     for t in range(len(Q)):
         q, qd, energy = Q[t], QD[t], energies[t]
         rest_at_world(work)

@@ -52,7 +52,7 @@ from diag_dynamics.sweeps.spatial import (
     power,
     scale_force,
 )
-from diag_dynamics.sweeps.workspace import MISFIT, copy, fit, opened
+from diag_dynamics.sweeps.workspace import MISFIT, clear, copy, fit, opened
 
 
 @kernel
@@ -144,7 +144,7 @@ def factor_of_wrenches(robot, q, wrenches, in_world, epsilon):
     status = place_and_factorize(bodies, q, work, table[0])
     if status != 0:
         return status
-    epsilon[:] = 0.0
+    clear(epsilon)
     for j in range(len(wrenches)):
         wrench = wrenches[j]
         force, moment = vector_of(wrench.force), vector_of(wrench.moment)
@@ -198,7 +198,7 @@ def own_rates_outward(bodies, xi, work, Q, qd):
 def working_moments_inward(bodies, tau, work, Q, kappa):
     """κ = [I − HψK]τ (Table 2); kappa may be tau."""
     for i in range(len(bodies)):
-        work[i].z[:] = 0.0
+        clear(work[i].z)
     copy(tau, kappa)
     i = len(bodies) - 1
     while i > 0:
@@ -220,7 +220,7 @@ def working_moments_inward(bodies, tau, work, Q, kappa):
 def moments_inward(bodies, kappa, work, Q, tau):
     """τ = [I + HφK]κ (Table 2, right); tau may be kappa."""
     for i in range(len(bodies)):
-        work[i].z[:] = 0.0
+        clear(work[i].z)
     copy(kappa, tau)
     i = len(bodies) - 1
     while i > 0:

@@ -2,6 +2,7 @@
 
 import math
 
+from diag_dynamics.compiled.arrays import flat
 from diag_dynamics.compiled.kernel import ROBOT, STATES, VECTOR, entry_kernel, kernel, large_kernel
 from diag_dynamics.compiled.lanes import EIGHT, WIDTH, from_lane, lanes_at, set_lanes, set_lanes_from, spreader
 from diag_dynamics.sweeps.bodies import force_of, placement_of
@@ -9,7 +10,7 @@ from diag_dynamics.sweeps.factorization import take_out, take_out_group
 from diag_dynamics.sweeps.groups import is_grouped, owns
 from diag_dynamics.sweeps.joints import are_positions, start
 from diag_dynamics.sweeps.spatial import Force, add_force, force_to_parent, scale_force, subtract_force
-from diag_dynamics.sweeps.workspace import MISFIT, fit_positions, opened, opened_columns
+from diag_dynamics.sweeps.workspace import MISFIT, clear, fit_positions, opened, opened_columns
 
 _eight = spreader(EIGHT)
 
@@ -29,9 +30,7 @@ def factors(robot, q, m_l_unit, D):
         return -1
     start(bodies, q, work)
     columns = opened_columns(robot)
-    entries = m_l_unit.reshape(m_l_unit.size)
-    for k in range(len(entries)):
-        entries[k] = 0.0
+    clear(flat(m_l_unit))
     i = len(bodies) - 1
     while i > 0:
         body = bodies[i]

@@ -64,6 +64,7 @@ from diag_dynamics.sweeps.spatial import (
     subtract_force,
     transport,
 )
+from diag_dynamics.sweeps.workspace import clear
 
 NOTHING = Force(ZERO, ZERO)
 
@@ -91,7 +92,7 @@ def compose(bodies, first, last, work, Q):
         if owns(bodies, i):
             work[i].size = 0.0
             set_force(work[i].G, NOTHING)
-            Q[bodies[i].dof] = 0.0
+            clear(Q[bodies[i].dof])
     for i in range(last, first - 1, -1):
         body, w = bodies[i], work[i]
         P, d, owner = inertia_of(w.P), body.dof, work[body.owner]
@@ -132,7 +133,8 @@ def eliminate(bodies, first, last, work, Q, pass_over):
         if is_singular(w.size, D):
             if not pass_over:
                 return i
-            Q[start : c + 1, c - start] = 0.0
+            for b in range(start, c + 1):
+                Q[b, c - start] = 0.0
             set_force(w.G, NOTHING)
             continue
         inverse = 1.0 / D
@@ -158,7 +160,7 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
     for i in range(first, last + 1):
         if owns(bodies, i):
             set_force(work[i].u, NOTHING)
-            Q_rate[bodies[i].dof] = 0.0
+            clear(Q_rate[bodies[i].dof])
     for i in range(last, first - 1, -1):
         body, w = bodies[i], work[i]
         P, P_rate, d = inertia_of(w.P), inertia_of(w.P_rate), body.dof

@@ -2,11 +2,11 @@
 
 import math
 
-from numba.core import types
+from numba import types
 from numba.extending import overload
 
 from diag_dynamics.compiled.kernel import INLINED, kernel, large_kernel
-from diag_dynamics.compiled.lanes import WIDTH, numbers_of, side_by_side
+from diag_dynamics.compiled.lanes import WIDTH
 from diag_dynamics.compiled.trigonometry import sine_and_cosine
 from diag_dynamics.sweeps.bodies import (
     FLOATING,
@@ -75,26 +75,29 @@ def _turn_one_by_one(bodies, q, work):
         work[i].sine, work[i].cosine = sine_and_cosine(_position(bodies[i], q))
 
 
-@kernel
-def _turn_side_by_side(bodies, q, work):
-    last = len(bodies) - 1
-    for i in range(1, last + 1, WIDTH):
-        a, b, c, d = i, min(i + 1, last), min(i + 2, last), min(i + 3, last)
-        e, f, g, h = min(i + 4, last), min(i + 5, last), min(i + 6, last), min(i + 7, last)
-        angles = (
-            _position(bodies[a], q),
-            _position(bodies[b], q),
-            _position(bodies[c], q),
-            _position(bodies[d], q),
-            _position(bodies[e], q),
-            _position(bodies[f], q),
-            _position(bodies[g], q),
-            _position(bodies[h], q),
-        )
-        sine, cosine = sine_and_cosine(side_by_side(angles))
-        sines, cosines = numbers_of(sine), numbers_of(cosine)
-        for k, j in enumerate((a, b, c, d, e, f, g, h)):
-            work[j].sine, work[j].cosine = sines[k], cosines[k]
+if WIDTH > 1:
+    from diag_dynamics.compiled.registers import numbers_of, side_by_side
+
+    @kernel
+    def _turn_side_by_side(bodies, q, work):
+        last = len(bodies) - 1
+        for i in range(1, last + 1, WIDTH):
+            a, b, c, d = i, min(i + 1, last), min(i + 2, last), min(i + 3, last)
+            e, f, g, h = min(i + 4, last), min(i + 5, last), min(i + 6, last), min(i + 7, last)
+            angles = (
+                _position(bodies[a], q),
+                _position(bodies[b], q),
+                _position(bodies[c], q),
+                _position(bodies[d], q),
+                _position(bodies[e], q),
+                _position(bodies[f], q),
+                _position(bodies[g], q),
+                _position(bodies[h], q),
+            )
+            sine, cosine = sine_and_cosine(side_by_side(angles))
+            sines, cosines = numbers_of(sine), numbers_of(cosine)
+            for k, j in enumerate((a, b, c, d, e, f, g, h)):
+                work[j].sine, work[j].cosine = sines[k], cosines[k]
 
 
 def turn(bodies, q, work):
@@ -103,7 +106,7 @@ def turn(bodies, q, work):
 
 @overload(turn, jit_options=INLINED)
 def _(bodies, q, work):
-    form = _turn_side_by_side if isinstance(q.dtype, types.Float) else _turn_one_by_one
+    form = _turn_side_by_side if WIDTH > 1 and isinstance(q.dtype, types.Float) else _turn_one_by_one
     return lambda bodies, q, work: form(bodies, q, work)
 
 

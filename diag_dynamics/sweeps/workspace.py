@@ -4,12 +4,10 @@ from collections import namedtuple
 
 import numba
 import numpy as np
-from numba.core import types
-from numba.core.typeconv import Conversion
-from numba.core.typeconv.rules import default_type_manager
 
-from diag_dynamics.compiled.kernel import MATRIX, STATES, VECTOR, kernel
-from diag_dynamics.compiled.lanes import EIGHT, WIDTH, array_at, record_of_lanes
+from diag_dynamics.compiled.arrays import array_at
+from diag_dynamics.compiled.kernel import kernel
+from diag_dynamics.compiled.lanes import EIGHT, WIDTH, record_of_lanes
 from diag_dynamics.sweeps.bodies import BODY, POSITIONS_OF, WORK
 
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
@@ -117,12 +115,6 @@ def _rigid_blocks(bodies):
     return A, B, bodies["inertia"][:, [0, 1, 2, 1, 3, 4, 2, 4, 5]]
 
 
-for _taken in (VECTOR, MATRIX, STATES):
-    # Results are read-only. Without this line an entry kernel refuses them as arguments, after 60 µs of looking for code.
-    default_type_manager.set_compatible(
-        types.Array(_taken.dtype, _taken.ndim, "C", readonly=True), _taken, Conversion.safe
-    )
-
 _bodies_at, _work_at = array_at(numba.from_dtype(BODY), 1), array_at(numba.from_dtype(WORK), 1)
 _vector_at, _matrix_at, _table_at = (array_at(numba.float64, ndim) for ndim in (1, 2, 3))
 _wide_work_at = array_at(record_of_lanes(WORK, EIGHT), 1)
@@ -195,3 +187,10 @@ def copy(source, target):
     """target[:] = source, without a look at whether they overlap."""
     for k in range(len(source)):
         target[k] = source[k]
+
+
+@kernel
+def clear(target):
+    """target[:] = 0.0, which numba takes a second to compile."""
+    for k in range(len(target)):
+        target[k] = 0.0

@@ -1,6 +1,8 @@
 """The disk cache of compiled code: used, invalidated by any kernel source, and never in the way."""
 
+import ast
 import os
+import pickle
 import resource
 import shutil
 import subprocess
@@ -13,6 +15,7 @@ import numba
 import numpy as np
 import pytest
 
+from diag_dynamics.compiled.cache import ROOMS, hash_of, sources
 from diag_dynamics.compiled.kernel import NUMBER, VECTOR, entry_kernel
 
 PACKAGE = Path(__file__).parents[2] / "diag_dynamics"
@@ -34,12 +37,12 @@ sweeps.joint_inertias(own.robot, np.zeros(1), D, size)
 print(D[0], sum(sweeps.joint_inertias.stats.cache_hits.values()))
 """
 
-# Calls a function that allocates memory, too, and fails if numba got ready to compile though there was nothing to.
+# Calls a function of records, too, and fails if numba got ready to compile though there was nothing to.
 FROM_CACHE = f"""{SCRIPT}
 energies = np.zeros((1, 2))
 sweeps.link_energies(model.bodies, model.links, *np.zeros((2, 1, 1)), energies)
 assert not energies.any()
-loaded = any(sweeps.link_energies.stats.cache_hits.values())
+loaded = any(sweeps.evaluation._link_energies.stats.cache_hits.values())
 assert loaded is ("numba.np.npyimpl" not in sys.modules)
 """
 
@@ -196,3 +199,55 @@ def test_compiled_code_may_call_first():
     assert total(np.ones(3)) == 3.0
     with pytest.raises(TypeError, match="argument type"):
         total(np.ones(3, np.int64))
+
+
+# --- The stamp, and damage ----------------------------------------------------------------------------------
+
+
+def kernel_modules():
+    """Paths of modules with kernels, by what they import, and of all modules of ours that they import names from."""
+    found = set()
+    for path in PACKAGE.rglob("*.py"):
+        tree = ast.parse(path.read_text())
+        origins = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
+        if "diag_dynamics.compiled.kernel" in origins and not path.is_relative_to(PACKAGE / "compiled"):
+            found.add(path)
+            for origin in origins:
+                place = PACKAGE.parent / origin.replace(".", "/")
+                found |= {file for file in (place.with_suffix(".py"), place / "__init__.py") if file.exists()}
+    return {path.relative_to(PACKAGE).as_posix() for path in found}
+
+
+def test_every_module_that_kernels_are_made_of_is_in_the_stamp():
+    stamped = {path.relative_to(PACKAGE).as_posix() for path in sources(PACKAGE)}
+    assert len(stamped) > 30
+    assert kernel_modules() - stamped <= {"__init__.py", "dynamics.py", "exceptions.py"}
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_an_edit_in_any_room_of_kernels_changes_the_stamp(tmp_path, room):
+    folder = tmp_path / "diag_dynamics"
+    shutil.copytree(PACKAGE, folder, ignore=shutil.ignore_patterns("__pycache__"))
+    before = hash_of(folder)
+    assert before == hash_of(PACKAGE)
+    edited = sorted((folder / room).rglob("*.py"))[-1]
+    edited.write_text(edited.read_text() + "\n")
+    assert hash_of(folder) != before
+
+
+def test_a_flipped_byte_that_unpickles_is_noticed(copy, tmp_path):
+    """It lies in the machine code, where only a digest finds it."""
+    cache = tmp_path / "cache"
+    run(copy, cache)
+    files = list(cache.rglob("*joint_inertias*.nbc"))
+    assert files
+    for file in files:
+        content = bytearray(file.read_bytes())
+        at = content.index(b"\x7fELF") + 4096
+        content[at] ^= 0x10
+        pickle.loads(bytes(content[32:]))
+        file.write_bytes(content)
+    D, hits, said = run(copy, cache)
+    assert (D, hits) == (13, 0)
+    assert "damaged" in said
+    assert run(copy, cache)[1] >= 1

@@ -6,12 +6,12 @@ import numba
 import numpy as np
 import pytest
 
+from diag_dynamics.compiled.arrays import array_at
 from diag_dynamics.compiled.kernel import VECTOR, entry_kernel
-from diag_dynamics.compiled.lanes import (
+from diag_dynamics.compiled.registers import (
     EIGHT,
     FOUR,
     WIDTH,
-    array_at,
     chooser,
     from_lane,
     lanes_at,

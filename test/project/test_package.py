@@ -81,13 +81,18 @@ def test_imports_point_downward():
 
 
 PRIVATE_OF_OTHERS = {
-    "compiled/kernel.py": "_CacheLocator _cache _can_compile _compile_for_args _get_function _getpointer _getvalue",
-    "compiled/lanes.py": "_getvalue",
+    "compiled/addressed.py": "_getvalue",
+    "compiled/lent.py": "_get_function _getpointer _getvalue",
+    "compiled/native.py": "_cache _can_compile _compile_for_args",
+    "compiled/parts.py": "_final_module _finalized _module_pass_manager _reload_init",
+    "compiled/store.py": "_CacheLocator",
+    "dynamics.py": "_external _friction _memory _model _with_tau",
     "nodes/support/logger.py": "_internal_callers",
     "nodes/support/overrides.py": "_parameter_overrides",
     "nodes/support/start.py": "_exit",
 }
-"""Private names of numba, rclpy and Python that have no public counterpart, by the file that needs them."""
+"""Private names that have no public counterpart, by the file that needs them: of numba, rclpy and Python; and of results that
+are written again (``out=``), which nobody but `dynamics.py` may write."""
 
 NAMED_TUPLES = {"_replace", "_asdict", "_fields"}
 """Public names of named tuples, whose underscores keep them apart from fields."""
@@ -125,7 +130,7 @@ def test_nobody_touches_the_private_state_of_others():
                 assert not private or node.module == "__future__", f"{name}, line {node.lineno}: {private}"
 
 
-TRANSLATORS = {"compiled/kernel.py", "nodes/support/publishing.py", "nodes/wire/joint_states.py"}
+TRANSLATORS = {"compiled/store.py", "nodes/support/publishing.py", "nodes/wire/joint_states.py"}
 """Files that turn whatever numba or rclpy raises into an exception of this package's, or do without."""
 
 
@@ -175,7 +180,7 @@ def test_imports_are_found_in_this_tree():
 
 def test_compiled_code_knows_what_it_is_made_of():
     """Whatever has kernels, and all that it imports of ours, lies where a change makes compiled code stale."""
-    from diag_dynamics.compiled import kernel
+    from diag_dynamics.compiled import cache
 
     package = ROOT / "diag_dynamics"
     for path in SOURCES:
@@ -184,7 +189,7 @@ def test_compiled_code_knows_what_it_is_made_of():
             continue
         modules = {package.parent / (name.replace(".", "/") + ".py") for name in made_of if "diag_dynamics." in name}
         for module in {path, *modules & set(SOURCES)}:
-            assert any((package / room) in module.parents for room in kernel._ROOMS), (
+            assert any((package / room) in module.parents for room in cache.ROOMS), (
                 f"{module}, of which {path} is made"
             )
 

@@ -1,0 +1,123 @@
+"""Kernels compiled by numba's documented interface alone: what is in its place should a numba have changed inside."""
+
+import gc
+
+import numba
+import numpy as np
+from numba import types
+from numba.extending import intrinsic, typeof_impl
+
+from diag_dynamics.compiled.ahead import register, told
+from diag_dynamics.compiled.cache import cache_folder, source_hash
+
+INLINED = {"error_model": "numpy"}
+"""Options of numba's for kernels."""
+
+
+def array_of(ndim):
+    """Type of an array of numbers that entry kernels take."""
+    return types.Array(numba.float64, ndim, "C")
+
+
+def kernel(function):
+    """Compile `function` with numba on first use; division by zero gives inf as in NumPy."""
+    return numba.njit(**INLINED)(function)
+
+
+large_kernel = kernel
+
+
+def entry_kernel(*arguments, nogil=False):
+    """Compile a function for arguments of these types alone; the result is kept on disk."""
+
+    def compiled(function):
+        entry = Entry(function, arguments, nogil)
+        register(entry)
+        return entry
+
+    return compiled
+
+
+class Entry:
+    """What Python calls, compiled on first use; kernels may call it, too."""
+
+    def __init__(self, function, arguments, nogil):
+        self.__doc__, self.__name__, self.__module__ = function.__doc__, function.__name__, function.__module__
+        self.py_func, self._arguments, self._nogil, self._dispatcher = function, arguments, nogil, None
+        self._written = {k for k, kind in enumerate(arguments) if isinstance(kind, types.Array) and kind.mutable}
+
+    def __call__(self, *given):
+        """Call the compiled function; what is read-only, as results are, is copied, for numba takes it for another type."""
+        arrays = [
+            x.copy() if k in self._written and isinstance(x, np.ndarray) and not x.flags.writeable else x
+            for k, x in enumerate(given)
+        ]
+        return self.dispatcher(*arrays)
+
+    @property
+    def stats(self):
+        """What numba has counted: loads from the cache, and compilations."""
+        return self.dispatcher.stats
+
+    @property
+    def dispatcher(self):
+        """Numba's function, compiled."""
+        if self._dispatcher is None:
+            collecting = gc.isenabled()
+            gc.disable()  # a tenth of the time
+            try:
+                with told(self.__name__):
+                    self._dispatcher = self._compiled()
+            finally:
+                if collecting:
+                    gc.enable()
+        return self._dispatcher
+
+    def _compiled(self):
+        folder, before = cache_folder(), numba.config.CACHE_DIR
+        if (
+            folder
+        ):  # numba looks at this function's file alone, so that each state of the sources has a folder of its own
+            numba.config.CACHE_DIR = str(folder / f"plain-{source_hash()[:16]}")
+        try:
+            dispatcher = numba.njit(cache=bool(folder), nogil=self._nogil, **INLINED)(self.py_func)
+        finally:
+            numba.config.CACHE_DIR = before
+        dispatcher.compile(self._arguments)
+        dispatcher.disable_compile()
+        return dispatcher
+
+
+@typeof_impl.register(Entry)
+def _(entry, context):
+    """Type of an entry in a kernel that calls it."""
+    return numba.typeof(entry.dispatcher)
+
+
+def ready(entry):
+    """Compile an entry kernel, or load it from the cache, so that its first call does not wait for it."""
+    entry.dispatcher  # noqa: B018
+
+
+def array_at(dtype, ndim, lent=False):
+    """Kernel (address, shape) that gives the C-contiguous array of numba type `dtype` that lies at an address."""
+    pointer = types.CPointer(dtype)
+
+    @intrinsic
+    def place(typingctx, address):
+        def lower(context, builder, signature, args):
+            return builder.inttoptr(args[0], context.get_value_type(pointer))
+
+        return pointer(types.intp), lower
+
+    @kernel
+    def at(address, shape):
+        return numba.carray(place(address), shape)
+
+    return at
+
+
+@kernel
+def flat(array):
+    """All numbers of a C-contiguous array in a row."""
+    return array.reshape(array.size)
