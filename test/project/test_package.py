@@ -92,7 +92,7 @@ def test_ros_only_in_nodes_and_pinocchio_nowhere():
 
 def test_compiled_code_knows_what_it_is_made_of():
     """Whatever has kernels, and all that it imports of ours, lies where a change makes compiled code stale."""
-    from diag_dynamics.compiled import kernel
+    from diag_dynamics.compiled.cache import ROOMS
 
     package = ROOT / "diag_dynamics"
     for path in SOURCES:
@@ -101,9 +101,15 @@ def test_compiled_code_knows_what_it_is_made_of():
             continue
         modules = {package.parent / (name.replace(".", "/") + ".py") for name in made_of if "diag_dynamics." in name}
         for module in {path, *modules & set(SOURCES)}:
-            assert any((package / room) in module.parents for room in kernel._ROOMS), (
-                f"{module}, of which {path} is made"
-            )
+            assert any((package / room) in module.parents for room in ROOMS), f"{module}, of which {path} is made"
+
+
+def test_what_numba_keeps_to_itself_is_used_in_one_room():
+    """Another numba may have changed it; and what DIAG_DYNAMICS_PLAIN leads to does without."""
+    for path in SOURCES:
+        private = {name for name in imports(path) if name.split(".")[0] == "llvmlite" or name.startswith("numba.core")}
+        fenced = path.parent.name == "compiled" and path.stem not in ("plain", "single", "kernel", "lanes", "arrays")
+        assert fenced or not private, f"{path} imports {sorted(private)}"
 
 
 def test_importing_the_package_is_cheap():
