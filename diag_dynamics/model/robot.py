@@ -138,7 +138,7 @@ class RobotModel:
         return len(self.coordinate_names)
 
     @property
-    def orientations(self) -> Array:
+    def orientations(self) -> tuple[int, ...]:
         """For each position coordinate, which component of a quaternion it is (x y z w: 0 to 3), or -1."""
         return self._tree.orientations
 

@@ -45,8 +45,9 @@ def limits_of(value, model):
     checked = []
     for name, given in zip(("stiffness", "damping"), value, strict=True):
         array = array_of(given)
-        fits = array is not None and array.shape in ((), (1,), (nv,))
-        array = np.array(np.broadcast_to(array if fits else np.nan, (nv,)))
+        if array is None or array.shape not in ((), (1,), (nv,)):
+            array = np.array(np.nan)
+        array = np.array(np.broadcast_to(array, (nv,)))
         wrong = array <= 0.0 if name == "stiffness" else (array < 0.0) | np.isinf(array)
         if np.isnan(array).any() or wrong.any():
             expected = "greater than zero" if name == "stiffness" else ">= 0 and finite"
