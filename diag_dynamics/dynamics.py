@@ -588,7 +588,7 @@ class DiagonalDynamics:
             with suppress(SingularMassMatrixError):  # at this one configuration; it is compiled all the same
                 steps[name]()
 
-    def refuse(self, status, workspace, q, **inputs):
+    def refuse(self, status: int, workspace: Any, q: Array, **inputs: Array) -> None:
         """Raise what the status of a sweep stands for that failed in another workspace of this robot.
 
         Parameters

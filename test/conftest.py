@@ -28,6 +28,14 @@ def without_ros():
     return None
 
 
+LONGEST = ("test_benchmarks.py", "test_kernel.py", "test_physics.py", "test_simulation.py", "test_demo_control.py")
+"""Files that take a minute or more, the first to be handed out: begun last, one of them would keep all others waiting."""
+
+
+def pytest_collection_modifyitems(items):
+    items.sort(key=lambda item: item.path.name not in LONGEST)
+
+
 class RosFile(pytest.Module):
     """A test file that can be imported only where ROS 2 is."""
 

@@ -756,7 +756,7 @@ MUTANTS = {
         "along(direction, y) + power(u, V)",
     ),
     "sign of its source": (
-        "inertias.py",
+        "stacks.py",
         "matrix_sum(M, _moved(direction, rate, M))",
         "matrix_difference(M, _moved(direction, rate, M))",
     ),
