@@ -458,7 +458,7 @@ class DiagonalDynamics:
             resisting = None
             if friction:
                 resisting = self.evaluate_batch(Q, QD, _friction_torque(model, QD), threads=threads).epsilon
-        except Exception:
+        except BaseException:  # a Ctrl-C, too
             if out is not None:
                 for part in memory:
                     part.fill(np.nan)
