@@ -3,7 +3,7 @@
 import functools
 import itertools
 import os
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 
 import numpy as np
 
@@ -104,8 +104,14 @@ def evaluate(workspaces, Q, QD, TAU, memory, threads):
         return work()
     shared = [work]
     others = [_helpers().submit(_help, shared) for _ in range(helpers)]
-    failing = [work()]  # the calling thread is one of them
-    shared.clear()  # else a helper that has not begun would hold the memory of results
+    try:
+        failing = [work()]  # the calling thread is one of them
+    except BaseException:  # a Ctrl-C, say
+        pieces.clear()
+        wait(others)  # else they would go on writing to memory that the caller may use again
+        raise
+    finally:
+        shared.clear()  # else a helper that has not begun would hold the memory of results
     failing += [other.result() for other in others if not other.cancel()]
     return min((found for found in failing if found), key=lambda found: found[0], default=range(0))
 

@@ -85,7 +85,7 @@ class DiagonalDynamics:
             Whether to evaluate the friction of :meth:`friction_torque` as a term of its own.
         out : Evaluation, optional
             Where to write the results, made by :meth:`new_evaluation`; nothing is allocated then. If an error is raised
-            while it is written, its results are NaN.
+            while it is written, its results are NaN. Its own arrays are no arguments: they change meanwhile.
 
         Returns
         -------
@@ -145,6 +145,7 @@ class DiagonalDynamics:
         except Exception:
             if out is not None:
                 state.fill(np.nan)
+                out._external = out._friction = None  # those of an earlier state
             raise
         if out is None:
             state.setflags(write=False)
@@ -428,7 +429,7 @@ class DiagonalDynamics:
             Whether to evaluate friction, too, as :meth:`evaluate` does; it takes as long again.
         out : BatchEvaluation, optional
             Where to write the results, made by :meth:`new_batch` for T states. If an error is raised while it is written,
-            its results are NaN.
+            its results are NaN. Its own arrays are no arguments: they change meanwhile.
 
         Returns
         -------
@@ -457,10 +458,11 @@ class DiagonalDynamics:
             resisting = None
             if friction:
                 resisting = self.evaluate_batch(Q, QD, _friction_torque(model, QD), threads=threads).epsilon
-        except Exception:
+        except BaseException:  # a Ctrl-C, too
             if out is not None:
                 for part in memory:
                     part.fill(np.nan)
+                out._friction = None  # that of an earlier batch
             raise
         if out is None:
             return BatchEvaluation(model, memory, TAU is not None, resisting)

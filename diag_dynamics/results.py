@@ -210,8 +210,9 @@ class Evaluation:
         Raises
         ------
         InputError
-            As there.
+            As there; or the array has another shape, or is read-only.
         """
+        _require_room(energy, (len(self._model.link_names),))
         q, qd = (self._state[row : row + 1] for row in (sweeps.POSITIONS, sweeps.RATES))
         if not sweeps.link_energies(self._model.bodies, self._model.links, q, qd, energy[None]):
             raise InputError("qd is too large: the kinetic energy of a link overflows.")
@@ -273,6 +274,8 @@ class BatchEvaluation(Evaluation):
         keep: bool = False,
     ) -> None:
         """Take memory that a sweep has filled, or will fill again if it is kept."""
+        if friction is not None:
+            _sealed(friction)  # one that was unpickled is not read-only
         self._model, self._with_tau, self._external, self._friction = model, with_tau, None, friction
         if keep:
             self._memory = memory
@@ -326,9 +329,10 @@ class BatchEvaluation(Evaluation):
         Raises
         ------
         InputError
-            As there.
+            As there; or the array has another shape, or is read-only.
         """
         model = self._model
+        _require_room(energy, (len(self), len(model.link_names)))
         if not sweeps.link_energies(model.bodies, model.links, self._positions, self._rates, energy):
             raise InputError("QD is too large: the kinetic energy of a link overflows.")
 
@@ -416,6 +420,15 @@ def reused_evaluation(model: RobotModel, shape: tuple[int, int]) -> Evaluation:
 def _sealed(array: Array) -> Array:
     array.setflags(False)  # type: ignore[call-arg]  # by keyword it takes twice as long
     return array
+
+
+def _require_room(energy: Array, shape: tuple[int, ...]) -> None:
+    """Refuse what compiled code would write beyond, or although it is read-only: it looks at neither."""
+    if energy.shape != shape or not energy.flags.writeable:
+        kind = "" if energy.flags.writeable else "read-only "
+        raise InputError(
+            f"energy is a {kind}array of shape {energy.shape}, expected one of shape {shape} to write into."
+        )
 
 
 def _restored(

@@ -1,6 +1,7 @@
 """Kernels compiled by numba's documented interface alone: what is in its place should a numba have changed inside."""
 
 import gc
+import threading
 
 import numba
 import numpy as np
@@ -9,6 +10,9 @@ from numba.extending import intrinsic, typeof_impl
 
 from diag_dynamics.compiled.ahead import register, told
 from diag_dynamics.compiled.cache import cache_folder, source_hash
+
+_lock = threading.RLock()  # again by one that compiles what another one calls
+"""Held while an entry is compiled: threads of a batch would compile the same one, and leave each other's folder in force."""
 
 INLINED = {"error_model": "numpy"}
 """Options of numba's for kernels."""
@@ -63,15 +67,20 @@ class Entry:
     def dispatcher(self):
         """Numba's function, compiled."""
         if self._dispatcher is None:
-            collecting = gc.isenabled()
-            gc.disable()  # a tenth of the time
-            try:
-                with told(self.__name__):
-                    self._dispatcher = self._compiled()
-            finally:
-                if collecting:
-                    gc.enable()
+            with _lock:
+                if self._dispatcher is None:  # else another thread was first
+                    self._compile()
         return self._dispatcher
+
+    def _compile(self):
+        collecting = gc.isenabled()
+        gc.disable()  # a tenth of the time
+        try:
+            with told(self.__name__):
+                self._dispatcher = self._compiled()
+        finally:
+            if collecting:
+                gc.enable()
 
     def _compiled(self):
         folder, before = cache_folder(), numba.config.CACHE_DIR

@@ -51,28 +51,31 @@ class _Files(caching.IndexDataCacheFile):
     def _save_index(self, overloads):
         self._write(self._index_path, (self._source_stamp, overloads))
 
+    # numba writes the index first. Should the code then not get to the disk, that of other sources is still in its file:
+    # without the stamp in the digest it would run.
+
     def _load_data(self, name):
-        return self._read(self._data_path(name))
+        return self._read(self._data_path(name), self._source_stamp)
 
     def _save_data(self, name, data):
-        self._write(self._data_path(name), data)
+        self._write(self._data_path(name), data, self._source_stamp)
 
-    def _read(self, path):
+    def _read(self, path, stamp=""):
         with open(path, "rb") as file:
             digest, content = file.read(32), file.read()
-        if digest != _digest(path, content):
+        if digest != _digest(path, stamp, content):
             raise ValueError(f"{path} is damaged")
         return pickle.loads(content)
 
-    def _write(self, path, data):
+    def _write(self, path, data, stamp=""):
         content = self._dump(data)
         with self._open_for_write(path) as file:
-            file.write(_digest(path, content) + content)
+            file.write(_digest(path, stamp, content) + content)
 
 
-def _digest(path, content):
+def _digest(path, stamp, content):
     """Of the name, too: one file in the place of another is as wrong as a damaged one."""
-    return hashlib.sha256(os.path.basename(path).encode() + content).digest()
+    return hashlib.sha256(os.path.basename(path).encode() + stamp.encode() + content).digest()
 
 
 class Cache(caching.FunctionCache):
@@ -104,5 +107,5 @@ class Cache(caching.FunctionCache):
     def _without_disk_errors(self, action, *args):
         try:
             action(*args)
-        except OSError as error:
+        except (OSError, ValueError) as error:  # the latter: an index that is damaged, and could not be emptied
             logger.warning("Compiled code could not be saved to %s: %s", self.cache_path, error)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from diag_dynamics.checks import numbers
 from diag_dynamics.control.pose import rotation_of
 from diag_dynamics.exceptions import InputError
 
@@ -15,8 +16,9 @@ def aimed(link, position, orientation, dynamics, q):
     Raises
     ------
     InputError
-        No such link, or no orientation; see :func:`rotation_of`.
+        No such link, a position that is not finite, or no orientation; see :func:`rotation_of`.
     """
+    position = numbers("position", position, (3,), "three finite numbers [m]")
     axes, X = rotation_of(orientation), dynamics.placement(q, link)
     return X[:3, :3] @ position + X[:3, 3], _orthonormal(X[:3, :3] @ axes)
 

@@ -101,6 +101,10 @@ def test_reused_is_the_same(dyn):
     with pytest.raises(dd.InputError, match="is nan"):
         dyn.evaluate(q, np.full_like(qd, np.nan), tau, out=out)
     assert np.isnan(out.nu).all() and np.isnan(out.kinetic_energy)
+    dyn.evaluate(q, qd, tau, wrench, friction=True, out=out)
+    with pytest.raises(dd.InputError, match="is nan"):
+        dyn.evaluate(q, np.full_like(qd, np.nan), tau, out=out)
+    assert out.external is None and out.friction is None
     QD[2, 0] = np.inf
     with pytest.raises(dd.InputError, match="state 2"):
         dyn.evaluate_batch(Q, QD, TAU, out=batch)

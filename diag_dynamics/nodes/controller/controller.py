@@ -50,7 +50,7 @@ ABSURD = {"max_position": 1e8, "max_velocity": 1e4, "beyond_limits": 0.5}
 
 
 class ControllerNode(ManagedNode):
-    """See the module; parameters are in :data:`~controlled.settings.PARAMETERS`, and one more that has no default.
+    """See the module; parameters are in :data:`~parameters.controller.PARAMETERS`, and one more that has no default.
 
     A managed node. Configured, it has a robot or waits for its description; active, it answers every state by a command.
     """

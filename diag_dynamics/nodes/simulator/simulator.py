@@ -54,7 +54,7 @@ NOTHING = Payload(0.0)
 
 
 class SimulatorNode(ManagedNode):
-    """See the module; parameters are in :data:`~plant.settings.PARAMETERS`.
+    """See the module; parameters are in :data:`~parameters.simulator.PARAMETERS`.
 
     A managed node. Configured, it has a robot and its services answer; active, the robot moves, listens and publishes.
     """

@@ -49,7 +49,7 @@ def load_robot(node, description, values):
     description : str
         URDF or its path.
     values : dict
-        Values of :data:`PARAMETERS`; and `friction_velocity`, of a node that has it.
+        Values of :data:`~parameters.robot.PARAMETERS`; and `friction_velocity`, of a node that has it.
 
     Raises
     ------

@@ -157,7 +157,7 @@ class Sheets:
     spans : dict of tuple
         Begin and end of each topic's bytes.
     bits : int
-        Sum of their :data:`~outputs.BITS`.
+        Sum of their :data:`~topics.BITS`.
     addresses : Addresses
         Of what :func:`write` writes in.
     """

@@ -58,7 +58,7 @@ class Pipeline:
         now : int
             Time of reception [ns].
         wanted : int
-            Sum of the outputs.BITS of topics that messages are wanted of.
+            Sum of the topics.BITS of topics that messages are wanted of.
 
         Returns
         -------
@@ -102,7 +102,7 @@ class Pipeline:
 
 @entry_kernel(*[COUNT] * 6)
 def _serve(known, layout, now, mode, pipeline, wanted):
-    """What was taken in, and its stamp, see known.take; whether all is written; the state's stamp, K and νᵀ(ε − ε_g)."""
+    """What was taken in, and its stamp, as of :func:`take`; whether all is written; the state's stamp, K and νᵀ(ε − ε_g)."""
     found, stamp = take(known, layout, now, mode)
     at = indices_at(pipeline, (_SIZE,))
     sheets = at[_SHEETS + found - 1]
