@@ -4,8 +4,8 @@ import os
 
 import numba
 
-OLDEST = (0, 68)
-"""The numba that the private parts were written for and tested with; an older one has other pass managers."""
+TESTED = (0, 68)
+"""The numba that the private parts were written for and tested with; any other compiles plainly."""
 
-PLAIN = os.environ.get("DIAG_DYNAMICS_PLAIN", "") not in ("", "0") or numba.version_info[:2] < OLDEST
+PLAIN = os.environ.get("DIAG_DYNAMICS_PLAIN", "") not in ("", "0") or numba.version_info[:2] != TESTED
 """Whether kernels are compiled by numba's documented interface alone: slower, for a numba that has changed inside."""
