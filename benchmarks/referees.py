@@ -8,7 +8,7 @@ import warnings
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "test" / "support"))
+sys.path[:0] = [str(ROOT / "test" / folder) for folder in ("library", "support")]  # the scenes are those of the tests
 
 import test_simulation_forces as forces  # noqa: E402
 from test_referees import SCENES, by_mujoco, by_pinocchio, ours, scene  # noqa: E402

@@ -105,7 +105,7 @@ def _(entry, context):
 
 def ready(entry):
     """Compile an entry kernel, or load it from the cache, so that its first call does not wait for it."""
-    entry.dispatcher  # noqa: B018
+    entry.dispatcher  # noqa: B018 (asking for it compiles it)
 
 
 def array_at(dtype, ndim, lent=False):
