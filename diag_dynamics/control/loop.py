@@ -207,7 +207,7 @@ class ControlLoop:
 
         Parameters
         ----------
-        position : ndarray, shape (nv,)
+        position : array_like, shape (nv,)
             [rad, m].
 
         Raises

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from diag_dynamics.checks import vector
 from diag_dynamics.control.by_dof import by_dof
 from diag_dynamics.control.command import PoseError
 from diag_dynamics.control.damping import GravityCompensation, RateDamping
@@ -267,6 +268,7 @@ class TrackingMode(Mode):
 
     def take_set_point(self, state, position):
         """See :meth:`ControlLoop.take_set_point`."""
+        position = vector("set_point.position", position, self._model.dof_names)
         require_within("set_point.position", position, self._model)
         self.begin(state)
         self._target = self._to(position, state)

@@ -357,6 +357,16 @@ def test_targets_beyond_position_limits_are_refused(arm):
         loop.take_trajectory(waypoints([(1.0, Q), (2.0, far), (3.0, Q)]), 0, S)
 
 
+@pytest.mark.parametrize("position", [Q[:5], [[0.0] * 6], "up", None, 1.0, [*Q[:5], np.nan]])
+def test_set_points_that_are_no_vector_are_refused(arm, position):
+    """By name, and the target before stays."""
+    loop = loop_of(arm)
+    _, stamp = settle(loop)
+    with pytest.raises(InputError, match=r"^set_point\.position .*expected (6 finite numbers|a finite number)"):
+        loop.take_set_point(position)
+    assert not loop.step(state_at(stamp + MS, Q), stamp + MS).command.error.any()
+
+
 def test_too_old_a_state_is_no_state(arm):
     loop = loop_of(arm)
     assert loop.step(state_at(S, Q), S + 21 * MS) is None
