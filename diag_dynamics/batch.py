@@ -102,18 +102,29 @@ def evaluate(workspaces, Q, QD, TAU, memory, threads):
     helpers = min(threads, len(pieces)) - 1
     if helpers <= 0:
         return work()
-    shared = [work]
-    others = [_helpers().submit(_help, shared) for _ in range(helpers)]
+    shared, others = [work], []
     try:
+        for _ in range(helpers):
+            others.append(_helpers().submit(_help, shared))
         failing = [work()]  # the calling thread is one of them
-    except BaseException:  # a Ctrl-C, say
-        pieces.clear()
-        wait(others)  # else they would go on writing to memory that the caller may use again
-        raise
+        failing += [other.result() for other in others if not other.cancel()]
     finally:
+        pieces.clear()
         shared.clear()  # else a helper that has not begun would hold the memory of results
-    failing += [other.result() for other in others if not other.cancel()]
+        _wait_for(others)
     return min((found for found in failing if found), key=lambda found: found[0], default=range(0))
+
+
+def _wait_for(others):
+    """Wait until no helper is at work: after a Ctrl-C it would go on writing to memory that the caller may use again.
+
+    Another Ctrl-C ends the wait no sooner.
+    """
+    try:
+        wait(others)
+    finally:
+        if not all(other.done() for other in others):
+            _wait_for(others)
 
 
 def _help(shared):

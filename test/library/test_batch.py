@@ -2,6 +2,9 @@
 
 import dataclasses
 import os
+import signal
+import threading
+import time
 import tracemalloc
 
 import numpy as np
@@ -124,6 +127,40 @@ def test_a_fork_has_threads_of_its_own(two):
     if not child:
         os._exit(not np.array_equal(two.evaluate_batch(Q, QD, TAU, threads=2).nu, expected))
     assert os.waitpid(child, 0)[1] == 0
+
+
+@pytest.mark.parametrize("signals", [1, 2])
+def test_no_thread_writes_after_a_ctrl_c(two, monkeypatch, signals):
+    """While the calling thread waits for the others: it goes on waiting, however often it is interrupted."""
+    Q, QD, TAU = states(two, 300)
+    out, evaluate_many = two.evaluate_batch(Q, QD, TAU, threads=2, out=two.new_batch(300)), batch.sweeps.evaluate_many
+    main, writing, come = threading.main_thread(), threading.Event(), threading.Event()
+    ended = []
+
+    def slow(*arguments):
+        if threading.current_thread() is main:
+            assert writing.wait(10.0)  # or there would be nothing left for the other one
+            return evaluate_many(*arguments)
+        writing.set()
+        for _ in range(signals):
+            time.sleep(0.1)  # for the calling thread to be done, and to wait
+            signal.pthread_kill(main.ident, signal.SIGINT)
+        time.sleep(0.1)
+        done = evaluate_many(*arguments)
+        ended.append(come.is_set())
+        return done
+
+    monkeypatch.setattr(batch.sweeps, "evaluate_many", slow)
+    monkeypatch.setattr(batch, "PIECES", 1)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            two.evaluate_batch(Q, QD, TAU, threads=2, out=out)
+        come.set()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert ended == [False]
+    assert np.isnan(out.nu).all()
 
 
 def test_arguments_of_any_kind(two):
