@@ -1,13 +1,17 @@
 """Many states at once: cut into pieces, each evaluated by a thread of its own, without the interpreter's lock."""
 
+from __future__ import annotations
+
 import functools
 import itertools
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 
 import numpy as np
 
 from diag_dynamics import sweeps
+from diag_dynamics.arrays import Array, MatrixLike
 from diag_dynamics.compiled.lanes import WIDTH
 from diag_dynamics.exceptions import InputError
 
@@ -23,7 +27,7 @@ def cores():
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def states(name, value, names, length=None):
+def states(name: str, value: MatrixLike, names: Sequence[str], length: int | None = None) -> Array:
     """An argument as a contiguous float64 array with a row for each state.
 
     Raises

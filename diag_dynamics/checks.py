@@ -1,16 +1,22 @@
 """Arguments, checked: each wrong one is named, with its value and what was expected."""
 
+from __future__ import annotations
+
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 
+from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import InputError
 
 _FLOAT = np.dtype(np.float64)
 
+_Kind = TypeVar("_Kind")
 
-def array_of(value):
+
+def array_of(value: object) -> Array | None:
     """A value as a new float64 array; None if it is not of numbers, as texts, truth values and ragged lists are not."""
     try:
         array = np.array(value)
@@ -21,7 +27,7 @@ def array_of(value):
     return array.astype(_FLOAT) if array.dtype.kind in "fiu" else None
 
 
-def instance(name, value, kind):
+def instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
     """The value, if it is an object of a class.
 
     Raises
@@ -34,7 +40,7 @@ def instance(name, value, kind):
     return value
 
 
-def choice(name, value, choices):
+def choice(name: str, value: object, choices: Iterable[object]) -> None:
     """Refuse a value that is none of the choices.
 
     Raises
@@ -46,7 +52,7 @@ def choice(name, value, choices):
         raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(repr, choices))}.")
 
 
-def mapping(name, value):
+def mapping(name: str, value: object) -> Mapping[Any, Any]:
     """The value, if it is a dict.
 
     Raises
@@ -59,7 +65,7 @@ def mapping(name, value):
     return value
 
 
-def whole(name, value):
+def whole(name: str, value: object) -> int:
     """A whole number from one on, as an int.
 
     Raises
@@ -75,7 +81,9 @@ def whole(name, value):
 # --- One number
 
 
-def number(name, value, expected, valid=math.isfinite, unit=""):
+def number(
+    name: str, value: object, expected: str, valid: Callable[[float], bool] = math.isfinite, unit: str = ""
+) -> float:
     """A finite number, as a float.
 
     Parameters
@@ -98,12 +106,12 @@ def number(name, value, expected, valid=math.isfinite, unit=""):
     return x
 
 
-def _single(value):
+def _single(value: object) -> float:
     array = array_of(value)
     return math.nan if array is None or array.shape else float(array)
 
 
-def positive(name, value, unit):
+def positive(name: str, value: object, unit: str) -> float:
     """A finite number above zero, as a float.
 
     Raises
@@ -114,7 +122,7 @@ def positive(name, value, unit):
     return number(name, value, f"a finite number > 0 {unit}", lambda x: x > 0.0)
 
 
-def not_negative(name, value, unit):
+def not_negative(name: str, value: object, unit: str) -> float:
     """A finite number of zero or above, as a float.
 
     Raises
@@ -128,7 +136,7 @@ def not_negative(name, value, unit):
 # --- Several numbers
 
 
-def numbers(name, value, shape, expected, most=np.inf):
+def numbers(name: str, value: object, shape: tuple[int, ...], expected: str, most: float = np.inf) -> Array:
     """Finite numbers of a shape, as a new array; none is beyond ±`most`.
 
     Parameters
@@ -149,7 +157,7 @@ def numbers(name, value, shape, expected, most=np.inf):
     return array
 
 
-def vector(name, value, names):
+def vector(name: str, value: object, names: Sequence[str]) -> Array:
     """A finite number for each degree of freedom, as a new array; the first wrong one is named by its joint.
 
     Raises
@@ -166,7 +174,13 @@ def vector(name, value, names):
     return array
 
 
-def per_name(name, value, names, expected="a finite number > 0", valid=lambda x: 0.0 < x < np.inf):
+def per_name(
+    name: str,
+    value: object,
+    names: Sequence[str],
+    expected: str = "a finite number > 0",
+    valid: Callable[[float], bool] = lambda x: 0.0 < x < np.inf,
+) -> Array:
     """One number for all of the names, or one for each, as a new read-only vector; the first wrong one is named.
 
     Parameters

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -125,7 +125,17 @@ class DiagonalDynamics:
         """
         return reused_evaluation(self.model, self._shape)
 
-    def _evaluate(self, q, qd, tau, f_ext, frame, friction, state, out):
+    def _evaluate(
+        self,
+        q: VectorLike,
+        qd: VectorLike,
+        tau: VectorLike | None,
+        f_ext: Wrenches | None,
+        frame: Frame,
+        friction: bool,
+        state: Array,
+        out: Evaluation | None,
+    ) -> Evaluation:
         """What :meth:`evaluate` does with arguments that are not plain vectors, are wrong, or not all there is."""
         model = self.model
         external = resisting = None
@@ -444,20 +454,21 @@ class DiagonalDynamics:
         if threads is not None and not (isinstance(threads, (int, np.integer)) and threads >= 1):
             raise InputError(f"threads is {threads!r}, expected a whole number >= 1.")
         model = self.model
-        Q = batch.states("Q", Q, model.coordinate_names)
-        QD = batch.states("QD", QD, model.dof_names, len(Q))
-        efforts = self._zero[None] if TAU is None else batch.states("TAU", TAU, model.dof_names, len(Q))
+        states = batch.states("Q", Q, model.coordinate_names)
+        count = len(states)
+        rates = batch.states("QD", QD, model.dof_names, count)
+        efforts = self._zero[None] if TAU is None else batch.states("TAU", TAU, model.dof_names, count)
         if out is None:
-            memory = BatchMemory.of(model, len(Q))
+            memory = BatchMemory.of(model, count)
         else:
             memory = _memory_of(out, BatchEvaluation, model, "new_batch(T)")
             if len(out) != len(Q):
                 raise InputError(f"out has room for {len(out)} states, expected {len(Q)}: a row for each state of Q.")
         try:
-            self._fill_batch(Q, QD, efforts, TAU is not None, memory, threads)
+            self._fill_batch(states, rates, efforts, TAU is not None, memory, threads)
             resisting = None
             if friction:
-                resisting = self.evaluate_batch(Q, QD, _friction_torque(model, QD), threads=threads).epsilon
+                resisting = self.evaluate_batch(states, rates, _friction_torque(model, rates), threads=threads).epsilon
         except BaseException:  # a Ctrl-C, too
             if out is not None:
                 for part in memory:
@@ -469,7 +480,9 @@ class DiagonalDynamics:
         out._with_tau, out._friction = TAU is not None, resisting
         return out
 
-    def _fill_batch(self, Q, QD, efforts, with_tau, memory, threads):
+    def _fill_batch(
+        self, Q: Array, QD: Array, efforts: Array, with_tau: bool, memory: BatchMemory, threads: int | None
+    ) -> None:
         """Evaluate all states into memory, or raise the error of the first that fails."""
         failing = batch.evaluate(self._workspaces, Q, QD, efforts, memory, threads or batch.cores())
         for t in failing:
@@ -554,7 +567,7 @@ class DiagonalDynamics:
         zero, q, root = self._zero, self.model.neutral, self.model.root_link
         wrench = {root: np.zeros(6)}
 
-        def evaluate():
+        def evaluate() -> tuple[float, Array]:
             s = probe.evaluate(q, zero, zero, wrench)
             return s.kinetic_energy, s.link_energy
 
@@ -615,22 +628,24 @@ class DiagonalDynamics:
 
     # --- Between Python and the sweeps ---
 
-    def _vector(self, name, value, buffer):
+    def _vector(self, name: str, value: VectorLike, buffer: Array) -> Array:
         """The argument as a contiguous float64 vector of nv entries, in a buffer of this object."""
         return _fill(buffer, name, value, self.model.dof_names)
 
-    def _positions(self, q):
+    def _positions(self, q: VectorLike) -> Array:
         """Positions as a contiguous float64 vector of nq entries, in a buffer of this object."""
-        return q if q is self._q else _fill(self._q, "q", q, self.model.coordinate_names)
+        return self._q if q is self._q else _fill(self._q, "q", q, self.model.coordinate_names)
 
-    def _finite(self, name, value, buffer):
+    def _finite(self, name: str, value: VectorLike, buffer: Array) -> Array:
         """As :meth:`_vector`, and all entries finite."""
         x = self._vector(name, value, buffer)
         if not np.isfinite(x).all():
             self._fail(-1, **{name: x})
         return x
 
-    def _derivative(self, sweep, q, qd, x, scratch=0):
+    def _derivative(
+        self, sweep: Callable[..., int], q: VectorLike, qd: VectorLike, x: VectorLike, scratch: int = 0
+    ) -> Array:
         """A sweep along q̇ that takes x to a new vector."""
         q, qd, x = self._positions(q), self._vector("qd", qd, self._a), self._vector("x", x, self._b)
         more, result = np.empty((scratch, self.model.nv)), np.empty(self.model.nv)
@@ -638,7 +653,7 @@ class DiagonalDynamics:
         self._checked(status, qd=qd, x=x)
         return result
 
-    def _articulated_inertias(self, q, qd):
+    def _articulated_inertias(self, q: VectorLike, qd: VectorLike) -> tuple[Array, Array]:
         """D and Ḋ."""
         q, qd = self._positions(q), self._vector("qd", qd, self._a)
         D, D_rate = np.empty((2, self.model.nv))
@@ -646,7 +661,7 @@ class DiagonalDynamics:
         self._checked(status, qd=qd)
         return D, D_rate
 
-    def _factor_of_wrenches(self, q, link, wrenches, point, frame):
+    def _factor_of_wrenches(self, q: VectorLike, link: str, wrenches: Array, point: VectorLike, frame: Frame) -> Array:
         """ℓJᵀw of wrenches, shape (number, 6), at a point of a link, a column each."""
         records = wrenches_at(self.model, link, wrenches, point, frame)
         q, epsilon = self._positions(q), np.empty((self.model.nv, len(records)))
@@ -655,17 +670,17 @@ class DiagonalDynamics:
             raise InputError(f"point {list(point)} or the wrench are too large: a result overflows.")
         return epsilon
 
-    def _newton_euler(self, weight, q, qd, qdd):
+    def _newton_euler(self, weight: float, q: VectorLike, qd: VectorLike, qdd: VectorLike) -> Array:
         q, qd, qdd = self._positions(q), self._vector("qd", qd, self._a), self._vector("qdd", qdd, self._b)
         tau = np.empty(self.model.nv)
         status = sweeps.inverse_dynamics(self._robot, q, qd, qdd, weight, tau)
         self._checked(status, qd=qd, qdd=qdd)
         return tau
 
-    def _sweep(self, sweep, q, name, value):
+    def _sweep(self, sweep: Callable[..., int], q: VectorLike, name: str, value: VectorLike) -> Array:
         result, status = np.empty(self._nv), sweeps.MISFIT
         try:
-            if q.dtype is value.dtype is _FLOAT:  # as in evaluate
+            if q.dtype is value.dtype is _FLOAT:  # type: ignore[union-attr]  # as in evaluate
                 status = sweep(self._robot, q, value, result)
         except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet
             pass
@@ -674,7 +689,7 @@ class DiagonalDynamics:
             self._checked(sweep(self._robot, q, x, result), **{name: x})
         return result
 
-    def _effort_of(self, f_ext, frame):
+    def _effort_of(self, f_ext: Wrenches | None, frame: Frame) -> Array:
         """Jᵀf_ext at the positions in the buffer of this object."""
         model, tau = self.model, np.empty(self.model.nv)
         wrenches = wrenches_on_links(model, f_ext, frame)
@@ -682,11 +697,11 @@ class DiagonalDynamics:
         self._checked(status)
         return tau
 
-    def _checked(self, status, **inputs):
+    def _checked(self, status: int, **inputs: Array) -> None:
         if status:
             self._fail(status, **inputs)
 
-    def _fail(self, status, **inputs):
+    def _fail(self, status: int, **inputs: Array) -> NoReturn:
         """Raise what a sweep's status stands for, naming joint and value."""
         names = self.model.dof_names
         if status > 0 and np.isfinite(self._workspace.work["D"][status]):
@@ -716,7 +731,7 @@ _FLOAT, _MISFIT, _empty = np.dtype(np.float64), sweeps.MISFIT, np.empty
 _new = tuple.__new__  # half of the time that a namedtuple's own takes
 
 
-def _memory_of(out, kind, model, maker):
+def _memory_of(out: Evaluation, kind: type[Evaluation], model: RobotModel, maker: str) -> Any:
     """Memory of a result that may be written; any other is an error."""
     if type(out) is kind and out._model is model:
         try:
@@ -730,12 +745,12 @@ def _memory_of(out, kind, model, maker):
     raise InputError(f"out is {_kind_of(out)}, expected what {maker} of this robot's dynamics has made.")
 
 
-def _kind_of(out):
+def _kind_of(out: object) -> str:
     kind = type(out).__name__
     return f"an earlier call's {kind}, which stays as it is" if isinstance(out, Evaluation) else f"of type {kind}"
 
 
-def _squared(factor, point):
+def _squared(factor: Array, point: VectorLike) -> Any:
     """FᵀF of what belongs to a point of a link, refused if it overflows."""
     with np.errstate(over="ignore", invalid="ignore"):
         square = factor.T @ factor
@@ -744,12 +759,12 @@ def _squared(factor, point):
     return square
 
 
-def _check_frame(frame):
+def _check_frame(frame: str) -> None:
     if frame not in ("link", "world"):
         raise InputError(f"frame is {frame!r}, expected 'link' or 'world'.")
 
 
-def _friction_torque(model, qd):
+def _friction_torque(model: RobotModel, qd: Array) -> Array:
     """Friction that resists rates, shape (…, nv)."""
     v0 = model.friction_velocity
     with np.errstate(over="ignore"):
@@ -757,13 +772,13 @@ def _friction_torque(model, qd):
     return model.damping * qd + model.friction * turned
 
 
-def _check_sum(tau, friction, f_ext):
+def _check_sum(tau: Array, friction: bool, f_ext: Wrenches | None) -> None:
     """Refuse what only wrenches or friction have made infinite."""
     if (friction or _given(f_ext)) and not np.isfinite(tau).all():
         raise InputError("tau, f_ext or friction are not finite or too large: their sum is not a finite number.")
 
 
-def _check_power(nu, *terms):
+def _check_power(nu: Array, *terms: Array | None) -> None:
     """Refuse what wrenches or friction make of the power, which the sweep has found finite without them."""
     with np.errstate(over="ignore", invalid="ignore"):
         power = sum(float(nu @ term) for term in terms if term is not None)
@@ -771,12 +786,12 @@ def _check_power(nu, *terms):
         raise InputError("qd, f_ext or friction are too large: the power overflows.")
 
 
-def _given(f_ext):
+def _given(f_ext: Wrenches | None) -> bool:
     """Whether there are wrenches; anything but None or an empty dict is."""
     return f_ext is not None and not (isinstance(f_ext, dict) and not f_ext)
 
 
-def _fill(buffer, name, value, names):
+def _fill(buffer: Array, name: str, value: VectorLike, names: Sequence[str]) -> Array:
     """Copy an argument into a buffer, checking its shape."""
     if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == buffer.shape:
         buffer[:] = value
@@ -794,5 +809,5 @@ def _fill(buffer, name, value, names):
     return buffer
 
 
-def _listed(names, most=12):
+def _listed(names: Sequence[str], most: int = 12) -> str:
     return ", ".join(names[:most]) + (", …" if len(names) > most else "")

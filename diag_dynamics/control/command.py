@@ -1,8 +1,10 @@
 """What laws and filters hand on."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
-import numpy as np
+from diag_dynamics.arrays import Array
 
 
 class PoseError(NamedTuple):
@@ -16,8 +18,8 @@ class PoseError(NamedTuple):
         Rotation vector from the actual to the desired orientation [rad]; None if it is not regulated.
     """
 
-    position: np.ndarray | None
-    orientation: np.ndarray | None
+    position: Array | None
+    orientation: Array | None
 
 
 class Command(NamedTuple):
@@ -45,12 +47,12 @@ class Command(NamedTuple):
         Degrees of freedom whose limits made it so.
     """
 
-    tau: np.ndarray
-    epsilon: np.ndarray
-    gravity_torque: np.ndarray
-    nu: np.ndarray
+    tau: Array
+    epsilon: Array
+    gravity_torque: Array
+    nu: Array
     lyapunov: float
     lyapunov_rate: float
-    error: np.ndarray | PoseError | None = None
+    error: Array | PoseError | None = None
     scale: float = 1.0
     limited: tuple[str, ...] = ()

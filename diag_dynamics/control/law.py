@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.checks import instance
-from diag_dynamics.control.command import Command
+from diag_dynamics.control.command import Command, PoseError
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UnsupportedError
 
 
-def actuated(dynamics):
+def actuated(dynamics: DiagonalDynamics) -> DiagonalDynamics:
     """The dynamics of a robot that has a motor at every degree of freedom, as far as its description tells.
 
     Raises
@@ -51,7 +52,15 @@ class Law:
         self.dynamics = actuated(dynamics)
         dynamics.compile(*self.METHODS)
 
-    def _command(self, q, nu, epsilon, lyapunov, rate, error=None):
+    def _command(
+        self,
+        q: VectorLike,
+        nu: Array,
+        epsilon: Array,
+        lyapunov: float,
+        rate: float,
+        error: Array | PoseError | None = None,
+    ) -> Command:
         """Command of working moments without gravity: τ = mε + g."""
         g = self.dynamics.gravity_torque(q)
         tau = self.dynamics.tau_from_epsilon(q, epsilon)

@@ -103,7 +103,7 @@ class EffortRateLimiter:
 
     def reset(self, tau: VectorLike | None = None) -> None:
         """Start from the effort `tau` [N m, N], shape (nv,); without it from the next one that is asked for."""
-        self._last = None if tau is None else vector("tau", tau, self._names)
+        self._last: Array | None = None if tau is None else vector("tau", tau, self._names)
 
     def filter(self, tau: VectorLike, dt: float) -> tuple[Array, tuple[str, ...]]:
         """Efforts to send, and which joints had to wait.
@@ -122,7 +122,7 @@ class EffortRateLimiter:
         """
         tau = vector("tau", tau, self._names)
         change = not_negative("dt", dt, "[s]") * self.rate
-        limited = ()
+        limited: tuple[str, ...] = ()
         if self._last is not None:
             near = np.clip(tau, self._last - change, self._last + change)
             if (near != tau).any():
@@ -185,7 +185,7 @@ class PositionRepulsion:
         """How far each joint is into the margin [rad, m], shape (nv,): positive at its upper end, negative at the lower."""
         return np.clip(self._way(q), -self._margin, self._margin)
 
-    def _way(self, q):
+    def _way(self, q: VectorLike) -> Array:
         q = vector("q", q, self.dynamics.model.dof_names)
         return np.maximum(q - self._upper, 0.0) + np.minimum(q - self._lower, 0.0)
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, cast
 
 import numpy as np
 
-from diag_dynamics.arrays import VectorLike
+from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.checks import choice, instance, number, per_name, positive
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
@@ -34,10 +34,20 @@ class Disturbance(NamedTuple):
 
     valid: bool
     reason: str
-    residual: np.ndarray | None = None
-    external_torque: np.ndarray | None = None
+    residual: Array | None = None
+    external_torque: Array | None = None
     norm: float = 0.0
     collision: bool = False
+
+
+class _Sample(NamedTuple):
+    """What is kept of a sample until the next one: its time [s], q, ν, C + ε_g + ε_fric, and ε."""
+
+    time: float
+    q: Array
+    nu: Array
+    resisting: Array
+    epsilon: Array
 
 
 class DisturbanceObserver:
@@ -117,8 +127,8 @@ class DisturbanceObserver:
 
     def reset(self) -> None:
         """Forget everything: r starts from zero at the next sample."""
-        self._time = None
-        self._residual = np.zeros(len(self._names))
+        self._sample: _Sample | None = None
+        self._residual: Array = np.zeros(len(self._names))
         self._collision = False
         self._last = Disturbance(False, "no sample since the reset")
 
@@ -149,38 +159,39 @@ class DisturbanceObserver:
             A vector is wrong, or a time, position or rate not finite; the observer is as it was before.
         """
         time = number("time", time, "a finite number [s]")
-        missing = self._missing(tau)
-        if missing:
+        if tau is None:
+            return Disturbance(False, "no effort of any joint")
+        if missing := self._missing(tau):
             return Disturbance(False, f"no effort of {missing}")
-        interval = None if self._time is None else time - self._time
-        if interval == 0.0:
+        before = self._sample
+        interval = 0.0 if before is None else time - before.time
+        if before and interval == 0.0:
             return self._last
         dynamics = self._dynamics
         s = dynamics.evaluate(q, qd, tau, friction=self._friction)
-        resisting = s.coriolis + s.gravity
-        if self._friction:
+        resisting, applied = s.coriolis + s.gravity, cast(Array, s.epsilon)  # there are efforts
+        if s.friction is not None:
             resisting += s.friction
-        reason = None
-        if interval is None:
+        reason = ""
+        if before is None:
             reason = "first sample"
         elif interval < 0.0:
             reason = f"time went back by {-interval:g} s"
         elif interval > self.max_gap:
             reason = f"no sample for {interval:g} s"
-        if reason:
+        if before is None or reason:
             self.reset()
             self._last = Disturbance(False, reason)
         else:
-            epsilon = dynamics.epsilon_from_tau(self._q, tau) if self._held else self._epsilon
-            applied = 0.5 * (epsilon + s.epsilon - self._resisting - resisting)
-            external = (s.nu - self._nu) / interval - applied
+            epsilon = dynamics.epsilon_from_tau(before.q, tau) if self._held else before.epsilon
+            mean = 0.5 * (epsilon + applied - before.resisting - resisting)
+            external = (s.nu - before.nu) / interval - mean
             self._residual = self._residual - np.expm1(-self.gain * interval) * (external - self._residual)
             self._last = self._result(q)
-        self._time, self._nu, self._resisting = time, s.nu, resisting
-        self._q, self._epsilon = np.array(q, dtype=float), s.epsilon
+        self._sample = _Sample(time, np.array(q, dtype=float), s.nu, resisting, applied)
         return self._last
 
-    def _result(self, q):
+    def _result(self, q: VectorLike) -> Disturbance:
         r = self._residual
         with np.errstate(over="ignore", invalid="ignore"):
             norm = math.sqrt(r @ r)
@@ -190,10 +201,8 @@ class DisturbanceObserver:
         self._collision = norm >= self.release if self._collision else norm > self.threshold
         return Disturbance(True, "", r.copy(), self._dynamics.tau_from_epsilon(q, r), norm, self._collision)
 
-    def _missing(self, tau):
+    def _missing(self, tau: VectorLike) -> str:
         """Names of the degrees of freedom whose effort is not known."""
-        if tau is None:
-            return "any joint"
         try:
             unknown = np.isnan(tau)
         except TypeError:
@@ -203,6 +212,6 @@ class DisturbanceObserver:
         return ", ".join(f"'{name}'" for name, is_unknown in zip(self._names, unknown, strict=True) if is_unknown)
 
 
-def _threshold(name, value):
+def _threshold(name: str, value: float) -> float:
     """A positive number, or inf."""
     return np.inf if value == np.inf else positive(name, value, "[J^½/s]")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -64,7 +65,8 @@ class PoseRegulation(Law):
         self.position_stiffness = per_name("position_stiffness", position_stiffness, "xyz", "a finite number > 0 [N/m]")
         self.orientation_stiffness = positive("orientation_stiffness", orientation_stiffness, "[N m/rad]")
         self.point = numbers("point", point, (3,), "three finite numbers [m]")
-        self._position = self._axes = None
+        self._position: Array | None = None
+        self._axes: Array | None = None
 
     def aim(self, position: VectorLike | None = None, orientation: MatrixLike | None = None) -> None:
         """Set the target; the first is needed before any command. What is None is left free.
@@ -120,7 +122,7 @@ class PoseRegulation(Law):
         return self._command(q, nu, spring - damped, lyapunov, rate, PoseError(away, turn))
 
 
-def rotation_of(orientation):
+def rotation_of(orientation: Any) -> Array:
     """Rotation matrix of one, or of a unit quaternion (x, y, z, w).
 
     Raises
@@ -151,12 +153,12 @@ def rotation_of(orientation):
     return given
 
 
-def _vee(R):
+def _vee(R: Array) -> Array:
     """2 sin(angle) times the axis of a rotation: Σ a_j × R a_j for any orthonormal a."""
     return np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
 
 
-def rotation_vector(R):
+def rotation_vector(R: Array) -> Array:
     """Angle [rad] times axis of a rotation matrix, shape (3,); the angle is in [0, π]."""
     twice = _vee(R)
     sine, cosine = 0.5 * math.sqrt(float(twice @ twice)), 0.5 * (float(np.trace(R)) - 1.0)

@@ -1,14 +1,16 @@
 """Options of load_urdf, checked; an error names the argument and its value."""
 
+from __future__ import annotations
+
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from diag_dynamics.arrays import MatrixLike, VectorLike
+from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import mapping, not_negative, numbers
 from diag_dynamics.exceptions import InertiaWarning, InputError
 
@@ -54,7 +56,7 @@ class Options(NamedTuple):
     """Arguments of :func:`load_urdf`, checked."""
 
     floating_base: bool
-    gravity: np.ndarray
+    gravity: Array
     mimic: str
     massless: str
     locked: dict[str, float]
@@ -65,17 +67,17 @@ class Options(NamedTuple):
     friction_velocity: float = FRICTION_VELOCITY
 
 
-def gravity_vector(value):
+def gravity_vector(value: object) -> Array:
     """Acceleration of gravity as a new array."""
     return numbers("gravity", value, (3,), "three finite numbers [m/s²]", LARGEST_GRAVITY)
 
 
-def friction_velocity_of(value):
+def friction_velocity_of(value: object) -> float:
     """Rate that friction turns round within, checked."""
     return not_negative("friction_velocity", value, "[rad/s, m/s]")
 
 
-def armature_by_joint(value, robot):
+def armature_by_joint(value: object, robot: Any) -> dict[str, float]:
     """Armature by joint name, from one number or a dict."""
     single = [joint.name for joint in robot.joints if joint.type in SINGLE]
     given = {} if value is None else value
@@ -94,11 +96,11 @@ def armature_by_joint(value, robot):
     return checked
 
 
-def _some(names, most=12):
+def _some(names: Sequence[str], most: int = 12) -> str:
     return ", ".join(names[:most]) + (", …" if len(names) > most else "")
 
 
-def locked_positions(value, robot):
+def locked_positions(value: object, robot: Any) -> dict[str, float]:
     """Positions of locked joints, checked."""
     joints = {joint.name: joint for joint in robot.joints}
     locked = {}
@@ -112,7 +114,7 @@ def locked_positions(value, robot):
     return locked
 
 
-def checked_payloads(value, robot):
+def checked_payloads(value: object, robot: Any) -> dict[str, Payload]:
     """Payloads as :class:`Payload` of read-only arrays, checked; those without mass are none."""
     links = {link.name for link in robot.links}
     checked = {}
@@ -144,7 +146,7 @@ def checked_payloads(value, robot):
     return checked
 
 
-def not_physical(inertia, mass):
+def not_physical(inertia: Array, mass: float) -> str | None:
     """Why an inertia about the centre of mass is that of no rigid body, or None."""
     moments = np.linalg.eigvalsh(inertia)
     # The moments of plates and rods lie on the bound; rounded to four digits, they are beyond it by this much. A radius
@@ -157,15 +159,15 @@ def not_physical(inertia, mass):
     return None
 
 
-def _short(numbers):
+def _short(numbers: Iterable[float]) -> str:
     return ", ".join(f"{number:.3g}" for number in numbers)
 
 
-_tell = ContextVar("tell", default=None)
+_tell: ContextVar[Callable[[str], object] | None] = ContextVar("tell", default=None)
 
 
 @contextmanager
-def inertias_told(tell):
+def inertias_told(tell: Callable[[str], object]) -> Iterator[None]:
     """Context in which `tell` gets the text of each InertiaWarning: Python's warnings are shared by threads, this is not."""
     token = _tell.set(tell)
     try:
@@ -174,7 +176,7 @@ def inertias_told(tell):
         _tell.reset(token)
 
 
-def warn_of_inertias(robot):
+def warn_of_inertias(robot: Any) -> None:
     """Warn of every link whose inertia no rigid body can have."""
     for link in robot.links:
         reason = None if link.inertial is None else not_physical(link.inertial.inertia, link.inertial.mass)

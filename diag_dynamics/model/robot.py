@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, Literal
@@ -352,12 +352,12 @@ def load_urdf(
     return _model(robot, root, options)
 
 
-def _model(robot, root, options):
+def _model(robot: Any, root: str, options: Options) -> RobotModel:
     """Model of a robot, following all options."""
     tree = _tree(robot, root, options, options.held or {})
     model = _model_of(tree, options)
     found = massless_freedoms(model)
-    held = {}
+    held: dict[str, float] = {}
     while options.massless == "lock" and options.held is None and len(found[0]):
         more = positions_to_hold(model, tree, found)
         if not more:
@@ -370,7 +370,7 @@ def _model(robot, root, options):
     return model if options.held is not None else replace(model, _options=options._replace(held=held))
 
 
-def _tree(robot, root, options, held):
+def _tree(robot: Any, root: str, options: Options, held: dict[str, float]) -> Tree:
     """The robot walked, with more joints held than the options lock."""
     mimics, held = resolve_mimics(robot, options.mimic, options.locked | held)
     tree = Tree(robot, root, options.floating_base, held, mimics)
@@ -385,18 +385,18 @@ def _tree(robot, root, options, held):
     return tree
 
 
-def _restored(robot, root, options):
+def _restored(robot: Any, root: str, options: Options) -> RobotModel:
     """Model from its pickled parts, whose arrays have come back writeable."""
     return _model(robot, root, options._replace(payloads=checked_payloads(options.payloads, robot)))
 
 
-def _refuse_same_names(what, names):
+def _refuse_same_names(what: str, names: Sequence[str]) -> None:
     if len(set(names)) < len(names):
         [(twice, _)] = Counter(names).most_common(1)
         raise UrdfError(f"Two {what} would have the name '{twice}': rename one of the joints.")
 
 
-def _model_of(tree, options):
+def _model_of(tree: Tree, options: Options) -> RobotModel:
     """Model of a tree as it is."""
     bodies, links = tree.records(options.armature, options.payloads)
     _refuse_same_names("degrees of freedom", tree.dof_names)
