@@ -12,6 +12,7 @@ import numpy as np
 from diag_dynamics import batch, sweeps
 from diag_dynamics.arrays import Array, Frame, MatrixLike, VectorLike, Wrenches
 from diag_dynamics.checks import numbers
+from diag_dynamics.compiled.progress import steps
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.wrenches import wrenches_at, wrenches_on_links
@@ -571,7 +572,7 @@ class DiagonalDynamics:
             s = probe.evaluate(q, zero, zero, wrench)
             return s.kinetic_energy, s.link_energy
 
-        steps = {
+        calls = {
             "evaluate": evaluate,
             "evaluate_batch": lambda: probe.evaluate_batch(q[None], zero[None], zero[None]).link_energy,
             "factors": lambda: probe.factors(q),
@@ -597,11 +598,12 @@ class DiagonalDynamics:
             "operational_inverse_inertia": lambda: probe.operational_inverse_inertia(q, root),
             "reflected_mass": lambda: probe.reflected_mass(q, root, (1.0, 0.0, 0.0)),
         }
-        for name in methods or steps:
-            if name not in steps:
-                raise InputError(f"compile: {name!r} is none of {', '.join(steps)}.")
+        for name in methods:
+            if name not in calls:
+                raise InputError(f"compile: {name!r} is none of {', '.join(calls)}.")
+        for name in steps(methods or tuple(calls)):
             with suppress(SingularMassMatrixError):  # at this one configuration; it is compiled all the same
-                steps[name]()
+                calls[name]()
 
     def refuse(self, status: int, workspace: Any, q: Array, **inputs: Array) -> None:
         """Raise what the status of a sweep stands for that failed in another workspace of this robot.

@@ -6,10 +6,10 @@ import gc
 import numba
 from numba.core.compiler_lock import global_compiler_lock
 
-from diag_dynamics.compiled.ahead import register, told
 from diag_dynamics.compiled.cache import cache_folder
 from diag_dynamics.compiled.lent import Lent, lent
 from diag_dynamics.compiled.parts import EntryCompiler, PartCompiler
+from diag_dynamics.compiled.progress import register, told
 from diag_dynamics.compiled.store import Cache
 
 _OPTIONS = {"error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}

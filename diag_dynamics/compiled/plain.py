@@ -8,8 +8,8 @@ import numpy as np
 from numba import types
 from numba.extending import intrinsic, typeof_impl
 
-from diag_dynamics.compiled.ahead import register, told
 from diag_dynamics.compiled.cache import cache_folder, source_hash
+from diag_dynamics.compiled.progress import register, told
 
 _lock = threading.RLock()  # again by one that compiles what another one calls
 """Held while an entry is compiled: threads of a batch would compile the same one, and leave each other's folder in force."""

@@ -6,6 +6,7 @@ import resource
 import shutil
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -14,6 +15,8 @@ import numba
 import numpy as np
 import pytest
 
+from diag_dynamics.compiled import progress
+from diag_dynamics.compiled.ahead import compile_ahead
 from diag_dynamics.compiled.cache import ROOMS, hash_of
 from diag_dynamics.compiled.kernel import NUMBER, VECTOR, entry_kernel
 
@@ -230,3 +233,61 @@ def test_a_flipped_byte_that_unpickles_is_noticed(copy, tmp_path):
     assert (D, hits) == (13, 0)
     assert "damaged" in said
     assert run(copy, cache)[1] >= 1
+
+
+# --- What is said meanwhile ----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def said(monkeypatch):
+    """Lines that are said while something is compiled, in hundredths of the time that it takes else."""
+    monkeypatch.setattr(progress, "PATIENCE", 0.02)
+    monkeypatch.setattr(progress, "EVERY", 0.05)
+    monkeypatch.setattr(progress, "_teller", progress._Teller())
+    lines = []
+    progress.tell_by(lambda text: lines.append((time.perf_counter(), text)))
+    return lines
+
+
+def test_compiling_is_told_if_it_takes_long(said):
+    """What, how far, how long it takes as a rule, and for how long by now; a line now and then, none for what is quick."""
+    with progress.told("quick"):
+        pass
+    assert not said
+    for item in progress.steps(["a", "b"]):
+        with progress.told(item):
+            time.sleep(0.2 if item == "a" else 0.12)
+    times, lines = zip(*said, strict=True)
+    assert lines[0] == f"compiling a (1 of 2) {progress.RULE}" and "up to a minute as a rule" in lines[0]
+    assert all("for 0 s" in line for line in lines[1:])
+    assert [line.split()[1:5] for line in lines] == sorted([line.split()[1:5] for line in lines])
+    assert "compiling b (2 of 2) for 0 s" in lines
+    assert min(np.diff(times)) > 0.04
+    with progress.told("c"):
+        time.sleep(0.12)
+    assert said[-1][1] == "compiling c for 0 s"
+    count = len(said)
+    time.sleep(0.1)
+    assert len(said) == count
+
+
+def test_without_a_listener_stderr_is_told(said, capsys):
+    progress.tell_by(None)
+    with progress.told("evaluate"):
+        time.sleep(0.1)
+    assert capsys.readouterr().err.startswith(f"diag_dynamics: compiling evaluate {progress.RULE}\n")
+
+
+def test_compiling_ahead(monkeypatch):
+    """Every entry of the modules named, each told of before it is at hand; those of others are left."""
+    asked, reported = [], []
+    monkeypatch.setattr("diag_dynamics.compiled.ahead.ready", asked.append)
+    compile_ahead("diag_dynamics.sweeps.classical", report=lambda *report: reported.append(report))
+    names = [entry.__name__ for entry in asked]
+    assert names[:2] == ["forward_dynamics", "inverse_dynamics"] and "mass_matrix" in names
+    assert {entry.__module__ for entry in asked} == {"diag_dynamics.sweeps.classical"}
+    count = len(names)
+    assert reported == [*((name, k, count) for k, name in enumerate(names)), (None, count, count)]
+    asked.clear()
+    compile_ahead("diag_dynamics.sweeps")
+    assert {"evaluate", "factors", "mass_matrix"} <= {entry.__name__ for entry in asked}

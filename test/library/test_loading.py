@@ -2,6 +2,7 @@
 
 import gc
 import os
+import re
 import signal
 import sys
 import threading
@@ -10,11 +11,14 @@ from contextlib import suppress
 import psutil
 import pytest
 from diag_dynamics.srv import Diagonalize
+from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 
 from diag_dynamics import DiagonalDynamics, load_urdf
+from diag_dynamics.compiled.progress import RULE
 from diag_dynamics.nodes.monitor.robot import MonitoredRobot
 from diag_dynamics.nodes.support.descriptions import TURN, Descriptions, working
+from diag_dynamics.nodes.support.diagnostics import OK
 from diag_dynamics.nodes.support.loading import MOST_TOLD, compile_dynamics, load_robot
 from diag_dynamics.parameters.monitor import PARAMETERS as MONITOR
 from diag_dynamics.parameters.monitor import Settings
@@ -70,12 +74,12 @@ def test_the_robot_in_force_goes_on(peer, large):
 # --- signals
 
 
-def until_it_loads(node, path, **environment):
+def until_it_loads(node, path, *more, **environment):
     """Start a node, and return its process when it says that it loads its robot."""
     command = [sys.executable, "-m", "diag_dynamics.nodes.support.start", node, "--ros-args"]
     for name, value in {"robot_description": path, "max_joints": 2 * LARGE}.items():
         command += ["-p", f"{name}:={value}"]
-    process = Process(command, env={**os.environ, **environment})
+    process = Process([*command, *more], env={**os.environ, **environment})
     process.wait_for_text("Loading a robot")
     return process
 
@@ -116,6 +120,29 @@ def test_signal_while_it_compiles(tmp_path, number):
         stop_at_once(process, number)
     assert "Ready" not in process.output
     assert not list(tmp_path.rglob("*_serve*.nbc"))  # which is compiled last
+
+
+def test_what_is_compiled_is_told(peer, tmp_path):
+    """In the node's log and on /diagnostics, while it has time for neither; a signal ends it then as ever."""
+    told = []
+
+    def take(array):
+        told.extend(status for status in array.status if status.name == "told/diag_dynamics: compiling")
+
+    subscription = peer.node.create_subscription(DiagnosticArray, "/diagnostics", take, 10)
+    try:
+        more = "-r", "__ns:=/told"
+        with until_it_loads("monitor", robot(PANDA).path, *more, NUMBA_CACHE_DIR=str(tmp_path)) as process:
+            peer.wait_until(lambda: told, "a status", 60.0)
+            process.wait_for_text("compiling")
+            stop_at_once(process, signal.SIGTERM)
+    finally:
+        peer.node.destroy_subscription(subscription)
+    assert told[0].level == OK and told[0].values[0].key == "what"
+    assert re.match(r"compiling \w+ ", told[0].values[0].value)
+    lines = [line for line in process.output.splitlines() if "compiling" in line]
+    assert lines[0].endswith(RULE)
+    assert all("[INFO]" in line and "[told.diag_dynamics]: compiling" in line for line in lines)
 
 
 # --- what is said of a robot

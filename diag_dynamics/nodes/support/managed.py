@@ -6,8 +6,9 @@ from lifecycle_msgs import srv
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 
+from diag_dynamics.compiled.progress import tell_by
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.support.diagnostics import shortened
+from diag_dynamics.nodes.support.diagnostics import OK, Status, shortened
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.logger import PlainLogger
 from diag_dynamics.nodes.support.overrides import tell_unknown
@@ -38,7 +39,9 @@ class ManagedNode(LifecycleNode):
     def __init__(self, name, **kwargs):
         self.phase, self.failure = UNCONFIGURED, ""
         self._beginning = False  # whoever runs the process says then what is wrong
+        self._diagnostics = None
         super().__init__(name, enable_communication_interface=False, **kwargs)
+        tell_by(self._tell_of_compiling)
         for service, kind in (
             ("change_state", srv.ChangeState),
             ("get_state", srv.GetState),
@@ -71,6 +74,17 @@ class ManagedNode(LifecycleNode):
             return response
 
         return callback
+
+    def _tell_of_compiling(self, text):
+        """Say a line on what is compiled, in a thread: whoever compiles has no time for it."""
+        attempt(self.get_logger().info, text)
+        if self._diagnostics:
+            attempt(self._diagnostics.publish, [Status("compiling", OK, "compiling", {"what": text})])
+
+    def destroy_node(self):
+        """See rclpy; what is compiled from now on is told of on stderr."""
+        tell_by(None)
+        return super().destroy_node()
 
     def settled(self):
         """Called when all that stays has been loaded; whoever runs the process puts something in its place."""
