@@ -86,7 +86,7 @@ class DiagonalDynamics:
             Whether to evaluate the friction of :meth:`friction_torque` as a term of its own.
         out : Evaluation, optional
             Where to write the results, made by :meth:`new_evaluation`; nothing is allocated then. If an error is raised
-            while it is written, its results are NaN. Its own arrays are no arguments: they change meanwhile.
+            while it is written, its results are NaN. Its own arrays may be arguments, as they are before.
 
         Returns
         -------
@@ -440,7 +440,7 @@ class DiagonalDynamics:
             Whether to evaluate friction, too, as :meth:`evaluate` does; it takes as long again.
         out : BatchEvaluation, optional
             Where to write the results, made by :meth:`new_batch` for T states. If an error is raised while it is written,
-            its results are NaN. Its own arrays are no arguments: they change meanwhile.
+            its results are NaN. Its own arrays may be arguments, as they are before: they are copied.
 
         Returns
         -------
@@ -463,8 +463,9 @@ class DiagonalDynamics:
             memory = BatchMemory.of(model, count)
         else:
             memory = _memory_of(out, BatchEvaluation, model, "new_batch(T)")
-            if len(out) != len(Q):
-                raise InputError(f"out has room for {len(out)} states, expected {len(Q)}: a row for each state of Q.")
+            if len(out) != count:
+                raise InputError(f"out has room for {len(out)} states, expected {count}: a row for each state of Q.")
+            states, rates, efforts = memory.apart(states), memory.apart(rates), memory.apart(efforts)
         try:
             self._fill_batch(states, rates, efforts, TAU is not None, memory, threads)
             resisting = None

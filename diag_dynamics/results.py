@@ -375,6 +375,10 @@ class BatchMemory(NamedTuple):
         parts = np.split(np.empty(ends[-1]), ends[:-1])
         return cls(*(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)))
 
+    def apart(self, array: Array) -> Array:
+        """The array, or a copy if numbers of it may lie in this memory, whose parts are of one piece."""
+        return array.copy() if np.may_share_memory(array, self.results.base) else array
+
 
 class Factors(NamedTuple):
     """Factors of the mass matrix at one configuration, M = m mᵀ = unit diag(D) unitᵀ and M⁻¹ = ℓᵀℓ (Identity 4.1).

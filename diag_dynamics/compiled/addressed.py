@@ -1,4 +1,4 @@
-"""Arrays at an address, or of another one's numbers in a row, made without a call to numba's own."""
+"""Arrays at an address, or of another one's numbers in a row, made without a call to numba's own; and addresses of arrays."""
 
 from numba.core import cgutils, types
 from numba.extending import intrinsic
@@ -37,6 +37,17 @@ def array_at(dtype, ndim, lent=False):
         return array(types.intp, types.UniTuple(types.intp, ndim)), lower
 
     return at
+
+
+@intrinsic
+def address_of(typingctx, array):
+    """Where the numbers of an array begin."""
+
+    def lower(context, builder, sig, args):
+        data = context.make_array(array)(context, builder, args[0]).data
+        return builder.ptrtoint(data, context.get_value_type(types.intp))
+
+    return types.intp(array), lower
 
 
 @intrinsic

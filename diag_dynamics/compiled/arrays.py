@@ -1,10 +1,10 @@
-"""Arrays where kernels find them: at an address, or all of another one's numbers in a row."""
+"""Arrays where kernels find them: at an address, or all of another one's numbers in a row; and where they lie."""
 
 from diag_dynamics.compiled.switch import PLAIN
 
 if PLAIN:
-    from diag_dynamics.compiled.plain import array_at, flat
+    from diag_dynamics.compiled.plain import address_of, array_at, flat
 else:
-    from diag_dynamics.compiled.addressed import array_at, flat
+    from diag_dynamics.compiled.addressed import address_of, array_at, flat
 
-__all__ = ["array_at", "flat"]
+__all__ = ["address_of", "array_at", "flat"]

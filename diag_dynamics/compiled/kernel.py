@@ -3,9 +3,9 @@
 from diag_dynamics.compiled.switch import PLAIN
 
 if PLAIN:
-    from diag_dynamics.compiled.plain import INLINED, array_of, entry_kernel, kernel, large_kernel, ready
+    from diag_dynamics.compiled.plain import INLINED, array_of, entry_kernel, filled_of, kernel, large_kernel, ready
 else:
-    from diag_dynamics.compiled.native import INLINED, array_of, entry_kernel, kernel, large_kernel, ready
+    from diag_dynamics.compiled.native import INLINED, array_of, entry_kernel, filled_of, kernel, large_kernel, ready
 
 import numba
 
@@ -13,10 +13,14 @@ ROBOT = numba.int64
 """Type of the argument that stands for a robot: see sweeps.Workspace."""
 
 VECTOR, MATRIX, STATES = map(array_of, (1, 2, 3))
+FILLED_VECTOR, FILLED_MATRIX, FILLED_STATES = map(filled_of, (1, 2, 3))
 NUMBER, COUNT, FLAG = numba.float64, numba.int64, numba.boolean
 
 __all__ = [
     "COUNT",
+    "FILLED_MATRIX",
+    "FILLED_STATES",
+    "FILLED_VECTOR",
     "FLAG",
     "INLINED",
     "MATRIX",

@@ -1,4 +1,4 @@
-"""Arrays that are taken from Python at half the cost."""
+"""Arrays that are taken from Python at half the cost: those that a kernel reads, and those that it fills."""
 
 import numba
 from llvmlite import ir
@@ -10,16 +10,28 @@ from numba.extending import NativeValue, lower_cast, register_model, unbox
 
 
 class Lent(types.Array):
-    """numba's type of a C-contiguous array that its caller keeps alive: taken at half the cost of an array that is shared."""
+    """numba's type of a C-contiguous array that its caller keeps alive: taken at half the cost of an array that is shared.
+
+    Of an entry kernel it is what the kernel reads: read-only arrays will do, as results are.
+    """
 
     def __init__(self, dtype, ndim):
         super().__init__(dtype, ndim, "C", name=f"lent({dtype}, {ndim})")
 
 
+class Filled(types.Array):
+    """The same of an array that an entry kernel writes: what is read-only is refused, by a TypeError."""
+
+    def __init__(self, dtype, ndim):
+        super().__init__(dtype, ndim, "C", name=f"filled({dtype}, {ndim})")
+
+
 register_model(Lent)(models.ArrayModel)
+register_model(Filled)(models.ArrayModel)
 
 
 @unbox(Lent)
+@unbox(Filled)
 def _borrow(array, value, c):
     """What numba does with arrays where it counts no references."""
     native = c.context.make_array(array)(c.context, c.builder)
@@ -30,11 +42,13 @@ def _borrow(array, value, c):
 
 
 @lower_cast(types.Array, Lent)
+@lower_cast(Filled, Lent)
 def _lend(context, builder, fromty, toty, val):
     return val
 
 
 @lower_cast(Lent, types.Array)
+@lower_cast(Filled, types.Array)
 def _keep(context, builder, fromty, toty, val):
     return val
 
@@ -42,9 +56,10 @@ def _keep(context, builder, fromty, toty, val):
 def lent(kind):
     """The type by which kernels take an argument: a contiguous array of numbers is as good as a :class:`Lent` one.
 
-    Slices and arrays at an address are none; without this, what takes them is compiled once more.
+    Slices and arrays at an address are none, nor is one that an entry fills; without this, what takes them is compiled once
+    more.
     """
-    plain = type(kind) is types.Array and kind.layout == "C" and kind.mutable and kind.aligned
+    plain = type(kind) in (types.Array, Filled) and kind.layout == "C" and kind.mutable and kind.aligned
     return Lent(kind.dtype, kind.ndim) if plain and kind.dtype == types.float64 else kind
 
 

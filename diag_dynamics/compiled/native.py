@@ -7,7 +7,7 @@ import numba
 from numba.core.compiler_lock import global_compiler_lock
 
 from diag_dynamics.compiled.cache import cache_folder
-from diag_dynamics.compiled.lent import Lent, lent
+from diag_dynamics.compiled.lent import Filled, Lent, lent
 from diag_dynamics.compiled.parts import EntryCompiler, PartCompiler
 from diag_dynamics.compiled.progress import register, told
 from diag_dynamics.compiled.store import Cache
@@ -23,8 +23,13 @@ INLINED = {"forceinline": True, **_UNCALLED}
 
 
 def array_of(ndim):
-    """Type of an array of numbers that entry kernels take."""
+    """Type of an array of numbers that entry kernels read."""
     return Lent(numba.float64, ndim)
+
+
+def filled_of(ndim):
+    """Type of an array of numbers that entry kernels write; one that is read-only is no such."""
+    return Filled(numba.float64, ndim)
 
 
 def kernel(function):

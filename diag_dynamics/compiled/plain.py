@@ -19,8 +19,18 @@ INLINED = {"error_model": "numpy"}
 
 
 def array_of(ndim):
-    """Type of an array of numbers that entry kernels take."""
+    """Type of an array of numbers that entry kernels read."""
     return types.Array(numba.float64, ndim, "C")
+
+
+class _Filled:
+    """An array of numbers that an entry kernel writes."""
+
+    def __init__(self, ndim):
+        self.kind = array_of(ndim)
+
+
+filled_of = _Filled
 
 
 def kernel(function):
@@ -47,13 +57,17 @@ class Entry:
 
     def __init__(self, function, arguments, nogil):
         self.__doc__, self.__name__, self.__module__ = function.__doc__, function.__name__, function.__module__
-        self.py_func, self._arguments, self._nogil, self._dispatcher = function, arguments, nogil, None
-        self._written = {k for k, kind in enumerate(arguments) if isinstance(kind, types.Array) and kind.mutable}
+        self.py_func, self._nogil, self._dispatcher = function, nogil, None
+        self._read = {k for k, kind in enumerate(arguments) if isinstance(kind, types.Array) and kind.mutable}
+        self._arguments = tuple(kind.kind if isinstance(kind, _Filled) else kind for kind in arguments)
 
     def __call__(self, *given):
-        """Call the compiled function; what is read-only, as results are, is copied, for numba takes it for another type."""
+        """Call the compiled function; what it reads is copied if it is read-only, for numba has another type for that.
+
+        What it writes is not, and numba refuses it then.
+        """
         arrays = [
-            x.copy() if k in self._written and isinstance(x, np.ndarray) and not x.flags.writeable else x
+            x.copy() if k in self._read and isinstance(x, np.ndarray) and not x.flags.writeable else x
             for k, x in enumerate(given)
         ]
         return self.dispatcher(*arrays)
@@ -124,6 +138,12 @@ def array_at(dtype, ndim, lent=False):
         return numba.carray(place(address), shape)
 
     return at
+
+
+@kernel
+def address_of(array):
+    """Where the numbers of an array begin."""
+    return array.ctypes.data
 
 
 @kernel

@@ -1,7 +1,17 @@
 """The classical form: M(q) q̈ + c(q, q̇) + g(q) = τ + Jᵀf, its forward and inverse dynamics."""
 
 from diag_dynamics.compiled.arrays import flat
-from diag_dynamics.compiled.kernel import FLAG, MATRIX, NUMBER, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.compiled.kernel import (
+    FILLED_MATRIX,
+    FILLED_VECTOR,
+    FLAG,
+    NUMBER,
+    ROBOT,
+    VECTOR,
+    entry_kernel,
+    kernel,
+    large_kernel,
+)
 from diag_dynamics.sweeps.bodies import (
     WRENCHES,
     add_to_force,
@@ -173,7 +183,7 @@ def accelerations(bodies, gravity, q, qd, tau, added, work, Q, qdd):
     return 0 if are_finite(qdd) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR)
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, FILLED_VECTOR)
 def forward_dynamics(robot, q, qd, tau, qdd):
     """q̈ from τ."""
     if not fit(robot, q, qd, tau):
@@ -191,7 +201,7 @@ def accelerations_with_added_inertia(robot, q, qd, tau, added, qdd):
     return accelerations(bodies, gravity, q, qd, tau, added, work, table[0], qdd)
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, NUMBER, VECTOR)
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, NUMBER, FILLED_VECTOR)
 def inverse_dynamics(robot, q, qd, qdd, weight, tau):
     """τ = M q̈ + c + g (Newton–Euler, eq. 4.3), g times a weight of 0 or 1."""
     bodies, gravity, work, _ = opened(robot)
@@ -221,7 +231,7 @@ def inverse_dynamics(robot, q, qd, qdd, weight, tau):
     return 0 if are_finite(tau) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, WRENCHES, FLAG, VECTOR)
+@entry_kernel(ROBOT, VECTOR, WRENCHES, FLAG, FILLED_VECTOR)
 def effort_of_wrenches(robot, q, wrenches, in_world, tau):
     """Jᵀf of wrenches at points of bodies, in the axes of the body or of the world."""
     bodies, _, work, _ = opened(robot)
@@ -252,7 +262,7 @@ def effort_of_wrenches(robot, q, wrenches, in_world, tau):
     return 0
 
 
-@entry_kernel(ROBOT, VECTOR, MATRIX, nogil=True)
+@entry_kernel(ROBOT, VECTOR, FILLED_MATRIX, nogil=True)
 def mass_matrix(robot, q, M):
     """M from the inertias of the composite rigid bodies outboard of each joint."""
     bodies, _, work, _ = opened(robot)
@@ -264,7 +274,7 @@ def mass_matrix(robot, q, M):
     return 0 if are_finite(flat(M)) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR)
+@entry_kernel(ROBOT, VECTOR, FILLED_VECTOR)
 def first_moment(robot, q, moment):
     """Σ m_i c_i of all moving bodies in the world's axes [kg m], in an inward sweep."""
     bodies, _, work, _ = opened(robot)

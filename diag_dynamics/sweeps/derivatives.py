@@ -3,7 +3,15 @@
 import math
 
 from diag_dynamics.compiled.arrays import flat
-from diag_dynamics.compiled.kernel import MATRIX, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.compiled.kernel import (
+    FILLED_MATRIX,
+    FILLED_VECTOR,
+    ROBOT,
+    VECTOR,
+    entry_kernel,
+    kernel,
+    large_kernel,
+)
 from diag_dynamics.sweeps.bodies import add_to_force, force_of, motion_of, set_force, set_motion
 from diag_dynamics.sweeps.groups import (
     compose,
@@ -91,7 +99,7 @@ def _still_world(work):
     set_motion(work[0].W_rate, Motion(ZERO, ZERO))
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR)
+@entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR, FILLED_VECTOR)
 def articulated_inertias(robot, q, qd, D, D_rate):
     """D and Ḋ along the motion (7.2)."""
     bodies, _, work, table = opened(robot)
@@ -105,7 +113,7 @@ def articulated_inertias(robot, q, qd, D, D_rate):
     return 0 if are_finite(D_rate) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, MATRIX, MATRIX, nogil=True)
+@entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_MATRIX, FILLED_MATRIX, nogil=True)
 def mass_matrix_rate(robot, q, qd, M, M_rate):
     """M and Ṁ along the motion (Identity 6.3): the whole robot as one group."""
     bodies, _, work, _ = opened(robot)
@@ -118,7 +126,7 @@ def mass_matrix_rate(robot, q, qd, M, M_rate):
     return 0 if are_finite(flat(M_rate)) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR)
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, FILLED_VECTOR)
 def mass_matrix_rate_times(robot, q, qd, x, result):
     """Ṁx: the rate of the momenta M x while x is constant, in an outward and an inward sweep."""
     bodies, _, work, _ = opened(robot)
@@ -149,7 +157,7 @@ def _two_velocity_force(body, V, W):
     return scale_force(add_force(sum_, momentum(body, cross_motion(V, W))), 0.5)
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR)
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, FILLED_VECTOR)
 def coriolis_product(robot, q, qd, x, result):
     """C_s(q, q̇) x with C_s q̇ = c and Ṁ − 2C_s skew: Newton–Euler with two velocities."""
     bodies, _, work, _ = opened(robot)
@@ -174,7 +182,7 @@ def coriolis_product(robot, q, qd, x, result):
     return 0 if are_finite(result) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR)
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, FILLED_VECTOR)
 def m_rate_transposed(robot, q, qd, x, result):
     """ṁᵀx, x constant: D^−½[𝓜̇_c (W_A, x) − ½ Ḋ η] + D^½ GᵀẆ_A with η = D^−½ mᵀx."""
     bodies, _, work, table = opened(robot)
@@ -196,7 +204,7 @@ def m_rate_transposed(robot, q, qd, x, result):
     return 0 if are_finite(result) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, *[FILLED_VECTOR] * 3)
 def coriolis_bracket(robot, q, qd, x, eta, u, result):
     """B(q, ν)x, skew, B ν = C: an outward and an inward sweep over factorized bodies.
 

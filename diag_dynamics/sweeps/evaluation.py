@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from diag_dynamics.compiled.kernel import MATRIX, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.compiled.arrays import address_of
+from diag_dynamics.compiled.kernel import FILLED_MATRIX, MATRIX, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
 from diag_dynamics.compiled.lanes import nought
 from diag_dynamics.sweeps.bodies import (
     BODIES,
@@ -295,14 +296,24 @@ def sweep(bodies, gravity, q, qd, tau, work, table, out):
     return 0 if _complete(out, len(qd)) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, MATRIX)
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, FILLED_MATRIX)
 def evaluate(robot, q, qd, tau, out):
     """ν, ξ, ε, κ, C, C_ξ, ε_g, D and Ḋ at one state, in an outward and an inward sweep.
 
     Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. Rows of `out`, of length nq, are those of :data:`NU` and so on:
-    then come ½ν_k², K and νᵀ(ε − ε_g), and the last two receive q and q̇.
+    then come ½ν_k², K and νᵀ(ε − ε_g), and the last two receive q and q̇. Vectors that lie in `out`, and would change
+    meanwhile, are no fit: MISFIT.
     """
+    if overlap(q, out) or overlap(qd, out) or overlap(tau, out):
+        return MISFIT
     return evaluate_within(robot, q, qd, tau, out)
+
+
+@kernel
+def overlap(vector, matrix):
+    """Whether a vector has a number that is a matrix's, too."""
+    first, begin = address_of(vector), address_of(matrix)
+    return first < begin + 8 * matrix.size and begin < first + 8 * vector.size
 
 
 @large_kernel
@@ -359,7 +370,7 @@ def link_energies(bodies, links, Q, QD, energies):
     return _link_energies(bodies, links, np.empty(len(bodies), WORK), Q, QD, energies)
 
 
-@entry_kernel(BODIES, LINKS, WORKS, MATRIX, MATRIX, MATRIX, nogil=True)
+@entry_kernel(BODIES, LINKS, WORKS, MATRIX, MATRIX, FILLED_MATRIX, nogil=True)
 def _link_energies(bodies, links, work, Q, QD, energies):
     finite = True
     for t in range(len(Q)):

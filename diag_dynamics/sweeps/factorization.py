@@ -2,7 +2,16 @@
 
 import math
 
-from diag_dynamics.compiled.kernel import FLAG, MATRIX, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.compiled.kernel import (
+    FILLED_MATRIX,
+    FILLED_VECTOR,
+    FLAG,
+    ROBOT,
+    VECTOR,
+    entry_kernel,
+    kernel,
+    large_kernel,
+)
 from diag_dynamics.sweeps.bodies import (
     WRENCHES,
     add_to_force,
@@ -126,7 +135,7 @@ def scale_by_inertia(bodies, work, exponent, x):
             x[bodies[i].dof] = x[bodies[i].dof] * factor if exponent > 0.0 else x[bodies[i].dof] / factor
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR)
+@entry_kernel(ROBOT, VECTOR, FILLED_VECTOR, FILLED_VECTOR)
 def joint_inertias(robot, q, D, size):
     """D of every joint; one that moves no inertia is passed over as if it were locked. For judging a model."""
     bodies, _, work, table = opened(robot)
@@ -137,7 +146,7 @@ def joint_inertias(robot, q, D, size):
             D[bodies[i].dof], size[bodies[i].dof] = work[i].D, work[i].size
 
 
-@entry_kernel(ROBOT, VECTOR, WRENCHES, FLAG, MATRIX)
+@entry_kernel(ROBOT, VECTOR, WRENCHES, FLAG, FILLED_MATRIX)
 def factor_of_wrenches(robot, q, wrenches, in_world, epsilon):
     """ℓJᵀw of each wrench at a point of a body, a column of `epsilon` each, by walks up the tree."""
     bodies, _, work, table = opened(robot)
@@ -247,7 +256,7 @@ def _factorized(robot, q, x):
     return place_and_factorize(bodies, q, work, table[0]) if are_finite(x) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR)
+@entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR)
 def nu_from_qd(robot, q, qd, nu):
     """ν = mᵀq̇ (Table 1)."""
     bodies, _, work, table = opened(robot)
@@ -259,7 +268,7 @@ def nu_from_qd(robot, q, qd, nu):
     return 0 if are_finite(nu) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR)
+@entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR)
 def qd_from_nu(robot, q, nu, qd):
     """q̇ = ℓᵀν (Table 1, right)."""
     bodies, _, work, table = opened(robot)
@@ -272,7 +281,7 @@ def qd_from_nu(robot, q, nu, qd):
     return 0 if are_finite(qd) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR)
+@entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR)
 def epsilon_from_tau(robot, q, tau, epsilon):
     """ε = ℓτ (Table 2)."""
     bodies, _, work, table = opened(robot)
@@ -284,7 +293,7 @@ def epsilon_from_tau(robot, q, tau, epsilon):
     return 0 if are_finite(epsilon) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR)
+@entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR)
 def tau_from_epsilon(robot, q, epsilon, tau):
     """τ = mε (Table 2, right)."""
     bodies, _, work, table = opened(robot)
@@ -297,7 +306,7 @@ def tau_from_epsilon(robot, q, epsilon, tau):
     return 0 if are_finite(tau) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR, FILLED_VECTOR, FILLED_VECTOR)
 def rates_with_added_inertia(robot, q, nu, added, impulse, momentum, qd):
     """q̇ = (M + diag(added))⁻¹ (m ν + impulse): rates after an implicit step of joint forces, or with joints held.
 

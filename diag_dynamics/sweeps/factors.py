@@ -3,7 +3,15 @@
 import math
 
 from diag_dynamics.compiled.arrays import flat
-from diag_dynamics.compiled.kernel import ROBOT, STATES, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.compiled.kernel import (
+    FILLED_STATES,
+    FILLED_VECTOR,
+    ROBOT,
+    VECTOR,
+    entry_kernel,
+    kernel,
+    large_kernel,
+)
 from diag_dynamics.compiled.lanes import EIGHT, WIDTH, from_lane, lanes_at, set_lanes, set_lanes_from, spreader
 from diag_dynamics.sweeps.bodies import force_of, placement_of
 from diag_dynamics.sweeps.factorization import take_out, take_out_group
@@ -15,7 +23,7 @@ from diag_dynamics.sweeps.workspace import MISFIT, clear, fit_positions, opened,
 _eight = spreader(EIGHT)
 
 
-@entry_kernel(ROBOT, VECTOR, STATES, VECTOR)
+@entry_kernel(ROBOT, VECTOR, FILLED_STATES, FILLED_VECTOR)
 def factors(robot, q, m_l_unit, D):
     """Fill m = [I + HφK]D^½, ℓ = D^−½[I − HψK] and [I + HφK], the unit factor, and D (Identity 4.1).
 

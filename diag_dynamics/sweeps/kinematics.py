@@ -1,13 +1,13 @@
 """Placements of links."""
 
-from diag_dynamics.compiled.kernel import COUNT, MATRIX, ROBOT, VECTOR, entry_kernel
+from diag_dynamics.compiled.kernel import COUNT, FILLED_MATRIX, ROBOT, VECTOR, entry_kernel
 from diag_dynamics.sweeps.bodies import placement_of, set_vector
 from diag_dynamics.sweeps.joints import are_positions, orientation, place_all
 from diag_dynamics.sweeps.spatial import ZERO, add, apply
 from diag_dynamics.sweeps.workspace import MISFIT, fit_positions, opened
 
 
-@entry_kernel(ROBOT, VECTOR, COUNT, MATRIX)
+@entry_kernel(ROBOT, VECTOR, COUNT, FILLED_MATRIX)
 def placement(robot, q, body, result):
     """R and, in the last column, the origin of one body in the world, shape (3, 4): a walk down the tree."""
     if not fit_positions(robot, q):

@@ -1,6 +1,6 @@
 """Many states at once: as many as there are lanes side by side, in the same sweep as a single one."""
 
-from diag_dynamics.compiled.kernel import COUNT, MATRIX, ROBOT, STATES, entry_kernel, kernel
+from diag_dynamics.compiled.kernel import COUNT, FILLED_MATRIX, FILLED_STATES, MATRIX, ROBOT, entry_kernel, kernel
 from diag_dynamics.compiled.lanes import WIDTH
 from diag_dynamics.sweeps.evaluation import sweep
 from diag_dynamics.sweeps.joints import are_finite, are_positions
@@ -17,7 +17,7 @@ def _pack(values, first, end, numbers):
             numbers[k, lane] = row[k]
 
 
-@entry_kernel(ROBOT, MATRIX, MATRIX, MATRIX, COUNT, COUNT, STATES, MATRIX, MATRIX, MATRIX, nogil=True)
+@entry_kernel(ROBOT, *[MATRIX] * 3, COUNT, COUNT, FILLED_STATES, *[FILLED_MATRIX] * 3, nogil=True)
 def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, rates):
     """What evaluation.evaluate gives at states `begin` to `end` of many, a row of Q, QD and TAU each.
 

@@ -15,6 +15,7 @@ import numba
 import numpy as np
 import pytest
 
+from diag_dynamics import sweeps
 from diag_dynamics.compiled import progress
 from diag_dynamics.compiled.ahead import compile_ahead
 from diag_dynamics.compiled.cache import ROOMS, hash_of
@@ -233,6 +234,55 @@ def test_a_flipped_byte_that_unpickles_is_noticed(copy, tmp_path):
     assert (D, hits) == (13, 0)
     assert "damaged" in said
     assert run(copy, cache)[1] >= 1
+
+
+# --- What is read, and what is written -----------------------------------------------------------------------
+
+
+def test_what_is_read_only_is_read_and_not_written(two_links):
+    """Results are arguments, and never where results go: compiled code would not look."""
+    robot, q, shapes = two_links
+    ones, zeros = np.ones(2), {name: np.zeros(shape) for name, shape in shapes.items()}
+    ones.flags.writeable = False
+    for array in zeros.values():
+        array.flags.writeable = False
+    v, M = zeros["v"], zeros["M"]
+    calls = {
+        "evaluate": (q, ones, ones, zeros["rows"]),
+        "forward_dynamics": (q, ones, ones, v),
+        "inverse_dynamics": (q, ones, ones, 1.0, v),
+        "mass_matrix": (q, M),
+        "factors": (q, zeros["factors"], v),
+        "nu_from_qd": (q, ones, v),
+        "tau_from_epsilon": (q, ones, v),
+        "mass_matrix_rate": (q, ones, M, M),
+        "coriolis_bracket": (q, ones, ones, v, v, v),
+        "placement": (q, 1, zeros["placement"]),
+    }
+    for name, arguments in calls.items():
+        sweep = getattr(sweeps, name)
+        with pytest.raises(TypeError, match="argument type"):
+            sweep(robot, *arguments)
+        assert not any(array.any() for array in zeros.values()), name
+        assert sweep(robot, *(zeros_like(x) if any(x is z for z in zeros.values()) else x for x in arguments)) == 0
+
+
+def zeros_like(array):
+    """Zeros of its shape, to write into."""
+    return np.zeros(array.shape)
+
+
+@pytest.fixture
+def two_links():
+    """Robot, positions, and shapes of what sweeps fill."""
+    import diag_dynamics as dd
+    from robots import TwoLinkArm
+
+    model = dd.load_urdf(TwoLinkArm().urdf)
+    workspace = sweeps.Workspace(model.bodies, model.gravity)
+    q = np.zeros(2)
+    q.flags.writeable = False
+    yield workspace.robot, q, {"v": 2, "M": (2, 2), "rows": (sweeps.ROWS, 2), "factors": (3, 2, 2), "placement": (3, 4)}
 
 
 # --- What is said meanwhile ----------------------------------------------------------------------------------

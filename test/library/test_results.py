@@ -177,6 +177,28 @@ def test_results_are_arguments(dyn):
     np.testing.assert_array_equal(dyn.evaluate_batch(Q, b.xi).nu, dyn.evaluate_batch(Q, b.xi.copy()).nu)
 
 
+def test_results_are_arguments_of_what_overwrites_them(dyn):
+    """Whichever argument, whole or in part, with what else there is to evaluate; in a batch, too."""
+    q, qd, tau = state(dyn)
+    wrench = {dyn.model.link_names[-1]: np.ones(6)}
+    nq = dyn.model.nq
+    of_state = {
+        "rates": lambda s: (q, s.nu, tau),
+        "efforts": lambda s: (q, qd, s.kappa),
+        "positions": lambda s: (s.rows[-2, :nq], qd, tau),
+        "all": lambda s: (s.rows[-2, :nq], s.nu, s.kappa, wrench),
+    }
+    for what, arguments in of_state.items():
+        out, apart = dyn.evaluate(q, qd, tau, out=dyn.new_evaluation()), dyn.evaluate(q, qd, tau)
+        expected = dyn.evaluate(*arguments(apart), friction=what == "all")
+        assert_equal(dyn.evaluate(*arguments(out), friction=what == "all", out=out), expected)
+    Q, QD, TAU = states(dyn, 20)
+    for arguments in (lambda b: (Q, b.nu, TAU), lambda b: (Q, QD, b.kappa), lambda b: (Q, b.xi[::-1])):
+        out, apart = dyn.evaluate_batch(Q, QD, TAU, out=dyn.new_batch(20)), dyn.evaluate_batch(Q, QD, TAU)
+        expected = dyn.evaluate_batch(*arguments(apart), friction=True)
+        assert_equal(dyn.evaluate_batch(*arguments(out), friction=True, out=out), expected)
+
+
 def test_loops_allocate_nothing(two):
     """Not a byte is traced while one `out` is written, whatever the number of calls."""
     q, qd, tau = state(two)
