@@ -1,7 +1,15 @@
-"""Kernels compiled by numba's documented interface alone: what is in its place should a numba have changed inside."""
+"""Kernels compiled by numba's documented interface alone: what is in its place should a numba have changed inside.
 
+Files of compiled code have no digest here: numba reads and writes them, and has no documented place for one. It looks at
+one file of sources alone, so that each state of ours has a folder of its own, see :func:`_folder`.
+"""
+
+import functools
 import gc
+import logging
+import shutil
 import threading
+import time
 
 import numba
 import numpy as np
@@ -10,6 +18,11 @@ from numba.extending import intrinsic, typeof_impl
 
 from diag_dynamics.compiled.cache import cache_folder, source_hash
 from diag_dynamics.compiled.progress import register, told
+
+logger = logging.getLogger(__name__)
+
+UNUSED = 30 * 86400.0
+"""Time [s] after which a folder that no process has begun with is removed."""
 
 _lock = threading.RLock()  # again by one that compiles what another one calls
 """Held while an entry is compiled: threads of a batch would compile the same one, and leave each other's folder in force."""
@@ -97,18 +110,46 @@ class Entry:
                 gc.enable()
 
     def _compiled(self):
-        folder, before = cache_folder(), numba.config.CACHE_DIR
-        if (
-            folder
-        ):  # numba looks at this function's file alone, so that each state of the sources has a folder of its own
-            numba.config.CACHE_DIR = str(folder / f"plain-{source_hash()[:16]}")
+        folder, before = _folder(), numba.config.CACHE_DIR
+        if folder:
+            numba.config.CACHE_DIR = str(folder)
         try:
-            dispatcher = numba.njit(cache=bool(folder), nogil=self._nogil, **INLINED)(self.py_func)
+            dispatcher = self._made(cache=bool(folder))
+        except OSError as error:  # a full disk
+            logger.warning(
+                "Compiled code could not be saved to %s, and is made anew in every process: %s", folder, error
+            )
+            dispatcher = self._made(cache=False)
         finally:
             numba.config.CACHE_DIR = before
-        dispatcher.compile(self._arguments)
         dispatcher.disable_compile()
         return dispatcher
+
+    def _made(self, cache):
+        dispatcher = numba.njit(cache=cache, nogil=self._nogil, **INLINED)(self.py_func)
+        dispatcher.compile(self._arguments)
+        return dispatcher
+
+
+@functools.cache
+def _folder():
+    """Folder for compiled code of these sources, or None; those of others that are :data:`UNUSED` are removed.
+
+    A process that has begun with one has loaded what it needs of it, or compiles the rest anew.
+    """
+    if cache_folder() is None:
+        return None
+    folder = cache_folder() / f"plain-{source_hash()[:16]}"
+    try:
+        folder.mkdir(exist_ok=True)
+        folder.touch()  # used by now
+        for other in folder.parent.glob("plain-*"):
+            if time.time() - other.stat().st_mtime > UNUSED:
+                shutil.rmtree(other, ignore_errors=True)
+    except OSError as error:
+        logger.warning("No folder for compiled code, which is made anew in every process: %s", error)
+        return None
+    return folder
 
 
 @typeof_impl.register(Entry)

@@ -2,7 +2,6 @@
 
 import hashlib
 import logging
-import os
 import pickle
 
 from numba.core import caching
@@ -11,6 +10,13 @@ from numba.core.runtime import rtsys
 from diag_dynamics.compiled.cache import PACKAGE, cache_folder, source_hash
 
 logger = logging.getLogger(__name__)
+
+
+FORMAT = 2
+"""Of the files: a part of their names, so that files of another format, of a version before or after, are not looked at.
+
+It goes up with every change of :class:`_Files`. A name that stays would have them told of as damaged.
+"""
 
 
 class _Locator(caching._CacheLocator):
@@ -27,7 +33,7 @@ class _Locator(caching._CacheLocator):
 
     def get_disambiguator(self):
         # Copies of the package (two workspaces, say) must not overwrite each other's code.
-        return hashlib.sha256(str(PACKAGE).encode()).hexdigest()[:16]
+        return f"{FORMAT}-{hashlib.sha256(str(PACKAGE).encode()).hexdigest()[:16]}"
 
     @classmethod
     def from_function(cls, py_func, py_file):
@@ -39,43 +45,54 @@ class _CacheImpl(caching.CompileResultCacheImpl):
 
 
 class _Files(caching.IndexDataCacheFile):
-    """Files that begin with a digest of what follows: numba would run what a disk has damaged."""
+    """Files that say what they are for, and have a digest of what they hold: numba would run what a disk has damaged.
+
+    numba writes the index first, and numbers files of code by it. Should the code then not get to the disk, that of other
+    sources is still in its file; and where two kinds of processors share a folder, and begin at the same time, either may
+    have written the file that the other one's index names. What a file says it is for tells that, and it is stale then.
+    """
+
+    def load(self, key):
+        """Code for a key of numba's, which has the processor in it; None if there is none."""
+        name = self._load_index().get(key)
+        try:
+            return None if name is None else self._read(name, repr(key))
+        except FileNotFoundError:
+            return None
+
+    def save(self, key, data):
+        """Keep code for a key, under the name that numba gives it."""
+        self._key = repr(key)
+        super().save(key, data)
 
     def _load_index(self):
         try:
-            stamp, overloads = self._read(self._index_path)
+            return self._read(self._index_name) or {}
         except FileNotFoundError:
             return {}
-        return overloads if stamp == self._source_stamp else {}
 
     def _save_index(self, overloads):
-        self._write(self._index_path, (self._source_stamp, overloads))
-
-    # numba writes the index first. Should the code then not get to the disk, that of other sources is still in its file:
-    # without the stamp in the digest it would run.
-
-    def _load_data(self, name):
-        return self._read(self._data_path(name), self._source_stamp)
+        self._write(self._index_name, overloads)
 
     def _save_data(self, name, data):
-        self._write(self._data_path(name), data, self._source_stamp)
+        self._write(name, data, self._key)
 
-    def _read(self, path, stamp=""):
+    def _read(self, name, key=""):
+        path = self._data_path(name)
         with open(path, "rb") as file:
-            digest, content = file.read(32), file.read()
-        if digest != _digest(path, stamp, content):
+            purpose, digest, content = file.read(32), file.read(32), file.read()
+        if digest != hashlib.sha256(purpose + content).digest():
             raise ValueError(f"{path} is damaged")
-        return pickle.loads(content)
+        return pickle.loads(content) if purpose == self._purpose(name, key) else None
 
-    def _write(self, path, data, stamp=""):
-        content = self._dump(data)
-        with self._open_for_write(path) as file:
-            file.write(_digest(path, stamp, content) + content)
+    def _write(self, name, data, key=""):
+        purpose, content = self._purpose(name, key), self._dump(data)
+        with self._open_for_write(self._data_path(name)) as file:
+            file.write(purpose + hashlib.sha256(purpose + content).digest() + content)
 
-
-def _digest(path, stamp, content):
-    """Of the name, too: one file in the place of another is as wrong as a damaged one."""
-    return hashlib.sha256(os.path.basename(path).encode() + stamp.encode() + content).digest()
+    def _purpose(self, name, key):
+        """What a file is for: its name, the sources, and of code numba's key."""
+        return hashlib.sha256("\0".join((name, self._source_stamp, key)).encode()).digest()
 
 
 class Cache(caching.FunctionCache):

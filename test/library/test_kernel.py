@@ -1,5 +1,6 @@
 """The disk cache of compiled code: used, invalidated by any kernel source, and never in the way."""
 
+import hashlib
 import os
 import pickle
 import resource
@@ -228,12 +229,66 @@ def test_a_flipped_byte_that_unpickles_is_noticed(copy, tmp_path):
         content = bytearray(file.read_bytes())
         at = content.index(b"\x7fELF") + 4096
         content[at] ^= 0x10
-        pickle.loads(bytes(content[32:]))
+        pickle.loads(bytes(content[64:]))
         file.write_bytes(content)
     D, hits, said = run(copy, cache)
     assert (D, hits) == (13, 0)
     assert "damaged" in said
     assert run(copy, cache)[1] >= 1
+
+
+def test_files_of_another_format_are_no_damage(copy, tmp_path):
+    """Those of an older version, whose digest was made otherwise: what they were called then, and what is in them."""
+    cache, package = tmp_path / "cache", copy / "diag_dynamics"
+    run(copy, cache)
+    older = hashlib.sha256(str(package).encode()).hexdigest()[:16]
+    for file in [*cache.rglob("*.nbi"), *cache.rglob("*.nbc")]:
+        function, _, python = file.name.partition("-")
+        of_older = file.with_name(f"{function}-{older}.{python.partition('.')[2]}")
+        of_older.write_bytes(b"another digest.................." + file.read_bytes()[64:])
+        if of_older != file:
+            file.unlink()
+    D, hits, said = run(copy, cache)
+    assert (D, hits) == (13, 0) and "unreadable" not in said
+    assert run(copy, cache)[1] >= 1
+
+
+def test_code_of_another_processor_in_the_place_of_ones_own_is_stale(copy, tmp_path):
+    """Two that share a folder have begun together: the index is of the one, the code of the other."""
+    if os.uname().machine != "x86_64":
+        pytest.skip("the other processor is a kind of x86-64")
+    own, others = tmp_path / "own", tmp_path / "others"
+    run(copy, own)
+    run(copy, others, NUMBA_CPU_NAME="x86-64", NUMBA_CPU_FEATURES="+sse2")
+    files = list(own.rglob("*.nbc"))
+    assert files
+    for file in files:
+        shutil.copy(others / file.relative_to(own), file)
+    D, hits, said = run(copy, own)
+    assert (D, hits) == (13, 0) and "unreadable" not in said
+    assert run(copy, own)[1] >= 1
+
+
+# --- Plainly compiled ---------------------------------------------------------------------------------------
+
+
+def test_a_full_disk_is_survived_plainly(copy, tmp_path):
+    """And folders of other sources go when nobody has begun with them for long."""
+    cache, plain = tmp_path / "cache", {"DIAG_DYNAMICS_PLAIN": "1"}
+    full = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (4096, 4096))
+    D, hits, said = run(copy, cache, begin=full, **plain)
+    assert (D, hits) == (13, 0)
+    assert "could not be saved" in said and "Traceback" not in said
+    (used,) = (cache / "diag_dynamics").glob("plain-*")
+    for name, age in (("plain-old", 40), ("plain-new", 20), ("else", 40)):
+        folder = used.with_name(name)
+        folder.mkdir()
+        (folder / "code.nbc").write_text("")
+        os.utime(folder, times=(time.time() - age * 86400,) * 2)
+    os.utime(used, times=(0, 0))
+    assert run(copy, cache, **plain)[:2] == (13, 0)
+    assert run(copy, cache, **plain)[1] >= 1
+    assert {path.name for path in used.parent.iterdir()} == {used.name, "plain-new", "else"}
 
 
 # --- What is read, and what is written -----------------------------------------------------------------------
