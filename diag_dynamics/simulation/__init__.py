@@ -15,12 +15,12 @@ costs one forward dynamics, which adds hd to the armature.
 
 Friction and limits are not smooth. While a joint slides, sticks, rests at a stop or leans on a spring the equations are: a
 joint that sticks is held, as by a rotor that nothing moves, and every sweep takes the robot for one that is locked there.
-modes says which joints do what, and steps finds, at order 4, the instants in which joints stop and come to limits; which
-break away is seen where a step begins. At order 1 all that is decided there.
+friction_and_limits says which joints do what, and steps finds, at order 4, the instants in which joints stop and come to
+limits; which break away is seen where a step begins. At order 1 all that is decided there.
 
-layout: rows of arrays. tableau: the method. smooth: a step in which nothing changes its mode. modes: friction and limits.
-steps: all of it. states, settings: what is given to it, checked. audit: where the energy went. plant: what users call.
-wave: something to do.
+layout: records and memory, found by name. tableau: the method. smooth: a step in which nothing changes its mode.
+friction_and_limits: what changes it. steps: all of it. states, resistance: what is given to it, checked. audit: where the
+energy went. plant: what users call. wave: something to do.
 """
 
 from diag_dynamics.simulation.audit import EnergyAudit

@@ -16,19 +16,7 @@ from diag_dynamics.model.wrenches import wrenches_on_links
 from diag_dynamics.results import Evaluation
 from diag_dynamics.simulation import steps as compiled
 from diag_dynamics.simulation.audit import EnergyAudit
-from diag_dynamics.simulation.layout import (
-    DAMPING,
-    DAMPING_WORK,
-    EFFORT_WORK,
-    FRICTION,
-    FRICTION_WORK,
-    LIMIT_DAMPING,
-    LIMIT_WORK,
-    STIFFNESS,
-    TAKEN,
-    WORKS,
-    WRENCH_WORK,
-)
+from diag_dynamics.simulation.layout import Arrays
 from diag_dynamics.simulation.resistance import CompliantLimits, effort_limits_of, limits_of, resistance
 from diag_dynamics.simulation.states import potential_energy, rest_position, with_unit_quaternions
 
@@ -77,30 +65,26 @@ class Simulation:
         friction: VectorLike | float | None = None,
         effort_limits: bool | VectorLike = True,
     ) -> None:
+        self._arrays = Arrays(model.nq, model.nv)
         self._use(model)
         self.step_size = number("step", step, "a finite number > 0", lambda x: x > 0.0, unit=" s")
         if order not in (1, 4):
             raise InputError(f"order is {order!r}, expected 4 or 1.")
         self._order = int(order)
-        self._joints = np.zeros((4, model.nv))
         self.damping = model.damping if damping is None else damping
         self.friction = model.friction if friction is None else friction
-        self._bounds, self._joints[STIFFNESS], self._joints[LIMIT_DAMPING] = limits_of(limits, model)
-        self._may_lean = np.isfinite(self._joints[STIFFNESS]).any()
+        bounds, joints = self._arrays.bounds, self._arrays.joints
+        (bounds["lower"], bounds["upper"]), joints["stiffness"], joints["limit_damping"] = limits_of(limits, model)
+        self._may_lean = np.isfinite(joints["stiffness"]).any()
         self.effort_limits = effort_limits
-        self._rows = np.zeros((sweeps.ROWS, model.nq))
-        self._memory, self._places = np.zeros((compiled.ROWS, model.nv)), np.zeros((compiled.PLACES, model.nq))
         self._no_effort, self._no_wrenches = np.zeros(model.nv), np.zeros(0, sweeps.WRENCH)
-        self._works = np.zeros((3, WORKS))
         self.reset(rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
 
     def _use(self, model):
-        """Take a model, its bodies as a copy in which joints can be held."""
+        """Take a model."""
         self.dynamics = DiagonalDynamics(model)
         self.model = model
-        self._workspace = sweeps.Workspace(model.bodies.copy(), model.gravity)
-        self._armature = model.bodies["armature"].copy()
-        self._flat = bool((model.bodies["dofs"][1:] == 1).all())
+        self._arrays.use(model.bodies, model.gravity)
         # The limits' stiffness is that of degrees of freedom, their bounds those of coordinates.
         single = (model.bodies["dofs"] == 1) & (model.bodies["owner"] == np.arange(len(model.bodies)))
         self._limited, self._coordinate = model.bodies["dof"][single], model.bodies["q"][single]
@@ -120,13 +104,14 @@ class Simulation:
         InputError
             Wrong shape, not finite, or no orientation; the state is then as it was.
         """
-        self._nu = self.dynamics.nu_from_qd(q, qd)
-        self._q = np.array(q, dtype=float) if self._flat else with_unit_quaternions(self.model, q)
-        self._qd = np.array(qd, dtype=float)
+        state, record = self._arrays.state, self._arrays.record
+        state.nu[:] = self.dynamics.nu_from_qd(q, qd)
+        state.q[:] = q if self._arrays.flat else with_unit_quaternions(self.model, q)
+        state.qd[:] = qd
         self._effort = self._wanted = self._no_effort
-        self._works[:] = 0.0
+        record["done"], record["taken"] = 0.0, 0
         self._exchanged = 0.0
-        self._start, self._start_energies = (self._q.copy(), self._nu.copy()), None
+        self._start, self._start_energies = (self.q, self.nu), None
 
     def change_model(self, model: RobotModel) -> None:
         """Go on with another model of the same degrees of freedom: another payload, gravity or armature.
@@ -153,35 +138,36 @@ class Simulation:
                 f"change_model: robot '{model.name}' has the degrees of freedom {', '.join(model.dof_names)}, "
                 f"expected those of '{self.model.name}', {', '.join(self.model.dof_names)}."
             )
-        nu = DiagonalDynamics(model).nu_from_qd(self._q, self._qd)
+        state = self._arrays.state
+        nu = DiagonalDynamics(model).nu_from_qd(state.q, state.qd)
         self._start_energies = self._energies_at_start()
-        before = self._energies(self._q, self._nu).sum()
+        before = self._energies(state.q, state.nu).sum()
         self._use(model)
-        self._nu = nu
-        self._exchanged += float(self._energies(self._q, self._nu).sum() - before)
+        state.nu[:] = nu
+        self._exchanged += float(self._energies(state.q, state.nu).sum() - before)
 
     @property
     def time(self) -> float:
         """Simulated time since the last reset [s]: a whole number of steps."""
-        return float(self._works[0, TAKEN]) * self.step_size
+        return float(self._arrays.record["taken"]) * self.step_size
 
     @property
     def damping(self) -> Array:
         """Joint damping in force [N m s/rad, N s/m], shape (nv,); a copy."""
-        return self._joints[DAMPING].copy()
+        return self._arrays.joints["damping"].copy()
 
     @damping.setter
     def damping(self, value: VectorLike | float) -> None:
-        self._joints[DAMPING] = resistance("damping", value, self.model.nv)
+        self._arrays.joints["damping"] = resistance("damping", value, self.model.nv)
 
     @property
     def friction(self) -> Array:
         """Coulomb friction in force [N m, N], shape (nv,); a copy."""
-        return self._joints[FRICTION].copy()
+        return self._arrays.joints["friction"].copy()
 
     @friction.setter
     def friction(self, value: VectorLike | float) -> None:
-        self._joints[FRICTION] = resistance("friction", value, self.model.nv)
+        self._arrays.joints["friction"] = resistance("friction", value, self.model.nv)
 
     @property
     def effort_limits(self) -> Array:
@@ -195,17 +181,17 @@ class Simulation:
     @property
     def q(self) -> Array:
         """Positions [rad, m], shape (nq,); a copy."""
-        return self._q.copy()
+        return self._arrays.state.q.copy()
 
     @property
     def nu(self) -> Array:
         """Total joint rates [J^½], shape (nv,); a copy."""
-        return self._nu.copy()
+        return self._arrays.state.nu.copy()
 
     @property
     def qd(self) -> Array:
         """Joint rates q̇ = ℓᵀν [rad/s, m/s], shape (nv,); a copy. Exactly zero where a joint sticks or rests at a stop."""
-        return self._qd.copy()
+        return self._arrays.state.qd.copy()
 
     @property
     def effort(self) -> Array:
@@ -221,14 +207,14 @@ class Simulation:
     def overspeed(self) -> tuple[str, ...]:
         """Names of the degrees of freedom that are faster than the URDF's velocity limit, where it has one above 0."""
         limit = self.model.velocity_limit
-        return self._named((limit > 0.0) & (np.abs(self._qd) > limit))
+        return self._named((limit > 0.0) & (np.abs(self._arrays.state.qd) > limit))
 
     @property
     def at_limit(self) -> tuple[str, ...]:
         """Names of the joints at or beyond a position limit."""
-        at, (lower, upper) = np.zeros(self.model.nv, bool), self._bounds[:, self._coordinate]
-        q = self._q[self._coordinate]
-        at[self._limited] = (q <= lower) | (q >= upper)
+        at, bounds = np.zeros(self.model.nv, bool), self._arrays.bounds[self._coordinate]
+        q = self._arrays.state.q[self._coordinate]
+        at[self._limited] = (q <= bounds["lower"]) | (q >= bounds["upper"])
         return self._named(at)
 
     def _named(self, chosen):
@@ -271,29 +257,11 @@ class Simulation:
         if f_ext is not None or frame != "link":
             wrenches = wrenches_on_links(model, {} if f_ext is None else f_ext, frame)
         effort = np.minimum(np.maximum(wanted, -self._effort_limits), self._effort_limits)
-        status = compiled.advance(
-            self._workspace.robot,
-            self._order,
-            self._flat,
-            self._armature,
-            self._joints,
-            self._bounds,
-            self.step_size,
-            steps,
-            effort,
-            wrenches,
-            frame == "world",
-            self._q,
-            self._qd,
-            self._nu,
-            self._works,
-            self._memory,
-            self._places,
-            self._rows,
-        )
+        arrays, h, in_world = self._arrays, self.step_size, frame == "world"
+        status = compiled.advance(arrays.at, self._order, h, steps, effort, wrenches, in_world)
         self._effort, self._wanted = effort, wanted
         if status:
-            self.dynamics.refuse(status, self._workspace, self._q, nu=self._nu)
+            self.dynamics.refuse(status, arrays.workspace, arrays.state.q, nu=arrays.state.nu)
 
     def evaluate(
         self, tau: VectorLike | None = None, f_ext: Wrenches | None = None, *, frame: Frame = "link"
@@ -304,23 +272,25 @@ class Simulation:
     @property
     def kinetic_energy(self) -> float:
         """K = ½νᵀν [J]."""
-        return 0.5 * float(self._nu @ self._nu)
+        nu = self._arrays.state.nu
+        return 0.5 * float(nu @ nu)
 
     @property
     def potential_energy(self) -> float:
         """Energy in the field of gravity [J], zero where the centre of mass is level with the world's origin."""
-        return potential_energy(self.model, self._q)
+        return potential_energy(self.model, self._arrays.state.q)
 
     @property
     def elastic_energy(self) -> float:
         """Energy that compliant limits store [J]."""
-        return self._elastic_energy(self._q)
+        return self._elastic_energy(self._arrays.state.q)
 
     def _elastic_energy(self, q):
         if not self._may_lean:
             return 0.0
-        q, (lower, upper) = q[self._coordinate], self._bounds[:, self._coordinate]
-        depth, stiffness = np.maximum(np.maximum(q - upper, lower - q), 0.0), self._joints[STIFFNESS, self._limited]
+        q, bounds = q[self._coordinate], self._arrays.bounds[self._coordinate]
+        depth = np.maximum(np.maximum(q - bounds["upper"], bounds["lower"] - q), 0.0)
+        stiffness = self._arrays.joints["stiffness"][self._limited]
         leaning = np.isfinite(stiffness) & (depth > 0.0)
         return 0.5 * float(stiffness[leaning] @ depth[leaning] ** 2)
 
@@ -336,13 +306,16 @@ class Simulation:
     @property
     def audit(self) -> EnergyAudit:
         """Work and change of energy since the last :meth:`reset`, an :class:`EnergyAudit`."""
-        work = self._works[0].tolist()
+        state, done = self._arrays.state, self._arrays.record["done"]
+        kinetic, potential, elastic = (self._energies(state.q, state.nu) - self._energies_at_start()).tolist()
         return EnergyAudit(
-            work[EFFORT_WORK],
-            work[WRENCH_WORK],
-            work[DAMPING_WORK],
-            work[FRICTION_WORK],
-            work[LIMIT_WORK],
-            self._exchanged,
-            *(self._energies(self._q, self._nu) - self._energies_at_start()).tolist(),
+            effort=float(done["effort"]),
+            wrenches=float(done["wrenches"]),
+            damping=float(done["damping"]),
+            friction=float(done["friction"]),
+            limits=float(done["limits"]),
+            exchanged=self._exchanged,
+            kinetic=kinetic,
+            potential=potential,
+            elastic=elastic,
         )

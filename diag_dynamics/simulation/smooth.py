@@ -5,25 +5,19 @@ import math
 from diag_dynamics import sweeps
 from diag_dynamics.compiled.kernel import kernel, large_kernel
 from diag_dynamics.simulation.layout import (
-    DAMPING,
-    DAMPING_WORK,
-    EFFORT_WORK,
     FREE,
-    FRICTION,
-    FRICTION_WORK,
     HELD,
-    LIMIT_DAMPING,
-    LIMIT_WORK,
-    LOWER,
-    STIFFNESS,
-    UPPER,
-    WRENCH_WORK,
+    conduct_of,
+    last_of,
+    memory_of,
+    place_of,
+    rows_of,
+    stage_of,
+    stages_of,
+    state_of,
+    system_of,
 )
 from diag_dynamics.simulation.tableau import EXPLICIT, GAMMA, IMPLICIT, STAGES, WEIGHTS
-
-VECTORS = 8 + 5 * STAGES
-"""Rows of memory of a step of order 4, one entry for each degree of freedom."""
-
 
 UNRESOLVED = 1.5
 """Step over a damper's time constant, from which on the rates at the stages no longer give the damper's work."""
@@ -36,51 +30,40 @@ def stored(stiffness, depth):
 
 
 @large_kernel
-def load_at(robot, q, tau, wrenches, in_world, pushed):
+def load_at(robot, q, load, pushed):
     """Write Jᵀf of wrenches at q into `pushed`; zeros without wrenches."""
-    if len(wrenches) == 0:
+    if len(load.wrenches) == 0:
         return 0
-    return sweeps.effort_of_wrenches(robot, q, wrenches, in_world, pushed)
+    return sweeps.effort_of_wrenches(robot, q, load.wrenches, load.in_world, pushed)
 
 
 @large_kernel
-def runge_kutta(
-    robot, flat, joints, h, tau, wrenches, in_world, mode, spring, depth, q, qd, nu, works, memory, place, rows
-):
-    """One step of the pair from (q, q̇, ν), in place, and the work done meanwhile.
+def runge_kutta(simulation, h, load):
+    """One step of the pair from (q, q̇, ν), in place, and the work done meanwhile, as that of a part of a step.
 
-    `mode` says which joints slide and are held, `spring` which lean on a compliant limit, and `depth` how far, with a sign.
-    Joints that are held are so already, see sweeps.hold.
+    The joints' conduct is given. Those that are held are so already, see sweeps.hold.
     """
-    bodies, _, work, _ = sweeps.opened(robot)
-    n = len(qd)
-    added, impulse, momentum, before, stage_nu, u, effort, spent = (
-        memory[0],
-        memory[1],
-        memory[2],
-        memory[3],
-        memory[4],
-        memory[5],
-        memory[6],
-        memory[7],
-    )
-    rates = memory[8 : 8 + STAGES]
-    charts = rates if flat else memory[8 + STAGES : 8 + 2 * STAGES]
-    explicit = memory[8 + 2 * STAGES : 8 + 3 * STAGES]
-    implicit = memory[8 + 3 * STAGES : 8 + 4 * STAGES]
-    pushed = memory[8 + 4 * STAGES : 8 + 5 * STAGES]
-    stiff, pushing = False, len(wrenches) > 0
+    system, (q, qd, nu), conduct = system_of(simulation), state_of(simulation), conduct_of(simulation)
+    memory, stage, stages = memory_of(simulation), stage_of(simulation), stages_of(simulation)
+    place, rows, works = place_of(simulation), rows_of(simulation), simulation.part
+    robot, bodies, flat, joints = system.robot, system.bodies, system.flat, system.joints
+    added, momentum, effort, u = memory.added, memory.momentum, memory.effort, memory.u
+    stage_nu, before, impulse, spent = stage.nu, stage.before, stage.impulse, stage.spent
+    rates, explicit, implicit, pushed = stages.rates, stages.explicit, stages.implicit, stages.pushed
+    charts = rates if flat else stages.charts
+    tau, n = load.tau, len(qd)
+    stiff, pushing = False, len(load.wrenches) > 0
     for k in range(n):
-        resistance, stiffness = joints[DAMPING, k], 0.0
-        if spring[k] != 0.0:
-            resistance += joints[LIMIT_DAMPING, k]
-            stiffness = joints[STIFFNESS, k]
+        resistance, stiffness = joints[k].damping, 0.0
+        if conduct[k].spring != 0.0:
+            resistance += joints[k].limit_damping
+            stiffness = joints[k].stiffness
         added[k] = h * GAMMA * (resistance + h * GAMMA * stiffness)
         impulse[k] = 0.0
         stiff |= added[k] > 0.0
         spent[k] = tau[k]
-        if abs(mode[k]) == 1.0:
-            spent[k] -= joints[FRICTION, k] * mode[k]
+        if abs(conduct[k].mode) == 1.0:
+            spent[k] -= joints[k].friction * conduct[k].mode
 
     for i in range(STAGES):
         for k in range(n):
@@ -102,21 +85,21 @@ def runge_kutta(
             sweeps.copy(qd, rates[0])
             if stiff:  # the first stage is explicit: forces of joints from where they are
                 for k in range(n):
-                    momentum[k] = -joints[DAMPING, k] * qd[k]
-                    if spring[k] != 0.0:
-                        momentum[k] -= joints[LIMIT_DAMPING, k] * qd[k] + joints[STIFFNESS, k] * depth[k]
+                    momentum[k] = -joints[k].damping * qd[k]
+                    if conduct[k].spring != 0.0:
+                        momentum[k] -= joints[k].limit_damping * qd[k] + joints[k].stiffness * conduct[k].depth
                 status = sweeps.epsilon_from_tau(robot, place, momentum, implicit[0])
             else:
                 status = 0
         elif stiff:
             sweeps.copy(stage_nu, before)
             for k in range(n):
-                if spring[k] != 0.0:
+                if conduct[k].spring != 0.0:
                     # The implicit method moves a spring's position on its own. Both methods agree at the end of the step.
-                    stretch = depth[k]
+                    stretch = conduct[k].depth
                     for j in range(i):
                         stretch += h * IMPLICIT[i, j] * rates[j, k]
-                    impulse[k] = -h * GAMMA * joints[STIFFNESS, k] * stretch
+                    impulse[k] = -h * GAMMA * joints[k].stiffness * stretch
             status = sweeps.rates_with_added_inertia(robot, place, stage_nu, added, impulse, momentum, rates[i])
             if status == 0:
                 status = sweeps.nu_from_qd(robot, place, rates[i], stage_nu)
@@ -125,7 +108,7 @@ def runge_kutta(
         else:
             status = sweeps.qd_from_nu(robot, place, stage_nu, rates[i])
         if status == 0 and pushing:
-            status = load_at(robot, place, tau, wrenches, in_world, pushed[i])
+            status = load_at(robot, place, load, pushed[i])
         if status != 0:
             return status
         sweeps.copy(spent, effort)
@@ -140,7 +123,7 @@ def runge_kutta(
         for k in range(n):
             explicit[i, k] = rows[sweeps.EPSILON, k] - rows[sweeps.CORIOLIS, k] - rows[sweeps.GRAVITY, k]
 
-    path, square = before, momentum  # ∫q̇ and ∫q̇² of each degree of freedom
+    path, square = memory.path, stage.square
     for k in range(n):
         u[k], path[k], square[k] = 0.0, 0.0, 0.0
     for i in range(STAGES):
@@ -155,15 +138,15 @@ def runge_kutta(
                 nu[k] += b * implicit[i, k]
         if pushing:
             for k in range(n):
-                works[WRENCH_WORK] += b * pushed[i, k] * rates[i, k]
+                works.wrenches += b * pushed[i, k] * rates[i, k]
     done = 0.0
     for k in range(n):
-        if mode[k] == HELD:
+        if conduct[k].mode == HELD:
             u[k], path[k], square[k] = 0.0, 0.0, 0.0
-        elif mode[k] != FREE:
-            works[FRICTION_WORK] -= joints[FRICTION, k] * mode[k] * path[k]
+        elif conduct[k].mode != FREE:
+            works.friction -= joints[k].friction * conduct[k].mode * path[k]
         done += tau[k] * path[k]
-    works[EFFORT_WORK] += done
+    works.effort += done
     if flat:
         for k in range(n):
             q[k] += u[k]
@@ -171,115 +154,124 @@ def runge_kutta(
         sweeps.displace(bodies, q, u, q)
     status = sweeps.qd_from_nu(robot, q, nu, qd)
     for k in range(n):
-        if mode[k] == HELD:
+        if conduct[k].mode == HELD:
             qd[k] = 0.0
     if stiff:
-        _dissipate(bodies, work, joints, h, spring, rates[0], qd, path, square, works)
+        _dissipate(simulation, h, rates[0], qd, works)
     return status
 
 
 @kernel
-def _dissipate(bodies, work, joints, h, spring, first, last, path, square, works):
+def _dissipate(simulation, h, first, last, works):
     """Add the work of dampers, from the first and last rates of a step, ∫q̇ and ∫q̇².
 
     Where they stop a joint within a fraction of the step its rates at the stages say nothing of ∫q̇², but the impulse times
     the mean rate is the kinetic energy that it takes.
     """
+    system, conduct = system_of(simulation), conduct_of(simulation)
+    bodies, path, square = system.bodies, memory_of(simulation).path, stage_of(simulation).square
     for i in range(1, len(bodies)):
         if sweeps.owns(bodies, i):
             k = bodies[i].dof
-            damping = joints[LIMIT_DAMPING, k] if spring[k] != 0.0 else 0.0
+            joint = system.joints[k]
+            damping = joint.limit_damping if conduct[k].spring != 0.0 else 0.0
             taken = square[k]
-            if h * (damping + joints[DAMPING, k]) > UNRESOLVED * work[i].D:
+            if h * (damping + joint.damping) > UNRESOLVED * system.work[i].D:
                 taken = max(0.0, 0.5 * path[k] * (first[k] + last[k]))
-            works[DAMPING_WORK] -= joints[DAMPING, k] * taken
-            works[LIMIT_WORK] -= damping * taken
+            works.damping -= joint.damping * taken
+            works.limits -= damping * taken
 
 
 @large_kernel
-def euler_rates(robot, joints, h, tau, pushed, mode, spring, depth, q, qd, after, memory):
+def euler_rates(simulation, h, tau, qd, after):
     """Rates after a step of semi-implicit Euler: (M + h d + h² k) q̈ = τ − d q̇ − k (x + h q̇) − c − g."""
-    added, effort, qdd = memory[0], memory[1], memory[2]
+    system, memory, conduct = system_of(simulation), memory_of(simulation), conduct_of(simulation)
+    joints = system.joints
+    added, effort, qdd = memory.added, memory.effort, memory.qdd
     for k in range(len(qd)):
-        resistance = joints[DAMPING, k]
-        effort[k], added[k] = tau[k] + pushed[k], 0.0
-        if abs(mode[k]) == 1.0:
-            effort[k] -= joints[FRICTION, k] * mode[k]
-        if spring[k] != 0.0:
-            resistance += joints[LIMIT_DAMPING, k]
-            effort[k] -= joints[STIFFNESS, k] * (depth[k] + h * qd[k])
-            added[k] = h * h * joints[STIFFNESS, k]
+        resistance = joints[k].damping
+        effort[k], added[k] = tau[k] + memory.pushed[k], 0.0
+        if abs(conduct[k].mode) == 1.0:
+            effort[k] -= joints[k].friction * conduct[k].mode
+        if conduct[k].spring != 0.0:
+            resistance += joints[k].limit_damping
+            effort[k] -= joints[k].stiffness * (conduct[k].depth + h * qd[k])
+            added[k] = h * h * joints[k].stiffness
         effort[k] -= resistance * qd[k]
         added[k] += h * resistance
-    status = sweeps.accelerations_with_added_inertia(robot, q, qd, effort, added, qdd)
+    status = sweeps.accelerations_with_added_inertia(system.robot, state_of(simulation).q, qd, effort, added, qdd)
     for k in range(len(qd)):
-        after[k] = qd[k] + h * qdd[k] if mode[k] != HELD else 0.0
+        after[k] = qd[k] + h * qdd[k] if conduct[k].mode != HELD else 0.0
     return status
 
 
 @large_kernel
-def euler_move(robot, flat, joints, h, tau, pushed, mode, spring, depth, first, q, qd, works, memory):
+def euler_move(simulation, h, tau, first, works):
     """What remains of that step once its rates are known: where they lead, in place, and the work done on the way.
 
     `first` are the rates at its start. Friction takes as much as its impulse times the mean rate, unless the joint has
     turned round.
     """
-    bodies, _, _, _ = sweeps.opened(robot)
-    n, u = len(qd), memory[3]
+    system, state, memory = system_of(simulation), state_of(simulation), memory_of(simulation)
+    q, qd, u, conduct = state.q, state.qd, memory.u, conduct_of(simulation)
+    n = len(qd)
     for k in range(n):
         u[k] = h * qd[k]
-    if flat:
+    if system.flat:
         for k in range(n):
             q[k] += u[k]
     else:
-        sweeps.displace(bodies, q, u, q)
+        sweeps.displace(system.bodies, q, u, q)
     done, damped, rubbed, stopped, pushing = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(n):
         if not (math.isfinite(u[k]) and math.isfinite(q[k])):
             return -1
+        joint = system.joints[k]
         done += tau[k] * u[k]
-        pushing += pushed[k] * u[k]
-        damped -= joints[DAMPING, k] * qd[k] * u[k]
-        if abs(mode[k]) == 1.0:
-            mean = 0.5 * h * (first[k] + qd[k]) if first[k] * mode[k] >= 0.0 else u[k]
-            rubbed -= joints[FRICTION, k] * mode[k] * mean
-        if spring[k] != 0.0:  # its work, by the force at the end, and what it has stored
-            end = depth[k] + u[k]
-            stopped -= (joints[LIMIT_DAMPING, k] * qd[k] + joints[STIFFNESS, k] * end) * u[k]
-            stopped += stored(joints[STIFFNESS, k], spring[k] * end) - stored(
-                joints[STIFFNESS, k], spring[k] * depth[k]
+        pushing += memory.pushed[k] * u[k]
+        damped -= joint.damping * qd[k] * u[k]
+        if abs(conduct[k].mode) == 1.0:
+            mean = 0.5 * h * (first[k] + qd[k]) if first[k] * conduct[k].mode >= 0.0 else u[k]
+            rubbed -= joint.friction * conduct[k].mode * mean
+        if conduct[k].spring != 0.0:  # its work, by the force at the end, and what it has stored
+            end = conduct[k].depth + u[k]
+            stopped -= (joint.limit_damping * qd[k] + joint.stiffness * end) * u[k]
+            stopped += stored(joint.stiffness, conduct[k].spring * end) - stored(
+                joint.stiffness, conduct[k].spring * conduct[k].depth
             )
-    works[EFFORT_WORK] += done
-    works[WRENCH_WORK] += pushing
-    works[DAMPING_WORK] += damped
-    works[FRICTION_WORK] += rubbed
-    works[LIMIT_WORK] += stopped
+    works.effort += done
+    works.wrenches += pushing
+    works.damping += damped
+    works.friction += rubbed
+    works.limits += stopped
     return 0
 
 
 @large_kernel
-def glide(robot, joints, bounds, h, steps, tau, q, qd, last_q, last_qd, added, effort, qdd, path, works):
+def glide(simulation, h, steps, tau):
     """Take steps of semi-implicit Euler until one would end at a limit or fails; returns how many were taken.
 
     The robot's joints have one degree of freedom each, without friction, wrenches and springs. Order 1 is chosen for speed:
     this is its shortest way.
     """
+    system, state, memory = system_of(simulation), state_of(simulation), memory_of(simulation)
+    joints, bounds, q, qd = system.joints, system.bounds, state.q, state.qd
+    last_q, last_qd, _ = last_of(simulation)
+    added, effort, qdd, path = memory.added, memory.effort, memory.qdd, memory.path
     n, taken, good = len(qd), 0, True
     for k in range(n):
-        added[k], path[k] = h * joints[DAMPING, k], 0.0
+        added[k], path[k] = h * joints[k].damping, 0.0
     damped = 0.0
     while good and taken < steps:
         for k in range(n):
             last_q[k], last_qd[k] = q[k], qd[k]
-            effort[k] = tau[k] - joints[DAMPING, k] * qd[k]
-        good = sweeps.accelerations_with_added_inertia(robot, q, qd, effort, added, qdd) == 0
+            effort[k] = tau[k] - joints[k].damping * qd[k]
+        good = sweeps.accelerations_with_added_inertia(system.robot, q, qd, effort, added, qdd) == 0
         for k in range(n):
             qd[k] += h * qdd[k]
             q[k] += h * qd[k]
-        for k in range(n):
-            good &= (
-                bounds[LOWER, k] < q[k] and q[k] < bounds[UPPER, k]
-            )  # NaN must end here, too: it is within no limits
+        for k in range(n):  # NaN must end here, too: it is within no limits
+            good &= bounds[k].lower < q[k] and q[k] < bounds[k].upper
         if good:
             taken += 1
             for k in range(n):
@@ -291,6 +283,7 @@ def glide(robot, joints, bounds, h, steps, tau, q, qd, last_q, last_qd, added, e
     done = 0.0
     for k in range(n):
         done += tau[k] * path[k]
-    works[EFFORT_WORK] += done
-    works[DAMPING_WORK] += damped
+    works = simulation.done
+    works.effort += done
+    works.damping += damped
     return taken

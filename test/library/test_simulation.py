@@ -1,5 +1,7 @@
 """The simulation against closed forms, a fine integration of Pinocchio's aba, and its own energy."""
 
+import copy
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -360,6 +362,23 @@ def test_state_is_the_simulations_own():
         sim.q = np.zeros(2)
     with pytest.raises(InputError, match="q is"):
         simulation.potential_energy(sim.model, np.zeros(2))
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda sim: pickle.loads(pickle.dumps(sim))], ids=["copy", "pickle"])
+@pytest.mark.parametrize("order", [4, 1])
+def test_a_copy_goes_its_own_way(order, copied):
+    """A copy has arrays of its own, goes on with the same bits, and leaves the original where it is."""
+    sim = dd.Simulation(load(PANDA), friction=0.1 * np.ones(9), order=order)
+    sim.advance(np.ones(9), steps=5)
+    before, other = (sim.q, sim.qd, sim.nu, sim.time, sim.audit), copied(sim)
+    other.advance(np.ones(9), steps=5)
+    for now, then in zip((sim.q, sim.qd, sim.nu, sim.time, sim.audit), before, strict=True):
+        assert np.array_equal(now, then)
+    assert (other.q != sim.q).any()
+    sim.advance(np.ones(9), steps=5)
+    assert sim.q.tobytes() == other.q.tobytes()
+    assert sim.nu.tobytes() == other.nu.tobytes()
+    assert sim.audit == other.audit
 
 
 @pytest.mark.parametrize("order", [4, 1])
