@@ -73,6 +73,58 @@ class RobotState(NamedTuple):
     velocity_estimated: bool = False
 
 
+JOINT_RULES = np.dtype(
+    [
+        ("lower", "f8"),  # as Bounds has these and `fastest`
+        ("upper", "f8"),
+        ("fastest", "f8"),
+        ("factor", "f8"),  # as Efforts has it and `strongest`
+        ("strongest", "f8"),
+        ("reach", "f8"),  # as Jumps has these three
+        ("lasting", "f8"),
+        ("turns", "f8"),
+        ("span", "f8"),  # how old a value may be [ns]
+    ]
+)
+"""What the values of an independent joint are judged by."""
+
+FOLLOWER_RULES = np.dtype(
+    [
+        ("leader", "i8"),  # as Followers has these three
+        ("multiplier", "f8"),
+        ("offset", "f8"),
+        ("factor", "f8"),  # of its effort
+        ("span", "f8"),
+    ]
+)
+"""What those of a follower are judged by."""
+
+
+class PlainJudgement(NamedTuple):
+    """Rules by which a message is judged, and the memory of the assembler, which nodes/wire/joint_states.py writes in, too.
+
+    All but the first six are arrays with an entry for each joint, or for each follower.
+    """
+
+    max_age: int
+    """[ns]"""
+    most_effort: float
+    mimic_tolerance: float
+    slack: float
+    joints: np.ndarray
+    """Of :data:`JOINT_RULES`."""
+    followers: np.ndarray
+    """Of :data:`FOLLOWER_RULES`."""
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+    stamp: np.ndarray
+    known: np.ndarray
+    without_stamp: np.ndarray
+    follower_effort: np.ndarray
+    follower_stamp: np.ndarray
+
+
 class JointStateAssembler:
     """Keeps the newest values of every joint and hands out a state once all of them are known and fresh.
 
@@ -163,36 +215,42 @@ class JointStateAssembler:
         return efforts, Bounds(self.names, lower, upper, turns, options, joints.velocity), ages
 
     def plain_judgement(self):
-        """Return the bounds and the memory by which nodes/wire/joint_states.py judges and keeps a whole, ordinary message.
+        """Return what nodes/wire/joint_states.py judges a whole, ordinary message by, and where it keeps it.
 
         Returns
         -------
-        tuple of arrays and numbers, or None
+        PlainJudgement or None
             None if compiled code cannot judge every message: velocities are estimated, or a follower turns round.
         """
-        followers, bounds, efforts, jumps = self.followers, self._bounds, self.efforts, self.jumps
-        if self.options.estimate_velocity or (followers.tolerance and followers.turns.any()):
+        bounds, efforts, jumps, follow = self._bounds, self.efforts, self.jumps, self.followers
+        if self.options.estimate_velocity or (follow.tolerance and follow.turns.any()):
             return None
-        return (
-            nanoseconds(self.options.max_age),
-            np.array(
-                [
-                    *(bounds.lower, bounds.upper, efforts.factors, self._spans, bounds.fastest, efforts.strongest),
-                    *(jumps.reach, jumps.lasting, jumps.turns),
-                ],
-                dtype=float,
-            ),
-            np.array([efforts.most, followers.tolerance, jumps.slack], dtype=float),
-            self._values,
-            self._stamp,
-            self._known,
-            self._without_stamp,
-            followers.leaders,
-            np.array(
-                [followers.multipliers, followers.offsets, efforts.follower_factors, self._follower_spans], dtype=float
-            ),
-            self._follower_effort,
-            self._follower_stamp,
+        joints = np.zeros(len(self.names), JOINT_RULES)
+        joints["lower"], joints["upper"], joints["fastest"] = bounds.lower, bounds.upper, bounds.fastest
+        joints["factor"], joints["strongest"], joints["span"] = efforts.factors, efforts.strongest, self._spans
+        joints["reach"], joints["lasting"], joints["turns"] = jumps.reach, jumps.lasting, jumps.turns
+        followers = np.zeros(len(follow.names), FOLLOWER_RULES)
+        followers["leader"], followers["multiplier"], followers["offset"] = (
+            follow.leaders,
+            follow.multipliers,
+            follow.offsets,
+        )
+        followers["factor"], followers["span"] = efforts.follower_factors, self._follower_spans
+        return PlainJudgement(
+            max_age=nanoseconds(self.options.max_age),
+            most_effort=efforts.most,
+            mimic_tolerance=follow.tolerance,
+            slack=jumps.slack,
+            joints=joints,
+            followers=followers,
+            position=self._position,
+            velocity=self._velocity,
+            effort=self._effort,
+            stamp=self._stamp,
+            known=self._known,
+            without_stamp=self._without_stamp,
+            follower_effort=self._follower_effort,
+            follower_stamp=self._follower_stamp,
         )
 
     @property

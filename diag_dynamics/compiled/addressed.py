@@ -1,5 +1,6 @@
 """Arrays at an address, or of another one's numbers in a row, made without a call to numba's own; and addresses of arrays."""
 
+import numba
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
@@ -17,26 +18,76 @@ def array_at(dtype, ndim, lent=False):
     @intrinsic
     def at(typingctx, address, shape):
         def lower(context, builder, sig, args):
-            from numba.np.arrayobj import populate_array  # half of numba, which only who compiles has to wait for
-
-            result = context.make_array(array)(context, builder)
-            size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(dtype)))
-            shape, strides = cgutils.unpack_tuple(builder, args[1], ndim), [size]
-            for extent in reversed(shape[1:]):
-                strides.insert(0, builder.mul(strides[0], extent))
-            populate_array(
-                result,
-                data=builder.inttoptr(args[0], result.data.type),
-                shape=shape,
-                strides=strides,
-                itemsize=size,
-                meminfo=None,
-            )
-            return result._getvalue()
+            return _array(context, builder, array, args[0], cgutils.unpack_tuple(builder, args[1], ndim))
 
         return array(types.intp, types.UniTuple(types.intp, ndim)), lower
 
     return at
+
+
+def table_at(row, dtype, kinds):
+    """Kernel (address) that gives a named tuple of the numbers and arrays that a table at an address tells of.
+
+    Parameters
+    ----------
+    row : type
+        The named tuple, whose name no other table's has.
+    dtype : dtype
+        How the table lies in memory: a number, or the address and the extents of an array, for each field.
+    kinds : sequence of (numba type, int, int or None) or None
+        What each array holds, its number of dimensions, and its last extent, if that is known; None for a number.
+    """
+    fields = []  # type, offset and last extent of each
+    for name, kind in zip(row._fields, kinds, strict=True):
+        of, offset = dtype.fields[name]
+        fields.append((_array_type(*kind[:2]), offset, kind[2]) if kind else (numba.from_dtype(of), offset, None))
+    opened = types.NamedTuple([kind for kind, _, _ in fields], row)
+
+    @intrinsic
+    def at(typingctx, address):
+        def lower(context, builder, sig, args):
+            def read(kind, offset):
+                place = builder.add(args[0], context.get_constant(types.intp, offset))
+                return builder.load(builder.inttoptr(place, context.get_value_type(kind).as_pointer()))
+
+            def value(kind, offset, last):
+                if not isinstance(kind, types.Array):
+                    return read(kind, offset)
+                address, *shape = (read(types.intp, offset + 8 * k) for k in range(1 + kind.ndim))
+                if last is not None:
+                    shape[-1] = context.get_constant(types.intp, last)
+                return _array(context, builder, kind, address, shape)
+
+            return context.make_tuple(builder, opened, [value(*field) for field in fields])
+
+        return opened(types.intp), lower
+
+    return at
+
+
+def _array_type(dtype, ndim):
+    """Type by which kernels take such an array: one of numbers as entry kernels do, or it would be compiled for anew."""
+    return Lent(dtype, ndim) if dtype == types.float64 else types.Array(dtype, ndim, "C")
+
+
+def _array(context, builder, array, address, shape):
+    """Array of this type at an address."""
+    from numba.np.arrayobj import populate_array  # half of numba, which only who compiles has to wait for
+
+    result = context.make_array(array)(context, builder)
+    size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(array.dtype)))
+    strides = [size]
+    for extent in reversed(shape[1:]):
+        strides.insert(0, builder.mul(strides[0], extent))
+    populate_array(
+        result,
+        data=builder.inttoptr(address, result.data.type),
+        shape=shape,
+        strides=strides,
+        itemsize=size,
+        meminfo=None,
+    )
+    return result._getvalue()
 
 
 @intrinsic

@@ -3,8 +3,8 @@
 from diag_dynamics.compiled.switch import PLAIN
 
 if PLAIN:
-    from diag_dynamics.compiled.plain import address_of, array_at, flat
+    from diag_dynamics.compiled.plain import address_of, array_at, flat, table_at
 else:
-    from diag_dynamics.compiled.addressed import address_of, array_at, flat
+    from diag_dynamics.compiled.addressed import address_of, array_at, flat, table_at
 
-__all__ = ["address_of", "array_at", "flat"]
+__all__ = ["address_of", "array_at", "flat", "table_at"]

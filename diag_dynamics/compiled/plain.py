@@ -181,6 +181,71 @@ def array_at(dtype, ndim, lent=False):
     return at
 
 
+def table_at(row, dtype, kinds):
+    """Kernel (address) that gives a named tuple of the numbers and arrays that a table at an address tells of.
+
+    `row` is the named tuple, `dtype` how the table lies in memory, `kinds` what each array holds, its number of dimensions,
+    and its last extent, if that is known, which is not made use of here; None for a number.
+    """
+    table = array_at(numba.from_dtype(dtype), 1)
+
+    @kernel
+    def read(record):  # shared by several tables, it would have numba warn of records that are like one another
+        return ()
+
+    for name, kind in zip(row._fields, kinds, strict=True):
+        read = _and_one_more(read, _array_in(name, *kind) if kind else _number_in(name))
+
+    @kernel
+    def at(address):
+        return row(*read(table(address, (1,))[0]))
+
+    return at
+
+
+def _and_one_more(read, value):
+    """Kernel (record) that gives the tuple that `read` gives, and `value` behind it."""
+
+    @kernel
+    def both(record):
+        return (*read(record), value(record))
+
+    return both
+
+
+def _number_in(name):
+    @kernel
+    def value(record):
+        return record[name]
+
+    return value
+
+
+def _array_in(name, kind, ndim, last):
+    at, shape_of = array_at(kind, ndim), (_one, _two, _three)[ndim - 1]
+
+    @kernel
+    def value(record):
+        return at(record[name][0], shape_of(record[name]))
+
+    return value
+
+
+@kernel
+def _one(entry):
+    return (entry[1],)
+
+
+@kernel
+def _two(entry):
+    return (entry[1], entry[2])
+
+
+@kernel
+def _three(entry):
+    return (entry[1], entry[2], entry[3])
+
+
 @kernel
 def address_of(array):
     """Where the numbers of an array begin."""

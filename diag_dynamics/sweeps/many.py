@@ -4,7 +4,7 @@ from diag_dynamics.compiled.kernel import COUNT, FILLED_MATRIX, FILLED_STATES, M
 from diag_dynamics.compiled.lanes import WIDTH
 from diag_dynamics.sweeps.evaluation import sweep
 from diag_dynamics.sweeps.joints import are_finite, are_positions
-from diag_dynamics.sweeps.workspace import EFFORT_POWER, KINETIC_ENERGY, RESULTS, copy, opened, opened_wide
+from diag_dynamics.sweeps.workspace import EFFORT_POWER, KINETIC_ENERGY, RESULTS, copy, opened_wide
 
 
 @kernel
@@ -25,15 +25,15 @@ def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, ra
     receives the rows from NU on, `numbers`, (2, T), K and νᵀ(ε − ε_g), `positions` and `rates` copies of Q and QD. It returns
     the end of what has been evaluated: all, or what comes before the first :data:`~lanes.WIDTH` of which one fails.
     """
-    bodies, gravity, _, _ = opened(robot)
-    work, table, (q, qd, tau), out, (q_numbers, qd_numbers, tau_numbers), lanes = opened_wide(robot)
+    at = opened_wide(robot)
+    q, qd, tau, work, table, out, lanes = at.q, at.qd, at.tau, at.wide_work, at.wide_table, at.out, at.out_numbers
     for first in range(begin, end, WIDTH):
-        _pack(Q, first, end, q_numbers)
-        _pack(QD, first, end, qd_numbers)
-        _pack(TAU, first, end, tau_numbers)
-        if not (are_positions(bodies, q) and are_finite(qd) and are_finite(tau)):
+        _pack(Q, first, end, at.q_numbers)
+        _pack(QD, first, end, at.qd_numbers)
+        _pack(TAU, first, end, at.tau_numbers)
+        if not (are_positions(at.bodies, q) and are_finite(qd) and are_finite(tau)):
             return first
-        if sweep(bodies, gravity, q, qd, tau, work, table, out) != 0:
+        if sweep(at.bodies, at.gravity, q, qd, tau, work, table, out) != 0:
             return first
         last = min(first + WIDTH, end)
         for row in range(RESULTS):

@@ -1,13 +1,13 @@
 """Memory that sweeps work in, and the addresses by which they find it."""
 
+import math
 from collections import namedtuple
 
-import numba
 import numpy as np
 
-from diag_dynamics.compiled.arrays import array_at
 from diag_dynamics.compiled.kernel import kernel
-from diag_dynamics.compiled.lanes import EIGHT, WIDTH, record_of_lanes
+from diag_dynamics.compiled.lanes import WIDTH
+from diag_dynamics.compiled.tables import Addresses, Table, array, lanes
 from diag_dynamics.sweeps.bodies import BODY, POSITIONS_OF, WORK
 
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
@@ -25,62 +25,104 @@ MISFIT = -2
 """Status of a sweep: a vector has not the robot's length."""
 
 
+ROBOT = Table(
+    "Robot",
+    bodies=array(BODY),  # of RobotModel
+    gravity=array(float),  # acceleration [m/s²]
+    work=array(WORK),
+    table=array(float, 3),  # matrices 𝓜 and 𝓜̇ of groups, see groups
+    nv=int,
+    nq=int,
+    spans=array(int, 2),  # first and end of the columns that a body carries in all, less those of its group
+    rigid=array(float, 2),  # these and the following: see Columns
+    articulated=array(float, 2),
+    moments=array(float, 2),
+    kappas=array(float, 2),
+    roots=array(float),
+)
+"""What the one number tells of that stands for a robot, and for memory to work in."""
+
+WIDE = ROBOT.extended(
+    "WideRobot",
+    wide_work=lanes(WORK),
+    wide_table=lanes(float, 3),
+    q=lanes(float),
+    qd=lanes(float),
+    tau=lanes(float),
+    out=lanes(float, 2),
+    q_numbers=array(float, 2, WIDTH),  # the same memory as that of q, and so on
+    qd_numbers=array(float, 2, WIDTH),
+    tau_numbers=array(float, 2, WIDTH),
+    out_numbers=array(float, 3, WIDTH),
+)
+"""Likewise, with memory for as many states as there are lanes."""
+
+
 class Workspace:
     """A robot, as sweeps take it, and memory for them to work in: one for each thread.
 
     Attributes
     ----------
     robot : int
-        Address of `addresses`: the one argument that stands for `bodies`, `gravity`, `work` and `table`, which as arguments
-        of their own would cost as much as the arithmetic of a small robot. Keep the Workspace while a sweep runs.
-    addresses : ndarray of int64
-        Where these arrays lie, and the numbers of bodies, of degrees of freedom, of the widest group's degrees of freedom
-        and of position coordinates; then where `spans` and `columns` lie.
+        Address of a table as :data:`ROBOT` has it: the one argument that stands for `bodies`, `gravity`, `work` and `table`,
+        which as arguments of their own would cost as much as the arithmetic of a small robot. Keep the Workspace while a
+        sweep runs.
     bodies, gravity, work, table : ndarray
-        Records of RobotModel, acceleration of gravity [m/s²], those of :data:`WORK`, and the matrices 𝓜 and 𝓜̇ of groups
-        (see groups).
-    spans : ndarray, shape (number of bodies, 2)
-        First and end of the columns, one for each degree of freedom, that a body carries in all, less those of its group.
-    columns : ndarray
-        The rows of :data:`Columns`; a vector register's width of nothing comes before the first column.
+        Those of the table.
     """
 
     def __init__(self, bodies, gravity):
         moving, body = bodies[1:], np.arange(1, len(bodies))
         own = moving["owner"] == body
         grouped = own & (moving["last"] > moving["first"])
-        widest = np.bincount(moving["first"][grouped]).max(initial=1)
+        nv, widest = int(own.sum()), int(np.bincount(moving["first"][grouped]).max(initial=1))
         self.bodies, self.gravity = np.ascontiguousarray(bodies), np.ascontiguousarray(gravity, dtype=np.float64)
-        self.work, self.table = aligned(len(bodies), WORK), np.zeros((2, int(own.sum()), int(widest)))
+        self.work, self.table = aligned(len(bodies), WORK), np.zeros((2, nv, widest))
         for k, block in enumerate(_rigid_blocks(self.bodies)):
             self.work["rigid"][:, k::4] = block.reshape(-1, 9)
         nq = max((int(body["q"]) + POSITIONS_OF[int(body["kind"])] for body in moving), default=0)
-        arrays = (self.bodies, self.gravity, self.work, self.table)
-        self.spans = _spans(self.bodies, int(own.sum()))
-        self.columns = np.zeros((2 * (6 + int(widest)) + 1, int(own.sum()) + WIDTH))
-        sizes = len(bodies), *self.table.shape[1:], nq
+        # A vector register's width of nothing comes before the first column.
+        columns = np.zeros((2 * (6 + widest) + 1, nv + WIDTH))
         self._locate(
-            [*(array.ctypes.data for array in arrays), *sizes, self.spans.ctypes.data, self.columns.ctypes.data]
+            ROBOT,
+            bodies=self.bodies,
+            gravity=self.gravity,
+            work=self.work,
+            table=self.table,
+            nv=nv,
+            nq=nq,
+            spans=_spans(self.bodies, nv),
+            rigid=columns[:6],
+            articulated=columns[6:12],
+            moments=columns[12 : 12 + widest],
+            kappas=columns[12 + widest : -1],
+            roots=columns[-1],
         )
 
-    def _locate(self, addresses):
-        self.addresses = np.array(addresses, np.int64)
-        self.robot = self.addresses.ctypes.data
+    def _locate(self, table, /, **entries):
+        self._entries, self._addresses = entries, Addresses(table, **entries)
+        self.robot = self._addresses.at
 
     def __reduce__(self):
         return type(self), (self.bodies, self.gravity)  # addresses would be those of the original
 
 
 class WideWorkspace(Workspace):
-    """Robot and memory for a sweep over as many states as there are lanes; `addresses` has that memory, too."""
+    """Robot and memory for a sweep over as many states as there are lanes: its table is as :data:`WIDE` has it."""
 
     def __init__(self, bodies, gravity):
         super().__init__(bodies, gravity)
-        n, nv, widest, nq = (int(size) for size in self.addresses[4:8])
-        parts = n * WORK.itemsize // 8, 2 * nv * widest, nq, nv, nv, SWEPT * nv
-        self._memory = aligned(WIDTH * sum(parts), np.dtype(np.float64))
-        starts = 8 * WIDTH * np.cumsum([0, *parts[:-1]])
-        self._locate([*self.addresses, *(self._memory.ctypes.data + starts)])
+        nv, nq = self._entries["nv"], self._entries["nq"]
+        shapes = {
+            "wide_work": (len(self.work), WORK.itemsize // 8),
+            "wide_table": self.table.shape,
+            **{"q": (nq,), "qd": (nv,), "tau": (nv,), "out": (SWEPT, nv)},
+        }
+        ends = np.cumsum([math.prod(shape) * WIDTH for shape in shapes.values()])
+        parts = np.split(aligned(int(ends[-1]), np.dtype(np.float64)), ends[:-1])
+        memory = {name: part.reshape(*shapes[name], WIDTH) for name, part in zip(shapes, parts, strict=True)}
+        numbers = {f"{name}_numbers": memory[name] for name in ("q", "qd", "tau", "out")}
+        self._locate(WIDE, **self._entries, **memory, **numbers)
 
 
 def aligned(count, dtype):
@@ -115,71 +157,41 @@ def _rigid_blocks(bodies):
     return A, B, bodies["inertia"][:, [0, 1, 2, 1, 3, 4, 2, 4, 5]]
 
 
-_bodies_at, _work_at = array_at(numba.from_dtype(BODY), 1), array_at(numba.from_dtype(WORK), 1)
-_vector_at, _matrix_at, _table_at = (array_at(numba.float64, ndim) for ndim in (1, 2, 3))
-_wide_work_at = array_at(record_of_lanes(WORK, EIGHT), 1)
-_wide_vector_at, _wide_matrix_at, _wide_table_at = (array_at(EIGHT, ndim) for ndim in (1, 2, 3))
-_addresses_at, _spans_at = array_at(numba.int64, 1), array_at(numba.int64, 2)
+_robot_at, opened_wide = ROBOT.opened, WIDE.opened
+
+Opened = namedtuple("Opened", ["bodies", "gravity", "work", "table"])
 
 
 @kernel
 def opened(robot):
     """`bodies`, `gravity`, `work` and `table` of a :class:`Workspace`."""
-    at = _addresses_at(robot, (8,))
-    return (
-        _bodies_at(at[0], (at[4],)),
-        _vector_at(at[1], (3,)),
-        _work_at(at[2], (at[4],)),
-        _table_at(at[3], (2, at[5], at[6])),
-    )
+    at = _robot_at(robot)
+    return Opened(at.bodies, at.gravity, at.work, at.table)
 
 
 Columns = namedtuple("Columns", ["spans", "rigid", "articulated", "moments", "kappas", "roots"])
-"""Forces of rigid and of articulated joints, moments along a group's degrees of freedom, and roots of D, by column."""
+"""Forces of rigid and of articulated joints, moments along a group's degrees of freedom, and roots of D, by column, one for
+each degree of freedom; and which of them each body carries."""
 
 
 @kernel
 def opened_columns(robot):
-    """`spans` and `columns` of a :class:`Workspace`."""
-    at = _addresses_at(robot, (10,))
-    n, nv, widest = at[4], at[5], at[6]
-    columns = _matrix_at(at[9], (2 * (6 + widest) + 1, nv + WIDTH))
-    return Columns(
-        _spans_at(at[8], (n, 2)),
-        columns[:6],
-        columns[6:12],
-        columns[12 : 12 + widest],
-        columns[12 + widest : 12 + 2 * widest],
-        columns[12 + 2 * widest],
-    )
-
-
-@kernel
-def opened_wide(robot):
-    """`work` and `table` of a :class:`WideWorkspace`, lanes for q, q̇, τ and results, and these as numbers."""
-    at = _addresses_at(robot, (16,))
-    n, nv, widest, nq = at[4], at[5], at[6], at[7]
-    return (
-        _wide_work_at(at[10], (n,)),
-        _wide_table_at(at[11], (2, nv, widest)),
-        (_wide_vector_at(at[12], (nq,)), _wide_vector_at(at[13], (nv,)), _wide_vector_at(at[14], (nv,))),
-        _wide_matrix_at(at[15], (SWEPT, nv)),
-        (_matrix_at(at[12], (nq, WIDTH)), _matrix_at(at[13], (nv, WIDTH)), _matrix_at(at[14], (nv, WIDTH))),
-        _table_at(at[15], (SWEPT, nv, WIDTH)),
-    )
+    """The columns of a :class:`Workspace`."""
+    at = _robot_at(robot)
+    return Columns(at.spans, at.rigid, at.articulated, at.moments, at.kappas, at.roots)
 
 
 @kernel
 def fit(robot, q, qd, tau):
     """Whether vectors have the robot's lengths."""
-    at = _addresses_at(robot, (8,))
-    return len(q) == at[7] and len(qd) == at[5] and len(tau) == at[5]
+    at = _robot_at(robot)
+    return len(q) == at.nq and len(qd) == at.nv and len(tau) == at.nv
 
 
 @kernel
 def fit_positions(robot, q):
     """Whether q has as many entries as the robot has position coordinates."""
-    return len(q) == _addresses_at(robot, (8,))[7]
+    return len(q) == _robot_at(robot).nq
 
 
 @kernel

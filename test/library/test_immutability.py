@@ -1,6 +1,7 @@
 """A model is immutable: payloads, gravity and locks give a new one, the old one stays as it was, byte for byte."""
 
 import copy
+import ctypes
 import gc
 import pickle
 
@@ -295,9 +296,12 @@ def test_copies_of_dynamics_work_in_memory_of_their_own(copied):
 def test_copied_workspace_lies_elsewhere():
     own = sweeps.Workspace(load().bodies, np.zeros(3))
     for twin in (copy.copy(own), copy.deepcopy(own), pickle.loads(pickle.dumps(own))):
-        assert twin.robot == twin.addresses.ctypes.data != own.robot
-        assert twin.addresses[2] == twin.work.ctypes.data != own.work.ctypes.data
-        assert twin.addresses[0] == twin.bodies.ctypes.data and twin.addresses[3] == twin.table.ctypes.data
+        assert twin.robot != own.robot and twin.work.ctypes.data != own.work.ctypes.data
+        words = (ctypes.c_int64 * (sweeps.workspace.ROBOT.dtype.itemsize // 8)).from_address(twin.robot)
+        table = np.frombuffer(words, sweeps.workspace.ROBOT.dtype)[0]
+        for name in ("bodies", "gravity", "work", "table"):
+            array = getattr(twin, name)
+            assert table[name].tolist() == [array.ctypes.data, *array.shape]
 
 
 def test_byte_order_is_not_mistaken():

@@ -1,14 +1,14 @@
 """What MessageMaker makes, as the bytes that are sent: laid out once, then only the numbers are written anew."""
 
-from collections import namedtuple
+from typing import NamedTuple
 
 import numpy as np
 from rclpy.serialization import serialize_message
 
 from diag_dynamics import sweeps
 from diag_dynamics.assembly.stamps import SECOND
-from diag_dynamics.compiled.addresses import Addresses, bytes_at, indices_at, table_at, vector_at, words_at
 from diag_dynamics.compiled.kernel import COUNT, FLAG, MATRIX, NUMBER, VECTOR, entry_kernel, kernel, large_kernel, ready
+from diag_dynamics.compiled.tables import Addresses, Table, array
 from diag_dynamics.nodes.wire.cdr import HEADER, Template
 from diag_dynamics.nodes.wire.topics import BITS, WITH_LINK_ENERGY
 from diag_dynamics.sweeps import NU
@@ -45,6 +45,46 @@ CONSTANT = {"effort_valid", "friction_valid", "power_valid", "model_revision"}
 
 ALONGSIDE = {"header.stamp.nanosec", "oldest_stamp.nanosec", "link_energy"}
 """Fields that are written with others, or by themselves."""
+
+INSTRUCTION = np.dtype([("bit", "i8"), ("what", "i8"), ("at", "i8"), ("row", "i8")])
+"""To write something in a topic's message: the topic's bit; one of the first entries of :data:`FIELDS`; at which byte, 32-bit
+word or double; and which row."""
+
+SHEETS = Table(
+    "Sheets",
+    data=array(np.uint8),  # one piece of memory, as numbers of three kinds
+    words=array(np.int32),
+    doubles=array(float),
+    instructions=array(INSTRUCTION),
+    nv=int,
+    link_energy=array(float),  # where link energies are written; empty if nowhere
+)
+"""What :func:`write` writes, and in what."""
+
+
+class Written(NamedTuple):
+    """Numbers of a state that are written in messages: stamps [ns], energy [J] and its rate [W]."""
+
+    newest: int
+    oldest: int
+    received: bool
+    """Whether the stamp is a time of reception."""
+    estimated: bool
+    """Whether velocities are."""
+    energy: float
+    power: float
+    base: int
+    """Degrees of freedom of a floating base."""
+
+
+class Vectors(NamedTuple):
+    """Vectors of a state that are written in messages; empty where there is none."""
+
+    rows: np.ndarray
+    """Of the evaluation."""
+    position: np.ndarray
+    effort: np.ndarray
+    friction: np.ndarray
 
 
 class EncodedMessages:
@@ -163,26 +203,34 @@ class Sheets:
     """
 
     def __init__(self, templates, s, state):
-        begin, self.spans, table, energies = 0, {}, [], -1
+        begin, self.spans, instructions, energies = 0, {}, [], -1
         for topic, template in templates.items():
             begin += -begin % 8 + 8 - len(HEADER)  # what comes after the encapsulation begins on a multiple of eight
             end = begin + len(template.data)
             self.spans[topic] = begin, end
-            table += [(BITS[topic], *instruction) for instruction in _instructions(template, begin)]
+            instructions += [(BITS[topic], *rest) for rest in _instructions(template, begin)]
             if template.place("link_energy") >= 0:
                 energies = (begin + template.place("link_energy")) // 8
             begin = end
         room = np.zeros(begin + 16, dtype=np.uint8)
-        room = room[-room.ctypes.data % 8 :]
+        room = room[-room.ctypes.data % 8 :][: begin + -begin % 8]
         for topic, (first, last) in self.spans.items():
             room[first:last] = templates[topic].data
         self.bits = sum(BITS[topic] for topic in templates)
         self._view = memoryview(room)
         self._base = 6 if len(state.position) > len(state.velocity) else 0
         links, nv = len(s.link_energy), len(state.velocity)
-        self._link_energy = room[8 * energies : 8 * (energies + links)].view(np.float64) if energies >= 0 else None
-        table = np.array(table, dtype=np.int64).reshape(-1, 4)
-        self.addresses = Addresses(len(room), room, len(table), table, nv, energies, links)
+        doubles = room.view(np.float64)
+        self._link_energy = doubles[energies : energies + links] if energies >= 0 else _NOTHING
+        self.addresses = Addresses(
+            SHEETS,
+            data=room,
+            words=room.view(np.int32),
+            doubles=doubles,
+            instructions=np.array(instructions, INSTRUCTION),
+            nv=nv,
+            link_energy=self._link_energy,
+        )
 
     def write(self, wanted, s, state):
         """Write the messages about a state whose bits are in `wanted`."""
@@ -203,7 +251,7 @@ class Sheets:
             _NOTHING if effort is None else effort,
             _NOTHING if s.friction is None else s.friction,
         )
-        if wanted & WITH_LINK_ENERGY and self._link_energy is not None:
+        if wanted & WITH_LINK_ENERGY and len(self._link_energy):
             s.write_link_energy(self._link_energy)
 
     def encoded(self, topic):
@@ -216,7 +264,7 @@ _NOTHING = np.zeros(0)
 
 
 def _instructions(template, begin):
-    """What is written where: rows for :func:`write`.
+    """What is written where: each :data:`INSTRUCTION` but for its bit.
 
     Places are those of bytes, of 32-bit words or of doubles, in memory where the template begins at a byte.
     """
@@ -231,66 +279,50 @@ def _instructions(template, begin):
     return found
 
 
-_Opened = namedtuple("_Opened", ["data", "words", "doubles", "table", "nv", "link_energy"])
-"""Memory of Sheets as numbers of three kinds, what is written where, and where link energies are, if they are there."""
-
-
-@kernel
-def _opened(sheets):
-    at = indices_at(sheets, (7,))
-    size, links = at[0], at[6] if at[5] >= 0 else 0
-    return _Opened(
-        bytes_at(at[1], (size,)),
-        words_at(at[1], (size // 4,)),
-        vector_at(at[1], (size // 8,)),
-        table_at(at[3], (at[2], 4)),
-        at[4],
-        vector_at(at[1] + 8 * max(at[5], 0), (links,)),
-    )
-
-
-@kernel
-def link_energy_at(sheets):
-    """Where link energies are written in Sheets; of length 0 if nowhere."""
-    return _opened(sheets).link_energy
+sheets_at = SHEETS.opened
 
 
 @large_kernel
-def write(sheets, wanted, newest, oldest, received, estimated, energy, power, base, rows, position, effort, friction):
-    """Write everything but link energies in messages whose bits are in `wanted`, in Sheets at this address."""
-    data, words, doubles, table, count, _ = _opened(sheets)
-    for k in range(len(table)):
-        bit, what, at, row = table[k, 0], table[k, 1], table[k, 2], table[k, 3]
-        if not bit & wanted:
+def write(sheets, wanted, written, vectors):
+    """Write everything but link energies in messages whose bits are in `wanted`, in Sheets at this address.
+
+    `written` is :class:`Written`, `vectors` :class:`Vectors`.
+    """
+    at = sheets_at(sheets)
+    data, words, doubles, rows, nv = at.data, at.words, at.doubles, vectors.rows, at.nv
+    for n in range(len(at.instructions)):
+        instruction = at.instructions[n]
+        what, k, row = instruction.what, instruction.at, instruction.row
+        if not instruction.bit & wanted:
             continue
         if what == _ROW:
-            for i in range(count):
-                doubles[at + i] = rows[row, i]
+            for i in range(nv):
+                doubles[k + i] = rows[row, i]
         elif what == _STAMP:
-            words[at], words[at + 1] = newest // SECOND, newest % SECOND
+            words[k], words[k + 1] = written.newest // SECOND, written.newest % SECOND
         elif what == _OLDEST:
-            words[at], words[at + 1] = oldest // SECOND, oldest % SECOND
+            words[k], words[k + 1] = written.oldest // SECOND, written.oldest % SECOND
         elif what == _RECEIVED:
-            data[at] = received
+            data[k] = written.received
         elif what == _ESTIMATED:
-            data[at] = estimated
+            data[k] = written.estimated
         elif what == _ENERGY:
-            doubles[at] = energy
+            doubles[k] = written.energy
         elif what == _POWER:
-            doubles[at] = power
+            doubles[k] = written.power
         elif what == _BASE:
-            doubles[at] = 0.0
-            for i in range(base):
-                doubles[at] += 0.5 * rows[NU, i] * rows[NU, i]
+            doubles[k] = 0.0
+            for i in range(written.base):
+                doubles[k] += 0.5 * rows[NU, i] * rows[NU, i]
         elif what == _SHARES:
-            for i in range(count):
-                doubles[at + i] = 0.5 * rows[NU, i] * rows[NU, i]
+            for i in range(nv):
+                doubles[k + i] = 0.5 * rows[NU, i] * rows[NU, i]
         elif what == _POSITION:
-            _copy(position, doubles, at)
+            _copy(vectors.position, doubles, k)
         elif what == _EFFORT:
-            _copy(effort, doubles, at)
+            _copy(vectors.effort, doubles, k)
         elif what == _FRICTION:
-            _copy(friction, doubles, at)
+            _copy(vectors.friction, doubles, k)
 
 
 @entry_kernel(
@@ -299,7 +331,8 @@ def write(sheets, wanted, newest, oldest, received, estimated, energy, power, ba
 )
 def _write(sheets, wanted, newest, oldest, received, estimated, energy, power, base, rows, position, effort, friction):
     """:func:`write`, and nothing else."""
-    write(sheets, wanted, newest, oldest, received, estimated, energy, power, base, rows, position, effort, friction)
+    written = Written(newest, oldest, received, estimated, energy, power, base)
+    write(sheets, wanted, written, Vectors(rows, position, effort, friction))
 
 
 @kernel

@@ -6,19 +6,18 @@ the text, judges the numbers and completes the state. Whatever is not plainly go
 """
 
 import random
-from collections import namedtuple
 from dataclasses import dataclass
 
 import numpy as np
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from diag_dynamics.assembly.assembler import RobotState
+from diag_dynamics.assembly.assembler import FOLLOWER_RULES, JOINT_RULES, RobotState
 from diag_dynamics.assembly.jumps import SHORTEST
 from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.assembly.stamps import FAR, SECOND
-from diag_dynamics.compiled.addresses import Addresses, bytes_at, flags_at, indices_at, matrix_at, vector_at, words_at
 from diag_dynamics.compiled.kernel import COUNT, entry_kernel, kernel, large_kernel, ready
+from diag_dynamics.compiled.tables import Addresses, Table, array
 from diag_dynamics.nodes.wire.cdr import Template
 from diag_dynamics.nodes.wire.overrun import overruns
 
@@ -32,16 +31,63 @@ have it always be the other's.
 LONGEST = 1 << 16
 """Longest message that is learned [bytes], which may hold a thousand joints: what is kept is a few megabytes at most."""
 
+FIELDS = "position", "velocity", "effort"
+
 WITHOUT_EFFORT, WITH_EFFORT = 1, 2
 """What :func:`take` has taken in."""
 
-NO_EFFORT, DRAFT, ROWS = 3, 4, 7
-"""Rows of what it hands a state out in: position, velocity and effort, zeros, and again the former, not valid yet."""
+STAMPS = np.dtype([("newest", "i8"), ("oldest", "i8")])
+"""Stamps of what it has taken in [ns]."""
+
+KNOWN = Table(
+    "Known",
+    room=array(np.uint8),  # bytes of the message, numbers of which a text's places count
+    words=array(np.int32),
+    doubles=array(float),
+    max_age=int,  # from here on: see PlainJudgement
+    most_effort=float,
+    mimic_tolerance=float,
+    slack=float,
+    joints=array(JOINT_RULES),
+    followers=array(FOLLOWER_RULES),
+    position=array(float),
+    velocity=array(float),
+    effort=array(float),
+    stamp=array(int),
+    known=array(bool),
+    without_stamp=array(bool),
+    follower_effort=array(float),
+    follower_stamp=array(int),
+    draft_position=array(float),  # what a state is made up in, before it is certain
+    draft_velocity=array(float),
+    draft_effort=array(float),
+    state_position=array(float),  # what it is handed out in
+    state_velocity=array(float),
+    state_effort=array(float),
+    no_effort=array(float),  # zeros
+    stamps=array(STAMPS),
+)
+"""What :func:`take` judges by, keeps values in, and hands a state out in."""
+
+TEXT = Table(
+    "Text",
+    data=array(np.uint8),  # as Template has it and `text`
+    text=array(np.uint8),
+    position=int,  # where in `doubles` these begin; -1 where there are none
+    velocity=int,
+    effort=int,
+    there=array(int),  # places of needed joints in the message
+    here=array(int),  # and in the robot
+    beside=array(int),  # likewise of followers
+    following=array(int),
+    needed=array(bool),  # which are needed joints
+)
+"""What it has to know of messages of one text."""
 
 
 @dataclass(slots=True)
 class _Layout:
-    """Of messages of one text: what :func:`take` has to know of them."""
+    """Messages of one text."""
 
     template: Template
     addresses: Addresses
@@ -68,15 +114,26 @@ class KnownJointStates:
         self._chance = random.Random(0)
         self._layouts = {}  # lists by the length of the message
         self._unknown = 0  # messages of no known text
-        self._values, self._times = np.zeros((ROWS, len(assembler.names))), np.zeros(2, dtype=np.int64)
+        self._state, self._times = np.zeros((3, len(assembler.names))), np.zeros(1, STAMPS)
         self._allot(256)
         ready(_take)
 
     def configure(self):
         """Judge by the assembler's options, which have changed."""
-        judged, names = self._assembler.plain_judgement(), self._assembler
-        shape = len(names.names), len(names.followers.names)
-        self._addresses = judged and Addresses(*shape, self._room, *judged, self._values, self._times)
+        judged = self._assembler.plain_judgement()
+        if not judged:
+            self._addresses = None
+            return
+        after = self._room[8:]  # the encapsulation, before which there are four bytes
+        draft, no_effort = np.zeros_like(self._state), np.zeros(len(judged.joints))
+        self._addresses = Addresses(
+            KNOWN,
+            **judged._asdict(),
+            **{"room": self._room[4:], "words": after.view(np.int32), "doubles": after.view(np.float64)},
+            **{f"draft_{field}": row for field, row in zip(FIELDS, draft, strict=True)},
+            **{f"state_{field}": row for field, row in zip(FIELDS, self._state, strict=True)},
+            **{"no_effort": no_effort, "stamps": self._times},
+        )
 
     def update(self, raw, now):
         """Take a serialized message in and return the state it completes: as JointStateAssembler.update does.
@@ -147,12 +204,13 @@ class KnownJointStates:
 
     def state(self, found):
         """The state that was taken in last, WITHOUT_EFFORT or WITH_EFFORT."""
-        position, velocity, effort = self._values[:3].copy()
-        newest, oldest = self._times.tolist()
+        position, velocity, effort = self._state.copy()
+        newest, oldest = self._times.item()
         return RobotState(position, velocity, effort if found == WITH_EFFORT else None, newest, oldest, False)
 
     def _allot(self, size):
         """Have room for messages of so many bytes; what comes after the encapsulation begins on a multiple of eight."""
+        size += -size % 8
         room = np.zeros(size + 16, dtype=np.uint8)
         self._room = room[-room.ctypes.data % 8 :][: size + 8]
         self._size, self._view = size, memoryview(self._room)[4:]
@@ -181,12 +239,14 @@ class KnownJointStates:
             self._allot(2 * len(raw))
         needed = np.zeros(len(self._assembler.names), dtype=bool)
         needed[here] = True
-        fields = [template.first_double(field) for field in ("position", "velocity", "effort")]
-        text = template.data, template.text, len(template.data)
-        places = [entry for column in columns for entry in (len(column), column)]
         layout = _Layout(
             template,
-            Addresses(*text, *fields, *places, needed),
+            Addresses(
+                TEXT,
+                **{"data": template.data, "text": template.text, "needed": needed},
+                **{field: template.first_double(field) for field in FIELDS},
+                **dict(zip(("there", "here", "beside", "following"), columns, strict=True)),
+            ),
             int(here.min()) if complete and len(here) else None,
         )
         self._layouts.setdefault(len(raw), []).append(layout)
@@ -201,72 +261,7 @@ class KnownJointStates:
         return sum(map(len, self._layouts.values())) < before
 
 
-_Known = namedtuple(
-    "_Known",
-    [
-        *("room", "words", "doubles", "max_age", "limits", "most"),
-        *("kept", "stamps", "known", "unstamped"),
-        *("leaders", "coupling", "follower_effort", "follower_stamps"),
-        *("values", "times"),
-    ],
-)
-"""What is judged by, and kept in: see JointStateAssembler.plain_judgement; then what a state is handed out in."""
-
-_Text = namedtuple("_Text", ["data", "text", "fields", "there", "here", "beside", "following", "needed"])
-"""The bytes of a text, where they are looked at, and where position, velocity and effort begin; places of needed joints in
-the message and in the robot, likewise of followers; and which are needed joints."""
-
-
-@kernel
-def _opened_known(address):
-    at = indices_at(address, (16,))
-    n, followers = at[0], at[1]
-    return _Known(
-        bytes_at(at[2] + 4, (LONGEST,)),
-        words_at(at[2] + 8, (LONGEST // 4,)),
-        vector_at(at[2] + 8, (LONGEST // 8,)),
-        at[3],
-        matrix_at(at[4], (9, n)),
-        vector_at(at[5], (3,)),
-        matrix_at(at[6], (3, n)),
-        indices_at(at[7], (n,)),
-        flags_at(at[8], (n,)),
-        flags_at(at[9], (n,)),
-        indices_at(at[10], (followers,)),
-        matrix_at(at[11], (4, followers)),
-        vector_at(at[12], (followers,)),
-        indices_at(at[13], (followers,)),
-        matrix_at(at[14], (ROWS, n)),
-        indices_at(at[15], (2,)),
-    )
-
-
-@kernel
-def _opened_text(address, n):
-    at = indices_at(address, (15,))
-    return _Text(
-        bytes_at(at[0], (at[2],)),
-        bytes_at(at[1], (at[2],)),
-        (at[3], at[4], at[5]),
-        indices_at(at[7], (at[6],)),
-        indices_at(at[9], (at[8],)),
-        indices_at(at[11], (at[10],)),
-        indices_at(at[13], (at[12],)),
-        flags_at(at[14], (n,)),
-    )
-
-
-@kernel
-def value_at(address, row):
-    """A row of what :func:`take` has handed out last, see :data:`NO_EFFORT`."""
-    at = indices_at(address, (16,))
-    return vector_at(at[14] + 8 * row * at[0], (at[0],))
-
-
-@kernel
-def times_at(address):
-    """The newest and the oldest of the stamps of what :func:`take` has handed out last [ns]."""
-    return indices_at(indices_at(address, (16,))[15], (2,))
+known_at, _text_at = KNOWN.opened, TEXT.opened
 
 
 @large_kernel
@@ -276,9 +271,10 @@ def take(known, layout, now, mode):
     What makes it so is said in JointStateAssembler.update, where everything else is dealt with, too. Nothing is written
     before it is certain.
     """
-    own, of = _opened_known(known), _opened_text(layout, _opened_known(known).stamps.size)
-    doubles, kept, stamps, draft = own.doubles, own.kept, own.stamps, own.values[DRAFT:]
-    begin, with_efforts = of.fields, of.fields[2] >= 0
+    own, of = known_at(known), _text_at(layout)
+    doubles, joints, followers, stamps = own.doubles, own.joints, own.followers, own.stamp
+    draft_position, draft_velocity, draft_effort = own.draft_position, own.draft_velocity, own.draft_effort
+    needed, with_efforts = of.needed, of.effort >= 0
     nothing = 0, 0
     differs = np.uint8(0)
     for k in range(len(of.data)):
@@ -292,74 +288,67 @@ def take(known, layout, now, mode):
 
     newest = oldest = stamp
     for j in range(len(stamps)):
-        if not own.known[j] or own.unstamped[j] or (of.needed[j] and stamp < stamps[j]):
+        if not own.known[j] or own.without_stamp[j] or (needed[j] and stamp < stamps[j]):
             return nothing
-        draft[0, j], draft[1, j], draft[2, j] = kept[0, j], kept[1, j], kept[2, j]
-        if not of.needed[j]:
+        draft_position[j], draft_velocity[j], draft_effort[j] = own.position[j], own.velocity[j], own.effort[j]
+        if not needed[j]:
             newest, oldest = max(newest, stamps[j]), min(oldest, stamps[j])
 
-    most_effort, tolerance, slack = own.most[0], own.most[1], own.most[2]
-    lower, upper, factor, span = own.limits[0], own.limits[1], own.limits[2], own.limits[3]
-    fastest, strongest, reach, lasting, turns = (
-        own.limits[4],
-        own.limits[5],
-        own.limits[6],
-        own.limits[7],
-        own.limits[8],
-    )
     for k in range(len(of.here)):
         i, j = of.there[k], of.here[k]
-        position, velocity = doubles[begin[0] + i], doubles[begin[1] + i]
-        effort = doubles[begin[2] + i] * factor[j] if with_efforts else np.nan
-        if position < lower[j] or position > upper[j] or abs(velocity) > fastest[j] or _absurd(effort, strongest[j]):
+        rules = joints[j]
+        position, velocity = doubles[of.position + i], doubles[of.velocity + i]
+        effort = doubles[of.effort + i] * rules.factor if with_efforts else np.nan
+        if position < rules.lower or position > rules.upper or abs(velocity) > rules.fastest:
+            return nothing
+        if _absurd(effort, rules.strongest):
             return nothing
         elapsed = (stamp - stamps[j]) * 1e-9
-        if slack > 0.0 and elapsed <= lasting[j]:
-            step, speed = abs(position - kept[0, j]), _faster(velocity, kept[1, j], reach[j])
-            if turns[j] > 0.0:
+        if own.slack > 0.0 and elapsed <= rules.lasting:
+            step, speed = abs(position - own.position[j]), _faster(velocity, own.velocity[j], rules.reach)
+            if rules.turns > 0.0:
                 step = step % (2.0 * np.pi)
                 step = min(step, 2.0 * np.pi - step)
-            if step > speed * max(elapsed, SHORTEST) + slack:  # as Jumps has it
+            if step > speed * max(elapsed, SHORTEST) + own.slack:  # as Jumps has it
                 return nothing
-        draft[0, j], draft[1, j], draft[2, j] = position, velocity, effort
+        draft_position[j], draft_velocity[j], draft_effort[j] = position, velocity, effort
 
     with_effort = True
     for j in range(len(stamps)):
-        if newest - (stamp if of.needed[j] else stamps[j]) > span[j]:
+        if newest - (stamp if needed[j] else stamps[j]) > joints[j].span:
             return nothing
-        if not (np.isfinite(draft[0, j]) and np.isfinite(draft[1, j])):
+        if not (np.isfinite(draft_position[j]) and np.isfinite(draft_velocity[j])):
             return nothing
-        with_effort = with_effort and np.isfinite(draft[2, j])
+        with_effort = with_effort and np.isfinite(draft_effort[j])
 
-    leaders, multiplier, offset = own.leaders, own.coupling[0], own.coupling[1]
-    follower_factor, follower_span = own.coupling[2], own.coupling[3]
     for k in range(len(of.following)):
-        i, f = of.beside[k], of.following[k]
-        j = leaders[f]
-        position = doubles[begin[0] + i]
-        fresh = of.needed[j] or abs(stamps[j] - stamp) <= span[j]
-        apart = abs(position - (multiplier[f] * draft[0, j] + offset[f]))
-        if tolerance and fresh and np.isfinite(position) and apart > tolerance:
+        i, rules = of.beside[k], followers[of.following[k]]
+        j = rules.leader
+        position = doubles[of.position + i]
+        fresh = needed[j] or abs(stamps[j] - stamp) <= joints[j].span
+        apart = abs(position - (rules.multiplier * draft_position[j] + rules.offset))
+        if own.mimic_tolerance and fresh and np.isfinite(position) and apart > own.mimic_tolerance:
             return nothing
-        if with_efforts and _absurd(doubles[begin[2] + i] * follower_factor[f], most_effort):
+        if with_efforts and _absurd(doubles[of.effort + i] * rules.factor, own.most_effort):
             return nothing
 
     for k in range(len(of.here)):
         j = of.here[k]
-        kept[0, j], kept[1, j], kept[2, j], stamps[j] = draft[0, j], draft[1, j], draft[2, j], stamp
+        own.position[j], own.velocity[j], own.effort[j] = draft_position[j], draft_velocity[j], draft_effort[j]
+        stamps[j] = stamp
     for k in range(len(of.following)):
         i, f = of.beside[k], of.following[k]
-        own.follower_effort[f] = doubles[begin[2] + i] * follower_factor[f] if with_efforts else np.nan
-        own.follower_stamps[f] = stamp
-    for row in range(3):
-        for j in range(len(stamps)):
-            own.values[row, j] = draft[row, j]
-    own.times[0], own.times[1] = newest, oldest
+        own.follower_effort[f] = doubles[of.effort + i] * followers[f].factor if with_efforts else np.nan
+        own.follower_stamp[f] = stamp
+    for j in range(len(stamps)):
+        own.state_position[j], own.state_velocity[j] = draft_position[j], draft_velocity[j]
+        own.state_effort[j] = draft_effort[j]
+    own.stamps[0].newest, own.stamps[0].oldest = newest, oldest
     if with_effort:
-        for f in range(len(leaders)):
-            fresh = abs(newest - own.follower_stamps[f]) <= follower_span[f]
+        for f in range(len(followers)):
+            fresh = abs(newest - own.follower_stamp[f]) <= followers[f].span
             effort = own.follower_effort[f] if fresh and np.isfinite(own.follower_effort[f]) else 0.0
-            own.values[2, leaders[f]] += multiplier[f] * effort
+            own.state_effort[followers[f].leader] += followers[f].multiplier * effort
     return WITH_EFFORT if with_effort else WITHOUT_EFFORT, stamp
 
 

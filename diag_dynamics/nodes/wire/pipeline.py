@@ -3,15 +3,29 @@
 import numpy as np
 
 from diag_dynamics import sweeps
-from diag_dynamics.compiled.addresses import Addresses, indices_at, matrix_at, vector_at
 from diag_dynamics.compiled.kernel import COUNT, entry_kernel, ready
-from diag_dynamics.nodes.wire.encoding import link_energy_at, write
-from diag_dynamics.nodes.wire.joint_states import NO_EFFORT, WITH_EFFORT, WITHOUT_EFFORT, take, times_at, value_at
+from diag_dynamics.compiled.tables import Addresses, Table, array
+from diag_dynamics.nodes.wire.encoding import Vectors, Written, sheets_at, write
+from diag_dynamics.nodes.wire.joint_states import WITH_EFFORT, WITHOUT_EFFORT, known_at, take
 from diag_dynamics.nodes.wire.topics import WITH_LINK_ENERGY
 
-_ROBOT, _NV, _LINKS, _LINK_COUNT, _ROWS, _SHEETS, _BITS, _SIZE = 0, 1, 2, 3, 4, 5, 7, 9
-"""Where in the table of a Pipeline are: the robot, its degrees of freedom, its links, how many; the rows of what is
-evaluated; Sheets without efforts, and with; the bits of these; and its size."""
+PIPELINE = Table(
+    "Pipeline",
+    robot=int,  # that of the Workspace
+    links=array(sweeps.LINK),
+    rows=array(float, 2),  # of what is evaluated
+    no_friction=array(float),
+    sheets_without_effort=int,  # addresses of Sheets, and their bits
+    bits_without_effort=int,
+    sheets_with_effort=int,
+    bits_with_effort=int,
+    bit_of_link_energy=int,
+)
+"""What :func:`_serve` has to know of a robot."""
+
+
+_NOTHING = 0, 0.0, 0.0
+"""What is said of a state that is not served."""
 
 
 def compile_pipeline():
@@ -46,7 +60,18 @@ class Pipeline:
         self._workspace = sweeps.Workspace(model.bodies, model.gravity)
         self._evaluated = np.zeros((sweeps.ROWS, model.nv))
         links = np.ascontiguousarray(model.links)
-        self._addresses = Addresses(self._workspace.robot, model.nv, links, len(links), self._evaluated, *[0] * 4)
+        self._addresses = Addresses(
+            PIPELINE,
+            robot=self._workspace.robot,
+            links=links,
+            rows=self._evaluated,
+            no_friction=np.zeros(0),
+            sheets_without_effort=0,
+            bits_without_effort=0,
+            sheets_with_effort=0,
+            bits_with_effort=0,
+            bit_of_link_energy=WITH_LINK_ENERGY,
+        )
         self._found = 0
 
     def serve(self, raw, now, wanted):
@@ -71,7 +96,7 @@ class Pipeline:
         if found is None:
             self._sheets = None  # what comes now may be laid out for the next ones
             return None
-        self._found, _, served, self.newest, self.kinetic_energy, power = found
+        self._found, _, served, (self.newest, self.kinetic_energy, power) = found
         self.effort_power = power if self._found == WITH_EFFORT else None
         if not served:
             self._sheets = None
@@ -79,9 +104,10 @@ class Pipeline:
 
     def _look_for_sheets(self):
         self._sheets = {WITHOUT_EFFORT: self._encoder.sheets(False), WITH_EFFORT: self._encoder.sheets(True)}
-        for found, sheets in self._sheets.items():
-            self._addresses.table[_SHEETS + found - 1] = sheets.addresses.at if sheets else 0
-            self._addresses.table[_BITS + found - 1] = sheets.bits if sheets else 0
+        for found, name in ((WITHOUT_EFFORT, "without_effort"), (WITH_EFFORT, "with_effort")):
+            sheets = self._sheets[found]
+            self._addresses[f"sheets_{name}"] = sheets.addresses.at if sheets else 0
+            self._addresses[f"bits_{name}"] = sheets.bits if sheets else 0
 
     @property
     def state(self):
@@ -100,28 +126,33 @@ class Pipeline:
         return [sheets.encoded(topic) for topic in topics]
 
 
+_pipeline_at = PIPELINE.opened
+
+
 @entry_kernel(*[COUNT] * 6)
 def _serve(known, layout, now, mode, pipeline, wanted):
-    """What was taken in, and its stamp, as of :func:`take`; whether all is written; the state's stamp, K and νᵀ(ε − ε_g)."""
+    """What was taken in, and its stamp, as of :func:`take`; whether all is written; the state's stamp, K and νᵀ(ε − ε_g).
+
+    These are bare tuples: to make a named one takes Python half a microsecond, a seventh of the time for a small robot.
+    """
     found, stamp = take(known, layout, now, mode)
-    at = indices_at(pipeline, (_SIZE,))
-    sheets = at[_SHEETS + found - 1]
-    if found == 0 or wanted & ~at[_BITS + found - 1] != 0:
-        return found, stamp, False, 0, 0.0, 0.0
-    times, position, velocity = times_at(known), value_at(known, 0), value_at(known, 1)
-    effort = value_at(known, 2 if found == WITH_EFFORT else NO_EFFORT)
-    robot, rows = at[_ROBOT], matrix_at(at[_ROWS], (sweeps.ROWS, at[_NV]))
-    if sweeps.evaluate_within(robot, position, velocity, effort, rows) != 0:
-        return found, stamp, False, 0, 0.0, 0.0
-    energy, power = sweeps.energy_and_power_within(rows, at[_NV])
-    told = power if found == WITH_EFFORT else 0.0
-    newest, oldest = times[0], times[1]
+    unserved = found, stamp, False, _NOTHING
+    at, with_effort = _pipeline_at(pipeline), found == WITH_EFFORT
+    sheets = at.sheets_with_effort if with_effort else at.sheets_without_effort
+    if found == 0 or wanted & ~(at.bits_with_effort if with_effort else at.bits_without_effort) != 0:
+        return unserved
+    state = known_at(known)
+    position, velocity = state.state_position, state.state_velocity
+    effort = state.state_effort if with_effort else state.no_effort
+    if sweeps.evaluate_within(at.robot, position, velocity, effort, at.rows) != 0:
+        return unserved
+    energy, power = sweeps.energy_and_power_within(at.rows, len(velocity))
+    stamps = state.stamps[0]
     if wanted:
-        no_friction = vector_at(robot, (0,))
-        write(sheets, wanted, newest, oldest, False, False, energy, told, 0, rows, position, effort, no_friction)
-    if wanted & WITH_LINK_ENERGY:
-        bodies, _, work, _ = sweeps.opened(robot)
-        links = sweeps.links_at(at[_LINKS], (at[_LINK_COUNT],))
-        if not sweeps.energies_of_links(bodies, links, work, velocity, link_energy_at(sheets)):
-            return found, stamp, False, 0, 0.0, 0.0
-    return found, stamp, True, newest, energy, power
+        told = Written(stamps.newest, stamps.oldest, False, False, energy, power if with_effort else 0.0, 0)
+        write(sheets, wanted, told, Vectors(at.rows, position, effort, at.no_friction))
+    if wanted & at.bit_of_link_energy:
+        bodies, _, work, _ = sweeps.opened(at.robot)
+        if not sweeps.energies_of_links(bodies, at.links, work, velocity, sheets_at(sheets).link_energy):
+            return unserved
+    return found, stamp, True, (stamps.newest, energy, power)

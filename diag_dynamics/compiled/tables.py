@@ -1,0 +1,135 @@
+"""Tables of numbers and arrays that a kernel is told of by one number, which costs less than an argument for each."""
+
+from collections import namedtuple
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from diag_dynamics.compiled.arrays import table_at
+from diag_dynamics.compiled.lanes import EIGHT, WIDTH, record_of_lanes
+
+
+class Array(NamedTuple):
+    """Field of a Table: an array. See :func:`array` and :func:`lanes`."""
+
+    dtype: np.dtype
+    """What it holds, in Python."""
+    inner: tuple
+    """Its last dimensions in Python, which make one element of what the kernel has."""
+    kind: numba.types.Type
+    """That element."""
+    ndim: int
+    """Number of its dimensions in the kernel."""
+    last: int | None = None
+    """Extent of the last one of these, where it is the same in all tables."""
+
+
+def array(dtype, ndim=1, last=None):
+    """Field of a Table: a C-contiguous array. Its `last` extent, if known beforehand, is a constant to the compiler."""
+    return Array(np.dtype(dtype), (), numba.from_dtype(np.dtype(dtype)), ndim, last)
+
+
+def lanes(dtype, ndim=1):
+    """Field of a Table: an array that has lanes where one of `dtype` has numbers.
+
+    In Python it is of float64. Its last dimension is that of the lanes; where `dtype` has fields, the last but one is that of
+    an element's numbers.
+    """
+    dtype = np.dtype(dtype)
+    if dtype.fields:
+        return Array(np.dtype(float), (dtype.itemsize // 8, WIDTH), record_of_lanes(dtype, EIGHT), ndim)
+    return Array(np.dtype(float), (WIDTH,), EIGHT, ndim)
+
+
+class Table:
+    """Declaration of a table: what Python writes is what kernels read, by the same names and of the same types.
+
+    Parameters
+    ----------
+    name : str
+        That of no other table: numba tells the types of tables from one another by it.
+    **fields
+        :class:`int`, :class:`float`, or an :class:`Array`.
+
+    Attributes
+    ----------
+    fields : dict
+    dtype : dtype
+        How a table lies in memory: numbers, and of an array its address and its extents.
+    opened : kernel
+        Of the address of a table; gives a named tuple of all numbers and arrays, of which only those that are used are read.
+        A field that is not there ends compilation by a TypingError.
+    """
+
+    def __init__(self, name, /, **fields):
+        self.fields = fields
+        self.dtype = np.dtype(
+            [
+                (field, np.int64, (1 + kind.ndim,)) if isinstance(kind, Array) else (field, np.dtype(kind))
+                for field, kind in fields.items()
+            ]
+        )
+        kinds = [(kind.kind, kind.ndim, kind.last) if isinstance(kind, Array) else None for kind in fields.values()]
+        self.opened = table_at(namedtuple(name, fields), self.dtype, kinds)
+
+    def extended(self, name, /, **more):
+        """Declaration of a table that has further fields behind these: kernels of this one read it, too."""
+        return Table(name, **self.fields, **more)
+
+
+class Addresses:
+    """A table, with the arrays whose addresses are in it: they live as long as this.
+
+    Parameters
+    ----------
+    table : Table
+    **entries : int, float or ndarray
+        One for each of its fields.
+
+    Attributes
+    ----------
+    at : int
+        Address of the table.
+
+    Raises
+    ------
+    TypeError
+        A field is missing or not there, or an array is not what the kernel takes it for.
+    """
+
+    def __init__(self, table, /, **entries):
+        missing = [name for name in table.fields if name not in entries]
+        if missing:
+            raise TypeError(f"nothing is given for {', '.join(missing)}")
+        self._fields, self._memory, self._arrays = table.fields, np.zeros(1, table.dtype), {}
+        self.at = self._memory.ctypes.data
+        for name, entry in entries.items():
+            self[name] = entry
+
+    def __setitem__(self, name, entry):
+        """Have a field be another number, or another array."""
+        if name not in self._fields:
+            raise TypeError(f"there is no field {name}")
+        field = self._fields[name]
+        if isinstance(field, Array):
+            _check(name, field, entry)
+            self._arrays[name] = entry
+            self._memory[name] = entry.ctypes.data, *entry.shape[: field.ndim]
+        elif isinstance(entry, np.ndarray):
+            raise TypeError(f"{name} is a number, not an array")
+        else:
+            self._memory[name] = entry
+
+
+def _check(name, field, entry):
+    """Refuse what a kernel would misread."""
+    if not isinstance(entry, np.ndarray) or entry.dtype != field.dtype:
+        raise TypeError(f"{name} is an array of {field.dtype}, not {getattr(entry, 'dtype', type(entry).__name__)}")
+    inner = entry.shape[field.ndim :]
+    if entry.ndim != field.ndim + len(field.inner) or inner != field.inner:
+        raise TypeError(f"{name} has {field.ndim} dimensions, and then {field.inner}, not the shape {entry.shape}")
+    if field.last not in (None, *entry.shape[field.ndim - 1 : field.ndim]):
+        raise TypeError(f"the last extent of {name} is {field.last}, not that of the shape {entry.shape}")
+    if not entry.flags.c_contiguous:
+        raise TypeError(f"{name} is not C-contiguous")
