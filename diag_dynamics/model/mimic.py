@@ -7,7 +7,7 @@ from heapq import heapify, heappop, heappush, heapreplace
 from typing import Any, NamedTuple, TypeAlias
 
 from diag_dynamics.exceptions import MimicJointError
-from diag_dynamics.model.options import SINGLE
+from diag_dynamics.model.joint_types import SINGLE
 from diag_dynamics.model.urdf import LARGEST
 
 _CURE = "mimic='free' takes every joint as independent."

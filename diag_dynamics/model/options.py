@@ -13,9 +13,7 @@ import numpy as np
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import mapping, not_negative, numbers
 from diag_dynamics.exceptions import InertiaWarning, InputError
-
-SINGLE = ("revolute", "continuous", "prismatic")
-"""Joint types of one degree of freedom."""
+from diag_dynamics.model.joint_types import SINGLE
 
 FRICTION_VELOCITY = 5e-3
 """Rate at which Coulomb friction has three quarters of its full size, by default [rad/s, m/s].

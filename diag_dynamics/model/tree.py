@@ -3,49 +3,19 @@
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.joint_types import JOINT_TYPES, QUATERNION
 from diag_dynamics.model.mimic import coupled_groups
-from diag_dynamics.sweeps import BODY, FLOATING, LINK, PLANAR, PRISMATIC, REVOLUTE
-from diag_dynamics.sweeps.spatial import ANGULAR_X, ANGULAR_Y, ANGULAR_Z, LINEAR_X, LINEAR_Y, LINEAR_Z
-
-_LINEAR = (("v_x", LINEAR_X), ("v_y", LINEAR_Y), ("v_z", LINEAR_Z))
-_ANGULAR = (("w_x", ANGULAR_X), ("w_y", ANGULAR_Y), ("w_z", ANGULAR_Z))
-
-# Of each joint type: its degrees of freedom (suffix of the name, direction) and the suffixes of its coordinates.
-FREEDOMS = {
-    "revolute": (("", ANGULAR_Z),),
-    "continuous": (("", ANGULAR_Z),),
-    "prismatic": (("", LINEAR_Z),),
-    "planar": (*_LINEAR[:2], _ANGULAR[2]),
-    "floating": (*_LINEAR, *_ANGULAR),
-}
-COORDINATES = {
-    "revolute": ("",),
-    "continuous": ("",),
-    "prismatic": ("",),
-    "planar": ("x", "y", "theta"),
-    "floating": ("x", "y", "z", "qx", "qy", "qz", "qw"),
-}
-
-KINDS = {
-    "revolute": REVOLUTE,
-    "continuous": REVOLUTE,
-    "prismatic": PRISMATIC,
-    "planar": PLANAR,
-    "floating": FLOATING,
-}
-"""What sweeps call a joint of each type."""
-
-QUATERNION = ("qx", "qy", "qz", "qw")
-"""Suffixes of coordinates that are together an orientation."""
+from diag_dynamics.sweeps import BODY, LINK
 
 _UPPER = np.triu_indices(3)
 
 
 class Freedom:
-    """Moving joint: its name, its type, and its element of the URDF (None for a floating base)."""
+    """Moving joint: its name, its type by name and as a JointType, its element of the URDF (None for a floating base)."""
 
     def __init__(self, name, kind, joint=None):
         self.name, self.kind, self.joint = name, kind, joint
+        self.type = JOINT_TYPES[kind]
 
     def _named(self, suffixes):
         return tuple(f"{self.name}/{suffix}" if suffix else self.name for suffix in suffixes)
@@ -53,17 +23,17 @@ class Freedom:
     @property
     def dof_names(self):
         """Names of its degrees of freedom."""
-        return self._named(suffix for suffix, _ in FREEDOMS[self.kind])
+        return self._named(suffix for suffix, _ in self.type.freedoms)
 
     @property
     def coordinate_names(self):
         """Names of its position coordinates."""
-        return self._named(COORDINATES[self.kind])
+        return self._named(self.type.coordinates)
 
     @property
     def is_single(self):
         """Whether it has one degree of freedom."""
-        return len(FREEDOMS[self.kind]) == 1
+        return len(self.type.freedoms) == 1
 
     def number(self, element, attribute, default):
         """A number of one of the URDF's child elements, with a default where it is silent."""
@@ -216,12 +186,12 @@ class Tree:
         if freedom.kind != "floating":
             turn[:3, :3] = _frame_about(freedom.joint.axis)
         placement = origin @ turn
-        directions = [direction for _, direction in FREEDOMS[freedom.kind]]
+        directions = [direction for _, direction in freedom.type.freedoms]
         first, follows = len(self._records), freedom.name in self.mimics
         for rank, direction in enumerate(directions):
             body, own = np.zeros((), BODY), len(self._records)
             body["parent"], body["direction"] = parent, direction
-            body["kind"], body["dofs"], body["rank"] = KINDS[freedom.kind], len(directions), rank
+            body["kind"], body["dofs"], body["rank"] = freedom.type.kind, len(directions), rank
             body["q"] = self._coordinates
             body["dof"], body["owner"], body["multiplier"] = self._dofs + rank, own, 1.0
             body["first"], body["last"], body["start"] = first, first + len(directions) - 1, self._dofs
@@ -231,7 +201,7 @@ class Tree:
             self._records.append(body)
         self._body[freedom.name] = parent
         if not follows:
-            self._coordinates += len(COORDINATES[freedom.kind])
+            self._coordinates += len(freedom.type.coordinates)
             self._dofs += len(directions)
             self.joints.append(freedom)
         return parent, turn.T
@@ -252,7 +222,7 @@ class Tree:
         return tuple(
             QUATERNION.index(suffix) if suffix in QUATERNION else -1
             for joint in self.joints
-            for suffix in COORDINATES[joint.kind]
+            for suffix in joint.type.coordinates
         )
 
     def of_type(self, kind):
@@ -262,7 +232,7 @@ class Tree:
     def per_dof(self, element, attribute, default):
         """A number of the URDF for each degree of freedom; those of a joint that has several share it."""
         return np.array(
-            [joint.number(element, attribute, default) for joint in self.joints for _ in FREEDOMS[joint.kind]],
+            [joint.number(element, attribute, default) for joint in self.joints for _ in joint.type.freedoms],
             dtype=float,
         )
 
@@ -283,7 +253,7 @@ class Tree:
             [
                 joint.number("limit", attribute, default) if joint.kind in ("revolute", "prismatic") else default
                 for joint in self.joints
-                for _ in COORDINATES[joint.kind]
+                for _ in joint.type.coordinates
             ],
             dtype=float,
         )

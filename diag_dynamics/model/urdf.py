@@ -14,6 +14,7 @@ import yourdfpy
 from lxml import etree
 
 from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.model.joint_types import JOINT_TYPES
 
 MAX_BYTES = 32 * 1024 * 1024
 """Largest URDF accepted [bytes]; the largest public robot descriptions have some 200 kB."""
@@ -23,8 +24,6 @@ MAX_JOINTS = 2000
 
 LARGEST = 1e30
 """Largest number accepted, of whatever unit: products of a few must not overflow."""
-
-KNOWN_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 # Elements of a link and of a joint that matter to dynamics, each with the attributes that hold numbers.
 _INERTIAL_NUMBERS = {
@@ -217,8 +216,8 @@ def _add_joints(robot, reduced):
     for joint in robot.findall("joint"):
         name = _name(joint, names)
         kind = _plain(joint.get("type"), f"joint '{name}': type")
-        if kind not in KNOWN_TYPES:
-            raise UrdfError(f"joint '{name}': unknown type {_short(kind)}; known are {', '.join(KNOWN_TYPES)}.")
+        if kind not in JOINT_TYPES:
+            raise UrdfError(f"joint '{name}': unknown type {_short(kind)}; known are {', '.join(JOINT_TYPES)}.")
         copy = etree.SubElement(reduced, "joint", name=name, type=kind)
         for end in ("parent", "child"):
             element = joint.find(end)
