@@ -11,11 +11,11 @@ from statistics import median
 from graph import prebuilt
 from graph.session import Session, Subject, private_domain
 
-from diag_dynamics.nodes.monitor.outputs import TOPICS
+from diag_dynamics.nodes.wire.topics import ORDER
 
 ROBOTS = ("double_pendulum", "ur5_robot", "panda", "talos_reduced")
 RATES = (100.0, 1000.0)  # Hz
-LISTENED = {"nothing": (), "`state`": ("state",), "all topics": tuple(TOPICS)}
+LISTENED = {"nothing": (), "`state`": ("state",), "all topics": ORDER}
 WARM_UP = 1.0  # s
 BUSY = 0.9
 """Part of the rate below which a monitor cannot be said to keep up."""

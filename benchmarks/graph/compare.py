@@ -4,7 +4,7 @@ import sys
 from collections import defaultdict
 from typing import NamedTuple
 
-from diag_dynamics.nodes.monitor.outputs import TOPICS
+from diag_dynamics.nodes.wire.topics import ORDER
 from graph.executors import EXECUTORS
 from graph.processes import GraphError
 from graph.session import TIMED, Burst, Session, Subject, private_domain
@@ -16,7 +16,7 @@ FLOOR, MONITORS = "floor", ("template", "rclpy")
 QUEUE = 200
 """Joint states that may wait while the highest rate is looked for: else how long the machine stalls decides, not the node."""
 
-SETS = {"all": tuple(TOPICS), TIMED: (TIMED,)}
+SETS = {"all": ORDER, TIMED: (TIMED,)}
 """What is listened to, by the names that tables have for it."""
 
 

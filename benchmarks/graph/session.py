@@ -10,7 +10,7 @@ import numpy as np
 import psutil
 
 from diag_dynamics.model.example_robots import find_urdf
-from diag_dynamics.nodes.monitor.outputs import TOPICS
+from diag_dynamics.nodes.monitor.outputs import TYPES
 from graph import prebuilt
 from graph.processes import START, GraphError, Process
 
@@ -123,7 +123,7 @@ class Session(contextlib.AbstractContextManager):
 
     def __enter__(self):
         topics = sorted(self._subject.topics, key=lambda topic: topic != TIMED)
-        kinds = [f"{topic}:{TOPICS[topic].__name__}" for topic in topics]
+        kinds = [f"{topic}:{TYPES[topic].__name__}" for topic in topics]
         with contextlib.ExitStack() as processes:
             self._node = processes.enter_context(self._subject.process())
             self._listener = processes.enter_context(Process("graph.listener", *kinds)) if topics else None

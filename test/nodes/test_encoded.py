@@ -13,7 +13,6 @@ from rclpy.serialization import deserialize_message, serialize_message
 import diag_dynamics as dd
 from diag_dynamics.assembly.assembler import RobotState
 from diag_dynamics.control.observer import Disturbance
-from diag_dynamics.nodes.monitor.outputs import TOPICS
 from diag_dynamics.nodes.support.messages import MessageMaker
 from diag_dynamics.nodes.wire import encoding as encoded
 from diag_dynamics.nodes.wire.cdr import Template
@@ -103,7 +102,7 @@ def same(raw, message):
 
 
 @of_every_robot
-@pytest.mark.parametrize("topic", TOPICS)
+@pytest.mark.parametrize("topic", ORDER)
 def test_any_sequence_of_states(name, topic):
     """With efforts or without, estimated or not: nothing of one message is left in another, nor does one change later."""
 
@@ -138,7 +137,7 @@ def test_all_topics_of_one_state(name):
             of_it = arguments(name, moment)
             for topic, raw in zip(ABOUT_STATE, encoder.messages(ABOUT_STATE, *of_it["state"]), strict=True):
                 same(raw, getattr(maker, topic)(*of_it[topic]))
-            for topic in TOPICS:
+            for topic in ORDER:
                 same(encode(encoder, topic, of_it[topic]), getattr(maker, topic)(*of_it[topic]))
 
     check()
@@ -169,7 +168,7 @@ def test_external_torque(name):
 
 
 A_MOMENT = Moment(1, 5 * S, S, False, False, True, True, True)
-SHAPES = dict.fromkeys(TOPICS, (A_MOMENT,)) | {
+SHAPES = dict.fromkeys(ORDER, (A_MOMENT,)) | {
     "working_moments": (A_MOMENT, A_MOMENT._replace(effort=False)),
     "coriolis": (A_MOMENT, A_MOMENT._replace(friction=False)),
     "mass_matrix_factors": (A_MOMENT, A_MOMENT._replace(inverse=False)),
@@ -177,7 +176,7 @@ SHAPES = dict.fromkeys(TOPICS, (A_MOMENT,)) | {
 }
 
 
-@pytest.mark.parametrize("topic", TOPICS)
+@pytest.mark.parametrize("topic", ORDER)
 def test_messages_are_made_once(topic):
     """One of each shape; all others are written over it."""
     maker = MessageMaker(dynamics("panda").model)
@@ -199,7 +198,7 @@ OTHERWISE = {
 
 
 @pytest.mark.parametrize("otherwise", OTHERWISE.values(), ids=OTHERWISE)
-@pytest.mark.parametrize("topic", TOPICS)
+@pytest.mark.parametrize("topic", ORDER)
 def test_where_rclpy_serializes_otherwise(topic, otherwise):
     """The messages themselves are sent, each of them right, and the topic is named; others are not concerned."""
     maker = MessageMaker(dynamics("arm").model)

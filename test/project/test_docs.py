@@ -1,6 +1,7 @@
 """The pages: what is generated is fresh and holds what the code does, links lead somewhere, and lines can be read."""
 
 import importlib.util
+import inspect
 import re
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from test_package import FLOORS
 
 from diag_dynamics.nodes.support.interfaces import IN, INTERFACES, MANAGED, OUT, SERVICE
 from diag_dynamics.nodes.support.names import NODES
+from diag_dynamics.nodes.support.topics import TOPICS
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -137,11 +139,20 @@ def test_interfaces_are_those_of_the_code(node):
 
 
 @pytest.mark.ros
-def test_interfaces_list_what_the_monitor_publishes():
-    from diag_dynamics.nodes.monitor.outputs import BESIDE, TOPICS
+def test_what_the_monitor_publishes_is_complete():
+    """Each topic of the list has a type, a place in --help and the pages, a maker that makes that type, and a rate."""
+    from diag_dynamics.nodes.monitor.outputs import TYPES
+    from diag_dynamics.nodes.support.messages import MessageMaker
+    from diag_dynamics.nodes.wire.topics import ORDER
+    from diag_dynamics.parameters.monitor import RATES
 
     ours = {one.name: one.type for one in INTERFACES["monitor"] if one.kind == OUT and one.name.startswith("~/")}
-    assert ours == {f"~/{name}": kind.__name__ for name, kind in (TOPICS | BESIDE).items()}
+    assert ours == {f"~/{name}": kind.__name__ for name, kind in TYPES.items()}
+    assert set(TYPES) == set(RATES)
+    for name, kind in TYPES.items():
+        assert re.search(rf"\b{kind.__name__}\b", inspect.getsource(getattr(MessageMaker, name)))
+    # In step with matrices last and topics of a condition aside, which publishing relies on.
+    assert tuple(topic.name for topic in TOPICS if not topic.condition) == ORDER
 
 
 OF_EVERY_NODE = {name for name, _ in MANAGED} | {

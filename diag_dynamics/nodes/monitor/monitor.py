@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.nodes.monitor.energy_watch import numerical_health
-from diag_dynamics.nodes.monitor.outputs import BESIDE, TOPICS, Outputs
+from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs
 from diag_dynamics.nodes.monitor.robot import NO_PAYLOAD, MonitoredRobot, Refused, fitted, model_status
 from diag_dynamics.nodes.monitor.services import DynamicsServices
 from diag_dynamics.nodes.monitor.traffic import OVERLOAD, Traffic, foreign_stamps
@@ -43,7 +43,7 @@ faster than they can be evaluated.
 
 
 class MonitorNode(ManagedNode):
-    """See the module; parameters are in :data:`PARAMETERS`, topics in :data:`TOPICS` and :data:`BESIDE`.
+    """See the module; parameters are in :data:`PARAMETERS`, topics in :data:`TYPES`.
 
     A managed node. Configured, it has a robot or waits for one, and its services answer; active, it listens to states and
     publishes. With `autostart` it goes there by itself.
@@ -73,7 +73,7 @@ class MonitorNode(ManagedNode):
     def set_up(self):
         """Make the outputs and services, and load the robot or wait for one."""
         self._outputs = Outputs(self)
-        for topic in TOPICS | BESIDE:
+        for topic in TYPES:
             self._outputs.limit(topic, self._settings.values[f"max_rate.{topic}"])
         self._offered = DynamicsServices(self, self._in_force, self._put_on)
         if self._settings.values["robot_description"]:
@@ -350,7 +350,7 @@ class MonitorNode(ManagedNode):
             self._refused and not self._refused.model and self._loads.loading is None
         ):  # the other settings may make a robot of it
             self._loads.load(self._refused.description, settings)
-        for topic in TOPICS | BESIDE if self._outputs else ():
+        for topic in TYPES if self._outputs else ():
             if f"max_rate.{topic}" in changed:
                 self._outputs.limit(topic, changed[f"max_rate.{topic}"])
 

@@ -4,32 +4,13 @@ import time
 
 from rclpy.qos import QoSProfile
 
-from diag_dynamics.msg import (
-    CoriolisTerm,
-    DiagonalizedState,
-    ExternalTorque,
-    JointSpaceDynamics,
-    KineticEnergy,
-    MassMatrixFactors,
-    TotalJointRates,
-    WorkingMoments,
-)
+from diag_dynamics import msg
 from diag_dynamics.nodes.support.publishing import RateLimit, connected
+from diag_dynamics.nodes.support.topics import TOPICS
 from diag_dynamics.nodes.wire.topics import ABOUT_STATE, BITS, MATRICES, ORDER
 
-BESIDE = {"external_torque": ExternalTorque}
-"""Types of topics that are made only where a parameter asks for them."""
-
-TOPICS = {
-    "total_joint_rates": TotalJointRates,
-    "working_moments": WorkingMoments,
-    "coriolis": CoriolisTerm,
-    "mass_matrix_factors": MassMatrixFactors,
-    "kinetic_energy": KineticEnergy,
-    "joint_space_dynamics": JointSpaceDynamics,
-    "state": DiagonalizedState,
-}
-"""Types of the other topics."""
+TYPES = {topic.name: getattr(msg, topic.type) for topic in TOPICS}
+"""Types of all topics: of those about a state, and of those that are made only where a parameter asks for them."""
 
 SELDOM = 0.01
 """Time for which it is taken for granted that the same people listen [s]."""
@@ -52,7 +33,7 @@ class Outputs:
         self._publishers = {}
         self._handles = {}
         try:
-            for topic, kind in (TOPICS | BESIDE).items():
+            for topic, kind in TYPES.items():
                 self._publishers[topic] = connected(
                     node.create_lifecycle_publisher, kind, f"~/{topic}", QoSProfile(depth=10)
                 )
@@ -61,7 +42,7 @@ class Outputs:
             raise
         # By the handles: what rclpy puts around them takes longer than they do, as it is not in the processor's cache after
         # a millisecond.
-        self._handles = {topic: self._publishers[topic].handle for topic in (*ORDER, *BESIDE)}
+        self._handles = {topic: self._publishers[topic].handle for topic in TYPES}
         self.look()
 
     def look(self):
@@ -114,7 +95,7 @@ class Outputs:
             self._send(topic, matrix(topic))
 
     def publish_beside(self, topic, stamp, make):
-        """Publish one of :data:`BESIDE`, which `make` makes, of a state stamped `stamp` [ns], where somebody listens."""
+        """Publish a topic beside the others where somebody listens: what `make` makes of a state stamped `stamp` [ns]."""
         if not self._publishers[topic].is_activated or not self._handles[topic].get_subscription_count():
             return
         if topic not in self._limits or self._limits[topic].due(stamp):

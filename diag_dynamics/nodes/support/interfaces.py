@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from diag_dynamics.control.modes import MODES
+from diag_dynamics.nodes.support.topics import TOPICS
 
 IN, OUT, SERVICE = "in", "out", "service"
 """Kinds of interfaces: a topic the node subscribes to, a topic it publishes, a service it offers."""
@@ -42,20 +43,7 @@ INTERFACES = {
             "floating_base",
         ),
         CLOCK,
-        Interface(OUT, "~/state", "DiagonalizedState", "one evaluation, whole"),
-        Interface(OUT, "~/kinetic_energy", "KineticEnergy", "K, its split by total rate and by link, its rate"),
-        Interface(OUT, "~/total_joint_rates", "TotalJointRates", "ν, ξ"),
-        Interface(OUT, "~/working_moments", "WorkingMoments", "ε, κ"),
-        Interface(OUT, "~/coriolis", "CoriolisTerm", "C, C_ξ, ε_g"),
-        Interface(OUT, "~/mass_matrix_factors", "MassMatrixFactors", "m, D; ℓ with publish_inverse_factor"),
-        Interface(OUT, "~/joint_space_dynamics", "JointSpaceDynamics", "M, c, g"),
-        Interface(
-            OUT,
-            "~/external_torque",
-            "ExternalTorque",
-            "r, m r, |r| and collision of a disturbance observer",
-            "external_torque.gain",
-        ),
+        *(Interface(OUT, f"~/{topic.name}", topic.type, topic.meaning, topic.condition) for topic in TOPICS),
         Interface(
             OUT,
             "/diagnostics",

@@ -1,16 +1,18 @@
-"""The monitor's topics about a state: their order, and a bit for each."""
+"""The monitor's topics about a state as numbers: a bit for each, where several of them are told of at once.
 
-MATRICES = ("mass_matrix_factors", "joint_space_dynamics")
+The list that these come from is not among what compiled code is made of: kernels are given bits, and have none within.
+"""
+
+from diag_dynamics.nodes.support.topics import TOPICS
+
+MATRICES = tuple(topic.name for topic in TOPICS if topic.matrix)
 """Topics that are not made of the evaluation of a state."""
 
-
-ORDER = ("kinetic_energy", "state", "total_joint_rates", "working_moments", "coriolis", *MATRICES)
-"""What is watched for safety goes out first, matrices last."""
-
+ORDER = (*(topic.name for topic in TOPICS if not topic.matrix and not topic.condition), *MATRICES)
+"""All of them, in the order in which they go out: matrices last."""
 
 BITS = {topic: 1 << k for k, topic in enumerate(ORDER)}
-"""A bit for each topic, where several of them are told of by one number."""
-
+"""A bit for each topic."""
 
 ABOUT_STATE, WITH_LINK_ENERGY = sum(BITS[topic] for topic in ORDER if topic not in MATRICES), BITS["kinetic_energy"]
 """Those of topics that are made of the evaluation of a state; and that of the one that says the energy of each link."""

@@ -1,0 +1,34 @@
+"""The monitor's own topics: the list that publishers, messages as bytes, `--help` and docs/interfaces.md go by. No ROS."""
+
+from typing import NamedTuple
+
+
+class Topic(NamedTuple):
+    """A topic; parameters have its highest rate, and MessageMaker a method of its name."""
+
+    name: str
+    type: str
+    """That of the message, which is one of this package's."""
+    meaning: str
+    matrix: bool = False
+    """Whether it is not made of the evaluation of a state."""
+    condition: str = ""
+    """Parameter without which the topic is not there; it is then made by itself, beside the others."""
+
+
+TOPICS = (
+    Topic("kinetic_energy", "KineticEnergy", "K, its split by total rate and by link, its rate"),
+    Topic("state", "DiagonalizedState", "one evaluation, whole"),
+    Topic("total_joint_rates", "TotalJointRates", "ν, ξ"),
+    Topic("working_moments", "WorkingMoments", "ε, κ"),
+    Topic("coriolis", "CoriolisTerm", "C, C_ξ, ε_g"),
+    Topic("mass_matrix_factors", "MassMatrixFactors", "m, D; ℓ with publish_inverse_factor", matrix=True),
+    Topic("joint_space_dynamics", "JointSpaceDynamics", "M, c, g", matrix=True),
+    Topic(
+        "external_torque",
+        "ExternalTorque",
+        "r, m r, |r| and collision of a disturbance observer",
+        condition="external_torque.gain",
+    ),
+)
+"""In the order in which messages of a state go out: what is watched for safety first, matrices last."""
