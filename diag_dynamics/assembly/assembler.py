@@ -17,7 +17,7 @@ from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.assembly.stamps import SECOND, Stamps, nanoseconds, stamp_of
 from diag_dynamics.assembly.velocities import VelocityEstimator
 from diag_dynamics.entries import by_name
-from diag_dynamics.model.joints import places, single_joints
+from diag_dynamics.model.single_joints import places, single_joints
 
 _NONE = MappingProxyType({})
 

@@ -1,7 +1,7 @@
 """Parameters of the controller, all in one table."""
 
 from diag_dynamics.control.modes import MODES, TRACKING
-from diag_dynamics.parameters.robot import PARAMETERS as ROBOT_PARAMETERS
+from diag_dynamics.parameters.shared import PARAMETERS as SHARED_PARAMETERS
 from diag_dynamics.parameters.spec import Spec
 
 COMPENSATES = "robot_compensates_gravity"
@@ -26,7 +26,7 @@ PARAMETERS = {
     "robot_description": _once("", "URDF, or the path of one. If it is empty, the topic robot_description is used."),
     **{
         name: spec._replace(while_unconfigured=True)
-        for name, spec in ROBOT_PARAMETERS.items()
+        for name, spec in SHARED_PARAMETERS.items()
         if name != "floating_base"
     },
     "command_joints": _once(

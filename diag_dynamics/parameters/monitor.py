@@ -7,8 +7,8 @@ from diag_dynamics.assembly.assembler import Options
 from diag_dynamics.entries import ALL, assignments, by_name
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.options import FRICTION_VELOCITY
-from diag_dynamics.parameters.robot import PARAMETERS as ROBOT_PARAMETERS
-from diag_dynamics.parameters.robot import payloads_of
+from diag_dynamics.parameters.shared import PARAMETERS as SHARED_PARAMETERS
+from diag_dynamics.parameters.shared import payloads_of
 from diag_dynamics.parameters.spec import Spec, wrong
 
 RATES = {
@@ -30,7 +30,7 @@ PARAMETERS = {
         "URDF, or the path of one. If it is empty, the topic robot_description is used, and used again whenever a new "
         "description arrives there.",
     ),
-    **ROBOT_PARAMETERS,
+    **SHARED_PARAMETERS,
     "serialization": Spec(
         "template",
         "How messages are read and written. template: as bytes; of a message like the one before, only the numbers are read "

@@ -1,6 +1,6 @@
 """Parameters of the simulator, all in one table."""
 
-from diag_dynamics.parameters.robot import PARAMETERS as ROBOT_PARAMETERS
+from diag_dynamics.parameters.shared import PARAMETERS as SHARED_PARAMETERS
 from diag_dynamics.parameters.spec import Spec
 
 
@@ -11,8 +11,8 @@ def _once(default, description, **options):
 PARAMETERS = {
     "autostart": Spec(True, "Whether the node configures and activates itself when it starts.", read_only=True),
     "robot_description": _once("", "URDF, or the path of one; required."),
-    **ROBOT_PARAMETERS,
-    "floating_base": ROBOT_PARAMETERS["floating_base"]._replace(
+    **SHARED_PARAMETERS,
+    "floating_base": SHARED_PARAMETERS["floating_base"]._replace(
         description="Whether the root link moves freely; its state goes out on the topic odom."
     ),
     "rate": _once(500.0, "joint_states per second of simulated time [Hz].", minimum=1.0, maximum=10000.0),

@@ -16,13 +16,13 @@ from std_msgs.msg import String
 
 from diag_dynamics import DiagonalDynamics, load_urdf
 from diag_dynamics.compiled.progress import RULE
-from diag_dynamics.nodes.monitor.robot import MonitoredRobot
+from diag_dynamics.nodes.monitor.described import MonitoredRobot
 from diag_dynamics.nodes.support.descriptions import TURN, Descriptions, working
 from diag_dynamics.nodes.support.diagnostics import OK
 from diag_dynamics.nodes.support.loading import MOST_TOLD, compile_dynamics, load_robot
 from diag_dynamics.parameters.monitor import PARAMETERS as MONITOR
 from diag_dynamics.parameters.monitor import Settings
-from diag_dynamics.parameters.robot import PARAMETERS
+from diag_dynamics.parameters.shared import PARAMETERS
 from nodes import LATCHED, PANDA, Monitor, Process, Truth, description, robot
 from robots import description as urdf_of
 from robots import joint, link

@@ -23,11 +23,11 @@ from diag_dynamics.assembly.velocities import LONGEST, PERIODS, VelocityEstimato
 from diag_dynamics.entries import assignments, by_name
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Payload
+from diag_dynamics.nodes.monitor.described import MonitoredRobot
 from diag_dynamics.nodes.monitor.energy_watch import EnergyWatch, numerical_health
-from diag_dynamics.nodes.monitor.robot import MonitoredRobot
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings, Thresholds, share_thresholds
-from diag_dynamics.parameters.robot import payload_entry, payloads_of
+from diag_dynamics.parameters.shared import payload_entry, payloads_of
 from examples import examples
 from nodes import MS, S, joint_state
 from robots import TwoLinkArm, description, joint, link

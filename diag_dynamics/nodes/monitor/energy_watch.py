@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from diag_dynamics.model.joints import places, single_joints
+from diag_dynamics.model.single_joints import places, single_joints
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN, Status
 from diag_dynamics.parameters.monitor import share_thresholds
 

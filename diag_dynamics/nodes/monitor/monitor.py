@@ -13,9 +13,9 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.nodes.monitor.described import NO_PAYLOAD, MonitoredRobot, Refused, fitted, model_status
 from diag_dynamics.nodes.monitor.energy_watch import numerical_health
 from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs
-from diag_dynamics.nodes.monitor.robot import NO_PAYLOAD, MonitoredRobot, Refused, fitted, model_status
 from diag_dynamics.nodes.monitor.services import DynamicsServices
 from diag_dynamics.nodes.monitor.traffic import OVERLOAD, Traffic, foreign_stamps
 from diag_dynamics.nodes.support.clocks import clock_notes, tell_of_time
@@ -32,7 +32,7 @@ from diag_dynamics.nodes.support.runner import main_of
 from diag_dynamics.nodes.support.start import stop
 from diag_dynamics.nodes.support.usage import parser_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
-from diag_dynamics.parameters.robot import payload_entry, payloads_of
+from diag_dynamics.parameters.shared import payload_entry, payloads_of
 
 HEARTBEAT, OVERDUE = 0.1, 1.0
 """Period of the heartbeat, and how long it may be overdue before states are skipped [s].

@@ -18,7 +18,7 @@ from diag_dynamics.assembly.followers import Followers
 from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import Payload, urdf_text
-from diag_dynamics.model.joints import single_joints
+from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.msg import DiagonalizedState, EnergyAudit
 from diag_dynamics.nodes.simulator.outgoing import audit_message, joint_state_message, odometry_message
 from diag_dynamics.nodes.simulator.reports import CommandsReport, pace_status, simulation_status
@@ -34,7 +34,7 @@ from diag_dynamics.nodes.support.publishing import connected
 from diag_dynamics.nodes.support.requests import requested_state
 from diag_dynamics.nodes.support.runner import main_of
 from diag_dynamics.nodes.support.usage import parser_of
-from diag_dynamics.parameters.robot import payloads_of
+from diag_dynamics.parameters.shared import payloads_of
 from diag_dynamics.parameters.simulator import DYNAMIC, PARAMETERS
 from diag_dynamics.simulation.lockstep import PATIENCE, Lockstep
 from diag_dynamics.simulation.pace import Pace

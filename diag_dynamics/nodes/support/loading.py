@@ -6,10 +6,10 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.entries import assignments
 from diag_dynamics.exceptions import UnsupportedError
 from diag_dynamics.model import load_urdf
-from diag_dynamics.model.joints import single_joints
 from diag_dynamics.model.options import FRICTION_VELOCITY, inertias_told
+from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.model.urdf import read_urdf
-from diag_dynamics.parameters.robot import payloads_of
+from diag_dynamics.parameters.shared import payloads_of
 
 MOST_TOLD = 20
 """Links whose inertias are warned of one by one."""
@@ -49,7 +49,7 @@ def load_robot(node, description, values):
     description : str
         URDF or its path.
     values : dict
-        Values of :data:`~parameters.robot.PARAMETERS`; and `friction_velocity`, of a node that has it.
+        Values of :data:`~parameters.shared.PARAMETERS`; and `friction_velocity`, of a node that has it.
 
     Raises
     ------

@@ -6,7 +6,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.base import base_state
-from diag_dynamics.model.joints import single_joints
+from diag_dynamics.model.single_joints import single_joints
 
 MOST_WRENCHES = 1000
 """Wrenches of one request: more would keep the node from its other work."""

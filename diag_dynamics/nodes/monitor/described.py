@@ -19,7 +19,7 @@ from diag_dynamics.nodes.support.messages import MessageMaker
 from diag_dynamics.nodes.wire.encoding import EncodedMessages
 from diag_dynamics.nodes.wire.joint_states import KnownJointStates
 from diag_dynamics.nodes.wire.pipeline import Pipeline, compile_pipeline
-from diag_dynamics.parameters.robot import payloads_of
+from diag_dynamics.parameters.shared import payloads_of
 
 NO_PAYLOAD = Payload(0.0)
 """What takes a payload off."""
