@@ -11,6 +11,8 @@ __version__ = "0.1.0"
 
 # Loaded when first asked for: who imports only a message shall not wait for a compiler and a URDF library.
 _HOME = {
+    "load_mjcf": "model",
+    "load_robot": "model",
     "load_urdf": "model",
     "Mimic": "model",
     "Payload": "model",
@@ -65,6 +67,8 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.model import Mimic as Mimic
     from diag_dynamics.model import Payload as Payload
     from diag_dynamics.model import RobotModel as RobotModel
+    from diag_dynamics.model import load_mjcf as load_mjcf
+    from diag_dynamics.model import load_robot as load_robot
     from diag_dynamics.model import load_urdf as load_urdf
     from diag_dynamics.results import BatchEvaluation as BatchEvaluation
     from diag_dynamics.results import Evaluation as Evaluation

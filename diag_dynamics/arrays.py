@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -14,14 +14,35 @@ Array: TypeAlias = npt.NDArray[np.float64]
 Numbers: TypeAlias = npt.NDArray[np.floating[Any]] | npt.NDArray[np.integer[Any]]
 """An array of numbers, of any shape."""
 
-VectorLike: TypeAlias = Numbers | Sequence[float] | Sequence[np.floating[Any]]
-"""One number for each of something. Text, which NumPy's own ArrayLike has among it, is none."""
 
-MatrixLike: TypeAlias = Numbers | Sequence[VectorLike]
+class Labelled(Protocol):
+    """A Series or DataFrame of pandas, which need not be installed."""
+
+    @property
+    def index(self) -> Any:
+        """Its labels."""
+
+    def to_numpy(self) -> Any:
+        """Its numbers."""
+
+
+PointLike: TypeAlias = Numbers | Sequence[float] | Sequence[np.floating[Any]]
+"""Some numbers. Text, which NumPy's own ArrayLike has among it, is none."""
+
+VectorLike: TypeAlias = PointLike | Mapping[str, float] | Labelled
+"""One number for each of something, or by its name."""
+
+RowsLike: TypeAlias = Numbers | Sequence[VectorLike]
 """Rows of numbers."""
+
+MatrixLike: TypeAlias = RowsLike | Mapping[str, Any] | Labelled
+"""Rows of numbers, or columns by name."""
 
 Wrenches: TypeAlias = Mapping[str, VectorLike]
 """Six numbers, force [N] then moment [N m], by link name."""
+
+ManyWrenches: TypeAlias = Mapping[str, VectorLike | MatrixLike]
+"""The same for all of many states, or a row for each."""
 
 Frame: TypeAlias = Literal["link", "world"]
 """Whose axes a wrench is in."""

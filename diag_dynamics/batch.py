@@ -5,13 +5,14 @@ from __future__ import annotations
 import functools
 import itertools
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 
 import numpy as np
 
 from diag_dynamics import sweeps
 from diag_dynamics.arrays import Array, MatrixLike
+from diag_dynamics.checks import has_names, in_order
 from diag_dynamics.compiled.lanes import WIDTH
 from diag_dynamics.exceptions import InputError
 
@@ -35,6 +36,9 @@ def states(name: str, value: MatrixLike, names: Sequence[str], length: int | Non
     InputError
         It is not an array of numbers of shape (T, len(names)), T being `length` where that is given.
     """
+    value = in_order(name, value, names)
+    if isinstance(value, (list, tuple)) and any(has_names(row) or isinstance(row, Mapping) for row in value):
+        value = [in_order(f"{name}[{t}]", row, names) for t, row in enumerate(value)]
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -81,13 +85,39 @@ def evaluate(workspaces, Q, QD, TAU, memory, threads):
     range
         States one of which fails; empty if none does.
     """
-    count = len(Q)
+
+    def sweep(robot, first, last):
+        return sweeps.evaluate_many(robot, Q, QD, TAU, first, last, *memory)
+
+    return in_pieces(workspaces, len(Q), sweep, threads, WIDTH)
+
+
+def in_pieces(workspaces, count, sweep, threads, width=1):
+    """Have threads sweep over pieces of many states.
+
+    Parameters
+    ----------
+    workspaces : Workspaces
+    count : int
+        Number of states.
+    sweep : callable
+        Called with a robot, the first and the end of the states of a piece; returns the end of what it has done. The
+        interpreter's lock is not held meanwhile, if it calls what lets it go.
+    threads : int
+    width : int
+        States that it does, or fails to do, together.
+
+    Returns
+    -------
+    range
+        States one of which fails; empty if none does.
+    """
 
     def piece(first, last):
         own = workspaces.take()
-        done = sweeps.evaluate_many(own.robot, Q, QD, TAU, first, last, *memory)
+        done = sweep(own.robot, first, last)
         workspaces.give_back(own)
-        return range(done, min(done + WIDTH, last))
+        return range(done, min(done + width, last))
 
     def work():
         """Evaluate pieces, the first before the later ones, until none is left or one fails; returns states that do."""

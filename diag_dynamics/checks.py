@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from difflib import get_close_matches
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,7 +19,12 @@ _Kind = TypeVar("_Kind")
 
 
 def array_of(value: object) -> Array | None:
-    """A value as a new float64 array; None if it is not of numbers, as texts, truth values and ragged lists are not."""
+    """A value as a new float64 array; None if it is not of numbers, as texts, truth values and ragged lists are not.
+
+    What has names is none either: taken by position, a reordered Series would be other joints' numbers. See :func:`in_order`.
+    """
+    if has_names(value):
+        return None
     try:
         array = np.array(value)
     except (TypeError, ValueError):
@@ -157,15 +164,72 @@ def numbers(name: str, value: object, shape: tuple[int, ...], expected: str, mos
     return array
 
 
+def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
+    """A dict, a pandas Series or the columns of a DataFrame by name, in the order of the names; anything else as it is.
+
+    A Series without names, numbered from 0, is taken by position.
+
+    Raises
+    ------
+    InputError
+        A name is not known, or missing; or entries of a masked array are masked.
+    """
+    if isinstance(value, Mapping):
+        given = dict(value)
+    elif has_names(value):
+        labels = value.columns if is_pandas(value, "DataFrame") else value.index
+        if labels.has_duplicates:
+            raise InputError(f"{name} has a name twice: {', '.join(map(str, labels[labels.duplicated()]))}.")
+        given = dict(value.items())
+    elif isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        raise InputError(
+            f"{name} has {int(np.ma.count_masked(value))} masked entries: there is nothing to compute with."
+        )
+    else:
+        return value
+    for one in given:
+        if one not in names:
+            near = get_close_matches(str(one), names, n=1)
+            meant = f"; is '{near[0]}' meant?" if near else f"; they are {listed(names)}."
+            raise InputError(f"{name} has {one!r}, which is none of this robot's names{meant}")
+    missing = [one for one in names if one not in given]
+    if missing:
+        raise InputError(f"{name} has nothing for {listed(missing)}.")
+    columns = [np.asarray(given[one]) for one in names]
+    if len({column.shape for column in columns}) > 1:
+        raise InputError(f"{name} has not as many entries of '{names[0]}' as of all others.")
+    return np.stack(columns, axis=-1) if columns else np.empty(0)
+
+
+def has_names(value: Any) -> bool:
+    """Whether a value is a Series or DataFrame of pandas with names, not numbered from 0."""
+    if is_pandas(value, "Series"):
+        return not is_pandas(value.index, "RangeIndex")
+    return is_pandas(value, "DataFrame") and not is_pandas(value.columns, "RangeIndex")
+
+
+def is_pandas(value: Any, kind: str) -> bool:
+    """Whether a value is of a class of pandas, which need not be installed."""
+    pandas = sys.modules.get("pandas")
+    return pandas is not None and isinstance(value, getattr(pandas, kind))
+
+
+def listed(names: Sequence[str], most: int = 12) -> str:
+    """Names in a row, the first of them if there are many."""
+    return ", ".join(names[:most]) + (", …" if len(names) > most else "")
+
+
 def vector(name: str, value: object, names: Sequence[str]) -> Array:
     """A finite number for each degree of freedom, as a new array; the first wrong one is named by its joint.
+
+    They may also be a dict or a pandas Series by name.
 
     Raises
     ------
     InputError
         They are not as many as names, or one is not finite.
     """
-    array = array_of(value)
+    array = array_of(in_order(name, value, names))
     if array is None or array.shape != (len(names),):
         raise InputError(f"{name} is {value!r}, expected {len(names)} finite numbers, one for each degree of freedom.")
     if not np.isfinite(array).all():
@@ -183,6 +247,8 @@ def per_name(
 ) -> Array:
     """One number for all of the names, or one for each, as a new read-only vector; the first wrong one is named.
 
+    They may also be a dict or a pandas Series by name.
+
     Parameters
     ----------
     expected : str
@@ -195,7 +261,7 @@ def per_name(
     InputError
         Neither, or a number that will not do.
     """
-    array, n = array_of(value), len(names)
+    array, n = array_of(in_order(name, value, names)), len(names)
     if array is None or array.shape not in ((), (n,)):
         raise InputError(f"{name} is {value!r}, expected {expected}, or {n} such: one for each of {', '.join(names)}.")
     array = np.array(np.broadcast_to(array, (n,)))

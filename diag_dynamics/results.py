@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 
@@ -36,6 +37,9 @@ NAMES = (
     "effort_power",
 )
 """What `to_dict` holds and `repr` shows, in this order."""
+
+PER_DOF = (*NAMES[: NAMES.index("kinetic_energy")], "energy_share")
+"""Those of them that have an entry for each degree of freedom."""
 
 # Rows of the arrays below. These are global names: looking them up in the module takes twice as long as reading a row.
 _NU, _XI, _EPSILON, _KAPPA = sweeps.NU, sweeps.XI, sweeps.EPSILON, sweeps.KAPPA
@@ -105,6 +109,18 @@ class Evaluation:
             As :attr:`link_energy`.
         """
         return {name: getattr(self, name) for name in NAMES}
+
+    def to_frame(self) -> Any:
+        """Quantities of each degree of freedom as a pandas DataFrame: a row for each, by its name.
+
+        Raises
+        ------
+        InputError
+            pandas is not installed.
+        """
+        values = {name: getattr(self, name) for name in PER_DOF}
+        columns = {name: value for name, value in values.items() if value is not None}
+        return _pandas().DataFrame(columns, index=list(self._model.dof_names))
 
     @property
     def rows(self) -> Array:
@@ -254,8 +270,9 @@ class Evaluation:
 class BatchEvaluation(Evaluation):
     """What :class:`Evaluation` holds, of T states at once: every attribute has a leading axis of length T.
 
-    Numbers such as kinetic_energy are arrays of shape (T,). There are no wrenches. `energy_share` is computed when it is
-    asked for, too. What :meth:`DiagonalDynamics.new_batch` gave holds the last batch that was evaluated into it.
+    Numbers such as kinetic_energy are arrays of shape (T,). `energy_share` is computed when it is asked for, too.
+    A batch is a sequence: an index gives the Evaluation of one state, a slice a batch. What
+    :meth:`DiagonalDynamics.new_batch` gave holds the last batch that was evaluated into it.
     """
 
     __slots__ = ("_numbers", "_positions", "_rates")
@@ -269,14 +286,16 @@ class BatchEvaluation(Evaluation):
         model: RobotModel,
         memory: BatchMemory,
         with_tau: bool,
+        external: Array | None = None,
         friction: Array | None = None,
         *,
         keep: bool = False,
     ) -> None:
         """Take memory that a sweep has filled, or will fill again if it is kept."""
-        if friction is not None:
-            _sealed(friction)  # one that was unpickled is not read-only
-        self._model, self._with_tau, self._external, self._friction = model, with_tau, None, friction
+        for term in (external, friction):
+            if term is not None:
+                _sealed(term)
+        self._model, self._with_tau, self._external, self._friction = model, with_tau, external, friction
         if keep:
             self._memory = memory
         self._state, self._numbers, self._positions, self._rates = (_sealed(part.view()) for part in memory)
@@ -284,10 +303,58 @@ class BatchEvaluation(Evaluation):
 
     def __reduce__(self) -> tuple[Any, ...]:
         memory = BatchMemory(*(x.copy() for x in (self._state, self._numbers, self._positions, self._rates)))
-        return type(self), (self._model, memory, self._with_tau, self._friction)
+        return type(self), (self._model, memory, self._with_tau, self._external, self._friction)
 
     def __len__(self) -> int:
         return len(self._positions)
+
+    def __iter__(self) -> Iterator[Evaluation]:
+        return (self[t] for t in range(len(self)))
+
+    @overload
+    def __getitem__(self, t: int) -> Evaluation: ...
+    @overload
+    def __getitem__(self, t: slice) -> BatchEvaluation: ...
+    def __getitem__(self, t: int | slice) -> Evaluation | BatchEvaluation:
+        if isinstance(t, slice):
+            parts = self._state[:, t], self._numbers[:, t], self._positions[t], self._rates[t]
+            memory = BatchMemory(*(np.array(part, order="C") for part in parts))  # what is an `out` is written again
+            external, friction = (None if x is None else x[t].copy() for x in (self._external, self._friction))
+            return BatchEvaluation(self._model, memory, self._with_tau, external, friction)
+        if not isinstance(t, (int, np.integer)):
+            raise InputError(f"{t!r} is no index of a batch, expected a whole number or a slice.")
+        if not -len(self) <= t < len(self):
+            raise IndexError(f"state {t} of a batch of {len(self)}")
+        nv, nq = self._model.nv, self._model.nq
+        state = np.empty((sweeps.ROWS, max(nq, 1)))
+        state[: sweeps.RESULTS, :nv] = self._state[:, t]
+        state[_ENERGY_SHARE, :nv] = 0.5 * self.nu[t] * self.nu[t]
+        state[_KINETIC_ENERGY, 0], state[_EFFORT_POWER, 0] = self._numbers[:, t]
+        state[sweeps.POSITIONS, :nq], state[sweeps.RATES, :nv] = self._positions[t], self._rates[t]
+        external, friction = (None if x is None else x[t] for x in (self._external, self._friction))
+        return Evaluation(self._model, _sealed(state), state[:, :nv], self._with_tau, external, friction)
+
+    def to_frame(self) -> Any:
+        """Everything as a pandas DataFrame: a row for each state, columns by quantity and by degree of freedom or link.
+
+        Raises
+        ------
+        InputError
+            pandas is not installed.
+        """
+        columns = {}
+        for name in NAMES:
+            value = getattr(self, name)
+            if value is None:
+                continue
+            if value.ndim == 1:
+                columns[name, ""] = value
+                continue
+            of = self._model.link_names if name == "link_energy" else self._model.dof_names
+            columns |= {(name, one): value[:, k] for k, one in enumerate(of)}
+        frame = _pandas().DataFrame(columns)
+        frame.columns.names = ["quantity", "of"]
+        return frame
 
     @property
     def rows(self) -> Array:
@@ -419,6 +486,13 @@ def reused_evaluation(model: RobotModel, shape: tuple[int, int]) -> Evaluation:
     result = Evaluation(model, state, tuple(state[:, : model.nv]), False)
     result._memory = memory
     return result
+
+
+def _pandas() -> Any:
+    try:
+        return import_module("pandas")
+    except ImportError as error:
+        raise InputError("to_frame needs pandas: pip install pandas.") from error
 
 
 def _sealed(array: Array) -> Array:

@@ -14,7 +14,7 @@ PATIENCE = 2.0
 EVERY = 5.0
 """Least time [s] between two lines."""
 
-RULE = "for this machine and Python: it is kept for the next time, and all of it takes up to a minute as a rule"
+RULE = "for this machine and Python, once: all of it takes half a minute as a rule (ahead: diag-dynamics compile)"
 
 _entries = []
 _steps = threading.local()  # of each thread: how far it is
@@ -44,7 +44,7 @@ class _Teller:
         self.say, self._last = on_stderr, None
 
     def line(self, what, start):
-        """Say what is compiled, and since when; or how long it is too early for that [s]."""
+        """Say what is compiled, and since when; or return for how long [s] nothing may be said yet."""
         with _lock:
             now, first = time.perf_counter(), self._last is None
             if not first and now - self._last < EVERY:

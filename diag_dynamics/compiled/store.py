@@ -15,7 +15,7 @@ logger = logging.getLogger(__name__)
 FORMAT = 2
 """Of the files: a part of their names, so that files of another format, of a version before or after, are not looked at.
 
-It goes up with every change of :class:`_Files`. A name that stays would have them told of as damaged.
+It goes up with every change of :class:`_Files`. Without it, files of the older format would be called damaged.
 """
 
 

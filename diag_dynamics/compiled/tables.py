@@ -1,6 +1,7 @@
 """Tables of numbers and arrays that a kernel is told of by one number, which costs less than an argument for each."""
 
 from collections import namedtuple
+from numbers import Integral
 from typing import NamedTuple
 
 import numba
@@ -118,6 +119,8 @@ class Addresses:
             self._memory[name] = entry.ctypes.data, *entry.shape[: field.ndim]
         elif isinstance(entry, np.ndarray):
             raise TypeError(f"{name} is a number, not an array")
+        elif field is int and not isinstance(entry, Integral):
+            raise TypeError(f"{name} is a whole number, not {entry!r}")
         else:
             self._memory[name] = entry
 

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple, cast
 import numpy as np
 
 from diag_dynamics.arrays import Array, VectorLike
-from diag_dynamics.checks import choice, instance, number, per_name, positive
+from diag_dynamics.checks import choice, in_order, instance, number, per_name, positive
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 
@@ -67,7 +67,7 @@ class DisturbanceObserver:
     gain : float or array_like, shape (nv,)
         K_O [1/s], one for all components or one for each.
     threshold : float
-        |r| above which `collision` is set [J^½/s]; inf for never.
+        |r| above which `collision` is set [J^½/s]; by default never.
     release : float, optional
         |r| below which it is taken back [J^½/s], by default half of the threshold.
     effort : {"sampled", "held"}
@@ -89,7 +89,7 @@ class DisturbanceObserver:
         self,
         dynamics: DiagonalDynamics,
         gain: VectorLike | float,
-        threshold: float,
+        threshold: float = math.inf,
         release: float | None = None,
         *,
         effort: Literal["sampled", "held"] = "sampled",
@@ -161,14 +161,17 @@ class DisturbanceObserver:
         time = number("time", time, "a finite number [s]")
         if tau is None:
             return Disturbance(False, "no effort of any joint")
-        if missing := self._missing(tau):
+        q = in_order("q", q, self._dynamics.model.coordinate_names)
+        qd = in_order("qd", qd, self._names)
+        effort: VectorLike = in_order("tau", tau, self._names)
+        if missing := self._missing(effort):
             return Disturbance(False, f"no effort of {missing}")
         before = self._sample
         interval = 0.0 if before is None else time - before.time
         if before and interval == 0.0:
             return self._last
         dynamics = self._dynamics
-        s = dynamics.evaluate(q, qd, tau, friction=self._friction)
+        s = dynamics.evaluate(q, qd, effort, friction=self._friction)
         resisting, applied = s.coriolis + s.gravity, cast(Array, s.epsilon)  # there are efforts
         if s.friction is not None:
             resisting += s.friction
@@ -183,7 +186,7 @@ class DisturbanceObserver:
             self.reset()
             self._last = Disturbance(False, reason)
         else:
-            epsilon = dynamics.epsilon_from_tau(before.q, tau) if self._held else before.epsilon
+            epsilon = dynamics.epsilon_from_tau(before.q, effort) if self._held else before.epsilon
             mean = 0.5 * (epsilon + applied - before.resisting - resisting)
             external = (s.nu - before.nu) / interval - mean
             self._residual = self._residual - np.expm1(-self.gain * interval) * (external - self._residual)
@@ -204,7 +207,7 @@ class DisturbanceObserver:
     def _missing(self, tau: VectorLike) -> str:
         """Names of the degrees of freedom whose effort is not known."""
         try:
-            unknown = np.isnan(tau)
+            unknown = np.isnan(np.asarray(tau))
         except TypeError:
             return ""  # no vector of numbers: evaluate says so
         if np.shape(unknown) != (len(self._names),) or not unknown.any():

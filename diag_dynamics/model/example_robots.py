@@ -42,7 +42,9 @@ def find_urdf(robot):
         return path.resolve()
     urdfs = example_urdfs()
     name = robot.removesuffix(".urdf")
-    exact = [path for key, path in urdfs.items() if name in (key, key.rsplit("/", 1)[-1])]
+    stems = {key: key.rsplit("/", 1)[-1] for key in urdfs}
+    exact = [urdfs[key] for key, stem in stems.items() if name in (key, stem)]
+    exact = exact or [urdfs[key] for key, stem in stems.items() if stem == f"{name}_robot"]  # ur5 is in ur5_robot.urdf
     part = {key: path for key, path in urdfs.items() if name.lower() in key.lower()}
     if len(exact) == 1:
         return exact[0]
@@ -61,9 +63,5 @@ def find_urdf(robot):
     meant = f"; did you mean {' or '.join(near)}?" if near else "."
     raise InputError(
         f"robot '{robot}' is neither a file nor one of the {len(urdfs)} example robots{meant} "
-        "All of them: python3 -m diag_dynamics.model.example_robots"
+        "All of them: diag-dynamics robots"
     )
-
-
-if __name__ == "__main__":
-    print("\n".join(example_urdfs()))

@@ -6,8 +6,9 @@ import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import IO, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ import numpy.typing as npt
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import choice, whole
 from diag_dynamics.exceptions import InputError, MimicJointError, UrdfError
+from diag_dynamics.model.configurations import difference, integrated, random_positions
 from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, refuse_massless
 from diag_dynamics.model.mimic import Mimic, resolve_mimics
 from diag_dynamics.model.options import (
@@ -30,6 +32,8 @@ from diag_dynamics.model.options import (
 )
 from diag_dynamics.model.tree import Tree
 from diag_dynamics.model.urdf import MAX_JOINTS, read_urdf
+from diag_dynamics.model.xacro_files import expanded
+from diag_dynamics.sweeps import Workspace
 
 MAX_COUPLED = 200
 """Largest number of bodies in a coupled group, by default."""
@@ -160,6 +164,48 @@ class RobotModel:
         """Positions of zero, floating joints at the identity; shape (nq,)."""
         return np.array([1.0 if orientation == 3 else 0.0 for orientation in self.orientations])
 
+    def random(self, rng: np.random.Generator | int | None = None) -> Array:
+        """Return random positions, shape (nq,): evenly within the limits, orientations evenly of all.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator or int, optional
+            Where chance comes from, or its seed. Where there are no limits, angles are within a turn and positions within a
+            metre of zero.
+        """
+        return random_positions(self, rng)
+
+    def integrate(self, q: VectorLike, v: VectorLike) -> Array:
+        """Return the positions reached from q along v, shape (nq,): v [rad, m], shape (nv,), is a rate times a time.
+
+        q + v of joints of one degree of freedom; of a planar or floating joint, v is a twist in its own axes that is held
+        for a unit of time, as in Pinocchio.
+
+        Raises
+        ------
+        InputError
+            A vector has the wrong shape, is not finite, or is no orientation.
+        """
+        return integrated(self, q, v)
+
+    def difference(self, q0: VectorLike, q1: VectorLike) -> Array:
+        """Return v, shape (nv,), with ``integrate(q0, v)`` at q1: [rad, m].
+
+        Of a planar and a floating joint, and of a continuous one that no other joint follows, it is the shorter way round,
+        so that it may arrive a whole number of turns from q1, and a quaternion at −1 times it.
+
+        Raises
+        ------
+        InputError
+            As :meth:`integrate`.
+        """
+        return difference(self, q0, q1)
+
+    @cached_property
+    def workspace(self) -> Workspace:
+        """The robot as sweeps take it; shared, so that only what needs no memory of its own may work with it."""
+        return Workspace(self.bodies, self.gravity)
+
     def with_gravity(self, gravity: VectorLike) -> RobotModel:
         """Return this model with another acceleration of gravity [m/s²], shape (3,); everything else is shared.
 
@@ -264,7 +310,7 @@ class RobotModel:
 
 
 def load_urdf(
-    source: str | bytes | os.PathLike[str],
+    source: str | bytes | os.PathLike[str] | IO[Any],
     floating_base: bool = False,
     gravity: VectorLike = (0.0, 0.0, -9.81),
     mimic: Literal["embed", "free", "lock"] = "embed",
@@ -275,13 +321,15 @@ def load_urdf(
     max_joints: int = MAX_JOINTS,
     max_coupled: int = MAX_COUPLED,
     friction_velocity: float = FRICTION_VELOCITY,
+    xacro_args: Mapping[str, Any] | None = None,
 ) -> RobotModel:
     """Build a model from a URDF; meshes are neither needed nor looked for.
 
     Parameters
     ----------
-    source : str, bytes or os.PathLike
-        Path of a URDF file, or XML text.
+    source : str, bytes, os.PathLike or file
+        Path of a URDF file, an open one, or XML text. A file whose name ends with .xacro is expanded by the package `xacro`,
+        if that is installed.
     floating_base : bool
         Whether the root link moves freely.
     gravity : array_like, shape (3,)
@@ -309,6 +357,8 @@ def load_urdf(
         :attr:`RobotModel.coupled_groups`. Every evaluation takes time as the cube of that number.
     friction_velocity : float
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s], see :meth:`DiagonalDynamics.friction_torque`; 0 for f sign(q̇).
+    xacro_args : dict
+        Arguments of a xacro file, by name.
 
     Numbers of `locked_joints`, `armature` and `payloads` are within ±1e9, those of the URDF within ±1e30.
 
@@ -319,7 +369,7 @@ def load_urdf(
     Raises
     ------
     UrdfError
-        The URDF is malformed, not a tree, or has more joints than `max_joints`.
+        The URDF is malformed, not a tree, or has more joints than `max_joints`; or a xacro file cannot be expanded.
     MimicJointError
         Mimic joints follow themselves, a joint that does not exist, or one of several degrees of freedom; or a coupled
         group is larger than `max_coupled`.
@@ -336,6 +386,7 @@ def load_urdf(
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))
     vector = gravity_vector(gravity)
+    source = expanded(source, xacro_args)
     robot, root = read_urdf(source, whole("max_joints", max_joints))
     warn_of_inertias(robot)
     options = Options(

@@ -5,16 +5,25 @@ Only what dynamics needs is handed on to yourdfpy: a broken visual or an unknown
 """
 
 import io
+import logging
 import math
 import os
 import re
 from pathlib import Path
 
-import yourdfpy
 from lxml import etree
 
 from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.model import plain_reader
 from diag_dynamics.model.joint_types import JOINT_TYPES
+
+try:
+    import yourdfpy
+except ImportError:
+    yourdfpy = None
+except Exception as error:  # of a library for meshes that does not go with this NumPy, say
+    logging.getLogger(__name__).warning("yourdfpy cannot be imported, its work is done without it: %r", error)
+    yourdfpy = None
 
 MAX_BYTES = 32 * 1024 * 1024
 """Largest URDF accepted [bytes]; the largest public robot descriptions have some 200 kB."""
@@ -53,8 +62,8 @@ def read_urdf(source, max_joints=MAX_JOINTS):
 
     Returns
     -------
-    yourdfpy.Robot
-        Links and joints, without geometry. Every joint's parent and child exist.
+    yourdfpy.Robot or plain_reader.Robot
+        Links and joints, without geometry. Every joint's parent and child exist. The latter where yourdfpy is not installed.
     str
         Name of the root link.
 
@@ -69,6 +78,8 @@ def read_urdf(source, max_joints=MAX_JOINTS):
     _add_links(robot, reduced)
     _add_joints(robot, reduced)
     root = _root_link(reduced)
+    if yourdfpy is None:
+        return plain_reader.read(reduced), root
     stream = io.BytesIO(etree.tostring(reduced))
     urdf = yourdfpy.URDF.load(stream, build_scene_graph=False, load_meshes=False)
     return urdf.robot, root
@@ -92,6 +103,9 @@ def urdf_text(source):
         text = _decoded(bytes(source))
     elif isinstance(source, (str, os.PathLike)):
         text = _decoded(_file(Path(os.path.expanduser(source))))
+    elif hasattr(source, "read"):
+        read = source.read(MAX_BYTES + 1)
+        text = read if isinstance(read, str) else _decoded(bytes(read))
     else:
         raise UrdfError(f"A URDF is a path or XML text, not a {type(source).__name__}.")
     if len(text) > MAX_BYTES:
@@ -106,12 +120,12 @@ def urdf_text(source):
 
 def _file(path):
     try:
-        if path.exists() and not path.is_file():
-            raise UrdfError(f"Cannot read the URDF file '{path}': it is no file.")
-        with path.open("rb") as file:
-            return file.read(MAX_BYTES + 1)
+        if not path.exists() or path.is_file():
+            with path.open("rb") as file:
+                return file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         raise UrdfError(f"Cannot read the URDF file '{path}': {getattr(error, 'strerror', None) or error}.") from error
+    raise UrdfError(f"Cannot read the URDF file '{path}': it is no file.")
 
 
 def _decoded(data):
@@ -173,7 +187,8 @@ def _check_xacro(robot):
     for element in robot.iter(etree.Element):
         if element.tag.startswith("xacro:") or ("xacro" in element.tag.partition("}")[0] and "}" in element.tag):
             raise UrdfError(
-                f"The URDF contains <xacro:{_tag(element)}>: it is unexpanded xacro. Run xacro on it first."
+                f"The URDF contains <xacro:{_tag(element)}>: it is unexpanded xacro. Run xacro on it first. "
+                "A file whose path ends with .xacro is expanded."
             )
 
 

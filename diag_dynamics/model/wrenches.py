@@ -3,7 +3,7 @@
 import numpy as np
 
 from diag_dynamics import sweeps
-from diag_dynamics.checks import choice, mapping, numbers
+from diag_dynamics.checks import array_of, choice, mapping, numbers
 from diag_dynamics.exceptions import InputError
 
 
@@ -31,6 +31,34 @@ def wrenches_on_links(model, f_ext, frame):
         wrench = numbers(f"f_ext on link '{name}'", wrench, (6,), "six finite numbers, force [N] then moment [N m]")
         records[k] = wrenches_at(model, name, wrench[None], (0.0, 0.0, 0.0), frame)[0]
     return records
+
+
+def wrenches_on_links_of_many(model, f_ext, frame, count):
+    """Records of external wrenches at many states, those of each state next to each other; see :func:`wrenches_on_links`.
+
+    Parameters
+    ----------
+    f_ext : dict
+        By link name, six numbers for all states, or an array of shape (count, 6).
+
+    Raises
+    ------
+    InputError
+        As there.
+    """
+    choice("frame", frame, ("link", "world"))
+    mapping("f_ext", f_ext)
+    records = np.zeros((count, len(f_ext)), sweeps.WRENCH)
+    for k, (name, given) in enumerate(f_ext.items()):
+        if name not in model.link_names:
+            raise InputError(f"f_ext: '{name}' is not a link of robot '{model.name}'.")
+        array = array_of(given)
+        if array is None or array.shape not in ((6,), (count, 6)) or not np.isfinite(array).all():
+            expected = f"six finite numbers, force [N] then moment [N m], or ({count}, 6) of them: a row for each state"
+            raise InputError(f"f_ext on link '{name}' is {given!r}, expected {expected}.")
+        wrenches = np.broadcast_to(array, (count, 6))
+        records[:, k] = wrenches_at(model, name, wrenches, (0.0, 0.0, 0.0), frame)
+    return records.reshape(-1)
 
 
 def wrenches_at(model, link, wrenches, point, frame):

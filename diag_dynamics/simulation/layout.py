@@ -67,8 +67,8 @@ GAP = np.dtype(
 """How far one degree of freedom is beyond the end of its mode; negative before it."""
 
 System = namedtuple("System", ["robot", "bodies", "work", "flat", "armature", "joints", "bounds"])
-"""A robot and what resists its motion. `flat`: no joint has several degrees of freedom. `armature` is the bodies' own,
-in whose place held joints have another."""
+"""A robot and what resists its motion. `flat`: no joint has several degrees of freedom. `armature` is the bodies' own: while
+a joint is held, its body has another one."""
 
 Load = namedtuple("Load", ["tau", "wrenches", "in_world"])
 """Joint efforts [N m, N] and wrenches that act through a step, and whether these are in the world's axes."""

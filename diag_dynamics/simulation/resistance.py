@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import VectorLike
-from diag_dynamics.checks import array_of, numbers
+from diag_dynamics.checks import array_of, in_order, numbers
 from diag_dynamics.exceptions import InputError
 
 
@@ -26,8 +26,9 @@ class CompliantLimits(NamedTuple):
     damping: VectorLike | float = 0.0
 
 
-def resistance(name, value, length):
-    """`value` as a new vector of finite numbers that are not negative."""
+def resistance(name, value, names):
+    """`value` as a new vector of finite numbers that are not negative, one for each name."""
+    value, length = in_order(name, value, names), len(names)
     array = numbers(name, value, (length,), f"{length} finite numbers")
     if (array < 0.0).any():
         raise InputError(f"{name} is {array.tolist()}, expected {length} finite numbers >= 0.")
@@ -44,7 +45,7 @@ def limits_of(value, model):
         raise InputError(f"limits is {value!r}, expected True, False or CompliantLimits(stiffness, damping).")
     checked = []
     for name, given in zip(("stiffness", "damping"), value, strict=True):
-        array = array_of(given)
+        array = array_of(in_order(f"{name} of limits", given, model.dof_names))
         if array is None or array.shape not in ((), (1,), (nv,)):
             array = np.array(np.nan)
         array = np.array(np.broadcast_to(array, (nv,)))
@@ -65,7 +66,7 @@ def effort_limits_of(value, model):
     if isinstance(value, (bool, np.bool_)):
         own = np.where(model.effort_limit > 0.0, model.effort_limit, np.inf)
         return own if value else np.full(model.nv, np.inf)
-    array = array_of(value)
+    array = array_of(in_order("effort_limits", value, model.dof_names))
     if array is None or array.shape != (model.nv,) or not (array >= 0.0).all():
         raise InputError(f"effort_limits is {value!r}, expected True, False or {model.nv} numbers >= 0, inf for none.")
     return array

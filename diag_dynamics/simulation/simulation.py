@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Literal
 
 import numpy as np
 
 from diag_dynamics import sweeps
 from diag_dynamics.arrays import Array, Frame, VectorLike, Wrenches
-from diag_dynamics.checks import number, numbers
+from diag_dynamics.checks import in_order, number, numbers
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
@@ -80,6 +81,10 @@ class Simulation:
         self._no_effort, self._no_wrenches = np.zeros(model.nv), np.zeros(0, sweeps.WRENCH)
         self.reset(rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
 
+    def __copy__(self):
+        """A simulation of its own: a shallow copy would share the state, and the robot."""
+        return copy.deepcopy(self)
+
     def _use(self, model):
         """Take a model."""
         self.dynamics = DiagonalDynamics(model)
@@ -105,6 +110,7 @@ class Simulation:
             Wrong shape, not finite, or no orientation; the state is then as it was.
         """
         state, record = self._arrays.state, self._arrays.record
+        q, qd = in_order("q", q, self.model.coordinate_names), in_order("qd", qd, self.model.dof_names)
         state.nu[:] = self.dynamics.nu_from_qd(q, qd)
         state.q[:] = q if self._arrays.flat else with_unit_quaternions(self.model, q)
         state.qd[:] = qd
@@ -158,7 +164,7 @@ class Simulation:
 
     @damping.setter
     def damping(self, value: VectorLike | float) -> None:
-        self._arrays.joints["damping"] = resistance("damping", value, self.model.nv)
+        self._arrays.joints["damping"] = resistance("damping", value, self.model.dof_names)
 
     @property
     def friction(self) -> Array:
@@ -167,7 +173,7 @@ class Simulation:
 
     @friction.setter
     def friction(self, value: VectorLike | float) -> None:
-        self._arrays.joints["friction"] = resistance("friction", value, self.model.nv)
+        self._arrays.joints["friction"] = resistance("friction", value, self.model.dof_names)
 
     @property
     def effort_limits(self) -> Array:
@@ -250,6 +256,7 @@ class Simulation:
         model = self.model
         wanted = self._no_effort
         if tau is not None:
+            tau = in_order("tau", tau, model.dof_names)
             wanted = numbers("tau", tau, (model.nv,), f"{model.nv} finite numbers")
         if not (isinstance(steps, (int, np.integer)) and 0 <= steps < 2**63):
             raise InputError(f"steps is {steps!r}, expected a whole number >= 0 and below 2**63.")

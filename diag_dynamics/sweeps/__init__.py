@@ -20,8 +20,8 @@ finite, MISFIT if a vector has not the robot's length.
 
 bodies: the records that sweeps work on; workspace: their memory. joints: steps that sweeps share; inertias: P handed on to
 the parent. groups: degrees of freedom that are eliminated together. evaluation, factorization, factors, classical,
-derivatives, kinematics: the sweeps; many: evaluation of many states. motions: positions that move along a twist, and joints
-that are held.
+derivatives, kinematics: the sweeps; many: evaluation of many states; each: other sweeps of many. motions: positions that
+move along a twist, and joints that are held.
 """
 
 from diag_dynamics.sweeps.bodies import (
@@ -48,6 +48,17 @@ from diag_dynamics.sweeps.derivatives import (
     mass_matrix_rate,
     mass_matrix_rate_times,
 )
+from diag_dynamics.sweeps.each import (
+    EPSILON_FROM_TAU,
+    FORWARD,
+    INVERSE,
+    NU_FROM_QD,
+    QD_FROM_NU,
+    TAU_FROM_EPSILON,
+    effort_of_wrenches_each,
+    mass_matrix_each,
+    sweep_each,
+)
 from diag_dynamics.sweeps.evaluation import (
     energies_of_links,
     energy_and_power_within,
@@ -67,9 +78,9 @@ from diag_dynamics.sweeps.factorization import (
 from diag_dynamics.sweeps.factors import factors
 from diag_dynamics.sweeps.groups import owns
 from diag_dynamics.sweeps.joints import SINGULAR, UNIT_TOLERANCE
-from diag_dynamics.sweeps.kinematics import placement
+from diag_dynamics.sweeps.kinematics import jacobian, motion, placement
 from diag_dynamics.sweeps.many import evaluate_many
-from diag_dynamics.sweeps.motions import chart_rates, displace, hold
+from diag_dynamics.sweeps.motions import chart_rates, difference, displace, hold, integrate
 from diag_dynamics.sweeps.workspace import (
     ARTICULATED_INERTIA,
     ARTICULATED_INERTIA_RATE,
@@ -104,17 +115,23 @@ __all__ = [
     "EFFORT_POWER",
     "ENERGY_SHARE",
     "EPSILON",
+    "EPSILON_FROM_TAU",
+    "FORWARD",
     "GRAVITY",
+    "INVERSE",
     "KAPPA",
     "KINETIC_ENERGY",
     "LINK",
     "MISFIT",
     "NU",
+    "NU_FROM_QD",
     "POSITIONS",
+    "QD_FROM_NU",
     "RATES",
     "RESULTS",
     "ROWS",
     "SINGULAR",
+    "TAU_FROM_EPSILON",
     "UNIT_TOLERANCE",
     "WORK",
     "WRENCH",
@@ -129,8 +146,10 @@ __all__ = [
     "copy",
     "coriolis_bracket",
     "coriolis_product",
+    "difference",
     "displace",
     "effort_of_wrenches",
+    "effort_of_wrenches_each",
     "energies_of_links",
     "energy_and_power_within",
     "epsilon_from_tau",
@@ -142,19 +161,24 @@ __all__ = [
     "first_moment",
     "forward_dynamics",
     "hold",
+    "integrate",
     "inverse_dynamics",
+    "jacobian",
     "joint_inertias",
     "link_energies",
     "links_at",
     "m_rate_transposed",
     "mass_matrix",
+    "mass_matrix_each",
     "mass_matrix_rate",
     "mass_matrix_rate_times",
+    "motion",
     "nu_from_qd",
     "opened",
     "owns",
     "placement",
     "qd_from_nu",
     "rates_with_added_inertia",
+    "sweep_each",
     "tau_from_epsilon",
 ]

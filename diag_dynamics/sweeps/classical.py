@@ -262,7 +262,7 @@ def effort_of_wrenches(robot, q, wrenches, in_world, tau):
     return 0
 
 
-@entry_kernel(ROBOT, VECTOR, FILLED_MATRIX, nogil=True)
+@entry_kernel(ROBOT, VECTOR, FILLED_MATRIX)
 def mass_matrix(robot, q, M):
     """M from the inertias of the composite rigid bodies outboard of each joint."""
     bodies, _, work, _ = opened(robot)

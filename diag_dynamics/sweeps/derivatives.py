@@ -113,7 +113,7 @@ def articulated_inertias(robot, q, qd, D, D_rate):
     return 0 if are_finite(D_rate) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_MATRIX, FILLED_MATRIX, nogil=True)
+@entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_MATRIX, FILLED_MATRIX)
 def mass_matrix_rate(robot, q, qd, M, M_rate):
     """M and Ṁ along the motion (Identity 6.3): the whole robot as one group."""
     bodies, _, work, _ = opened(robot)

@@ -1,4 +1,4 @@
-"""Motions of positions along a twist, and joints that are held.
+"""Motions of positions along a twist, what moves one configuration to another, and joints that are held.
 
 Positions of a joint of several degrees of freedom lie on a manifold. Around positions q₀ they have coordinates u, a twist
 each: q = q₀ exp(u) in the axes of the moving body. Of a joint of one degree of freedom that is q₀ + u.
@@ -6,20 +6,26 @@ each: q = q₀ exp(u) in the axes of the moving body. Of a joint of one degree o
 
 import math
 
-from diag_dynamics.compiled.kernel import kernel, large_kernel
+from diag_dynamics.compiled.kernel import FILLED_VECTOR, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
 from diag_dynamics.sweeps.bodies import FLOATING
 from diag_dynamics.sweeps.groups import owns
+from diag_dynamics.sweeps.joints import are_finite, are_positions
 from diag_dynamics.sweeps.spatial import (
     Motion,
     add,
     apply,
+    apply_transposed,
     chart_rate,
     entry,
     quaternion_product,
     rotation_of_quaternion,
     rotation_quaternion,
+    rotation_vector,
+    screw_of_displacement,
     screw_translation,
+    subtract,
 )
+from diag_dynamics.sweeps.workspace import MISFIT, fit, fit_positions, opened
 
 HELD = 1e150
 """Rotor inertia of a joint that is held [kg m², kg]: nothing moves it, and its square does not overflow."""
@@ -72,6 +78,60 @@ def displace(bodies, start, u, q):
                 q[k] = start[k] + c * moved[0] - s * moved[1]
                 q[k + 1] = start[k + 1] + s * moved[0] + c * moved[1]
                 q[k + 2] = start[k + 2] + U.angular[2]
+
+
+@kernel
+def _between(body, start, end):
+    """Twist of a joint of several degrees of freedom that displaces its positions from a start to an end."""
+    k = body.q
+    if body.kind == FLOATING:
+        back = (-start[k + 3], -start[k + 4], -start[k + 5], start[k + 6])
+        R = rotation_of_quaternion(start[k + 3], start[k + 4], start[k + 5], start[k + 6])
+        moved = subtract((end[k], end[k + 1], end[k + 2]), (start[k], start[k + 1], start[k + 2]))
+        x, y, z, w = quaternion_product(back, (end[k + 3], end[k + 4], end[k + 5], end[k + 6]))
+        return screw_of_displacement(apply_transposed(R, moved), rotation_vector(x, y, z, w))
+    s, c = math.sin(start[k + 2]), math.cos(start[k + 2])
+    x, y, turned = end[k] - start[k], end[k + 1] - start[k + 1], _wrapped(end[k + 2] - start[k + 2])
+    return screw_of_displacement((c * x + s * y, c * y - s * x, 0.0), (0.0, 0.0, turned))
+
+
+@kernel
+def _wrapped(angle):
+    """An angle within ±π."""
+    return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+
+
+@entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR)
+def integrate(robot, q, v, result):
+    """Positions reached from q along v: q exp(v) of joints of several degrees of freedom, q + v of the others."""
+    if not fit(robot, q, v, v):
+        return MISFIT
+    bodies, _, _, _ = opened(robot)
+    if not (are_positions(bodies, q) and are_finite(v)):
+        return -1
+    displace(bodies, q, v, result)
+    return 0 if are_finite(result) else -1
+
+
+@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, FILLED_VECTOR)
+def difference(robot, start, end, turning, v):
+    """What integrates to `end` from `start`; where `turning` is not 0, an angle's shorter way round."""
+    if not (fit_positions(robot, start) and fit_positions(robot, end)):
+        return MISFIT
+    bodies, _, _, _ = opened(robot)
+    if not (are_positions(bodies, start) and are_positions(bodies, end)):
+        return -1
+    for i in range(1, len(bodies)):
+        body = bodies[i]
+        if body.dofs == 1:
+            if owns(bodies, i):
+                apart = end[body.q] - start[body.q]
+                v[body.dof] = _wrapped(apart) if turning[body.dof] != 0.0 else apart
+        elif body.rank == 0:
+            U = _between(body, start, end)
+            for j in range(i, i + body.dofs):
+                v[bodies[j].dof] = entry(bodies[j].direction, U.linear, U.angular)
+    return 0 if are_finite(v) else -1
 
 
 @large_kernel

@@ -404,6 +404,34 @@ def quaternion_product(p, r):
 
 
 @kernel
+def rotation_vector(x, y, z, w):
+    """Rotation vector of a unit quaternion, the shorter way round: the inverse of :func:`rotation_quaternion`."""
+    if w < 0.0:
+        x, y, z, w = -x, -y, -z, -w
+    sine = math.sqrt(x * x + y * y + z * z)
+    # θ / sin(θ/2); by its series where the sine is nothing but rounding.
+    s = 2.0 * math.atan2(sine, w) / sine if sine > 1e-8 else 2.0 / w
+    return (s * x, s * y, s * z)
+
+
+@kernel
+def screw_of_displacement(translation, vector):
+    """V with exp(V) of this translation and rotation vector: the inverse of :func:`screw_translation`.
+
+    v = t − ½ ω × t + (1/θ² − (1 + cos θ)/(2 θ sin θ)) ω × (ω × t).
+    """
+    squared = dot(vector, vector)
+    angle = math.sqrt(squared)
+    if squared < SMALL:
+        c = 1 / 12 + squared * (1 / 720 + squared / 30240)
+    else:  # (1 + cos θ)/sin θ = 1/tan(θ/2), which has no pole at π
+        c = (1.0 - 0.5 * angle / math.tan(0.5 * angle)) / squared
+    turned = cross(vector, translation)
+    linear = add(translation, add(scale(turned, -0.5), scale(cross(vector, turned), c)))
+    return Motion(linear, vector)
+
+
+@kernel
 def chart_rate(U, V):
     """U̇ for a body that is displaced by exp(U) and moves with the twist V in its own axes, to order 3 in U.
 

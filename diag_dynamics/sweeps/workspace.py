@@ -40,7 +40,7 @@ ROBOT = Table(
     kappas=array(float, 2),
     roots=array(float),
 )
-"""What the one number tells of that stands for a robot, and for memory to work in."""
+"""The robot, and memory to work in, by the address of this table."""
 
 WIDE = ROBOT.extended(
     "WideRobot",

@@ -364,7 +364,11 @@ def test_state_is_the_simulations_own():
         simulation.potential_energy(sim.model, np.zeros(2))
 
 
-@pytest.mark.parametrize("copied", [copy.deepcopy, lambda sim: pickle.loads(pickle.dumps(sim))], ids=["copy", "pickle"])
+@pytest.mark.parametrize(
+    "copied",
+    [copy.copy, copy.deepcopy, lambda sim: pickle.loads(pickle.dumps(sim))],
+    ids=["shallow copy", "copy", "pickle"],
+)
 @pytest.mark.parametrize("order", [4, 1])
 def test_a_copy_goes_its_own_way(order, copied):
     """A copy has arrays of its own, goes on with the same bits, and leaves the original where it is."""

@@ -9,6 +9,7 @@ from diag_dynamics.model import load_urdf
 from diag_dynamics.model.options import FRICTION_VELOCITY, inertias_told
 from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.model.urdf import read_urdf
+from diag_dynamics.model.xacro_files import expanded
 from diag_dynamics.parameters.shared import payloads_of
 
 MOST_TOLD = 20
@@ -57,6 +58,7 @@ def load_robot(node, description, values):
         As :func:`load_urdf`; and for a robot with a joint whose state no ROS topic brings.
     """
     node.get_logger().info("Loading a robot.")
+    description = expanded(description, None)
     payloads = payloads_of(values["payloads"])
     if payloads:
         links = {link.name for link in read_urdf(description, values["max_joints"])[0].links}

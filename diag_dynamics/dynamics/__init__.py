@@ -1,0 +1,5 @@
+"""The dynamics of one robot, as users call them."""
+
+from diag_dynamics.dynamics.diagonal import DiagonalDynamics
+
+__all__ = ["DiagonalDynamics"]

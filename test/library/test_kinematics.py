@@ -1,0 +1,172 @@
+"""Jacobians, motions of links and configurations: against Pinocchio, and by the properties that define them."""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import diag_dynamics as dd
+from accuracy import EPS
+from oracles import Oracle
+from robots import description, joint, link, random_robots, random_tree, robot
+
+ROBOTS = [
+    robot("panda_description/urdf/panda.urdf"),
+    robot("ur_description/urdf/ur5_robot.urdf"),
+    robot("talos_data/robots/talos_reduced.urdf").floating,
+    *random_robots()[2:6],
+]
+FRAMES = {"link": pin.LOCAL, "world": pin.LOCAL_WORLD_ALIGNED}
+
+
+def loaded(one):
+    model = dd.load_urdf(one.urdf, mimic="free", **one.options)
+    return model, Oracle(one.urdf, model.dof_names, floating_base=model.floating_base)
+
+
+def close(found, expected, scale=1.0):
+    size = max(np.abs(expected).max(initial=0.0), scale)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e4 * EPS * size)
+
+
+def some_links(model, rng):
+    return [model.root_link, *rng.choice(model.link_names, min(6, len(model.link_names)), replace=False)]
+
+
+@pytest.mark.parametrize("one", ROBOTS, ids=lambda one: one.id)
+@pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
+def test_jacobian_and_motion_of_links(one):
+    """Columns, velocities and both accelerations are Pinocchio's, in both frames; J q̇ is the velocity."""
+    model, oracle = loaded(one)
+    dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(4)
+    for _ in range(2):
+        q, (qd, qdd) = model.random(rng), rng.normal(size=(2, model.nv))
+        pq, pv, pa = oracle.configuration(q), oracle.to_pin(qd), oracle.to_pin(qdd)
+        pin.forwardKinematics(oracle.model, oracle.data, pq, pv, pa)
+        pin.computeJointJacobians(oracle.model, oracle.data, pq)
+        pin.updateFramePlacements(oracle.model, oracle.data)
+        for name in some_links(model, rng):
+            frame_id = oracle.model.getFrameId(name, pin.FrameType.BODY)
+            for frame, reference in FRAMES.items():
+                arguments = oracle.model, oracle.data, frame_id, reference
+                J = dyn.jacobian(q, name, frame=frame)
+                assert J.shape == (6, model.nv)
+                close(J, np.stack([oracle.from_pin(row) for row in pin.getFrameJacobian(*arguments)]))
+                close(dyn.link_velocity(q, qd, name, frame=frame), pin.getFrameVelocity(*arguments).vector, 10.0)
+                close(J @ qd, dyn.link_velocity(q, qd, name, frame=frame), 10.0)
+                classical = pin.getFrameClassicalAcceleration(*arguments).vector
+                close(dyn.link_acceleration(q, qd, qdd, name, frame=frame), classical, 100.0)
+                spatial = pin.getFrameAcceleration(*arguments).vector
+                close(dyn.link_acceleration(q, qd, qdd, name, frame=frame, spatial=True), spatial, 100.0)
+
+
+def test_point_of_a_link():
+    """At a point: v + ω × p of the link, the row that a unit force there lifts, and the reflected inertia's factor."""
+    model = dd.load_urdf(robot("panda_description/urdf/panda.urdf").urdf)
+    dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(1)
+    q, qd, point = model.random(rng), rng.normal(size=model.nv), (0.1, -0.2, 0.3)
+    at_origin, at_point = (dyn.link_velocity(q, qd, "panda_hand", p) for p in ((0, 0, 0), point))
+    close(at_point, np.r_[at_origin[:3] + np.cross(at_origin[3:], point), at_origin[3:]])
+    for frame in FRAMES:
+        J = dyn.jacobian(q, "panda_hand", point, frame=frame)
+        close(dyn.factors(q).l @ J.T, dyn.wrench_factor(q, "panda_hand", point, frame))
+
+
+def test_a_follower_moves_its_leaders_column():
+    """Of an embedded mimic: the Jacobian of a link beyond it is that of differences of its place."""
+    urdf = description(
+        "gripper",
+        link("base"),
+        link("a", 1.0, inertia=(1, 0, 0, 1, 0, 1)),
+        link("b", 1.0, inertia=(1, 0, 0, 1, 0, 1)),
+        joint("leader", "revolute", "base", "a", (0, 0, 1), (0.1, 0, 0)),
+        joint("follower", "prismatic", "a", "b", (1, 0, 0), (0, 0.2, 0)).replace(
+            "</joint>", '<mimic joint="leader" multiplier="-2" offset="0.3"/></joint>'
+        ),
+    )
+    dyn = dd.DiagonalDynamics(dd.load_urdf(urdf))
+    assert dyn.model.nv == 1
+    h, q = 1e-6, np.array([0.4])
+    by_difference = (dyn.placement(q + h, "b")[:3, 3] - dyn.placement(q - h, "b")[:3, 3]) / (2 * h)
+    np.testing.assert_allclose(dyn.jacobian(q, "b", frame="world")[:3, 0], by_difference, rtol=1e-8)
+
+
+@pytest.mark.parametrize("one", ROBOTS, ids=lambda one: one.id)
+@pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
+def test_integrate_and_difference(one):
+    """Both are Pinocchio's, each undoes the other, and a configuration is nothing from itself."""
+    model, oracle = loaded(one)
+    rng = np.random.default_rng(8)
+    for size in (1.0, 1e-3, 1e-9):
+        q0, v = model.random(rng), size * rng.normal(size=model.nv)
+        q1 = model.integrate(q0, v)
+        there = pin.integrate(oracle.model, oracle.configuration(q0), oracle.to_pin(v))
+        assert pin.isSameConfiguration(oracle.model, oracle.configuration(q1), there, 1e-12)
+        np.testing.assert_allclose(model.difference(q0, q1), v, rtol=0, atol=1e-13 + 1e-10 * size)
+    q0, q1 = model.random(rng), model.random(rng)
+    apart = pin.difference(oracle.model, oracle.configuration(q0), oracle.configuration(q1))
+    np.testing.assert_allclose(model.difference(q0, q1), oracle.from_pin(apart), rtol=0, atol=1e-9)
+    assert not model.difference(q0, q0).any()
+
+
+def test_difference_takes_the_shorter_way():
+    """Of angles that turn round within half a turn; of a revolute joint with limits, the way there is."""
+    model = dd.load_urdf(random_tree(3, 6, ("continuous", "planar")))
+    q = model.neutral
+    around = q.copy()
+    for k, name in enumerate(model.coordinate_names):
+        around[k] += 2 * math.pi if name in model.continuous_joints or name.endswith("/theta") else 0.0
+    np.testing.assert_allclose(model.difference(q, around), 0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("one", ROBOTS, ids=lambda one: one.id)
+@pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
+def test_random_positions(one):
+    """They are configurations within the limits, the same for the same seed, others for others."""
+    model, _ = loaded(one)
+    q = model.random(3)
+    assert (q >= model.lower).all() and (q <= model.upper).all() and np.isfinite(q).all()
+    assert (model.random(3) == q).all() and (model.random(4) != q).any()
+    assert (model.random(np.random.default_rng(3)) == q).all()
+    model.integrate(q, np.zeros(model.nv))  # raises if it is no orientation
+    with pytest.raises(dd.InputError, match="rng"):
+        model.random("seed")
+
+
+def test_wrong_arguments_are_named():
+    model = dd.load_urdf(robot("panda_description/urdf/panda.urdf").urdf)
+    dyn, q = dd.DiagonalDynamics(model), model.neutral
+    with pytest.raises(dd.InputError, match="'hand' is not a link"):
+        dyn.jacobian(q, "hand")
+    with pytest.raises(dd.InputError, match="frame is 'body'"):
+        dyn.jacobian(q, "panda_hand", frame="body")
+    with pytest.raises(dd.InputError, match="point"):
+        dyn.link_velocity(q, np.zeros(model.nv), "panda_hand", (1, 2))
+    with pytest.raises(dd.InputError, match="v of joint 'panda_joint2' is nan"):
+        model.integrate(q, [0, math.nan, 0, 0, 0, 0, 0, 0])
+    with pytest.raises(dd.InputError, match="_batch"):
+        dyn.mass_matrix(np.stack([q, q]))
+    free = dd.load_urdf(robot("panda_description/urdf/panda.urdf").urdf, floating_base=True)
+    with pytest.raises(dd.InputError, match=r"q1 of joint 'root_joint' has the quaternion"):
+        free.difference(free.neutral, np.zeros(free.nq))
+
+
+def test_a_screw_is_no_angle_that_turns_round():
+    """A continuous joint that another one follows is elsewhere after a turn: its difference is the whole way."""
+    urdf = description(
+        "screw",
+        link("base"),
+        link("spindle", 1.0, inertia=(1, 0, 0, 1, 0, 1)),
+        link("nut", 1.0, inertia=(1, 0, 0, 1, 0, 1)),
+        joint("turn", "continuous", "base", "spindle"),
+        joint("rise", "prismatic", "base", "nut").replace(
+            "</joint>", '<mimic joint="turn" multiplier="0.01"/></joint>'
+        ),
+    )
+    model = dd.load_urdf(urdf)
+    assert model.difference([0.0], [20 * math.pi]) == pytest.approx(20 * math.pi)
+    turned = dd.load_urdf(
+        urdf.replace('joint="turn" multiplier="0.01"', 'joint="turn"').replace('"prismatic"', '"revolute"')
+    )
+    assert np.abs(turned.random(1)).max() <= math.pi
