@@ -17,7 +17,7 @@ from diag_dynamics.nodes.support.messages import MessageMaker
 from diag_dynamics.nodes.wire import encoding as encoded
 from diag_dynamics.nodes.wire.cdr import Template
 from diag_dynamics.nodes.wire.encoding import EncodedMessages
-from diag_dynamics.nodes.wire.topics import MATRICES, ORDER
+from diag_dynamics.nodes.wire.topic_bits import MATRICES, ORDER
 from diag_dynamics.parameters.monitor import Observation
 from examples import examples
 from nodes import PANDA, S, robot

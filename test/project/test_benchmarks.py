@@ -296,3 +296,20 @@ def test_a_feeder_that_cannot_keep_up_ends_the_search(monkeypatch):
 
     bursts = search(Node(), Search())
     assert highest(bursts) == (3000.0, "feeder")
+
+
+def test_table_of_cold_starts(tmp_path):
+    """Medians of what was measured, each with its target and a right verdict; nodes where there is a ROS 2."""
+    script = (
+        "import numpy as np, cold\n"
+        "lines = [one for one in cold.starts() if one.target]\n"
+        "found = [(one, np.array([3.0, one.target + 1.0, 99.0]), np.array([1.0, 2.0, 1.5])) for one in lines[:1]]\n"
+        "found += [(one, np.array([one.target]), np.array([0.5])) for one in lines[1:]]\n"
+        "print(len(lines)); print(cold.page(found, 'a machine'))"
+    )
+    said = run(tmp_path, "-c", script).stdout
+    count, _, page = said.partition("\n")
+    rows = [line.split(" | ") for line in page.splitlines() if line.startswith("| ") and "≤" in line]
+    assert len(rows) == int(count) >= 3 and "Medians of 3" in page
+    assert (rows[0][1], rows[0][3], rows[0][4]) == ("10.0", "missed", "1.5 |")
+    assert all(row[3] == "met" for row in rows[1:])

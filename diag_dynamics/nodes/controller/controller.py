@@ -35,7 +35,7 @@ from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE, PATIENT, SUCCE
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.publishing import RateLimit, connected
 from diag_dynamics.nodes.support.runner import main_of
-from diag_dynamics.nodes.support.usage import parser_of
+from diag_dynamics.nodes.support.usage import defaults_of, parser_of
 from diag_dynamics.nodes.wire.joint_states import KnownJointStates
 from diag_dynamics.parameters.controller import COMPENSATES, PARAMETERS, WHY_REQUIRED
 from diag_dynamics.parameters.spec import Spec
@@ -432,4 +432,8 @@ class ControllerNode(ManagedNode):
         return [*problems, *problems_of_limits(self._loop.efforts)], {"receivers": receivers, "other senders": others}
 
 
-main = main_of(ControllerNode, parser_of("controller", __doc__, PARAMETERS, {COMPENSATES: WHY_REQUIRED}))
+main = main_of(
+    ControllerNode,
+    parser_of("controller", __doc__, PARAMETERS, {COMPENSATES: WHY_REQUIRED}),
+    {COMPENSATES: False, **defaults_of(PARAMETERS)},
+)

@@ -212,7 +212,7 @@ class MonitoredRobot:
         return served
 
     def matrix(self, topic):
-        """One of topics.MATRICES at the last state."""
+        """One of topic_bits.MATRICES at the last state."""
         with_inverse = self.settings.values["publish_inverse_factor"]
         return matrix(topic, self.encoder, self.dynamics, self.state, with_inverse)
 
@@ -223,10 +223,12 @@ def _frozen_by(settings):
 
 
 def matrix(topic, maker, dynamics, state, with_inverse=False):
-    """One of topics.MATRICES at a RobotState, by a MessageMaker or EncodedMessages; the factors with ℓ, if wanted."""
+    """One of topic_bits.MATRICES at a RobotState, by a MessageMaker or EncodedMessages; the factors with ℓ, if wanted."""
     q, qd = state.position, state.velocity
     if topic == "mass_matrix_factors":
         return maker.mass_matrix_factors(dynamics.factors(q), with_inverse, state)
+    if topic != "joint_space_dynamics":
+        raise AssertionError(f"nobody makes {topic}")
     return maker.joint_space_dynamics(dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q), state)
 
 

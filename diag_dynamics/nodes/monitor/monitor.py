@@ -30,7 +30,7 @@ from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.publishing import connected
 from diag_dynamics.nodes.support.runner import main_of
 from diag_dynamics.nodes.support.start import stop
-from diag_dynamics.nodes.support.usage import parser_of
+from diag_dynamics.nodes.support.usage import defaults_of, parser_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.shared import payload_entry, payloads_of
 
@@ -440,4 +440,4 @@ class MonitorNode(ManagedNode):
         return notes | values | {None: problems + wrong}
 
 
-main = main_of(MonitorNode, parser_of("monitor", __doc__, PARAMETERS))
+main = main_of(MonitorNode, parser_of("monitor", __doc__, PARAMETERS), defaults_of(PARAMETERS))

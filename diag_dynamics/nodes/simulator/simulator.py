@@ -26,14 +26,14 @@ from diag_dynamics.nodes.support.clocks import CLOCK, clock_notes
 from diag_dynamics.nodes.support.declaring import declare, judge
 from diag_dynamics.nodes.support.diagnostics import ERROR, WARN, Diagnostics, Status, shortened
 from diag_dynamics.nodes.support.guard import answered
-from diag_dynamics.nodes.support.loading import COMPILED, load_robot
+from diag_dynamics.nodes.support.loading import load_robot
 from diag_dynamics.nodes.support.managed import ACTIVE, PATIENT, ManagedNode
 from diag_dynamics.nodes.support.messages import MessageMaker, to_time
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.publishing import connected
 from diag_dynamics.nodes.support.requests import requested_state
 from diag_dynamics.nodes.support.runner import main_of
-from diag_dynamics.nodes.support.usage import parser_of
+from diag_dynamics.nodes.support.usage import defaults_of, parser_of
 from diag_dynamics.parameters.shared import payloads_of
 from diag_dynamics.parameters.simulator import DYNAMIC, PARAMETERS
 from diag_dynamics.simulation.lockstep import PATIENCE, Lockstep
@@ -93,7 +93,7 @@ class SimulatorNode(ManagedNode):
                 "them need publish_clock here and use_sim_time there."
             )
         self._plant = Plant(model, values)
-        self._plant.simulation.dynamics.compile(*COMPILED)
+        self._plant.simulation.dynamics.compile("evaluate", "gravity_torque", "nu_from_qd")
         self._revision, self._failure, self._paused = 1, "", False
         self._start = max(self.get_clock().now().nanoseconds, self._latest)  # /clock never goes back
         self._pace = Pace(values["real_time_factor"], 1.0 / values["rate"], self._plant.simulation.step_size)
@@ -403,4 +403,4 @@ class SimulatorNode(ManagedNode):
         ]
 
 
-main = main_of(SimulatorNode, parser_of("simulator", __doc__, PARAMETERS))
+main = main_of(SimulatorNode, parser_of("simulator", __doc__, PARAMETERS), defaults_of(PARAMETERS))

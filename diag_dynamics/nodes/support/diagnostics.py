@@ -71,11 +71,19 @@ class Diagnostics:
         self._node = node
         self._name = node.get_fully_qualified_name().lstrip("/")
         self._report, self._robot = report, robot
+        self._compiled = ""
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._timer = node.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _tick(self):
-        self.publish(self._report())
+        # Once told of, the entry stays: an aggregator takes one that comes no more for stale, and its group for an error.
+        idle = [Status("compiling", OK, "nothing is compiled", {"last": self._compiled})] if self._compiled else []
+        self.publish([*self._report(), *idle])
+
+    def tell_compiling(self, text):
+        """Publish at once that something is compiled; may be called by another thread, while the node serves nothing."""
+        self._compiled = text
+        self.publish([Status("compiling", OK, "compiling", {"what": text})])
 
     def publish(self, statuses):
         """Publish some statuses at once."""

@@ -8,7 +8,7 @@ from rclpy.qos import QoSProfile
 
 from diag_dynamics.compiled.progress import tell_by
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.support.diagnostics import OK, Status, shortened
+from diag_dynamics.nodes.support.diagnostics import shortened
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.logger import PlainLogger
 from diag_dynamics.nodes.support.overrides import tell_unknown
@@ -79,7 +79,7 @@ class ManagedNode(LifecycleNode):
         """Say a line on what is compiled, in a thread: whoever compiles has no time for it."""
         attempt(self.get_logger().info, text)
         if self._diagnostics:
-            attempt(self._diagnostics.publish, [Status("compiling", OK, "compiling", {"what": text})])
+            attempt(self._diagnostics.tell_compiling, text)
 
     def destroy_node(self):
         """See rclpy; what is compiled from now on is told of on stderr."""

@@ -12,8 +12,9 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
-from diag_dynamics.exceptions import DiagDynamicsError
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.nodes.support.descriptions import working
+from diag_dynamics.nodes.support.plain_options import as_ros_arguments
 from diag_dynamics.nodes.support.start import deafen, leave, listen, stop
 from diag_dynamics.text import plain
 
@@ -85,12 +86,21 @@ def spin(node, until):
         executor.shutdown()
 
 
-def main_of(make_node, parser):
-    """Return the main function of an executable; `parser` parses its arguments but for those of ROS."""
+def main_of(make_node, parser, defaults):
+    """Return the main function of an executable.
+
+    `parser` parses its arguments but for those of ROS; `defaults` are those of its parameters, which are options, too.
+    """
 
     def main(args=None):
+        program, *given = args or sys.argv
+        try:
+            arguments = [program, *as_ros_arguments(given, defaults)]
+        except InputError as error:
+            print(plain(f"{parser.prog}: {error}"), file=sys.stderr)
+            return 2
         with suppress(*ARGUMENTS_MAKE_NO_SENSE):  # run says so
-            parser.parse_args(remove_ros_args(args or sys.argv)[1:])
-        return run(make_node, args)
+            parser.parse_args(remove_ros_args(arguments)[1:])
+        return run(make_node, arguments)
 
     return main

@@ -1,4 +1,4 @@
-"""What `--help` of a node says: its topics, its services and its parameters."""
+"""What `--help` of a node says: its topics, its services and its parameters; and which of these are options."""
 
 import argparse
 from textwrap import fill
@@ -31,11 +31,17 @@ def parser_of(executable, description, specs, required=None):
         lines += [f"  {name}: {as_yaml(spec.default)}", _indented(spec.description)]
     return argparse.ArgumentParser(
         prog=executable,
-        usage=f"{executable} [--help] [--ros-args [-p NAME:=VALUE] [--params-file FILE] [-r FROM:=TO] ...]",
-        description=description,
+        usage=f"{executable} [--help] [--PARAMETER VALUE] [--namespace NAME] [--name NAME] [--params-file FILE] "
+        "[--remap FROM:=TO] [--log-level LEVEL] ... [--ros-args ...]",
+        description=f"{description}\n\nEvery parameter is an option, too: --rate 500, or --ros-args -p rate:=500.0.",
         epilog="\n".join(lines),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+
+
+def defaults_of(specs):
+    """Default of each parameter that is an option; use_sim_time, which every node of ROS has, among them."""
+    return {"use_sim_time": False, **{name: spec.default for name, spec in specs.items()}}
 
 
 def _interfaces(executable):

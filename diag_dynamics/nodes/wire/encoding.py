@@ -10,7 +10,7 @@ from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.compiled.kernel import COUNT, FLAG, MATRIX, NUMBER, VECTOR, entry_kernel, kernel, large_kernel, ready
 from diag_dynamics.compiled.tables import Addresses, Table, array
 from diag_dynamics.nodes.wire.cdr import HEADER, Template
-from diag_dynamics.nodes.wire.topics import BITS, WITH_LINK_ENERGY
+from diag_dynamics.nodes.wire.topic_bits import BITS, WITH_LINK_ENERGY
 from diag_dynamics.sweeps import NU
 
 _ROW, _STAMP, _OLDEST, _RECEIVED, _ESTIMATED, _ENERGY, _POWER, _BASE, _SHARES, _POSITION, _EFFORT, _FRICTION = range(12)
@@ -197,7 +197,7 @@ class Sheets:
     spans : dict of tuple
         Begin and end of each topic's bytes.
     bits : int
-        Sum of their :data:`~topics.BITS`.
+        Sum of their :data:`~topic_bits.BITS`.
     addresses : Addresses
         Of what :func:`write` writes in.
     """

@@ -7,7 +7,7 @@ from diag_dynamics.compiled.kernel import COUNT, entry_kernel, ready
 from diag_dynamics.compiled.tables import Addresses, Table, array
 from diag_dynamics.nodes.wire.encoding import Vectors, Written, sheets_at, write
 from diag_dynamics.nodes.wire.joint_states import WITH_EFFORT, WITHOUT_EFFORT, known_at, take
-from diag_dynamics.nodes.wire.topics import WITH_LINK_ENERGY
+from diag_dynamics.nodes.wire.topic_bits import WITH_LINK_ENERGY
 
 PIPELINE = Table(
     "Pipeline",
@@ -83,7 +83,7 @@ class Pipeline:
         now : int
             Time of reception [ns].
         wanted : int
-            Sum of the topics.BITS of topics that messages are wanted of.
+            Sum of the topic_bits.BITS of topics that messages are wanted of.
 
         Returns
         -------

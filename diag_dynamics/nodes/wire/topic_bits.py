@@ -1,6 +1,6 @@
 """The monitor's topics about a state as numbers: a bit for each, where several of them are told of at once.
 
-The list that these come from is not among what compiled code is made of: kernels are given bits, and have none within.
+Kernels take bits as arguments. One that had them compiled in would go stale when the list of topics changes.
 """
 
 from diag_dynamics.nodes.support.topics import TOPICS

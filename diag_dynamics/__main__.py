@@ -1,0 +1,7 @@
+"""`python -m diag_dynamics`: the command line."""
+
+import sys
+
+from diag_dynamics.cli.main import main
+
+sys.exit(main())

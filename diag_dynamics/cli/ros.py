@@ -1,0 +1,60 @@
+"""Commands that need a ROS 2: executables of nodes, and a look at the graph."""
+
+import argparse
+import sys
+from importlib import import_module, util
+
+from diag_dynamics.exceptions import DiagDynamicsError
+from diag_dynamics.text import plain
+
+TOOLS = {
+    "node": ("lifecycle_commands", "add_node_arguments"),
+    "topic": ("topic_commands", "add_arguments"),
+    "service": ("service_commands", "add_arguments"),
+    "param": ("param_commands", "add_arguments"),
+    "lifecycle": ("lifecycle_commands", "add_arguments"),
+    "launch": ("launch_command", "add_arguments"),
+}
+"""Module in diag_dynamics.nodes.tools, and its function that declares the arguments of each."""
+
+
+def missing():
+    """Why nothing of ROS 2 can run, or None."""
+    if util.find_spec("rclpy") is None:
+        return (
+            "needs a ROS 2, and python finds no rclpy. In a checkout: make setup, then source scripts/env.bash. "
+            "In a workspace: source install/setup.bash."
+        )
+    if util.find_spec("diag_dynamics.msg") is None:
+        return (
+            "needs the messages of diag_dynamics, which the ROS 2 build makes: make setup, or colcon build; then source "
+            "scripts/env.bash or install/setup.bash."
+        )
+    return None
+
+
+def run_executable(name, arguments):
+    """Start an executable, as `ros2 run` does."""
+    if reason := missing():
+        print(f"diag-dynamics {name} {reason}", file=sys.stderr)
+        return 1
+    sys.argv = [f"diag-dynamics {name}", *arguments]
+    import_module("diag_dynamics.nodes.support.start").start(name.replace("-", "_"))
+    return 0
+
+
+def run_tool(name, arguments):
+    """Run a command that looks at the graph; returns the exit status."""
+    if reason := missing():
+        print(f"diag-dynamics {name} {reason}", file=sys.stderr)
+        return 1
+    module, function = TOOLS[name]
+    parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}")
+    getattr(import_module(f"diag_dynamics.nodes.tools.{module}"), function)(parser)
+    chosen = parser.parse_args(arguments)
+    try:
+        chosen.run(chosen)
+    except DiagDynamicsError as error:
+        print(plain(f"diag-dynamics {name}: {error}"), file=sys.stderr)
+        return 1
+    return 0

@@ -1,0 +1,1 @@
+"""A look at the graph for whoever has no ros2cli, which PyPI lacks: its words, as far as this package needs them."""

@@ -1,0 +1,147 @@
+"""A node for the time of one command."""
+
+import os
+import sys
+import time
+from contextlib import contextmanager
+
+import rclpy
+from rclpy.exceptions import InvalidServiceNameException, InvalidTopicNameException
+from rclpy.executors import ExternalShutdownException
+
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.support.names import nearest
+
+PATIENCE = 2.0
+"""Time [s] for which a command waits without saying what it waits for."""
+
+QUIET = 1.0
+"""Time [s] in which nothing new has to have been heard of, for the graph to be taken for known."""
+
+LONGEST = 5.0
+"""Time [s] for which the graph is looked at, at most."""
+
+HIDDEN = "_"
+"""Begins the names of nodes that lists leave out."""
+
+
+class Session:
+    """What a command does on the graph.
+
+    Attributes
+    ----------
+    node : rclpy.node.Node
+    """
+
+    def __init__(self, node):
+        self.node = node
+
+    def until(self, condition, what, timeout=None):
+        """Serve the node until a condition holds.
+
+        Raises
+        ------
+        InputError
+            It does not within the time-out [s].
+        """
+        begun, told = time.monotonic(), False
+        while not condition():
+            rclpy.spin_once(self.node, timeout_sec=0.05)
+            waited = time.monotonic() - begun
+            if waited > PATIENCE and not told:
+                print(f"Waiting for {what} …", file=sys.stderr, flush=True)
+                told = True
+            if timeout is not None and waited > timeout:
+                raise InputError(f"waited {timeout:g} s in vain for {what}.")
+
+    def serve(self, until):
+        """Serve the node until a time of time.monotonic."""
+        while (left := until - time.monotonic()) > 0.0:
+            rclpy.spin_once(self.node, timeout_sec=min(left, 0.05))
+
+    def look(self):
+        """Serve the node until nothing new is heard of."""
+        begun = changed = time.monotonic()
+        seen = None
+        while time.monotonic() - begun < LONGEST:
+            rclpy.spin_once(self.node, timeout_sec=0.05)
+            node = self.node
+            now = (
+                node.get_topic_names_and_types(),
+                node.get_node_names_and_namespaces(),
+                node.get_service_names_and_types(),
+            )
+            if now != seen:
+                seen, changed = now, time.monotonic()
+            if time.monotonic() - changed > QUIET and len(now[1]) > 1:
+                return
+
+    def absolute(self, name):
+        """A name of a topic, service or node as the graph has it."""
+        return name if name.startswith("/") else f"/{name}"
+
+    def kind_of(self, name, found, what, timeout):
+        """The type of a topic or service, once it is there; `found` lists them all.
+
+        Raises
+        ------
+        InputError
+            There is none of that name; one with a similar name is named.
+        """
+        name = self.absolute(name)
+        types = {}
+
+        def is_there():
+            types.update(found())
+            return name in types
+
+        try:
+            self.until(is_there, f"{what} {name}", timeout)
+        except InputError as error:
+            near = nearest(name, types)
+            more = f"Is {near} meant?" if near else f"Is what offers it running? Try: {what} list"
+            raise InputError(f"{error} {more}") from None
+        return types[name][0]
+
+    def publishers(self, topic):
+        """QoS of a topic's publishers. A topic that is listened to is known before those that publish it."""
+        begun, found = time.monotonic(), []
+        while not found and time.monotonic() - begun < PATIENCE:
+            rclpy.spin_once(self.node, timeout_sec=0.05)
+            found = [one.qos_profile for one in self.node.get_publishers_info_by_topic(topic)]
+        return found
+
+    def call(self, service, kind, request, timeout=10.0):
+        """Call a service and return its response.
+
+        Raises
+        ------
+        InputError
+            It is not offered, or does not answer in time.
+        """
+        client = self.node.create_client(kind, service)
+        try:
+            self.until(client.service_is_ready, f"service {service}", timeout)
+            future = client.call_async(request)
+            self.until(future.done, f"an answer of {service}", timeout)
+            return future.result()
+        finally:
+            self.node.destroy_client(client)
+
+
+@contextmanager
+def session():
+    """Session of one command; a Ctrl-C ends it quietly."""
+    rclpy.init(args=[])
+    try:
+        node = rclpy.create_node(
+            f"{HIDDEN}diag_dynamics_{os.getpid()}", enable_rosout=False, start_parameter_services=False
+        )
+        yield Session(node)
+        node.destroy_node()
+    except ExternalShutdownException:
+        pass
+    except (InvalidServiceNameException, InvalidTopicNameException) as error:
+        raise InputError(f"{' '.join(str(error).split())}.") from error
+    finally:
+        rclpy.try_shutdown()
