@@ -7,6 +7,7 @@ in_env := source scripts/env.bash &&
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
 JOBS ?= 2
+LINT ?= lint
 
 .PHONY: help setup demo demo-control test test-all bench docs-tables lint format lock clean
 
@@ -22,7 +23,7 @@ demo: setup  ## a simulated robot and its kinetic energy, live; ROBOT=<name or U
 demo-control: setup  ## a push on an arm under control: seen, and its kinetic energy bounded; ARGS=--picture <file>
 	@$(in_env) scripts/demo_control $(ARGS)
 
-test: lint  ## lint, then every test; ARGS=<pytest options>, JOBS=<files at a time, 0 for a debugger>
+test: $(or $(LINT),setup)  ## lint, then every test; ARGS=<pytest options>, JOBS=<files at a time, 0: a debugger>, LINT= for none
 	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
 
 test-all: lint  ## likewise, with all cases and full times: an hour

@@ -12,6 +12,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 try:
     import agreement
+    import cold
     import growth
     import memory
     import observer
@@ -73,7 +74,7 @@ SHORT = Plan(
 )
 
 
-PARTS = ("library", "observer", "nodes")
+PARTS = ("library", "starts", "observer", "nodes")
 
 
 def main():
@@ -95,7 +96,7 @@ def main():
         if folder.exists() and not folder.is_dir():
             options.error(f"--output: {folder} is not a folder")
         folder.mkdir(parents=True, exist_ok=True)
-    parts = {"library": library, "observer": disturbances, "nodes": nodes}
+    parts = {"library": library, "starts": cold_starts, "observer": disturbances, "nodes": nodes}
     chosen = [arguments.only] if arguments.only else PARTS
     if "nodes" in chosen and not importlib.util.find_spec("rclpy"):
         options.error(
@@ -116,6 +117,15 @@ def library(short, folder, _):
     if folder:
         plots.draw(folder, measured)
         (folder / "table.md").write_text(report.page(measured), encoding="utf-8")
+
+
+def cold_starts(short, folder, _):
+    """Measure what a first start compiles."""
+    _say("measures cold starts")
+    found = cold.measure(1 if short else 3)
+    print(cold.table(found))
+    if folder:
+        cold.write(found, report.machine(("numpy", "numba", "llvmlite")), folder)
 
 
 def disturbances(short, folder, _):

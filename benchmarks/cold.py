@@ -1,0 +1,136 @@
+"""Cold and warm starts: CPU-seconds of whole processes, with nothing compiled before, and with everything."""
+
+import importlib.util
+import os
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from start import FIRST, ROOT
+
+from diag_dynamics.model.example_robots import find_urdf
+
+SIMULATION = """\
+import diag_dynamics as dd
+dd.Simulation(dd.load_urdf({!r})).advance(steps=10)"""
+
+EVERYTHING = """\
+import numpy as np
+import diag_dynamics as dd
+model = dd.load_urdf({!r})
+dyn, zero, q = dd.DiagonalDynamics(model), np.zeros(model.nv), model.neutral
+s = dyn.evaluate(q, zero, zero)
+s.link_energy, dyn.mass_matrix(q), dyn.gravity_torque(q), dyn.forward_dynamics(q, zero, zero)
+dyn.inverse_dynamics(q, zero, zero), dyn.factors(q), dyn.placement(q, model.link_names[-1])
+for sweep in (dyn.nu_from_qd, dyn.qd_from_nu, dyn.epsilon_from_tau, dyn.tau_from_epsilon):
+    sweep(q, zero)
+dyn.reflected_mass(q, model.link_names[-1], (1, 0, 0))
+dyn.evaluate_batch(q[None], zero[None], zero[None]).link_energy
+dd.DisturbanceObserver(dyn, gain=25.0).update(0.0, q, zero, zero)
+dd.JointTracking(dyn, gain=1.0, convergence=1.0).command(q, zero, q)
+dd.RateDamping(dyn, gain=1.0).command(q, zero)
+dd.Simulation(model).advance(steps=10)"""
+
+READY = "Ready"
+"""What a node says when it has started."""
+
+
+class Start(NamedTuple):
+    """One line: what starts, its command, what else it has in its environment, and the target of a cold start [CPU-s]."""
+
+    subject: str
+    command: list
+    environment: dict
+    target: float | None
+
+
+def starts():
+    """All lines; those of nodes where there is a ROS 2."""
+    urdf = str(find_urdf("panda"))
+    python = [sys.executable, "-c"]
+    lines = [
+        Start("import, load, first `evaluate`", [*python, FIRST.format(urdf)], {}, 9.0),
+        Start("`Simulation` of order 4", [*python, SIMULATION.format(urdf)], {}, None),
+        Start("everything that a script may call", [*python, EVERYTHING.format(urdf)], {}, 40.0),
+        Start(
+            "the same, `DIAG_DYNAMICS_PLAIN=1`", [*python, EVERYTHING.format(urdf)], {"DIAG_DYNAMICS_PLAIN": "1"}, 70.0
+        ),
+    ]
+    if importlib.util.find_spec("rclpy"):
+        robot = ["--robot-description", urdf]
+        more = {"controller": ["--robot-compensates-gravity", "false", "--autostart", "true"]}
+        for node in ("monitor", "simulator", "controller"):
+            command = [sys.executable, "-m", "diag_dynamics", node, *robot, *more.get(node, [])]
+            lines.append(Start(f"`{node}`, until it is ready", command, {"ROS_DOMAIN_ID": "83"}, 20.0))
+    return lines
+
+
+def measure(rounds):
+    """CPU-seconds of each start, cold and warm: a list of (Start, array, array)."""
+    found = []
+    for start in starts():
+        cold, warm = [], []
+        for _ in range(rounds):
+            with tempfile.TemporaryDirectory() as folder:
+                cold.append(_seconds(start, folder))
+                warm.append(_seconds(start, folder))
+        found.append((start, np.array(cold), np.array(warm)))
+    return found
+
+
+def _seconds(start, folder):
+    """CPU-seconds of a process and of those it starts, with compiled code in a folder."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": folder} | start.environment
+    before = _used()
+    process = subprocess.Popen(
+        start.command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    said = []
+    for line in process.stdout:
+        said.append(line)
+        if READY in line:
+            process.send_signal(signal.SIGINT)
+    if process.wait() != 0:
+        sys.exit(f"{start.subject} has failed:\n{''.join(said[-20:])}")
+    return _used() - before
+
+
+def _used():
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def table(found):
+    """The lines as a table: medians."""
+    lines = ["| starts | cold | target | | warm |", "|---|---|---|---|---|"]
+    for start, cold, warm in found:
+        median = float(np.median(cold))
+        target, verdict = (
+            ("", "") if start.target is None else (f"≤ {start.target:g}", "met" if median <= start.target else "missed")
+        )
+        lines.append(f"| {start.subject} | {median:.1f} | {target} | {verdict} | {float(np.median(warm)):.1f} |")
+    return "\n".join(lines) + "\n"
+
+
+def page(found, machine):
+    """The whole page."""
+    rounds = len(found[0][1])
+    return f"""\
+# Cold and warm starts
+
+CPU-seconds of a whole process, Python and imports included, of a Panda: cold with an empty cache of compiled code, warm
+with what the cold start has left there. Medians of {rounds}. *Everything*: load, evaluate, link energies, M, g, forward and
+inverse dynamics, factors, the four sweeps, placement, reflected mass, batch, observer, two laws, simulation.
+
+{table(found)}
+{machine}"""
+
+
+def write(found, machine, folder: Path):
+    """Write the page."""
+    (folder / "start.md").write_text(page(found, machine), encoding="utf-8")
