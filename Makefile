@@ -17,8 +17,9 @@ help:  ## this list
 setup:  ## virtual environment, ROS 2 and the built package, all under build/
 	@scripts/setup
 
-demo: setup  ## a simulated robot and its kinetic energy, live; ROBOT=<name or URDF path> ARGS=<options>
-	@$(in_env) scripts/demo $(if $(ROBOT),--robot "$(ROBOT)") $(ARGS)
+demo: setup  ## a simulated robot and its kinetic energy, live; ROBOT=<name or URDF path> MASSLESS=lock MIMIC=free ARGS=<options>
+	@$(in_env) scripts/demo $(if $(ROBOT),--robot "$(ROBOT)") $(if $(MASSLESS),--massless $(MASSLESS)) \
+	  $(if $(MIMIC),--mimic $(MIMIC)) $(ARGS)
 
 demo-control: setup  ## a push on an arm under control: seen, and its kinetic energy bounded; ARGS=--picture <file>
 	@$(in_env) scripts/demo_control $(ARGS)

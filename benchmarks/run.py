@@ -21,6 +21,7 @@ try:
     import single
     import start
     import stepping
+    import tasks
     import throughput
     from cases import FEW, ROBOTS, Case, Robot
     from peers import Mujoco, Pinocchio
@@ -124,8 +125,11 @@ def cold_starts(short, folder, _):
     _say("measures cold starts")
     found = cold.measure(1 if short else 3)
     print(cold.table(found))
+    _say("measures ten tasks")
+    done = tasks.table(tasks.measure())
+    print(done)
     if folder:
-        cold.write(found, report.machine(("numpy", "numba", "llvmlite")), folder)
+        cold.write(found, done, report.machine(("numpy", "numba", "llvmlite")), folder)
 
 
 def disturbances(short, folder, _):

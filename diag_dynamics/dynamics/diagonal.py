@@ -8,7 +8,7 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.compiled.progress import steps
-from diag_dynamics.dynamics.many import ManyStates
+from diag_dynamics.dynamics.many_states import ManyStates
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 
 

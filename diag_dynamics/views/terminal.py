@@ -14,6 +14,12 @@ _LEVELS = "▁▂▃▄▅▆▇█"
 WINDOW = 10.0
 """Seconds that the sparkline shows."""
 
+NARROW = 80
+"""Width in characters below which what is said beside the numbers is left out: lines that wrap push out the last ones."""
+
+LONGEST = 12
+"""Characters of a joint's name there: its end, which tells it from others."""
+
 
 def sparkline(values, width):
     """A line of `width` block characters from zero to the largest of the values."""
@@ -63,18 +69,19 @@ def energy_panel(robot, history, height, width, silent=0.0, waiting=""):
 
 
 def _headline(samples, last, total, rate, width):
-    power, work_rate = last[-1, 1], np.nanmax(last[:, 2], initial=0.0)
+    power, work_rate, narrow = last[-1, 1], np.nanmax(last[:, 2], initial=0.0), width < NARROW
     latency, late = 1e3 * np.quantile(last[:, 3], (0.5, 0.99))
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim")
     table.add_column(justify="left")
     energy = samples[:, 4:].sum(axis=1)
-    peak = f"  [dim]peak {energy.max():.3g} J in {WINDOW:.0f} s[/]"
-    table.add_row("kinetic energy", f"[bold]{total:9.4f} J[/]  [cyan]{sparkline(energy, max(10, width - 66))}[/]{peak}")
-    known = f"{power:+9.4f} W" if np.isfinite(power) else "  unknown: no efforts"
-    table.add_row("power νᵀ(ε − ε_g)", f"[bold]{known}[/]")
-    table.add_row("|νᵀC| / |ν||C|", f"{work_rate:9.1e}    [dim]Coriolis does no work[/]")
-    table.add_row("states", f"{rate:9.0f} Hz   latency {latency:.2f} ms, 99 % {late:.2f} ms")
+    peak = f"  [cyan]{sparkline(energy, max(10, width - 66))}[/]  [dim]peak {energy.max():.3g} J in {WINDOW:.0f} s[/]"
+    table.add_row("K" if narrow else "kinetic energy", f"[bold]{total:9.4f} J[/]{'' if narrow else peak}")
+    known = f"{power:+9.4f} W" if np.isfinite(power) else "  unknown" if narrow else "  unknown: no efforts"
+    table.add_row("power" if narrow else "power νᵀ(ε − ε_g)", f"[bold]{known}[/]")
+    table.add_row("|νᵀC|/|ν||C|", f"{work_rate:9.1e}{'' if narrow else '    [dim]Coriolis does no work[/]'}")
+    late = f"{latency:.1f} ms" if narrow else f" latency {latency:.2f} ms, 99 % {late:.2f} ms"
+    table.add_row("states", f"{rate:9.0f} Hz  {late}")
     return table
 
 
@@ -83,7 +90,8 @@ def _shares(names, recent, shares, total, rows, width):
     kept = range(len(names))
     if len(names) > rows:
         kept = sorted(np.argsort(recent.mean(axis=0))[::-1][: max(1, rows - 1)])
-    table = Table.grid(padding=(0, 2), expand=True)
+    narrow = width < NARROW
+    table = Table.grid(padding=(0, 1 if narrow else 2), expand=True)
     table.add_column(no_wrap=True, style="dim")
     table.add_column(ratio=1)
     table.add_column(justify="right", no_wrap=True)
@@ -91,7 +99,10 @@ def _shares(names, recent, shares, total, rows, width):
     for k in kept:
         part = shares[k] / total if total > 0.0 else 0.0
         bar = Bar(1.0, 0.0, part, color=PALETTE[k % len(PALETTE)])
-        table.add_row(Text(plain(names[k])), bar, f"{shares[k]:.4f} J", f"{100 * part:3.0f} %")
+        name, percent = plain(names[k]), f"{100 * part:3.0f} %"
+        if narrow:
+            name, percent = name if len(name) <= LONGEST else f"…{name[1 - LONGEST :]}", ""
+        table.add_row(Text(name), bar, f"{shares[k]:.4f} J", percent)
     if len(kept) < len(names):
         others = total - sum(shares[k] for k in kept)
         table.add_row(f"{len(names) - len(kept)} others", "", f"{others:.4f} J", "")

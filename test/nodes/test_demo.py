@@ -138,7 +138,7 @@ def test_robots_it_cannot_show(tmp_path):
     cases = {
         "nosuchrobot": ["'nosuchrobot'", "neither a file nor one of the", "All of them: "],
         "pandaa": ["'pandaa'", "did you mean panda"],
-        "ur5": ["ur5", *(id.removesuffix(".urdf") for id in robots.all_robots() if "ur5" in id)],
+        "talos": ["talos", *(id.removesuffix(".urdf") for id in robots.all_robots() if "talos" in id)],
         "iris_simple": ["iris", "no moving joint"],
         "romeo_laas_small": ["l_gripper_joint"],
         "nowhere/panda.urdf": ["nowhere/panda.urdf"],
@@ -149,7 +149,7 @@ def test_robots_it_cannot_show(tmp_path):
             missing = [text for text in texts if text not in process.output]
             assert not missing
             assert "Traceback" not in process.output
-            if name == "ur5":
+            if name == "talos":
                 assert "panda" not in process.output
     assert not list(tmp_path.iterdir())
 

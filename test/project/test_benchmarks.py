@@ -305,7 +305,7 @@ def test_table_of_cold_starts(tmp_path):
         "lines = [one for one in cold.starts() if one.target]\n"
         "found = [(one, np.array([3.0, one.target + 1.0, 99.0]), np.array([1.0, 2.0, 1.5])) for one in lines[:1]]\n"
         "found += [(one, np.array([one.target]), np.array([0.5])) for one in lines[1:]]\n"
-        "print(len(lines)); print(cold.page(found, 'a machine'))"
+        "print(len(lines)); print(cold.page(found, '', 'a machine'))"
     )
     said = run(tmp_path, "-c", script).stdout
     count, _, page = said.partition("\n")

@@ -68,7 +68,7 @@ class Processes:
             said.close()
 
 
-def prepared(urdf, *more):
+def prepared(urdf, *more, **options):
     """The robot, for which all is compiled that the nodes will need, once instead of in each of them.
 
     Parameters
@@ -76,6 +76,8 @@ def prepared(urdf, *more):
     urdf : str or path
     *more : callable
         Compile what else there is, of a model.
+    **options
+        Of load_urdf.
 
     Raises
     ------
@@ -86,7 +88,7 @@ def prepared(urdf, *more):
     patience.start()
     try:
         with stop.may_be_left(status=130):
-            model = load_urdf(urdf)
+            model = load_urdf(urdf, **options)
             if model.nv == 0:
                 raise InputError(f"robot '{model.name}' has no moving joint: there is nothing to show.")
             DiagonalDynamics(model).compile(*COMPILED)
@@ -102,6 +104,8 @@ def main(args=None):
     """Run the demo; ``--help`` lists the options."""
     parser = options(argparse.ArgumentParser(prog="demo", description=__doc__))
     parser.add_argument("--robot", default="panda", help="robot of the example-robot-data wheel, or a URDF path")
+    parser.add_argument("--massless", choices=("error", "lock"), default="error", help="joints that move no inertia")
+    parser.add_argument("--mimic", choices=("embed", "free", "lock"), default="embed", help="joints that follow others")
     parser.add_argument("--rate", type=float, default=500.0, help="joint states per second (default %(default)s)")
     chosen = checked(parser, parser.parse_args(args))
     if not 1.0 <= chosen.rate <= 10000.0:
@@ -111,9 +115,10 @@ def main(args=None):
     processes = Processes()
     try:
         urdf = find_urdf(chosen.robot)
-        model = prepared(urdf)
-        processes.start("simulator", robot_description=urdf, motion="wave", rate=chosen.rate)
-        processes.start("monitor")
+        remedies = {"massless": chosen.massless, "mimic": chosen.mimic}
+        model = prepared(urdf, **remedies)
+        processes.start("simulator", robot_description=urdf, motion="wave", rate=chosen.rate, **remedies)
+        processes.start("monitor", **remedies)
         view = None
 
         def make_view():

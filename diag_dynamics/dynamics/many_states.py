@@ -9,7 +9,7 @@ import numpy as np
 
 from diag_dynamics import batch, sweeps
 from diag_dynamics.arrays import Array, Frame, ManyWrenches, MatrixLike, RowsLike
-from diag_dynamics.dynamics.one import OneState, friction_of, given, memory_of
+from diag_dynamics.dynamics.one_state import OneState, friction_of, given, memory_of
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 from diag_dynamics.model.wrenches import wrenches_on_links_of_many
 from diag_dynamics.results import BatchEvaluation, BatchMemory

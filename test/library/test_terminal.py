@@ -1,0 +1,34 @@
+"""The terminal view at any width: no line wraps, so that the last joint and the hint are always seen."""
+
+import io
+
+import numpy as np
+import pytest
+
+from diag_dynamics.views.energy_history import EnergyHistory
+from diag_dynamics.views.terminal import energy_panel
+
+rich = pytest.importorskip("rich.console", reason="rich is not installed")
+
+
+def lines(names, width, height, silent=0.0):
+    history, rng = EnergyHistory(names), np.random.default_rng(0)
+    for k in range(200):
+        history.add(0.01 * k, rng.uniform(size=len(names)), 123.4567, 3e-16, 1.23456e-3)
+    console = rich.Console(file=io.StringIO(), width=width, height=height, color_system=None, force_terminal=True)
+    console.print(energy_panel("a robot", history, height, width, silent))
+    return console.file.getvalue().rstrip("\n").split("\n")
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 84, 100, 160])
+@pytest.mark.parametrize("count", [2, 9, 32])
+def test_fits(width, count):
+    """All of it fits into the terminal, down to the last joint that is shown and to the hint."""
+    names, height = [f"robot_arm_number_{k}_joint" for k in range(count)], 24
+    shown = lines(names, width, height)
+    assert len(shown) <= height and max(map(len, shown)) <= width
+    assert "Ctrl-C ends" in shown[-1]
+    assert "others" in shown[-3] if count > height - 9 else f"{count - 1}_joint" in shown[-3]
+    text = "\n".join(shown)
+    assert "123.4567 W" in text and "3.0e-16" in text and " Hz" in text
+    assert "no state for 3 s" in lines(names, width, height, silent=3.0)[-1]
