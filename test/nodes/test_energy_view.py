@@ -3,7 +3,9 @@
 import contextlib
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
+from diag_dynamics.nodes.support.graph import NOT_YET_KNOWN, publishing
 from nodes import START, Monitor, Process, joint_state
 
 VIEW = Path(__file__).resolve().parents[2] / "scripts" / "energy_view"
@@ -49,3 +51,11 @@ def test_a_topic_that_cannot_be_one(tmp_path):
         assert process.wait() == 2
         assert "argument --state: " in process.output
         assert "Traceback" not in process.output
+
+
+def test_a_publisher_may_be_known_before_its_node():
+    """It then has no name yet; rcl's word for that is nothing to show."""
+    names = [("_NODE_NAMESPACE_UNKNOWN_", "_NODE_NAME_UNKNOWN_"), ("/arm", "driver")]
+    found = [SimpleNamespace(node_namespace=space, node_name=name) for space, name in names]
+    node = SimpleNamespace(get_publishers_info_by_topic=lambda topic: found)
+    assert publishing(node, "/joint_states") == [NOT_YET_KNOWN, "/arm/driver"]

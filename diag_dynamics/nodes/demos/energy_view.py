@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.live import Live
 
 from diag_dynamics.msg import DiagonalizedState
-from diag_dynamics.nodes.support.graph import publishers, topics_of
+from diag_dynamics.nodes.support.graph import NOT_YET_KNOWN, publishers, topics_of
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.runner import run
 from diag_dynamics.text import plain
@@ -94,7 +94,7 @@ class EnergyView(Node):
         self._live = Live(console=self._console, auto_refresh=False) if live else None
         if self._live:
             self._live.start()
-        self._chosen, self._states, self._waiting = state, None, ""
+        self._chosen, self._states, self._waiting, self._all_known = state, None, "", True
         self._listen_to(state or STATE)
         self.create_timer(REFRESH, self._frame, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -118,6 +118,7 @@ class EnergyView(Node):
     def _tell(self):
         """Tell whose states are waited for or shown, and where there are others."""
         names, problems = publishers(self, self._states, KIND)
+        self._all_known = NOT_YET_KNOWN not in names
         waiting = f"waiting for states on {self._states.topic_name}, published by {', '.join(names) or 'nobody yet'}"
         lines = [waiting, *problems]
         if others := self._others():
@@ -152,6 +153,8 @@ class EnergyView(Node):
     def _frame(self):
         self.failure = self._watch()
         elapsed = time.monotonic() - self._begun
+        if not self._all_known:
+            self._tell()  # by name now, if it is known
         if self._history is None:
             self._look_around()
             if self._duration is not None and elapsed > PATIENCE:

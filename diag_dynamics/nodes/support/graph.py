@@ -39,7 +39,13 @@ def publishing(node, topic):
     return [_name(info) for info in node.get_publishers_info_by_topic(topic)]
 
 
+NOT_YET_KNOWN = "a node not known yet"
+"""Name of a node whose publisher has been heard of before the node itself."""
+
+
 def _name(info):
+    if info.node_name == "_NODE_NAME_UNKNOWN_":  # rcl's
+        return NOT_YET_KNOWN
     return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
 
 
