@@ -448,7 +448,7 @@ class BatchMemory(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """Factors of the mass matrix at one configuration, M = m mᵀ = unit diag(D) unitᵀ and M⁻¹ = ℓᵀℓ (Identity 4.1).
+    """Factors of the mass matrix at one configuration, M = m mᵀ = unit diag(D) unitᵀ and M⁻¹ = ℓᵀℓ (Identity 4.1); read-only.
 
     m and unit are upper triangular in the order of ``model.dof_names``, which is base to tip: they are the factors of the
     dense M = U D Uᵀ. [i, j] is exactly zero unless i = j, joint i carries joint j, or both are of one joint, or of one

@@ -144,6 +144,8 @@ class OneState(Links):
         if status:
             q = self._positions(q)
             self._checked(sweeps.factors(self._robot, q, factors, D), q)
+        factors.setflags(False)  # type: ignore[call-arg]  # as in evaluate
+        D.setflags(False)  # type: ignore[call-arg]
         return _new(Factors, (factors[0], factors[1], factors[2], D))
 
     def forward_dynamics(

@@ -223,3 +223,14 @@ def test_robot_that_cannot_move():
         assert s.kinetic_energy == 0.0 and s.nu.shape == (0,)
     many = dyn.evaluate_batch(np.zeros((3, 0)), np.zeros((3, 0)))
     assert many.kinetic_energy.tolist() == [0.0] * 3 and many.nu.shape == (3, 0)
+
+
+def test_factors_are_read_only():
+    """As all results: a write raises, and the next call gives the same."""
+    dyn = dd.DiagonalDynamics(dd.load_robot("ur5"))
+    q = dyn.model.random(1)
+    f = dyn.factors(q)
+    for array in f:
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+    assert all((a == b).all() for a, b in zip(f, dyn.factors(q.tolist()), strict=True))
