@@ -86,7 +86,7 @@ def measure(rounds):
 def _seconds(start, folder):
     """CPU-seconds of a process and of those it starts, with compiled code in a folder."""
     environment = os.environ | {"NUMBA_CACHE_DIR": folder} | start.environment
-    before = _used()
+    before = used()
     process = subprocess.Popen(
         start.command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
@@ -97,12 +97,13 @@ def _seconds(start, folder):
             process.send_signal(signal.SIGINT)
     if process.wait() != 0:
         sys.exit(f"{start.subject} has failed:\n{''.join(said[-20:])}")
-    return _used() - before
+    return used() - before
 
 
-def _used():
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+def used():
+    """CPU-seconds of all processes that have been waited for."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 def table(found):

@@ -1,12 +1,12 @@
 """Ten tasks as programs, with Pinocchio's beside them: lines, and CPU-seconds of the whole process, cold and warm."""
 
 import os
-import resource
 import subprocess
 import sys
 import tempfile
 from typing import NamedTuple
 
+from cold import used
 from start import ROOT
 
 from diag_dynamics.model.example_robots import find_urdf
@@ -143,18 +143,13 @@ def _lines(program):
 
 def _seconds(program, folder):
     """CPU-seconds of a program, with compiled code and files in a folder."""
-    before = _used()
+    before = used()
     paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
     environment = os.environ | {"NUMBA_CACHE_DIR": folder, "PYTHONPATH": paths}
     done = subprocess.run([sys.executable, "-c", program], cwd=folder, env=environment, capture_output=True, text=True)
     if done.returncode:
         sys.exit(f"A task has failed:\n{program}\n{done.stderr}")
-    return _used() - before
-
-
-def _used():
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+    return used() - before
 
 
 def table(found):

@@ -56,7 +56,7 @@ def run(name, arguments):
     if chosen.if_needed and is_marked(units):
         return 0
     begun = time.perf_counter()
-    with _progress(sum(UNITS[unit] for unit in units), chosen.quiet) as advance:
+    with _Progress(sum(UNITS[unit] for unit in units), chosen.quiet) as advance:
         failed = _compile(units, min(chosen.jobs, len(units)), advance)
     if failed:
         print(f"diag-dynamics {name}: {failed}", file=sys.stderr)
@@ -117,7 +117,7 @@ def compiled(unit):
     compile_ahead(f"diag_dynamics.{unit}")
 
 
-class _progress:  # noqa: N801 (a context, named as what it shows)
+class _Progress:
     """Context that gives a function to be told of each unit that is done; a bar where a terminal shows one, else lines."""
 
     def __init__(self, total, quiet):

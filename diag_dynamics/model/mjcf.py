@@ -355,8 +355,9 @@ class _Writer:
         if b is not None and self._m.body_mass[b] > 0.0:
             m = self._m
             turn = _rotation(self._mujoco, m.body_iquat[b])
-            I = turn @ np.diag(m.body_inertia[b]) @ turn.T  # noqa: E741
-            entries = {"ixx": I[0, 0], "ixy": I[0, 1], "ixz": I[0, 2], "iyy": I[1, 1], "iyz": I[1, 2], "izz": I[2, 2]}
+            own = turn @ np.diag(m.body_inertia[b]) @ turn.T
+            places = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+            entries = {entry: own[place] for entry, place in places.items()}
             inertia = " ".join(f'{name}="{_number(value)}"' for name, value in entries.items())
             inertial = f'<inertial><origin xyz="{_text(m.body_ipos[b])}"/><mass value="{_number(m.body_mass[b])}"/>'
             inertial += f"<inertia {inertia}/></inertial>"
