@@ -38,6 +38,7 @@ FLOORS = [
     "text arrays",
     "exceptions",
     "checks entries compiled",
+    "bags tables",
     "sweeps",
     "model batch",
     "results",

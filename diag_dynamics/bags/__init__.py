@@ -1,0 +1,1 @@
+"""Files of messages, read and written in pieces: bytes and times, whatever they mean."""
