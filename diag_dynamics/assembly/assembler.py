@@ -101,7 +101,7 @@ FOLLOWER_RULES = np.dtype(
 
 
 class PlainJudgement(NamedTuple):
-    """Rules by which a message is judged, and the memory of the assembler, which nodes/wire/joint_states.py writes in, too.
+    """Rules by which a message is judged, and the memory of the assembler, which wire/joint_states.py writes in, too.
 
     All but the first six are arrays with an entry for each joint, or for each follower.
     """
@@ -215,7 +215,7 @@ class JointStateAssembler:
         return efforts, Bounds(self.names, lower, upper, turns, options, joints.velocity), ages
 
     def plain_judgement(self):
-        """Return what nodes/wire/joint_states.py judges a whole, ordinary message by, and where it keeps it.
+        """Return what wire/joint_states.py judges a whole, ordinary message by, and where it keeps it.
 
         Returns
         -------

@@ -102,7 +102,7 @@ class Jumps:
     def _farther(self, here, position, velocity, fastest, stamp, last_position, last_velocity, last_stamp):
         """Which steps are larger than the velocities explain, and the largest steps that they do explain.
 
-        nodes/wire/joint_states.py has the same sum, compiled.
+        wire/joint_states.py has the same sum, compiled.
         """
         elapsed = (stamp - last_stamp) * 1e-9
         with np.errstate(over="ignore", invalid="ignore"):

@@ -1,4 +1,4 @@
-"""What readers of bags hand out: serialized messages in pieces, in the order of their log time, and what could not be read."""
+"""What readers of bags hand out: serialized messages in the order of their log time, and what could not be read."""
 
 from typing import NamedTuple
 

@@ -17,16 +17,16 @@ from diag_dynamics.compiled.cache import cache_folder
 
 UNITS = {
     "simulation.steps": 14,
-    "nodes.wire.pipeline": 9,
+    "nodes.encoded.pipeline": 9,
     "sweeps.each": 9,
     "sweeps.many": 8,
     "sweeps.derivatives": 6,
     "sweeps.evaluation": 5,
     "sweeps.factorization": 5,
-    "nodes.wire.joint_states": 4,
+    "wire.joint_states": 4,
     "sweeps.factors": 3,
     "sweeps.classical": 3,
-    "nodes.wire.encoding": 2,
+    "nodes.encoded.encoding": 2,
     "sweeps.kinematics": 2,
     "sweeps.motions": 1,
 }

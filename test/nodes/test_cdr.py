@@ -36,7 +36,7 @@ from std_msgs.msg import (
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.wire.cdr import HEADER, Template
+from diag_dynamics.wire.cdr import HEADER, Template
 from examples import examples
 
 OURS = tuple(kind for kind in vars(diag_dynamics.msg).values() if hasattr(kind, "get_fields_and_field_types"))

@@ -13,12 +13,12 @@ from rclpy.serialization import deserialize_message, serialize_message
 import diag_dynamics as dd
 from diag_dynamics.assembly.assembler import RobotState
 from diag_dynamics.control.observer import Disturbance
+from diag_dynamics.nodes.encoded import encoding as encoded
+from diag_dynamics.nodes.encoded.encoding import EncodedMessages
+from diag_dynamics.nodes.encoded.topic_bits import MATRICES, ORDER
 from diag_dynamics.nodes.support.messages import MessageMaker
-from diag_dynamics.nodes.wire import encoding as encoded
-from diag_dynamics.nodes.wire.cdr import Template
-from diag_dynamics.nodes.wire.encoding import EncodedMessages
-from diag_dynamics.nodes.wire.topic_bits import MATRICES, ORDER
 from diag_dynamics.parameters.monitor import Observation
+from diag_dynamics.wire.cdr import Template
 from examples import examples
 from nodes import PANDA, S, robot
 from robots import description, link, random_tree

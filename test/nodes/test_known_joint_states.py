@@ -23,8 +23,8 @@ from test_joint_states import CONTINUOUS, LIMITS, MIMICS, NAMES, journeys, set_c
 
 from diag_dynamics.assembly.assembler import Joints, JointStateAssembler, Options
 from diag_dynamics.assembly.rejected import RejectedError
-from diag_dynamics.nodes.wire import joint_states as known
-from diag_dynamics.nodes.wire.joint_states import FREELY, LONGEST, MOST_LAYOUTS, SELDOM, KnownJointStates
+from diag_dynamics.nodes.support.reading import read_joint_state
+from diag_dynamics.wire.joint_states import FREELY, LONGEST, MOST_LAYOUTS, SELDOM, KnownJointStates
 from examples import examples, some_of
 from nodes import MS, S, joint_state
 
@@ -43,7 +43,8 @@ class Twins:
     def __init__(self, joints=JOINTS, **options):
         """Make both of them."""
         self.ordinary, self.assembler = (JointStateAssembler(joints, Options(**options)) for _ in range(2))
-        self.known = KnownJointStates(self.assembler)
+        self.deserialize = mock.Mock(wraps=read_joint_state)
+        self.known = KnownJointStates(self.assembler, self.deserialize)
         self.states = []
         self.at_once = False  # whether the last one was not deserialized
 
@@ -66,9 +67,9 @@ class Twins:
             expected = None
         else:
             expected = outcome(self.ordinary.update, message, now)
-        with mock.patch.object(known, "deserialize_message", wraps=deserialize_message) as deserialized:
-            actual = outcome(self.known.update, raw, now)
-        self.at_once = not deserialized.called
+        self.deserialize.reset_mock()
+        actual = outcome(self.known.update, raw, now)
+        self.at_once = not self.deserialize.called
         if expected is None:
             assert actual[:2] == ("rejected", "malformed")
             assert "joint_states: " in actual[2]
@@ -765,7 +766,7 @@ def test_damaged_numbers_stay_within_bounds():
     changed, good = Counter(), sent(2)
     for place in range(len(good)):
         for change in (0x01, 0x80, 0xFF):
-            bytes_of = KnownJointStates(JointStateAssembler(limited, options))
+            bytes_of = KnownJointStates(JointStateAssembler(limited, options), read_joint_state)
             for k in range(2):
                 bytes_of.update(sent(k), NOW + 8 * k * MS)
             raw = bytearray(good)
@@ -789,7 +790,7 @@ def test_damaged_numbers_stay_within_bounds():
 
 def test_damaged_bytes_are_no_lines_on_stderr(capfd):
     """Whatever bytes come, nothing is written past the log, as rosidl does for every count that is beyond the bytes."""
-    bytes_of = KnownJointStates(JointStateAssembler(JOINTS, Options()))
+    bytes_of = KnownJointStates(JointStateAssembler(JOINTS, Options()), read_joint_state)
     refused = 0
     for raw in (raw for damage in (overwritten, with_other_lengths, truncated, at_random) for raw in damage()):
         try:

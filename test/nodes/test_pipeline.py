@@ -13,8 +13,8 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from test_encoded import same
 
+from diag_dynamics.nodes.encoded.topic_bits import ABOUT_STATE, BITS, MATRICES, ORDER
 from diag_dynamics.nodes.monitor.monitor import MonitorNode
-from diag_dynamics.nodes.wire.topic_bits import ABOUT_STATE, BITS, MATRICES, ORDER
 from examples import examples
 from nodes import BELIEVING, MS, PANDA, S, joint_state, robot
 

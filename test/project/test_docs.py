@@ -145,10 +145,10 @@ def test_what_the_monitor_publishes_is_complete():
     from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
     from diag_dynamics.dynamics import DiagonalDynamics
     from diag_dynamics.model import load_robot
+    from diag_dynamics.nodes.encoded.topic_bits import ORDER
     from diag_dynamics.nodes.monitor.described import matrix
     from diag_dynamics.nodes.monitor.outputs import TYPES
     from diag_dynamics.nodes.support.messages import MessageMaker
-    from diag_dynamics.nodes.wire.topic_bits import ORDER
     from diag_dynamics.parameters.monitor import RATES
 
     ours = {one.name: one.type for one in INTERFACES["monitor"] if one.kind == OUT and one.name.startswith("~/")}

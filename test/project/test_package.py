@@ -44,10 +44,10 @@ FLOORS = [
     "results",
     "dynamics",
     "control assembly",
-    "simulation",
+    "simulation wire",
     "parameters views",
     "nodes/support",
-    "nodes/wire",
+    "nodes/encoded",
     "nodes/monitor nodes/controller nodes/simulator",
     "nodes/demos nodes/tools",
     "cli",
@@ -135,7 +135,7 @@ def test_nobody_touches_the_private_state_of_others():
 
 
 TRANSLATORS = {
-    *("compiled/store.py", "nodes/support/publishing.py", "nodes/wire/joint_states.py"),
+    *("compiled/store.py", "nodes/support/publishing.py", "wire/joint_states.py"),
     *("cli/compile.py", "model/named.py", "model/urdf.py", "model/xacro_files.py"),
 }
 """Files that turn whatever numba, rclpy, robot_descriptions, yourdfpy or xacro raises into an exception of this package's, or

@@ -18,7 +18,7 @@ def simulation():
 
 def messages():
     """What turns bytes into bytes."""
-    compile_ahead(*(f"diag_dynamics.nodes.wire.{name}" for name in ("joint_states", "encoding", "pipeline")))
+    compile_ahead("diag_dynamics.wire", "diag_dynamics.nodes.encoded")
 
 
 def in_two_processes():

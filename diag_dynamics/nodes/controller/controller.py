@@ -34,11 +34,12 @@ from diag_dynamics.nodes.support.loading import load_robot
 from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE, PATIENT, SUCCESS, ManagedNode
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.publishing import RateLimit, connected
+from diag_dynamics.nodes.support.reading import read_joint_state
 from diag_dynamics.nodes.support.runner import main_of
 from diag_dynamics.nodes.support.usage import defaults_of, parser_of
-from diag_dynamics.nodes.wire.joint_states import KnownJointStates
 from diag_dynamics.parameters.controller import COMPENSATES, PARAMETERS, WHY_REQUIRED
 from diag_dynamics.parameters.spec import Spec
+from diag_dynamics.wire.joint_states import KnownJointStates
 
 COMMANDS = "effort_controller/commands"
 
@@ -200,7 +201,7 @@ class ControllerNode(ManagedNode):
         options = Options(timeout=values["joint_timeout"], max_age=age, refuse_foreign=True, **ABSURD)
         assembled = JointStateAssembler(joints_of(model), options)
         assembled.stamps.limit = "max_state_age"
-        states = KnownJointStates(assembled)
+        states = KnownJointStates(assembled, read_joint_state)
         states.configure()
         return ControlLoop(model, values, compensated), joints, order, assembled, states
 

@@ -10,16 +10,17 @@ from diag_dynamics.assembly.odometry import OdometryBase
 from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.model import Payload, RobotModel
+from diag_dynamics.nodes.encoded.encoding import EncodedMessages
+from diag_dynamics.nodes.encoded.pipeline import Pipeline, compile_pipeline
 from diag_dynamics.nodes.monitor.energy_watch import EnergyWatch
 from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted
 from diag_dynamics.nodes.support.loading import compile_dynamics
 from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE
 from diag_dynamics.nodes.support.messages import MessageMaker
-from diag_dynamics.nodes.wire.encoding import EncodedMessages
-from diag_dynamics.nodes.wire.joint_states import KnownJointStates
-from diag_dynamics.nodes.wire.pipeline import Pipeline, compile_pipeline
+from diag_dynamics.nodes.support.reading import read_joint_state
 from diag_dynamics.parameters.shared import payloads_of
+from diag_dynamics.wire.joint_states import KnownJointStates
 
 NO_PAYLOAD = Payload(0.0)
 """What takes a payload off."""
@@ -66,7 +67,7 @@ class MonitoredRobot:
         self.description = description
         self.assembler = JointStateAssembler(joints_of(model), settings.inputs)
         self._by_template = settings.values["serialization"] == "template"
-        self.joint_states = KnownJointStates(self.assembler) if self._by_template else self.assembler
+        self.joint_states = KnownJointStates(self.assembler, read_joint_state) if self._by_template else self.assembler
         in_header = settings.values["odom_twist_frame"] == "header"
         self.base = OdometryBase(model, in_header) if model.floating_base else None
         self.energy = EnergyWatch(model, settings.thresholds)

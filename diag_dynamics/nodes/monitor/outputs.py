@@ -5,9 +5,9 @@ import time
 from rclpy.qos import QoSProfile
 
 from diag_dynamics import msg
+from diag_dynamics.nodes.encoded.topic_bits import ABOUT_STATE, BITS, MATRICES, ORDER
 from diag_dynamics.nodes.support.publishing import RateLimit, connected
 from diag_dynamics.nodes.support.topics import TOPICS
-from diag_dynamics.nodes.wire.topic_bits import ABOUT_STATE, BITS, MATRICES, ORDER
 
 TYPES = {topic.name: getattr(msg, topic.type) for topic in TOPICS}
 """Types of all topics: of those about a state, and of those that are made only where a parameter asks for them."""

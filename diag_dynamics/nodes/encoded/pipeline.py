@@ -5,9 +5,9 @@ import numpy as np
 from diag_dynamics import sweeps
 from diag_dynamics.compiled.kernel import COUNT, entry_kernel, ready
 from diag_dynamics.compiled.tables import Addresses, Table, array
-from diag_dynamics.nodes.wire.encoding import Vectors, Written, sheets_at, write
-from diag_dynamics.nodes.wire.joint_states import WITH_EFFORT, WITHOUT_EFFORT, known_at, take
-from diag_dynamics.nodes.wire.topic_bits import WITH_LINK_ENERGY
+from diag_dynamics.nodes.encoded.encoding import Vectors, Written, sheets_at, write
+from diag_dynamics.nodes.encoded.topic_bits import WITH_LINK_ENERGY
+from diag_dynamics.wire.joint_states import WITH_EFFORT, WITHOUT_EFFORT, known_at, take
 
 PIPELINE = Table(
     "Pipeline",

@@ -9,8 +9,6 @@ import random
 from dataclasses import dataclass
 
 import numpy as np
-from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState
 
 from diag_dynamics.assembly.assembler import FOLLOWER_RULES, JOINT_RULES, RobotState
 from diag_dynamics.assembly.jumps import SHORTEST
@@ -18,8 +16,8 @@ from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.assembly.stamps import FAR, SECOND
 from diag_dynamics.compiled.kernel import COUNT, entry_kernel, kernel, large_kernel, ready
 from diag_dynamics.compiled.tables import Addresses, Table, array
-from diag_dynamics.nodes.wire.cdr import Template
-from diag_dynamics.nodes.wire.overrun import overruns
+from diag_dynamics.wire.cdr import Template
+from diag_dynamics.wire.overrun import overruns
 
 MOST_LAYOUTS, FREELY, SELDOM = 64, 200, 100
 """Texts that are known at a time; and how many are learned as they come, before only one of so many messages is looked at.
@@ -101,6 +99,8 @@ class KnownJointStates:
     Parameters
     ----------
     assembler : JointStateAssembler
+    deserialize : callable
+        Gives the JointState of its bytes, or raises any exception.
 
     Attributes
     ----------
@@ -108,8 +108,8 @@ class KnownJointStates:
         How many messages were of a known text and plainly good.
     """
 
-    def __init__(self, assembler):
-        self.at_once = 0
+    def __init__(self, assembler, deserialize):
+        self.at_once, self._deserialize = 0, deserialize
         self._assembler, self._stamps = assembler, assembler.stamps
         self._chance = random.Random(0)
         self._layouts = {}  # lists by the length of the message
@@ -157,7 +157,7 @@ class KnownJointStates:
         try:
             if overruns(raw):
                 raise ValueError("a sequence counts more entries than there are bytes")
-            message = deserialize_message(raw, JointState)
+            message = self._deserialize(raw)
         except Exception as error:
             raise RejectedError(
                 "malformed", f"joint_states: {len(raw)} bytes that are no sensor_msgs/msg/JointState ({error})"

@@ -9,9 +9,9 @@ from diag_dynamics import sweeps
 from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.compiled.kernel import COUNT, FLAG, MATRIX, NUMBER, VECTOR, entry_kernel, kernel, large_kernel, ready
 from diag_dynamics.compiled.tables import Addresses, Table, array
-from diag_dynamics.nodes.wire.cdr import HEADER, Template
-from diag_dynamics.nodes.wire.topic_bits import BITS, WITH_LINK_ENERGY
+from diag_dynamics.nodes.encoded.topic_bits import BITS, WITH_LINK_ENERGY
 from diag_dynamics.sweeps import NU
+from diag_dynamics.wire.cdr import HEADER, Template
 
 _ROW, _STAMP, _OLDEST, _RECEIVED, _ESTIMATED, _ENERGY, _POWER, _BASE, _SHARES, _POSITION, _EFFORT, _FRICTION = range(12)
 
