@@ -67,6 +67,31 @@ class Frozen:
         if self.text and self._refused:
             raise RejectedError("frozen", self.text)
 
+    def judge_many(self, stamps, position, velocity):
+        """Take in states stamped `stamps` [ns], in the order of time, a row each: as :meth:`judge` of one after the other.
+
+        Returns
+        -------
+        ndarray of bool
+            Which states are refused.
+        """
+        refused = np.zeros(len(stamps), dtype=bool)
+        if not self._timeout or not len(stamps):
+            return refused
+        least, first = -(-self._timeout // SAMPLES), 0  # [ns], rounded up
+        while first < len(stamps):
+            if self._last is None or stamps[first] < self._last:
+                at = first
+            else:
+                at = max(first, int(np.searchsorted(stamps, self._last + least)))
+            refused[first:at] = self._refused and bool(self.text)
+            if at < len(stamps):
+                elapsed = None if self._last is None else int(stamps[at]) - self._last
+                self._take(int(stamps[at]), elapsed, position[at], velocity[at])
+                refused[at] = self._refused and bool(self.text)
+            first = at + 1
+        return refused
+
     def _take(self, stamp, elapsed, position, velocity):
         fast, zero = np.abs(velocity) >= MOVING, velocity == 0.0
         if elapsed is None or not 0 <= elapsed <= self._timeout:

@@ -41,6 +41,20 @@ class Gaps:
         elif elapsed > LONGEST:
             self._intervals.pop(source, None)
 
+    def take_many(self, source, stamps):
+        """Take in the stamps of messages of one source [ns], int64, one after the other."""
+        last = self._last.get(source, stamps[0])
+        elapsed = np.diff(stamps, prepend=last)
+        if ((elapsed <= 0) | (elapsed > LONGEST)).any():
+            for stamp in stamps.tolist():
+                self.take(source, stamp)
+            return
+        intervals = np.concatenate([self._intervals.get(source, ()), elapsed]).astype(float)
+        whole = len(intervals) - len(intervals) % WINDOW
+        self.lost += int(lost_in(intervals[:whole].reshape(-1, WINDOW)).sum())
+        self._intervals[source] = intervals[whole:].tolist()
+        self._last[source] = int(stamps[-1])
+
     def pause(self):
         """Begin anew: a message came whose stamp is unknown, so the next interval would count as a loss."""
         self._last.clear()
@@ -48,11 +62,16 @@ class Gaps:
 
 def lost_between(intervals):
     """Number of states lost within intervals [ns] that are multiples of one period; 0 if they are not."""
-    intervals = np.array(intervals, dtype=float)
-    period = np.quantile(intervals, 0.25, method="lower")
+    return int(lost_in(np.array([intervals], dtype=float))[0])
+
+
+def lost_in(windows):
+    """Number of states lost in each row of intervals [ns], of float64: see :func:`lost_between`."""
+    count = windows.shape[1]
+    period = np.partition(windows, (count - 1) // 4, axis=1)[:, (count - 1) // 4, None]
     for _ in range(2):
-        counts = np.maximum(np.rint(intervals / period), 1.0)
-        period = intervals.sum() / counts.sum()
-    if np.abs(intervals / period - counts).mean() > IRREGULAR or 2 * np.sum(counts == 1.0) <= len(counts):
-        return 0
-    return int(counts.sum()) - len(counts)
+        counts = np.maximum(np.rint(windows / period), 1.0)
+        period = windows.sum(axis=1, keepdims=True) / counts.sum(axis=1, keepdims=True)
+    apart = np.abs(windows / period - counts).mean(axis=1)
+    regular = (apart <= IRREGULAR) & (2 * (counts == 1.0).sum(axis=1) > count)
+    return np.where(regular, counts.sum(axis=1) - count, 0.0)

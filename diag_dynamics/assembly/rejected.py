@@ -1,6 +1,6 @@
 """Rejection of an input."""
 
-from diag_dynamics.exceptions import shown
+from diag_dynamics.exceptions import DiagDynamicsError, shown
 
 
 class RejectedError(Exception):
@@ -12,3 +12,10 @@ class RejectedError(Exception):
 
     def __str__(self):
         return shown(self)
+
+
+def cause_of(error):
+    """A short key to count by what has kept a message from making a state."""
+    if isinstance(error, RejectedError):
+        return error.cause
+    return type(error).__name__ if isinstance(error, DiagDynamicsError) else "internal error"

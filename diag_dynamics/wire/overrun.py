@@ -2,11 +2,10 @@
 
 import struct
 
+from diag_dynamics.wire.definitions import ALIGNMENT
+
 _COUNTS = struct.Struct(">I"), struct.Struct("<I")
 """How a count is written, by the last bit of the encapsulation."""
-
-_XCDR = {0: 8, 1: 8} | dict.fromkeys(range(6, 12), 4)
-"""What doubles are aligned to, by the second byte of the encapsulation: versions 1 and 2 of DDS-XTypes 1.3, 7.4.3."""
 
 
 def overruns(raw):
@@ -24,9 +23,9 @@ def overruns(raw):
     bool
         False, too, of what is malformed otherwise: rosidl says nothing of that but to its caller.
     """
-    if len(raw) < 4 or raw[0] != 0 or raw[1] not in _XCDR:
+    if len(raw) < 4 or raw[0] != 0 or raw[1] not in ALIGNMENT:
         return False
-    count, aligned = _COUNTS[raw[1] % 2].unpack_from, _XCDR[raw[1]]
+    count, aligned = _COUNTS[raw[1] % 2].unpack_from, ALIGNMENT[raw[1]]
 
     def after_text(at):
         at += -at % 4

@@ -46,6 +46,7 @@ FLOORS = [
     "control assembly",
     "simulation wire",
     "parameters views",
+    "recordings",
     "nodes/support",
     "nodes/encoded",
     "nodes/monitor nodes/controller nodes/simulator",

@@ -2,12 +2,10 @@
 
 from typing import NamedTuple
 
-import numpy as np
-
-from diag_dynamics.assembly.assembler import JointStateAssembler, RobotState, joints_of
+from diag_dynamics.assembly.assembler import JointStateAssembler, joints_of
 from diag_dynamics.assembly.frozen import Frozen
 from diag_dynamics.assembly.odometry import OdometryBase
-from diag_dynamics.assembly.stamps import SECOND
+from diag_dynamics.assembly.whole import WithBase
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.model import Payload, RobotModel
 from diag_dynamics.nodes.encoded.encoding import EncodedMessages
@@ -70,11 +68,11 @@ class MonitoredRobot:
         self.joint_states = KnownJointStates(self.assembler, read_joint_state) if self._by_template else self.assembler
         in_header = settings.values["odom_twist_frame"] == "header"
         self.base = OdometryBase(model, in_header) if model.floating_base else None
+        self._with_base = WithBase(self.base, self.assembler)
         self.energy = EnergyWatch(model, settings.thresholds)
         self.frozen = Frozen(self.assembler.names, *_frozen_by(settings))
         self.settings = self.dynamics = self.revision = self.pipeline = self.torque = self._state = None
         self._at_once = False
-        self._jumps = 0  # of the joints' time that the base knows of
         self._moved = 0  # jumps of positions that the watches know of
         self.use(model, settings, revision)
         compile_dynamics()
@@ -173,18 +171,11 @@ class MonitoredRobot:
 
     def with_base(self, state):
         """The state of a robot with a floating base from that of its joints; None while the base's is unknown."""
-        jumps = self.assembler.counts["time jumped back"]
-        if jumps > self._jumps and self.base.stamp is not None and self.base.stamp > state.newest + SECOND:
-            self.base.forget()  # it is of the time that is over
-        self._jumps = jumps
-        return self.base.with_joints(state, self.settings.values["odom_timeout"])
+        return self._with_base.state(state, self.settings.values["odom_timeout"])
 
     def state_of_base(self):
         """The state after odometry: of a robot that is all base, for which no joint state will ever come, else None."""
-        if self.assembler.names:
-            return None
-        nothing, at = np.zeros(0), self.base.stamp
-        return self.with_base(RobotState(nothing, nothing, None, at, at, False))
+        return self._with_base.state_of_base(self.settings.values["odom_timeout"])
 
     def evaluate(self, state):
         """Evaluation of a whole state, and that state with efforts that hold gravity."""

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from diag_dynamics.assembly.rejected import RejectedError
+from diag_dynamics.assembly.rejected import RejectedError, cause_of
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.nodes.support.diagnostics import shortened
 
@@ -20,9 +20,7 @@ class Fault(NamedTuple):
     @property
     def cause(self):
         """A short key to count it by."""
-        if isinstance(self.error, RejectedError):
-            return self.error.cause
-        return "internal error" if self.is_internal else type(self.error).__name__
+        return cause_of(self.error)
 
     @property
     def text(self):

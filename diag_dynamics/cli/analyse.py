@@ -1,0 +1,126 @@
+"""`diag-dynamics analyse`: a recording in, everything that the library says of it out."""
+
+import argparse
+import json
+import sys
+import time
+import warnings
+from pathlib import Path
+
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.model import load_robot
+from diag_dynamics.parameters.files import parameters_of
+from diag_dynamics.recordings.analysis import Analysis
+from diag_dynamics.recordings.outputs.csv import CsvOutput
+from diag_dynamics.recordings.outputs.mcap import McapOutput
+from diag_dynamics.recordings.outputs.parquet import ParquetOutput
+from diag_dynamics.recordings.recording import Reading
+from diag_dynamics.recordings.summary import summary_of, text_of
+
+DONE, WORTH_KNOWING, FAILED = range(3)
+"""Exit statuses: all is well; the recording has been analysed, but something about it is not right; it could not be."""
+
+EPILOG = """exit status: 0 all is well; 1 analysed, but part of it could not be read, messages were rejected, or the balance
+of power explains less than 80 %% (see the summary); 2 it could not be analysed."""
+
+
+def run(name, arguments):
+    """Analyse recordings; returns the exit status."""
+    parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
+    parser.add_argument("recording", help="rosbag2 folder, .mcap, .db3, ROS 1 .bag, or CSV, TSV, Parquet, npz")
+    parser.add_argument(
+        "--urdf", help="the robot: URDF, or a name that `diag-dynamics robots` lists (default: the bag's own)"
+    )
+    parser.add_argument("--columns", metavar="MAP.yaml", help="map of the columns of a table (docs/recordings.md)")
+    parser.add_argument("--topic", help="that of the joint states, where a bag has several")
+    parser.add_argument(
+        "--parameters", metavar="FILE.yaml", action="append", default=[], help="parameters of the monitor"
+    )
+    parser.add_argument("--set", metavar="PARAMETER=VALUE", nargs="+", action="extend", default=[], help="one of them")
+    parser.add_argument("--gain", type=float, default=25.0, help="of the disturbance observer [1/s] (default: 25)")
+    parser.add_argument("-o", "--mcap", metavar="OUT.mcap", help="messages of the monitor, for ros2 bag play")
+    parser.add_argument("--parquet", metavar="OUT.parquet", help="a column for each quantity and joint")
+    parser.add_argument("--csv", metavar="OUT.csv", help="the same as text")
+    parser.add_argument("--json", metavar="SUMMARY.json", help="the summary for programs; - for stdout")
+    parser.add_argument("--threads", type=int, help="for evaluation (default: as many as there are processors)")
+    parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
+    chosen = parser.parse_args(arguments)
+    try:
+        return _analyse(chosen)
+    except (DiagDynamicsError, OSError) as error:
+        print(f"diag-dynamics {name}: {error}", file=sys.stderr)
+        return FAILED
+
+
+def _analyse(chosen):
+    if chosen.threads is not None and chosen.threads < 1:
+        raise InputError(f"--threads is {chosen.threads}, expected at least 1.")
+    parameters = parameters_of(chosen.parameters, chosen.set)
+    reading = Reading(chosen.recording, _robot(chosen.urdf), chosen.columns, topic=chosen.topic, parameters=parameters)
+    kinds = (chosen.mcap, McapOutput), (chosen.parquet, ParquetOutput), (chosen.csv, CsvOutput)
+    analysis = Analysis(reading, gain=chosen.gain, threads=chosen.threads)
+    outputs = [kind(path, reading, analysis.friction) for path, kind in kinds if path]
+    begun = time.perf_counter()
+    try:
+        with _Progress(chosen.quiet) as progress:
+            analysis.run(outputs, progress)
+        if not analysis.states:
+            findings = "; ".join(map(str, reading.findings()[:3])) or "it has no messages"
+            raise InputError(f"'{chosen.recording}' has not a single state: {findings}.")
+        for output in outputs:
+            output.close()
+    except BaseException:
+        for output in outputs:
+            output.drop()
+        raise
+    summary = summary_of(analysis) | {"recording": str(chosen.recording)}
+    if chosen.json == "-":
+        print(json.dumps(summary, indent=1, allow_nan=False))
+    elif chosen.json:
+        Path(chosen.json).write_text(json.dumps(summary, indent=1, allow_nan=False), encoding="utf-8")
+    if not chosen.quiet and chosen.json != "-":
+        print(text_of(summary))
+        took = max(time.perf_counter() - begun, 1e-9)
+        ratio = summary["duration"] / took
+        print(f"\nAnalysed in {took:.1f} s, {ratio:.3g} times as fast as it was recorded.", file=sys.stderr)
+    return WORTH_KNOWING if _is_wrong(summary) else DONE
+
+
+def _robot(urdf):
+    """What the robot is made of: a file, or the name of an example."""
+    if urdf is None or Path(urdf).expanduser().exists() or "/" in urdf or "." in urdf:
+        return urdf
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return load_robot(urdf)
+
+
+def _is_wrong(summary):
+    explained = summary["explained"]
+    unread = any(one["cause"] == "unread" for one in summary["findings"])
+    return bool(unread or summary["rejected"] or (explained is not None and explained < 0.8))
+
+
+class _Progress:
+    """A line on stderr that is written anew, where that is a terminal."""
+
+    def __init__(self, quiet):
+        self._shown = not quiet and sys.stderr.isatty()
+        self._begun = self._last = None
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self._shown and self._last is not None:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+
+    def __call__(self, states, log_time):
+        now = time.perf_counter()
+        if self._begun is None:
+            self._begun = log_time
+        if self._shown and (self._last is None or now - self._last > 0.2):
+            self._last = now
+            print(
+                f"\r\033[K{states} states, {(log_time - self._begun) * 1e-9:.0f} s", end="", file=sys.stderr, flush=True
+            )

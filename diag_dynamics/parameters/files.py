@@ -1,0 +1,102 @@
+"""Parameters of the monitor without a monitor: from its YAML files, and from a command line."""
+
+from collections.abc import Mapping
+from difflib import get_close_matches
+from fnmatch import fnmatch
+from importlib import import_module
+from pathlib import Path
+
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.parameters.monitor import PARAMETERS
+
+MONITOR = "diag_dynamics"
+"""Name of the node, whose sections of a file count."""
+
+
+def parameters_of(files=(), assignments=()):
+    """Values by parameter of the monitor, of files in their order, and then of assignments.
+
+    Parameters
+    ----------
+    files : sequence of str or Path
+        As ROS 2 has them: ``/**: {ros__parameters: {…}}``. Sections of other nodes count for nothing.
+    assignments : sequence of str
+        Each ``parameter=value``, the value in YAML.
+
+    Raises
+    ------
+    InputError
+        It names the file, the parameter, and what was expected.
+    """
+    values = {}
+    for path in files:
+        for name, value in _of_file(path).items():
+            values[name] = _checked(name, value, f"'{path}'")
+    for entry in assignments:
+        name, equals, value = entry.partition("=")
+        if not equals:
+            raise InputError(f"'{entry}' sets nothing, expected parameter=value.")
+        values[name] = _checked(name, _loaded(value, f"'{entry}'"), f"'{entry}'")
+    return values
+
+
+def _of_file(path):
+    """Parameters in a file that the monitor would take."""
+    try:
+        text = Path(path).expanduser().read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"'{path}' cannot be read: {error}") from error
+    content = _loaded(text, f"'{path}'")
+    if not isinstance(content, Mapping):
+        raise InputError(f"'{path}' is no file of parameters, expected /**: {{ros__parameters: {{…}}}}.")
+    found = {}
+    for node, section in content.items():
+        if not isinstance(section, Mapping) or not isinstance(section.get("ros__parameters"), Mapping):
+            raise InputError(f"'{path}': section '{node}' has no ros__parameters.")
+        if fnmatch(MONITOR, str(node).split("/")[-1]):
+            found |= dict(_flat(section["ros__parameters"], ""))
+    return found
+
+
+def _flat(section, prefix):
+    """Parameters of nested groups, with their names in full."""
+    for name, value in section.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def _loaded(text, what):
+    try:
+        yaml = import_module("yaml")
+    except ImportError as error:
+        raise InputError("parameters are read by PyYAML, which is not installed: pip install pyyaml.") from error
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise InputError(f"{what} is no YAML: {' '.join(str(error).split())}") from error
+
+
+def _checked(name, value, source):
+    """The value, of the type of the parameter."""
+    if name not in PARAMETERS:
+        near = get_close_matches(name, PARAMETERS, n=1)
+        raise InputError(f"{source}: the monitor has no parameter '{name}'.{f' Is {near[0]!r} meant?' if near else ''}")
+    default = PARAMETERS[name].default
+    if isinstance(default, list):
+        kind = type(default[0])
+        value = [kind(entry) if kind is float and type(entry) is int else entry for entry in _entries(value)]
+        value = value or [""] if kind is str else value
+        wrong = next((entry for entry in value if type(entry) is not kind), None)
+    else:
+        kind = type(default)
+        value = float(value) if kind is float and type(value) is int else value
+        wrong = None if type(value) is kind else value
+    if wrong is not None:
+        raise InputError(f"{source}: parameter '{name}' has {wrong!r}, expected {kind.__name__}.")
+    return value
+
+
+def _entries(value):
+    return value if isinstance(value, list) else [value]

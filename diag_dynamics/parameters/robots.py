@@ -1,0 +1,58 @@
+"""The model that parameters make of a description."""
+
+from diag_dynamics.entries import assignments
+from diag_dynamics.exceptions import UnsupportedError
+from diag_dynamics.model import load_urdf
+from diag_dynamics.model.options import FRICTION_VELOCITY
+from diag_dynamics.model.single_joints import single_joints
+from diag_dynamics.model.urdf import read_urdf
+from diag_dynamics.model.xacro_files import expanded
+from diag_dynamics.parameters.shared import payloads_of
+
+
+def model_of(description, values):
+    """Model of a description, whose every joint ``joint_states`` has a place for.
+
+    Parameters
+    ----------
+    description : str
+        URDF or its path.
+    values : dict
+        Values of :data:`~parameters.shared.PARAMETERS`; and `friction_velocity`, of a node that has it.
+
+    Raises
+    ------
+    DiagDynamicsError
+        As :func:`load_urdf`; and for a robot with a joint whose state no ROS topic brings.
+    """
+    description = expanded(description, None)
+    payloads = payloads_of(values["payloads"])
+    if payloads:
+        links = {link.name for link in read_urdf(description, values["max_joints"])[0].links}
+        payloads = {link: payload for link, payload in payloads.items() if link in links}
+    model = load_urdf(
+        description,
+        floating_base=values["floating_base"],
+        gravity=values["gravity"],
+        mimic=values["mimic"],
+        massless=values["massless"],
+        locked_joints=assignments("locked_joints", values["locked_joints"]),
+        armature=assignments("armature", values["armature"]),
+        payloads=payloads,
+        max_joints=values["max_joints"],
+        max_coupled=values["max_coupled"],
+        friction_velocity=values.get("friction_velocity", FRICTION_VELOCITY),
+    )
+    require_single_joints(model)
+    return model
+
+
+def require_single_joints(model):
+    """Refuse a robot with a joint whose state no ROS topic brings."""
+    if len(model.joint_names) != len(single_joints(model)) + model.floating_base:
+        single = set(single_joints(model))
+        several = next(name for name in model.joint_names[model.floating_base :] if name not in single)
+        raise UnsupportedError(
+            f"joint '{several}' has several degrees of freedom, and joint_states has no place for its state. "
+            "Only a floating base is supported (floating_base, with odom)."
+        )

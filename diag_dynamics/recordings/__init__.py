@@ -1,0 +1,1 @@
+"""Recordings of a robot: read, judged as the monitor judges what it receives, evaluated, and written."""

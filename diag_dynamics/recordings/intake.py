@@ -1,0 +1,299 @@
+"""What the monitor makes of the messages it receives, in columns: states, and counts of what made none."""
+
+from collections import Counter
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.assembly.assembler import JointStateAssembler, joints_of
+from diag_dynamics.assembly.frozen import Frozen
+from diag_dynamics.assembly.odometry import OdometryBase
+from diag_dynamics.assembly.rejected import RejectedError, cause_of
+from diag_dynamics.assembly.whole import WithBase
+from diag_dynamics.bags.messages import Messages
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.wire.definitions import read_message
+from diag_dynamics.wire.joint_states import KnownJointStates
+from diag_dynamics.wire.many import Run
+
+JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
+
+MOST_TOLD = 20
+"""Rejections whose text is kept, of each cause."""
+
+
+class States(NamedTuple):
+    """States of the whole robot in columns, as the monitor would evaluate them."""
+
+    newest: np.ndarray
+    """Stamp of the state, and of the oldest of its values [ns]: int64, shape (n,)."""
+    oldest: np.ndarray
+    log_time: np.ndarray
+    """Of the message that completed it [ns]."""
+    position: np.ndarray
+    """[rad, m], shape (n, nq)."""
+    velocity: np.ndarray
+    """[rad/s, m/s], shape (n, nv)."""
+    effort: np.ndarray
+    """[N m, N], shape (n, nv); NaN in rows without effort."""
+    with_effort: np.ndarray
+    """Whether the effort of all joints is known: bool, shape (n,)."""
+    received: np.ndarray
+    """Whether a time of reception stands for the stamp."""
+    estimated: np.ndarray
+    """Whether a velocity is estimated."""
+    moved: np.ndarray
+    """Whether positions have jumped since the state before, so that no motion has led here."""
+
+    @property
+    def number(self):
+        """How many there are."""
+        return len(self.newest)
+
+    def part(self, which):
+        """States of these indices, or of a mask or slice."""
+        return States(*(column[which] for column in self))
+
+    @classmethod
+    def none(cls, model):
+        """No states of a model."""
+        times, flags = np.zeros((3, 0), dtype=int), np.zeros((4, 0), dtype=bool)
+        return cls(*times, np.zeros((0, model.nq)), *np.zeros((2, 0, model.nv)), *flags)
+
+    @classmethod
+    def together(cls, pieces):
+        """All states of several pieces."""
+        return cls(*map(np.concatenate, zip(*pieces, strict=True)))
+
+
+class Rejection(NamedTuple):
+    """One message that made no state."""
+
+    log_time: int
+    cause: str
+    text: str
+
+
+class Intake:
+    """Takes serialized messages in, piece by piece; log time stands for the time of reception.
+
+    Assembly and judgement are the monitor's: what it would publish is handed out, bit for bit, and what it would count is
+    counted. Only states that cannot be evaluated are found later.
+
+    Parameters
+    ----------
+    model : RobotModel
+    settings : Settings
+        The monitor's.
+
+    Attributes
+    ----------
+    assembler : JointStateAssembler
+    rejections : list of Rejection
+        The first :data:`MOST_TOLD` of each cause.
+    """
+
+    def __init__(self, model, settings):
+        values = settings.values
+        self._model, self._settings, self._dynamics = model, settings, DiagonalDynamics(model)
+        self.assembler = JointStateAssembler(joints_of(model), settings.inputs)
+        self._joint_states = KnownJointStates(self.assembler, partial(read_message, kind=JOINT_STATE))
+        self._joint_states.configure()
+        self._refuses_frozen = values["frozen_values"] == "refuse"
+        self.frozen = Frozen(self.assembler.names, values["frozen_timeout"], self._refuses_frozen)
+        self._base = self._with_base = None
+        if model.floating_base:
+            self._base = OdometryBase(model, values["odom_twist_frame"] == "header")
+            self._base.configure(settings.inputs)
+            self._with_base = WithBase(self._base, self.assembler)
+        self._counts = Counter()
+        self.frozen_texts = Counter()
+        self.rejections = []
+        self._moved = 0  # jumps of positions that the last state knows of
+
+    @property
+    def counts(self):
+        """How many messages there were and what became of them, by the monitor's names for it."""
+        jumps = self._base.jumps if self._base else 0
+        own = {"time jumped back": jumps, "lost by gaps in stamps": self.assembler.gaps.lost}
+        return self._counts + self.assembler.counts + Counter(own)
+
+    def reject(self, now, error):
+        """Count a state that was handed out, but cannot be evaluated."""
+        self._counts["published"] -= 1
+        self._reject("rejected", now, error)
+
+    def take(self, messages, kinds):
+        """Take messages in.
+
+        Parameters
+        ----------
+        messages : Messages
+        kinds : ndarray of str
+            Type of each connection's messages: JOINT_STATE or ODOMETRY.
+
+        Returns
+        -------
+        States
+        """
+        if self._base:
+            return self._beside_odometry(messages, kinds)
+        joint_states = np.isin(messages.connection, np.flatnonzero(kinds == JOINT_STATE))
+        if not joint_states.all():
+            messages = Messages(messages.data, *(column[joint_states] for column in messages[1:]))
+        return self._joints_alone(messages)
+
+    def _joints_alone(self, messages):
+        count, width = len(messages.at), len(self.assembler.names)
+        self._counts["received"] += count
+        run = Run(self._joint_states, messages, width)
+        made, received, estimated, moved = np.zeros((4, count), dtype=bool)
+        first = 0
+        while first < count:
+            end = run.take(first)
+            if end > first:
+                made[first:end] = ~self._noted(run, first, end)
+            if end < count:
+                state = self._guarded("rejected", int(messages.log_time[end]), self._of_one, messages, end)
+                if state is not None:
+                    run.put(end, state)
+                    made[end], received[end], estimated[end] = (
+                        True,
+                        state.stamp_is_receive_time,
+                        state.velocity_estimated,
+                    )
+                    moved[end] = self._has_moved()
+            first = end + 1
+        self._counts["published"] += int(made.sum())
+        if made.all():
+            made = slice(None)
+        taken = run.taken
+        states = States(
+            taken.newest,
+            taken.oldest,
+            messages.log_time,
+            taken.position,
+            taken.velocity,
+            taken.effort,
+            taken.with_effort,
+            received,
+            estimated,
+            moved,
+        )
+        return self._with_gravity(states.part(made))
+
+    def _noted(self, run, first, end):
+        """Take note of a run of states; which of them are refused for frozen values."""
+        taken = run.taken
+        refused = self.frozen.judge_many(taken.newest[first:end], taken.position[first:end], taken.velocity[first:end])
+        self._frozen_told()
+        begin = first
+        for k in (first + np.flatnonzero(refused)).tolist():
+            run.note(begin, k + 1)
+            self._reject("rejected", int(taken.newest[k]), RejectedError("frozen", self.frozen.text))
+            self.assembler.gaps.pause()
+            begin = k + 1
+        run.note(begin, end)
+        return refused
+
+    def _of_one(self, messages, k):
+        """The state that one message makes, taken in the ordinary way."""
+        at, size = int(messages.at[k]), int(messages.size[k])
+        now = int(messages.log_time[k])
+        state = self._joint_states.deserialized(messages.data[at : at + size].tobytes(), now)
+        if state is None:
+            return None
+        if self._with_base:
+            state = self._with_base.state(state, self._settings.values["odom_timeout"])
+            if state is None:
+                self._counts["before odometry"] += 1
+                return None
+        self._judge_frozen(state)
+        return state
+
+    def _judge_frozen(self, state):
+        self.frozen.judge(state.newest, lambda: state)
+        self._frozen_told()
+
+    def _frozen_told(self):
+        if self.frozen.text:
+            self.frozen_texts[self.frozen.text] += 1
+
+    def _of_odometry(self, messages, k):
+        """The state that one message about the base makes, of a robot that is all base."""
+        at, size = int(messages.at[k]), int(messages.size[k])
+        try:
+            message = read_message(messages.data[at : at + size].tobytes(), ODOMETRY)
+        except ValueError as error:
+            raise RejectedError("malformed", f"odom: {size} bytes that are no {ODOMETRY} ({error})") from error
+        self._base.update(message, int(messages.log_time[k]))
+        state = self._with_base.state_of_base(self._settings.values["odom_timeout"])
+        if state is not None:
+            self._judge_frozen(state)
+        return state
+
+    def _beside_odometry(self, messages, kinds):
+        """States of a robot with a floating base, one message at a time."""
+        found, times = [], []
+        for k in range(len(messages.at)):
+            kind, now = kinds[messages.connection[k]], int(messages.log_time[k])
+            if kind == JOINT_STATE:
+                self._counts["received"] += 1
+                state, what = self._guarded("rejected", now, self._of_one, messages, k), "published"
+            else:
+                self._counts["odometry received"] += 1
+                state = self._guarded("odometry rejected", now, self._of_odometry, messages, k)
+                what = "published from odometry"
+            if state is not None:
+                self._counts[what] += 1
+                found.append((state, self._has_moved()))
+                times.append(now)
+        nq, nv = self._model.nq, self._model.nv
+        unknown = np.full(nv, np.nan)
+        return self._with_gravity(
+            States(
+                np.array([state.newest for state, _ in found], dtype=int),
+                np.array([state.oldest for state, _ in found], dtype=int),
+                np.array(times, dtype=int),
+                np.array([state.position for state, _ in found]).reshape(-1, nq),
+                np.array([state.velocity for state, _ in found]).reshape(-1, nv),
+                np.array([unknown if state.effort is None else state.effort for state, _ in found]).reshape(-1, nv),
+                np.array([state.effort is not None for state, _ in found], dtype=bool),
+                np.array([state.stamp_is_receive_time for state, _ in found], dtype=bool),
+                np.array([state.velocity_estimated for state, _ in found], dtype=bool),
+                np.array([moved for _, moved in found], dtype=bool),
+            )
+        )
+
+    def _with_gravity(self, states):
+        """States whose efforts hold gravity, where they are said not to."""
+        without = self.assembler.efforts.without_gravity
+        if without is None or not states.with_effort.any():
+            return states
+        gravity = self._dynamics.gravity_torque_batch(states.position)
+        joints = gravity.shape[1] - len(without)
+        gravity[:, :joints] = 0.0  # of a base, on which no effort acts
+        gravity[:, joints:] *= without
+        return states._replace(effort=states.effort + gravity)
+
+    def _has_moved(self):
+        """Whether positions have jumped since this was asked last."""
+        before, self._moved = self._moved, self.assembler.counts["positions jumped"]
+        return self._moved > before
+
+    def _guarded(self, what, now, action, *arguments):
+        """Nothing that was recorded may end the reading of the rest."""
+        try:
+            return action(*arguments)
+        except Exception as error:
+            self._reject(what, now, error)
+            if what == "rejected":
+                self.assembler.gaps.pause()  # its stamp may not have been looked at
+            return None
+
+    def _reject(self, what, now, error):
+        cause = f"{what}: {cause_of(error)}"
+        self._counts[cause] += 1
+        if self._counts[cause] <= MOST_TOLD:
+            self.rejections.append(Rejection(now, cause, str(error)))

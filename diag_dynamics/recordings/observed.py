@@ -1,0 +1,160 @@
+"""External torque over a recording: the disturbance observer in columns."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.arrays import Array, VectorLike
+from diag_dynamics.checks import instance, per_name, positive
+from diag_dynamics.compiled.kernel import ready
+from diag_dynamics.compiled.tables import Addresses
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.kernels.observation import OBSERVED, OBSERVER, observe_many
+from diag_dynamics.recordings.recording import SIZE, Recording
+
+
+class Observed(NamedTuple):
+    """What a disturbance observer says at each state; rows of NaN where it has no result.
+
+    Attributes
+    ----------
+    t : ndarray, shape (T,)
+        Times of the states as they are in the recording [s].
+    residual : ndarray, shape (T, nv)
+        r, which follows ε_ext = ℓτ_ext [J^½/s].
+    external_torque : ndarray, shape (T, nv)
+        m r, which follows τ_ext [N m, N].
+    norm : ndarray, shape (T,)
+        |r| [J^½/s].
+    valid : ndarray of bool, shape (T,)
+        Whether there is a result: not at first, after a gap, nor where efforts are missing.
+    collision : ndarray of bool, shape (T,)
+        Whether the norm has risen above the threshold, and not fallen below the release threshold since.
+    """
+
+    t: Array
+    residual: Array
+    external_torque: Array
+    norm: Array
+    valid: Array
+    collision: Array
+
+
+def observe(
+    dynamics: DiagonalDynamics,
+    recording: Recording,
+    gain: VectorLike | float = 25.0,
+    *,
+    threshold: float = np.inf,
+    release: float | None = None,
+    friction: bool = False,
+    max_gap: float = 0.1,
+    threads: int | None = None,
+) -> Observed:
+    """Observe external torque over a recording, as :class:`DisturbanceObserver` does from state to state.
+
+    Parameters
+    ----------
+    dynamics : DiagonalDynamics
+        Of the recording's robot.
+    recording : Recording
+    gain, threshold, release, friction, max_gap
+        As of :class:`DisturbanceObserver`.
+    threads : int, optional
+        For the evaluation of the states, by default as many as there are processors.
+
+    Returns
+    -------
+    Observed
+
+    Raises
+    ------
+    InputError
+        An argument has a wrong value, or the recording is of another robot or has no efforts.
+    """
+    instance("dynamics", dynamics, DiagonalDynamics)
+    instance("recording", recording, Recording)
+    if dynamics.model.dof_names != recording.model.dof_names:
+        raise InputError(
+            f"the recording is of robot '{recording.model.name}', whose degrees of freedom are not those of the dynamics, "
+            f"of '{dynamics.model.name}'."
+        )
+    if recording.tau is None:
+        raise InputError("the recording has no efforts, without which no external torque can be observed.")
+    observer = Observer(dynamics, gain, threshold, release, friction=friction, max_gap=max_gap, threads=threads)
+    states, pieces = recording.states, []
+    for first in range(0, states.number, SIZE):
+        part = states.part(slice(first, first + SIZE))
+        s = dynamics.evaluate_batch(
+            part.position, part.velocity, np.nan_to_num(part.effort), threads=threads, friction=friction
+        )
+        pieces.append(observer.take(part, s))
+    if not pieces:
+        raise InputError("the recording has no states.")
+    columns = (np.concatenate(column) for column in zip(*pieces, strict=True))
+    return Observed(recording.t, *columns)
+
+
+class Observer:
+    """Observes at states, piece by piece.
+
+    Parameters
+    ----------
+    dynamics : DiagonalDynamics
+    gain, threshold, release, friction, max_gap, threads
+        As of :func:`observe`.
+    """
+
+    def __init__(self, dynamics, gain, threshold=np.inf, release=None, *, friction=False, max_gap=0.1, threads=None):
+        names = dynamics.model.dof_names
+        gain = per_name("gain", gain, names, "a finite number > 0 [1/s]")
+        self.threshold = np.inf if threshold == np.inf else positive("threshold", threshold, "[J^½/s]")
+        self.release = 0.5 * self.threshold if release is None else positive("release", release, "[J^½/s]")
+        if self.release > self.threshold:
+            raise InputError(f"release is {release!r} J^½/s, expected no more than the threshold, {self.threshold!r}.")
+        self._max_gap = positive("max_gap", max_gap, "[s]")
+        self._dynamics, self._friction, self._threads, self._origin = dynamics, friction, threads, None
+        vectors = np.zeros((4, len(names)))
+        self._own = Addresses(
+            OBSERVER,
+            gain=np.array(np.broadcast_to(gain, len(names)), dtype=float),
+            residual=vectors[0],
+            nu=vectors[1],
+            resisting=vectors[2],
+            epsilon=vectors[3],
+            time=np.zeros(1),
+            flags=np.zeros(3, dtype=int),
+        )
+        ready(observe_many)
+
+    def take(self, states, s):
+        """Take in states and their BatchEvaluation; returns the columns of :class:`Observed` but for times."""
+        count, width = s.nu.shape
+        if self._origin is None and count:
+            self._origin = int(states.newest[0])  # a double holds some hours to the nanosecond, not the time since 1970
+        residual, norm = np.empty((count, width)), np.empty(count)
+        valid, collision = np.zeros((2, count), dtype=bool)
+        observed = Addresses(
+            OBSERVED,
+            time=1e-9 * (states.newest - (self._origin or 0)),
+            with_effort=np.ascontiguousarray(states.with_effort),
+            moved=np.ascontiguousarray(states.moved),
+            nu=s.nu,
+            coriolis=s.coriolis,
+            gravity=s.gravity,
+            epsilon=s.epsilon,
+            friction=s.friction if self._friction else np.zeros((0, width)),
+            residual=residual,
+            norm=norm,
+            valid=valid,
+            collision=collision,
+        )
+        observe_many(self._own.at, observed.at, self.threshold, self.release, self._max_gap)
+        torque = self._dynamics.tau_from_epsilon_batch(states.position, residual, threads=self._threads)
+        if not valid.all():
+            for column in (residual, torque, norm):
+                column[~valid] = np.nan
+        return residual, torque, norm, valid, collision

@@ -1,0 +1,242 @@
+"""Quality of recorded data: rate, gaps, repeated and clipped values, velocities that are not those of the positions."""
+
+import numpy as np
+
+from diag_dynamics.compiled.kernel import ready
+from diag_dynamics.compiled.tables import Addresses
+from diag_dynamics.model.single_joints import places
+from diag_dynamics.recordings.kernels.quality import (
+    APART,
+    AT_EFFORT,
+    AT_VELOCITY,
+    CHANGE,
+    LARGEST_EFFORT,
+    LARGEST_VELOCITY,
+    NEIGHBOURS,
+    STILL,
+    SUMS,
+    TOGETHER,
+    TRAVEL,
+    WINDOW,
+    compare_neighbours,
+)
+
+LENGTH, LONGEST = 0.05, 0.1
+"""Time over which positions are compared with velocities [s]: over shorter ones, steps of an encoder are all there is. And
+time between two states beyond which they say nothing of each other."""
+
+GAP = 3.0
+"""Periods without a state that are a gap."""
+
+SHARES = np.geomspace(1e-7, 1e3, 2001)
+"""Bounds of the bins of intervals [s]: a median is exact to 1.2 %, whatever the length."""
+
+APART_FROM = 0.2
+"""Root mean square of Δq − ∫q̇dt in parts of that of Δq, from which a warning is due."""
+
+CLIPPED = 20, 1e-3
+"""How many states, and which part of all, have to have just the largest value for it to be a bound."""
+
+TELLING, PERIODS = 0.8, 1.0
+"""Part of the velocity error that is left without the delay, up to which there is one; and periods from which it is told."""
+
+SAMPLE = 5000
+"""States of the beginning that are looked at for steps."""
+
+STEPS = 0.2
+"""Different values, in parts of all, up to which a signal has steps."""
+
+FIELDS = "position", "velocity", "effort"
+
+
+class Quality:
+    """Looks at states piece by piece.
+
+    Parameters
+    ----------
+    model : RobotModel
+    """
+
+    def __init__(self, model):
+        names = model.dof_names
+        self._names, count = names, model.nv
+        self._at = model.nq - count  # a floating base's coordinates are left out: there is one more than rates
+        self._skip = 6 if model.floating_base else 0
+        self._joints = names[self._skip :]
+        single = [name for name in self._joints if name in model.continuous_joints]
+        self._turns = np.zeros(len(self._joints), dtype=bool)
+        self._turns[list(places(single, self._joints))] = True
+        width = len(self._joints)
+        self._sums, self._extremes = np.zeros((len(SUMS), width)), np.zeros((4, width))
+        self._repeated = np.zeros(2, dtype=int)
+        self._span, self._begun = np.zeros(1), np.zeros((len(WINDOW), width))
+        self._bins = np.zeros(len(SHARES) + 1, dtype=int)
+        self._before = None
+        self._longest = self._time = 0.0
+        self._longest_at = None
+        self._count = self._without_effort = self._estimated = self._gaps = 0
+        self._squares = np.zeros(2)  # of intervals: number and sum
+        self._sample = []
+        self.begin = self.end = None
+        ready(compare_neighbours)
+
+    def take(self, states):
+        """Take in states."""
+        count = states.number
+        if not count:
+            return
+        self._count += count
+        self._without_effort += count - int(states.with_effort.sum())
+        self._estimated += int(states.estimated.sum())
+        if self.begin is None:
+            self.begin = int(states.newest[0])
+        self.end = int(states.newest[-1])
+        columns = self._columns(states)
+        known = 0
+        if self._before is not None:
+            known, columns = 1, tuple(map(np.concatenate, zip(self._before, columns, strict=True)))
+        self._take_intervals(columns[0])
+        time = (columns[0] - columns[0][0]) * 1e-9
+        neighbours = Addresses(
+            NEIGHBOURS,
+            time=time,
+            **dict(zip(FIELDS, map(np.ascontiguousarray, columns[1:]), strict=True)),
+            moved=np.concatenate([np.zeros(known, dtype=bool), states.moved]),
+            turns=self._turns,
+            span=self._span,
+            begun=self._begun,
+            sums=self._sums,
+            extremes=self._extremes,
+            repeated=self._repeated,
+        )
+        compare_neighbours(neighbours.at, known, LENGTH, LONGEST)
+        if sum(len(piece[0]) for piece in self._sample) < SAMPLE:
+            self._sample.append([column[:SAMPLE].copy() for column in columns[1:]])
+        self._before = tuple(column[-1:].copy() for column in columns)
+
+    def _columns(self, states):
+        """Stamps, and positions, velocities and efforts of the joints."""
+        skip = self._skip
+        return states.newest, states.position[:, skip + self._at :], states.velocity[:, skip:], states.effort[:, skip:]
+
+    def _take_intervals(self, stamps):
+        elapsed = np.diff(stamps) * 1e-9
+        forward = elapsed[elapsed > 0.0]
+        if not len(forward):
+            return
+        self._bins += np.bincount(np.searchsorted(SHARES, forward), minlength=len(self._bins))
+        k = int(np.argmax(elapsed))
+        if elapsed[k] > self._longest:
+            self._longest, self._longest_at = float(elapsed[k]), int(stamps[k])
+        period = self._median()
+        gaps = forward > GAP * period
+        self._gaps += int(gaps.sum())
+        regular = forward[~gaps] - period
+        self._squares += len(regular), regular @ regular
+
+    def _median(self):
+        """Median of the intervals [s]."""
+        k = int(np.searchsorted(np.cumsum(self._bins), self._bins.sum() / 2))
+        return float(np.sqrt(SHARES[max(k - 1, 0)] * SHARES[min(k, len(SHARES) - 1)]))
+
+    def report(self):
+        """What has been seen, as a dict of numbers, and by joint.
+
+        Returns
+        -------
+        dict
+            `rate` [Hz]; `jitter`, root mean square distance of intervals from their median [s]; `gaps`, their number;
+            `longest_gap` [s] and `longest_gap_at`, the stamp before it [ns]; numbers of states: `repeated_states`,
+            `repeated_stamps`, `without_effort`, `estimated_velocity`; `velocity_delay`, by how much q̇ comes late [s], the
+            median over joints that tell. `joints`, of each one: `velocity_error`, root mean square of Δq − ∫q̇dt over
+            :data:`LENGTH` in parts of that of Δq; `velocity_delay`; `velocity_error_without_delay`; `still`, the number of
+            states in motion with no new position; `largest_velocity`, `largest_effort`; `clipped`, which of the two is a
+            bound that is often reached; `steps`, the smallest step by quantity.
+        """
+        joints = {name: self._of_joint(j) for j, name in enumerate(self._joints)}
+        period = self._median() if self._bins.any() else None
+        number, squares = self._squares
+        return {
+            "rate": None if period is None else 1.0 / period,
+            "jitter": float(np.sqrt(squares / number)) if number else None,
+            "gaps": self._gaps,
+            "longest_gap": self._longest,
+            "longest_gap_at": self._longest_at,
+            "repeated_states": int(self._repeated[0]),
+            "repeated_stamps": int(self._repeated[1]),
+            "without_effort": self._without_effort,
+            "estimated_velocity": self._estimated,
+            "velocity_delay": _delay(joints.values()),
+            "joints": joints,
+        }
+
+    def _of_joint(self, j):
+        sums, extremes = self._sums[:, j], self._extremes[:, j]
+        travel, change, apart, together = sums[[TRAVEL, CHANGE, APART, TOGETHER]]
+        delay = together / change if change > 0.0 else None
+        left = apart - together * together / change if change > 0.0 else apart
+        least, part = CLIPPED
+        often = max(least, part * self._count)
+        clipped = [
+            name
+            for name, largest, at in (
+                ("velocity", LARGEST_VELOCITY, AT_VELOCITY),
+                ("effort", LARGEST_EFFORT, AT_EFFORT),
+            )
+            if extremes[largest] > 0.0 and extremes[at] >= often
+        ]
+        return {
+            "velocity_error": float(np.sqrt(apart / travel)) if travel > 0.0 else None,
+            "velocity_delay": None if delay is None else float(delay),
+            "velocity_error_without_delay": float(np.sqrt(max(left, 0.0) / travel)) if travel > 0.0 else None,
+            "still": int(sums[STILL]),
+            "largest_velocity": float(extremes[LARGEST_VELOCITY]),
+            "largest_effort": float(extremes[LARGEST_EFFORT]),
+            "clipped": clipped,
+            "steps": self._steps(j),
+        }
+
+    def _steps(self, j):
+        """Smallest step of each signal that has steps, by quantity."""
+        found = {}
+        for name, pieces in zip(FIELDS, zip(*self._sample, strict=True), strict=True):
+            values = np.concatenate([piece[:, j] for piece in pieces])
+            values = values[np.isfinite(values)]
+            levels = np.unique(values)
+            if 2 < len(levels) <= STEPS * len(values):
+                found[name] = float(np.diff(levels).min())
+        return found
+
+    def warnings(self):
+        """What is worth telling, a sentence each."""
+        told, report = [], self.report()
+        for name, of in report["joints"].items():
+            error, delay, left = (of[x] for x in ("velocity_error", "velocity_delay", "velocity_error_without_delay"))
+            if error is not None and error > APART_FROM:
+                late = ""
+                if delay is not None and left < 0.7 * error:
+                    late = f"; they are {'late' if delay > 0.0 else 'early'} by {abs(delay) * 1e3:.3g} ms"
+                told.append(f"joint '{name}': velocities are not the slope of positions ({error:.0%} apart{late})")
+            told += [
+                f"joint '{name}': {what} often is just {of[f'largest_{what}']:.6g}: clipped" for what in of["clipped"]
+            ]
+        delay, rate = report["velocity_delay"], report["rate"]
+        if delay is not None and abs(delay) * rate > PERIODS:
+            when = "late: filtered, perhaps" if delay > 0.0 else "early"
+            told.append(f"velocities come {abs(delay) * 1e3:.2g} ms {when}, against positions")
+        if report["gaps"]:
+            told.append(f"{report['gaps']} gaps, the longest of {report['longest_gap']:.3g} s")
+        if self._count and report["repeated_states"] > 0.01 * self._count:
+            told.append(f"{report['repeated_states']} of {self._count} states repeat the one before")
+        return told
+
+
+def _delay(joints):
+    """Median of the delays of joints that tell of one; None if less than half of those in motion do."""
+    moving = [one for one in joints if one["velocity_error"] is not None]
+    told = [
+        one["velocity_delay"]
+        for one in moving
+        if one["velocity_delay"] is not None and one["velocity_error_without_delay"] < TELLING * one["velocity_error"]
+    ]
+    return float(np.median(told)) if told and 2 * len(told) >= len(moving) else None

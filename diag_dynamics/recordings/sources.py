@@ -1,0 +1,163 @@
+"""A file or folder as pieces of messages about one robot, whatever its format is."""
+
+import os
+from difflib import get_close_matches
+from pathlib import Path
+
+import numpy as np
+
+from diag_dynamics.bags.opening import open_bag
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.single_joints import single_joints
+from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY
+from diag_dynamics.recordings.rows import Rows
+from diag_dynamics.tables.opening import open_table
+from diag_dynamics.wire.definitions import read_message
+
+DESCRIPTION = "std_msgs/msg/String"
+
+BAGS = {".mcap", ".db3", ".bag"}
+MAGIC = b"\x89MCAP", b"SQLite format 3", b"#ROSBAG"
+"""Parts of names, and first bytes, of bags; anything else is taken for a table."""
+
+TOPICS = {JOINT_STATE: "joint_states", ODOMETRY: "odom", DESCRIPTION: "robot_description"}
+"""Last part of the name of a topic that is read, by its type."""
+
+
+def source_of(path, columns=None, topic=None):
+    """BagSource or TableSource of a path.
+
+    Parameters
+    ----------
+    path : str or Path
+    columns : str, Path or dict, optional
+        Map of the columns of a table.
+    topic : str, optional
+        Topic of the joint states, where a bag has several.
+    """
+    path = Path(os.path.expanduser(os.fspath(path)))
+    if not path.exists():
+        near = get_close_matches(path.name, os.listdir(path.parent) if path.parent.is_dir() else [], n=1)
+        raise InputError(f"there is no file or folder '{path}'.{f' Is {near[0]!r} meant?' if near else ''}")
+    if not _is_bag(path):
+        return TableSource(path, columns)
+    if columns is not None:
+        raise InputError(f"'{path}' is a bag: its messages name their joints, so that no map of columns can be used.")
+    return BagSource(path, topic)
+
+
+def _is_bag(path):
+    """Whether this is a bag, by its name or its first bytes."""
+    if path.is_dir() or BAGS & set(path.suffixes):
+        return True
+    with open(path, "rb") as file:
+        begin = file.read(16)
+    return any(begin.startswith(magic) for magic in MAGIC)
+
+
+class BagSource:
+    """Messages of a bag: joint states of one topic, from any number of publishers, and odometry.
+
+    Parameters
+    ----------
+    path : Path
+    topic : str, optional
+
+    Attributes
+    ----------
+    offset : int
+        0: times are as they are.
+    """
+
+    def __init__(self, path, topic=None):
+        self.offset = 0
+        self._path, self._bag = path, open_bag(path)
+        self._topic = topic
+        self._chosen = None
+
+    @property
+    def unread(self):
+        """What could not be read: a list of Unread."""
+        return self._bag.unread
+
+    def description(self):
+        """The robot_description in the bag.
+
+        Raises
+        ------
+        InputError
+            There is none.
+        """
+        wanted = self._of(DESCRIPTION, None)
+        for messages in self._bag.pieces(wanted) if wanted else ():
+            for at, size in zip(messages.at.tolist(), messages.size.tolist(), strict=True):
+                if text := read_message(messages.data[at : at + size].tobytes(), DESCRIPTION).data:
+                    return text
+        raise InputError(f"'{self._path}' has no robot_description: say which robot it is of (model, or --urdf ROBOT).")
+
+    def pieces(self, model):
+        """Pieces of messages and types of their connections, in the order of log time."""
+        wanted = self._of(JOINT_STATE, self._topic)
+        if not wanted and not model.floating_base:
+            raise InputError(f"'{self._path}' has no joint states: {self._all()}.")
+        if model.floating_base:
+            wanted += self._of(ODOMETRY, None)
+        kinds = np.array([connection.type for connection in self._bag.connections])
+        for messages in self._bag.pieces(wanted):
+            yield messages, kinds
+
+    def _of(self, kind, topic):
+        """Connections of a type, of one topic: the one that is wanted, or the only one, or the one of the usual name."""
+        every = [(k, one) for k, one in enumerate(self._bag.connections) if one.type == kind]
+        topics = sorted({one.topic for _, one in every})
+        if topic is None and len(topics) > 1:
+            usual = [name for name in topics if name.split("/")[-1] == TOPICS[kind]]
+            if len(usual) != 1:
+                raise InputError(
+                    f"'{self._path}' has several topics of {kind}: {', '.join(topics)}. Say which one is meant (topic)."
+                )
+            topic = usual[0]
+        if topic is not None and topics and topic not in topics:
+            near = get_close_matches(topic, topics, n=1)
+            raise InputError(
+                f"'{self._path}' has no topic '{topic}' of {kind}, only {', '.join(topics)}."
+                f"{f' Is {near[0]!r} meant?' if near else ''}"
+            )
+        chosen = [(k, one) for k, one in every if topic in (None, one.topic)]
+        for _, one in chosen:
+            if one.encoding != "cdr":
+                raise InputError(
+                    f"'{self._path}': messages of {one.topic} are encoded as '{one.encoding}', expected 'cdr', as of ROS 2."
+                )
+        return [k for k, _ in chosen]
+
+    def _all(self):
+        """What is in the bag."""
+        topics = sorted({f"{one.topic} ({one.type})" for one in self._bag.connections})
+        return f"its topics are {', '.join(topics)}" if topics else "it has no topics that could be read"
+
+
+class TableSource:
+    """Rows of a table, as messages."""
+
+    def __init__(self, path, columns=None):
+        self._path, self._columns, self._table = path, columns, None
+        self.offset = 0
+
+    @property
+    def unread(self):
+        """What could not be read: a list of Unread."""
+        return self._table.unread if self._table else []
+
+    def description(self):
+        """Nothing but an error: a table does not describe its robot."""
+        raise InputError(f"'{self._path}' does not say which robot it is of: give it (model, or --urdf ROBOT).")
+
+    def pieces(self, model):
+        """Pieces of messages and the type of all of them."""
+        self._table = open_table(self._path, self._columns, single_joints(model))
+        rows, kinds = Rows(self._table.joints), np.array([JOINT_STATE])
+        for columns in self._table.pieces():
+            messages = rows.messages(columns)
+            self.offset = rows.offset
+            yield messages, kinds

@@ -1,0 +1,160 @@
+"""What an analysis has found, as numbers for programs and as text for people."""
+
+from diag_dynamics.recordings.balance import WINDOW
+
+REJECTED = "rejected: "
+"""Begins the names of counts of joint states that were rejected."""
+
+FEW = 5
+"""Joints, findings and collisions that the text tells of one by one."""
+
+
+def summary_of(analysis):
+    """Numbers of an analysis that is over, in SI units; times are those of the recording.
+
+    Returns
+    -------
+    dict
+        `robot`, `degrees_of_freedom`; `states`, `duration`, `begin`, `end` [s]; `counts` of messages by what became of them,
+        and `rejected` by cause; `kinetic_energy`: `mean`, `max` [J], `at` [s], and `share`, the largest of each joint;
+        `peaks`; `explained`, `explained_with_potential` and `residual_power` [W], None without efforts; `balance`; `observer`;
+        `collisions`: `start`, `end`, `joints`, `norm`; `quality`; `warnings`; `findings`: `cause`, `count`, `text`.
+    """
+    reading, quality, balance, peaks = analysis.reading, analysis.quality, analysis.balance, analysis.peaks
+    offset, counts = reading.offset, reading.intake.counts
+
+    def time(stamp):
+        return None if stamp is None else (stamp - offset) * 1e-9
+
+    energy, energy_at, _ = peaks.largest.get("kinetic_energy", (None, None, None))
+    report = quality.report()
+    report["longest_gap_at"] = time(report["longest_gap_at"])
+    begin, end = quality.begin, quality.end
+    return {
+        "robot": reading.model.name,
+        "degrees_of_freedom": list(reading.model.dof_names),
+        "states": analysis.states,
+        "duration": 0.0 if begin is None else (end - begin) * 1e-9,
+        "begin": time(begin),
+        "end": time(end),
+        "counts": dict(sorted(counts.items())),
+        "rejected": {
+            cause.removeprefix(REJECTED): n for cause, n in sorted(counts.items()) if cause.startswith(REJECTED) and n
+        },
+        "kinetic_energy": {
+            "mean": analysis.mean_energy,
+            "max": energy,
+            "at": time(energy_at),
+            "share": _by_name(reading.model.dof_names, peaks.of_each.get("energy_share")),
+        },
+        "peaks": {
+            quantity: {"value": value, "at": time(at), "of": whose}
+            for quantity, (value, at, whose) in peaks.largest.items()
+        },
+        "explained": balance.explained,
+        "explained_with_potential": balance.explained_total,
+        "residual_power": balance.residual_power,
+        "balance": {
+            "windows": balance.residual.count,
+            "length": WINDOW,
+            "says": balance.judgement(),
+            "joints": {
+                name: {"residual_power": rms, "share": share} for name, (rms, share) in balance.of_joints().items()
+            },
+        },
+        "observer": {
+            "gain": analysis.gain,
+            "threshold": None if analysis.threshold == float("inf") else analysis.threshold,
+        },
+        "collisions": [
+            {"start": time(one.start), "end": time(one.end), "joints": list(one.joints), "norm": one.norm}
+            for one in analysis.collisions.found
+        ],
+        "quality": report,
+        "warnings": quality.warnings(),
+        "findings": [{"cause": one.cause, "count": one.count, "text": one.text} for one in reading.findings()],
+    }
+
+
+def _by_name(names, values):
+    return {} if values is None else dict(zip(names, map(float, values), strict=True))
+
+
+def text_of(summary):
+    """The same for people: lines of no more than 100 characters, as far as names allow."""
+    lines = [*_about_states(summary), *_about_energy(summary), *_about_balance(summary), *_about_collisions(summary)]
+    warnings = [*summary["warnings"], *(f"{x['cause']} ({x['count']} ×): {x['text']}" for x in summary["findings"])]
+    if warnings:
+        lines += ["", "Worth knowing", *_some(warnings, "more; --json has all")]
+    return "\n".join(lines)
+
+
+def _about_states(summary):
+    quality, rejected = summary["quality"], sum(summary["rejected"].values())
+    rate = "" if quality["rate"] is None else f" at {quality['rate']:.4g} Hz"
+    jitter = "" if quality["jitter"] is None else f", jitter {quality['jitter'] * 1e3:.2g} ms"
+    lines = [
+        f"Robot '{summary['robot']}', {len(summary['degrees_of_freedom'])} degrees of freedom",
+        f"{summary['states']} states in {summary['duration']:.6g} s{rate}{jitter}; {rejected} messages rejected",
+    ]
+    if quality["without_effort"]:
+        lines.append(f"{quality['without_effort']} states without effort")
+    return lines
+
+
+def _about_energy(summary):
+    energy = summary["kinetic_energy"]
+    if energy["max"] is None:
+        return []
+    shares = sorted(energy["share"].items(), key=lambda one: -one[1])[:FEW]
+    lines = [
+        "",
+        f"Kinetic energy: at most {energy['max']:.4g} J at {energy['at']:.6f} s, {energy['mean']:.4g} J on average",
+        "  largest shares: " + ", ".join(f"{name} {share:.3g} J" for name, share in shares),
+    ]
+    for what, label, unit in (("velocity", "velocity", "rad/s or m/s"), ("effort", "effort", "N m or N")):
+        if what in summary["peaks"]:
+            peak = summary["peaks"][what]
+            lines.append(f"  largest {label}: {peak['value']:.4g} {unit} at {peak['of']}, {peak['at']:.6f} s")
+    return lines
+
+
+def _about_balance(summary):
+    if summary["explained"] is None:
+        return ["", "No balance of power: too few states with efforts."]
+    total = summary["explained_with_potential"]
+    also = "" if total is None else f" (with potential energy {total:.3f})"
+    lines = [
+        "",
+        f"Balance of power over windows of {summary['balance']['length']:g} s: explained {summary['explained']:.3f}{also}, "
+        f"residual {summary['residual_power']:.3g} W rms",
+        f"  {summary['balance']['says']}",
+    ]
+    worst = sorted(summary["balance"]["joints"].items(), key=lambda one: -one[1]["share"])[:FEW]
+    lines.append("  residual by joint: " + ", ".join(f"{name} {of['residual_power']:.2g} W" for name, of in worst))
+    return lines
+
+
+def _about_collisions(summary):
+    observer, peaks = summary["observer"], summary["peaks"]
+    if "residual_norm" not in peaks:
+        return []
+    norm, torque = peaks["residual_norm"], peaks["external_torque"]
+    lines = [
+        "",
+        f"External torque (observer of gain {observer['gain']:g}/s): at most {torque['value']:.4g} N m or N at "
+        f"{torque['of']}, {torque['at']:.6f} s; |r| at most {norm['value']:.4g} J^0.5/s",
+    ]
+    if observer["threshold"] is None:
+        return [*lines, "  no threshold, so no collisions (--set external_torque.gain=25 external_torque.threshold=…)"]
+    found = summary["collisions"]
+    lines.append(f"  {len(found)} collisions above {observer['threshold']:g} J^0.5/s")
+    told = [
+        f"{one['start']:.3f} to {one['end']:.3f} s, |r| {one['norm']:.3g}, {', '.join(one['joints'])}" for one in found
+    ]
+    return [*lines, *_some(told, "more")]
+
+
+def _some(texts, more):
+    lines = [f"  {text}" for text in texts[:FEW]]
+    return [*lines, f"  … {len(texts) - FEW} {more}"] if len(texts) > FEW else lines

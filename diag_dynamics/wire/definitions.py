@@ -1,0 +1,208 @@
+"""Messages without a ROS: types made of their definitions, as ``.msg`` files have them, and read from plain CDR."""
+
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+
+from diag_dynamics.exceptions import InputError
+
+STANDARD = {
+    "builtin_interfaces/msg/Time": "int32 sec\nuint32 nanosec",
+    "std_msgs/msg/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+    "std_msgs/msg/String": "string data",
+    "sensor_msgs/msg/JointState": (
+        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort"
+    ),
+    "geometry_msgs/msg/Point": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/msg/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
+    "geometry_msgs/msg/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/msg/Pose": "Point position\nQuaternion orientation",
+    "geometry_msgs/msg/PoseWithCovariance": "Pose pose\nfloat64[36] covariance",
+    "geometry_msgs/msg/Twist": "Vector3 linear\nVector3 angular",
+    "geometry_msgs/msg/TwistWithCovariance": "Twist twist\nfloat64[36] covariance",
+    "nav_msgs/msg/Odometry": (
+        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
+        "geometry_msgs/TwistWithCovariance twist"
+    ),
+}
+"""Definitions of the types that are read, and that ours are made of."""
+
+PRIMITIVES = {
+    "bool": ("boolean", "?"),
+    "byte": ("octet", "u1"),
+    "int8": ("int8", "i1"),
+    "uint8": ("uint8", "u1"),
+    "int16": ("int16", "i2"),
+    "uint16": ("uint16", "u2"),
+    "int32": ("int32", "i4"),
+    "uint32": ("uint32", "u4"),
+    "int64": ("int64", "i8"),
+    "uint64": ("uint64", "u8"),
+    "float32": ("float", "f4"),
+    "float64": ("double", "f8"),
+}
+"""Name in IDL, and how NumPy has it, by the name in a definition."""
+
+ALIGNMENT = dict.fromkeys(range(4), 8) | dict.fromkeys(range(6, 12), 4)
+"""What doubles are aligned to, by the second byte of the encapsulation: versions 1 and 2 of DDS-XTypes 1.3, 7.4.3."""
+
+
+class Field:
+    """Field of a message: its name, the name of its type, and how many there are (None: one; 0: any number)."""
+
+    def __init__(self, line, package):
+        kind, self.name = line.split()
+        kind, bracket, count = kind.partition("[")
+        self.count = int(count[:-1] or 0) if bracket else None
+        self.is_primitive = kind in PRIMITIVES or kind == "string"
+        if not self.is_primitive:
+            there, _, kind = kind.rpartition("/")
+            kind = f"{there.removesuffix('/msg') or package}/msg/{kind}"
+        self.kind = kind
+
+    @property
+    def idl(self):
+        """Name of its type as rosidl's ``get_fields_and_field_types`` has it."""
+        name = PRIMITIVES.get(self.kind, (self.kind.replace("/msg/", "/"),))[0]
+        if self.count is None:
+            return name
+        return f"{name}[{self.count}]" if self.count else f"sequence<{name}>"
+
+    def default(self, definitions):
+        """Value of a new message."""
+        if self.count is not None:
+            return [] if not self.count else [Field(f"{self.kind} x", "").default(definitions)] * self.count
+        if self.is_primitive:
+            return "" if self.kind == "string" else 0.0 if self.kind.startswith("float") else 0
+        return message_type(self.kind, definitions)()
+
+
+def fields_of(definition, package):
+    """Fields of a definition; comments, constants and default values are left out."""
+    lines = (line.split("#")[0].strip() for line in definition.splitlines())
+    return [Field(" ".join(line.split()[:2]), package) for line in lines if line and "=" not in line]
+
+
+class _Standard(dict):
+    """Definitions beside the standard ones, hashable by identity for the cache of types."""
+
+    __hash__ = object.__hash__
+
+    def __eq__(self, other):
+        return self is other
+
+    def __missing__(self, kind):
+        return STANDARD[kind]
+
+
+NO_OTHERS = _Standard()
+
+
+def definitions(texts):
+    """Definitions by type, such as ``diag_dynamics/msg/KineticEnergy``, beside the standard ones."""
+    return _Standard(texts)
+
+
+@cache
+def message_type(kind, more=NO_OTHERS):
+    """Class of messages of a type; attributes that are not given have the values of a new message.
+
+    Parameters
+    ----------
+    kind : str
+        Such as ``sensor_msgs/msg/JointState``.
+    more : mapping, optional
+        Of :func:`definitions`.
+    """
+    try:
+        fields = fields_of(more[kind], kind.split("/")[0])
+    except KeyError:
+        raise InputError(f"there is no definition of {kind}.") from None
+    idl = {field.name: field.idl for field in fields}
+
+    class Message(SimpleNamespace):
+        __doc__ = kind
+
+        def __init__(self, **values):
+            super().__init__(
+                **{field.name: field.default(more) for field in fields if field.name not in values}, **values
+            )
+
+        @classmethod
+        def get_fields_and_field_types(cls):
+            """As classes that rosidl makes have it."""
+            return dict(idl)
+
+    Message.__name__ = kind.split("/")[-1]
+    return Message
+
+
+def read_message(raw, kind, more=NO_OTHERS):
+    """Message of its bytes, as rclpy reads them: bytes that are left over are not looked at.
+
+    Raises
+    ------
+    ValueError
+        They are no such message.
+    """
+    if len(raw) < 4 or raw[0] != 0 or raw[1] not in ALIGNMENT:
+        raise ValueError("the encapsulation is not that of plain CDR")
+    return _Reader(raw, "<" if raw[1] % 2 else ">", ALIGNMENT[raw[1]]).message(kind, more)
+
+
+def definition_with_parts(kind, more=NO_OTHERS):
+    """Definition of a type, and of all types in it, in the form of ``ros2msg``."""
+    found = [kind]
+    for one in found:
+        others = (field.kind for field in fields_of(more[one], one.split("/")[0]) if not field.is_primitive)
+        found += [other for other in dict.fromkeys(others) if other not in found]
+    parts = [f"MSG: {one.replace('/msg/', '/')}\n{more[one]}\n" for one in found[1:]]
+    return ("=" * 80 + "\n").join([f"{more[kind]}\n", *parts])
+
+
+class _Reader:
+    def __init__(self, raw, order, widest):
+        self._raw, self._at, self._order, self._widest = raw, 4, order, widest
+
+    def message(self, kind, more):
+        fields = fields_of(more[kind], kind.split("/")[0])
+        return message_type(kind, more)(**{field.name: self._field(field, more) for field in fields})
+
+    def _field(self, field, more):
+        if field.count is None:
+            return self._one(field, more)
+        count = field.count or self._count()
+        if count > len(self._raw) - self._at:
+            raise ValueError("a sequence counts more entries than there are bytes")
+        if field.kind in PRIMITIVES:
+            return self._numbers(PRIMITIVES[field.kind][1], count)
+        return [self._one(field, more) for _ in range(count)]
+
+    def _one(self, field, more):
+        if field.kind == "string":
+            return self._text()
+        if field.is_primitive:
+            return self._numbers(PRIMITIVES[field.kind][1], 1)[0].item()
+        return self.message(field.kind, more)
+
+    def _count(self):
+        return self._numbers("u4", 1)[0].item()
+
+    def _text(self):
+        count = self._count()
+        if self._at + count > len(self._raw):
+            raise ValueError("a text is longer than the message")
+        self._at += count
+        return bytes(self._raw[self._at - count : self._at]).split(b"\0")[0].decode(errors="replace")
+
+    def _numbers(self, kind, count):
+        dtype = np.dtype(kind if kind == "?" else self._order + kind)
+        if count:
+            self._at += -(self._at - 4) % min(dtype.itemsize, self._widest)
+        end = self._at + count * dtype.itemsize
+        if end > len(self._raw):
+            raise ValueError("the message ends before its numbers do")
+        numbers = np.frombuffer(self._raw, dtype, count, self._at) if count else np.zeros(0, dtype)
+        self._at = end
+        return numbers.astype(dtype.newbyteorder("="))

@@ -1,0 +1,34 @@
+"""Definitions of this package's messages: beside the package, where it was built, or in it, as pip installs them."""
+
+import os
+from functools import cache
+from pathlib import Path
+
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.wire.definitions import definitions
+
+PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def _folders():
+    """Where they may be: in a wheel, in a checkout, in what colcon has installed."""
+    yield PACKAGE / "definitions"
+    yield PACKAGE.parent / "msg"
+    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
+        if prefix:
+            yield Path(prefix) / "share" / "diag_dynamics" / "msg"
+
+
+@cache
+def our_definitions():
+    """Definitions by type, such as ``diag_dynamics/msg/KineticEnergy``, with the standard ones.
+
+    Raises
+    ------
+    InputError
+        They are nowhere.
+    """
+    for folder in _folders():
+        if found := sorted(folder.glob("*.msg")):
+            return definitions({f"diag_dynamics/msg/{one.stem}": one.read_text(encoding="utf-8") for one in found})
+    raise InputError(f"the definitions of this package's messages are in none of {', '.join(map(str, _folders()))}.")
