@@ -29,6 +29,7 @@ UNITS = {
     "nodes.encoded.encoding": 2,
     "sweeps.kinematics": 2,
     "sweeps.motions": 1,
+    "bags.kernels.records": 1,
 }
 """Modules with entry kernels, in CPU-seconds, the longest first: one that is begun last keeps the others waiting."""
 

@@ -1,0 +1,1 @@
+"""Compiled passes over the bytes of a file of messages."""
