@@ -6,10 +6,16 @@ import numpy as np
 
 
 class Columns(NamedTuple):
-    """Rows as they stand in the file; a value that is missing or cannot be read as a number is NaN."""
+    """Rows as they stand in the file; a value that is missing or cannot be read as a number is NaN.
+
+    Every row has a time. Rows without one, and rows that are none, are left out and counted in the reader's `unread`.
+    """
 
     time: np.ndarray
     """[s], float64, shape (n,); as in the file."""
+    stamp: np.ndarray
+    """[ns], int64, likewise: exact where the file is, which a double is not (it holds 1.7e9 s to 2.4e-7 s). Cut at ±2⁶², so
+    that differences of two do not overflow."""
     position: np.ndarray
     """[rad, m], float64, shape (n, k): a column for each of the joints."""
     velocity: np.ndarray | None
@@ -17,4 +23,5 @@ class Columns(NamedTuple):
     effort: np.ndarray | None
     """[N m, N], likewise."""
     rows: np.ndarray
-    """Row of the file that each is, from 0 after the header: int64, shape (n,)."""
+    """Row of the file that each is, from 0 after the header: int64, shape (n,). Rows that are left out count, empty lines and
+    comments do not."""

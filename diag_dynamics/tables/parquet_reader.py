@@ -1,0 +1,257 @@
+"""Parquet, by pyarrow: columns of numbers, lists of them, and structs of either."""
+
+from importlib import import_module
+from itertools import islice
+
+import numpy as np
+
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.tables import times
+from diag_dynamics.tables.chosen import choose
+from diag_dynamics.tables.headers import NAMES, Column
+from diag_dynamics.tables.pieces import LEFT_OUT, ROWS, piece, refuse_doubtful
+from diag_dynamics.tables.unread import Losses
+
+OTHER_LENGTH = "list of another length than there are joints"
+OTHER_NAMES = "names of other joints than the first row has"
+
+_UNIT = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+class ParquetReader:
+    """Rows of a Parquet file in pieces: one row group after another, those that are damaged left out.
+
+    Parameters, attributes and exceptions are those of :class:`~diag_dynamics.tables.csv_reader.CsvReader`. A list of strings
+    beside the lists of numbers, in a column called name, names, joints or joint_names, names the joints; rows with other
+    names than the first are left out.
+    """
+
+    def __init__(self, path, wanted, joints):
+        self._path = path
+        self._losses = Losses(path)
+        try:
+            self._arrow = import_module("pyarrow")
+            self._parquet = import_module("pyarrow.parquet")
+            self._compute = import_module("pyarrow.compute")
+        except ImportError as error:
+            raise InputError(
+                f"'{path}' is a Parquet file, and pyarrow is not installed: pip install 'diag_dynamics[recordings]'."
+            ) from error
+        with self._opened() as file:
+            fields = list(_flat(self._arrow.types, file.schema_arrow))
+            self._names_at, names = self._named_joints(file, fields)
+            widths = {name: self._width(file, name, kind) for name, kind in fields}
+        self._kinds = [kind for _, kind in fields]
+        self._columns = [
+            Column(name, widths[name], numeric=self._is_numeric(kind) and (widths[name] > 0 or not self._is_list(kind)))
+            for name, kind in fields
+        ]
+        if wanted.joints or len(names) not in widths.values():
+            self._names_at = None
+        else:
+            wanted = wanted._replace(joints=names)
+        self._first_names = list(names)
+        self._choice = choose(self._columns, wanted, joints, path)
+        if self._names_at is not None and self._choice.position.whole is None:
+            self._names_at = None
+        self._check(wanted)
+        self.joints, self.notes = self._choice.joints, self._choice.notes
+
+    @property
+    def unread(self):
+        """What could not be read."""
+        return self._losses.listed()
+
+    def pieces(self):
+        """Each piece as :class:`Columns`; a second call begins anew."""
+        self._losses = Losses(self._path)
+        first, row = True, 0
+        used = [self._columns[k].name for k in self._choice.used()]
+        used += [] if self._names_at is None else [self._names_at]
+        with self._opened() as file:
+            for group in range(file.num_row_groups):
+                end = row + file.metadata.row_group(group).num_rows
+                try:
+                    for batch in file.iter_batches(ROWS, row_groups=[group], columns=used, use_threads=False):
+                        columns = self._piece(batch, row)
+                        row += batch.num_rows
+                        if len(columns.rows):
+                            if first:
+                                refuse_doubtful(self._choice, columns.time, self._path)
+                            first = False
+                            yield columns
+                except (self._arrow.ArrowException, OSError) as error:
+                    why = " ".join(str(error).split())
+                    self._losses.add(
+                        "row group cannot be read", f"row {row}, row group {group}", "rows lost", end - row, why
+                    )
+                row = end
+            if not file.metadata.num_rows:
+                self._losses.add("there are no rows", "row 0", "")
+
+    # --- What there is ---
+
+    def _opened(self):
+        """The file, to be closed."""
+        try:
+            return self._parquet.ParquetFile(self._path, pre_buffer=False, buffer_size=1 << 20)
+        except (self._arrow.ArrowException, OSError, UnicodeDecodeError) as error:  # the last of a name
+            raise InputError(
+                f"'{self._path}' is no Parquet file that can be read: {' '.join(str(error).split())} What stands at its end "
+                "says where everything is, and is missing in a file that was not closed or not copied whole."
+            ) from error
+
+    def _named_joints(self, file, fields):
+        """The column that names joints, and their names; None and nothing if there is none, or several."""
+        types = self._arrow.types
+        columns = [
+            name
+            for name, kind in fields
+            if name.split(".")[-1].lower() in NAMES
+            and self._is_list(kind)
+            and (types.is_string(kind.value_type) or types.is_large_string(kind.value_type))
+        ]
+        if len(columns) != 1:
+            return None, ()
+        for batch in self._beginning(file, columns[0]):
+            for names in self._column(batch, columns[0]).to_pylist():
+                if names and None not in names and len(set(names)) == len(names):
+                    return columns[0], tuple(names)
+        return None, ()
+
+    def _width(self, file, name, kind):
+        """Columns of a list, which its first row that is not empty has; 0 of what is none."""
+        types = self._arrow.types
+        if not self._is_list(kind) or not self._is_numeric(kind):
+            return 0
+        if types.is_fixed_size_list(kind):
+            return kind.list_size
+        for batch in self._beginning(file, name):
+            lengths = self._compute.list_value_length(self._column(batch, name)).to_numpy(zero_copy_only=False)
+            lengths = lengths[np.nan_to_num(lengths) > 0]
+            if lengths.size:
+                return int(lengths[0])
+        return 0
+
+    def _beginning(self, file, name):
+        """The first rows of a column, a few at a time: it may be one of pictures. None where they cannot be read."""
+        try:
+            yield from islice(file.iter_batches(16, columns=[name], use_threads=False), 64)
+        except (self._arrow.ArrowException, OSError):
+            return
+
+    def _is_numeric(self, kind):
+        """Whether a type is one of numbers, of lists of them, or of times."""
+        types = self._arrow.types
+        if types.is_dictionary(kind) or self._is_list(kind):
+            kind = kind.value_type
+        plain = types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind) or types.is_null(kind)
+        return plain or types.is_timestamp(kind) or types.is_duration(kind)
+
+    def _is_list(self, kind):
+        types = self._arrow.types
+        return types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)
+
+    def _is_temporal(self, k):
+        types, kind = self._arrow.types, self._kinds[k]
+        return types.is_timestamp(kind) or types.is_duration(kind)
+
+    def _check(self, wanted):
+        """Refuse what types say against a choice by names."""
+        choice = self._choice
+        names = [column.name for column in self._columns]
+        for k in choice.used():
+            if names.count(names[k]) > 1:
+                raise InputError(f"'{self._path}' has two columns '{names[k]}'.")
+            if self._is_temporal(k) and k not in choice.time:
+                raise InputError(f"'{self._path}': column '{names[k]}' is of times, expected numbers.")
+        if self._is_temporal(choice.time[0]):
+            if "time" in wanted.scale:
+                raise InputError(
+                    f"'{self._path}': there is a scale of time, but '{names[choice.time[0]]}' says its unit itself."
+                )
+            self._choice = choice._replace(time_in_doubt=False)
+
+    # --- Rows ---
+
+    def _piece(self, batch, row):
+        """Rows of a batch."""
+        rows = np.arange(row, row + batch.num_rows)
+        if self._names_at is not None:
+            names = self._column(batch, self._names_at).to_pylist()
+            same = np.array([one == self._first_names for one in names], bool)
+            if not same.all():
+                where = f"row {rows[np.argmin(same)]}"
+                self._losses.add(OTHER_NAMES, where, LEFT_OUT, int(len(same) - same.sum()))
+                batch, rows = batch.filter(self._arrow.array(same)), rows[same]
+        return piece(
+            self._choice,
+            *self._times(batch),
+            rows,
+            lambda k: self._numbers(batch, k, rows),
+            self._losses,
+            lambda k: f"row {rows[k]}",
+        )
+
+    def _column(self, batch, name):
+        """A column of a batch, also one in a struct."""
+        found = batch.schema.get_field_index(name)
+        if found >= 0:
+            return batch.column(found)
+        head = next(one for one in batch.schema.names if name.startswith(f"{one}."))
+        inner = batch.column(batch.schema.get_field_index(head))
+        rest = name[len(head) + 1 :]
+        while rest:
+            head = next(one.name for one in inner.type if rest == one.name or rest.startswith(f"{one.name}."))
+            inner, rest = self._compute.struct_field(inner, head), rest[len(head) + 1 :]
+        return inner
+
+    def _times(self, batch):
+        """Times and stamps of a batch."""
+        columns = [self._column(batch, self._columns[k].name) for k in self._choice.time]
+        if len(columns) == 2:
+            return times.of_pairs(*(self._floats(column) for column in columns))
+        column, scale, types = columns[0], self._choice.time_scale, self._arrow.types
+        if types.is_dictionary(column.type):
+            column = column.dictionary_decode()
+        if self._is_temporal(self._choice.time[0]):
+            column, scale = column.cast(self._arrow.int64()), _UNIT[column.type.unit]
+        if types.is_integer(column.type):
+            known = column.is_valid().to_numpy(zero_copy_only=False)
+            integers = self._compute.fill_null(column, 0).to_numpy(zero_copy_only=False)
+            time, stamp = times.of_integers(integers, scale)
+            return np.where(known, time, np.nan), stamp
+        if types.is_decimal(column.type):
+            return times.of_texts([str(one) for one in column.to_pylist()], scale)
+        return times.of_floats(self._floats(column), scale)
+
+    def _floats(self, column):
+        """Numbers as doubles; null is NaN."""
+        if self._arrow.types.is_dictionary(column.type):
+            column = column.dictionary_decode()
+        return column.cast(self._arrow.float64(), safe=False).to_numpy(zero_copy_only=False)
+
+    def _numbers(self, batch, k, rows):
+        """Numbers of a column by its index."""
+        column, width = self._column(batch, self._columns[k].name), self._columns[k].width
+        if not width:
+            return self._floats(column)
+        lengths = np.nan_to_num(self._compute.list_value_length(column).to_numpy(zero_copy_only=False)).astype(int)
+        fit = lengths == width
+        odd = ~fit & (lengths > 0)
+        if odd.any():
+            at = int(np.argmax(odd))
+            example = f"column '{self._columns[k].name}': {lengths[at]} instead of {width}"
+            self._losses.add(OTHER_LENGTH, f"row {rows[at]}", "rows of it are NaN", int(odd.sum()), example)
+        values = np.full((len(rows), width), np.nan)
+        values[fit] = self._floats(column.filter(self._arrow.array(fit)).flatten()).reshape(-1, width)
+        return values
+
+
+def _flat(types, fields, prefix=""):
+    """Names and types of fields, those in structs behind a dot."""
+    for field in fields:
+        if types.is_struct(field.type):
+            yield from _flat(types, field.type, f"{prefix}{field.name}.")
+        else:
+            yield prefix + field.name, field.type
