@@ -42,6 +42,11 @@ _HOME = {
     "PositionRepulsion": "control",
     "RateDamping": "control",
     "DisturbanceObserver": "control.observer",
+    "Recording": "recordings.recording",
+    "read_recording": "recordings.recording",
+    "stream_recording": "recordings.recording",
+    "Observed": "recordings.observed",
+    "observe": "recordings.observed",
 }
 
 if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothing else of this module
@@ -70,6 +75,11 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.model import load_mjcf as load_mjcf
     from diag_dynamics.model import load_robot as load_robot
     from diag_dynamics.model import load_urdf as load_urdf
+    from diag_dynamics.recordings.observed import Observed as Observed
+    from diag_dynamics.recordings.observed import observe as observe
+    from diag_dynamics.recordings.recording import Recording as Recording
+    from diag_dynamics.recordings.recording import read_recording as read_recording
+    from diag_dynamics.recordings.recording import stream_recording as stream_recording
     from diag_dynamics.results import BatchEvaluation as BatchEvaluation
     from diag_dynamics.results import Evaluation as Evaluation
     from diag_dynamics.results import Factors as Factors

@@ -211,7 +211,8 @@ def has_names(value: Any) -> bool:
 def is_pandas(value: Any, kind: str) -> bool:
     """Whether a value is of a class of pandas, which need not be installed."""
     pandas = sys.modules.get("pandas")
-    return pandas is not None and isinstance(value, getattr(pandas, kind))
+    # While another thread imports pandas, it is there without its classes, and nobody has one of them.
+    return isinstance(value, getattr(pandas, kind, ()))
 
 
 def listed(names: Sequence[str], most: int = 12) -> str:

@@ -30,6 +30,8 @@ UNITS = {
     "sweeps.kinematics": 2,
     "sweeps.motions": 1,
     "bags.kernels.records": 1,
+    "wire.many": 4,
+    "recordings.kernels": 3,
 }
 """Modules with entry kernels, in CPU-seconds, the longest first: one that is begun last keeps the others waiting."""
 

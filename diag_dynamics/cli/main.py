@@ -34,6 +34,9 @@ GROUPS = {
         "compile": Command(
             "compile everything ahead: nothing waits for the compiler later", "diag_dynamics.cli.compile:run"
         ),
+        "analyse": Command(
+            "a recording: energies, balance of power, external torque, quality", "diag_dynamics.cli.analyse:run"
+        ),
         "robots": Command("names of the example robots", "diag_dynamics.cli.robots:run"),
     },
     "nodes, with a ROS 2": {

@@ -2,6 +2,7 @@
 
 import queue
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -37,8 +38,6 @@ class Analysis:
     Parameters
     ----------
     reading : Reading
-    outputs : sequence
-        Writers: `write(piece)` is called for each :class:`Piece`, in order, in a thread of its own.
     gain : float
         Of the observer [1/s].
     threads : int, optional
@@ -53,11 +52,11 @@ class Analysis:
     states : int
     """
 
-    def __init__(self, reading, outputs=(), *, gain=25.0, threads=None):
+    def __init__(self, reading, *, gain=25.0, threads=None):
         model, settings = reading.model, reading.settings
-        self.reading, self.model, self._outputs, self._threads = reading, model, outputs, threads
+        self.reading, self.model, self._threads = reading, model, threads
         self._dynamics = DiagonalDynamics(model)
-        self._friction = bool((model.damping != 0.0).any() or (model.friction != 0.0).any())
+        self.friction = bool((model.damping != 0.0).any() or (model.friction != 0.0).any())
         wanted = settings.observation
         gain, threshold, release = (wanted.gain, wanted.threshold, wanted.release) if wanted else (gain, np.inf, None)
         self.gain, self.threshold = gain, threshold
@@ -66,62 +65,57 @@ class Analysis:
             gain,
             threshold,
             None if threshold == np.inf else release,
-            friction=self._friction,
+            friction=self.friction,
             max_gap=settings.values["external_torque.max_gap"],
             threads=threads,
         )
-        self.balance = Balance(model.dof_names, self._friction)
+        self.balance = Balance(model.dof_names, self.friction)
         self.quality, self.peaks = Quality(model), Peaks()
         self.collisions, self.states = Collisions(model.dof_names), 0
         self._kinetic = 0.0
 
-    def run(self, progress=None):
-        """Read, evaluate and write all of it; `progress(states, log_time)` is called after each piece.
+    def run(self, outputs=(), progress=None):
+        """Read, evaluate and write all of it.
+
+        Parameters
+        ----------
+        outputs : sequence
+            Their `write(piece)` is called for each :class:`Piece`, in order.
+        progress : callable, optional
+            Called with the number of states and the last log time [ns] after each piece.
 
         Stages work side by side: reading and assembling, evaluating, writing.
         """
-        read, evaluated = queue.Queue(WAITING), queue.Queue(WAITING)
-        stop, failure = threading.Event(), []
-
-        def stage(work, end):
-            try:
-                work()
-            except BaseException as error:  # told of by the thread that waits for all
-                failure.append(error)
-                stop.set()
-            finally:
-                _put(end, None, stop)
+        read, evaluated, stop = queue.Queue(WAITING), queue.Queue(WAITING), threading.Event()
 
         def reading():
-            for piece in self.reading.pieces(SIZE):
-                if not _put(read, piece.states, stop):
-                    return
+            try:
+                for piece in self.reading.pieces(SIZE):
+                    if not _put(read, piece.states, stop):
+                        return
+            finally:
+                _put(read, None, stop)
 
         def evaluating():
-            while (states := _get(read, stop)) is not None:
-                if states.number and not _put(evaluated, self.take(states), stop):
-                    return
+            try:
+                while (states := _get(read, stop)) is not None:
+                    if states.number and not _put(evaluated, self.take(states), stop):
+                        return
+            finally:
+                _put(evaluated, None, stop)
 
-        threads = [
-            threading.Thread(target=stage, args=(work, end), name=f"diag_dynamics {work.__name__}", daemon=True)
-            for work, end in ((reading, read), (evaluating, evaluated))
-        ]
-        for thread in threads:
-            thread.start()
-        try:
-            while (piece := _get(evaluated, stop)) is not None:
-                for output in self._outputs:
-                    output.write(piece)
-                if progress:
-                    progress(self.states, int(piece.states.log_time[-1]))
-        except BaseException:
-            stop.set()
-            raise
-        finally:
-            for thread in threads:
-                thread.join()
-        if failure:
-            raise failure[0]
+        with ThreadPoolExecutor(2, thread_name_prefix="diag_dynamics") as pool:
+            stages = [pool.submit(stage) for stage in (reading, evaluating)]
+            try:
+                while (piece := _get(evaluated, stop)) is not None:
+                    for output in outputs:
+                        output.write(piece)
+                    if progress:
+                        progress(self.states, int(piece.states.log_time[-1]))
+            finally:
+                stop.set()  # what is still at work after a failure ends
+        for stage in stages:
+            stage.result()
 
     def take(self, states):
         """Evaluate states, take note of all that is told of them in the end, and return the :class:`Piece`."""
@@ -139,7 +133,7 @@ class Analysis:
             efforts = states.effort if known else np.where(states.with_effort[:, None], states.effort, 0.0)
             try:
                 return states, self._dynamics.evaluate_batch(
-                    states.position, states.velocity, efforts, threads=self._threads, friction=self._friction
+                    states.position, states.velocity, efforts, threads=self._threads, friction=self.friction
                 )
             except DiagDynamicsError as error:
                 states = self._without_bad(states, efforts, error)

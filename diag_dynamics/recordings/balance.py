@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.compiled.kernel import ready
 from diag_dynamics.compiled.tables import Addresses
+from diag_dynamics.recordings.kernels import prepare
 from diag_dynamics.recordings.kernels.balance import BALANCE, COLUMNS, SUMMED, sum_windows
 
 WINDOW = 0.1
@@ -113,7 +113,7 @@ class Balance:
         self._origin = None
         self.kinetic, self.total, self.residual = Moments(), Moments(), Moments()
         self.joints = Moments(count)
-        ready(sum_windows)
+        prepare(sum_windows)
 
     def take(self, states, s):
         """Take in states and their BatchEvaluation; returns :class:`Windows`."""

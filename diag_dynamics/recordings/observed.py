@@ -8,10 +8,10 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.checks import instance, per_name, positive
-from diag_dynamics.compiled.kernel import ready
 from diag_dynamics.compiled.tables import Addresses
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.kernels import prepare
 from diag_dynamics.recordings.kernels.observation import OBSERVED, OBSERVER, observe_many
 from diag_dynamics.recordings.recording import SIZE, Recording
 
@@ -128,7 +128,7 @@ class Observer:
             time=np.zeros(1),
             flags=np.zeros(3, dtype=int),
         )
-        ready(observe_many)
+        prepare(observe_many)
 
     def take(self, states, s):
         """Take in states and their BatchEvaluation; returns the columns of :class:`Observed` but for times."""

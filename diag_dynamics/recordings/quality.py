@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from diag_dynamics.compiled.kernel import ready
 from diag_dynamics.compiled.tables import Addresses
 from diag_dynamics.model.single_joints import places
+from diag_dynamics.recordings.kernels import prepare
 from diag_dynamics.recordings.kernels.quality import (
     APART,
     AT_EFFORT,
@@ -78,7 +78,7 @@ class Quality:
         self._squares = np.zeros(2)  # of intervals: number and sum
         self._sample = []
         self.begin = self.end = None
-        ready(compare_neighbours)
+        prepare(compare_neighbours)
 
     def take(self, states):
         """Take in states."""

@@ -17,7 +17,7 @@ def summary_of(analysis):
     dict
         `robot`, `degrees_of_freedom`; `states`, `duration`, `begin`, `end` [s]; `counts` of messages by what became of them,
         and `rejected` by cause; `kinetic_energy`: `mean`, `max` [J], `at` [s], and `share`, the largest of each joint;
-        `peaks`; `explained`, `explained_with_potential` and `residual_power` [W], None without efforts; `balance`; `observer`;
+        `peaks`; `explained`, `explained_with_potential`, `residual_power` [W]: None without efforts; `balance`, `observer`;
         `collisions`: `start`, `end`, `joints`, `norm`; `quality`; `warnings`; `findings`: `cause`, `count`, `text`.
     """
     reading, quality, balance, peaks = analysis.reading, analysis.quality, analysis.balance, analysis.peaks

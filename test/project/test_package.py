@@ -137,7 +137,7 @@ def test_nobody_touches_the_private_state_of_others():
 
 TRANSLATORS = {
     *("compiled/store.py", "nodes/support/publishing.py", "wire/joint_states.py"),
-    *("cli/compile.py", "model/named.py", "model/urdf.py", "model/xacro_files.py"),
+    *("cli/compile.py", "recordings/intake.py", "model/named.py", "model/urdf.py", "model/xacro_files.py"),
 }
 """Files that turn whatever numba, rclpy, robot_descriptions, yourdfpy or xacro raises into an exception of this package's, or
 a line of their own, or do without."""
