@@ -43,7 +43,7 @@ class UnsupportedError(ModelError, NotImplementedError):
 
 
 class InertiaWarning(UserWarning):
-    """A link's inertia is not that of any rigid body; it is used as it is."""
+    """A link's inertia is not that of any rigid body, or was estimated; it is used as it is."""
 
     def __str__(self) -> str:
         return shown(self)

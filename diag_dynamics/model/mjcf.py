@@ -12,7 +12,7 @@ import numpy as np
 from diag_dynamics.exceptions import InputError, UnsupportedError, UrdfError
 from diag_dynamics.model.robot import RobotModel, load_urdf
 
-OPTIONS = ("gravity", "floating_base", "armature")
+OPTIONS = ("gravity", "floating_base", "armature", "estimate_inertias")
 """Options of load_urdf that an MJCF says itself."""
 
 FLAGS = {
@@ -49,7 +49,7 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     source : str or os.PathLike
         Path of a file, or XML text.
     **options
-        Those of :func:`load_urdf`, but for gravity, floating_base and armature, which the file has.
+        Those of :func:`load_urdf`, but for gravity, floating_base, armature and estimate_inertias, which the file has.
 
     Returns
     -------

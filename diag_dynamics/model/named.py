@@ -42,11 +42,20 @@ def load_robot(name: str, **options: Any) -> RobotModel:
     DiagDynamicsError
         As :func:`load_urdf`.
     """
+    return load_urdf(robot_path(name), **options)
+
+
+def robot_path(name: str) -> str | Path:
+    """Path of the URDF or xacro file of a robot, whose name is as :func:`load_robot` takes it.
+
+    Raises
+    ------
+    InputError
+        As there.
+    """
     if not isinstance(name, str) or not name:
         raise InputError(f"name is {name!r}, expected the name of a robot, such as 'panda'.")
-    if name in described():
-        return load_urdf(_cloned(name), **options)
-    return load_urdf(_found(name), **options)
+    return _cloned(name) if name in described() else _found(name)
 
 
 def _found(name: str) -> Path:

@@ -63,6 +63,7 @@ class Options(NamedTuple):
     max_coupled: int
     held: dict[str, float] | None = None  # joints that massless="lock" has locked; None before that was decided
     friction_velocity: float = FRICTION_VELOCITY
+    estimated_links: tuple[str, ...] = ()
 
 
 def gravity_vector(value: object) -> Array:
@@ -174,13 +175,17 @@ def inertias_told(tell: Callable[[str], object]) -> Iterator[None]:
         _tell.reset(token)
 
 
-def warn_of_inertias(robot: Any) -> None:
-    """Warn of every link whose inertia no rigid body can have."""
+def warn_of_inertias(robot: Any, estimated: str) -> None:
+    """Warn of inertias that were estimated, if a text says so, and of every link whose inertia no rigid body can have."""
+    texts = [estimated] if estimated else []
     for link in robot.links:
         reason = None if link.inertial is None else not_physical(link.inertial.inertia, link.inertial.mass)
         if reason:
-            text = f"link '{link.name}' of robot '{robot.name}' has an inertia {reason}: no rigid body is like that."
-            if tell := _tell.get():
-                tell(text)
-            else:
-                warnings.warn(text, InertiaWarning, stacklevel=3)
+            texts.append(
+                f"link '{link.name}' of robot '{robot.name}' has an inertia {reason}: no rigid body is like that."
+            )
+    for text in texts:
+        if tell := _tell.get():
+            tell(text)
+        else:
+            warnings.warn(text, InertiaWarning, stacklevel=3)

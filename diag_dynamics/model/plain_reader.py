@@ -91,7 +91,7 @@ def _joint(element):
         element.get("type"),
         element.find("parent").get("link"),
         element.find("child").get("link"),
-        _origin(element.find("origin")),
+        placement_of(element.find("origin")),
         _numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0")),
         None if limit is None else Limit(*(_number(limit, name) for name in ("effort", "velocity", "lower", "upper"))),
         None if dynamics is None else Dynamics(dynamics.get("damping"), dynamics.get("friction")),
@@ -108,7 +108,7 @@ def _inertial(element):
     return Inertial(
         None if mass is None else float(mass.get("value", 0.0)),
         None if inertia is None else _inertia(inertia),
-        _origin(element.find("origin")),
+        placement_of(element.find("origin")),
     )
 
 
@@ -118,8 +118,8 @@ def _inertia(element):
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def _origin(element):
-    """Placement (4, 4) of translation and roll, pitch, yaw: Rz(yaw) Ry(pitch) Rx(roll)."""
+def placement_of(element):
+    """Placement (4, 4) that an <origin> has, None without: translation and roll, pitch, yaw: Rz(yaw) Ry(pitch) Rx(roll)."""
     if element is None:
         return None
     place = np.eye(4)

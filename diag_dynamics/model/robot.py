@@ -17,6 +17,7 @@ from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import choice, whole
 from diag_dynamics.exceptions import InputError, MimicJointError, UrdfError
 from diag_dynamics.model.configurations import difference, integrated, random_positions
+from diag_dynamics.model.estimation import estimated
 from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, refuse_massless
 from diag_dynamics.model.mimic import Mimic, resolve_mimics
 from diag_dynamics.model.options import (
@@ -31,7 +32,7 @@ from diag_dynamics.model.options import (
     warn_of_inertias,
 )
 from diag_dynamics.model.tree import Tree
-from diag_dynamics.model.urdf import MAX_JOINTS, read_urdf
+from diag_dynamics.model.urdf import MAX_JOINTS, folder_of, read_urdf, urdf_text
 from diag_dynamics.model.xacro_files import expanded
 from diag_dynamics.sweeps import Workspace
 
@@ -150,6 +151,11 @@ class RobotModel:
     def friction_velocity(self) -> float:
         """v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). A simulation's friction has none."""
         return self._options.friction_velocity
+
+    @property
+    def estimated_links(self) -> tuple[str, ...]:
+        """Links whose inertia the URDF lacks and `estimate_inertias` has estimated, in the URDF's order."""
+        return self._options.estimated_links
 
     @property
     def armature(self) -> Array:
@@ -322,8 +328,9 @@ def load_urdf(
     max_coupled: int = MAX_COUPLED,
     friction_velocity: float = FRICTION_VELOCITY,
     xacro_args: Mapping[str, Any] | None = None,
+    estimate_inertias: float | None = None,
 ) -> RobotModel:
-    """Build a model from a URDF; meshes are neither needed nor looked for.
+    """Build a model from a URDF; meshes are neither needed nor looked for, but by `estimate_inertias`.
 
     Parameters
     ----------
@@ -359,6 +366,10 @@ def load_urdf(
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s], see :meth:`DiagonalDynamics.friction_torque`; 0 for f sign(q̇).
     xacro_args : dict
         Arguments of a xacro file, by name.
+    estimate_inertias : float
+        Density [kg/m³] at which links that have geometry and no <inertial> get one: of their collision geometry, else of the
+        visual one, a mesh that is not watertight by its convex hull. :attr:`RobotModel.estimated_links` names them. It opens
+        the files that the URDF names, so it is not for descriptions that come from others; meshes need trimesh.
 
     Numbers of `locked_joints`, `armature` and `payloads` are within ±1e9, those of the URDF within ±1e30.
 
@@ -381,14 +392,19 @@ def load_urdf(
     Warns
     -----
     InertiaWarning
-        A link's inertia is not that of any rigid body.
+        A link's inertia is not that of any rigid body. With `estimate_inertias`, which links' are estimated, and of which no
+        inertia could be.
     """
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))
     vector = gravity_vector(gravity)
-    source = expanded(source, xacro_args)
+    folder, source = folder_of(source), expanded(source, xacro_args)
+    found = None
+    if estimate_inertias is not None:
+        found = estimated(urdf_text(source), estimate_inertias, folder)
+        source = found.text
     robot, root = read_urdf(source, whole("max_joints", max_joints))
-    warn_of_inertias(robot)
+    warn_of_inertias(robot, found.said(robot.name) if found else "")
     options = Options(
         bool(floating_base),
         vector,
@@ -399,6 +415,7 @@ def load_urdf(
         checked_payloads({} if payloads is None else payloads, robot),
         whole("max_coupled", max_coupled),
         friction_velocity=friction_velocity_of(friction_velocity),
+        estimated_links=tuple(estimate.link for estimate in found.estimates) if found else (),
     )
     return _model(robot, root, options)
 

@@ -72,7 +72,7 @@ def read_urdf(source, max_joints=MAX_JOINTS):
     UrdfError
         Names the element, the value and what was expected.
     """
-    robot = _parse(urdf_text(source).encode(errors="replace"))
+    robot = parse_urdf(urdf_text(source).encode(errors="replace"))
     _refuse_size(robot, max_joints)
     reduced = etree.Element("robot", name=_plain(robot.get("name"), "The robot's name") or "robot")
     _add_links(robot, reduced)
@@ -118,6 +118,14 @@ def urdf_text(source):
     return text
 
 
+def folder_of(source):
+    """Folder of the file that a URDF is read from; None of text, or of an open file without a place."""
+    if isinstance(source, str) and not _is_path(source):
+        return None
+    place = getattr(source, "name", None) if hasattr(source, "read") else source
+    return Path(os.path.expanduser(place)).parent if isinstance(place, (str, os.PathLike)) else None
+
+
 def _file(path):
     try:
         if not path.exists() or path.is_file():
@@ -147,13 +155,27 @@ def _is_path(text):
     return bool(stripped) and not stripped.startswith("<") and "\n" not in stripped
 
 
-def _parse(data):
+def parse_urdf(data, comments=False):
+    """The <robot> element of XML, which is neither unexpanded xacro nor brings entities; nothing in it is checked yet.
+
+    Parameters
+    ----------
+    data : bytes
+        UTF-8, without an XML declaration.
+    comments : bool
+        Whether comments stay in it.
+
+    Raises
+    ------
+    UrdfError
+        It is malformed.
+    """
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,
         load_dtd=False,
         dtd_validation=False,
-        remove_comments=True,
+        remove_comments=not comments,
         remove_pis=True,
         huge_tree=False,
         recover=True,  # from undeclared prefixes, as extensions have them, and from nothing else: see below

@@ -1,0 +1,176 @@
+"""Inertias of links that have none, estimated from their geometry and written into the URDF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+
+from diag_dynamics.arrays import Array
+from diag_dynamics.checks import positive
+from diag_dynamics.exceptions import InputError, UrdfError
+from diag_dynamics.model.geometry import Solid, shapes_of, solid_of, united
+from diag_dynamics.model.meshes import Meshes
+from diag_dynamics.model.urdf import parse_urdf
+
+_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+
+LARGEST_DENSITY = 30000.0
+"""Largest density accepted [kg/m³]; osmium, the densest element, has 22 590."""
+
+
+class Estimate(NamedTuple):
+    """Inertia of a link, estimated.
+
+    Attributes
+    ----------
+    link : str
+    mass : float
+        [kg].
+    centre : ndarray, shape (3,)
+        In the link's axes [m].
+    inertia : ndarray, shape (3, 3)
+        About the centre [kg m²].
+    role : str
+        "collision" or "visual": which geometry it is of.
+    of : tuple of str
+        What was measured, a mesh that is not watertight by its convex hull.
+    """
+
+    link: str
+    mass: float
+    centre: Array
+    inertia: Array
+    role: str
+    of: tuple[str, ...]
+
+    @property
+    def source(self) -> str:
+        """What it is estimated from, in words."""
+        return f"{self.role} {' + '.join(self.of)}"
+
+
+class Estimated(NamedTuple):
+    """A URDF with inertias that were estimated.
+
+    Attributes
+    ----------
+    text : str
+        The URDF, each estimated inertia with a comment that says so.
+    estimates : tuple of Estimate
+    density : float
+        [kg/m³].
+    failed : dict
+        Why the inertia of a link that has geometry and lacks it could not be estimated, by name.
+    """
+
+    text: str
+    estimates: tuple[Estimate, ...]
+    density: float
+    failed: dict[str, str]
+
+    def said(self, robot: str) -> str:
+        """What was done, in a sentence or two for people; empty if nothing was."""
+        parts = []
+        if self.estimates:
+            names = ", ".join(f"'{estimate.link}'" for estimate in self.estimates)
+            parts.append(
+                f"robot '{robot}': the inertias of these links are estimated from geometry at {self.density:g} kg/m³, "
+                f"and are no measured ones: {names}."
+            )
+        if self.failed:
+            reasons = "; ".join(f"'{link}' ({reason.rstrip('.')})" for link, reason in self.failed.items())
+            parts.append(f"No inertia could be estimated of {reasons}.")
+        return " ".join(parts)
+
+
+def density_of(value: object) -> float:
+    """A density, checked [kg/m³].
+
+    Raises
+    ------
+    InputError
+        It is not a number above zero, or beyond that of anything.
+    """
+    density = positive("estimate_inertias", value, "[kg/m³]")
+    if density > LARGEST_DENSITY:
+        raise InputError(
+            f"estimate_inertias is {value!r}, expected a density in kg/m³ up to {LARGEST_DENSITY:g}: water has 1000, "
+            "aluminium 2700, steel 7850."
+        )
+    return density
+
+
+def estimated(text: str, density: object, folder: Path | None) -> Estimated:
+    """A URDF with an inertia for every link that has geometry and lacks one, at a uniform density.
+
+    A link's collision geometry counts, or its visual one where it has no other that can be measured. Primitives and
+    watertight meshes are exact; of any other mesh it is the convex hull's. Where shapes overlap, they count twice.
+
+    Parameters
+    ----------
+    text : str
+        XML text.
+    density : float
+        [kg/m³].
+    folder : Path or None
+        Where the URDF lies, for meshes.
+
+    Raises
+    ------
+    InputError
+        The density will not do, or a mesh needs trimesh, which is not installed.
+    UrdfError
+        The XML is malformed.
+    """
+    rho = density_of(density)
+    robot, meshes = parse_urdf(text.encode(errors="replace"), comments=True), Meshes(folder)
+    estimates, failed = [], {}
+    for link in robot.findall("link"):
+        name = link.get("name", "")
+        if link.find("inertial") is not None or not (link.findall("collision") or link.findall("visual")):
+            continue
+        try:
+            role, solid = _measured(link, meshes)
+        except UrdfError as error:
+            failed[name] = str(error)
+            continue
+        estimate = Estimate(name, rho * solid.volume, solid.centre, rho * solid.inertia, role, solid.of)
+        _insert(link, estimate, rho)
+        estimates.append(estimate)
+    whole = etree.tostring(robot.getroottree(), encoding="unicode")
+    return Estimated(whole, tuple(estimates), rho, failed)
+
+
+def _measured(link: Any, meshes: Meshes) -> tuple[str, Solid]:
+    """Which geometry of a link counts, and what it encloses."""
+    reason = None
+    for role in ("collision", "visual"):
+        try:
+            shapes = shapes_of(link, role)
+            if shapes:
+                return role, united(solid_of(shape, meshes) for shape in shapes)
+        except UrdfError as error:
+            reason = reason or error
+    raise reason or UrdfError("its <collision> and <visual> have no shape")
+
+
+def _insert(link: Any, estimate: Estimate, density: float) -> None:
+    """Put an <inertial> before all else of a link, in the file's manner of indenting."""
+    inner = link.text if link.text and not link.text.strip() else "\n    "
+    outer = inner + (inner.rpartition("\n")[2] or "  ")
+    inertial = etree.Element("inertial")
+    inertial.text, inertial.tail = outer, inner
+    # A comment may not hold two dashes in a row, and a file's name may.
+    said = f"estimated by diag_dynamics from {estimate.source} at {density:g} kg/m3".replace("--", "- -")
+    inertial.append(etree.Comment(f" {said} "))
+    etree.SubElement(inertial, "origin", xyz=" ".join(repr(float(x)) for x in estimate.centre), rpy="0 0 0")
+    etree.SubElement(inertial, "mass", value=repr(float(estimate.mass)))
+    entries = {entry: repr(float(estimate.inertia[place])) for entry, place in _ENTRIES.items()}
+    etree.SubElement(inertial, "inertia", entries)
+    for child in inertial:
+        child.tail = outer
+    inertial[-1].tail = inner
+    link.insert(0, inertial)
+    link.text = inner

@@ -1,0 +1,199 @@
+"""Visual and collision geometry of links: what a URDF says of it, and what it encloses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from diag_dynamics.arrays import Array
+from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.model.meshes import Meshes
+from diag_dynamics.model.plain_reader import placement_of
+
+KINDS = {
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "capsule": {"radius": 1, "length": 1},
+    "mesh": {"scale": 3},
+}
+"""Shapes that are known, and how many numbers each attribute has."""
+
+_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+
+
+class Shape(NamedTuple):
+    """A shape as a URDF has it.
+
+    Attributes
+    ----------
+    kind : str
+        A key of :data:`KINDS`.
+    numbers : tuple of float
+        size x, y, z; radius, length; radius; or the scale of a mesh [m].
+    placement : ndarray, shape (4, 4)
+        In the link's axes.
+    file : str
+        Of a mesh, as it is named; else empty.
+    """
+
+    kind: str
+    numbers: tuple[float, ...]
+    placement: Array
+    file: str = ""
+
+
+class Solid(NamedTuple):
+    """What a shape, or several, enclose.
+
+    Attributes
+    ----------
+    volume : float
+        [m³].
+    centre : ndarray, shape (3,)
+        Centre of volume [m].
+    inertia : ndarray, shape (3, 3)
+        About the centre, of unit density [m⁵].
+    corners : ndarray, shape (number, 3)
+        Points whose convex hull holds all of it [m].
+    of : tuple of str
+        What was measured, such as ``box`` or ``convex hull of link1.dae``.
+    """
+
+    volume: float
+    centre: Array
+    inertia: Array
+    corners: Array
+    of: tuple[str, ...]
+
+
+def shapes_of(link: Any, role: str) -> tuple[Shape, ...]:
+    """Shapes of a link's element.
+
+    Parameters
+    ----------
+    link : lxml.etree.Element
+    role : str
+        "visual" or "collision".
+
+    Raises
+    ------
+    UrdfError
+        A shape that is not known, or that has no numbers as expected.
+    """
+    return tuple(
+        _shape(element, geometry[0], f"link '{link.get('name')}': {role}")
+        for element in link.findall(role)
+        if (geometry := element.findall("geometry/*"))
+    )
+
+
+def _shape(element: Any, shape: Any, where: str) -> Shape:
+    if shape.tag not in KINDS:
+        raise UrdfError(f"{where}: <{shape.tag}> is no shape of a URDF; known are {', '.join(KINDS)}.")
+    numbers: list[float] = []
+    for attribute, count in KINDS[shape.tag].items():
+        text = shape.get(attribute, "1 1 1" if attribute == "scale" else "")
+        parts = floats(text, count)
+        if parts is None or (attribute != "scale" and min(parts) < 0.0) or (attribute == "scale" and 0.0 in parts):
+            raise UrdfError(f"{where}: <{shape.tag} {attribute}='{text}'> is not {count} finite number(s) > 0.")
+        numbers += parts
+    origin = element.find("origin")
+    if origin is not None:
+        for attribute in ("xyz", "rpy"):
+            if floats(origin.get(attribute, "0 0 0"), 3) is None:
+                raise UrdfError(f"{where}: <origin {attribute}='{origin.get(attribute)}'> is not 3 finite numbers.")
+    if shape.tag == "mesh" and not shape.get("filename"):
+        raise UrdfError(f"{where}: <mesh> has no filename.")
+    placement = placement_of(origin)
+    return Shape(shape.tag, tuple(numbers), np.eye(4) if placement is None else placement, shape.get("filename", ""))
+
+
+def floats(text: str | None, count: int) -> list[float] | None:
+    """Finite numbers of an attribute; None if they are not such, or not as many."""
+    try:
+        numbers = [float(part) for part in (text or "").split() if "_" not in part]
+    except ValueError:
+        return None
+    return numbers if len(numbers) == count and all(map(math.isfinite, numbers)) else None
+
+
+def solid_of(shape: Shape, meshes: Meshes) -> Solid:
+    """What a shape encloses, in the link's axes; a mesh that is not watertight is measured by its convex hull.
+
+    Raises
+    ------
+    UrdfError
+        A mesh cannot be found or read, or it encloses nothing.
+    InputError
+        trimesh is not installed.
+    """
+    volume, centre, inertia, corners, of = _measured(shape, meshes)
+    if not volume > 0.0:
+        raise UrdfError(f"{of} encloses no volume.")
+    R, r = shape.placement[:3, :3], shape.placement[:3, 3]
+    return Solid(volume, R @ centre + r, R @ inertia @ R.T, corners @ R.T + r, (of,))
+
+
+def _measured(shape: Shape, meshes: Meshes) -> tuple[float, Array, Array, Array, str]:
+    """Volume, centre, inertia of unit density about it, corners, and what was measured, in the shape's own axes."""
+    if shape.kind == "mesh":
+        return _mesh(shape, meshes)
+    numbers = shape.numbers
+    if shape.kind == "box":
+        half = 0.5 * np.array(numbers)
+        volume = math.prod(numbers)
+        squares = volume / 12.0 * np.array(numbers) ** 2
+    elif shape.kind == "cylinder":
+        r, length = numbers
+        half = np.array([r, r, 0.5 * length])
+        volume = math.pi * r**2 * length
+        squares = volume * np.array([r**2 / 4.0, r**2 / 4.0, length**2 / 12.0])
+    else:  # a sphere is a capsule without a cylinder between its halves
+        r, length = numbers if shape.kind == "capsule" else (numbers[0], 0.0)
+        half = np.array([r, r, 0.5 * length + r])
+        cylinder, ball = math.pi * r**2 * length, 4.0 / 3.0 * math.pi * r**3
+        volume = cylinder + ball
+        across = cylinder * r**2 / 4.0 + ball * r**2 / 5.0
+        along = cylinder * length**2 / 12.0 + ball * (r**2 / 5.0 + length**2 / 4.0 + 3.0 * length * r / 8.0)
+        squares = np.array([across, across, along])
+    # Second moments ∫x², ∫y², ∫z² give each moment of inertia as the sum of the other two.
+    return volume, np.zeros(3), np.diag(squares.sum() - squares), _CORNERS * half, shape.kind
+
+
+def _mesh(shape: Shape, meshes: Meshes) -> tuple[float, Array, Array, Array, str]:
+    mesh, of = meshes.mesh(shape.file).copy(), shape.file.rsplit("/", 1)[-1]
+    mesh.apply_transform(np.diag([*shape.numbers, 1.0]))
+    corners = _CORNERS * (0.5 * mesh.extents) + mesh.bounds.mean(axis=0)
+    with np.errstate(all="ignore"):  # of a flat mesh, which is refused for its volume of zero
+        if not (mesh.is_watertight and mesh.is_winding_consistent):
+            try:
+                mesh, of = mesh.convex_hull, f"convex hull of {of}"
+            except (ValueError, RuntimeError) as error:  # of points in a plane; Qhull's error is a RuntimeError
+                raise UrdfError(f"{of} encloses no volume.") from error
+        elif mesh.volume < 0.0:  # all faces look inward
+            mesh.invert()
+        found = mesh.mass_properties
+    return float(found.volume), np.array(found.center_mass), np.array(found.inertia), corners, of
+
+
+def united(solids: Iterable[Solid]) -> Solid:
+    """Several solids as one; where they overlap, the volume counts as often."""
+    parts = list(solids)
+    volume = sum(part.volume for part in parts)
+    centre = sum((part.volume * part.centre for part in parts), np.zeros(3)) / volume
+    inertia = np.zeros((3, 3))
+    for part in parts:
+        c = part.centre - centre
+        inertia = inertia + part.inertia + part.volume * (c @ c * np.eye(3) - np.outer(c, c))
+    corners = np.concatenate([part.corners for part in parts])
+    return Solid(volume, centre, inertia, corners, tuple(of for part in parts for of in part.of))
+
+
+def moved(solid: Solid, placement: Array) -> Solid:
+    """A solid in other axes, in which those that it is in have this placement (4x4)."""
+    R, r = placement[:3, :3], placement[:3, 3]
+    return solid._replace(centre=R @ solid.centre + r, inertia=R @ solid.inertia @ R.T, corners=solid.corners @ R.T + r)

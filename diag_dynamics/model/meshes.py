@@ -1,0 +1,122 @@
+"""Meshes that a URDF names: where their files are, and what is in them. trimesh reads them, if it is installed."""
+
+from __future__ import annotations
+
+import os
+import re
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diag_dynamics.exceptions import InputError, UrdfError
+
+_PACKAGE = re.compile(r"(?:package|model)://+([^/]+)/+(.+)")
+"""A file of a package; some exporters write a third slash."""
+
+_REMOTE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")
+"""Begins what is on no disk, such as http://; a single letter is a drive."""
+
+
+def find_mesh(name: str, folder: Path | None) -> Path:
+    """Path of a mesh as a URDF names it.
+
+    A package is looked for where ROS has packages (AMENT_PREFIX_PATH, ROS_PACKAGE_PATH), then among the folders around the
+    URDF: one above it that has the package's name, or stands beside one that has.
+
+    Parameters
+    ----------
+    name : str
+        ``package://<package>/<file>``, ``file://<file>`` or a path.
+    folder : Path or None
+        Where the URDF lies, which relative paths begin from; None of one that is no file.
+
+    Raises
+    ------
+    UrdfError
+        There is no such file, and the message says where it was looked for.
+    """
+    if found := _PACKAGE.fullmatch(name.strip()):
+        package, file = found.groups()
+        places = [share / file for share in _packages(package, folder)]
+        where = f"no package '{package}' around the URDF, in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH has it"
+    elif _REMOTE.match(name) and not name.startswith("file:"):
+        raise UrdfError(f"mesh '{name}' is no file.")
+    else:
+        path = Path(os.path.expanduser(re.sub(r"^file:(//)?", "", name.strip())))
+        places = [path] if path.is_absolute() else [folder / path] if folder else []
+        where = "no such file" if places else "a relative path, and the URDF has no folder that it could begin from"
+    for place in places:
+        if place.is_file():
+            return place
+    raise UrdfError(f"mesh '{name}' cannot be found: {where}.")
+
+
+def _packages(package: str, folder: Path | None) -> list[Path]:
+    """Folders that may be those of a package."""
+    prefixes = [Path(prefix) / "share" for prefix in _paths("AMENT_PREFIX_PATH")]
+    places = [parent / package for parent in (*prefixes, *_paths("ROS_PACKAGE_PATH"))]
+    places += [path for path in _paths("ROS_PACKAGE_PATH") if path.name == package]
+    for above in (folder, *folder.parents) if folder else ():
+        places += [above] if above.name == package else []
+        places.append(above / package)
+    return places
+
+
+def _paths(variable: str) -> list[Path]:
+    return [Path(part) for part in os.environ.get(variable, "").split(os.pathsep) if part]
+
+
+class Meshes:
+    """Meshes of one URDF, each read once.
+
+    Parameters
+    ----------
+    folder : Path or None
+        Where the URDF lies.
+    """
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = None if folder is None else folder.resolve()
+        self._read: dict[str, Any] = {}
+
+    def mesh(self, name: str) -> Any:
+        """A mesh as one trimesh.Trimesh, in metres and in the axes of its file.
+
+        Raises
+        ------
+        UrdfError
+            It cannot be found, or has nothing that can be read.
+        InputError
+            trimesh is not installed.
+        """
+        if name not in self._read:
+            try:
+                self._read[name] = _read(name, find_mesh(name, self._folder))
+            except UrdfError as error:
+                self._read[name] = error
+        if isinstance(self._read[name], UrdfError):
+            raise self._read[name]
+        return self._read[name]
+
+
+def _read(name: str, path: Path) -> Any:
+    try:
+        trimesh = import_module("trimesh")
+    except ImportError as error:
+        raise InputError(f"mesh '{name}' needs trimesh to be read: pip install 'diag_dynamics[urdf]'.") from error
+    try:
+        scene = trimesh.load_scene(path)
+        metres = re.fullmatch(r"([\d.eE+-]+) \* meters", str(scene.units))  # of a COLLADA file that has another unit
+        mesh = scene.to_mesh()
+        if metres:
+            mesh.apply_scale(float(metres[1]))
+        # Vertices that differ in a normal or a texture only would leave the surface open.
+        mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    except Exception as error:  # of a dozen parsers
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise UrdfError(f"mesh '{name}' cannot be read: {reason}") from error
+    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
+        raise UrdfError(f"mesh '{name}' has no surface.")
+    return mesh
