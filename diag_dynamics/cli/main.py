@@ -37,6 +37,7 @@ GROUPS = {
         "analyse": Command(
             "a recording: energies, balance of power, external torque, quality", "diag_dynamics.cli.analyse:run"
         ),
+        "inspect": Command("facts about a robot, and checks of its URDF", "diag_dynamics.cli.inspect:run"),
         "robots": Command("names of the example robots", "diag_dynamics.cli.robots:run"),
     },
     "nodes, with a ROS 2": {

@@ -43,7 +43,7 @@ FLOORS = [
     "model batch",
     "results",
     "dynamics",
-    "control assembly",
+    "control assembly inspection",
     "simulation wire",
     "parameters views",
     "recordings",

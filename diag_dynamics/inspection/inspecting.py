@@ -1,0 +1,187 @@
+"""All checks of a robot, in order, and the facts beside them."""
+
+from __future__ import annotations
+
+import os
+from typing import IO, Any
+
+import numpy as np
+
+from diag_dynamics.arrays import Array
+from diag_dynamics.exceptions import DiagDynamicsError, MasslessLinkError, MimicJointError
+from diag_dynamics.inspection import dynamics, elements, inertias
+from diag_dynamics.inspection.description import Description
+from diag_dynamics.inspection.findings import SEVERITIES, Finding, Report
+from diag_dynamics.inspection.motion import Motion
+from diag_dynamics.inspection.subject import Check, Subject
+from diag_dynamics.model import RobotModel, load_urdf, urdf_text
+from diag_dynamics.model.options import inertias_told
+from diag_dynamics.model.urdf import folder_of
+from diag_dynamics.model.xacro_files import expanded
+
+OF_TEXT: dict[str, Check] = {
+    "possible_inertias": inertias.possible_inertias,
+    "missing_inertias": inertias.missing_inertias,
+    "mass_without_geometry": inertias.mass_without_geometry,
+    "density": inertias.density,
+    "centre_of_mass": inertias.centre_of_mass,
+    "gyration": inertias.gyration,
+    "inertia_axes": inertias.inertia_axes,
+    "placeholders": inertias.placeholders,
+    "sides": inertias.sides,
+    "meshes": elements.meshes,
+    "elements": elements.elements,
+    "axes": elements.axes,
+    "position_limits": elements.position_limits,
+    "effort_limits": elements.effort_limits,
+    "velocity_limits": elements.velocity_limits,
+    "mimic_joints": elements.mimic_joints,
+}
+"""Checks of what the XML says, which need no model."""
+
+OF_MOTION: dict[str, Check] = {
+    "rotor_inertia": dynamics.rotor_inertia,
+    "gravity": dynamics.gravity,
+    "conditioning": dynamics.conditioning,
+    "kinetic_energy": dynamics.kinetic_energy,
+}
+"""Checks of what the robot does in random poses."""
+
+LOADING = "loading"
+"""The first check: whether the library accepts the robot."""
+
+CHECKS = (LOADING, *OF_TEXT, *OF_MOTION)
+"""Names of all checks."""
+
+
+def inspect_robot(source: str | bytes | os.PathLike[str] | IO[Any], floating_base: bool = False) -> Report:
+    """Report what the library makes of a robot.
+
+    What it refuses is a finding, too: checks of the XML go on, and joints that move no inertia are locked for the rest.
+
+    Parameters
+    ----------
+    source : str, bytes, os.PathLike or file
+        As of :func:`load_urdf`. Meshes that the URDF names are read.
+    floating_base : bool
+        Whether the root link moves freely.
+
+    Raises
+    ------
+    UrdfError
+        There is no such file, or it is no XML of a robot at all.
+    """
+    folder, name = folder_of(source), os.fspath(source) if isinstance(source, (str, os.PathLike)) else "text"
+    text = urdf_text(expanded(source, None))
+    if folder is None:
+        name = "text"
+    description = Description(text, folder)
+    model, findings = _loaded(text, floating_base)
+    with np.errstate(all="ignore"):  # of numbers that no robot has, which findings tell of
+        motion, more = _motion(model)
+        findings += more
+        subject, checks = Subject(description, model, motion), {}
+        for title, check in OF_TEXT.items():
+            checks[title] = _worst(found := list(check(subject)))
+            findings += found
+        for title, check in OF_MOTION.items():
+            checks[title] = _worst(found := list(check(subject))) if motion else "skipped"
+            findings += found
+        facts = facts_of(subject)
+    findings.sort(key=lambda finding: -SEVERITIES.index(finding.severity))
+    loading = _worst([finding for finding in findings if finding.check == LOADING])
+    return Report(str(name), facts, tuple(findings), {LOADING: loading, **checks})
+
+
+def _worst(findings: list[Finding]) -> str:
+    return max((finding.severity for finding in findings), key=SEVERITIES.index, default="ok")
+
+
+def _loaded(text: str, floating_base: bool) -> tuple[RobotModel | None, list[Finding]]:
+    """The model, with what is refused left out where options can, and what was refused."""
+    options: dict[str, Any] = {"floating_base": floating_base}
+    findings: list[Finding] = []
+    while True:
+        try:
+            with inertias_told(lambda said: None):  # possible_inertias tells of them
+                return load_urdf(text, **options), findings
+        except MasslessLinkError as error:
+            findings.append(
+                Finding(
+                    "error",
+                    LOADING,
+                    "joints that move no inertia make the mass matrix singular; with D",
+                    joints=error.joints,
+                    values=dict(zip(error.joints, error.articulated_inertia, strict=True)),
+                    unit="kg m², kg",
+                    remedy="Give their links inertia (--estimate-inertias DENSITY -o new.urdf does where there is "
+                    "geometry), or load with massless='lock', as is done for the other checks.",
+                )
+            )
+            again = {"massless": "lock"}
+        except MimicJointError as error:
+            remedy = "Mend <mimic>, or load with mimic='free', as is done for the other checks."
+            findings.append(Finding("error", LOADING, str(error), joints=error.joints, remedy=remedy))
+            again = {"mimic": "free"}
+        except DiagDynamicsError as error:
+            findings.append(Finding("error", LOADING, str(error)))
+            return None, findings
+        if again.items() <= options.items():
+            return None, findings
+        options |= again
+
+
+def _motion(model: RobotModel | None) -> tuple[Motion | None, list[Finding]]:
+    """How the model moves, and why that cannot be said if so."""
+    if model is None or not model.nv:
+        return None, []
+    try:
+        motion = Motion(model)
+        _ = motion.D, motion.M, motion.gravity_torque
+    except DiagDynamicsError as error:
+        return None, [Finding("error", LOADING, f"in a random pose within the limits: {error}")]
+    return motion, []
+
+
+def facts_of(subject: Subject) -> dict[str, Any]:
+    """What a robot is."""
+    description, model, motion = subject.description, subject.model, subject.motion
+    moving = [joint for joint in description.joints if joint.moves]
+    bare = [link.name for link in description.links.values() if not link.has_inertial]
+    facts: dict[str, Any] = {
+        "name": description.name,
+        "links": len(description.links),
+        "joints": len(description.joints),
+        "moving_joints": len(moving),
+        "degrees_of_freedom": model.nv if model else None,
+        "floating_base": model.floating_base if model else None,
+        "root_link": model.root_link if model else None,
+        "total_mass": subject.total_mass,
+        "mimic_joints": [joint.name for joint in moving if joint.mimic],
+        "coupled_groups": [list(group) for group in model.coupled_groups] if model else None,
+        "locked_joints": sorted(model.locked_joints) if model else None,
+        "links_without_inertial": bare,
+        "frames": [name for name in bare if not description.links[name].has_geometry],
+        "poses": motion.poses if motion else 0,
+        "condition_of_mass_matrix": _range(motion.condition) if motion else None,
+        "kinetic_energy_at_velocity_limits": _range(motion.energy_at_limits) if motion else None,
+        "tips": {tip: _range(motion.reflected_mass(tip)) if motion else None for tip in _tips(subject)},
+    }
+    return facts
+
+
+def _range(values: Array) -> dict[str, float | None]:
+    """Least, median and greatest of a quantity; None of one that is not finite."""
+    found = {"least": values.min(), "median": np.median(values), "greatest": values.max()}
+    return {name: float(value) if np.isfinite(value) else None for name, value in found.items()}
+
+
+def _tips(subject: Subject) -> list[str]:
+    """Of every body that moves and carries none, the link that is farthest out."""
+    parents = {joint.parent for joint in subject.description.joints if joint.moves}
+    moved = {joint.child for joint in subject.description.joints if joint.moves}
+    tips = []
+    for body in subject.description.bodies:
+        if body.links[0].name in moved and not parents & set(body.names):
+            tips.append(max(body.names, key=lambda name: np.linalg.norm(body.placements[name][:3, 3]).round(9)))
+    return tips
