@@ -2,13 +2,12 @@
 
 import struct
 import zlib
-from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from diag_dynamics.bags.bag import Bag
 from diag_dynamics.bags.compression import MOST, DamagedError, beginning, decompressed, inflated
 from diag_dynamics.bags.kernels.records import (
     AT,
@@ -38,9 +37,8 @@ from diag_dynamics.bags.kernels.records import (
     find,
     next_record,
 )
-from diag_dynamics.bags.messages import Connection, Messages, Unread
+from diag_dynamics.bags.messages import Connection, Messages
 from diag_dynamics.bags.ordered import Source, in_order
-from diag_dynamics.exceptions import InputError
 
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -92,37 +90,18 @@ class _ChunkStart(NamedTuple):
     """Size of the records as they are [bytes]."""
 
 
-class McapFile:
-    """A file of MCAP, with or without chunks, summary and indexes, whole or damaged.
+class McapFile(Bag):
+    """A file of MCAP, with or without chunks, summary and indexes, whole or damaged; see :class:`Bag`.
 
-    Nothing that a file holds raises an exception, but what a compression needs may be missing. What a file says of itself is
-    checked: an index that does not agree with the file is not used.
-
-    Parameters
-    ----------
-    path : path
-
-    Attributes
-    ----------
-    connections : list of Connection
-        Of a file without a summary, those that have messages.
-    unread : list of Unread
-        What could not be read. It is complete after the last piece.
-    findings : list of str
-        What else is odd; nothing is lost by it.
-
-    Raises
-    ------
-    InputError
-        The file cannot be opened, or zstandard or lz4 is needed and not installed.
+    What a file says of itself is checked: an index that does not agree with the file is not used. Without a summary, those
+    topics are listed that have messages.
     """
 
-    def __init__(self, path):
-        self.path = Path(path)
-        self.connections, self.unread, self.findings = [], [], []
+    def __init__(self, path, name=None):
+        super().__init__(path, name)
         self._schemas, self._channels, self._parts = {}, {}, []
-        with self._opened() as file:
-            self._survey(file)
+        with self.opened() as file:
+            self._survey(_File(file))
 
     @property
     def start(self):
@@ -143,65 +122,44 @@ class McapFile:
         ------
         Messages
         """
-        of = self._becoming(wanted)
-        with self._opened() as file:
+        of = self._becoming(self.chosen(wanted))
+        with self.opened() as opened:
+            file = _File(opened)
             parts = [
                 part for part in self._parts if part.channels is None or any(of[c] != SKIPPED for c in part.channels)
             ]
             sources = [Source(part.start, partial(self._messages, file, part, of)) for part in parts]
             yield from in_order(sources, lambda place: self._find_late(parts[place]))
 
-    def _becoming(self, wanted):
+    def _becoming(self, chosen):
         """What becomes of records, see :func:`find`."""
-        chosen = range(len(self.connections)) if wanted is None else {int(k) for k in wanted}
-        for k in chosen:
-            if not 0 <= k < len(self.connections):
-                raise InputError(f"connection {k} is wanted of '{self.path}', which has {len(self.connections)}.")
         of = np.full(CHANNELS + _KINDS, SKIPPED)
         of[:CHANNELS] = UNKNOWN
         for channel, k in self._channels.items():
             of[channel] = k if k in chosen else SKIPPED
         return of
 
-    @contextmanager
-    def _opened(self):
-        try:
-            file = open(self.path, "rb", buffering=0)  # noqa: SIM115 (its errors are told from those of whoever uses it)
-        except OSError as error:
-            raise InputError(f"'{self.path}' cannot be read: {error.strerror}.") from error
-        with file:
-            yield _File(file)
-
-    def _lose(self, where, what):
-        lost = Unread(str(self.path), where, what)
-        if lost not in self.unread:  # pieces may be asked for again
-            self.unread.append(lost)
-
-    def _find(self, what):
-        if what not in self.findings:
-            self.findings.append(what)
-
     def _find_late(self, part):
-        self._find(f"'{self.path}', {_where(part)}: it has earlier messages than it says, which come late.")
+        self.find(f", {_where(part)}: it has earlier messages than it says, which come late.")
 
     # --- What there is ---
 
     def _survey(self, file):
         """Find chunks, messages without a chunk, and channels."""
         if file.size == 0:
-            self._lose("byte 0", "the file is empty")
+            self.lose("byte 0", "the file is empty")
             return
         if file.read(0, len(MAGIC)) != MAGIC:
-            self._lose("byte 0", "the file does not begin as one of MCAP does")
+            self.lose("byte 0", "the file does not begin as one of MCAP does")
         try:
             known, end = self._summary(file)
         except DamagedError as error:
-            self._find(f"'{self.path}': the summary is not used: {error}.")
+            self.find(f": the summary is not used: {error}.")
             known, end = {}, None
         try:
             self._walk(file, known, end)
         except DamagedError as error:  # of reading: what comes from a damaged disk
-            self._lose(f"byte {file.last}", f"{error}: {file.size - file.last} bytes")
+            self.lose(f"byte {file.last}", f"{error}: {file.size - file.last} bytes")
 
     def _summary(self, file):
         """Chunks by their first bytes, and where the data end, which is None if no summary tells.
@@ -286,9 +244,9 @@ class McapFile:
         if strange:
             size = sum(size for _, size in strange)
             what = f"records of kinds that the format does not have, the first one here: {len(strange)}, {size} bytes"
-            self._lose(f"byte {strange[0][0]}", what)
+            self.lose(f"byte {strange[0][0]}", what)
         if not closed:
-            self._lose(f"byte {stop}", "the file has no end: what came here, if anything, is lost")
+            self.lose(f"byte {stop}", "the file has no end: what came here, if anything, is lost")
 
     def _resume(self, file, at, stop):
         """Where records go on after a place where there is none; tells of what is lost."""
@@ -299,11 +257,11 @@ class McapFile:
             if found < 0:
                 begin += max(1, len(data) - HEAD + 1)
             elif _goes_on(file, begin + found, stop):
-                self._lose(f"byte {at}", f"no record begins here: {begin + found - at} bytes")
+                self.lose(f"byte {at}", f"no record begins here: {begin + found - at} bytes")
                 return begin + found
             else:
                 begin += found + 1
-        self._lose(f"byte {at}", f"no whole record begins here, or anywhere behind: {stop - at} bytes")
+        self.lose(f"byte {at}", f"no whole record begins here, or anywhere behind: {stop - at} bytes")
         return stop
 
     def _run(self, file, at, stop):
@@ -337,23 +295,21 @@ class McapFile:
             if kind == SCHEMA:
                 key, schema = _schema(content)
                 if self._schemas.setdefault(key, schema) != schema:
-                    self._find(
-                        f"'{self.path}', {where}: schema {key} is declared again, otherwise; the first one counts."
-                    )
+                    self.find(f", {where}: schema {key} is declared again, otherwise; the first one counts.")
                 return
             key, schema, topic, encoding = _channel(content)
         except DamagedError as error:
-            self._lose(where, f"a {'schema' if kind == SCHEMA else 'channel'} is not readable: {error}")
+            self.lose(where, f"a {'schema' if kind == SCHEMA else 'channel'} is not readable: {error}")
             return
         name, definition = self._schemas.get(schema, ("", ""))
         if schema and schema not in self._schemas:
-            self._find(f"'{self.path}', {where}: topic '{topic}' is of schema {schema}, which is not declared.")
+            self.find(f", {where}: topic '{topic}' is of schema {schema}, which is not declared.")
         connection = Connection(topic, name, encoding, definition)
         if key not in self._channels:
             self._channels[key] = len(self.connections)
             self.connections.append(connection)
         elif self.connections[self._channels[key]] != connection:
-            self._find(f"'{self.path}', {where}: channel {key} is declared again, otherwise; the first one counts.")
+            self.find(f", {where}: channel {key} is declared again, otherwise; the first one counts.")
 
     # --- What is in it ---
 
@@ -386,7 +342,7 @@ class McapFile:
         try:
             content = self._content(file, part)
         except DamagedError as error:
-            self._lose(_where(part), f"{error}: {self._size_of(file, part)}")
+            self.lose(_where(part), f"{error}: {self._size_of(file, part)}")
             return
         data, at = np.frombuffer(content, np.uint8), 0
         while at < len(data):
@@ -401,11 +357,11 @@ class McapFile:
                 break
             again = next_record(data, at + 1, len(data))
             end = len(data) if again < 0 else again
-            self._lose(f"{_where(part)}, byte {at} of its records", f"no record begins here: {end - at} bytes")
+            self.lose(f"{_where(part)}, byte {at} of its records", f"no record begins here: {end - at} bytes")
             at = end
         if part.is_cut:
             size = _chunk_start(file.read(part.at, _CHUNK_START)).size
-            self._lose(_where(part), f"the file ends within it: {size - at} of {size} bytes of its records")
+            self.lose(_where(part), f"the file ends within it: {size - at} of {size} bytes of its records")
 
     def _messages(self, file, part, of):
         """Messages of a part that are wanted: an iterator of none, one, or more Messages."""
@@ -414,7 +370,7 @@ class McapFile:
             columns.append(found.copy())
         for count, what in zip(np.sum(missed, axis=0) if missed else (), _MISSED, strict=False):
             if count:
-                self._lose(_where(part), f"{count} messages {what}")
+                self.lose(_where(part), f"{count} messages {what}")
         if not columns:
             return
         found = columns[0] if len(columns) == 1 else np.concatenate(columns, axis=1)

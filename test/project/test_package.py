@@ -136,12 +136,12 @@ def test_nobody_touches_the_private_state_of_others():
 
 
 TRANSLATORS = {
-    *("compiled/store.py", "nodes/support/publishing.py", "wire/joint_states.py"),
+    *("compiled/store.py", "nodes/support/publishing.py", "wire/joint_states.py", "bags/ros1_reader.py"),
     *("cli/compile.py", "recordings/intake.py", "model/meshes.py", "model/named.py", "model/urdf.py"),
-    *("model/xacro_files.py", "bags/ros1_reader.py"),
+    "model/xacro_files.py",
 }
-"""Files that turn whatever numba, rclpy, robot_descriptions, trimesh, yourdfpy or xacro raises into an exception of this
-package's, or a line of their own, or do without."""
+"""Files that turn whatever numba, rclpy, robot_descriptions, rosbags, trimesh, yourdfpy or xacro raises into an exception of
+this package's, or a line of their own, or do without."""
 
 
 def test_one_guard_keeps_nodes_from_ending():
