@@ -117,6 +117,7 @@ class Observer:
             raise InputError(f"release is {release!r} J^½/s, expected no more than the threshold, {self.threshold!r}.")
         self._max_gap = positive("max_gap", max_gap, "[s]")
         self._dynamics, self._friction, self._threads, self._origin = dynamics, friction, threads, None
+        self._last = -1, None  # stamp and m r of the last state with efforts
         vectors = np.zeros((4, len(names)))
         self._own = Addresses(
             OBSERVER,
@@ -154,7 +155,18 @@ class Observer:
         )
         observe_many(self._own.at, observed.at, self.threshold, self.release, self._max_gap)
         torque = self._dynamics.tau_from_epsilon_batch(states.position, residual, threads=self._threads)
+        self._keep_first(states, valid, torque)
         if not valid.all():
             for column in (residual, torque, norm):
                 column[~valid] = np.nan
         return residual, torque, norm, valid, collision
+
+    def _keep_first(self, states, valid, torque):
+        """Of several states of one stamp the first one counts, whose position m is of."""
+        known = np.flatnonzero(states.with_effort)
+        stamps = states.newest[known]
+        before = np.concatenate([[self._last[0]], stamps[:-1]])
+        for k in np.flatnonzero((stamps == before) & valid[known]).tolist():
+            torque[known[k]] = torque[known[k - 1]] if k else self._last[1]
+        if len(known):
+            self._last = int(stamps[-1]), torque[known[-1]].copy()
