@@ -198,6 +198,7 @@ class Reading:
         for rejection in self.intake.rejections:
             first.setdefault(rejection.cause, rejection.text)
         found = [Finding("unread", 1, f"{one.file}, {one.where}: {one.what}") for one in self._source.unread]
+        found += [Finding("note", 1, note) for note in self._source.notes]
         found += [Finding(cause, counts[cause], text) for cause, text in first.items()]
         for cause, text in (
             ("lost by gaps in stamps", "states that never came, by the gaps in the stamps"),

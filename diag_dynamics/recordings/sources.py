@@ -80,6 +80,11 @@ class BagSource:
         """What could not be read: a list of Unread."""
         return self._bag.unread
 
+    @property
+    def notes(self):
+        """What is odd about the file, though nothing is lost: a list of str."""
+        return self._bag.findings
+
     def description(self):
         """The robot_description in the bag.
 
@@ -134,7 +139,8 @@ class BagSource:
     def _all(self):
         """What is in the bag."""
         topics = sorted({f"{one.topic} ({one.type})" for one in self._bag.connections})
-        return f"its topics are {', '.join(topics)}" if topics else "it has no topics that could be read"
+        lost = "".join(f"; {one.where}: {one.what}" for one in self.unread[:3])
+        return (f"its topics are {', '.join(topics)}" if topics else "it has no topics that could be read") + lost
 
 
 class TableSource:
@@ -148,6 +154,11 @@ class TableSource:
     def unread(self):
         """What could not be read: a list of Unread."""
         return self._table.unread if self._table else []
+
+    @property
+    def notes(self):
+        """How the columns were understood: a list of str."""
+        return self._table.notes if self._table else []
 
     def description(self):
         """Nothing but an error: a table does not describe its robot."""

@@ -10,9 +10,10 @@ RULES = """
 Columns are known by their names, small letters or capitals, by these rules and by nothing else.
 
 1. **Units** in brackets at the end, `q1 [deg]` or `q1 (rad/s)`, or as a word, `q_deg_1`, are taken off and converted.
-   Amperes, ticks, volts and units that are not known need a `scale`. No unit: SI.
+   In Parquet the metadata of a field may say its `unit`, too. Amperes, ticks, volts and units that are not known need
+   a `scale`. No unit: SI.
 2. **Not looked at** is what has one of the words target, desired, des, command, commanded, cmd, reference, ref,
-   setpoint, goal, error, err, planned, acceleration, acc: it was not measured, or is of no use here.
+   setpoint, goal, error, err, planned, external, acceleration, acc: it was not measured, or is of no use here.
 3. **Time** is a column named t, time, times, timestamp, timestamps, time_stamp, stamp, sec, secs, second, seconds,
    elapsed, elapsed_time or unix_time, with or without a unit behind it (`t_ms`, `timestamp_ns`), or one whose name
    ends with `header.stamp`, with dots or slashes. Or two that differ in `sec` and `nanosec` (`secs` and `nsecs`) only.
@@ -36,7 +37,7 @@ Columns are known by their names, small letters or capitals, by these rules and 
 """As docs/recordings.md has them, too."""
 
 _IGNORED = re.compile(
-    r"(?<![a-z])(?:target|desired|des|command|commanded|cmd|reference|ref|setpoint|goal|error|err|planned"
+    r"(?<![a-z])(?:target|desired|des|command|commanded|cmd|reference|ref|setpoint|goal|error|err|planned|external"
     r"|accelerations?|acc)(?![a-z])"
 )
 

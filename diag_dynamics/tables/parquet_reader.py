@@ -41,9 +41,15 @@ class ParquetReader:
             fields = list(_flat(self._arrow.types, file.schema_arrow))
             self._names_at, names = self._named_joints(file, fields)
             widths = {name: self._width(file, name, kind) for name, kind in fields}
+            units = _units(file.schema_arrow)
         self._kinds = [kind for _, kind in fields]
         self._columns = [
-            Column(name, widths[name], numeric=self._is_numeric(kind) and (widths[name] > 0 or not self._is_list(kind)))
+            Column(
+                name,
+                widths[name],
+                units.get(name),
+                numeric=self._is_numeric(kind) and (widths[name] > 0 or not self._is_list(kind)),
+            )
             for name, kind in fields
         ]
         if wanted.joints or len(names) not in widths.values():
@@ -246,6 +252,13 @@ class ParquetReader:
         values = np.full((len(rows), width), np.nan)
         values[fit] = self._floats(column.filter(self._arrow.array(fit)).flatten()).reshape(-1, width)
         return values
+
+
+
+def _units(schema):
+    """Units of columns by name, where the metadata of their fields have one."""
+    found = ((field.name, (field.metadata or {}).get(b"unit")) for field in schema)
+    return {name: unit.decode(errors="replace") for name, unit in found if unit}
 
 
 def _flat(types, fields, prefix=""):

@@ -3,21 +3,22 @@
 import numpy as np
 
 from diag_dynamics.recordings.analysis import Piece
+from diag_dynamics.sweeps.spatial import LINEAR_X, LINEAR_Y, LINEAR_Z
 
 PER_DOF = {
-    "nu": "J^0.5",
-    "xi": "rad/s, m/s",
-    "epsilon": "J^0.5/s",
-    "kappa": "N m, N",
-    "coriolis": "J^0.5/s",
-    "gravity": "J^0.5/s",
-    "friction": "J^0.5/s",
-    "articulated_inertia": "kg m^2, kg",
-    "energy_share": "J",
+    "nu": ("J^0.5", "J^0.5"),
+    "xi": ("rad/s", "m/s"),
+    "epsilon": ("J^0.5/s", "J^0.5/s"),
+    "kappa": ("N m", "N"),
+    "coriolis": ("J^0.5/s", "J^0.5/s"),
+    "gravity": ("J^0.5/s", "J^0.5/s"),
+    "friction": ("J^0.5/s", "J^0.5/s"),
+    "articulated_inertia": ("kg m^2", "kg"),
+    "energy_share": ("J", "J"),
 }
-"""Quantities of an Evaluation with an entry for each degree of freedom, and their units."""
+"""Quantities of an Evaluation with an entry for each degree of freedom, and their units if that turns, and if it slides."""
 
-OBSERVED = {"residual": "J^0.5/s", "external_torque": "N m, N"}
+OBSERVED = {"residual": ("J^0.5/s", "J^0.5/s"), "external_torque": ("N m", "N")}
 
 OF_EFFORTS = {"epsilon", "kappa"}
 """Those that are unknown where an effort is."""
@@ -42,25 +43,32 @@ class Columns:
 
     def __init__(self, model, offset=0, friction=False):
         self._model, self._offset, self._friction = model, offset, friction
-        names, units = model.dof_names, {"stamp": "ns", "oldest_stamp": "ns", "t": "s"}
-        units |= {f"position.{name}": "rad, m" for name in model.coordinate_names}
-        units |= {f"velocity.{name}": "rad/s, m/s" for name in names}
-        units |= {f"effort.{name}": "N m, N" for name in names}
+        names, links = model.dof_names, model.link_names
+        slides = sliding(model)
+
+        def each(quantity, turned, slid):
+            return {f"{quantity}.{name}": slid if s else turned for name, s in zip(names, slides, strict=True)}
+
+        units = {"stamp": "ns", "oldest_stamp": "ns", **_units_of_positions(model, slides)}
+        units |= each("velocity", "rad/s", "m/s") | each("effort", "N m", "N")
         self._quantities = [quantity for quantity in PER_DOF if quantity != "friction" or friction]
         for quantity in self._quantities:
-            units |= {f"{quantity}.{name}": PER_DOF[quantity] for name in names}
-        units |= {"kinetic_energy": "J", "base_energy": "J"}
-        units |= {f"link_energy.{name}": "J" for name in model.link_names}
-        units |= {"power": "W"}
-        for quantity, unit in OBSERVED.items():
-            units |= {f"{quantity}.{name}": unit for name in names}
+            units |= each(quantity, *PER_DOF[quantity])
+        units |= {
+            "kinetic_energy": "J",
+            "base_energy": "J",
+            **{f"link_energy.{link}": "J" for link in links},
+            "power": "W",
+        }
+        for quantity, both in OBSERVED.items():
+            units |= each(quantity, *both)
         units |= {"residual_norm": "J^0.5/s", "collision": "", "stamp_is_receive_time": "", "velocity_estimated": ""}
         self.units = units
 
     def values(self, piece: Piece):
         """Arrays of shape (T,), in the order of :attr:`units`; NaN where something is not known."""
         states, s, (residual, torque, norm, _, collision), _ = piece
-        columns = [states.newest - self._offset, states.oldest - self._offset, (states.newest - self._offset) * 1e-9]
+        columns = [states.newest - self._offset, states.oldest - self._offset]
         unknown = None if states.with_effort.all() else ~states.with_effort
         blocks = [states.position, states.velocity, states.effort]
         blocks += [getattr(s, quantity) for quantity in self._quantities]
@@ -75,6 +83,24 @@ class Columns:
         columns.append(power if unknown is None else np.where(unknown, np.nan, power))
         columns += [*_each(residual), *_each(torque), norm, collision]
         return [*columns, states.received, states.estimated]
+
+
+def sliding(model):
+    """Which degrees of freedom slide: the others turn."""
+    bodies = model.bodies
+    own = [k for k in range(1, len(bodies)) if bodies["owner"][k] == k]
+    slides = np.zeros(model.nv, dtype=bool)
+    slides[bodies["dof"][own]] = np.isin(bodies["direction"][own], (LINEAR_X, LINEAR_Y, LINEAR_Z))
+    return slides.tolist()
+
+
+def _units_of_positions(model, slides):
+    """Unit of each coordinate; those of an orientation have none."""
+    by_name = dict(zip(model.dof_names, slides, strict=True))
+    units = {name: ("m" if by_name[name] else "rad") if name in by_name else "" for name in model.coordinate_names}
+    if model.floating_base:
+        units |= dict.fromkeys(model.coordinate_names[:3], "m")
+    return {f"position.{name}": unit for name, unit in units.items()}
 
 
 def _each(block, unknown=None):

@@ -1,0 +1,437 @@
+"""Recordings from files: bags of every kind, tables of every kind, real ones; and what is written is read again."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_recordings_intake import DEFAULTS, JOINT_STATE, START, Driver, S, settings_of
+
+import diag_dynamics as dd
+from diag_dynamics.bags.mcap_writer import McapWriter
+from diag_dynamics.cli.main import main
+from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.wire.cdr import Template
+from diag_dynamics.wire.definitions import definition_with_parts, message_type
+
+pytest.importorskip("pyarrow")
+pytest.importorskip("rosbags")
+from mcap.reader import make_reader
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+RECORDINGS = Path(
+    os.environ.get("DIAG_DYNAMICS_RECORDINGS", Path(__file__).parents[2].parent / "shared" / "recordings")
+)
+MS = 10**6
+COUNT = 400
+TIME = "builtin_interfaces/msg/Time"
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return dd.load_robot("panda")
+
+
+@pytest.fixture(scope="module")
+def driven(panda):
+    """Messages of a driver, their stamps, and what is in them."""
+    driver = Driver(panda, 3)
+    stamps = START + np.arange(COUNT) * 2 * MS
+    states = [driver.state((int(stamp) - START) / S) for stamp in stamps]
+    return driver.names, stamps, *(np.array([state[k] for state in states]) for k in (1, 2, 3))
+
+
+@pytest.fixture(scope="module")
+def raws(panda):
+    driver = Driver(panda, 3)
+    return [driver.good(START + k * 2 * MS) for k in range(COUNT)]
+
+
+def write_mcap(path, raws, description=None, encoding="cdr", topics=("/joint_states",)):
+    with McapWriter(path, chunk_size=20_000) as writer:
+        if description:
+            text = message_type("std_msgs/msg/String")(data=description)
+            channel = writer.channel("/robot_description", "std_msgs/msg/String", "string data")
+            row = np.frombuffer(Template(text).encoded(), dtype=np.uint8)[None]
+            writer.write_rows(channel, row, np.array([START - S]))
+        for topic in topics:
+            channel = writer.channel(topic, JOINT_STATE, definition_with_parts(JOINT_STATE), encoding)
+            for k, raw in enumerate(raws):
+                row = np.frombuffer(raw, dtype=np.uint8)[None]
+                writer.write_rows(channel, row, np.array([START + k * 2 * MS + 1000]))
+
+
+def write_bag(path, raws, kind):
+    """The same as rosbags writes it."""
+    if kind == "bag":
+        store, newer = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_JAZZY)
+        Header, Time, Joints = (store.types[name] for name in ("std_msgs/msg/Header", TIME, JOINT_STATE))
+        with Writer1(path) as writer:
+            connection = writer.add_connection("/joint_states", JOINT_STATE, typestore=store)
+            for k, raw in enumerate(raws):
+                new = newer.deserialize_cdr(raw + bytes(-len(raw) % 4), JOINT_STATE)
+                header = Header(k, Time(new.header.stamp.sec, new.header.stamp.nanosec), new.header.frame_id)
+                old = Joints(header, new.name, new.position, new.velocity, new.effort)
+                writer.write(connection, START + k * 2 * MS + 1000, store.serialize_ros1(old, JOINT_STATE))
+        return
+    store = get_typestore(Stores.ROS2_JAZZY)
+    plugin = {"db3": StoragePlugin.SQLITE3, "mcap": StoragePlugin.MCAP}[kind]
+    with Writer2(path, version=9, storage_plugin=plugin) as writer:
+        connection = writer.add_connection("/joint_states", JOINT_STATE, typestore=store)
+        for k, raw in enumerate(raws):
+            writer.write(connection, START + k * 2 * MS + 1000, raw)
+
+
+def check(recording, driven):
+    _, stamps, position, velocity, effort = driven
+    assert recording.findings == []
+    np.testing.assert_array_equal(recording.stamp, stamps)
+    np.testing.assert_allclose(recording.t, stamps * 1e-9, rtol=1e-15)
+    for actual, expected in ((recording.q, position), (recording.qd, velocity), (recording.tau, effort)):
+        np.testing.assert_array_equal(actual, expected)
+
+
+# --- Bags ---
+
+
+def test_mcap(tmp_path, panda, driven, raws):
+    path = tmp_path / "a recording.mcap"
+    write_mcap(path, raws)
+    check(dd.read_recording(path, panda), driven)
+
+
+@pytest.mark.parametrize("kind", ["db3", "mcap", "bag"])
+def test_bags_of_others(tmp_path, panda, driven, raws, kind):
+    path = tmp_path / ("recording.bag" if kind == "bag" else "recording")
+    write_bag(path, raws, kind)
+    check(dd.read_recording(str(path), panda), driven)
+    if kind == "db3":
+        check(dd.read_recording(path / "recording.db3", panda), driven)
+
+
+def test_robot_of_the_bag(tmp_path, driven, raws):
+    path = tmp_path / "recording.mcap"
+    write_mcap(path, raws, Path(find_urdf("panda")).read_text(encoding="utf-8"))
+    recording = dd.read_recording(path)
+    assert recording.model.name == "panda"
+    check(recording, driven)
+
+
+def test_pieces_are_the_whole(tmp_path, panda, raws):
+    path = tmp_path / "recording.mcap"
+    write_mcap(path, raws)
+    whole = dd.read_recording(path, panda)
+    pieces = list(dd.stream_recording(path, panda, size=100))
+    assert len(pieces) > 1
+    np.testing.assert_array_equal(np.concatenate([piece.q for piece in pieces]), whole.q)
+    assert pieces[-1].counts == whole.counts
+    assert "400 states" in repr(whole)
+
+
+@pytest.mark.parametrize("cut", [0.3, 0.7, 0.999])
+def test_cut_files_give_what_is_whole(tmp_path, panda, driven, raws, cut):
+    path = tmp_path / "recording.mcap"
+    write_mcap(path, raws)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(cut * len(content))])
+    recording = dd.read_recording(path, panda)
+    assert any(finding.cause == "unread" for finding in recording.findings)
+    np.testing.assert_array_equal(recording.q, driven[2][: len(recording)])
+
+
+def test_what_is_refused_names_it(tmp_path, panda, raws):
+    path = tmp_path / "recording.mcap"
+    with pytest.raises(dd.InputError, match=r"no file or folder.*nothing\.mcap"):
+        dd.read_recording(tmp_path / "nothing.mcap", panda)
+    write_mcap(path, raws)
+    with pytest.raises(dd.InputError, match=r"recording\.mcap"):
+        dd.read_recording(tmp_path / "recordin.mcap", panda)
+    with pytest.raises(dd.InputError, match="robot_description"):
+        dd.read_recording(path)
+    with pytest.raises(dd.InputError, match=r"no topic '/joint_state'.*'/joint_states'"):
+        dd.read_recording(path, panda, topic="/joint_state")
+    with pytest.raises(dd.InputError, match="map of columns"):
+        dd.read_recording(path, panda, columns={"time": "t"})
+    with pytest.raises(dd.InputError, match="no parameter 'max_agge'"):
+        dd.read_recording(path, panda, parameters={"max_agge": 1.0})
+    write_mcap(path, raws, encoding="json")
+    with pytest.raises(dd.InputError, match="encoded as 'json'"):
+        dd.read_recording(path, panda)
+    write_mcap(path, raws, topics=("/left/states", "/right/states"))
+    with pytest.raises(dd.InputError, match="/left/states, /right/states"):
+        dd.read_recording(path, panda)
+    assert len(dd.read_recording(path, panda, topic="/left/states")) == COUNT
+    write_mcap(path, [])
+    assert len(dd.read_recording(path, panda)) == 0
+    path.write_bytes(b"")
+    with pytest.raises(dd.InputError, match=r"recording\.mcap"):
+        dd.read_recording(path, panda)
+
+
+def test_parameters_judge(tmp_path, panda, raws):
+    path = tmp_path / "recording.mcap"
+    write_mcap(path, raws)
+    half = dd.read_recording(path, panda, parameters={"effort_scale": ["*=0.5"]})
+    np.testing.assert_array_equal(half.tau, 0.5 * dd.read_recording(path, panda).tau)
+    assert dd.read_recording(path, panda, parameters={"effort_available": ["*=false"]}).tau is None
+
+
+# --- Tables ---
+
+
+@pytest.mark.parametrize("kind", ["csv", "npz", "parquet"])
+def test_tables(tmp_path, panda, driven, kind):
+    import pandas
+
+    names, stamps, position, velocity, effort = driven
+    path, t = tmp_path / f"table.{kind}", (stamps - stamps[0]) * 1e-9
+    blocks = {"q": position, "qd": velocity, "tau": effort}
+    if kind == "npz":
+        np.savez(path, time=t, position=position, velocity=velocity, effort=effort)
+    else:
+        columns = {f"{block}_{name}": values[:, k] for block, values in blocks.items() for k, name in enumerate(names)}
+        frame = pandas.DataFrame({"t": t} | columns)
+        frame.to_csv(path, index=False) if kind == "csv" else frame.to_parquet(path)
+    recording = dd.read_recording(path, panda)
+    np.testing.assert_allclose(recording.t, t, atol=1e-12)
+    for actual, expected in ((recording.q, position), (recording.qd, velocity), (recording.tau, effort)):
+        np.testing.assert_array_equal(actual, expected)
+    assert recording.offset == S  # a stamp of zero is none
+
+
+def test_garbage_rows_are_refused_and_counted(tmp_path, panda, driven):
+    names, stamps, position, velocity, effort = driven
+    header = ["t", *(f"{block}_{name}" for block in ("q", "qd", "tau") for name in names)]
+    rows = np.column_stack([(stamps - stamps[0]) * 1e-9, position, velocity, effort]).tolist()
+    lines = [",".join(map(repr, row)) for row in rows]
+    lines[100] = ",".join([repr(rows[100][0]), *["253"] * (len(header) - 1)])
+    lines[150] = ",".join([repr(rows[150][0]), "1e297", *map(repr, rows[150][2:])])
+    lines[200] = ",".join([repr(rows[200][0] + 86400.0), *map(repr, rows[200][1:])])
+    lines[250] = "1,2,3"
+    path = tmp_path / "table.csv"
+    path.write_text("\n".join([",".join(header), *lines]) + "\n")
+    recording = dd.read_recording(path, panda)
+    assert recording.counts["rejected: absurd value"] == 2
+    causes = {finding.cause for finding in recording.findings}
+    assert "unread" in causes
+    # The jump of a day moves the joints' time on: what comes then is late, until time is believed to have started anew.
+    assert len(recording) > COUNT - 280
+    assert not (recording.q == 253).any()
+
+
+# --- Real recordings ---
+
+
+def real(name):
+    path = RECORDINGS / name
+    if not path.exists():
+        pytest.skip(f"{path} is not there: recordings of real arms are no part of this package")
+    return path
+
+
+def without_hand(path):
+    """URDF of a Panda without its hand."""
+    import xml.etree.ElementTree as ET
+
+    hand = {"panda_hand", "panda_hand_tcp", "panda_leftfinger", "panda_rightfinger"}
+    root = ET.parse(find_urdf("panda")).getroot()
+    for part in list(root):
+        child = part.find("child")
+        if part.get("name") in hand or (child is not None and child.get("link") in hand):
+            root.remove(part)
+    path.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
+    return path
+
+
+def test_a_real_panda(tmp_path):
+    path, urdf = real("panda/exciting_trajectory.csv.gz"), without_hand(tmp_path / "panda.urdf")
+    assert main(["analyse", str(path), "--urdf", str(urdf), "--quiet", "--json", str(tmp_path / "a.json")]) == 0
+    summary = json.loads((tmp_path / "a.json").read_text())
+    assert summary["states"] == 20544
+    assert summary["explained"] == pytest.approx(0.95, abs=0.01)
+    assert summary["explained_with_potential"] > 0.99
+    assert summary["quality"]["velocity_delay"] == pytest.approx(0.005, abs=0.001)
+
+
+def test_a_hand_that_is_not_mounted_is_missing_in_the_balance(tmp_path):
+    path = real("panda/exciting_trajectory.csv.gz")
+    urdf = tmp_path / "panda.urdf"
+    urdf.write_text(Path(find_urdf("panda")).read_text(encoding="utf-8"))
+    fixed = ["--set", "locked_joints=['panda_finger_joint1=0.0']", "mimic=free", "massless=lock"]
+    fixed[1] = "locked_joints=['panda_finger_joint1=0.0', 'panda_finger_joint2=0.0']"
+    status = main(["analyse", str(path), "--urdf", str(urdf), *fixed, "--quiet", "--json", str(tmp_path / "a.json")])
+    summary = json.loads((tmp_path / "a.json").read_text())
+    assert status == 1
+    assert summary["explained"] == pytest.approx(0.29, abs=0.02)
+    assert "payload" in summary["balance"]["says"]
+
+
+def test_a_real_kuka(tmp_path):
+    path, urdf = real("kuka_lwr4/measurements_1.npz"), real("kuka_lwr4/kuka_lwr4.urdf")
+    main(["analyse", str(path), "--urdf", str(urdf), "--quiet", "--json", str(tmp_path / "a.json")])
+    summary = json.loads((tmp_path / "a.json").read_text())
+    assert summary["states"] == 5027
+    assert summary["explained"] < 0.0 < 0.95 < summary["explained_with_potential"]
+
+
+# --- What is written ---
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory, panda, raws):
+    folder = tmp_path_factory.mktemp("written")
+    write_mcap(folder / "in.mcap", raws)
+    outputs = ["-o", "out.mcap", "--parquet", "out.parquet", "--csv", "out.csv", "--json", "out.json"]
+    outputs = [str(folder / one) if "." in one else one for one in outputs]
+    status = main(["analyse", str(folder / "in.mcap"), "--urdf", "panda", *outputs, "--quiet"])
+    assert status == 0
+    assert not list(folder.glob("*.part"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def evaluated(panda, driven):
+    _, _, position, velocity, effort = driven
+    dynamics = dd.DiagonalDynamics(panda)
+    return dynamics.evaluate_batch(position, velocity, effort, friction=True)
+
+
+def test_parquet_has_every_quantity(written, panda, driven, evaluated):
+    import pyarrow.parquet
+
+    table = pyarrow.parquet.read_table(written / "out.parquet")
+    s = evaluated
+    for quantity in ("nu", "xi", "epsilon", "kappa", "coriolis", "gravity", "articulated_inertia", "energy_share"):
+        for k, name in enumerate(panda.dof_names):
+            np.testing.assert_array_equal(table[f"{quantity}.{name}"].to_numpy(), getattr(s, quantity)[:, k])
+    for k, name in enumerate(panda.link_names):
+        np.testing.assert_array_equal(table[f"link_energy.{name}"].to_numpy(), s.link_energy[:, k])
+    np.testing.assert_array_equal(table["kinetic_energy"].to_numpy(), s.kinetic_energy)
+    np.testing.assert_array_equal(table["power"].to_numpy(), s.effort_power)
+    np.testing.assert_array_equal(table["stamp"].to_numpy(), driven[1])
+    assert table.schema.field("nu.panda_joint1").metadata[b"unit"] == b"J^0.5"
+    assert table.schema.metadata[b"robot"] == b"panda"
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_tables_of_ours_are_recordings(written, panda, driven, kind):
+    _, stamps, position, velocity, effort = driven
+    again = dd.read_recording(written / f"out.{kind}", panda)
+    np.testing.assert_array_equal(again.stamp, stamps)
+    for actual, expected in ((again.q, position), (again.qd, velocity), (again.tau, effort)):
+        np.testing.assert_array_equal(actual, expected)
+
+
+def test_mcap_has_every_field(written, panda, driven, evaluated):
+    """Read by mcap and rosbags, field by field."""
+    from rosbags.typesys import get_types_from_msg
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    s, found = evaluated, {}
+    with open(written / "out.mcap", "rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages():
+            if schema.name not in store.fielddefs:
+                store.register(get_types_from_msg(schema.data.decode(), schema.name))
+            raw = message.data + bytes(-len(message.data) % 4)
+            found.setdefault(channel.topic, []).append((message.log_time, store.deserialize_cdr(raw, schema.name)))
+    assert {topic: len(messages) for topic, messages in found.items()} == {
+        "/diag_dynamics/state": COUNT,
+        "/diag_dynamics/kinetic_energy": COUNT,
+        "/diag_dynamics/external_torque": COUNT,
+    }
+    _, stamps, position, velocity, effort = driven
+    for k, (log_time, message) in enumerate(found["/diag_dynamics/state"]):
+        assert log_time == stamps[k] + 1000
+        assert message.header.stamp.sec * S + message.header.stamp.nanosec == stamps[k]
+        assert message.header.frame_id == panda.root_link
+        assert list(message.dof_names) == list(panda.dof_names)
+        for field, values in (("position", position), ("velocity", velocity), ("effort", effort)):
+            np.testing.assert_array_equal(getattr(message, field), values[k])
+        for field in ("nu", "xi", "epsilon", "kappa", "coriolis", "gravity", "articulated_inertia", "friction"):
+            np.testing.assert_array_equal(getattr(message, field), getattr(s, field)[k])
+        assert message.kinetic_energy == s.kinetic_energy[k]
+        assert message.power == s.effort_power[k]
+        assert message.effort_valid
+        assert message.friction_valid
+        assert not message.velocity_estimated
+    for k, (_, message) in enumerate(found["/diag_dynamics/kinetic_energy"]):
+        assert message.total == s.kinetic_energy[k]
+        np.testing.assert_array_equal(message.link_energy, s.link_energy[k])
+        np.testing.assert_array_equal(message.energy_share, s.energy_share[k])
+        assert list(message.link_names) == list(panda.link_names)
+    observed = [message for _, message in found["/diag_dynamics/external_torque"]]
+    assert [message.valid for message in observed] == [False] + [True] * (COUNT - 1)
+    assert observed[0].residual.size == 0
+    assert observed[5].residual.size == panda.nv
+
+
+def test_summary_for_programs(written):
+    summary = json.loads((written / "out.json").read_text())
+    assert summary["states"] == COUNT
+    assert set(summary) >= {"duration", "rejected", "kinetic_energy", "explained", "residual_power", "collisions"}
+    assert set(summary["kinetic_energy"]) >= {"mean", "max", "at"}
+
+
+# --- The command ---
+
+
+def test_command_says_what_is_wrong(tmp_path, raws, capsys):
+    path = tmp_path / "in.mcap"
+    write_mcap(path, raws)
+    assert main(["analyse", str(tmp_path / "none.mcap")]) == 2
+    assert "no file or folder" in capsys.readouterr().err
+    assert main(["analyse", str(path)]) == 2
+    assert "robot_description" in capsys.readouterr().err
+    assert main(["analyse", str(path), "--urdf", "panda", "--set", "max_agee=1"]) == 2
+    assert "'max_age' meant" in capsys.readouterr().err
+    assert main(["analyse", str(path), "--urdf", "panda", "--parquet", str(tmp_path / "no" / "out.parquet")]) == 2
+    assert "no folder" in capsys.readouterr().err
+    assert main(["analyse", str(path), "--urdf", "ur5", "--parquet", str(tmp_path / "out.parquet")]) == 2
+    assert "not a single state" in capsys.readouterr().err
+    assert not list(tmp_path.glob("out*"))
+
+
+def test_command_takes_the_monitors_file(tmp_path, raws, capsys):
+    path, file = tmp_path / "in.mcap", tmp_path / "monitor.yaml"
+    write_mcap(path, raws)
+    file.write_text("/**:\n  ros__parameters:\n    external_torque: {gain: 10, threshold: 0.5}\n    max_age: 2\n")
+    main(["analyse", str(path), "--urdf", "panda", "--parameters", str(file), "--json", "-"])
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["observer"] == {"gain": 10.0, "threshold": 0.5}
+    assert summary["collisions"]
+    file.write_text("/**:\n  ros__parameters: {nonsense: 1}\n")
+    assert main(["analyse", str(path), "--urdf", "panda", "--parameters", str(file)]) == 2
+    assert "no parameter 'nonsense'" in capsys.readouterr().err
+
+
+def test_packaged_parameters_are_taken(tmp_path, raws):
+    path = tmp_path / "in.mcap"
+    write_mcap(path, raws)
+    config = Path(__file__).parents[2] / "config" / "monitor.yaml"
+    assert main(["analyse", str(path), "--urdf", "panda", "--parameters", str(config), "--quiet"]) == 0
+
+
+def test_without_ros(tmp_path, raws):
+    """In a process that cannot import any of ROS."""
+    path = tmp_path / "in.mcap"
+    write_mcap(path, raws)
+    program = (
+        "import sys\n"
+        "for name in ('rclpy', 'sensor_msgs', 'std_msgs', 'builtin_interfaces', 'rosidl_runtime_py'):\n"
+        "    sys.modules[name] = None\n"
+        "import diag_dynamics as dd\n"
+        f"recording = dd.read_recording({str(path)!r}, dd.load_robot('panda'))\n"
+        "assert len(recording) == 400\n"
+        "print(dd.observe(dd.DiagonalDynamics(recording.model), recording).norm[-1])\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, timeout=300)
+
+
+def test_defaults_are_the_monitors():
+    assert settings_of().values == DEFAULTS
