@@ -5,6 +5,7 @@ import json
 import sys
 import time
 import warnings
+from functools import partial
 from pathlib import Path
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
@@ -12,7 +13,8 @@ from diag_dynamics.model import load_robot
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.outputs.csv import CsvOutput
-from diag_dynamics.recordings.outputs.mcap import McapOutput
+from diag_dynamics.recordings.outputs.mcap import WRITTEN, McapOutput
+from diag_dynamics.recordings.outputs.messages import TOPICS
 from diag_dynamics.recordings.outputs.parquet import ParquetOutput
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import summary_of, text_of
@@ -39,6 +41,7 @@ def run(name, arguments):
     parser.add_argument("--set", metavar="PARAMETER=VALUE", nargs="+", action="extend", default=[], help="one of them")
     parser.add_argument("--gain", type=float, default=25.0, help="of the disturbance observer [1/s] (default: 25)")
     parser.add_argument("-o", "--mcap", metavar="OUT.mcap", help="messages of the monitor, for ros2 bag play")
+    parser.add_argument("--topics", default=",".join(WRITTEN), help=f"of OUT.mcap: some of {', '.join(TOPICS)}")
     parser.add_argument("--parquet", metavar="OUT.parquet", help="a column for each quantity and joint")
     parser.add_argument("--csv", metavar="OUT.csv", help="the same as text")
     parser.add_argument("--json", metavar="SUMMARY.json", help="the summary for programs; - for stdout")
@@ -57,7 +60,8 @@ def _analyse(chosen):
         raise InputError(f"--threads is {chosen.threads}, expected at least 1.")
     parameters = parameters_of(chosen.parameters, chosen.set)
     reading = Reading(chosen.recording, _robot(chosen.urdf), chosen.columns, topic=chosen.topic, parameters=parameters)
-    kinds = (chosen.mcap, McapOutput), (chosen.parquet, ParquetOutput), (chosen.csv, CsvOutput)
+    messages = partial(McapOutput, topics=chosen.topics.split(","))
+    kinds = (chosen.mcap, messages), (chosen.parquet, ParquetOutput), (chosen.csv, CsvOutput)
     analysis = Analysis(reading, gain=chosen.gain, threads=chosen.threads)
     outputs = [kind(path, reading, analysis.friction) for path, kind in kinds if path]
     begun = time.perf_counter()

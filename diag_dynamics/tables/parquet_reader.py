@@ -254,7 +254,6 @@ class ParquetReader:
         return values
 
 
-
 def _units(schema):
     """Units of columns by name, where the metadata of their fields have one."""
     found = ((field.name, (field.metadata or {}).get(b"unit")) for field in schema)
