@@ -159,10 +159,10 @@ class Analysis:
         self._kinetic += float(K.sum())
         peaks.take("kinetic_energy", K, stamps)
         peaks.take("energy_share", s.energy_share, stamps, names)
-        peaks.take("velocity", np.abs(states.velocity), stamps, names)
-        peaks.take("effort", np.abs(states.effort), stamps, names)
+        peaks.take("velocity", states.velocity, stamps, names, absolute=True)
+        peaks.take("effort", states.effort, stamps, names, absolute=True)
         if valid.any():
-            peaks.take("external_torque", np.abs(torque), stamps, names)
+            peaks.take("external_torque", torque, stamps, names, absolute=True)
             peaks.take("residual_norm", norm, stamps)
         self.collisions.take(stamps, residual, norm, collision)
 

@@ -6,8 +6,8 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.outputs.columns import Columns
 from diag_dynamics.recordings.outputs.part import Part
 
-COMPRESSION = {"compression": "zstd", "compression_level": 1, "use_dictionary": False}
-"""Three times as fast as by default: dictionaries find nothing in numbers that all differ."""
+COMPRESSION = {"compression": "lz4", "use_dictionary": False}
+"""Four times as fast as by default: dictionaries find nothing in numbers that differ. zstd takes a quarter longer for 3 %."""
 
 
 class ParquetOutput:
