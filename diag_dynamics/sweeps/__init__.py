@@ -49,12 +49,10 @@ from diag_dynamics.sweeps.derivatives import (
     mass_matrix_rate_times,
 )
 from diag_dynamics.sweeps.each import (
-    EPSILON_FROM_TAU,
     FORWARD,
     INVERSE,
     NU_FROM_QD,
     QD_FROM_NU,
-    TAU_FROM_EPSILON,
     effort_of_wrenches_each,
     mass_matrix_each,
     sweep_each,
@@ -79,7 +77,7 @@ from diag_dynamics.sweeps.factors import factors
 from diag_dynamics.sweeps.groups import owns
 from diag_dynamics.sweeps.joints import SINGULAR, UNIT_TOLERANCE
 from diag_dynamics.sweeps.kinematics import jacobian, motion, placement
-from diag_dynamics.sweeps.many import evaluate_many
+from diag_dynamics.sweeps.many import evaluate_many, moments_many
 from diag_dynamics.sweeps.motions import chart_rates, difference, displace, hold, integrate
 from diag_dynamics.sweeps.workspace import (
     ARTICULATED_INERTIA,
@@ -115,7 +113,6 @@ __all__ = [
     "EFFORT_POWER",
     "ENERGY_SHARE",
     "EPSILON",
-    "EPSILON_FROM_TAU",
     "FORWARD",
     "GRAVITY",
     "INVERSE",
@@ -131,7 +128,6 @@ __all__ = [
     "RESULTS",
     "ROWS",
     "SINGULAR",
-    "TAU_FROM_EPSILON",
     "UNIT_TOLERANCE",
     "WORK",
     "WRENCH",
@@ -172,6 +168,7 @@ __all__ = [
     "mass_matrix_each",
     "mass_matrix_rate",
     "mass_matrix_rate_times",
+    "moments_many",
     "motion",
     "nu_from_qd",
     "opened",

@@ -12,9 +12,9 @@ from diag_dynamics.compiled.kernel import (
 )
 from diag_dynamics.sweeps.bodies import WRENCHES
 from diag_dynamics.sweeps.classical import effort_of_wrenches, forward_dynamics, inverse_dynamics, mass_matrix
-from diag_dynamics.sweeps.factorization import epsilon_from_tau, nu_from_qd, qd_from_nu, tau_from_epsilon
+from diag_dynamics.sweeps.factorization import nu_from_qd, qd_from_nu
 
-FORWARD, INVERSE, NU_FROM_QD, QD_FROM_NU, EPSILON_FROM_TAU, TAU_FROM_EPSILON = range(6)
+FORWARD, INVERSE, NU_FROM_QD, QD_FROM_NU = range(4)
 """Sweeps of :func:`sweep_each`."""
 
 
@@ -29,12 +29,8 @@ def sweep_each(robot, which, Q, A, B, weight, begin, end, results):
             status = inverse_dynamics(robot, q, a, b, weight, result)
         elif which == NU_FROM_QD:
             status = nu_from_qd(robot, q, a, result)
-        elif which == QD_FROM_NU:
-            status = qd_from_nu(robot, q, a, result)
-        elif which == EPSILON_FROM_TAU:
-            status = epsilon_from_tau(robot, q, a, result)
         else:
-            status = tau_from_epsilon(robot, q, a, result)
+            status = qd_from_nu(robot, q, a, result)
         if status != 0:
             return t
     return end

@@ -1,8 +1,14 @@
 """Many states at once: as many as there are lanes side by side, in the same sweep as a single one."""
 
-from diag_dynamics.compiled.kernel import COUNT, FILLED_MATRIX, FILLED_STATES, MATRIX, ROBOT, entry_kernel, kernel
+from diag_dynamics.compiled.kernel import COUNT, FILLED_MATRIX, FILLED_STATES, FLAG, MATRIX, ROBOT, entry_kernel, kernel
 from diag_dynamics.compiled.lanes import WIDTH
 from diag_dynamics.sweeps.evaluation import sweep
+from diag_dynamics.sweeps.factorization import (
+    moments_inward,
+    place_and_factorize,
+    scale_by_inertia,
+    working_moments_inward,
+)
 from diag_dynamics.sweeps.joints import are_finite, are_positions
 from diag_dynamics.sweeps.workspace import EFFORT_POWER, KINETIC_ENERGY, RESULTS, copy, opened_wide
 
@@ -47,4 +53,32 @@ def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, ra
                 numbers[0, t] = numbers[1, t] = 0.0
             copy(Q[t], positions[t])
             copy(QD[t], rates[t])
+    return end
+
+
+@entry_kernel(ROBOT, FLAG, *[MATRIX] * 2, COUNT, COUNT, FILLED_MATRIX, nogil=True)
+def moments_many(robot, working, Q, A, begin, end, results):
+    """ε = ℓτ of the rows of A if `working`, else τ = mε, at states `begin` to `end` of many.
+
+    Robot and result are as of :func:`evaluate_many`; A may have one row for all.
+    """
+    at = opened_wide(robot)
+    q, given, result, work, table = at.q, at.tau, at.qd, at.wide_work, at.wide_table
+    for first in range(begin, end, WIDTH):
+        _pack(Q, first, end, at.q_numbers)
+        _pack(A, first, end, at.tau_numbers)
+        if not are_finite(given) or place_and_factorize(at.bodies, q, work, table[0]) != 0:
+            return first
+        if working:
+            working_moments_inward(at.bodies, given, work, table[0], result)
+            scale_by_inertia(at.bodies, work, -0.5, result)
+        else:
+            copy(given, result)
+            scale_by_inertia(at.bodies, work, 0.5, result)
+            moments_inward(at.bodies, result, work, table[0], result)
+        if not are_finite(result):
+            return first
+        for t in range(first, min(first + WIDTH, end)):
+            for k in range(len(result)):
+                results[t, k] = at.qd_numbers[k, t - first]
     return end
