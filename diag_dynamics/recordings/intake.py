@@ -16,6 +16,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.wire.definitions import read_message
 from diag_dynamics.wire.joint_states import KnownJointStates
 from diag_dynamics.wire.many import Run
+from diag_dynamics.wire.odometry import odometry_of
 
 JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 
@@ -198,10 +199,10 @@ class Intake:
         return refused
 
     def _of_one(self, messages, k):
-        """The state that one message makes, taken in the ordinary way."""
+        """The state that one message makes."""
         at, size = int(messages.at[k]), int(messages.size[k])
         now = int(messages.log_time[k])
-        state = self._joint_states.deserialized(messages.data[at : at + size].tobytes(), now)
+        state = self._joint_states.update(messages.data[at : at + size].tobytes(), now)
         if state is None:
             return None
         if self._with_base:
@@ -223,10 +224,7 @@ class Intake:
     def _of_odometry(self, messages, k):
         """The state that one message about the base makes, of a robot that is all base."""
         at, size = int(messages.at[k]), int(messages.size[k])
-        try:
-            message = read_message(messages.data[at : at + size].tobytes(), ODOMETRY)
-        except ValueError as error:
-            raise RejectedError("malformed", f"odom: {size} bytes that are no {ODOMETRY} ({error})") from error
+        message = odometry_of(messages.data[at : at + size].tobytes(), partial(read_message, kind=ODOMETRY))
         self._base.update(message, int(messages.log_time[k]))
         state = self._with_base.state_of_base(self._settings.values["odom_timeout"])
         if state is not None:

@@ -28,11 +28,13 @@ from diag_dynamics.nodes.support.loading import load_robot
 from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE, UNCONFIGURED, ManagedNode
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.publishing import connected
+from diag_dynamics.nodes.support.reading import read_odometry
 from diag_dynamics.nodes.support.runner import main_of
 from diag_dynamics.nodes.support.start import stop
 from diag_dynamics.nodes.support.usage import defaults_of, parser_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.shared import payload_entry, payloads_of
+from diag_dynamics.wire.odometry import odometry_of
 
 HEARTBEAT, OVERDUE = 0.1, 1.0
 """Period of the heartbeat, and how long it may be overdue before states are skipped [s].
@@ -86,7 +88,7 @@ class MonitorNode(ManagedNode):
         raw = self._settings.values["serialization"] == "template"
         sources = [(JointState, "joint_states", self._take_joint_state, raw)]
         if self._settings.values["floating_base"]:
-            sources.append((Odometry, "odom", self._take_odometry, False))
+            sources.append((Odometry, "odom", self._take_odometry, raw))
         self._listening += 1
         self._beat = time.monotonic()  # loading a robot may have taken long
         for kind, topic, take, raw in sources:
@@ -286,6 +288,8 @@ class MonitorNode(ManagedNode):
 
     def _serve_odometry(self, robot, message):
         """Take in where the base is; publish the state of a robot that is all base."""
+        if type(message) is bytes:
+            message = odometry_of(message, read_odometry)
         robot.base.update(message, self._now())
         if state := robot.state_of_base():
             self._publish(robot, state, "published from odometry")
