@@ -138,7 +138,7 @@ def test_nobody_touches_the_private_state_of_others():
 TRANSLATORS = {
     *("compiled/store.py", "nodes/support/publishing.py", "wire/joint_states.py", "bags/ros1_reader.py"),
     *("cli/compile.py", "recordings/intake.py", "model/meshes.py", "model/named.py", "model/urdf.py"),
-    "model/xacro_files.py",
+    *("model/xacro_files.py", "wire/odometry.py"),
 }
 """Files that turn whatever numba, rclpy, robot_descriptions, rosbags, trimesh, yourdfpy or xacro raises into an exception of
 this package's, or a line of their own, or do without."""
@@ -464,7 +464,11 @@ def test_installs_without_ros(tmp_path):
     subprocess.run(install, check=True, capture_output=True, timeout=300)
     installed = {path.relative_to(target).as_posix() for path in (target / "diag_dynamics").rglob("*.py")}
     assert installed == {path.relative_to(ROOT).as_posix() for path in SOURCES}
-    script = "import diag_dynamics as dd; print(dd.load_urdf, dd.DiagonalDynamics, dd.Simulation)"
+    script = (
+        "import diag_dynamics as dd; print(dd.load_urdf, dd.DiagonalDynamics, dd.Simulation)\n"
+        "from diag_dynamics.wire.ours import our_definitions\n"
+        "assert 'diag_dynamics/msg/DiagonalizedState' in our_definitions()"
+    )
     clean = {"PATH": "/usr/bin", "PYTHONPATH": f"{target}", "NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, env=clean, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
