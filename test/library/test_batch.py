@@ -3,8 +3,10 @@
 import dataclasses
 import os
 import signal
+import sys
 import threading
 import time
+import traceback
 import tracemalloc
 
 import numpy as np
@@ -129,30 +131,57 @@ def test_a_fork_has_threads_of_its_own(two):
     assert os.waitpid(child, 0)[1] == 0
 
 
+def waits(thread, interrupted):
+    """Whether a thread waits for others, and how often that was interrupted and begun anew."""
+    names = [frame.f_code.co_name for frame, _ in traceback.walk_stack(sys._current_frames()[thread.ident])]
+    return names[0] == "wait" and names.count("_wait_for") >= interrupted
+
+
+def until(condition, meanwhile=lambda: None):
+    """Wait for a condition that nobody tells of, and do something again and again."""
+    deadline = time.monotonic() + 10.0
+    while not condition():
+        assert time.monotonic() < deadline
+        meanwhile()
+        time.sleep(0.001)
+
+
 @pytest.mark.parametrize("signals", [1, 2])
 def test_no_thread_writes_after_a_ctrl_c(two, monkeypatch, signals):
     """While the calling thread waits for the others: it goes on waiting, however often it is interrupted."""
     Q, QD, TAU = states(two, 300)
     out, evaluate_many = two.evaluate_batch(Q, QD, TAU, threads=2, out=two.new_batch(300)), batch.sweeps.evaluate_many
-    main, writing, come = threading.main_thread(), threading.Event(), threading.Event()
-    ended = []
+    main, writing, shared, come = threading.main_thread(), *(threading.Event() for _ in range(3))
+    heard, ended = [], []
+
+    def interrupted(*_):
+        heard.append(True)
+        raise KeyboardInterrupt
+
+    def interrupt():
+        signal.pthread_kill(main.ident, signal.SIGINT)
 
     def slow(*arguments):
         if threading.current_thread() is main:
             assert writing.wait(10.0)  # or there would be nothing left for the other one
-            return evaluate_many(*arguments)
+            done = evaluate_many(*arguments)
+            shared.set()
+            return done
         writing.set()
-        for _ in range(signals):
-            time.sleep(0.1)  # for the calling thread to be done, and to wait
-            signal.pthread_kill(main.ident, signal.SIGINT)
-        time.sleep(0.1)
+        assert shared.wait(10.0)
+        until(lambda: waits(main, 0))
+        for k in range(1, signals + 1):
+            until(
+                lambda k=k: len(heard) >= k, interrupt
+            )  # one that comes just before a thread begins to wait wakes nobody
+            until(lambda k=k: waits(main, k) or come.is_set())
         done = evaluate_many(*arguments)
         ended.append(come.is_set())
         return done
 
     monkeypatch.setattr(batch.sweeps, "evaluate_many", slow)
     monkeypatch.setattr(batch, "PIECES", 1)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    before = signal.signal(signal.SIGINT, interrupted)
     try:
         with pytest.raises(KeyboardInterrupt):
             two.evaluate_batch(Q, QD, TAU, threads=2, out=out)

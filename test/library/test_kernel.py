@@ -7,8 +7,10 @@ import resource
 import shutil
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -343,43 +345,71 @@ def two_links():
 # --- What is said meanwhile ----------------------------------------------------------------------------------
 
 
+class Said(list):
+    """Lines that are said, each with its time, and a wait for them."""
+
+    def __init__(self):
+        self._more = threading.Condition()
+
+    def take(self, text):
+        with self._more:
+            self.append((time.perf_counter(), text))
+            self._more.notify_all()
+
+    def wait_for(self, what, count):
+        """Wait until there are so many of what is compiled."""
+        with self._more:
+            assert self._more.wait_for(lambda: sum(text.split()[1] == what for _, text in self) >= count, 10.0)
+
+
 @pytest.fixture
 def said(monkeypatch):
     """Lines that are said while something is compiled, in hundredths of the time that it takes else."""
     monkeypatch.setattr(progress, "PATIENCE", 0.02)
     monkeypatch.setattr(progress, "EVERY", 0.05)
     monkeypatch.setattr(progress, "_teller", progress._Teller())
-    lines = []
-    progress.tell_by(lambda text: lines.append((time.perf_counter(), text)))
+    lines = Said()
+    progress.tell_by(lines.take)
     return lines
+
+
+@contextmanager
+def compiled(name):
+    """A context in which something is compiled; when it is over, so are the threads that tell of it."""
+    with progress.told(name):
+        yield
+    for thread in threading.enumerate():
+        if thread.name == "compiling":
+            thread.join(10.0)
+            assert not thread.is_alive()
 
 
 def test_compiling_is_told_if_it_takes_long(said):
     """What, how far, how long it takes as a rule, and for how long by now; a line now and then, none for what is quick."""
-    with progress.told("quick"):
+    with compiled("quick"):
         pass
     assert not said
+    begun = time.perf_counter()
     for item in progress.steps(["a", "b"]):
-        with progress.told(item):
-            time.sleep(0.2 if item == "a" else 0.12)
+        with compiled(item):
+            said.wait_for(item, 3 if item == "a" else 1)
     times, lines = zip(*said, strict=True)
     assert lines[0] == f"compiling a (1 of 2) {progress.RULE}" and "half a minute as a rule" in lines[0]
     assert all("for 0 s" in line for line in lines[1:])
     assert [line.split()[1:5] for line in lines] == sorted([line.split()[1:5] for line in lines])
     assert "compiling b (2 of 2) for 0 s" in lines
-    assert min(np.diff(times)) > 0.04
-    with progress.told("c"):
-        time.sleep(0.12)
+    assert all(time - begun >= 0.02 + 0.05 * k for k, time in enumerate(times))
+    with compiled("c"):
+        said.wait_for("c", 1)
     assert said[-1][1] == "compiling c for 0 s"
-    count = len(said)
-    time.sleep(0.1)
-    assert len(said) == count
 
 
-def test_without_a_listener_stderr_is_told(said, capsys):
+def test_without_a_listener_stderr_is_told(said, capsys, monkeypatch):
+    on_stderr, over = progress.on_stderr, threading.Event()
+    monkeypatch.setattr(progress, "on_stderr", lambda text: (on_stderr(text), over.set()))
     progress.tell_by(None)
     with progress.told("evaluate"):
-        time.sleep(0.1)
+        assert over.wait(10.0)
     assert capsys.readouterr().err.startswith(f"diag_dynamics: compiling evaluate {progress.RULE}\n")
 
 
