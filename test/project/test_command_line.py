@@ -187,7 +187,7 @@ def test_wrong_jobs():
 
 @pytest.mark.skipif(not shutil.which("cmake"), reason="only who builds the package has it")
 def test_compiled_where_it_is_installed(tmp_path):
-    """By CMake, at the end of an installation: with the modules that are installed, wherever that is, and saying nothing."""
+    """By CMake, at the end of an installation: what is installed, wherever that is; never where a package is made."""
     (tmp_path / "CMakeLists.txt").write_text(
         f"""
         cmake_minimum_required(VERSION 3.21)
@@ -218,9 +218,10 @@ def test_compiled_where_it_is_installed(tmp_path):
     build, place = tmp_path / "build", tmp_path / "elsewhere"
     cmake("-S", tmp_path, "-B", build, f"-DCMAKE_INSTALL_PREFIX={tmp_path}/configured")
     said = cmake("--install", build, "--prefix", place)
-    assert f"['compile', '--quiet'] {place} {place}/lib/python/diag_dynamics/__init__.py" in said.stdout
-    assert said.stderr == ""
+    assert f"['compile', '--if-needed', '--quiet'] {place} {place}/lib/python/diag_dynamics/__init__.py" in said.stdout
+    assert "half a minute as a rule" in said.stdout and said.stderr == ""
     assert "could not be compiled ahead" in cmake("--install", build, "--prefix", place, STATUS="1").stderr
-    assert "['compile'" not in cmake("--install", build, DESTDIR=str(tmp_path / "package")).stdout
+    for mark in ({"DESTDIR": str(tmp_path / "package")}, {"CONDA_BUILD": "1"}, {"HOME": str(tmp_path / "nowhere")}):
+        assert "['compile'" not in cmake("--install", build, "--prefix", tmp_path / "made", **mark).stdout
     cmake("-S", tmp_path, "-B", build, "-DDIAG_DYNAMICS_COMPILE=OFF")
     assert "['compile'" not in cmake("--install", build, "--prefix", place).stdout
