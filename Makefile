@@ -9,13 +9,16 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 JOBS ?= 2
 LINT ?= lint
 
-.PHONY: help setup demo demo-control test test-all bench docs-tables lint format lock clean
+.PHONY: help setup setup-tests demo demo-control test test-all bench docs-tables lint format lock clean
 
 help:  ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
 
 setup:  ## virtual environment, ROS 2 and the built package, all under build/
 	@scripts/setup
+
+setup-tests:  ## likewise, and what tests, lint and benchmarks need
+	@scripts/setup --tests
 
 demo: setup  ## a simulated robot and its kinetic energy, live; ROBOT=<name or URDF path> MASSLESS=lock MIMIC=free ARGS=<options>
 	@$(in_env) scripts/demo $(if $(ROBOT),--robot "$(ROBOT)") $(if $(MASSLESS),--massless $(MASSLESS)) \
@@ -24,22 +27,22 @@ demo: setup  ## a simulated robot and its kinetic energy, live; ROBOT=<name or U
 demo-control: setup  ## a push on an arm under control: seen, and its kinetic energy bounded; ARGS=--picture <file>
 	@$(in_env) scripts/demo_control $(ARGS)
 
-test: $(or $(LINT),setup)  ## lint, then every test; ARGS=<pytest options>, JOBS=<files at a time, 0: a debugger>, LINT= for none
+test: $(or $(LINT),setup-tests)  ## lint, then every test; ARGS=<pytest options>, JOBS=<files at a time, 0: a debugger>, LINT= for none
 	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
 
 test-all: lint  ## likewise, with all cases and full times: an hour
 	@$(in_env) DIAG_DYNAMICS_TEST_ALL=1 ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
 
-bench: setup  ## speed of library and nodes, worth of the observer, into benchmarks/results/; ARGS=--short: two minutes' worth
+bench: setup-tests  ## speed of library and nodes, worth of the observer, into benchmarks/results/; ARGS=--short: two minutes' worth
 	@$(in_env) python3 benchmarks/run.py $(ARGS)
 
 docs-tables: setup  ## docs/parameters.md, docs/interfaces.md and config/*.yaml anew, from the code
 	@$(in_env) python3 docs/tables.py
 
-lint: setup  ## code style, docstrings and types
+lint: setup-tests  ## code style, docstrings and types
 	@$(in_env) ruff check && ruff format --check && mypy && pyright
 
-format: setup  ## put the code in style
+format: setup-tests  ## put the code in style
 	@$(in_env) ruff check --fix; ruff format
 
 lock:  ## requirements/*.txt from *.in; ARGS=--upgrade takes newer versions

