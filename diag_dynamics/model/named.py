@@ -67,7 +67,7 @@ def _found(name: str) -> Path:
         if near:
             raise InputError(f"{error} {DESCRIPTIONS} has {' and '.join(near)}.") from None
         if not example_urdfs():
-            raise InputError(f"{error} pip install 'diag_dynamics[examples]' brings it.") from None
+            raise InputError(f"{error} pip install example-robot-data brings it.") from None
         raise
 
 

@@ -513,7 +513,8 @@ def test_it_does_not_start_on_a_guess(peer):
             name = controller.name
             peer.wait_until(lambda: controller.reports, "a report", START)
             said = controller.process.output
-            assert f"Waiting to be configured (autostart is false): ros2 lifecycle set {name} configure" in said
+            to_do = f"diag-dynamics (or ros2) lifecycle set {name} configure"
+            assert f"Waiting to be configured (autostart is false): {to_do}" in said
             assert "Parameter 'energy_limt' is not known, and has no effect: is 'energy_limit' meant?" in said
             given = {"check_time": 60.0, "payloads": [""]}
             assert peer.get_parameters(name, given) == given

@@ -114,7 +114,7 @@ def test_end_while_compiling(tmp_path):
     work, cache = tmp_path / "work", tmp_path / "cache"
     work.mkdir()
     with demo(work, NUMBA_CACHE_DIR=str(cache)) as process:
-        process.wait_for_text("Compiling")
+        process.wait_for_text("diag_dynamics: compiling")
         os.killpg(process.popen.pid, signal.SIGINT)
         assert ended(process, []) in (130, -signal.SIGINT)
         assert not list(work.iterdir())

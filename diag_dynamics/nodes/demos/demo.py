@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
@@ -84,20 +83,15 @@ def prepared(urdf, *more, **options):
     InputError
         It has no moving joint.
     """
-    patience = threading.Timer(2.0, print, ["Compiling the dynamics, once: it takes about a minute …"], {"flush": True})
-    patience.start()
-    try:
-        with stop.may_be_left(status=130):
-            model = load_urdf(urdf, **options)
-            if model.nv == 0:
-                raise InputError(f"robot '{model.name}' has no moving joint: there is nothing to show.")
-            DiagonalDynamics(model).compile(*COMPILED)
-            Simulation(model).advance(steps=0)
-            for compile_ in more:
-                compile_(model)
-            return model
-    finally:
-        patience.cancel()
+    with stop.may_be_left(status=130):
+        model = load_urdf(urdf, **options)
+        if model.nv == 0:
+            raise InputError(f"robot '{model.name}' has no moving joint: there is nothing to show.")
+        DiagonalDynamics(model).compile(*COMPILED)
+        Simulation(model).advance(steps=0)
+        for compile_ in more:
+            compile_(model)
+        return model
 
 
 def main(args=None):

@@ -97,7 +97,7 @@ class ManagedNode(LifecycleNode):
             self.start()
             self._beginning = False
         else:
-            configure = f"ros2 lifecycle set {self.get_fully_qualified_name()} configure"
+            configure = f"diag-dynamics (or ros2) lifecycle set {self.get_fully_qualified_name()} configure"
             self.get_logger().info(f"Waiting to be configured (autostart is false): {configure}")
 
     def start(self):
