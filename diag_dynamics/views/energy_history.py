@@ -89,7 +89,8 @@ class EnergyHistory:
         lines = [
             f"{self.count} states in {span:.1f} s ({(self.count - 1) / span:.0f} Hz), "
             f"latency {1e3 * np.median(latency):.2f} ms median, {1e3 * np.quantile(latency, 0.99):.2f} ms 99 %",
-            f"kinetic energy {total.min():.3g} … {total.max():.3g} J, mean {total.mean():.3g} J, most of it: {parts}",
+            f"kinetic energy {total.min():.3g} … {total.max():.3g} J, mean {total.mean():.3g} J",
+            f"most of it: {parts}",
             f"largest |νᵀC| / (|ν||C|): {np.nanmax(work_rate):.1e}",
         ]
         if np.isfinite(power).any():

@@ -90,7 +90,7 @@ class PushHistory:
             f"{1e3 * (begin - self.onset):.0f} ms, over {1e3 * (over - self.end):.0f} ms after its end",
             f"|r| at most {max(s.norm for s in self.seen):.1f} J^½/s, before the push "
             f"{max(s.norm for s in self.seen if s.time < self.onset):.1f}, threshold {self.threshold:g}",
-            f"K at most {largest:.4f} J, its bound {self.bound:g} J ({100 * (largest / self.bound - 1):+.1f} %); "
+            f"K at most {largest:.4f} J, its bound {self.bound:g} J ({100 * (largest / self.bound - 1):+.1f} %)",
             f"while pushed the limiter acted on {100 * np.mean([m.limited for m in pushed]):.0f} % of the commands",
             f"hand moved by {1e3 * max(m.displacement for m in self.moments):.0f} mm, and back to within "
             f"{1e3 * self.moments[-1].displacement:.1f} mm",

@@ -14,7 +14,10 @@ _LEVELS = "▁▂▃▄▅▆▇█"
 WINDOW = 10.0
 """Seconds that the sparkline shows."""
 
-NARROW = 80
+ECHO = len("^C")
+"""Columns left free at the right: the terminal shows a Ctrl-C there. Where that wraps, the last frame is a line too low."""
+
+NARROW = 80 - ECHO
 """Width in characters below which what is said beside the numbers is left out: lines that wrap push out the last ones."""
 
 LONGEST = 12
@@ -47,9 +50,10 @@ def energy_panel(robot, history, height, width, silent=0.0, waiting=""):
     waiting : str
         What is being waited for while there is none.
     """
-    samples = history.recent(WINDOW)
+    samples, width = history.recent(WINDOW), width - ECHO
     if len(samples) < 2:
-        return Panel(Text(waiting or "waiting for joint states …", style="dim"), title=Text(plain(robot)))
+        said = Text(waiting or "waiting for joint states …", style="dim")
+        return Panel(said, title=Text(plain(robot)), width=width)
     last = samples[samples[:, 0] > samples[-1, 0] - 1.0]
     shares = last[-1, 4:]
     total = float(shares.sum())
@@ -65,13 +69,14 @@ def energy_panel(robot, history, height, width, silent=0.0, waiting=""):
         subtitle=f"[bold red]no state for {silent:.0f} s[/]" if silent > 1.0 else "[dim]Ctrl-C ends[/]",
         border_style="red" if silent > 1.0 else "none",
         padding=(1, 2),
+        width=width,
     )
 
 
 def _headline(samples, last, total, rate, width):
     power, work_rate, narrow = last[-1, 1], np.nanmax(last[:, 2], initial=0.0), width < NARROW
     latency, late = 1e3 * np.quantile(last[:, 3], (0.5, 0.99))
-    table = Table.grid(padding=(0, 2))
+    table = Table.grid(padding=(0, 1 if narrow else 2))
     table.add_column(style="dim")
     table.add_column(justify="left")
     energy = samples[:, 4:].sum(axis=1)
@@ -80,8 +85,9 @@ def _headline(samples, last, total, rate, width):
     known = f"{power:+9.4f} W" if np.isfinite(power) else "  unknown" if narrow else "  unknown: no efforts"
     table.add_row("power" if narrow else "power νᵀ(ε − ε_g)", f"[bold]{known}[/]")
     table.add_row("|νᵀC|/|ν||C|", f"{work_rate:9.1e}{'' if narrow else '    [dim]Coriolis does no work[/]'}")
-    late = f"{latency:.1f} ms" if narrow else f" latency {latency:.2f} ms, 99 % {late:.2f} ms"
-    table.add_row("states", f"{rate:9.0f} Hz  {late}")
+    short = f" {latency:.1f} ms" if latency < 9.95 else f" {latency:.0f} ms"
+    late = short if narrow else f"   latency {latency:.2f} ms, 99 % {late:.2f} ms"
+    table.add_row("states", f"{rate:9.0f} Hz{late}")
     return table
 
 

@@ -24,10 +24,12 @@ def history(delay=0.02, late=0.05, energy=0.25, limited=True):
 def test_summary():
     made = history(delay=0.021, late=0.05)
     assert not made.failures()
-    push, norm, energy, hand = made.summary()
+    push, norm, energy, limiter, hand = made.summary()
     assert push == "push of 30 N for 1.00 s: collision seen after 22 ms, over 52 ms after its end"
     assert norm == "|r| at most 20.0 J^½/s, before the push 0.5, threshold 8"
-    assert energy.startswith("K at most 0.2500 J, its bound 0.25 J (+0.0 %)") and "100 %" in energy
+    assert energy == "K at most 0.2500 J, its bound 0.25 J (+0.0 %)"
+    assert limiter == "while pushed the limiter acted on 100 % of the commands"
+    assert max(map(len, made.summary())) < 80
     assert hand == "hand moved by 100 mm, and back to within 1.0 mm"
 
 

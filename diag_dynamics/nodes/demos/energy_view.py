@@ -184,7 +184,7 @@ class EnergyView(Node):
             self._live.stop()
         if self._history is not None and not self.failure:
             for line in self._history.summary():
-                self._console.print(line, highlight=False, soft_wrap=True, markup=False)
+                self._console.print(line, highlight=False, soft_wrap=not self._live, markup=False)
             if self._history.count > 1:
                 name = "".join(c if c.isalnum() else "_" for c in self._robot) or "robot"
                 path = self._picture or Path(f"kinetic_energy_{name}.png")
