@@ -11,6 +11,7 @@ class WithDefinitions(build_py):
     """Puts the definitions of messages beside the modules: recordings are written with them where there is no ROS."""
 
     def run(self):
+        """Copy modules, then definitions."""
         super().run()
         if not self.editable_mode:
             folder = Path(self.build_lib) / "diag_dynamics" / "definitions"
