@@ -17,21 +17,24 @@ from diag_dynamics.compiled.cache import cache_folder
 
 UNITS = {
     "simulation.steps": 14,
+    "sweeps.many": 12,
     "nodes.encoded.pipeline": 9,
-    "sweeps.each": 9,
-    "sweeps.many": 8,
+    "sweeps.each": 7,
     "sweeps.derivatives": 6,
     "sweeps.evaluation": 5,
     "sweeps.factorization": 5,
     "wire.joint_states": 4,
+    "wire.many": 4,
     "sweeps.factors": 3,
     "sweeps.classical": 3,
     "nodes.encoded.encoding": 2,
     "sweeps.kinematics": 2,
     "sweeps.motions": 1,
     "bags.kernels.records": 1,
-    "wire.many": 4,
-    "recordings.kernels": 3,
+    "recordings.kernels.balance": 1,
+    "recordings.kernels.observation": 1,
+    "recordings.kernels.peaks": 1,
+    "recordings.kernels.quality": 1,
 }
 """Modules with entry kernels, in CPU-seconds, the longest first: one that is begun last keeps the others waiting."""
 

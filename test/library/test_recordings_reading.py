@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_recordings_intake import DEFAULTS, JOINT_STATE, START, Driver, S, settings_of
 
 import diag_dynamics as dd
 from diag_dynamics.bags.mcap_writer import McapWriter
@@ -16,6 +15,7 @@ from diag_dynamics.cli.main import main
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import definition_with_parts, message_type
+from hostile import JOINT_STATE, START, Driver, S
 
 pytest.importorskip("pyarrow")
 pytest.importorskip("rosbags")
@@ -43,7 +43,7 @@ def driven(panda):
     """Messages of a driver, their stamps, and what is in them."""
     driver = Driver(panda, 3)
     stamps = START + np.arange(COUNT) * 2 * MS
-    states = [driver.state((int(stamp) - START) / S) for stamp in stamps]
+    states = [driver.state(int(stamp)) for stamp in stamps]
     return driver.names, stamps, *(np.array([state[k] for state in states]) for k in (1, 2, 3))
 
 
@@ -431,7 +431,3 @@ def test_without_ros(tmp_path, raws):
         "print(dd.observe(dd.DiagonalDynamics(recording.model), recording).norm[-1])\n"
     )
     subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, timeout=300)
-
-
-def test_defaults_are_the_monitors():
-    assert settings_of().values == DEFAULTS
