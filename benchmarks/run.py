@@ -17,6 +17,7 @@ try:
     import memory
     import observer
     import plots
+    import recordings
     import report
     import single
     import start
@@ -75,7 +76,7 @@ SHORT = Plan(
 )
 
 
-PARTS = ("library", "starts", "observer", "nodes")
+PARTS = ("library", "starts", "recordings", "observer", "nodes")
 
 
 def main():
@@ -97,7 +98,13 @@ def main():
         if folder.exists() and not folder.is_dir():
             options.error(f"--output: {folder} is not a folder")
         folder.mkdir(parents=True, exist_ok=True)
-    parts = {"library": library, "starts": cold_starts, "observer": disturbances, "nodes": nodes}
+    parts = {
+        "library": library,
+        "starts": cold_starts,
+        "recordings": analyses,
+        "observer": disturbances,
+        "nodes": nodes,
+    }
     chosen = [arguments.only] if arguments.only else PARTS
     if "nodes" in chosen and not importlib.util.find_spec("rclpy"):
         options.error(
@@ -130,6 +137,17 @@ def cold_starts(short, folder, _):
     print(done)
     if folder:
         cold.write(found, done, report.machine(("numpy", "numba", "llvmlite")), folder)
+
+
+def analyses(short, folder, _):
+    """Measure the analysis of a recording, stage by stage."""
+    _say("analyses a recording")
+    lines = recordings.table(recordings.measure(50_000 if short else 1_000_000))
+    print("\n".join(lines))
+    if folder:
+        machine = report.machine(("numpy", "numba", "pyarrow", "zstandard"))
+        page = "\n".join(["# Recordings", "", *lines, "", machine, ""])
+        (folder / "recordings.md").write_text(page, encoding="utf-8")
 
 
 def disturbances(short, folder, _):
