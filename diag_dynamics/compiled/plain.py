@@ -27,7 +27,22 @@ UNUSED = 30 * 86400.0
 _lock = threading.RLock()  # again by one that compiles what another one calls
 """Held while an entry is compiled: threads of a batch would compile the same one, and leave each other's folder in force."""
 
-INLINED = {"error_model": "numpy"}
+_OPTIONS = {"error_model": "numpy"}
+
+
+def _known(*options):
+    """Those of some options that this numba knows: they are not documented, but as old as its cache."""
+    try:
+        known = numba.core.registry.cpu_target.options
+    except AttributeError:
+        return {}
+    return {option: True for option in options if hasattr(known, option)}
+
+
+_UNCALLED = _known("no_cpython_wrapper", "no_cfunc_wrapper")
+"""By Python, nor by C: what would take arguments from there is a quarter of what there is to compile."""
+
+INLINED = {**_OPTIONS, **_UNCALLED}
 """Options of numba's for kernels."""
 
 
@@ -126,7 +141,7 @@ class Entry:
         return dispatcher
 
     def _made(self, cache):
-        dispatcher = numba.njit(cache=cache, nogil=self._nogil, **INLINED)(self.py_func)
+        dispatcher = numba.njit(cache=cache, nogil=self._nogil, **_OPTIONS)(self.py_func)
         dispatcher.compile(self._arguments)
         return dispatcher
 
@@ -163,6 +178,7 @@ def ready(entry):
     entry.dispatcher  # noqa: B018 (asking for it compiles it)
 
 
+@functools.cache
 def array_at(dtype, ndim, lent=False):
     """Kernel (address, shape) that gives the C-contiguous array of numba type `dtype` that lies at an address."""
     pointer = types.CPointer(dtype)
@@ -187,63 +203,18 @@ def table_at(row, dtype, kinds):
     `row` is the named tuple, `dtype` how the table lies in memory, `kinds` what each array holds, its number of dimensions,
     and its last extent, if that is known, which is not made use of here; None for a number.
     """
-    table = array_at(numba.from_dtype(dtype), 1)
-
-    @kernel
-    def read(record):  # shared by several tables, it would have numba warn of records that are like one another
-        return ()
-
+    given, entries = {"row": row, "table": array_at(numba.from_dtype(dtype), 1)}, []
     for name, kind in zip(row._fields, kinds, strict=True):
-        read = _and_one_more(read, _array_in(name, *kind) if kind else _number_in(name))
-
-    @kernel
-    def at(address):
-        return row(*read(table(address, (1,))[0]))
-
-    return at
-
-
-def _and_one_more(read, value):
-    """Kernel (record) that gives the tuple that `read` gives, and `value` behind it."""
-
-    @kernel
-    def both(record):
-        return (*read(record), value(record))
-
-    return both
-
-
-def _number_in(name):
-    @kernel
-    def value(record):
-        return record[name]
-
-    return value
-
-
-def _array_in(name, kind, ndim, last):
-    at, shape_of = array_at(kind, ndim), (_one, _two, _three)[ndim - 1]
-
-    @kernel
-    def value(record):
-        return at(record[name][0], shape_of(record[name]))
-
-    return value
-
-
-@kernel
-def _one(entry):
-    return (entry[1],)
-
-
-@kernel
-def _two(entry):
-    return (entry[1], entry[2])
-
-
-@kernel
-def _three(entry):
-    return (entry[1], entry[2], entry[3])
+        if kind:
+            given[f"{name}_at"] = array_at(*kind[:2])
+            shape = "".join(f"record.{name}[{1 + k}], " for k in range(kind[1]))
+            entries.append(f"{name}_at(record.{name}[0], ({shape}))")
+        else:
+            entries.append(f"record.{name}")
+    # One kernel, written out: put together from one for each field, it takes five seconds to compile.
+    text = f"def at(address):\n    record = table(address, (1,))[0]\n    return row({', '.join(entries)})\n"
+    exec(text, given)
+    return kernel(given["at"])
 
 
 @kernel
