@@ -40,6 +40,9 @@ SOON = 1e-2
 FAR = 2e-2
 """Distance [rad, m] that friction held constant would throw a joint in a step. A larger one is an impulse instead."""
 
+ALL, FEW = 1.0, 2.0
+"""Which joints :func:`_hold_by_friction` is for: no flag, as numba compiles a function for True, and for False once more."""
+
 NEAR = 1e-10
 """Tolerance of the instant of a change of mode, relative to the change of its gap over the step."""
 
@@ -207,17 +210,17 @@ def _soon(start, end, k):
 
 
 @large_kernel
-def _hold_by_friction(simulation, h, tau, start, qd, all_of_them):
+def _hold_by_friction(simulation, h, tau, start, qd, which):
     """Correct the rates of a step of order 1 for joints that come to rest in it. Returns a status.
 
     A joint that friction would turn round stops at the start, and is held; one that turns round without it goes on, rubbed
     from the other side. One after the other, the first to come to rest first: whether the others do may be another matter
-    then. If not `all_of_them`, only those are stopped that would stop so soon, or be thrown so far, that no step of order 4
-    may be tried with their friction in it, and nothing else is changed. `start` are the rates at the start, `qd` those that
-    are corrected; ν is memory.
+    then. That is of :data:`ALL`. Of a :data:`FEW`, only those are stopped that would stop so soon, or be thrown so far, that
+    no step of order 4 may be tried with their friction in it, and nothing else is changed. `start` are the rates at the
+    start, `qd` those that are corrected; ν is memory.
     """
     system, memory, conduct = system_of(simulation), memory_of(simulation), conduct_of(simulation)
-    n, joints, loose = len(qd), system.joints, memory.loose
+    n, joints, loose, all_of_them = len(qd), system.joints, memory.loose, which == ALL
     for k in range(n):
         conduct[k].seen = False
     while True:
@@ -269,7 +272,7 @@ def _euler_with_limits(simulation, h, tau):
     bodies, q, qd, conduct = system.bodies, state.q, state.qd, conduct_of(simulation)
     copy_state(state, start)
     while True:
-        status = _hold_by_friction(simulation, h, tau, start.qd, qd, True)
+        status = _hold_by_friction(simulation, h, tau, start.qd, qd, ALL)
         copy_works(simulation.done, simulation.part)
         if status == 0:
             status = euler_move(simulation, h, tau, start.qd, simulation.part)
@@ -487,7 +490,7 @@ def _step_of_order_4(simulation, rough, h, load):
     while True:
         status, holding = _begin(simulation, rough, load)
         if status == 0 and rough and _slides(conduct):
-            status = _hold_by_friction(simulation, remaining, load.tau, qd, memory_of(simulation).after, False)
+            status = _hold_by_friction(simulation, remaining, load.tau, qd, memory_of(simulation).after, FEW)
             holding = any_held(conduct)
         if status == 0 and holding:
             status = sweeps.nu_from_qd(robot, q, qd, nu)
