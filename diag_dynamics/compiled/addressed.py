@@ -5,6 +5,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from diag_dynamics.compiled.lent import Lent
+from diag_dynamics.compiled.lowering import packed_array
 
 
 def array_at(dtype, ndim, lent=False):
@@ -72,22 +73,12 @@ def _array_type(dtype, ndim):
 
 def _array(context, builder, array, address, shape):
     """Array of this type at an address."""
-    from numba.np.arrayobj import populate_array  # half of numba, which only who compiles has to wait for
-
-    result = context.make_array(array)(context, builder)
     size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(array.dtype)))
     strides = [size]
     for extent in reversed(shape[1:]):
         strides.insert(0, builder.mul(strides[0], extent))
-    populate_array(
-        result,
-        data=builder.inttoptr(address, result.data.type),
-        shape=shape,
-        strides=strides,
-        itemsize=size,
-        meminfo=None,
-    )
-    return result._getvalue()
+    data = builder.inttoptr(address, context.get_data_type(array.dtype).as_pointer())
+    return packed_array(context, builder, array, data, shape, strides)
 
 
 @intrinsic
@@ -107,13 +98,12 @@ def flat(typingctx, array):
     row = Lent(array.dtype, 1)
 
     def lower(context, builder, sig, args):
-        from numba.np.arrayobj import populate_array
-
-        source, result = context.make_array(array)(context, builder, args[0]), context.make_array(row)(context, builder)
-        count, size = context.get_constant(types.intp, 1), source.itemsize
-        for extent in cgutils.unpack_tuple(builder, source.shape, array.ndim):
+        given, fields = args[0], context.data_model_manager[array]
+        data, shape = (builder.extract_value(given, fields.get_field_position(name)) for name in ("data", "shape"))
+        count = context.get_constant(types.intp, 1)
+        for extent in cgutils.unpack_tuple(builder, shape, array.ndim):
             count = builder.mul(count, extent)
-        populate_array(result, data=source.data, shape=[count], strides=[size], itemsize=size, meminfo=None)
-        return result._getvalue()
+        size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(array.dtype)))
+        return packed_array(context, builder, row, data, [count], [size])
 
     return row(array), lower

@@ -5,21 +5,24 @@ simulation, seven of eight instructions were emitted for nobody to call. What is
 are private: :mod:`~diag_dynamics.compiled.plain` does without.
 """
 
+import functools
 import weakref
 
-from llvmlite.binding import Linkage
+from llvmlite.binding import Linkage, parse_assembly
 from numba import _dynfunc
-from numba.core import untyped_passes
+from numba.core import cgutils, types, untyped_passes
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase
 from numba.core.compiler_machinery import PassManager, register_pass
+from numba.core.imputils import user_function
 from numba.core.typed_passes import (
-    IRLegalization,
     NativeLowering,
     NoPythonBackend,
     NopythonTypeInference,
     PreLowerStripPhis,
 )
+
+from diag_dynamics.compiled.lowering import KernelLower, MayFailError, PartLower, called
 
 OPTIMIZED = 1
 """Level of LLVM's passes over an entry. At 3 they take 3 of 36 CPU-seconds longer, and what they make is no faster."""
@@ -27,6 +30,10 @@ OPTIMIZED = 1
 
 class _Library(JITCodeLibrary):
     """A library that leaves what it calls as it is, until an entry links it."""
+
+    def add_ir_module(self, module):
+        """Take what was lowered as it is: numba would optimize each function here, and the entry does that once more."""
+        self._final_module.link_in(parse_assembly(cgutils.normalize_ir_text(str(module))))
 
     def add_linking_library(self, library):
         self._linking_libraries.append(library)  # numba would have it optimized and emitted here
@@ -120,6 +127,7 @@ class _Lowering(NativeLowering):
     """numba's pass that lowers, into a library of a given kind."""
 
     _library = Entry
+    lowering_class = KernelLower
 
     def run_pass(self, state):
         state.library = self._library(state.targetctx.codegen(), state.func_id.func_qualname)
@@ -133,13 +141,19 @@ class _LoweringOfPart(_Lowering):
 
     def run_pass(self, state):
         state.flags.no_compile = True  # numba would ask the machine code for its address
-        super().run_pass(state)
+        self.lowering_class, caller = PartLower, called
+        try:
+            super().run_pass(state)
+        except MayFailError:
+            self.lowering_class, caller = KernelLower, user_function
+            super().run_pass(state)
         lowered, library = state.cr, state.library
         description = lowered.fndesc
         # What stands for it where it is called; that nothing can call.
         name = description.qualname.split(".")[-1]
         handle = _dynfunc.make_function(description.lookup_module(), name, "", 0, lowered.env, (library,))
-        state.targetctx.insert_user_function(handle, description, [library])
+        call = caller(description, (library,))
+        state.targetctx._defns[handle].append(call, call.signature)
         state.cr = lowered._replace(cfunc=handle)
         return True
 
@@ -156,11 +170,28 @@ class _Inference(NopythonTypeInference):
     _name = "inference_of_kernel"
 
     def run_pass(self, state):
+        context = state.typingctx
         counted, state.targetctx.enable_nrt = state.targetctx.enable_nrt, True
+        resolve = context._resolve_user_function_type
+        context._resolve_user_function_type = functools.partial(_resolved, context)
         try:
             return super().run_pass(state)
         finally:
-            state.targetctx.enable_nrt = counted
+            state.targetctx.enable_nrt, context._resolve_user_function_type = counted, resolve
+
+
+_signatures = {}
+
+
+def _resolved(context, function, args, kws, literals=None):
+    """What numba finds for an operator or a function of its own: sought once, as there are fifty candidates for a sum."""
+    key = (function, tuple(args)) if not kws and not isinstance(function, types.Dispatcher) else None
+    found = _signatures.get(key)
+    if found is None:
+        found = type(context)._resolve_user_function_type(context, function, args, kws, literals)
+        if key:
+            _signatures[key] = found
+    return found
 
 
 _FRONT = (
@@ -174,17 +205,22 @@ _FRONT = (
     untyped_passes.DeadBranchPrune,
     _Inference,
     PreLowerStripPhis,
-    IRLegalization,
 )
-"""numba's passes that kernels need. Without the others (closures, `with`, literal loops, array expressions, annotations for
-people) compiling takes 5 % less time."""
+"""numba's passes that kernels need. Without the others (closures, `with`, literal loops, array expressions, the ends of
+variables' lives, annotations for people) compiling takes 5 % less time."""
+
+
+class _Passes(PassManager):
+    """numba's, without a look after each pass at what lives where, which nothing here asks for."""
+
+    _ENFORCING = False
 
 
 class _Compiler(CompilerBase):
     _lowering = None
 
     def define_pipelines(self):
-        passes = PassManager("kernel")
+        passes = _Passes("kernel")
         for one in (*_FRONT, self._lowering, NoPythonBackend):
             passes.add_pass(one, one.__name__)
         passes.finalize()

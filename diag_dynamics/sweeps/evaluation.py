@@ -351,7 +351,8 @@ def energies_of_links(bodies, links, work, qd, energy):
         energy[k] = 0.0
     for i in range(1, len(bodies)):
         body = bodies[i]
-        energy[body.link] += 0.5 * body.armature * (body.multiplier * qd[body.dof]) ** 2
+        rate = body.multiplier * qd[body.dof]
+        energy[body.link] += 0.5 * body.armature * (rate * rate)
     for j in range(len(links)):
         V = motion_of(work[links[j].body].V)
         energy[links[j].index] += 0.5 * power(momentum(links[j], V), V)

@@ -138,12 +138,18 @@ def _add_moments(body, w, span, columns, row):
     X = placement_of(w)
     for k in range(span[1], span[0], -WIDTH):
         begin = span[0] + WIDTH - k  # earlier columns are those of another body of the group
-        for forces, moments in ((columns.rigid, columns.moments), (columns.articulated, columns.kappas)):
-            moment, others = body.multiplier * lanes_at(forces[body.direction], k), lanes_at(moments[row], k)
-            set_lanes(moments[row], k, from_lane(begin, others + moment, others))
-            if body.rank == 0 and body.parent > 0:
-                F = _forces_at(forces, k)
-                _set_forces(forces, k, _forces_from(begin, force_to_parent(X, F), F))
+        _add_moment(body, X, columns.rigid, columns.moments[row], k, begin)
+        _add_moment(body, X, columns.articulated, columns.kappas[row], k, begin)
+
+
+@kernel
+def _add_moment(body, X, forces, moments, k, begin):
+    """The same of rigid or articulated joints, in as many columns as there are lanes."""
+    moment, others = body.multiplier * lanes_at(forces[body.direction], k), lanes_at(moments, k)
+    set_lanes(moments, k, from_lane(begin, others + moment, others))
+    if body.rank == 0 and body.parent > 0:
+        F = _forces_at(forces, k)
+        _set_forces(forces, k, _forces_from(begin, force_to_parent(X, F), F))
 
 
 @kernel

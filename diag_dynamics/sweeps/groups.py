@@ -98,7 +98,7 @@ def compose(bodies, first, last, work, Q):
         P, d, owner = inertia_of(w.P), body.dof, work[body.owner]
         column = scale_force(column_along(body.direction, P), body.multiplier)
         Q[d, d - start] += body.multiplier * (along(body.direction, column) + body.multiplier * w.armature)
-        owner.size += body.multiplier**2 * magnitude_along(body, w)
+        owner.size += body.multiplier * body.multiplier * magnitude_along(body, w)
         column = force_inboard(body, w, column)
         j = body.parent
         while j >= first:

@@ -96,8 +96,9 @@ if WIDTH > 1:
             )
             sine, cosine = sine_and_cosine(side_by_side(angles))
             sines, cosines = numbers_of(sine), numbers_of(cosine)
-            for k, j in enumerate((a, b, c, d, e, f, g, h)):
-                work[j].sine, work[j].cosine = sines[k], cosines[k]
+            side = (a, b, c, d, e, f, g, h)
+            for k in range(WIDTH):
+                work[side[k]].sine, work[side[k]].cosine = sines[k], cosines[k]
 
 
 def turn(bodies, q, work):

@@ -299,8 +299,8 @@ def motion_along(direction, rate):
         return Motion(nothing, (zero, zero, rate))
     if direction == LINEAR_Z:
         return Motion((zero, zero, rate), nothing)
-    x = rate if direction in (LINEAR_X, ANGULAR_X) else zero
-    y = rate if direction in (LINEAR_Y, ANGULAR_Y) else zero
+    axis = direction if direction < ANGULAR_X else direction - ANGULAR_X
+    x, y = rate if axis == LINEAR_X else zero, rate if axis == LINEAR_Y else zero
     return Motion((x, y, zero), nothing) if direction < ANGULAR_X else Motion(nothing, (x, y, zero))
 
 

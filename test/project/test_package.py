@@ -85,10 +85,10 @@ def test_imports_point_downward():
 
 
 PRIVATE_OF_OTHERS = {
-    "compiled/addressed.py": "_getvalue",
     "compiled/lent.py": "_get_function _getpointer _getvalue",
     "compiled/native.py": "_cache _can_compile _compile_for_args",
-    "compiled/parts.py": "_dynfunc _final_module _finalized _module_pass_manager _reload_init",
+    "compiled/parts.py": "_defns _dynfunc _final_module _finalized _module_pass_manager _reload_init "
+    "_resolve_user_function_type",
     "compiled/store.py": "_CacheLocator",
     "dynamics/many_states.py": "_external _friction _with_tau",
     "dynamics/one_state.py": "_external _friction _memory _model _with_tau",
