@@ -29,6 +29,7 @@ UNITS = {
     "sweeps.classical": 3,
     "nodes.encoded.encoding": 2,
     "sweeps.kinematics": 2,
+    "nodes.encoded.powers": 1,
     "sweeps.motions": 1,
     "bags.kernels.records": 1,
     "recordings.kernels.balance": 1,

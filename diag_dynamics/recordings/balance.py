@@ -5,17 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.compiled.tables import Addresses
+from diag_dynamics.recordings.explained import LEAST, MAX_GAP, WINDOW, explained_share, judgement
 from diag_dynamics.recordings.kernels import prepare
 from diag_dynamics.recordings.kernels.balance import BALANCE, COLUMNS, SUMMED, sum_windows
-
-WINDOW = 0.1
-"""Length of a window [s]: shorter ones have the noise of velocities in dK/dt, longer ones average what is wrong away."""
-
-LEAST = 20
-"""Windows without which nothing is said."""
-
-NOTHING, PART = 0.3, 0.8
-"""Explained shares below which the balance explains nothing, and only a part."""
 
 CULPRIT = 0.2
 """Share of the sum of all joints' squared residuals from which a joint is named."""
@@ -98,7 +90,7 @@ class Balance:
         Time without states beyond which a window begins anew [s].
     """
 
-    def __init__(self, names, friction=False, length=WINDOW, max_gap=0.1):
+    def __init__(self, names, friction=False, length=WINDOW, max_gap=MAX_GAP):
         self._names, self._friction, self._length, self._max_gap = names, friction, length, max_gap
         count = len(names)
         self._own = Addresses(
@@ -165,9 +157,7 @@ class Balance:
         return self._share(self.total)
 
     def _share(self, moments):
-        if moments.count < LEAST or not moments.variance > 0.0:
-            return None
-        return float(1.0 - self.residual.variance / moments.variance)
+        return explained_share(self.residual.variance, moments.variance, moments.count)
 
     @property
     def residual_power(self):
@@ -185,19 +175,6 @@ class Balance:
 
     def judgement(self):
         """What the balance says, in words; empty without windows enough."""
-        explained, total = self.explained, self.explained_total
-        if explained is None:
-            return ""
+        explained = self.explained
         culprits = [name for name, (_, share) in self.of_joints().items() if share >= CULPRIT]
-        where = f"; most of what is missing is at {', '.join(culprits)}" if culprits else ""
-        if explained >= PART:
-            return f"the efforts explain {explained:.0%} of the change of kinetic energy"
-        remedy = "check the unit of efforts, friction, rotor inertias, payload (docs/recordings.md)"
-        if total is not None and total >= PART and explained < NOTHING:
-            return (
-                f"kinetic energy changes less than what is not explained; of kinetic and potential energy together the "
-                f"efforts explain {total:.0%}: for more, {remedy}"
-            )
-        if explained >= NOTHING:
-            return f"the efforts explain only {explained:.0%} of the change of kinetic energy: {remedy}{where}"
-        return f"the balance explains nothing ({explained:.2g}): {remedy}{where}"
+        return judgement(explained, self.explained_total, culprits)

@@ -271,6 +271,25 @@ def test_power_balance_of_a_consistent_motion(monitor, panda):
     assert abs(residual(monitor, panda, motion)) < 1e-4 * power
 
 
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_balance_of_the_last_minute(monitor, panda, scale):
+    """Right efforts explain all of it, half of them do not, and the words say so; neither is a warning."""
+    motion = swing(panda, lambda qd: 0.0)
+    monitor.tick(100 * S)
+    for k in range(1250):
+        monitor.now += 2 * MS
+        q, qd, tau = motion(2e-3 * k)
+        monitor.feeder.publish(joint_state(panda.names, q, qd, scale * tau, monitor.now))
+        if k % 4 == 3:  # no more under way than the node's queue holds
+            monitor._all_at(monitor.now, ["state"])
+    report = monitor.next_report()
+    assert report.entries["energy"].level == OK
+    share = float(values(report, "energy")["explained share of dK/dt (last minute)"])
+    words = values(report, "energy")["balance of power (last minute)"]
+    assert (share > 0.99) == (words == "the efforts explain 100% of the change of kinetic energy") == (scale == 1.0)
+    assert (share < 0.8) == ("check the unit of efforts" in words) == (scale == 0.5)
+
+
 def test_power_balance_with_friction(monitor, panda):
     """Efforts that overcome friction put in more than K gains: the residual is what friction takes, and negative."""
     q0, qd = panda.samples[0].q, 0.5 * np.cos(np.arange(len(panda.names)))

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 import diag_dynamics as dd
@@ -27,7 +28,9 @@ from diag_dynamics.nodes.monitor.described import MonitoredRobot
 from diag_dynamics.nodes.monitor.energy_watch import EnergyWatch, numerical_health
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings, Thresholds, share_thresholds
+from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.parameters.shared import payload_entry, payloads_of
+from diag_dynamics.recordings.balance import Balance
 from examples import examples
 from nodes import MS, S, joint_state
 from robots import TwoLinkArm, description, joint, link
@@ -1752,6 +1755,149 @@ def test_balance_does_not_depend_on_when_it_is_reported(arm):
     for watch in (whole, parted):
         swinging(arm, watch, 0.0125, damping=(0.3, 0.1))
     assert parted.total == pytest.approx(residual(whole), rel=1e-4)
+
+
+# --- the balance of the last minute
+
+
+SHARE, RMS, WORDS = (
+    "explained share of dK/dt (last minute)",
+    "power-balance residual, rms (last minute) [W]",
+    "balance of power (last minute)",
+)
+
+
+@pytest.fixture(scope="module")
+def damped():
+    """Return the arm with damping and Coulomb friction."""
+    arm = TwoLinkArm(I1=0.02).urdf
+    return dd.load_urdf(
+        arm.replace("</joint>", '<dynamics damping="0.3" friction="0.2"/></joint>'), gravity=(1.0, -9.81, 0.0)
+    )
+
+
+def told_of(model, moving=None, *, seconds=4.0, friction=True, again=0.0, scale=1.0):
+    """Values of a watch by `model` on a motion of `moving`, and those states: stamps, q, q̇, τ.
+
+    The motion is prescribed, and so are the efforts that it takes; `again` is added to the velocities.
+    """
+    moving, dynamics = dd.DiagonalDynamics(moving or model), dd.DiagonalDynamics(model)
+    watch, states = EnergyWatch(model, Thresholds()), []
+    for k in range(round(seconds * 500)):
+        t = 2e-3 * k
+        w, size = np.array([3.0, 5.0]), np.array([0.8, 0.6])
+        q, qd, qdd = size * np.sin(w * t), size * w * np.cos(w * t), -size * w * w * np.sin(w * t)
+        tau = scale * moving.inverse_dynamics(q, qd, qdd, friction=friction)
+        qd = qd + again
+        s = dynamics.evaluate(q, qd, tau)
+        watch.take(CLOCK + 2 * k * MS, s, s.nu @ s.gravity, qd @ dynamics.friction_torque(qd))
+        states.append((CLOCK + 2 * k * MS, q, qd, tau))
+    return reported(watch), states
+
+
+@pytest.mark.parametrize("name", ["arm", "damped"])
+def test_the_right_model_explains_its_motion(request, name):
+    """With friction, too, where the URDF has it; how poor it is without is seen where the efforts hold none."""
+    model = request.getfixturevalue(name)
+    (level, _, values), _ = told_of(model)
+    assert level == OK
+    assert float(values[SHARE]) > 0.99
+    assert values[WORDS] == "the efforts explain 100% of the change of kinetic energy"
+    if name == "damped":
+        assert float(told_of(model, friction=False)[0][2][SHARE]) < 0.97
+
+
+def test_what_the_model_does_not_know_changes_the_words(arm):
+    """A payload, and efforts of another unit; the level does not change."""
+    (_, _, right), _ = told_of(arm)
+    for options in ({"moving": arm.with_payload(arm.link_names[-1], 1.5, (0.3, 0.0, 0.0))}, {"scale": 0.3}):
+        (level, message, values), _ = told_of(arm, **options)
+        assert (level, message) == (OK, "within thresholds")
+        assert float(values[SHARE]) < 0.8 < float(right[SHARE])
+        assert float(values[RMS]) > 10.0 * float(right[RMS])
+        assert "payload (docs/recordings.md)" in values[WORDS]
+
+
+@pytest.mark.parametrize("options", [{}, {"scale": 0.7}, {"again": 0.2}], ids=str)
+def test_the_last_minute_is_what_a_recording_says(damped, options):
+    """Share, residual and words are those of the same states in a recording, but for the joints that it names."""
+    (_, _, values), states = told_of(damped, **options)
+    stamps, q, qd, tau = (np.array(column) for column in zip(*states, strict=True))
+    balance = Balance(damped.dof_names, friction=True)
+    flags = {"with_effort": np.ones(len(stamps), bool), "moved": np.zeros(len(stamps), bool)}
+    batch = dd.DiagonalDynamics(damped).evaluate_batch(q, qd, tau, friction=True)
+    balance.take(SimpleNamespace(newest=stamps, **flags), batch)
+    assert values[SHARE] == f"{balance.explained:.4g}"
+    assert values[RMS] == f"{balance.residual_power:.4g}"
+    assert balance.judgement().startswith(values[WORDS])
+
+
+@pytest.mark.parametrize("velocity", [5e-3, 0.0])
+def test_powers_of_states_that_are_served_at_once(velocity):
+    """Gravity's and friction's are those of the library, where messages are served in one pass and where they are not."""
+    urdf = TwoLinkArm(I1=0.02).urdf.replace("</joint>", '<dynamics damping="0.3" friction="0.2"/></joint>')
+    values = DEFAULTS | {"gravity": [1.0, -9.81, 0.0], "friction_velocity": velocity, "max_age": 0.0}
+    settings = Settings.of(values)
+    robot = MonitoredRobot(urdf, model_of(urdf, values), settings, 1)
+    dynamics, names, served = robot.dynamics, robot.assembler.names, []
+    for k, qd in enumerate(([0.5, -0.7], [1e-3, 0.0], [-1e-3, 2.0], [0.0, 0.0], [-3.0, -4e-3])):
+        q, stamp = np.array([0.3, 0.4]) + 0.01 * k, CLOCK + 10 * k * MS
+        raw = serialize_message(joint_state(names, q, qd, [0.1, 0.2], stamp))
+        found = robot.serve_at_once(raw, stamp, 0)
+        served.append(found)
+        if not found:
+            robot.evaluate(robot.joint_states.deserialized(raw, stamp) if found is None else robot.pipeline.state)
+        s = dynamics.evaluate(q, qd, [0.1, 0.2], friction=True)
+        expected = [s.nu @ s.gravity, s.nu @ s.friction]
+        powers = robot.pipeline.powers if found else robot.powers(s)
+        np.testing.assert_allclose(powers, expected, rtol=1e-12, atol=1e-15)
+    assert served.count(True) >= 3 and not all(served)
+
+
+def feed_minute(watch, seconds, change):
+    """States of 100 Hz, whose K changes by the power that is told but for `change`, from the watch's last stamp on."""
+    begin = (watch._last or CLOCK - 10 * MS) + 10 * MS
+    for k in range(round(seconds * 100)):
+        stamp = begin + 10 * k * MS
+        t = 1e-9 * (stamp - CLOCK)
+        shares = 2.0 - np.cos(3.0 * t), 0.0
+        watch.take(stamp, at_energy(*shares, power=change * 3.0 * np.sin(3.0 * t)))
+
+
+def test_nothing_is_said_too_soon_or_at_rest():
+    """Of less than two seconds, of a robot that stands still, and of states that come too seldom."""
+    watch = watching()
+    feed_minute(watch, 1.9, 1.0)
+    assert SHARE not in reported(watch)[2]
+    watch = watching()
+    for k in range(500):
+        watch.take(CLOCK + 10 * k * MS, at_energy(1e-6 * (k % 7), 0.0, power=1e-4))
+    assert SHARE not in reported(watch)[2]
+    watch = watching()
+    for k in range(500):
+        watch.take(CLOCK + 101 * k * MS, at_energy(1.0 + k % 7, 0.0, power=1.0))
+    assert SHARE not in reported(watch)[2]
+
+
+def test_only_the_last_minute_counts():
+    """What was wrong more than a minute ago is forgotten; so is all with another model; a jump of time ends nothing else."""
+    watch = watching()
+    feed_minute(watch, 60.0, -1.0)
+    assert float(reported(watch)[2][SHARE]) < -2.0
+    feed_minute(watch, 30.0, 1.0)
+    assert float(reported(watch)[2][SHARE]) < 0.0
+    feed_minute(watch, 30.5, 1.0)
+    assert float(reported(watch)[2][SHARE]) > 0.99
+    watch.take(CLOCK + 300 * S, at_energy(1.0, 0.0))  # without effort: all windows are older than a minute by now
+    assert SHARE not in reported(watch)[2]
+    feed_minute(watch, 5.0, 1.0)
+    last = watch._last
+    watch.forget()
+    watch.take(last + 10 * MS, at_energy(77.0, 0.0, power=0.0))
+    assert float(reported(watch)[2][SHARE]) > 0.99
+    watch.configure(FakeModel(), Thresholds())
+    watch.take(last + 20 * MS, at_energy(1.0, 0.0, power=0.0))
+    assert SHARE not in reported(watch)[2]
 
 
 # --- numerical health

@@ -133,6 +133,12 @@ class Twins:
             same(raw, expected)
         first, second = (self._memory(node) for node in self.nodes)
         assert first == second
+        windows, others = (vars(node._robot.energy._minute) for node in self.nodes)
+        assert windows.keys() == others.keys()
+        for name, one in windows.items():  # powers are summed up in another order
+            assert (one is None) == (others[name] is None)
+            if one is not None:
+                np.testing.assert_allclose(one, others[name], rtol=1e-9, atol=1e-12, err_msg=name)
         self.served_at_once += self.nodes[0]._robot.at_once > before
         return by_rclpy
 
@@ -159,7 +165,8 @@ class Twins:
     @staticmethod
     def _memory(node):
         """All that a node remembers of what came, as text."""
-        watch = {name: value for name, value in vars(node._robot.energy).items() if name not in ("_shares", "_at")}
+        beside = "_shares", "_at", "_minute", "_model"
+        watch = {name: value for name, value in vars(node._robot.energy).items() if name not in beside}
         traffic = {name: getattr(node._traffic, name) for name in ("counts", "last_rejection", "last_stamp")}
         return repr((watch, traffic, node._robot.state, node._robot.assembler.stamps.offset))
 

@@ -6,6 +6,7 @@ from diag_dynamics import sweeps
 from diag_dynamics.compiled.kernel import COUNT, entry_kernel, ready
 from diag_dynamics.compiled.tables import Addresses, Table, array
 from diag_dynamics.nodes.encoded.encoding import Vectors, Written, sheets_at, write
+from diag_dynamics.nodes.encoded.powers import powers
 from diag_dynamics.nodes.encoded.topic_bits import WITH_LINK_ENERGY
 from diag_dynamics.wire.joint_states import WITH_EFFORT, WITHOUT_EFFORT, known_at, take
 
@@ -20,11 +21,12 @@ PIPELINE = Table(
     sheets_with_effort=int,
     bits_with_effort=int,
     bit_of_link_energy=int,
+    resistance=int,  # address of a Resistance
 )
 """What :func:`_serve` has to know of a robot."""
 
 
-_NOTHING = 0, 0.0, 0.0
+_NOTHING = 0, 0.0, 0.0, (0.0, 0.0)
 """What is said of a state that is not served."""
 
 
@@ -45,6 +47,8 @@ class Pipeline:
     dynamics : DiagonalDynamics
     encoder : EncodedMessages
         What has been laid out there already is written.
+    resistance : Addresses
+        Those of :class:`Powers`.
 
     Attributes
     ----------
@@ -52,11 +56,14 @@ class Pipeline:
         Stamp of the state [ns].
     kinetic_energy : float
     effort_power : float or None
+    powers : tuple of float
+        As :class:`Powers` gives them.
     """
 
-    def __init__(self, known, dynamics, encoder):
+    def __init__(self, known, dynamics, encoder, resistance):
         model = dynamics.model
         self._known, self._encoder, self._sheets = known, encoder, None
+        self._resistance = resistance  # it keeps what its address is of
         self._workspace = sweeps.Workspace(model.bodies, model.gravity)
         self._evaluated = np.zeros((sweeps.ROWS, model.nv))
         links = np.ascontiguousarray(model.links)
@@ -71,6 +78,7 @@ class Pipeline:
             sheets_with_effort=0,
             bits_with_effort=0,
             bit_of_link_energy=WITH_LINK_ENERGY,
+            resistance=resistance.at,
         )
         self._found = 0
 
@@ -96,7 +104,7 @@ class Pipeline:
         if found is None:
             self._sheets = None  # what comes now may be laid out for the next ones
             return None
-        self._found, _, served, (self.newest, self.kinetic_energy, power) = found
+        self._found, _, served, (self.newest, self.kinetic_energy, power, self.powers) = found
         self.effort_power = power if self._found == WITH_EFFORT else None
         if not served:
             self._sheets = None
@@ -131,7 +139,9 @@ _pipeline_at = PIPELINE.opened
 
 @entry_kernel(*[COUNT] * 6)
 def _serve(known, layout, now, mode, pipeline, wanted):
-    """What was taken in, and its stamp, as of :func:`take`; whether all is written; the state's stamp, K and νᵀ(ε − ε_g).
+    """What was taken in, and its stamp, as of :func:`take`; whether all is written; and numbers of the state.
+
+    The numbers are its stamp, K, νᵀ(ε − ε_g), and what :func:`powers` says.
 
     These are bare tuples: to make a named one takes Python half a microsecond, a seventh of the time for a small robot.
     """
@@ -155,4 +165,4 @@ def _serve(known, layout, now, mode, pipeline, wanted):
         bodies, _, work, _ = sweeps.opened(at.robot)
         if not sweeps.energies_of_links(bodies, at.links, work, velocity, sheets_at(sheets).link_energy):
             return unserved
-    return found, stamp, True, (stamps.newest, energy, power)
+    return found, stamp, True, (stamps.newest, energy, power, powers(at.rows, velocity, at.resistance))

@@ -10,6 +10,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.model import Payload, RobotModel
 from diag_dynamics.nodes.encoded.encoding import EncodedMessages
 from diag_dynamics.nodes.encoded.pipeline import Pipeline, compile_pipeline
+from diag_dynamics.nodes.encoded.powers import Powers
 from diag_dynamics.nodes.monitor.energy_watch import EnergyWatch
 from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted
@@ -105,6 +106,7 @@ class MonitoredRobot:
         before, self.settings = self.settings, settings
         if self.dynamics is None or model is not self.model:
             self.dynamics, self.revision, self._state = DiagonalDynamics(model), None, None
+            self._powers = Powers(model)
         if revision != self.revision:
             self.revision = revision
             self.maker = MessageMaker(model, revision)
@@ -113,7 +115,8 @@ class MonitoredRobot:
         plain = self.assembler.efforts.without_gravity is None and not settings.values["publish_friction"]
         whole = not self.base and model.nq == model.nv == len(self.assembler.names)
         by_pipeline = self._by_template and plain and whole and not self.torque
-        self.pipeline = Pipeline(self.joint_states, self.dynamics, self.encoder) if by_pipeline else None
+        parts = self.joint_states, self.dynamics, self.encoder, self._powers.addresses
+        self.pipeline = Pipeline(*parts) if by_pipeline else None
 
     def _observe(self, before):
         """Have external torque observed as the settings want it: anew, where what it is seen by is not as it was before."""
@@ -195,6 +198,10 @@ class MonitoredRobot:
         s = self.dynamics.evaluate(state.position, state.velocity, state.effort, friction=friction)
         self._state = state
         return s, state
+
+    def powers(self, s):
+        """Powers of gravity and friction [W] of an Evaluation, see :class:`Powers`."""
+        return self._powers.at(s)
 
     def serve_at_once(self, raw, now, wanted):
         """Serve a joint state by the pipeline: see there. What it says of it is all that is said of the state then."""

@@ -3,6 +3,7 @@
 import numpy as np
 
 from diag_dynamics.model.single_joints import places, single_joints
+from diag_dynamics.nodes.monitor.last_minute import LastMinute
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN, Status
 from diag_dynamics.parameters.monitor import share_thresholds
 
@@ -18,7 +19,9 @@ class EnergyWatch:
 
     The power-balance residual is the measured change of K less the integral of ν·(ε − ε_g), both over the time since the
     last report: what friction, contact and payloads that the model does not know take out or put in, or efforts that are
-    not what they are declared to be.
+    not what they are declared to be. Beside it stands the balance of the last minute, which a recording has, too, and which
+    holds the URDF's friction. No balance, however poor, is a warning: what the URDF lacks (friction, rotor inertias) and
+    what robots are for (contact, loads) spoil it, and a robot that is well would warn all day.
 
     Parameters
     ----------
@@ -32,9 +35,9 @@ class EnergyWatch:
     """
 
     def __init__(self, model, thresholds):
+        self._model, self._minute = model, LastMinute()
         self.configure(model, thresholds)
-        self._K = self._power = None
-        self._last = None
+        self._K = self._power = self._last = None
         self._since = 0.0  # length of the last interval that was integrated [s]
         self._reported, self._alarm_reported = OK, ""
         self._begin()
@@ -52,11 +55,15 @@ class EnergyWatch:
         self._names, self._at = names, np.array(places(names, model.dof_names), dtype=int)
         self._thresholds, self._shares = thresholds, ((ERROR, "error", error), (WARN, "warn", warn))
         self._watch_shares = bool(np.isfinite([*warn, *error]).any())
+        if model is not self._model:
+            self._model = model
+            self._minute.forget()
         self.forget()
 
     def forget(self):
         """Take the next state as the first one."""
         self._last = None
+        self._minute.restart()
 
     def _begin(self):
         """Begin another interval between two reports."""
@@ -64,14 +71,25 @@ class EnergyWatch:
         self._gained = self._explained = self._time = 0.0
         self._share = 0.0, ""  # the largest one above a threshold, and its joint
 
-    def take(self, stamp, s):
-        """Take the Evaluation of a state stamped `stamp` [ns]; return whether this is worse than all reported last."""
+    def take(self, stamp, s, lifting=0.0, friction=0.0):
+        """Take in a state; return whether this is worse than all reported last.
+
+        Parameters
+        ----------
+        stamp : int
+            [ns]
+        s : Evaluation
+        lifting, friction : float
+            ν·ε_g and ν·ε_fric [W].
+        """
         K = s.kinetic_energy
         self._count += 1
         self._largest = max(self._largest, K)
         self._judge(K, s)
         power = s.effort_power
         self._balance(stamp, K, power)
+        if power is not None:
+            self._minute.take(stamp, K, power - friction, lifting)
         self._last, self._K, self._power = stamp, K, power
         return self._level > self._reported
 
@@ -121,6 +139,8 @@ class EnergyWatch:
             values[f"largest energy share of '{self._share[1]}' [J]"] = f"{self._share[0]:.6g}"
         if self._time:
             values["power-balance residual [W]"] = f"{(self._gained - self._explained) / self._time:.6g}"
+        if self._last is not None:
+            values |= self._minute.values(self._last)
         self._reported, self._alarm_reported = self._level, self._alarm
         self._begin()
         return Status("energy", self._reported, self._alarm_reported or "within thresholds", values)

@@ -257,7 +257,7 @@ class MonitorNode(ManagedNode):
                 at_once = robot.pipeline
                 self._traffic.arrived(at_once.newest, now)
                 robot.frozen.judge(at_once.newest, lambda: at_once.state)
-                self._pass_on(robot, at_once.newest, at_once, at_once.messages, "published")
+                self._pass_on(robot, at_once.newest, at_once, at_once.powers, at_once.messages, "published")
                 return
             state = robot.joint_states.deserialized(message, now) if served is None else robot.pipeline.state
         else:
@@ -316,7 +316,8 @@ class MonitorNode(ManagedNode):
         s, state = robot.evaluate(state)
         if robot.torque:  # a collision is told of before anything else
             self._observe(robot, state)
-        self._pass_on(robot, state.newest, s, lambda topics: robot.encoder.messages(topics, s, state), what)
+        powers = robot.powers(s)
+        self._pass_on(robot, state.newest, s, powers, lambda topics: robot.encoder.messages(topics, s, state), what)
 
     def _observe(self, robot, state):
         """Observe external torque by a state as it was evaluated."""
@@ -330,11 +331,14 @@ class MonitorNode(ManagedNode):
         if alarm:
             self._diagnostics.publish([robot.torque_report()])
 
-    def _pass_on(self, robot, stamp, s, messages, what):
-        """Publish a state where somebody listens, and watch it; `messages` makes those of a list of topics."""
+    def _pass_on(self, robot, stamp, s, powers, messages, what):
+        """Publish a state where somebody listens, and watch it, with its powers of gravity and friction [W].
+
+        `messages` makes the messages of a list of topics.
+        """
         self._outputs.publish(stamp, messages, robot.matrix)
         self._traffic.published(what, stamp)
-        if robot.energy.take(stamp, s):  # an alarm does not wait for the second to be over
+        if robot.energy.take(stamp, s, *powers):  # an alarm does not wait for the second to be over
             self._diagnostics.publish([robot.energy.report()])
 
     # --- Parameters ---

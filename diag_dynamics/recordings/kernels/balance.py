@@ -34,6 +34,9 @@ COLUMNS = "begin", "end", "kinetic", "effort", "gravity", "friction"
 """Of a window: its first and last time [s]; its length's means of dK/dt, and of the powers of efforts, of gravity as it is
 lifted, and of friction [W]."""
 
+ROUNDING = 0.5e-9
+"""Half of a stamp's unit [s]: times that are exact in nanoseconds are not in doubles."""
+
 HAS_STATE, WINDOWS = range(2)
 EACH, IN_ALL = range(2)
 
@@ -61,7 +64,7 @@ def sum_windows(balance, summed, length, max_gap):
         if flags[HAS_STATE] == 1 and elapsed == 0.0:
             continue
         effort, gravity, friction = 0.0, 0.0, 0.0
-        goes_on = flags[HAS_STATE] == 1 and 0.0 < elapsed <= max_gap
+        goes_on = flags[HAS_STATE] == 1 and 0.0 < elapsed <= max_gap + ROUNDING
         for k in range(n):
             nu = of.nu[t, k]
             resisting = of.friction[t, k] if resists else 0.0
@@ -85,7 +88,7 @@ def sum_windows(balance, summed, length, max_gap):
         own.powers[0], own.powers[1], own.powers[2] = effort, gravity, friction
         own.time[0], flags[HAS_STATE] = now, 1
         span = now - own.time[1]
-        if span < length:
+        if span < length - ROUNDING:
             continue
         w = flags[WINDOWS]
         of.windows[w, 0], of.windows[w, 1] = own.time[1], now

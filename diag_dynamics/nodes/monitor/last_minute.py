@@ -1,0 +1,87 @@
+"""Balance of power of the last minute, as a recording's is judged: over windows, from a few numbers of each state."""
+
+import numpy as np
+
+from diag_dynamics.recordings.explained import LEAST, MAX_GAP, WINDOW, explained_share, judgement
+
+MINUTE = 60.0
+"""What is judged [s]."""
+
+STILL = 1e-3
+"""Root mean square of dK/dt below which nothing is said [W]: a robot at rest has noise there, and nothing explains it."""
+
+MOST = 1e100
+"""Power that no robot has [W], and whose square is a number yet."""
+
+_LENGTH, _GAP, _MINUTE = (round(1e9 * seconds) for seconds in (WINDOW, MAX_GAP, MINUTE))
+
+
+class LastMinute:
+    """Sums powers over windows by the trapezoidal rule, and keeps those of the last minute."""
+
+    def __init__(self):
+        self._windows = np.zeros((round(MINUTE / WINDOW), 4))  # end [ns]; means of dK/dt, gravity, the residual [W]
+        self._count = 0  # of all that have been written, the last ones over the first ones
+        self.restart()
+
+    def restart(self):
+        """Begin a window with the next state: what lies between is no motion."""
+        self._last = None
+
+    def forget(self):
+        """Drop all windows, as those of another model."""
+        self._count = 0
+        self.restart()
+
+    def take(self, stamp, K, power, lifting):
+        """Take in a state.
+
+        Parameters
+        ----------
+        stamp : int
+            [ns]
+        K : float
+            Kinetic energy [J].
+        power : float
+            ν·(ε − ε_g − ε_fric) [W].
+        lifting : float
+            ν·ε_g [W].
+        """
+        last = self._last
+        if last is None or not 0 < stamp - last <= _GAP:
+            if last == stamp:  # in pieces: of the states with one stamp the first one counts, as it does in a recording
+                return
+            self._begin, self._begun, self._work, self._lifted = stamp, K, 0.0, 0.0
+        else:
+            half = 0.5e-9 * (stamp - last)
+            self._work += half * (self._power + power)
+            self._lifted += half * (self._lifting + lifting)
+            if stamp - self._begin >= _LENGTH:
+                self._end(stamp, K)
+        self._last, self._power, self._lifting = stamp, power, lifting
+
+    def _end(self, stamp, K):
+        span = 1e-9 * (stamp - self._begin)
+        gained = K - self._begun
+        powers = gained / span, self._lifted / span, (gained - self._work) / span
+        if all(abs(power) < MOST for power in powers):
+            self._windows[self._count % len(self._windows)] = stamp, *powers
+            self._count += 1
+        self._begin, self._begun, self._work, self._lifted = stamp, K, 0.0, 0.0
+
+    def values(self, newest):
+        """Values for diagnostics, by key, of the minute before a stamp [ns]; none without windows enough, or at rest."""
+        kept = self._windows[: self._count]
+        end, kinetic, lifted, residual = kept[(kept[:, 0] > newest - _MINUTE) & (kept[:, 0] <= newest)].T
+        if len(end) < LEAST or np.sqrt((kinetic**2).mean()) < STILL:
+            return {}
+        explained, total = (
+            explained_share(residual.var(), change.var(), len(end)) for change in (kinetic, kinetic + lifted)
+        )
+        if explained is None:
+            return {}
+        return {
+            "explained share of dK/dt (last minute)": f"{explained:.4g}",
+            "power-balance residual, rms (last minute) [W]": f"{np.sqrt((residual**2).mean()):.4g}",
+            "balance of power (last minute)": judgement(explained, total),
+        }
