@@ -1,11 +1,14 @@
 """Frozen values under fresh stamps: velocities without motion, and motion without velocity."""
 
+from collections import Counter
+
 import numpy as np
 
 from diag_dynamics.assembly.rejected import RejectedError
 
 SAMPLES = 5
-"""Number of states that are compared within the timeout."""
+"""Number of states that are compared within the timeout: the first one behind each multiple of its fifth part, so that it
+does not matter when this has begun."""
 
 MOVING = 0.05
 """Speed [rad/s, m/s] at which a joint's position must change. Velocity noise of a joint at rest stays below it."""
@@ -18,8 +21,8 @@ class Frozen:
     """Judges velocities by positions, and the other way round, over some states.
 
     A joint is frozen if its velocity is :data:`MOVING` or more while no bit of its position changes for the timeout, or if
-    its velocity is exactly 0 while its position moves by more than :data:`MOVED` in that time. An arm at rest is
-    neither. States further apart than the timeout say nothing.
+    its velocity is exactly 0 while its position moves by more than :data:`MOVED` from one multiple of the timeout to the
+    next. An arm at rest is neither. States further apart than the timeout say nothing.
 
     Parameters
     ----------
@@ -34,15 +37,18 @@ class Frozen:
     ----------
     text : str
         Text on the joint that is frozen; empty if none is.
+    told : Counter
+        How many of the states that were compared had which text.
     """
 
     def __init__(self, names, timeout, refused):
-        self._names = names
+        self._names, self.told = names, Counter()
         self.configure(timeout, refused)
 
     def configure(self, timeout, refused):
         """Take other settings, and begin anew."""
         self._timeout, self._refused = round(timeout * 1e9), refused
+        self._step = max(1, -(-self._timeout // SAMPLES))  # [ns], rounded up
         self.forget()
 
     def forget(self):
@@ -60,7 +66,7 @@ class Frozen:
         if not self._timeout:
             return
         elapsed = None if self._last is None else stamp - self._last
-        if elapsed is None or elapsed < 0 or SAMPLES * elapsed >= self._timeout:
+        if elapsed is None or elapsed < 0 or stamp // self._step != self._last // self._step:
             whole, count = state(), len(self._names)
             position, velocity = (vector[len(vector) - count :] for vector in (whole.position, whole.velocity))
             self._take(stamp, elapsed, position, velocity)
@@ -78,12 +84,12 @@ class Frozen:
         refused = np.zeros(len(stamps), dtype=bool)
         if not self._timeout or not len(stamps):
             return refused
-        least, first = -(-self._timeout // SAMPLES), 0  # [ns], rounded up
+        first = 0
         while first < len(stamps):
             if self._last is None or stamps[first] < self._last:
                 at = first
             else:
-                at = max(first, int(np.searchsorted(stamps, self._last + least)))
+                at = max(first, int(np.searchsorted(stamps, (self._last // self._step + 1) * self._step)))
             refused[first:at] = self._refused and bool(self.text)
             if at < len(stamps):
                 elapsed = None if self._last is None else int(stamps[at]) - self._last
@@ -99,12 +105,26 @@ class Frozen:
             self._zero_at, self._slides = position.copy(), np.zeros(len(position), dtype=bool)
         else:
             self._still_since[~(fast & self._fast & (position == self._position))] = stamp
-            over = zero & (stamp - self._zero_since >= self._timeout)
-            self._slides = np.where(over, np.abs(position - self._zero_at) > MOVED, self._slides & zero)
+            self._still_since = np.maximum(self._still_since, stamp - self._timeout)  # for longer says no more
+            period = SAMPLES * self._step
+            over = zero & (stamp // period != self._last // period)
+            whole = over & (stamp - self._zero_since >= self._timeout - self._step)
+            moved = np.abs(position - self._zero_at) > MOVED
+            self._slides = np.where(whole, moved, self._slides & zero)
             anew = over | ~zero
             self._zero_since[anew], self._zero_at[anew] = stamp, position[anew]
         self._last, self._position, self._fast = stamp, position.copy(), fast
         self.text = self._told(stamp - self._still_since >= self._timeout)
+        if self.text:
+            self.told[self.text] += 1
+
+    def memory(self):
+        """What later judgements depend on: nothing at first, else times, values and flags in a list."""
+        if self._last is None:
+            return None
+        since = self._still_since, self._zero_since
+        known = self._position, self._fast, self._zero_at, self._slides
+        return [self._last, self.text, *(values.copy() for values in since + known)]
 
     def _told(self, still):
         for joints, what in (

@@ -51,6 +51,12 @@ class Jumps:
         """Know of no refusal any more."""
         self._count[:] = 0
 
+    def memory(self, stamps):
+        """What later judgements depend on: refusals that still count, after those last stamps of the joints [ns]."""
+        alive = (self._count > 0) & (self._since == stamps)
+        known = self._count, self._since, self._stamp, self._position, self._velocity
+        return [alive, *(values[alive] for values in known)]
+
     def judge(self, here, position, velocity, fastest, stamp, before):
         """Refuse a message in which a joint is where it cannot have got to.
 

@@ -26,6 +26,10 @@ class Bag:
         What could not be read. It is complete after the last piece.
     findings : list of str
         What else is odd; nothing is lost by it.
+    begin, end : int or None
+        See :meth:`limit`.
+    misplaced : bool
+        Whether there were messages where the file has none of their time: who reads between limits may have missed some.
 
     Raises
     ------
@@ -33,10 +37,20 @@ class Bag:
         It cannot be opened, or a package is needed and not installed.
     """
 
+    misplaced = False
+
     def __init__(self, path, name=None):
         self.path, self.name = Path(path), str(path) if name is None else name
         self.connections, self.unread, self.findings = [], [], []
-        self._kept = None
+        self._kept = self.begin = self.end = None
+
+    def limit(self, begin=None, end=None):
+        """Say that messages before a log time, or from another one on [ns], are not wanted: those may be left out."""
+        self.begin, self.end = begin, end
+
+    def starts(self, wanted):
+        """Log times [ns] where reading can begin, in their order; empty where all before has to be read for that."""
+        return []
 
     def keep(self, folder):
         """Have a temporary folder, which the file is in, live as long as this."""

@@ -38,6 +38,26 @@ class BagFolder(Bag):
         """Log time [ns] that no message is before; None without messages."""
         return min((start for bag in self._bags if (start := bag.start) is not None), default=None)
 
+    @property
+    def misplaced(self):
+        """See :class:`Bag`."""
+        return any(bag.misplaced for bag in self._bags)
+
+    def limit(self, begin=None, end=None):
+        """See :class:`Bag`."""
+        super().limit(begin, end)
+        for bag in self._bags:
+            bag.limit(begin, end)
+
+    def starts(self, wanted):
+        """See :class:`Bag`; empty if it is for one of the files."""
+        found = []
+        for bag, places in zip(self._bags, self._maps, strict=True):
+            own = [k for k, place in enumerate(places) if place in set(wanted)]
+            if own:
+                found.append(bag.starts(own))
+        return sorted(start for starts in found for start in starts) if all(found) else []
+
     def pieces(self, wanted=None):
         """Hand out messages in the order of their log time, those of the same time in the order of the files.
 
@@ -63,7 +83,8 @@ class BagFolder(Bag):
                 yield piece
         finally:
             self._gather()
-        self._compare(chosen, counts)
+        if self.begin is None and self.end is None:
+            self._compare(chosen, counts)
 
     def _files(self):
         """Paths of the files."""

@@ -73,6 +73,8 @@ class _Part(NamedTuple):
     is_chunk: bool = True
     is_cut: bool = False
     """Whether the file ends within it."""
+    end: int | None = None
+    """No message has a later log time [ns], if it is known."""
 
 
 class _ChunkStart(NamedTuple):
@@ -100,6 +102,7 @@ class McapFile(Bag):
     def __init__(self, path, name=None):
         super().__init__(path, name)
         self._schemas, self._channels, self._parts = {}, {}, []
+        self._has_summary = False
         with self.opened() as file:
             self._survey(_File(file))
 
@@ -125,11 +128,21 @@ class McapFile(Bag):
         of = self._becoming(self.chosen(wanted))
         with self.opened() as opened:
             file = _File(opened)
-            parts = [
-                part for part in self._parts if part.channels is None or any(of[c] != SKIPPED for c in part.channels)
-            ]
+            parts = [part for part in self._parts if self._may_have(part, of)]
             sources = [Source(part.start, partial(self._messages, file, part, of)) for part in parts]
             yield from in_order(sources, lambda place: self._find_late(parts[place]))
+
+    def starts(self, wanted):
+        """See :class:`Bag`; empty without a summary that can be used."""
+        of = self._becoming(self.chosen(wanted))
+        return sorted(part.start for part in self._parts if self._may_have(part, of)) if self._has_summary else []
+
+    def _may_have(self, part, of):
+        """Whether a part may have messages that are wanted."""
+        if part.channels is not None and all(of[c] == SKIPPED for c in part.channels):
+            return False
+        late = self.end is not None and part.start >= self.end
+        return not late and (self.begin is None or part.end is None or part.end >= self.begin)
 
     def _becoming(self, chosen):
         """What becomes of records, see :func:`find`."""
@@ -156,6 +169,7 @@ class McapFile(Bag):
         except DamagedError as error:
             self.find(f": the summary is not used: {error}.")
             known, end = {}, None
+        self._has_summary = bool(known)
         try:
             self._walk(file, known, end)
         except DamagedError as error:  # of reading: what comes from a damaged disk
@@ -207,12 +221,12 @@ class McapFile(Bag):
     def _indexed(self, file, content):
         """Chunk that a record of the summary tells of."""
         fields = _Fields(content)
-        start, _, at, length, told = *(fields.number(8) for _ in range(4)), fields.bytes()
+        start, end, at, length, told = *(fields.number(8) for _ in range(4)), fields.bytes()
         chunk = _chunk_start(file.read(at, _CHUNK_START))
         if chunk is None or chunk.at + chunk.stored != length or start != chunk.start:
             raise DamagedError(f"the chunk that it tells of is not at byte {at}")
         channels = frozenset(channel for channel, _ in struct.iter_unpack("<HQ", told[: len(told) // 10 * 10]))
-        return _Part(start, at, at + length + fields.number(8), channels or None)
+        return _Part(start, at, at + length + fields.number(8), channels or None, end=end)
 
     def _walk(self, file, known, end):
         """Go from record to record; over a chunk that is known, and what is known to belong to it, at a step."""
@@ -230,7 +244,7 @@ class McapFile(Bag):
             if kind == CHUNK:
                 start, is_cut = _chunk_start(begin), beyond > stop
                 channels, _, beyond = (None, 0, stop) if is_cut else _indexes(file, beyond, stop)
-                self._keep(file, _Part(start.start, at, beyond, channels, is_cut=is_cut))
+                self._keep(file, _Part(start.start, at, beyond, channels, is_cut=is_cut, end=start.end))
                 closed = closed or is_cut
             elif kind == MESSAGE:
                 beyond = self._run(file, at, stop)
@@ -374,6 +388,9 @@ class McapFile(Bag):
         if not columns:
             return
         found = columns[0] if len(columns) == 1 else np.concatenate(columns, axis=1)
+        earliest, latest = int(found[LOG_TIME].min()), int(found[LOG_TIME].max())
+        if earliest < part.start or (part.end is not None and latest > part.end):
+            self.misplaced = True
         if (np.diff(found[LOG_TIME]) < 0).any():
             found = found[:, np.argsort(found[LOG_TIME], kind="stable")]
         yield inflated(Messages(data, found[CONNECTION], found[AT], found[SIZE], found[LOG_TIME]))

@@ -69,7 +69,7 @@ def _analyse(chosen):
         with _Progress(chosen.quiet) as progress:
             analysis.run(outputs, progress)
         if not analysis.states:
-            findings = "; ".join(map(str, reading.findings()[:3])) or "it has no messages"
+            findings = "; ".join(map(str, analysis.outcome.account.findings()[:3])) or "it has no messages"
             raise InputError(f"'{chosen.recording}' has not a single state: {findings}.")
         for output in outputs:
             output.close()
@@ -77,7 +77,7 @@ def _analyse(chosen):
         for output in outputs:
             output.drop()
         raise
-    summary = summary_of(analysis) | {"recording": str(chosen.recording)}
+    summary = summary_of(analysis.outcome) | {"recording": str(chosen.recording)}
     if chosen.json == "-":
         print(json.dumps(summary, indent=1, allow_nan=False))
     elif chosen.json:

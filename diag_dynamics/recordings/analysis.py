@@ -9,11 +9,10 @@ import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
-from diag_dynamics.recordings.balance import Balance, Windows
-from diag_dynamics.recordings.collisions import Collisions
+from diag_dynamics.recordings.balance import Windows, WindowSums
 from diag_dynamics.recordings.intake import States
 from diag_dynamics.recordings.observed import Observer
-from diag_dynamics.recordings.peaks import Peaks
+from diag_dynamics.recordings.outcome import Outcome
 from diag_dynamics.recordings.quality import Quality
 from diag_dynamics.recordings.recording import SIZE
 from diag_dynamics.results import BatchEvaluation
@@ -45,11 +44,8 @@ class Analysis:
 
     Attributes
     ----------
-    balance : Balance
-    quality : Quality
-    peaks : Peaks
-    collisions : Collisions
-    states : int
+    outcome : Outcome
+        What has been found.
     """
 
     def __init__(self, reading, *, gain=25.0, threads=None):
@@ -59,7 +55,6 @@ class Analysis:
         self.friction = bool((model.damping != 0.0).any() or (model.friction != 0.0).any())
         wanted = settings.observation
         gain, threshold, release = (wanted.gain, wanted.threshold, wanted.release) if wanted else (gain, np.inf, None)
-        self.gain, self.threshold = gain, threshold
         self._observer = Observer(
             self._dynamics,
             gain,
@@ -69,10 +64,14 @@ class Analysis:
             max_gap=settings.values["external_torque.max_gap"],
             threads=threads,
         )
-        self.balance = Balance(model.dof_names, self.friction)
-        self.quality, self.peaks = Quality(model), Peaks()
-        self.collisions, self.states = Collisions(model.dof_names), 0
-        self._kinetic = 0.0
+        self._windows = WindowSums(model.nv, self.friction)
+        self._observing = gain, threshold
+        self.outcome = Outcome(model, Quality(model), *self._observing)
+
+    @property
+    def states(self):
+        """How many there were."""
+        return self.outcome.states
 
     def run(self, outputs=(), progress=None):
         """Read, evaluate and write all of it.
@@ -84,8 +83,40 @@ class Analysis:
         progress : callable, optional
             Called with the number of states and the last log time [ns] after each piece.
 
-        Stages work side by side: reading and assembling, evaluating, writing.
+        Stages work side by side: reading and assembling, evaluating, writing. Of a reading that settles before it begins,
+        nothing is written or counted until then.
         """
+        if self.reading.settles:
+            for piece in self.reading.settling(SIZE):
+                self._settle(piece.states)
+            self._begin()
+        self._run(outputs, progress)
+        outcome, reading = self.outcome, self.reading
+        outcome.account, outcome.offset, outcome.end = reading.account(), reading.offset, self._memory()
+
+    def _settle(self, states):
+        if states.number:
+            self.take(states)
+
+    def _begin(self):
+        """Go on from here as if nothing had been seen, but knowing what is known."""
+        before = self.outcome
+        self.reading.intake.anew()
+        self.outcome = Outcome(self.model, before.quality.anew(), *self._observing, before.collisions.goes_on)
+        self.outcome.begin = self._memory()
+
+    def _memory(self):
+        """What later results depend on; see :mod:`diag_dynamics.recordings.seams`."""
+        outcome = self.outcome
+        return {
+            "intake": self.reading.intake.memory(),
+            "observer": self._observer.memory(),
+            "windows": self._windows.memory(),
+            "quality": outcome.quality.memory(),
+            "colliding": outcome.collisions.goes_on,
+        }
+
+    def _run(self, outputs, progress):
         read, evaluated, stop = queue.Queue(WAITING), queue.Queue(WAITING), threading.Event()
 
         def reading():
@@ -121,8 +152,9 @@ class Analysis:
         """Evaluate states, take note of all that is told of them in the end, and return the :class:`Piece`."""
         states, s = self._evaluated(states)
         observed = self._observer.take(states, s)
-        windows = self.balance.take(states, s)
-        self.quality.take(states)
+        windows = self._windows.take(states, s)
+        self.outcome.balance.take(windows)
+        self.outcome.quality.take(states)
         self._note(states, s, observed)
         return Piece(states, s, observed, windows)
 
@@ -154,22 +186,16 @@ class Analysis:
     def _note(self, states, s, observed):
         stamps, names = states.newest, self.model.dof_names
         residual, torque, norm, valid, collision = observed
-        K, peaks = s.kinetic_energy, self.peaks
-        self.states += states.number
-        self._kinetic += float(K.sum())
-        peaks.take("kinetic_energy", K, stamps)
+        peaks = self.outcome.peaks
+        self.outcome.take_energy(s.kinetic_energy)
+        peaks.take("kinetic_energy", s.kinetic_energy, stamps)
         peaks.take("energy_share", s.energy_share, stamps, names)
         peaks.take("velocity", states.velocity, stamps, names, absolute=True)
         peaks.take("effort", states.effort, stamps, names, absolute=True)
         if valid.any():
             peaks.take("external_torque", torque, stamps, names, absolute=True)
             peaks.take("residual_norm", norm, stamps)
-        self.collisions.take(stamps, residual, norm, collision)
-
-    @property
-    def mean_energy(self):
-        """Mean of K over the states [J]."""
-        return self._kinetic / self.states if self.states else None
+        self.outcome.collisions.take(stamps, residual, norm, collision)
 
 
 def _put(into, what, stop):

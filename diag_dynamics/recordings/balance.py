@@ -4,10 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.compiled.tables import Addresses
 from diag_dynamics.recordings.explained import LEAST, MAX_GAP, WINDOW, explained_share, judgement
 from diag_dynamics.recordings.kernels import prepare
-from diag_dynamics.recordings.kernels.balance import BALANCE, COLUMNS, SUMMED, sum_windows
+from diag_dynamics.recordings.kernels.balance import BALANCE, COLUMNS, HAS_STATE, SUMMED, WHOLE, sum_windows
 
 CULPRIT = 0.2
 """Share of the sum of all joints' squared residuals from which a joint is named."""
@@ -17,7 +18,7 @@ class Windows(NamedTuple):
     """Windows that ended in a piece; powers are means over each [W]."""
 
     begin: np.ndarray
-    """[s], shape (W,)."""
+    """Stamps of their first and last states [ns], int64, shape (W,)."""
     end: np.ndarray
     kinetic: np.ndarray
     """dK/dt."""
@@ -41,8 +42,8 @@ class Windows(NamedTuple):
 class Moments:
     """Number, mean and variance of what comes in pieces, in each column."""
 
-    def __init__(self, shape=()):
-        self.count, self.mean, self._squares = 0, np.zeros(shape), np.zeros(shape)
+    def __init__(self, shape=(), count=0, mean=0.0, squares=0.0):
+        self.count, self.mean, self._squares = count, np.full(shape, mean), np.full(shape, squares)
 
     def take(self, values):
         """Take in values, along the first axis (Chan, Golub and LeVeque 1983)."""
@@ -65,6 +66,10 @@ class Moments:
         """Mean of the squares."""
         return self.variance + self.mean**2
 
+    def told(self):
+        """Arguments that make the same one again, but for the shape: numbers."""
+        return {"count": self.count, "mean": float(self.mean), "squares": float(self._squares)}
+
     def add(self, other):
         """Take in what another one has."""
         if not other.count:
@@ -75,12 +80,12 @@ class Moments:
         self.count = total
 
 
-class Balance:
-    """Sums powers over windows, piece by piece, and judges them.
+class WindowSums:
+    """Sums powers over windows, piece by piece.
 
     Parameters
     ----------
-    names : sequence of str
+    count : int
         Degrees of freedom.
     friction : bool
         Whether evaluations have it.
@@ -90,34 +95,26 @@ class Balance:
         Time without states beyond which a window begins anew [s].
     """
 
-    def __init__(self, names, friction=False, length=WINDOW, max_gap=MAX_GAP):
-        self._names, self._friction, self._length, self._max_gap = names, friction, length, max_gap
-        count = len(names)
-        self._own = Addresses(
-            BALANCE,
-            flags=np.zeros(2, dtype=int),
-            time=np.zeros(2),
-            before=np.zeros(count),
-            powers=np.zeros(3),
-            begun=np.zeros(count),
-            work=np.zeros((2, max(count, 3))),
-        )
-        self._origin = None
-        self.kinetic, self.total, self.residual = Moments(), Moments(), Moments()
-        self.joints = Moments(count)
+    def __init__(self, count, friction=False, length=WINDOW, max_gap=MAX_GAP):
+        self._friction, self._length, self._max_gap = friction, round(length * SECOND), max_gap
+        self._flags, self._stamp = np.zeros(3, dtype=int), np.zeros(2, dtype=int)
+        self._sums = {
+            "before": np.zeros(count),
+            "powers": np.zeros(3),
+            "begun": np.zeros(count),
+            "work": np.zeros((2, max(count, 3))),
+        }
+        self._own = Addresses(BALANCE, flags=self._flags, stamp=self._stamp, **self._sums)
         prepare(sum_windows)
 
     def take(self, states, s):
         """Take in states and their BatchEvaluation; returns :class:`Windows`."""
-        count, width = s.nu.shape
-        if self._origin is None and count:
-            self._origin = int(states.newest[0])
-        time = 1e-9 * (states.newest - (self._origin or 0))
-        most = self._most(time)
-        windows, joints = np.empty((most, len(COLUMNS))), np.empty((2, most, width))
+        width = s.nu.shape[1]
+        most = self._most(states.newest)
+        bounds, windows, joints = np.empty((most, 2), int), np.empty((most, len(COLUMNS))), np.empty((2, most, width))
         summed = Addresses(
             SUMMED,
-            time=time,
+            stamp=np.ascontiguousarray(states.newest),
             with_effort=np.ascontiguousarray(states.with_effort),
             moved=np.ascontiguousarray(states.moved),
             nu=s.nu,
@@ -125,26 +122,59 @@ class Balance:
             gravity=s.gravity,
             epsilon=s.epsilon,
             friction=s.friction if self._friction else np.zeros((0, width)),
+            bounds=bounds,
             windows=windows,
             gained=joints[0],
             explained=joints[1],
         )
         ended = sum_windows(self._own.at, summed.at, self._length, self._max_gap)
-        begin, end, *powers = windows[:ended].T
-        offset = 1e-9 * (self._origin or 0)
-        found = Windows(begin + offset, end + offset, *powers, *joints[:, :ended])
-        self.kinetic.take(found.kinetic)
-        self.total.take(found.kinetic + found.gravity)
-        self.residual.take(found.residual)
-        self.joints.take(found.gained - found.explained)
-        return found
+        return Windows(*bounds[:ended].T, *windows[:ended].T, *joints[:, :ended])
 
-    def _most(self, time):
-        """How many windows can end: each is no shorter than the length, one apart that began in an earlier piece."""
-        if not len(time):
-            return 0
-        forward = np.maximum(np.diff(time), 0.0).sum()
-        return min(len(time), int(forward / self._length) + 2)
+    def _most(self, stamps):
+        """How many windows can end: one at each multiple of the length that is passed, and one that began before."""
+        forward = np.maximum(np.diff(stamps), 0).sum()
+        return min(len(stamps), int(forward // self._length) + 2)
+
+    def memory(self):
+        """What later results depend on; see :mod:`diag_dynamics.recordings.seams`."""
+        if not self._flags[HAS_STATE]:
+            return None
+        return {
+            "whole": bool(self._flags[WHOLE]),
+            "stamp": self._stamp[: 1 + self._flags[WHOLE]].copy(),
+            **{
+                name: values.copy()
+                for name, values in self._sums.items()
+                if self._flags[WHOLE] or name not in ("begun", "work")
+            },
+        }
+
+
+class Balance:
+    """Judges windows.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Degrees of freedom.
+    """
+
+    def __init__(self, names):
+        self._names = tuple(names)
+        self.kinetic, self.total, self.residual = Moments(), Moments(), Moments()
+        self.joints = Moments(len(names))
+
+    def take(self, windows):
+        """Take in :class:`Windows`."""
+        self.kinetic.take(windows.kinetic)
+        self.total.take(windows.kinetic + windows.gravity)
+        self.residual.take(windows.residual)
+        self.joints.take(windows.gained - windows.explained)
+
+    def add(self, other):
+        """Take in what another one has."""
+        for name in ("kinetic", "total", "residual", "joints"):
+            getattr(self, name).add(getattr(other, name))
 
     @property
     def explained(self):

@@ -31,24 +31,41 @@ class Collisions:
     Attributes
     ----------
     found : list of Collision
+    goes_on : bool
+        Whether one was on at the last state.
     """
 
-    def __init__(self, names):
-        self._names, self._goes_on = names, False
-        self.found = []
+    def __init__(self, names, goes_on=False):
+        self._names, self.goes_on, self.found = names, goes_on, []
+        self._joins = False  # whether the first of them began before all that was taken in
 
     def take(self, stamps, residual, norm, collision):
         """Take in states: stamps [ns], r, |r|, and whether the observer told of a collision."""
         edges = np.diff(collision.astype(np.int8), prepend=np.int8(0), append=np.int8(0))
-        goes_on, self._goes_on = self._goes_on, bool(len(collision) and collision[-1])
+        if not len(collision):
+            return
+        goes_on, self.goes_on = self.goes_on, bool(collision[-1])
         for first, end in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
             k = first + int(np.argmax(norm[first:end]))
             r = np.abs(residual[k])
             joints = tuple(self._names[j] for j in np.flatnonzero(r >= MOST * r.max()))
             one = Collision(int(stamps[first]), int(stamps[end - 1]), joints, float(norm[k]))
             if first == 0 and goes_on:
-                one = _joined(self.found.pop(), one)
+                if self.found:
+                    one = _joined(self.found.pop(), one)
+                else:
+                    self._joins = True
             self.found.append(one)
+
+    def add(self, other):
+        """Take in what another one has, which has gone on from here."""
+        found = list(other.found)
+        if other._joins and self.found:
+            found[0] = _joined(self.found.pop(), found[0])
+        else:
+            self._joins = self._joins or (other._joins and not self.found)
+        self.found += found
+        self.goes_on = other.goes_on
 
 
 def _joined(before, after):

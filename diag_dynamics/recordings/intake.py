@@ -13,6 +13,7 @@ from diag_dynamics.assembly.rejected import RejectedError, cause_of
 from diag_dynamics.assembly.whole import WithBase
 from diag_dynamics.bags.messages import Messages
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.recordings.seams import LoggedGaps
 from diag_dynamics.wire.definitions import read_message
 from diag_dynamics.wire.joint_states import KnownJointStates
 from diag_dynamics.wire.many import Run
@@ -108,17 +109,38 @@ class Intake:
             self._base = OdometryBase(model, values["odom_twist_frame"] == "header")
             self._base.configure(settings.inputs)
             self._with_base = WithBase(self._base, self.assembler)
-        self._counts = Counter()
-        self.frozen_texts = Counter()
-        self.rejections = []
+        self._counts, self._before = Counter(), Counter()  # the latter: all that was counted until `anew`
+        self.rejections, self._texts = [], Counter()
         self._moved = 0  # jumps of positions that the last state knows of
 
     @property
     def counts(self):
-        """How many messages there were and what became of them, by the monitor's names for it."""
+        """How many messages there were and what became of them, by the monitor's names for it; gaps count for themselves."""
+        counts = self._all_counts()
+        counts.subtract(self._before)
+        return +counts
+
+    def _all_counts(self):
         jumps = self._base.jumps if self._base else 0
-        own = {"time jumped back": jumps, "lost by gaps in stamps": self.assembler.gaps.lost}
-        return self._counts + self.assembler.counts + Counter(own)
+        return self._counts + self.assembler.counts + Counter({"time jumped back": jumps})
+
+    def anew(self):
+        """Count from here on; what the assembler knows stays. Gaps in stamps are kept for :meth:`LoggedGaps.replay`."""
+        self._before = self._all_counts()
+        self.rejections, self._texts = [], Counter()
+        self.frozen.told = Counter()
+        self.assembler.gaps = LoggedGaps()
+
+    def memory(self):
+        """What later states and counts depend on, but for gaps; see :mod:`diag_dynamics.recordings.seams`."""
+        whole = self._with_base.memory() if self._with_base else None
+        moved = self.assembler.counts["positions jumped"] > self._moved
+        return [self.assembler.memory(), self.frozen.memory(), whole, moved]
+
+    @property
+    def last_texts(self):
+        """Texts on the last time that something was counted, by what."""
+        return {"positions jumped": self.assembler.jumps.last, "mimic disagreement": self.assembler.last_disagreement}
 
     def reject(self, now, error):
         """Count a state that was handed out, but cannot be evaluated."""
@@ -188,7 +210,6 @@ class Intake:
         """Take note of a run of states; which of them are refused for frozen values."""
         taken = run.taken
         refused = self.frozen.judge_many(taken.newest[first:end], taken.position[first:end], taken.velocity[first:end])
-        self._frozen_told()
         begin = first
         for k in (first + np.flatnonzero(refused)).tolist():
             run.note(begin, k + 1)
@@ -215,11 +236,6 @@ class Intake:
 
     def _judge_frozen(self, state):
         self.frozen.judge(state.newest, lambda: state)
-        self._frozen_told()
-
-    def _frozen_told(self):
-        if self.frozen.text:
-            self.frozen_texts[self.frozen.text] += 1
 
     def _of_odometry(self, messages, k):
         """The state that one message about the base makes, of a robot that is all base."""
@@ -293,5 +309,6 @@ class Intake:
     def _reject(self, what, now, error):
         cause = f"{what}: {cause_of(error)}"
         self._counts[cause] += 1
-        if self._counts[cause] <= MOST_TOLD:
+        self._texts[cause] += 1
+        if self._texts[cause] <= MOST_TOLD:
             self.rejections.append(Rejection(now, cause, str(error)))

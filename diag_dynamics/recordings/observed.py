@@ -12,7 +12,7 @@ from diag_dynamics.compiled.tables import Addresses
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.kernels import prepare
-from diag_dynamics.recordings.kernels.observation import OBSERVED, OBSERVER, observe_many
+from diag_dynamics.recordings.kernels.observation import HAS_SAMPLE, OBSERVED, OBSERVER, observe_many
 from diag_dynamics.recordings.recording import SIZE, Recording
 
 
@@ -116,9 +116,10 @@ class Observer:
         if self.release > self.threshold:
             raise InputError(f"release is {release!r} J^½/s, expected no more than the threshold, {self.threshold!r}.")
         self._max_gap = positive("max_gap", max_gap, "[s]")
-        self._dynamics, self._friction, self._threads, self._origin = dynamics, friction, threads, None
+        self._dynamics, self._friction, self._threads = dynamics, friction, threads
         self._last = -1, None  # stamp and m r of the last state with efforts
-        vectors = np.zeros((4, len(names)))
+        vectors = self._vectors = np.zeros((4, len(names)))
+        self._stamp, self._flags = np.zeros(1, dtype=int), np.zeros(3, dtype=int)
         self._own = Addresses(
             OBSERVER,
             gain=np.array(np.broadcast_to(gain, len(names)), dtype=float),
@@ -126,21 +127,19 @@ class Observer:
             nu=vectors[1],
             resisting=vectors[2],
             epsilon=vectors[3],
-            time=np.zeros(1),
-            flags=np.zeros(3, dtype=int),
+            stamp=self._stamp,
+            flags=self._flags,
         )
         prepare(observe_many)
 
     def take(self, states, s):
         """Take in states and their BatchEvaluation; returns the columns of :class:`Observed` but for times."""
         count, width = s.nu.shape
-        if self._origin is None and count:
-            self._origin = int(states.newest[0])  # a double holds some hours to the nanosecond, not the time since 1970
         residual, norm = np.empty((count, width)), np.empty(count)
         valid, collision = np.zeros((2, count), dtype=bool)
         observed = Addresses(
             OBSERVED,
-            time=1e-9 * (states.newest - (self._origin or 0)),
+            stamp=np.ascontiguousarray(states.newest),
             with_effort=np.ascontiguousarray(states.with_effort),
             moved=np.ascontiguousarray(states.moved),
             nu=s.nu,
@@ -170,3 +169,9 @@ class Observer:
             torque[known[k]] = torque[known[k - 1]] if k else self._last[1]
         if len(known):
             self._last = int(stamps[-1]), torque[known[-1]].copy()
+
+    def memory(self):
+        """What later results depend on; see :mod:`diag_dynamics.recordings.seams`."""
+        if not self._flags[HAS_SAMPLE]:
+            return None
+        return [self._flags.copy(), self._stamp.copy(), self._vectors.copy(), *self._last]

@@ -7,19 +7,10 @@ from diag_dynamics.recordings.kernels.peaks import find_largest
 
 
 class Peaks:
-    """Largest values of columns, piece by piece.
-
-    Attributes
-    ----------
-    largest : dict of tuple
-        By quantity: its largest value, the stamp then [ns], and, of a quantity with an entry for each degree of freedom or
-        link, whose it is.
-    of_each : dict of ndarray
-        Largest of each entry, by quantity.
-    """
+    """Largest values of columns, piece by piece."""
 
     def __init__(self):
-        self.largest, self.of_each = {}, {}
+        self._peaks = {}  # by quantity: largest value of each entry, its stamp [ns], and the entries' names
         prepare(find_largest)
 
     def take(self, quantity, values, stamps, names=None, *, absolute=False):
@@ -27,12 +18,31 @@ class Peaks:
         matrix = np.ascontiguousarray(values.reshape(len(stamps), -1))
         each, at = np.empty((2, matrix.shape[1]))
         find_largest(matrix, absolute, each, at)
-        k = int(np.argmax(each)) if len(each) else -1
-        if k < 0 or each[k] == -np.inf:
-            return
-        if names is not None:
-            before = self.of_each.get(quantity)
-            self.of_each[quantity] = each if before is None else np.maximum(before, each)
-        if quantity not in self.largest or each[k] > self.largest[quantity][0]:
-            whose = None if names is None else names[k]
-            self.largest[quantity] = float(each[k]), int(stamps[int(at[k])]), whose
+        if each.max(initial=-np.inf) > -np.inf:
+            self._keep(quantity, each, stamps[at.astype(int)], names)
+
+    def add(self, other):
+        """Take in what another one has, of later states."""
+        for quantity, peak in other._peaks.items():
+            self._keep(quantity, *peak)
+
+    def _keep(self, quantity, each, at, names):
+        if quantity in self._peaks:
+            before, before_at, _ = self._peaks[quantity]
+            larger = each > before
+            each, at = np.where(larger, each, before), np.where(larger, at, before_at)
+        self._peaks[quantity] = each, at, names
+
+    @property
+    def largest(self):
+        """By quantity: its largest value, the first stamp at which it was [ns], and whose it is, of one with names."""
+        found = {}
+        for quantity, (each, at, names) in self._peaks.items():
+            k = int(np.argmax(each))
+            found[quantity] = float(each[k]), int(at[k]), None if names is None else names[k]
+        return found
+
+    @property
+    def of_each(self):
+        """Largest of each entry, by quantity with names."""
+        return {quantity: each for quantity, (each, _, names) in self._peaks.items() if names is not None}

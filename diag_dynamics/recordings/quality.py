@@ -1,7 +1,10 @@
 """Quality of recorded data: rate, gaps, repeated and clipped values, velocities that are not those of the positions."""
 
+from copy import copy
+
 import numpy as np
 
+from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.compiled.tables import Addresses
 from diag_dynamics.model.single_joints import places
 from diag_dynamics.recordings.kernels import prepare
@@ -26,11 +29,15 @@ LENGTH, LONGEST = 0.05, 0.1
 time between two states beyond which they say nothing of each other."""
 
 GAP = 3.0
-"""Periods without a state that are a gap."""
+"""Periods without a state that are a gap, to 1.2 %."""
 
 SHORTEST, BINS, PER_BIN = 1e-7, 2001, np.log(1e10) / 2000
-"""Lower bound of the first bin of intervals [s], their number, and their width as a difference of logarithms: a median is
-exact to 1.2 %, whatever the length."""
+"""Lower bound of the first bin of intervals [s], their number, and their width as a difference of logarithms. The period is the
+mean of the bin that has the median: exact to 1.2 %, whatever the length, and to the nanosecond where intervals are nearly all
+the same."""
+
+MIDDLES = SHORTEST * np.exp((np.arange(BINS) + 0.5) * PER_BIN)
+"""Of the bins [s]: of distances from these, sums of squares are exact."""
 
 APART_FROM = 0.2
 """Root mean square of Δq − ∫q̇dt in parts of that of Δq, from which a warning is due."""
@@ -70,16 +77,56 @@ class Quality:
         width = len(self._joints)
         self._sums, self._extremes = np.zeros((len(SUMS), width)), np.zeros((4, width))
         self._repeated = np.zeros(2, dtype=int)
-        self._span, self._begun = np.zeros(1), np.zeros((len(WINDOW), width))
-        self._bins = np.zeros(BINS, dtype=int)
+        self._whole, self._begun = np.zeros(1, dtype=int), np.zeros((len(WINDOW), width))
+        self._intervals = np.zeros((3, BINS))  # number, and sums of distances from MIDDLES and of their squares
         self._before = None
-        self._longest = self._time = 0.0
-        self._longest_at = None
-        self._count = self._without_effort = self._estimated = self._gaps = 0
-        self._squares = np.zeros(2)  # of intervals: number and sum
-        self._sample = []
+        self._longest, self._longest_at = 0.0, None
+        self._count = self._without_effort = self._estimated = 0
+        self._sample = [np.zeros((0, width)) for _ in FIELDS]
         self.begin = self.end = None
         prepare(compare_neighbours)
+
+    def anew(self):
+        """One that has seen nothing, but goes on from here."""
+        other = copy(self)
+        other._sums, other._extremes, other._repeated, other._intervals = (
+            np.zeros_like(x) for x in (self._sums, self._extremes, self._repeated, self._intervals)
+        )
+        other._longest, other._longest_at = 0.0, None
+        other._count = other._without_effort = other._estimated = 0
+        other._sample = [x[:0] for x in self._sample]
+        other.begin = other.end = None
+        return other
+
+    def memory(self):
+        """What later results depend on; see :mod:`diag_dynamics.recordings.seams`."""
+        whole = bool(self._whole[0])
+        return {"before": self._before, "whole": whole, "begun": self._begun.copy() if whole else None}
+
+    def add(self, other):
+        """Take in what another one has, which has gone on from here."""
+        if not other._count:
+            return
+        self._sums, self._intervals, self._repeated = (
+            mine + its
+            for mine, its in zip(
+                (self._sums, self._intervals, self._repeated),
+                (other._sums, other._intervals, other._repeated),
+                strict=True,
+            )
+        )
+        for largest, at in ((LARGEST_VELOCITY, AT_VELOCITY), (LARGEST_EFFORT, AT_EFFORT)):
+            mine, its = self._extremes[largest], other._extremes[largest]
+            counts = self._extremes[at] * (mine >= its) + other._extremes[at] * (its >= mine)
+            self._extremes[largest], self._extremes[at] = np.maximum(mine, its), counts
+        if other._longest > self._longest:
+            self._longest, self._longest_at = other._longest, other._longest_at
+        self._count += other._count
+        self._without_effort += other._without_effort
+        self._estimated += other._estimated
+        self._sample = [np.concatenate(pair)[:SAMPLE] for pair in zip(self._sample, other._sample, strict=True)]
+        self.begin = other.begin if self.begin is None else self.begin
+        self.end = other.end
 
     def take(self, states):
         """Take in states."""
@@ -97,22 +144,24 @@ class Quality:
         if self._before is not None:
             known, columns = 1, tuple(map(np.concatenate, zip(self._before, columns, strict=True)))
         self._take_intervals(columns[0])
-        time = (columns[0] - columns[0][0]) * 1e-9
         neighbours = Addresses(
             NEIGHBOURS,
-            time=time,
+            stamp=np.ascontiguousarray(columns[0]),
             **dict(zip(FIELDS, map(np.ascontiguousarray, columns[1:]), strict=True)),
             moved=np.concatenate([np.zeros(known, dtype=bool), states.moved]),
             turns=self._turns,
-            span=self._span,
+            whole=self._whole,
             begun=self._begun,
             sums=self._sums,
             extremes=self._extremes,
             repeated=self._repeated,
         )
-        compare_neighbours(neighbours.at, known, LENGTH, LONGEST)
-        if sum(len(piece[0]) for piece in self._sample) < SAMPLE:
-            self._sample.append([column[:SAMPLE].copy() for column in columns[1:]])
+        compare_neighbours(neighbours.at, known, round(LENGTH * SECOND), LONGEST)
+        if (room := SAMPLE - len(self._sample[0])) > 0:
+            self._sample = [
+                np.concatenate([sample, column[known : known + room]])
+                for sample, column in zip(self._sample, columns[1:], strict=True)
+            ]
         self._before = tuple(column[-1:].copy() for column in columns)
 
     def _columns(self, states):
@@ -126,20 +175,27 @@ class Quality:
         if not len(forward):
             return
         at = np.log(forward / SHORTEST) / PER_BIN
-        self._bins += np.bincount(np.clip(at, 0, BINS - 1).astype(int), minlength=BINS)
+        bins = np.clip(at, 0, BINS - 1).astype(int)
+        apart = forward - MIDDLES[bins]
+        for row, weights in zip(self._intervals, (None, apart, apart * apart), strict=True):
+            row += np.bincount(bins, weights, minlength=BINS)
         k = int(np.argmax(elapsed))
         if elapsed[k] > self._longest:
             self._longest, self._longest_at = float(elapsed[k]), int(stamps[k])
-        period = self._median()
-        gaps = forward > GAP * period
-        self._gaps += int(gaps.sum())
-        regular = forward[~gaps] - period
-        self._squares += len(regular), regular @ regular
 
-    def _median(self):
-        """Median of the intervals [s]."""
-        k = int(np.searchsorted(np.cumsum(self._bins), self._bins.sum() / 2))
-        return float(SHORTEST * np.exp((k + 0.5) * PER_BIN))
+    def _regularity(self):
+        """Period, root mean square distance of intervals from it [s], and number of gaps; None, None, 0 without intervals."""
+        number, apart, squares = self._intervals
+        total = number.sum()
+        if not total:
+            return None, None, 0
+        k = int(np.searchsorted(np.cumsum(number), total / 2))
+        period = float(MIDDLES[k] + apart[k] / number[k])
+        first = 1 + int(np.searchsorted(MIDDLES, GAP * period))  # the first bin that is wholly beyond
+        off = MIDDLES[:first] - period
+        sums = squares[:first] + 2.0 * off * apart[:first] + off**2 * number[:first]
+        jitter = float(np.sqrt(max(sums.sum(), 0.0) / number[:first].sum()))
+        return period, jitter, int(number[first:].sum())
 
     def report(self):
         """What has been seen, as a dict of numbers, and by joint.
@@ -156,12 +212,11 @@ class Quality:
             bound that is often reached; `steps`, the smallest step by quantity.
         """
         joints = {name: self._of_joint(j) for j, name in enumerate(self._joints)}
-        period = self._median() if self._bins.any() else None
-        number, squares = self._squares
+        period, jitter, gaps = self._regularity()
         return {
             "rate": None if period is None else 1.0 / period,
-            "jitter": float(np.sqrt(squares / number)) if number else None,
-            "gaps": self._gaps,
+            "jitter": jitter,
+            "gaps": gaps,
             "longest_gap": self._longest,
             "longest_gap_at": self._longest_at,
             "repeated_states": int(self._repeated[0]),
@@ -201,9 +256,8 @@ class Quality:
     def _steps(self, j):
         """Smallest step of each signal that has steps, by quantity."""
         found = {}
-        for name, pieces in zip(FIELDS, zip(*self._sample, strict=True), strict=True):
-            values = np.concatenate([piece[:, j] for piece in pieces])
-            values = values[np.isfinite(values)]
+        for name, sample in zip(FIELDS, self._sample, strict=True):
+            values = sample[:, j][np.isfinite(sample[:, j])]
             levels = np.unique(values)
             if 2 < len(levels) <= STEPS * len(values):
                 found[name] = float(np.diff(levels).min())

@@ -4,32 +4,24 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from itertools import chain
+from typing import Any
+
+import numpy as np
 
 from diag_dynamics.arrays import Array
+from diag_dynamics.assembly.stamps import SECOND
+from diag_dynamics.bags.messages import Messages
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.robots import model_of, require_single_joints
+from diag_dynamics.recordings.account import Account, Finding
 from diag_dynamics.recordings.intake import Intake, States
 from diag_dynamics.recordings.sources import source_of
 
 SIZE = 20_000
 """States of a piece: more are no faster, and take more memory than the processor's cache has."""
-
-
-class Finding(NamedTuple):
-    """Something about a recording that a reader of its numbers should know."""
-
-    cause: str
-    """A short key, such as ``rejected: late`` or ``unread``."""
-    count: int
-    """How often."""
-    text: str
-    """What, and where it was first."""
-
-    def __str__(self) -> str:
-        return f"{self.cause} ({self.count} ×): {self.text}" if self.count > 1 else f"{self.cause}: {self.text}"
 
 
 class Recording:
@@ -88,6 +80,8 @@ def read_recording(
     *,
     topic: str | None = None,
     parameters: Mapping[str, Any] | None = None,
+    start: float | None = None,
+    end: float | None = None,
 ) -> Recording:
     """Read a recording, whole: see :func:`stream_recording` for one that is too large for that.
 
@@ -103,6 +97,9 @@ def read_recording(
         That of the joint states, where a bag has several of them.
     parameters : mapping, optional
         Parameters of the monitor, by name, that are to have other values than there by default.
+    start, end : float, optional
+        Part of the recording that is wanted, in seconds after the beginning of the file, by the times at which messages were
+        recorded. Nothing is known of what was before: the first states are those from which all joints have come.
 
     Returns
     -------
@@ -116,7 +113,7 @@ def read_recording(
     DiagDynamicsError
         The robot's description is refused.
     """
-    pieces = list(stream_recording(path, model, columns, topic=topic, parameters=parameters))
+    pieces = list(stream_recording(path, model, columns, topic=topic, parameters=parameters, start=start, end=end))
     last = pieces[-1]
     whole = States.together([piece.states for piece in pieces])
     return Recording(last.model, whole, last.offset, last.counts, last.findings)
@@ -129,13 +126,15 @@ def stream_recording(
     *,
     topic: str | None = None,
     parameters: Mapping[str, Any] | None = None,
+    start: float | None = None,
+    end: float | None = None,
     size: int = SIZE,
 ) -> Iterator[Recording]:
     """Read a recording piece by piece, in bounded memory.
 
     Parameters
     ----------
-    path, model, columns, topic, parameters
+    path, model, columns, topic, parameters, start, end
         As of :func:`read_recording`.
     size : int
         States of a piece, about.
@@ -145,25 +144,34 @@ def stream_recording(
     Recording
         Of one piece; `counts` and `findings` are those of all that came until then. The last one may be empty.
     """
-    yield from Reading(path, model, columns, topic=topic, parameters=parameters).pieces(size)
+    yield from Reading(path, model, columns, topic=topic, parameters=parameters, start=start, end=end).pieces(size)
 
 
 class Reading:
     """A recording that is being read.
+
+    Parameters
+    ----------
+    path, model, columns, topic, parameters, start, end
+        As of :func:`read_recording`.
 
     Attributes
     ----------
     model : RobotModel
     settings : Settings
         Of the monitor that would have taken it in.
+    intake : Intake
+    settles : bool
+        Whether :meth:`settling` comes before :meth:`pieces`.
     """
 
-    def __init__(self, path, model=None, columns=None, *, topic=None, parameters=None):
+    def __init__(self, path, model=None, columns=None, *, topic=None, parameters=None, start=None, end=None):
         unknown = set(parameters or {}) - set(PARAMETERS)
         if unknown:
             raise InputError(f"the monitor has no parameter '{min(unknown)}'.")
         defaults = {name: spec.default for name, spec in PARAMETERS.items()}
         self.settings = Settings.of(defaults | dict(parameters or {}))
+        self._after = _nanoseconds(start, end)
         self._source = source_of(path, columns, topic)
         if isinstance(model, RobotModel):
             require_single_joints(model)
@@ -172,16 +180,44 @@ class Reading:
             description = self._source.description() if model is None else os.fspath(model)
             self.model = model_of(description, self.settings.values)
         self.intake = Intake(self.model, self.settings)
+        self._begin = self._end = None
+        self.settles, self._first, self._stream = False, [], None
+        if self._after != (None, None) and self._source.start is not None:
+            self.limit(*self._times(self._source.start))
 
     @property
     def offset(self):
         """By how much stamps are later than times in the recording [ns]; known when there is a piece."""
         return self._source.offset
 
+    def starts(self):
+        """Log times [ns] at which the file can be cut; empty if it has no index."""
+        return self._source.starts(self.model)
+
+    def limit(self, begin=None, end=None, settle=0):
+        """Read messages from one log time on, and before another one [ns]; and some before these, to settle.
+
+        Parameters
+        ----------
+        begin, end : int, optional
+        settle : int
+            Time before `begin` [ns] whose messages :meth:`settling` hands out.
+        """
+        self._begin, self._end, self.settles = begin, end, begin is not None and settle > 0
+        self._source.limit(None if begin is None else begin - settle, end)
+        self._settle = settle
+
+    def settling(self, size=SIZE):
+        """Hand out what comes before the limit, as :meth:`pieces` does."""
+        yield from self._together(self._before_seam(), size)
+
     def pieces(self, size=SIZE):
         """See :func:`stream_recording`."""
+        yield from self._together(chain(self._first, self._messages()), size)
+
+    def _together(self, stream, size):
         held, count = [], 0
-        for messages, kinds in self._source.pieces(self.model):
+        for messages, kinds in stream:
             held.append(self.intake.take(messages, kinds))
             count += held[-1].number
             if count >= size:
@@ -189,28 +225,61 @@ class Reading:
                 held, count = [], 0
         yield self._recording(States.together(held) if held else States.none(self.model))
 
-    def _recording(self, states):
-        return Recording(self.model, states, self._source.offset, self.intake.counts, self.findings())
+    def _before_seam(self):
+        """Messages before the limit; of those that come with them, the others are kept."""
+        for messages, kinds in self._messages(self._settle):
+            before = _between(messages, None, self._begin)
+            if len(before.at):
+                yield before, kinds
+            if len(before.at) < len(messages.at):
+                self._first = [(_between(messages, self._begin, None), kinds)]
+                return
 
-    def findings(self):
-        """What is known of the recording by now."""
-        counts, first = self.intake.counts, {}
-        for rejection in self.intake.rejections:
-            first.setdefault(rejection.cause, rejection.text)
-        found = [Finding("unread", 1, f"{one.file}, {one.where}: {one.what}") for one in self._source.unread]
-        found += [Finding("note", 1, note) for note in self._source.notes]
-        found += [Finding(cause, counts[cause], text) for cause, text in first.items()]
-        for cause, text in (
-            ("lost by gaps in stamps", "states that never came, by the gaps in the stamps"),
-            ("positions jumped", self.intake.assembler.jumps.last),
-            ("mimic disagreement", self.intake.assembler.last_disagreement),
-            ("absurd effort", "efforts beyond what can be, taken as unknown"),
-            ("incomplete", "messages before all joints were known"),
-            ("before odometry", "joint states before the base was known"),
-            ("foreign", "messages without a joint of this robot"),
-            ("time jumped back", "stamps went back, and all joints were forgotten"),
-            ("awaiting velocity", "states before a velocity could be estimated"),
-        ):
-            if counts[cause]:
-                found.append(Finding(cause, counts[cause], text))
-        return found + [Finding("frozen values", number, text) for text, number in self.intake.frozen_texts.items()]
+    def _messages(self, settle=0):
+        """Messages within the limits."""
+        if self._stream is None:
+            self._stream = self._source.pieces(self.model)
+        for messages, kinds in self._stream:
+            if self._after != (None, None) and self._begin is self._end is None and len(messages.at):
+                self._begin, self._end = self._times(int(messages.log_time[0]))
+            begin = None if self._begin is None else self._begin - settle
+            within = _between(messages, begin, self._end)
+            if len(within.at):
+                yield within, kinds
+
+    def _times(self, first):
+        """Log times of the part that is wanted, of a recording that begins with this one [ns]."""
+        return tuple(None if after is None else first + after for after in self._after)
+
+    def _recording(self, states):
+        account = self.account()
+        return Recording(self.model, states, self._source.offset, account.counts, account.findings())
+
+    def account(self):
+        """What is known of the messages by now."""
+        return Account(self.intake, self._source.unread, self._source.notes, self._source.misplaced)
+
+
+def _nanoseconds(start, end):
+    """Both in ns."""
+    for name, seconds in (("start", start), ("end", end)):
+        if seconds is not None and not 0.0 <= seconds < 1e9:
+            raise InputError(
+                f"{name} is {seconds!r}, expected seconds after the beginning of the recording, 0 or more."
+            )
+    if None not in (start, end) and end <= start:
+        raise InputError(f"end is {end!r} s, expected more than start, {start!r} s.")
+    return tuple(None if seconds is None else round(seconds * SECOND) for seconds in (start, end))
+
+
+def _between(messages, begin, end):
+    """Messages from one log time on, and before another one [ns]."""
+    if begin is None and end is None:
+        return messages
+    times = messages.log_time
+    within = np.ones(len(times), dtype=bool)
+    if begin is not None:
+        within &= times >= begin
+    if end is not None:
+        within &= times < end
+    return messages if within.all() else Messages(messages.data, *(column[within] for column in messages[1:]))

@@ -100,13 +100,33 @@ class BagSource:
                     return text
         raise InputError(f"'{self._path}' has no robot_description: say which robot it is of (model, or --urdf ROBOT).")
 
-    def pieces(self, model):
-        """Pieces of messages and types of their connections, in the order of log time."""
+    @property
+    def start(self):
+        """Log time [ns] that no message is before; None if it is known when there is a piece."""
+        return self._bag.start
+
+    @property
+    def misplaced(self):
+        """Whether messages were not where the file says that those of their time are."""
+        return self._bag.misplaced
+
+    def limit(self, begin, end):
+        """Leave messages out, where that is easy, that are before a log time, or not before another one [ns]."""
+        self._bag.limit(begin, end)
+
+    def starts(self, model):
+        """Log times [ns] at which reading can begin, see :meth:`Bag.starts`."""
+        return self._bag.starts(self._wanted(model))
+
+    def _wanted(self, model):
         wanted = self._of(JOINT_STATE, self._topic)
         if not wanted and not model.floating_base:
             raise InputError(f"'{self._path}' has no joint states: {self._all()}.")
-        if model.floating_base:
-            wanted += self._of(ODOMETRY, None)
+        return wanted + self._of(ODOMETRY, None) if model.floating_base else wanted
+
+    def pieces(self, model):
+        """Pieces of messages and types of their connections, in the order of log time."""
+        wanted = self._wanted(model)
         kinds = np.array([connection.type for connection in self._bag.connections])
         for messages in self._bag.pieces(wanted):
             yield messages, kinds
@@ -146,6 +166,8 @@ class BagSource:
 class TableSource:
     """Rows of a table, as messages."""
 
+    start, misplaced = None, False  # as of BagSource
+
     def __init__(self, path, columns=None):
         self._path, self._columns, self._table = path, columns, None
         self.offset = 0
@@ -163,6 +185,13 @@ class TableSource:
     def description(self):
         """Nothing but an error: a table does not describe its robot."""
         raise InputError(f"'{self._path}' does not say which robot it is of: give it (model, or --urdf ROBOT).")
+
+    def limit(self, begin, end):
+        """Leave nothing out: a table has no index."""
+
+    def starts(self, model):
+        """None: as of BagSource."""
+        return []
 
     def pieces(self, model):
         """Pieces of messages and the type of all of them."""

@@ -9,19 +9,24 @@ FEW = 5
 """Joints, findings and collisions that the text tells of one by one."""
 
 
-def summary_of(analysis):
+def summary_of(outcome):
     """Numbers of an analysis that is over, in SI units; times are those of the recording.
+
+    Parameters
+    ----------
+    outcome : Outcome
 
     Returns
     -------
     dict
         `robot`, `degrees_of_freedom`; `states`, `duration`, `begin`, `end` [s]; `counts` of messages by what became of them,
-        and `rejected` by cause; `kinetic_energy`: `mean`, `max` [J], `at` [s], and `share`, the largest of each joint;
-        `peaks`; `explained`, `explained_with_potential`, `residual_power` [W]: None without efforts; `balance`, `observer`;
-        `collisions`: `start`, `end`, `joints`, `norm`; `quality`; `warnings`; `findings`: `cause`, `count`, `text`.
+        and `rejected` by cause; `kinetic_energy`: `mean`, `max` [J], `at` [s], `share`, the largest of each joint, and
+        `histogram`: `from`, `to` [J], `states`; `peaks`; `explained`, `explained_with_potential`, `residual_power` [W]: None
+        without efforts; `balance`, `observer`; `collisions`: `start`, `end`, `joints`, `norm`; `quality`; `warnings`;
+        `findings`: `cause`, `count`, `text`.
     """
-    reading, quality, balance, peaks = analysis.reading, analysis.quality, analysis.balance, analysis.peaks
-    offset, counts = reading.offset, reading.intake.counts
+    quality, balance, peaks, names = outcome.quality, outcome.balance, outcome.peaks, outcome.names
+    offset, counts = outcome.offset, outcome.account.counts
 
     def time(stamp):
         return None if stamp is None else (stamp - offset) * 1e-9
@@ -31,9 +36,9 @@ def summary_of(analysis):
     report["longest_gap_at"] = time(report["longest_gap_at"])
     begin, end = quality.begin, quality.end
     return {
-        "robot": reading.model.name,
-        "degrees_of_freedom": list(reading.model.dof_names),
-        "states": analysis.states,
+        "robot": outcome.robot,
+        "degrees_of_freedom": list(names),
+        "states": outcome.states,
         "duration": 0.0 if begin is None else (end - begin) * 1e-9,
         "begin": time(begin),
         "end": time(end),
@@ -42,10 +47,11 @@ def summary_of(analysis):
             cause.removeprefix(REJECTED): n for cause, n in sorted(counts.items()) if cause.startswith(REJECTED) and n
         },
         "kinetic_energy": {
-            "mean": analysis.mean_energy,
+            "mean": outcome.mean_energy,
             "max": energy,
             "at": time(energy_at),
-            "share": _by_name(reading.model.dof_names, peaks.of_each.get("energy_share")),
+            "share": _by_name(names, peaks.of_each.get("energy_share")),
+            "histogram": outcome.histogram.told(),
         },
         "peaks": {
             quantity: {"value": value, "at": time(at), "of": whose}
@@ -57,22 +63,23 @@ def summary_of(analysis):
         "balance": {
             "windows": balance.residual.count,
             "length": WINDOW,
+            "moments": {name: getattr(balance, name).told() for name in ("kinetic", "total", "residual")},
             "says": balance.judgement(),
             "joints": {
                 name: {"residual_power": rms, "share": share} for name, (rms, share) in balance.of_joints().items()
             },
         },
         "observer": {
-            "gain": analysis.gain,
-            "threshold": None if analysis.threshold == float("inf") else analysis.threshold,
+            "gain": outcome.gain,
+            "threshold": None if outcome.threshold == float("inf") else outcome.threshold,
         },
         "collisions": [
             {"start": time(one.start), "end": time(one.end), "joints": list(one.joints), "norm": one.norm}
-            for one in analysis.collisions.found
+            for one in outcome.collisions.found
         ],
         "quality": report,
         "warnings": quality.warnings(),
-        "findings": [{"cause": one.cause, "count": one.count, "text": one.text} for one in reading.findings()],
+        "findings": [{"cause": one.cause, "count": one.count, "text": one.text} for one in outcome.account.findings()],
     }
 
 

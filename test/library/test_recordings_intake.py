@@ -12,6 +12,7 @@ from diag_dynamics.assembly.frozen import Frozen
 from diag_dynamics.assembly.gaps import Gaps
 from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
+from diag_dynamics.recordings.account import Account
 from diag_dynamics.recordings.intake import JOINT_STATE, Intake, States
 from diag_dynamics.wire.definitions import read_message
 from hostile import MS, START, S, hostile, messages_of
@@ -50,7 +51,7 @@ def in_columns(model, settings, pairs, cuts):
     pieces = [
         intake.take(messages_of(part), np.array([JOINT_STATE])) for part in np.split(np.array(pairs, object), cuts)
     ]
-    return States.together(pieces), intake.counts
+    return States.together(pieces), Account(intake).counts
 
 
 def settings_of(**changed):

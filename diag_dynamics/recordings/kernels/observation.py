@@ -12,14 +12,14 @@ OBSERVER = Table(
     nu=array(float),  # of the last sample
     resisting=array(float),
     epsilon=array(float),
-    time=array(float),  # of the last sample [s]
+    stamp=array(int),  # of the last sample [ns]
     flags=array(int),  # whether there is a last sample, whether its result is valid, and whether it is a collision
 )
 """What an observer knows when it takes a state in, and then anew."""
 
 OBSERVED = Table(
     "Observed",
-    time=array(float),  # of the states [s]
+    stamp=array(int),  # of the states [ns]
     with_effort=array(bool),
     moved=array(bool),  # states to which no motion has led: all begins anew
     nu=array(float, 2),
@@ -48,14 +48,14 @@ def observe_many(observer, observed, threshold, release, max_gap):
     own, of = _observer_at(observer), _observed_at(observed)
     r, flags, n = own.residual, own.flags, len(own.residual)
     resists = len(of.friction) > 0
-    for t in range(len(of.time)):
+    for t in range(len(of.stamp)):
         if of.moved[t]:
             flags[HAS_SAMPLE] = flags[IS_VALID] = flags[COLLIDES] = 0
             for k in range(n):
                 r[k] = 0.0
         valid = False
         if of.with_effort[t]:
-            interval = of.time[t] - own.time[0]
+            interval = (of.stamp[t] - own.stamp[0]) / 1e9
             again = flags[HAS_SAMPLE] == 1 and interval == 0.0
             begins = flags[HAS_SAMPLE] == 0 or interval < 0.0 or interval > max_gap
             if again:
@@ -72,7 +72,7 @@ def observe_many(observer, observed, threshold, release, max_gap):
                         external = (of.nu[t, k] - own.nu[k]) / interval - mean
                         r[k] = r[k] - np.expm1(-own.gain[k] * interval) * (external - r[k])
                     own.nu[k], own.resisting[k], own.epsilon[k] = of.nu[t, k], resisting, of.epsilon[t, k]
-                own.time[0], flags[HAS_SAMPLE] = of.time[t], 1
+                own.stamp[0], flags[HAS_SAMPLE] = of.stamp[t], 1
                 valid = not begins
                 if begins:
                     flags[COLLIDES] = 0

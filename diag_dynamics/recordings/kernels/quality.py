@@ -5,13 +5,13 @@ from diag_dynamics.compiled.tables import Table, array
 
 NEIGHBOURS = Table(
     "Neighbours",
-    time=array(float),  # of the states [s], of which the first one is the last of the piece before, if there was one
+    stamp=array(int),  # of the states [ns], of which the first one is the last of the piece before, if there was one
     position=array(float, 2),
     velocity=array(float, 2),
     effort=array(float, 2),
     moved=array(bool),  # states to which no motion has led
     turns=array(bool),  # joints whose position is an angle that turns round
-    span=array(float),  # time since the window began [s]
+    whole=array(int),  # whether the window began as one
     begun=array(
         float, 2
     ),  # of each joint: its velocity when the window began, and the integrals of both since, see WINDOW
@@ -34,11 +34,12 @@ MOVING = 0.05
 _neighbours_at = NEIGHBOURS.opened
 
 
-@entry_kernel(COUNT, COUNT, NUMBER, NUMBER, nogil=True)
+@entry_kernel(COUNT, COUNT, COUNT, NUMBER, nogil=True)
 def compare_neighbours(neighbours, first, length, longest):
-    """Compare each state from `first` on with the one before, and positions with velocities over windows of a length [s].
+    """Compare each state from `first` on with the one before, and positions with velocities over windows of a length [ns].
 
-    A window begins anew where no motion has led, and where states are more than `longest` apart [s].
+    Windows lie as those of the balance do. They begin anew where no motion has led, and where states are more than `longest`
+    apart [s].
     """
     of = _neighbours_at(neighbours)
     q, qd, tau, begun, sums, extremes = of.position, of.velocity, of.effort, of.begun, of.sums, of.extremes
@@ -54,7 +55,7 @@ def compare_neighbours(neighbours, first, length, longest):
                 extremes[LARGEST_EFFORT, j], extremes[AT_EFFORT, j] = effort, 1.0
             elif effort == extremes[LARGEST_EFFORT, j]:
                 extremes[AT_EFFORT, j] += 1.0
-        elapsed = of.time[t] - of.time[t - 1] if t > 0 else -1.0
+        elapsed = (of.stamp[t] - of.stamp[t - 1]) / 1e9 if t > 0 else -1.0
         if t > 0:
             if elapsed == 0.0:
                 of.repeated[1] += 1
@@ -70,24 +71,24 @@ def compare_neighbours(neighbours, first, length, longest):
         if elapsed == 0.0:
             continue
         if of.moved[t] or not 0.0 < elapsed <= longest:
-            of.span[0] = 0.0
+            of.whole[0] = 0
             for j in range(n):
                 begun[VELOCITY, j], begun[TRAVELLED, j], begun[INTEGRAL, j] = qd[t, j], 0.0, 0.0
             continue
-        of.span[0] += elapsed
         for j in range(n):
             step = q[t, j] - q[t - 1, j]
             if of.turns[j]:
                 step = (step + PI) % (2.0 * PI) - PI
             begun[TRAVELLED, j] += step
             begun[INTEGRAL, j] += 0.5 * elapsed * (qd[t - 1, j] + qd[t, j])
-        if of.span[0] < length:
+        if of.stamp[t] // length == of.stamp[t - 1] // length:
             continue
-        of.span[0] = 0.0
         for j in range(n):
-            change, apart = qd[t, j] - begun[VELOCITY, j], begun[TRAVELLED, j] - begun[INTEGRAL, j]
-            sums[TRAVEL, j] += begun[TRAVELLED, j] * begun[TRAVELLED, j]
-            sums[CHANGE, j] += change * change
-            sums[APART, j] += apart * apart
-            sums[TOGETHER, j] += apart * change
+            if of.whole[0] == 1:
+                change, apart = qd[t, j] - begun[VELOCITY, j], begun[TRAVELLED, j] - begun[INTEGRAL, j]
+                sums[TRAVEL, j] += begun[TRAVELLED, j] * begun[TRAVELLED, j]
+                sums[CHANGE, j] += change * change
+                sums[APART, j] += apart * apart
+                sums[TOGETHER, j] += apart * change
             begun[VELOCITY, j], begun[TRAVELLED, j], begun[INTEGRAL, j] = qd[t, j], 0.0, 0.0
+        of.whole[0] = 1

@@ -1,0 +1,83 @@
+"""What became of the messages of a recording, or of a piece of it."""
+
+from collections import Counter
+from typing import NamedTuple
+
+
+class Finding(NamedTuple):
+    """Something about a recording that a reader of its numbers should know."""
+
+    cause: str
+    """A short key, such as ``rejected: late`` or ``unread``."""
+    count: int
+    """How often."""
+    text: str
+    """What, and where it was first."""
+
+    def __str__(self) -> str:
+        return f"{self.cause} ({self.count} ×): {self.text}" if self.count > 1 else f"{self.cause}: {self.text}"
+
+
+LOST = "lost by gaps in stamps"
+
+TEXTS = {
+    LOST: "states that never came, by the gaps in the stamps",
+    "positions jumped": None,
+    "mimic disagreement": None,
+    "absurd effort": "efforts beyond what can be, taken as unknown",
+    "incomplete": "messages before all joints were known",
+    "before odometry": "joint states before the base was known",
+    "foreign": "messages without a joint of this robot",
+    "time jumped back": "stamps went back, and all joints were forgotten",
+    "awaiting velocity": "states before a velocity could be estimated",
+}
+"""What is told of, though no message was rejected, by the name of its count; without a text, that of the last time."""
+
+
+class Account:
+    """Counts and texts, which those of the next piece can be added to.
+
+    Parameters
+    ----------
+    intake : Intake
+        Which has taken the messages in.
+    unread : sequence of Unread
+    notes : sequence of str
+        What else is odd about the file.
+    misplaced : bool
+        Whether messages were not where the file says that those of their time are: pieces of it may lack some.
+    """
+
+    def __init__(self, intake, unread=(), notes=(), misplaced=False):
+        self._counts, self._gaps = intake.counts, intake.assembler.gaps
+        self._first, self._last, self._frozen = {}, intake.last_texts, Counter(intake.frozen.told)
+        for rejection in intake.rejections:
+            self._first.setdefault(rejection.cause, rejection.text)
+        self._unread, self._notes, self.misplaced = list(unread), list(notes), misplaced
+
+    @property
+    def counts(self):
+        """How many messages there were and what became of them, by the monitor's names for it."""
+        return self._counts + Counter({LOST: self._gaps.lost})
+
+    def add(self, other):
+        """Take in that of the next piece."""
+        self._counts = self._counts + other._counts
+        other._gaps.replay(self._gaps)
+        self._first = other._first | self._first
+        self._last |= {what: text for what, text in other._last.items() if other._counts[what]}
+        self._frozen += other._frozen
+        self._unread += [one for one in other._unread if one not in self._unread]
+        self._notes += [one for one in other._notes if one not in self._notes]
+        self.misplaced = self.misplaced or other.misplaced
+
+    def findings(self):
+        """What is worth knowing: a list of Finding."""
+        counts = self.counts
+        found = [Finding("unread", 1, f"{one.file}, {one.where}: {one.what}") for one in self._unread]
+        found += [Finding("note", 1, note) for note in self._notes]
+        found += [Finding(cause, counts[cause], text) for cause, text in self._first.items()]
+        for cause, text in TEXTS.items():
+            if counts[cause]:
+                found.append(Finding(cause, counts[cause], text or self._last[cause]))
+        return found + [Finding("frozen values", number, text) for text, number in self._frozen.items()]

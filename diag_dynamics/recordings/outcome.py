@@ -1,0 +1,72 @@
+"""What is left of an analysis when it is over: it can be sent to another process, and that of the next piece added to it."""
+
+from diag_dynamics.recordings.balance import Balance
+from diag_dynamics.recordings.collisions import Collisions
+from diag_dynamics.recordings.histogram import Histogram
+from diag_dynamics.recordings.peaks import Peaks
+from diag_dynamics.recordings.seams import agree
+
+
+class Outcome:
+    """All that a summary tells of.
+
+    Parameters
+    ----------
+    model : RobotModel
+    quality : Quality
+    gain, threshold : float
+        Of the observer.
+    colliding : bool
+        Whether a collision was on before the first state.
+
+    Attributes
+    ----------
+    robot, names : str, tuple of str
+        Name of the model, and of its degrees of freedom.
+    balance : Balance
+    quality : Quality
+    peaks : Peaks
+    collisions : Collisions
+    histogram : Histogram
+        Of the kinetic energy [J].
+    states : int
+    account : Account
+        Of the messages; set when the analysis is over, as the next three are.
+    offset : int
+        By how much stamps are later than times in the recording [ns].
+    begin, end : dict
+        What was known at the first message and after the last one; see :mod:`diag_dynamics.recordings.seams`.
+    """
+
+    def __init__(self, model, quality, gain, threshold, colliding=False):
+        self.robot, self.names, self.gain, self.threshold = model.name, tuple(model.dof_names), gain, threshold
+        self.balance, self.quality, self.peaks = Balance(self.names), quality, Peaks()
+        self.collisions, self.histogram = Collisions(self.names, colliding), Histogram()
+        self.states, self._kinetic = 0, 0.0
+        self.account = self.begin = self.end = None
+        self.offset = 0
+
+    def take_energy(self, kinetic_energy):
+        """Take in K at states [J]."""
+        self.states += len(kinetic_energy)
+        self._kinetic += float(kinetic_energy.sum())
+        self.histogram.take(kinetic_energy)
+
+    @property
+    def mean_energy(self):
+        """Mean of K over the states [J]."""
+        return self._kinetic / self.states if self.states else None
+
+    def is_followed_by(self, other):
+        """Whether another one begins with what this one knows at its end."""
+        return agree(self.end, other.begin)
+
+    def add(self, other):
+        """Take in that of the next piece."""
+        for name in ("account", "balance", "quality", "peaks", "collisions", "histogram"):
+            getattr(self, name).add(getattr(other, name))
+        if not self.states:
+            self.offset = other.offset
+        self.states += other.states
+        self._kinetic += other._kinetic
+        self.end = other.end
