@@ -8,6 +8,7 @@ import warnings
 from functools import partial
 from pathlib import Path
 
+from diag_dynamics.cli import fleet
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import load_robot
 from diag_dynamics.parameters.files import parameters_of
@@ -23,13 +24,15 @@ DONE, WORTH_KNOWING, FAILED = range(3)
 """Exit statuses: all is well; the recording has been analysed, but something about it is not right; it could not be."""
 
 EPILOG = """exit status: 0 all is well; 1 analysed, but part of it could not be read, messages were rejected, or the balance
-of power explains less than 80 %% (see the summary); 2 it could not be analysed."""
+of power explains less than 80 %% (see the summary), or one of a fleet failed; 2 it could not be analysed."""
 
 
 def run(name, arguments):
     """Analyse recordings; returns the exit status."""
     parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
-    parser.add_argument("recording", help="rosbag2 folder, .mcap, .db3, ROS 1 .bag, or CSV, TSV, Parquet, npz")
+    parser.add_argument(
+        "recording", nargs="?", help="rosbag2 folder, .mcap, .db3, ROS 1 .bag, or CSV, TSV, Parquet, npz"
+    )
     parser.add_argument(
         "--urdf", help="the robot: URDF, or a name that `diag-dynamics robots` lists (default: the bag's own)"
     )
@@ -46,10 +49,17 @@ def run(name, arguments):
     parser.add_argument("--csv", metavar="OUT.csv", help="the same as text")
     parser.add_argument("--json", metavar="SUMMARY.json", help="the summary for programs; - for stdout")
     parser.add_argument("--threads", type=int, help="for evaluation (default: as many as there are processors)")
+    parser.add_argument("--start", type=float, metavar="SECONDS", help="after the beginning: nothing before is read")
+    parser.add_argument(
+        "--end", type=float, metavar="SECONDS", help="after the beginning: nothing from there on is read"
+    )
     parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
+    fleet.add_arguments(parser)
     chosen = parser.parse_args(arguments)
+    if (chosen.recording is None) == (chosen.fleet is None):
+        parser.error("one recording is expected, or --fleet PATTERN…")
     try:
-        return _analyse(chosen)
+        return _analyse_fleet(chosen) if chosen.fleet else _analyse(chosen)
     except (DiagDynamicsError, OSError) as error:
         print(f"diag-dynamics {name}: {error}", file=sys.stderr)
         return FAILED
@@ -59,7 +69,15 @@ def _analyse(chosen):
     if chosen.threads is not None and chosen.threads < 1:
         raise InputError(f"--threads is {chosen.threads}, expected at least 1.")
     parameters = parameters_of(chosen.parameters, chosen.set)
-    reading = Reading(chosen.recording, _robot(chosen.urdf), chosen.columns, topic=chosen.topic, parameters=parameters)
+    reading = Reading(
+        chosen.recording,
+        _robot(chosen.urdf),
+        chosen.columns,
+        topic=chosen.topic,
+        parameters=parameters,
+        start=chosen.start,
+        end=chosen.end,
+    )
     messages = partial(McapOutput, topics=chosen.topics.split(","))
     kinds = (chosen.mcap, messages), (chosen.parquet, ParquetOutput), (chosen.csv, CsvOutput)
     analysis = Analysis(reading, gain=chosen.gain, threads=chosen.threads)
@@ -90,6 +108,16 @@ def _analyse(chosen):
     return WORTH_KNOWING if _is_wrong(summary) else DONE
 
 
+def _analyse_fleet(chosen):
+    parameters = parameters_of(chosen.parameters, chosen.set)
+    report = fleet.analyse(chosen, parameters, _robot(chosen.urdf))
+    if not report["recordings"]:
+        return FAILED
+    rows = report["recordings"]
+    wrong = any(row["unread"] or row["rejected"] or _is_little(row["explained"]) for row in rows)
+    return WORTH_KNOWING if wrong or report["failed"] else DONE
+
+
 def _robot(urdf):
     """What the robot is made of: a file, or the name of an example."""
     if urdf is None or Path(urdf).expanduser().exists() or "/" in urdf or "." in urdf:
@@ -100,9 +128,12 @@ def _robot(urdf):
 
 
 def _is_wrong(summary):
-    explained = summary["explained"]
     unread = any(one["cause"] == "unread" for one in summary["findings"])
-    return bool(unread or summary["rejected"] or (explained is not None and explained < 0.8))
+    return bool(unread or summary["rejected"] or _is_little(summary["explained"]))
+
+
+def _is_little(explained):
+    return explained is not None and explained < 0.8
 
 
 class _Progress:

@@ -3,6 +3,8 @@
 from collections import Counter
 from typing import NamedTuple
 
+from diag_dynamics.recordings.intake import LOST
+
 
 class Finding(NamedTuple):
     """Something about a recording that a reader of its numbers should know."""
@@ -17,8 +19,6 @@ class Finding(NamedTuple):
     def __str__(self) -> str:
         return f"{self.cause} ({self.count} ×): {self.text}" if self.count > 1 else f"{self.cause}: {self.text}"
 
-
-LOST = "lost by gaps in stamps"
 
 TEXTS = {
     LOST: "states that never came, by the gaps in the stamps",
@@ -50,6 +50,7 @@ class Account:
 
     def __init__(self, intake, unread=(), notes=(), misplaced=False):
         self._counts, self._gaps = intake.counts, intake.assembler.gaps
+        self._counts.pop(LOST, None)  # these are of the gaps, which go on
         self._first, self._last, self._frozen = {}, intake.last_texts, Counter(intake.frozen.told)
         for rejection in intake.rejections:
             self._first.setdefault(rejection.cause, rejection.text)

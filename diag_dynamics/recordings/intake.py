@@ -21,6 +21,9 @@ from diag_dynamics.wire.odometry import odometry_of
 
 JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 
+LOST = "lost by gaps in stamps"
+"""Name of the count of states that never came."""
+
 MOST_TOLD = 20
 """Rejections whose text is kept, of each cause."""
 
@@ -115,10 +118,10 @@ class Intake:
 
     @property
     def counts(self):
-        """How many messages there were and what became of them, by the monitor's names for it; gaps count for themselves."""
+        """How many messages there were and what became of them, by the monitor's names for it."""
         counts = self._all_counts()
         counts.subtract(self._before)
-        return +counts
+        return +counts + Counter({LOST: self.assembler.gaps.lost})
 
     def _all_counts(self):
         jumps = self._base.jumps if self._base else 0

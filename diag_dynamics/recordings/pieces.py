@@ -1,5 +1,6 @@
 """A long recording in pieces that are analysed apart, and put together to what one piece would be."""
 
+from copy import deepcopy
 from itertools import pairwise
 
 from diag_dynamics.assembly.stamps import SECOND
@@ -9,6 +10,9 @@ DECAYS = 36.0
 
 REST = 1.0
 """What of the time to settle is for everything else [s]: windows, gaps, late stamps."""
+
+WHOLE = None, None
+"""The only piece of a recording."""
 
 
 def settling_time(settings, gain):
@@ -27,10 +31,10 @@ def settling_time(settings, gain):
 
 
 def seams(reading, length):
-    """Log times [ns] at which to cut a recording into pieces of about a length [s]; empty if it is to be one.
+    """Begin and end of pieces of a recording of about a length [s]: a list of tuples of log times [ns].
 
     They are where chunks of the file begin, so that few chunks are read twice, and no piece is empty however far apart the
-    times in a file are.
+    times in a file are. A recording without an index is one piece.
     """
     found, starts = [], reading.starts()
     last = starts[0] if starts else 0
@@ -38,7 +42,7 @@ def seams(reading, length):
         if start - last >= length * SECOND:
             found.append(start)
             last = start
-    return found
+    return spans(found)
 
 
 def spans(cuts):
@@ -62,7 +66,7 @@ def repaired(pieces, outcomes):
         file says that those of their time are.
     """
     if any(outcome.account.misplaced for outcome in outcomes):
-        return [(None, None)]
+        return [WHOLE]
     found = [pieces[0]]
     for k in range(1, len(pieces)):
         if outcomes[k - 1].is_followed_by(outcomes[k]):
@@ -73,8 +77,8 @@ def repaired(pieces, outcomes):
 
 
 def together(outcomes):
-    """One Outcome of those of all pieces, which are changed."""
-    whole, *others = outcomes
-    for other in others:
+    """One Outcome of those of all pieces, which stay as they are."""
+    whole = deepcopy(outcomes[0])
+    for other in outcomes[1:]:
         whole.add(other)
     return whole

@@ -29,12 +29,12 @@ LENGTH, LONGEST = 0.05, 0.1
 time between two states beyond which they say nothing of each other."""
 
 GAP = 3.0
-"""Periods without a state that are a gap, to 1.2 %."""
+"""Periods without a state that are a gap, to 2 %."""
 
 SHORTEST, BINS, PER_BIN = 1e-7, 2001, np.log(1e10) / 2000
-"""Lower bound of the first bin of intervals [s], their number, and their width as a difference of logarithms. The period is the
-mean of the bin that has the median: exact to 1.2 %, whatever the length, and to the nanosecond where intervals are nearly all
-the same."""
+"""Lower bound of the first bin of intervals [s], their number, and their width as a difference of logarithms. The period is
+the mean of the bin that has the median: exact to 1.2 %, whatever the length, and to the nanosecond where intervals are nearly
+all the same."""
 
 MIDDLES = SHORTEST * np.exp((np.arange(BINS) + 0.5) * PER_BIN)
 """Of the bins [s]: of distances from these, sums of squares are exact."""

@@ -6,16 +6,18 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from test_recordings_intake import START, Driver, S, hostile
+from mcap.writer import Writer
+from rosbags.typesys import Stores, get_typestore
 
 import diag_dynamics as dd
 from bags import Told, write_mcap
 from diag_dynamics.recordings.analysis import Analysis
+from diag_dynamics.recordings.intake import ODOMETRY
 from diag_dynamics.recordings.pieces import repaired, seams, settling_time, spans, together
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import summary_of
+from hostile import JOINT_STATE, MS, START, Driver, S, hostile
 
-MS = 10**6
 SOME = {
     "defaults": {},
     "collisions": {"external_torque.gain": 25.0, "external_torque.threshold": 2.0},
@@ -50,9 +52,8 @@ def analysed(path, model, parameters, begin=None, end=None, settle=None):
     return analysis.outcome
 
 
-def in_pieces(path, model, parameters, cuts, settle=None):
+def in_pieces(path, model, parameters, pieces, settle=None):
     """Outcome, and how many pieces it took in the end."""
-    pieces = spans(cuts)
     while True:
         outcomes = [analysed(path, model, parameters, *piece, settle) for piece in pieces]
         better = repaired(pieces, outcomes)
@@ -83,9 +84,9 @@ def unordered(summary):
     return summary | {"findings": sorted(summary["findings"], key=str)}
 
 
-def check(path, model, parameters, cuts, settle=None):
+def check(path, model, parameters, pieces, settle=None):
     whole = analysed(path, model, parameters)
-    outcome, number = in_pieces(path, model, parameters, cuts, settle)
+    outcome, number = in_pieces(path, model, parameters, pieces, settle)
     compare(unordered(summary_of(outcome)), unordered(summary_of(whole)))
     return number
 
@@ -93,9 +94,9 @@ def check(path, model, parameters, cuts, settle=None):
 @pytest.mark.parametrize("parameters", SOME.values(), ids=SOME)
 def test_good_recordings_need_no_repair(tmp_path, panda, parameters):
     path = written(tmp_path / "good.mcap", good(panda, 16.0))
-    cuts = seams(Reading(path, panda), 4.0)
-    assert len(cuts) == 3
-    assert check(path, panda, parameters, cuts) == 4
+    pieces = seams(Reading(path, panda), 4.0)
+    assert len(pieces) == 4
+    assert check(path, panda, parameters, pieces) == 4
 
 
 @pytest.mark.parametrize("parameters", SOME.values(), ids=SOME)
@@ -105,7 +106,7 @@ def test_hostile_recordings(tmp_path, panda, parameters, seed, cuts):
     pairs = hostile(panda, seed, 1200, odd=0.05)
     path, last = written(tmp_path / "hostile.mcap", pairs), pairs[-1][1]
     times = sorted({START + int(part * (last - START)) for part in cuts})
-    check(path, panda, parameters, times, settle=2 * S)
+    check(path, panda, parameters, spans(times), settle=2 * S)
 
 
 def test_most_seams_of_hostile_recordings_hold(tmp_path, panda):
@@ -114,13 +115,57 @@ def test_most_seams_of_hostile_recordings_hold(tmp_path, panda):
     for seed in range(8):
         pairs = hostile(panda, seed, 1500, odd=0.03)
         path, last = written(tmp_path / f"{seed}.mcap", pairs), pairs[-1][1]
-        held += check(path, panda, {}, [START + k * (last - START) // 3 for k in (1, 2)], settle=2 * S) - 1
+        held += check(path, panda, {}, spans([START + k * (last - START) // 3 for k in (1, 2)]), settle=2 * S) - 1
     assert held >= 8
 
 
 def test_too_short_an_overlap_is_found(tmp_path, panda):
     path = written(tmp_path / "good.mcap", good(panda, 6.0))
-    assert check(path, panda, {}, [START + 3 * S], settle=100 * MS) == 1
+    assert check(path, panda, {}, spans([START + 3 * S]), settle=100 * MS) == 1
+
+
+def odometry(stamp, link, speed):
+    """Bytes of an odometry of a base that goes straight on, by rosbags."""
+    store, no = get_typestore(Stores.ROS2_JAZZY), np.zeros(36)
+
+    def of(name, *fields):
+        return store.types[name](*fields)
+
+    def vector(x):
+        return of("geometry_msgs/msg/Vector3", x, 0.0, 0.0)
+
+    header = of("std_msgs/msg/Header", of("builtin_interfaces/msg/Time", *divmod(stamp, S)), "odom")
+    turn = of("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0)
+    pose = of("geometry_msgs/msg/Pose", of("geometry_msgs/msg/Point", 0.0, 0.0, 0.0), turn)
+    twist = of("geometry_msgs/msg/Twist", vector(speed), vector(0.0))
+    covered = (
+        of("geometry_msgs/msg/PoseWithCovariance", pose, no),
+        of("geometry_msgs/msg/TwistWithCovariance", twist, no),
+    )
+    return bytes(store.serialize_cdr(of(ODOMETRY, header, link, *covered), ODOMETRY))
+
+
+def test_floating_base(tmp_path):
+    """What is known of odometry crosses seams, too."""
+    model = dd.load_robot("panda", floating_base=True)
+    path, joints = tmp_path / "base.mcap", good(model, 14.0)
+    with open(path, "wb") as file:
+        writer = Writer(file, chunk_size=20_000)
+        writer.start(profile="ros2")
+        channels = [
+            writer.register_channel(topic, "cdr", writer.register_schema(kind, "ros2msg", b""))
+            for topic, kind in (("/joint_states", JOINT_STATE), ("/odom", ODOMETRY))
+        ]
+        for k, (raw, now) in enumerate(joints):
+            if k % 5 == 0 and k % 1000 < 900:  # without it for a while, until it is stale
+                writer.add_message(channels[1], now, odometry(now, model.root_link, 1e-3 * k), now)
+            writer.add_message(channels[0], now, raw, now)
+        writer.finish()
+    pieces = seams(Reading(path, model), 4.0)
+    assert len(pieces) == 4
+    assert check(path, model, {"odom_timeout": 0.1}, pieces) == 4
+    counts = analysed(path, model, {"odom_timeout": 0.1}).account.counts
+    assert counts["rejected: stale odometry"] > 100
 
 
 def test_part_of_a_recording(tmp_path, panda):
@@ -154,13 +199,13 @@ def test_part_of_a_table(tmp_path, panda):
 def test_lying_chunks_are_one_piece(tmp_path, panda):
     """A chunk that says that its messages end before they do: who skips it by that would lose them."""
     path = written(tmp_path / "good.mcap", good(panda, 16.0), enable_crcs=False)
-    whole, cuts = analysed(path, panda, {}), seams(Reading(path, panda), 4.0)
-    data, begin = bytearray(path.read_bytes()), cuts[0].to_bytes(8, "little")
+    whole, pieces = analysed(path, panda, {}), seams(Reading(path, panda), 4.0)
+    data, begin = bytearray(path.read_bytes()), pieces[1][0].to_bytes(8, "little")
     for kind in (6, 8):  # the chunk that begins at the first seam, and what the index says of it
         at = next(k for k in range(9, len(data)) if data[k - 9] == kind and data.startswith(begin, k))
         data[at + 8 : at + 16] = begin  # the end is where they begin
     path.write_bytes(data)
-    assert seams(Reading(path, panda), 4.0) == cuts  # the index is used
-    outcome, number = in_pieces(path, panda, {}, cuts)
+    assert seams(Reading(path, panda), 4.0) == pieces  # the index is used
+    outcome, number = in_pieces(path, panda, {}, pieces)
     assert number == 1
     compare(unordered(summary_of(outcome)), unordered(summary_of(whole)))

@@ -12,7 +12,6 @@ from diag_dynamics.assembly.frozen import Frozen
 from diag_dynamics.assembly.gaps import Gaps
 from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
-from diag_dynamics.recordings.account import Account
 from diag_dynamics.recordings.intake import JOINT_STATE, Intake, States
 from diag_dynamics.wire.definitions import read_message
 from hostile import MS, START, S, hostile, messages_of
@@ -51,7 +50,7 @@ def in_columns(model, settings, pairs, cuts):
     pieces = [
         intake.take(messages_of(part), np.array([JOINT_STATE])) for part in np.split(np.array(pairs, object), cuts)
     ]
-    return States.together(pieces), Account(intake).counts
+    return States.together(pieces), intake.counts
 
 
 def settings_of(**changed):

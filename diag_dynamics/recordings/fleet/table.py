@@ -1,0 +1,150 @@
+"""The table of a fleet: a row for each recording, and all of them together for each robot."""
+
+from collections import Counter
+
+from diag_dynamics.recordings.balance import Balance, Moments
+from diag_dynamics.recordings.histogram import Histogram
+
+MOMENTS = "kinetic", "total", "residual"
+
+FEW = 5
+"""Causes, and recordings that failed, that the text tells of one by one."""
+
+QUANTILES = 0.5, 0.99
+"""Parts of the states below whose energy they are, that the text tells of."""
+
+
+def report_of(summaries):
+    """What is told of recordings.
+
+    Parameters
+    ----------
+    summaries : list of dict
+        As of :func:`summary_of`, with `recording`, the path.
+
+    Returns
+    -------
+    dict
+        `recordings`: of each one `recording`, `robot`, `states`, `hours`, `kinetic_energy_max` [J],
+        `kinetic_energy_max_at` [s], `kinetic_energy_mean` [J], `explained`, `explained_with_potential`, `residual_power` [W],
+        `external_torque_max` [N m, N], numbers of `collisions`, `rejected` messages, `unread` parts and `warnings`, and
+        `pieces`. `robots`: of each one `robot`, `recordings` (their number), `states`, `hours`, `kinetic_energy`: `max`,
+        `recording`, `at`, `mean`, `histogram`; `explained`, `explained_with_potential`, `residual_power` over all windows;
+        `collisions`; `rejected` and `findings`: numbers by cause; `warnings`.
+    """
+    robots = {}
+    for summary in summaries:
+        robots.setdefault(summary["robot"], []).append(summary)
+    return {
+        "recordings": [_row(summary) for summary in summaries],
+        "robots": [_robot(name, of) for name, of in sorted(robots.items())],
+    }
+
+
+def rows_of(report):
+    """Rows of fleet.parquet: those of recordings, with the `error` of those that failed."""
+    rows = [row | {"error": None} for row in report["recordings"]]
+    return rows + [{"recording": path, "error": text} for path, text in report["failed"].items()]
+
+
+def _row(summary):
+    energy, torque = summary["kinetic_energy"], summary["peaks"].get("external_torque")
+    return {
+        "recording": summary["recording"],
+        "robot": summary["robot"],
+        "states": summary["states"],
+        "hours": summary["duration"] / 3600.0,
+        "kinetic_energy_max": energy["max"],
+        "kinetic_energy_max_at": energy["at"],
+        "kinetic_energy_mean": energy["mean"],
+        "explained": summary["explained"],
+        "explained_with_potential": summary["explained_with_potential"],
+        "residual_power": summary["residual_power"],
+        "external_torque_max": None if torque is None else torque["value"],
+        "collisions": len(summary["collisions"]),
+        "rejected": sum(summary["rejected"].values()),
+        "unread": sum(one["cause"] == "unread" for one in summary["findings"]),
+        "warnings": len(summary["warnings"]),
+        "pieces": summary["pieces"],
+    }
+
+
+def _robot(name, summaries):
+    states = sum(one["states"] for one in summaries)
+    highest = max(summaries, key=lambda one: one["kinetic_energy"]["max"])
+    histogram, balance = Histogram(), Balance(())
+    rejected, findings = Counter(), Counter()
+    for one in summaries:
+        histogram.add(Histogram.of(one["kinetic_energy"]["histogram"]))
+        for moments in MOMENTS:
+            getattr(balance, moments).add(Moments(**one["balance"]["moments"][moments]))
+        rejected.update(one["rejected"])
+        for finding in one["findings"]:
+            findings[finding["cause"]] += finding["count"]
+    return {
+        "robot": name,
+        "recordings": len(summaries),
+        "states": states,
+        "hours": sum(one["duration"] for one in summaries) / 3600.0,
+        "kinetic_energy": {
+            "max": highest["kinetic_energy"]["max"],
+            "recording": highest["recording"],
+            "at": highest["kinetic_energy"]["at"],
+            "mean": sum(one["kinetic_energy"]["mean"] * one["states"] for one in summaries) / states,
+            "histogram": histogram.told(),
+        },
+        "explained": balance.explained,
+        "explained_with_potential": balance.explained_total,
+        "residual_power": balance.residual_power,
+        "collisions": sum(len(one["collisions"]) for one in summaries),
+        "rejected": dict(rejected),
+        "findings": dict(findings),
+        "warnings": sum(len(one["warnings"]) for one in summaries),
+    }
+
+
+def text_of(report):
+    """The same for people."""
+    lines = []
+    for robot in report["robots"]:
+        lines += [*_about(robot), ""]
+    failed = report["failed"]
+    kept = f", {report['kept']} had been" if report["kept"] else ""
+    lines.append(f"{report['computed']} recordings analysed{kept}; {len(failed)} failed")
+    lines += [f"  {path}: {text}" for path, text in list(failed.items())[:FEW]]
+    if len(failed) > FEW:
+        lines.append(f"  … {len(failed) - FEW} more; fleet.json has all")
+    return "\n".join(lines)
+
+
+def _about(robot):
+    energy = robot["kinetic_energy"]
+    below = ", ".join(f"{part:.0%} of states below {_quantile(energy['histogram'], part):.3g} J" for part in QUANTILES)
+    lines = [
+        f"Robot '{robot['robot']}': {robot['recordings']} recordings, {robot['hours']:.4g} h, {robot['states']} states",
+        f"  kinetic energy: at most {energy['max']:.4g} J, {below}",
+        f"    in {energy['recording']} at {energy['at']:.6f} s",
+    ]
+    if robot["explained"] is not None:
+        total = robot["explained_with_potential"]
+        also = "" if total is None else f" (with potential energy {total:.3f})"
+        rest = f"residual {robot['residual_power']:.3g} W rms"
+        lines.append(f"  balance of power: explained {robot['explained']:.3f}{also}, {rest}")
+    if robot["collisions"]:
+        lines.append(f"  {robot['collisions']} collisions")
+    for what, counts in (("rejected", robot["rejected"]), ("worth knowing", robot["findings"])):
+        some = sorted(counts.items(), key=lambda one: -one[1])[:FEW]
+        if some:
+            more = f" and {len(counts) - FEW} more causes" if len(counts) > FEW else ""
+            lines.append(f"  {what}: " + ", ".join(f"{cause} ({count} ×)" for cause, count in some) + more)
+    return lines
+
+
+def _quantile(histogram, part):
+    """Upper bound of the bin within which so many of the states are reached [J]."""
+    wanted, reached = part * sum(one["states"] for one in histogram), 0
+    for one in histogram:
+        reached += one["states"]
+        if reached >= wanted:
+            return one["to"]
+    return 0.0
