@@ -78,10 +78,10 @@ class Frozen:
 
         Returns
         -------
-        ndarray of bool
-            Which states are refused.
+        dict of str
+            Which states are refused, by their index, and the text then.
         """
-        refused = np.zeros(len(stamps), dtype=bool)
+        refused = {}
         if not self._timeout or not len(stamps):
             return refused
         first = 0
@@ -90,11 +90,13 @@ class Frozen:
                 at = first
             else:
                 at = max(first, int(np.searchsorted(stamps, (self._last // self._step + 1) * self._step)))
-            refused[first:at] = self._refused and bool(self.text)
+            if self._refused and self.text:
+                refused |= dict.fromkeys(range(first, min(at, len(stamps))), self.text)
             if at < len(stamps):
                 elapsed = None if self._last is None else int(stamps[at]) - self._last
                 self._take(int(stamps[at]), elapsed, position[at], velocity[at])
-                refused[at] = self._refused and bool(self.text)
+                if self._refused and self.text:
+                    refused[at] = self.text
             first = at + 1
         return refused
 

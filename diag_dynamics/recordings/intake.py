@@ -179,7 +179,8 @@ class Intake:
         while first < count:
             end = run.take(first)
             if end > first:
-                made[first:end] = ~self._noted(run, first, end)
+                made[first:end] = True
+                made[first + np.array(list(self._noted(run, first, end)), dtype=int)] = False
             if end < count:
                 state = self._guarded("rejected", int(messages.log_time[end]), self._of_one, messages, end)
                 if state is not None:
@@ -210,13 +211,13 @@ class Intake:
         return self._with_gravity(states.part(made))
 
     def _noted(self, run, first, end):
-        """Take note of a run of states; which of them are refused for frozen values."""
+        """Take note of a run of states; those of them that are refused for frozen values."""
         taken = run.taken
         refused = self.frozen.judge_many(taken.newest[first:end], taken.position[first:end], taken.velocity[first:end])
         begin = first
-        for k in (first + np.flatnonzero(refused)).tolist():
+        for k, text in ((first + k, text) for k, text in refused.items()):
             run.note(begin, k + 1)
-            self._reject("rejected", int(taken.newest[k]), RejectedError("frozen", self.frozen.text))
+            self._reject("rejected", int(taken.newest[k]), RejectedError("frozen", text))
             self.assembler.gaps.pause()
             begin = k + 1
         run.note(begin, end)
