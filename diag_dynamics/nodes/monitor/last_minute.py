@@ -51,12 +51,12 @@ class LastMinute:
         if last is None or not 0 < stamp - last <= _GAP:
             if last == stamp:  # in pieces: of the states with one stamp the first one counts, as it does in a recording
                 return
-            self._begin, self._begun, self._work, self._lifted = stamp, K, 0.0, 0.0
+            self._begin, self._begun, self._work, self._lifted, self._whole = stamp, K, 0.0, 0.0, False
         else:
             half = 0.5e-9 * (stamp - last)
             self._work += half * (self._power + power)
             self._lifted += half * (self._lifting + lifting)
-            if stamp - self._begin >= _LENGTH:
+            if stamp // _LENGTH != last // _LENGTH:  # as in a recording, whatever its first state is
                 self._end(stamp, K)
         self._last, self._power, self._lifting = stamp, power, lifting
 
@@ -64,10 +64,10 @@ class LastMinute:
         span = 1e-9 * (stamp - self._begin)
         gained = K - self._begun
         powers = gained / span, self._lifted / span, (gained - self._work) / span
-        if all(abs(power) < MOST for power in powers):
+        if self._whole and all(abs(power) < MOST for power in powers):
             self._windows[self._count % len(self._windows)] = stamp, *powers
             self._count += 1
-        self._begin, self._begun, self._work, self._lifted = stamp, K, 0.0, 0.0
+        self._begin, self._begun, self._work, self._lifted, self._whole = stamp, K, 0.0, 0.0, True
 
     def values(self, newest):
         """Values for diagnostics, by key, of the minute before a stamp [ns]; none without windows enough, or at rest."""
