@@ -133,7 +133,7 @@ def test_open_meshes_are_measured_by_their_hull(tmp_path):
 
 
 def test_a_collada_file_may_be_in_centimetres(tmp_path):
-    collada = pytest.importorskip("collada")
+    collada = pytest.importorskip("collada", reason="pycollada is not installed")
     document = collada.Collada()
     document.assetInfo.unitmeter, document.assetInfo.unitname = 0.01, "centimeter"
     source = collada.source.FloatSource("v", 100.0 * BOX.ravel(), ("X", "Y", "Z"))
@@ -372,7 +372,7 @@ def test_bad_densities(density, bare):
 
 
 def test_other_formats_have_no_estimates():
-    pytest.importorskip("mujoco")
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
     with pytest.raises(dd.InputError, match="estimate_inertias is what the MJCF says"):
         dd.load_mjcf("<mujoco/>", estimate_inertias=1000.0)
 

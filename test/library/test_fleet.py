@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("distributed")
-pytest.importorskip("pyarrow")
+pytest.importorskip("distributed", reason="distributed is not installed")
+pytest.importorskip("pyarrow", reason="pyarrow is not installed")
 import distributed
 from mcap.writer import Writer
 from pyarrow import parquet

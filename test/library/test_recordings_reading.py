@@ -17,8 +17,8 @@ from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import definition_with_parts, message_type
 from hostile import JOINT_STATE, START, Driver, S
 
-pytest.importorskip("pyarrow")
-pytest.importorskip("rosbags")
+pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+pytest.importorskip("rosbags", reason="rosbags is not installed")
 from mcap.reader import make_reader
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin

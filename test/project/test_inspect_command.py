@@ -148,7 +148,7 @@ def test_no_robot_for_machines(inspect):
 
 
 def test_xacro(tmp_path, inspect):
-    pytest.importorskip("xacro")
+    pytest.importorskip("xacro", reason="xacro is not installed")
     path = tmp_path / "bare.urdf.xacro"
     text = BARE.replace('name="bare"', 'name="bare" xmlns:xacro="http://www.ros.org/wiki/xacro"')
     path.write_text(text.replace('"0.1 0.2 0.3"', '"${0.1} 0.2 0.3"'))

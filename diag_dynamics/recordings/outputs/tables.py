@@ -1,0 +1,65 @@
+"""What Parquet and CSV have in common: columns that pyarrow writes, piece by piece."""
+
+from importlib import import_module
+
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.outputs.columns import Columns
+from diag_dynamics.recordings.outputs.part import Part
+
+
+class TableOutput:
+    """Writes pieces into a table: a column for each quantity and joint.
+
+    Parameters
+    ----------
+    path : str or Path
+    reading : Reading
+    friction : bool
+        Whether evaluations have it.
+
+    Raises
+    ------
+    InputError
+        pyarrow is not installed, or the file cannot be written.
+    """
+
+    def __init__(self, path, reading, friction=False):
+        try:
+            self.arrow = import_module("pyarrow")
+        except ImportError as error:
+            raise InputError(
+                f"'{path}' is written by pyarrow, which is not installed: pip install 'diag_dynamics[recordings]'."
+            ) from error
+        self.model = reading.model
+        self._reading, self._friction, self._columns, self._writer = reading, friction, None, None
+        self._part = Part(path)
+
+    def table(self, units, values):
+        """The pyarrow Table of a piece: units by name of the column, and arrays of shape (T,)."""
+        raise NotImplementedError
+
+    def opened(self, path, table):
+        """The writer of a file, by its first table."""
+        raise NotImplementedError
+
+    def write(self, piece):
+        """Write a piece."""
+        if self._columns is None:
+            self._columns = Columns(self.model, self._reading.offset, self._friction)
+        table = self.table(self._columns.units, self._columns.values(piece))
+        if self._writer is None:
+            self._writer = self.opened(self._part.name, table)
+        self._writer.write_table(table)
+
+    def close(self):
+        """Have the file be whole; without a single state there is none."""
+        if self._writer is None:
+            raise InputError(f"'{self._part.path}' is not written: the recording has no states.")
+        self._writer.close()
+        self._part.keep()
+
+    def drop(self):
+        """Leave nothing behind."""
+        if self._writer is not None:
+            self._writer.close()
+        self._part.drop()
