@@ -14,7 +14,9 @@ _HOME = {
     "load_mjcf": "model",
     "load_robot": "model",
     "load_urdf": "model",
+    "JointParameters": "model",
     "Mimic": "model",
+    "Parameters": "model",
     "Payload": "model",
     "RobotModel": "model",
     "DiagonalDynamics": "dynamics",
@@ -69,7 +71,9 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.exceptions import SingularMassMatrixError as SingularMassMatrixError
     from diag_dynamics.exceptions import UnsupportedError as UnsupportedError
     from diag_dynamics.exceptions import UrdfError as UrdfError
+    from diag_dynamics.model import JointParameters as JointParameters
     from diag_dynamics.model import Mimic as Mimic
+    from diag_dynamics.model import Parameters as Parameters
     from diag_dynamics.model import Payload as Payload
     from diag_dynamics.model import RobotModel as RobotModel
     from diag_dynamics.model import load_mjcf as load_mjcf

@@ -208,7 +208,7 @@ class OneState(Links):
         return tau
 
     def friction_torque(self, qd: VectorLike) -> Array:
-        """τ_fric = d q̇ + f tanh(q̇/v₀) [N m, N], shape (nv,): URDF damping d and Coulomb friction f, resisting the motion.
+        """τ_fric = d q̇ + f tanh(q̇/v₀) + o [N m, N], shape (nv,): damping d, Coulomb friction f and offset o of the model.
 
         v₀ is the model's `friction_velocity`. At 5 v₀ it is f sign(q̇) but for 1e-4 of f, and at rest it does not jump with
         the sign of a velocity that is nothing but noise. No other quantity holds it unless it is asked to.
@@ -385,4 +385,4 @@ def friction_of(model: RobotModel, qd: Array) -> Array:
     v0 = model.friction_velocity
     with np.errstate(over="ignore"):
         turned = np.tanh(qd / v0) if v0 else np.sign(qd)
-    return model.damping * qd + model.friction * turned
+    return model.damping * qd + model.friction * turned + model.effort_offset

@@ -4,7 +4,18 @@ from diag_dynamics.model.mimic import Mimic
 from diag_dynamics.model.mjcf import load_mjcf
 from diag_dynamics.model.named import load_robot
 from diag_dynamics.model.options import Payload
+from diag_dynamics.model.parameters import JointParameters, Parameters
 from diag_dynamics.model.robot import RobotModel, load_urdf
 from diag_dynamics.model.urdf import urdf_text
 
-__all__ = ["Mimic", "Payload", "RobotModel", "load_mjcf", "load_robot", "load_urdf", "urdf_text"]
+__all__ = [
+    "JointParameters",
+    "Mimic",
+    "Parameters",
+    "Payload",
+    "RobotModel",
+    "load_mjcf",
+    "load_robot",
+    "load_urdf",
+    "urdf_text",
+]

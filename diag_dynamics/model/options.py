@@ -59,6 +59,7 @@ class Options(NamedTuple):
     massless: str
     locked: dict[str, float]
     armature: dict[str, float]
+    effort_offset: dict[str, float]
     payloads: dict[str, Payload]
     max_coupled: int
     held: dict[str, float] | None = None  # joints that massless="lock" has locked; None before that was decided
@@ -125,24 +126,44 @@ def checked_payloads(value: object, robot: Any) -> dict[str, Payload]:
         if not known:
             raise InputError(f"payloads: {name!r} is not a link of robot '{robot.name}'.")
         try:
-            mass, com, inertia = Payload(*given)
+            payload = Payload(*given)
         except TypeError as error:
             raise InputError(f"payloads: '{name}' has {given!r}, expected (mass, com, inertia).") from error
-        expected = "a finite number >= 0 [kg]"
-        mass = float(numbers(f"payloads: mass on link '{name}'", mass, (), expected, LARGEST))
-        if mass < 0.0:
-            raise InputError(f"payloads: mass on link '{name}' is {mass}, expected {expected}.")
-        com = numbers(f"payloads: com on link '{name}'", com, (3,), "three finite numbers [m]", LARGEST)
-        expected = "3 x 3 finite numbers [kg m²]"
-        inertia = numbers(f"payloads: inertia on link '{name}'", inertia, (3, 3), expected, LARGEST)
-        reason = not_physical(inertia, mass)
-        if reason or np.abs(inertia - inertia.T).max() > 1e-9 * np.abs(inertia).max():
-            raise InputError(f"payloads: inertia on link '{name}' is {inertia.tolist()}, {reason or 'not symmetric'}.")
-        inertia = 0.5 * (inertia + inertia.T)
-        com.flags.writeable = inertia.flags.writeable = False
-        if mass > 0.0:
-            checked[name] = Payload(mass, com, inertia)
+        payload = checked_inertia(_on_link(name), payload)
+        if payload.mass > 0.0:
+            checked[name] = payload
     return checked
+
+
+def _on_link(link: str) -> Callable[[str], str]:
+    return lambda part: f"payloads: {part} on link '{link}'"
+
+
+def checked_inertia(where: Callable[[str], str], body: Payload, may_be_negative: bool = False) -> Payload:
+    """Mass, centre and inertia of a rigid body as read-only arrays, checked; of what is taken off, if that may be.
+
+    Parameters
+    ----------
+    where : callable
+        Gives the name that a part, such as "mass", has in an error.
+
+    Raises
+    ------
+    InputError
+        A value is not finite, too large, of another shape, or that of no rigid body.
+    """
+    expected = "a finite number [kg]" if may_be_negative else "a finite number >= 0 [kg]"
+    mass = float(numbers(where("mass"), body.mass, (), expected, LARGEST))
+    if mass < 0.0 and not may_be_negative:
+        raise InputError(f"{where('mass')} is {mass}, expected {expected}.")
+    com = numbers(where("com"), body.com, (3,), "three finite numbers [m]", LARGEST)
+    inertia = numbers(where("inertia"), body.inertia, (3, 3), "3 x 3 finite numbers [kg m²]", LARGEST)
+    reason = None if mass < 0.0 else not_physical(inertia, mass)
+    if reason or np.abs(inertia - inertia.T).max() > 1e-9 * np.abs(inertia).max():
+        raise InputError(f"{where('inertia')} is {inertia.tolist()}, {reason or 'not symmetric'}.")
+    inertia = 0.5 * (inertia + inertia.T)
+    com.flags.writeable = inertia.flags.writeable = False
+    return Payload(mass, com, inertia)
 
 
 def not_physical(inertia: Array, mass: float) -> str | None:

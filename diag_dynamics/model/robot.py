@@ -31,6 +31,7 @@ from diag_dynamics.model.options import (
     locked_positions,
     warn_of_inertias,
 )
+from diag_dynamics.model.parameters import Parameters, of_joints, robot_with
 from diag_dynamics.model.tree import Tree
 from diag_dynamics.model.urdf import MAX_JOINTS, folder_of, read_urdf, urdf_text
 from diag_dynamics.model.xacro_files import expanded
@@ -78,9 +79,10 @@ class RobotModel:
     velocity_limit, effort_limit : ndarray, shape (nv,)
         Limits [rad/s, m/s] and [N m, N]; infinite where there are none. These limits and those of position are a joint's
         own: a follower's do not bind its leader.
-    damping, friction : ndarray, shape (nv,)
-        Joint damping [N m s/rad, N s/m] and Coulomb friction [N m, N] as the URDF gives them, a follower's reflected to
-        its leader. No dynamic quantity holds them unless it is asked to.
+    damping, friction, effort_offset : ndarray, shape (nv,)
+        Joint damping [N m s/rad, N s/m] and Coulomb friction [N m, N] as the URDF gives them, or parameters beside it, and
+        the effort that is measured where none acts [N m, N]; a follower's reflected to its leader. No dynamic quantity holds
+        them unless it is asked to.
     mimic_joints : tuple of str
         Joints that follow another one in the URDF.
     mimics : mapping
@@ -114,6 +116,7 @@ class RobotModel:
     effort_limit: Array
     damping: Array
     friction: Array
+    effort_offset: Array
     mimic_joints: tuple[str, ...]
     mimics: Mapping[str, Mimic]
     coupled_groups: tuple[tuple[str, ...], ...]
@@ -151,6 +154,11 @@ class RobotModel:
     def friction_velocity(self) -> float:
         """v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). A simulation's friction has none."""
         return self._options.friction_velocity
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether any joint has damping, Coulomb friction, or an offset of its effort."""
+        return bool(self.damping.any() or self.friction.any() or self.effort_offset.any())
 
     @property
     def estimated_links(self) -> tuple[str, ...]:
@@ -263,6 +271,36 @@ class RobotModel:
         """Return this model without the payload of a link."""
         return self.with_payload(link, 0.0)
 
+    def with_parameters(self, parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any]) -> RobotModel:
+        """Return this model with parameters beside its URDF: friction, offsets, rotor inertias, inertias of links, payloads.
+
+        What they do not name stays as it is; payloads are added to what is there. Which joints ``massless="lock"`` locks is
+        decided anew.
+
+        Parameters
+        ----------
+        parameters : str, os.PathLike, Parameters or dict
+            Path of a file, see :class:`Parameters`; or them; or a dict with the file's keys.
+
+        Raises
+        ------
+        InputError
+            The file cannot be read, an entry is unknown or has a wrong value, the robot lacks a joint or link that it names,
+            or more is taken off a link than moves with it.
+        MasslessLinkError
+            With them a joint moves no inertia.
+        """
+        given = _parameters(parameters)
+        robot = robot_with(self._tree.robot, self._tree.root, given)
+        options = self._options._replace(
+            armature=self._options.armature | armature_by_joint(of_joints(given, "armature"), robot),
+            effort_offset=self._options.effort_offset | of_joints(given, "effort_offset"),
+            held=None,
+        )
+        if given.friction_velocity is not None:
+            options = options._replace(friction_velocity=given.friction_velocity)
+        return _model(robot, self._tree.root, options)
+
     def with_locked_joints(self, locked_joints: Mapping[str, float]) -> RobotModel:
         """Return this model with exactly these joints held, and those that the options of load_urdf lock besides.
 
@@ -326,9 +364,10 @@ def load_urdf(
     payloads: Mapping[str, Payload | tuple[Any, ...]] | None = None,
     max_joints: int = MAX_JOINTS,
     max_coupled: int = MAX_COUPLED,
-    friction_velocity: float = FRICTION_VELOCITY,
+    friction_velocity: float | None = None,
     xacro_args: Mapping[str, Any] | None = None,
     estimate_inertias: float | None = None,
+    parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any] | None = None,
 ) -> RobotModel:
     """Build a model from a URDF; meshes are neither needed nor looked for, but by `estimate_inertias`.
 
@@ -363,13 +402,17 @@ def load_urdf(
         Most bodies of a coupled group that is not refused: its degrees of freedom and followers, see
         :attr:`RobotModel.coupled_groups`. Every evaluation takes time as the cube of that number.
     friction_velocity : float
-        v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s], see :meth:`DiagonalDynamics.friction_torque`; 0 for f sign(q̇).
+        v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s], see :meth:`DiagonalDynamics.friction_torque`; 0 for f sign(q̇). By
+        default that of `parameters`, or 5e-3.
     xacro_args : dict
         Arguments of a xacro file, by name.
     estimate_inertias : float
         Density [kg/m³] at which links that have geometry and no <inertial> get one: of their collision geometry, else of the
         visual one, a mesh that is not watertight by its convex hull. :attr:`RobotModel.estimated_links` names them. It opens
         the files that the URDF names, so it is not for descriptions that come from others; meshes need trimesh.
+    parameters : str, os.PathLike, Parameters or dict
+        Friction, offsets, rotor inertias, inertias of links and payloads beside the URDF, see :class:`Parameters`; `armature`
+        and `friction_velocity` have precedence over those in it.
 
     Numbers of `locked_joints`, `armature` and `payloads` are within ±1e9, those of the URDF within ±1e30.
 
@@ -404,20 +447,29 @@ def load_urdf(
         found = estimated(urdf_text(source), estimate_inertias, folder)
         source = found.text
     robot, root = read_urdf(source, whole("max_joints", max_joints))
+    beside = Parameters() if parameters is None else _parameters(parameters)
+    robot = robot_with(robot, root, beside)
     warn_of_inertias(robot, found.said(robot.name) if found else "")
+    if friction_velocity is None:
+        friction_velocity = FRICTION_VELOCITY if beside.friction_velocity is None else beside.friction_velocity
     options = Options(
         bool(floating_base),
         vector,
         mimic,
         massless,
         locked_positions({} if locked_joints is None else locked_joints, robot),
-        armature_by_joint(armature, robot),
+        armature_by_joint(of_joints(beside, "armature"), robot) | armature_by_joint(armature, robot),
+        of_joints(beside, "effort_offset"),
         checked_payloads({} if payloads is None else payloads, robot),
         whole("max_coupled", max_coupled),
         friction_velocity=friction_velocity_of(friction_velocity),
         estimated_links=tuple(estimate.link for estimate in found.estimates) if found else (),
     )
     return _model(robot, root, options)
+
+
+def _parameters(given: str | os.PathLike[str] | Parameters | Mapping[str, Any]) -> Parameters:
+    return Parameters.load(given) if isinstance(given, (str, os.PathLike)) else Parameters.of(given)
 
 
 def _model(robot: Any, root: str, options: Options) -> RobotModel:
@@ -484,6 +536,7 @@ def _model_of(tree: Tree, options: Options) -> RobotModel:
         effort_limit=tree.per_dof("limit", "effort", np.inf),
         damping=tree.resistance("damping", 2),
         friction=tree.resistance("friction", 1),
+        effort_offset=tree.reflected(options.effort_offset),
         mimic_joints=tuple(j.name for j in tree.robot.joints if j.mimic is not None and j.type != "fixed"),
         mimics=MappingProxyType(tree.mimics),
         coupled_groups=tuple(tree.groups),

@@ -247,6 +247,15 @@ class Tree:
                 )
         return values
 
+    def reflected(self, efforts):
+        """Efforts by joint name at each degree of freedom: its own, and those of its followers times their multipliers."""
+        values = np.zeros(self._dofs)
+        for name, effort in efforts.items():
+            if name in self._body:
+                record = self._records[self._body[name]]
+                values[record["dof"]] += effort * record["multiplier"]
+        return values
+
     def limits(self, attribute, default):
         """A position limit for each coordinate; only joints with one coordinate that does not turn round have any."""
         return np.array(

@@ -3,11 +3,10 @@
 from collections.abc import Mapping
 from difflib import get_close_matches
 from fnmatch import fnmatch
-from importlib import import_module
-from pathlib import Path
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.monitor import PARAMETERS
+from diag_dynamics.yaml_files import parsed_yaml, read_yaml
 
 MONITOR = "diag_dynamics"
 """Name of the node, whose sections of a file count."""
@@ -36,17 +35,13 @@ def parameters_of(files=(), assignments=()):
         name, equals, value = entry.partition("=")
         if not equals:
             raise InputError(f"'{entry}' sets nothing, expected parameter=value.")
-        values[name] = _checked(name, _loaded(value, f"'{entry}'"), f"'{entry}'")
+        values[name] = _checked(name, parsed_yaml(value, f"'{entry}'"), f"'{entry}'")
     return values
 
 
 def _of_file(path):
     """Parameters in a file that the monitor would take."""
-    try:
-        text = Path(path).expanduser().read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"'{path}' cannot be read: {error}") from error
-    content = _loaded(text, f"'{path}'")
+    content = read_yaml(path, f"'{path}'")
     if not isinstance(content, Mapping):
         raise InputError(f"'{path}' is no file of parameters, expected /**: {{ros__parameters: {{…}}}}.")
     found = {}
@@ -65,17 +60,6 @@ def _flat(section, prefix):
             yield from _flat(value, f"{prefix}{name}.")
         else:
             yield f"{prefix}{name}", value
-
-
-def _loaded(text, what):
-    try:
-        yaml = import_module("yaml")
-    except ImportError as error:
-        raise InputError("parameters are read by PyYAML, which is not installed: pip install pyyaml.") from error
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise InputError(f"{what} is no YAML: {' '.join(str(error).split())}") from error
 
 
 def _checked(name, value, source):

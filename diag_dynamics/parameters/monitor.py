@@ -174,7 +174,9 @@ PARAMETERS = {
         0.0, "Norm below which the collision is over [J^0.5/s]; 0: half of the threshold.", minimum=0.0
     ),
     "external_torque.friction": Spec(
-        False, "Whether the observer knows of the URDF's damping and friction; else they are seen as external torque."
+        False,
+        "Whether the observer knows of the URDF's damping and friction; else they are seen as external torque. Of those in a "
+        "parameters_file it always knows.",
     ),
     "external_torque.max_gap": Spec(
         0.1,
@@ -186,13 +188,14 @@ PARAMETERS = {
     "friction_velocity": Spec(
         FRICTION_VELOCITY,
         "Rate v0 within which Coulomb friction turns round, f tanh(velocity / v0) [rad/s, m/s]; 0: it jumps, f "
-        "sign(velocity).",
+        "sign(velocity). Unless it is changed, that of parameters_file has precedence.",
         minimum=0.0,
         maximum=1.0,
         while_unconfigured=True,
     ),
     "publish_friction": Spec(
-        False, "Whether state and coriolis carry the URDF's damping and friction, which no other term ever holds."
+        False,
+        "Whether state and coriolis carry damping and friction, of the URDF or parameters_file, which no other term holds.",
     ),
     **{
         f"max_rate.{topic}": Spec(
@@ -293,7 +296,8 @@ def _observation(values):
     if not gain:
         return None
     threshold = threshold or float("inf")
-    friction, max_gap = values["external_torque.friction"], values["external_torque.max_gap"]
+    friction = values["external_torque.friction"] or bool(values["parameters_file"])
+    max_gap = values["external_torque.max_gap"]
     return Observation(gain, threshold, release or 0.5 * threshold, friction, max_gap)
 
 

@@ -30,6 +30,7 @@ def model_of(description, values):
     if payloads:
         links = {link.name for link in read_urdf(description, values["max_joints"])[0].links}
         payloads = {link: payload for link, payload in payloads.items() if link in links}
+    velocity = values.get("friction_velocity", FRICTION_VELOCITY)
     model = load_urdf(
         description,
         floating_base=values["floating_base"],
@@ -41,7 +42,8 @@ def model_of(description, values):
         payloads=payloads,
         max_joints=values["max_joints"],
         max_coupled=values["max_coupled"],
-        friction_velocity=values.get("friction_velocity", FRICTION_VELOCITY),
+        friction_velocity=None if velocity == FRICTION_VELOCITY else velocity,
+        parameters=values["parameters_file"] or None,
     )
     require_single_joints(model)
     return model

@@ -27,6 +27,12 @@ PARAMETERS = {
     "armature": Spec(
         [""], "Reflected rotor inertias, each as joint=inertia [kg m^2, prismatic: kg].", while_unconfigured=True
     ),
+    "parameters_file": Spec(
+        "",
+        "YAML file of parameters beside the URDF, as diag-dynamics identify writes it: friction, offset of the effort and "
+        "rotor inertia of each joint, inertias of links, payloads. armature has precedence over it.",
+        while_unconfigured=True,
+    ),
     "gravity": Spec(
         [0.0, 0.0, -9.81],
         "Acceleration of gravity in the world, whose axes for a fixed base are those of the root link [m/s^2].",

@@ -52,7 +52,7 @@ class Analysis:
         model, settings = reading.model, reading.settings
         self.reading, self.model, self._threads = reading, model, threads
         self._dynamics = DiagonalDynamics(model)
-        self.friction = bool((model.damping != 0.0).any() or (model.friction != 0.0).any())
+        self.friction = model.has_friction
         wanted = settings.observation
         gain, threshold, release = (wanted.gain, wanted.threshold, wanted.release) if wanted else (gain, np.inf, None)
         self._observer = Observer(

@@ -50,7 +50,7 @@ def observe(
     *,
     threshold: float = np.inf,
     release: float | None = None,
-    friction: bool = False,
+    friction: bool = True,
     max_gap: float = 0.1,
     threads: int | None = None,
 ) -> Observed:
@@ -61,8 +61,10 @@ def observe(
     dynamics : DiagonalDynamics
         Of the recording's robot.
     recording : Recording
-    gain, threshold, release, friction, max_gap
+    gain, threshold, release, max_gap
         As of :class:`DisturbanceObserver`.
+    friction : bool
+        Whether friction that the model has is no external torque.
     threads : int, optional
         For the evaluation of the states, by default as many as there are processors.
 

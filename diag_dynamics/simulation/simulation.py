@@ -38,13 +38,15 @@ class Simulation:
     step : float
         Step size h [s].
     damping : array_like, shape (nv,), optional
-        Joint damping d [N m s/rad, N s/m], by default that of the URDF.
+        Joint damping d [N m s/rad, N s/m], by default that of the model.
     limits : bool or CompliantLimits
         Whether position limits are hard stops without rebound, or springs with dampers.
     order : {4, 1}
         Order of the error in the step: 4, or 1 for steps at a tenth of the cost.
     friction : array_like, shape (nv,), optional
-        Coulomb friction f [N m, N], by default that of the URDF.
+        Coulomb friction f [N m, N], by default that of the model.
+    effort_offset : array_like, shape (nv,), optional
+        Part of a command that has no effect, and of the effort that is measured [N m, N]; by default that of the model.
     effort_limits : bool or array_like, shape (nv,)
         Largest efforts [N m, N], to which commands are cut: those of the URDF, where 0 stands for none; none; or given ones.
 
@@ -65,6 +67,7 @@ class Simulation:
         order: Literal[1, 4] = 4,
         friction: VectorLike | float | None = None,
         effort_limits: bool | VectorLike = True,
+        effort_offset: VectorLike | None = None,
     ) -> None:
         self._arrays = Arrays(model.nq, model.nv)
         self._use(model)
@@ -74,6 +77,7 @@ class Simulation:
         self._order = int(order)
         self.damping = model.damping if damping is None else damping
         self.friction = model.friction if friction is None else friction
+        self.effort_offset = model.effort_offset if effort_offset is None else effort_offset
         bounds, joints = self._arrays.bounds, self._arrays.joints
         (bounds["lower"], bounds["upper"]), joints["stiffness"], joints["limit_damping"] = limits_of(limits, model)
         self._may_lean = np.isfinite(joints["stiffness"]).any()
@@ -176,6 +180,17 @@ class Simulation:
         self._arrays.joints["friction"] = resistance("friction", value, self.model.dof_names)
 
     @property
+    def effort_offset(self) -> Array:
+        """Part of each command and of each measured effort that has no effect [N m, N], shape (nv,); a copy."""
+        return self._effort_offset.copy()
+
+    @effort_offset.setter
+    def effort_offset(self, value: VectorLike) -> None:
+        nv, names = self.model.nv, self.model.dof_names
+        value = in_order("effort_offset", value, names)
+        self._effort_offset = numbers("effort_offset", value, (nv,), f"{nv} finite numbers")
+
+    @property
     def effort_limits(self) -> Array:
         """Largest efforts in force [N m, N], shape (nv,); a copy. True sets those of the URDF, False none."""
         return self._effort_limits.copy()
@@ -201,7 +216,7 @@ class Simulation:
 
     @property
     def effort(self) -> Array:
-        """Joint efforts that acted in the last steps [N m, N], shape (nv,), after saturation; a copy."""
+        """Joint efforts in the last steps [N m, N], shape (nv,), after saturation, with their offset; a copy."""
         return self._effort.copy()
 
     @property
@@ -265,7 +280,7 @@ class Simulation:
             wrenches = wrenches_on_links(model, {} if f_ext is None else f_ext, frame)
         effort = np.minimum(np.maximum(wanted, -self._effort_limits), self._effort_limits)
         arrays, h, in_world = self._arrays, self.step_size, frame == "world"
-        status = compiled.advance(arrays.at, self._order, h, steps, effort, wrenches, in_world)
+        status = compiled.advance(arrays.at, self._order, h, steps, effort - self._effort_offset, wrenches, in_world)
         self._effort, self._wanted = effort, wanted
         if status:
             self.dynamics.refuse(status, arrays.workspace, arrays.state.q, nu=arrays.state.nu)

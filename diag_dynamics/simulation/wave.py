@@ -63,4 +63,5 @@ class Wave:
             simulation.dynamics.inverse_dynamics(q, qd, qdd)
             + simulation.damping * qd_d
             + simulation.friction * np.sign(qd_d)
+            + simulation.effort_offset
         )

@@ -4,11 +4,11 @@ import math
 import os
 from collections.abc import Mapping
 from difflib import get_close_matches
-from importlib import import_module
 from typing import Any, NamedTuple
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.tables.units import UNITS, named
+from diag_dynamics.yaml_files import read_yaml
 
 QUANTITIES = ("position", "velocity", "effort")
 
@@ -71,7 +71,7 @@ def column_map(columns):
     source = "columns"
     if isinstance(columns, str | os.PathLike):
         source = f"'{os.fspath(columns)}'"
-        columns = _loaded(os.path.expanduser(os.fspath(columns)), source)
+        columns = read_yaml(os.fspath(columns), f"The map of columns {source}")
     if not isinstance(columns, Mapping):
         raise InputError(
             f"{source} is {_shown(columns)}, expected the path of a YAML file or a dict with {_some(_KEYS)}."
@@ -105,24 +105,6 @@ def column_map(columns):
         skip=_count(columns.get("skip", 0), f"{source}: skip"),
         source=source,
     )
-
-
-def _loaded(path, source):
-    """Contents of a YAML file."""
-    try:
-        yaml = import_module("yaml")
-    except ImportError as error:
-        raise InputError(
-            f"{source} is a YAML file, and PyYAML is not installed: pip install 'diag_dynamics[recordings]'."
-        ) from error
-    try:
-        with open(path, "rb") as file:
-            loaded = yaml.safe_load(file)
-    except OSError as error:
-        raise InputError(f"Cannot read the map of columns {source}: {error.strerror or error}.") from error
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: of a date that is none
-        raise InputError(f"{source} is no YAML: {' '.join(str(error).split())}") from error
-    return {} if loaded is None else loaded
 
 
 def _shown(value):

@@ -68,16 +68,31 @@ CHANGES = {
     "payload taken off": lambda model: model.without_payload("panda_hand"),
     "lock": lambda model: model.with_locked_joints({"panda_joint2": 0.3, "panda_joint5": -1.0}),
     "release": lambda model: model.with_locked_joints({}),
+    "parameters": lambda model: model.with_parameters(
+        {"joints": {"panda_joint4": {"damping": 3.0, "effort_offset": 0.1, "armature": 0.2}}}
+    ),
 }
 
 # What each change leaves alone is not copied but shared.
-ALL = ("gravity", "lower", "upper", "velocity_limit", "effort_limit", "damping", "friction", "bodies", "links")
+ALL = (
+    "gravity",
+    "lower",
+    "upper",
+    "velocity_limit",
+    "effort_limit",
+    "damping",
+    "friction",
+    "effort_offset",
+    "bodies",
+    "links",
+)
 SHARED = {
     "gravity": ALL[1:],
-    "payload": ALL[:7],
-    "payload taken off": ALL[:7],
+    "payload": ALL[:8],
+    "payload taken off": ALL[:8],
     "lock": ("gravity",),
     "release": ("gravity",),
+    "parameters": ("gravity",),
 }
 
 

@@ -346,11 +346,11 @@ def test_wrong_files_of_maps_are_named(table, written, monkeypatch):
     ):
         with pytest.raises(InputError, match=message):
             table("t,q1", written(text, "map.yaml"))
-    with pytest.raises(InputError, match="Cannot read the map of columns '/nowhere/map'"):
+    with pytest.raises(InputError, match="The map of columns '/nowhere/map' cannot be read: No such file"):
         table("t,q1", "/nowhere/map")
     with monkeypatch.context() as patch:
         patch.setitem(sys.modules, "yaml", None)
-        with pytest.raises(InputError, match="is a YAML file, and PyYAML is not installed: pip install"):
+        with pytest.raises(InputError, match="is YAML, and PyYAML is not installed: pip install"):
             table("t,q1", written("time: t", "map.yaml"))
     assert found(table("t,q1", written("# nothing yet\n", "map.yaml")))[2] == [1]
 

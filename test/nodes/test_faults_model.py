@@ -201,6 +201,7 @@ EXPECTED = {
     "massless",
     "locked_joints",
     "armature",
+    "parameters_file",
     "gravity",
     "payloads",
     "max_joints",

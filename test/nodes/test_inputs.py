@@ -1833,10 +1833,13 @@ def test_the_last_minute_is_what_a_recording_says(damped, options):
 
 
 @pytest.mark.parametrize("velocity", [5e-3, 0.0])
-def test_powers_of_states_that_are_served_at_once(velocity):
+def test_powers_of_states_that_are_served_at_once(velocity, tmp_path):
     """Gravity's and friction's are those of the library, where messages are served in one pass and where they are not."""
     urdf = TwoLinkArm(I1=0.02).urdf.replace("</joint>", '<dynamics damping="0.3" friction="0.2"/></joint>')
+    path = tmp_path / "arm.yaml"
+    dd.Parameters(joints={"elbow": dd.JointParameters(effort_offset=0.7)}).save(path)
     values = DEFAULTS | {"gravity": [1.0, -9.81, 0.0], "friction_velocity": velocity, "max_age": 0.0}
+    values["parameters_file"] = str(path)
     settings = Settings.of(values)
     robot = MonitoredRobot(urdf, model_of(urdf, values), settings, 1)
     dynamics, names, served = robot.dynamics, robot.assembler.names, []

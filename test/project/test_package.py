@@ -37,7 +37,7 @@ def imports(path):
 FLOORS = [
     "text arrays",
     "exceptions",
-    "checks entries compiled",
+    "checks entries yaml_files compiled",
     "bags tables",
     "sweeps",
     "model batch",

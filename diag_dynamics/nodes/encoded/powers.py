@@ -1,4 +1,4 @@
-"""Powers of gravity and of the URDF's friction at a state, which no message holds: the balance of power wants them."""
+"""Powers of gravity and of the model's friction at a state, which no message holds: the balance of power wants them."""
 
 import math
 
@@ -10,8 +10,9 @@ from diag_dynamics.compiled.tables import Addresses, Table, array
 
 RESISTANCE = Table(
     "Resistance",
-    damping=array(float),  # of the URDF; these two are empty where there is no friction
+    damping=array(float),  # of the model; these three are empty where there is no friction
     friction=array(float),
+    effort_offset=array(float),
     friction_velocity=float,
     nv=int,
 )
@@ -32,11 +33,12 @@ class Powers:
     """
 
     def __init__(self, model):
-        there = model.damping.any() or model.friction.any()
-        damping, friction = (np.array(x if there else (), dtype=float) for x in (model.damping, model.friction))
-        velocity = float(model.friction_velocity)
+        numbers = {"damping": model.damping, "friction": model.friction, "effort_offset": model.effort_offset}
         self.addresses = Addresses(
-            RESISTANCE, damping=damping, friction=friction, friction_velocity=velocity, nv=model.nv
+            RESISTANCE,
+            **{name: np.array(x if model.has_friction else (), dtype=float) for name, x in numbers.items()},
+            friction_velocity=float(model.friction_velocity),
+            nv=model.nv,
         )
         ready(_powers)
 
@@ -58,7 +60,7 @@ def powers(rows, velocity, resistance):
     for k in range(len(own.damping)):
         rate = velocity[k]
         turned = math.tanh(rate / v0) if v0 > 0.0 else float((rate > 0.0) - (rate < 0.0))
-        resisting += rate * (own.damping[k] * rate + own.friction[k] * turned)
+        resisting += rate * (own.damping[k] * rate + own.friction[k] * turned + own.effort_offset[k])
     return lifting, resisting
 
 

@@ -1,0 +1,343 @@
+"""What a URDF does not know of a robot, or knows wrongly: a file of numbers beside it, mostly identified from recordings."""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from diag_dynamics.checks import numbers
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.joint_types import SINGLE
+from diag_dynamics.model.options import LARGEST, Payload, checked_inertia, friction_velocity_of, not_physical
+from diag_dynamics.model.plain_reader import Dynamics, Inertial
+from diag_dynamics.model.tree import Tree
+from diag_dynamics.yaml_files import read_yaml, yaml_text
+
+
+class JointParameters(NamedTuple):
+    """Numbers of a joint of one degree of freedom; None leaves what the model has.
+
+    Attributes
+    ----------
+    damping : float or None
+        Viscous friction d, not negative [N m s/rad, N s/m].
+    friction : float or None
+        Coulomb friction f, not negative [N m, N].
+    effort_offset : float or None
+        Effort that is measured, or commanded, where none acts: a part of friction that does not turn round [N m, N].
+    armature : float or None
+        Reflected rotor inertia, not negative [kg m², kg].
+    """
+
+    damping: float | None = None
+    friction: float | None = None
+    effort_offset: float | None = None
+    armature: float | None = None
+
+
+def _nothing() -> Mapping[str, Any]:
+    return MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Parameters of a robot beside its URDF.
+
+    For :meth:`RobotModel.with_parameters`, ``load_urdf(…, parameters=…)``, and the parameter `parameters_file` of the nodes.
+
+    Attributes
+    ----------
+    joints : mapping
+        :class:`JointParameters` by name of the joint.
+    links : mapping
+        Inertia of a link, as :class:`Payload`, in place of what the URDF says, by name of the link.
+    payloads : mapping
+        :class:`Payload` by name of the link, beside what the link weighs by itself: a part of the robot, which
+        :attr:`RobotModel.payloads` does not list. Its mass is negative, if it is a part that the URDF has and the robot has
+        not; what moves rigidly with the link, taken together, stays a rigid body.
+    friction_velocity : float or None
+        v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s].
+    origin : mapping
+        Where the numbers come from, as plain values of YAML: recordings, date, method, quality.
+    """
+
+    joints: Mapping[str, JointParameters] = field(default_factory=_nothing)
+    links: Mapping[str, Payload] = field(default_factory=_nothing)
+    payloads: Mapping[str, Payload] = field(default_factory=_nothing)
+    friction_velocity: float | None = None
+    origin: Mapping[str, Any] = field(default_factory=_nothing)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Parameters:
+        """Read them from a YAML file, as :meth:`save` writes it.
+
+        Raises
+        ------
+        InputError
+            The file cannot be read, or has an entry that is unknown or has a wrong value: the entry is named.
+        """
+        source = f"file of parameters '{os.fspath(path)}'"
+        return cls.of(read_yaml(path, source), source)
+
+    @classmethod
+    def of(cls, content: object, source: str = "parameters") -> Parameters:
+        """Take them from a dict with the attributes of this class as keys, all of them optional, as the file has them.
+
+        Raises
+        ------
+        InputError
+            As :meth:`load`.
+        """
+        if isinstance(content, Parameters):
+            return content
+        given = _mapping(content, source, _FIELDS)
+        joints = {
+            str(name): _joint(entry, f"{source}: joint '{name}'")
+            for name, entry in _mapping(given.get("joints") or {}, f"{source}: joints").items()
+        }
+        bodies = [
+            {
+                str(name): _body(entry, f"{source}: {what} '{name}'", what == "payload")
+                for name, entry in _mapping(given.get(f"{what}s") or {}, f"{source}: {what}s").items()
+            }
+            for what in ("link", "payload")
+        ]
+        velocity = given.get("friction_velocity")
+        return cls(
+            MappingProxyType(joints),
+            *map(MappingProxyType, bodies),
+            friction_velocity=None if velocity is None else friction_velocity_of(_number(velocity)),
+            origin=MappingProxyType(dict(_mapping(given.get("origin") or {}, f"{source}: origin"))),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain dicts, lists and numbers, as the file has them; what is not given is left out."""
+        content: dict[str, Any] = {
+            "joints": {
+                name: {key: float(value) for key, value in entry._asdict().items() if value is not None}
+                for name, entry in self.joints.items()
+            }
+        }
+        for what, bodies in (("links", self.links), ("payloads", self.payloads)):
+            content[what] = {
+                name: {
+                    "mass": float(body.mass),
+                    "com": np.asarray(body.com, float).tolist(),
+                    "inertia": np.asarray(body.inertia, float).tolist(),
+                }
+                for name, body in bodies.items()
+            }
+        content["friction_velocity"] = None if self.friction_velocity is None else float(self.friction_velocity)
+        content["origin"] = dict(self.origin)
+        return {key: value for key, value in content.items() if value not in (None, {})}
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write them into a YAML file; numbers come back with the same bits.
+
+        Raises
+        ------
+        InputError
+            It cannot be written.
+        """
+        try:
+            Path(path).write_text(_HEAD + yaml_text(self.to_dict()), encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"Cannot write the file of parameters '{path}': {error.strerror or error}.") from error
+
+
+_FIELDS = ("joints", "links", "payloads", "friction_velocity", "origin")
+
+_HEAD = """\
+# Parameters of a robot beside its URDF: load_urdf(…, parameters=…), and parameters_file of every node of diag_dynamics.
+# Of a joint: damping [N m s/rad], friction (Coulomb) [N m], effort_offset [N m], armature (reflected rotor) [kg m²];
+# prismatic: N s/m, N, N, kg. Of links (in place of the URDF's) and payloads (beside it): mass [kg], com [m] in the axes of
+# the link, inertia about com [kg m²].
+"""
+
+
+def _mapping(value: object, source: str, known: Iterable[str] = ()) -> Mapping[Any, Any]:
+    """The value, if it is a dict that has none but known keys."""
+    known = tuple(known)
+    if not isinstance(value, Mapping):
+        expected = f"{', '.join(known)}" if known else "entries by name"
+        raise InputError(f"{source}: {value!r} stands there, expected {expected}.")
+    for key in value:
+        if known and key not in known:
+            near = get_close_matches(str(key), known, n=1)
+            raise InputError(f"{source} has '{key}', expected {near[0]!r}." if near else _none_of(source, key, known))
+    return value
+
+
+def _none_of(source: str, key: object, known: Iterable[str]) -> str:
+    return f"{source} has '{key}', expected one of {', '.join(known)}."
+
+
+def _number(value: object) -> object:
+    """A number, also one that YAML takes for text: 1e-3 without a dot."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
+
+
+def _joint(entry: object, source: str) -> JointParameters:
+    if isinstance(entry, JointParameters):
+        entry = entry._asdict()
+    checked = {}
+    for key, value in _mapping(entry, source, JointParameters._fields).items():
+        if value is None:
+            continue
+        unit, signed = _UNITS[key], key == "effort_offset"
+        expected = f"a finite number{'' if signed else ' >= 0'} {unit}"
+        checked[key] = float(numbers(f"{source}: {key}", _number(value), (), expected, LARGEST))
+        if checked[key] < 0.0 and not signed:
+            raise InputError(f"{source}: {key} is {value!r}, expected {expected}.")
+    return JointParameters(**checked)
+
+
+_UNITS = {
+    "damping": "[N m s/rad, N s/m]",
+    "friction": "[N m, N]",
+    "effort_offset": "[N m, N]",
+    "armature": "[kg m², kg]",
+}
+
+
+def _body(entry: object, source: str, signed: bool) -> Payload:
+    if isinstance(entry, Payload):
+        entry = entry._asdict()
+    given = _mapping(entry, source, Payload._fields)
+    if "mass" not in given:
+        raise InputError(f"{source} has no mass.")
+    named = {key: _numbers(value) for key, value in given.items() if value is not None}
+    return checked_inertia(lambda part: f"{source}: {part}", Payload(**named), signed)
+
+
+def _numbers(value: object) -> Any:
+    return [_numbers(part) for part in value] if isinstance(value, (list, tuple)) else _number(value)
+
+
+def robot_with(robot: Any, root: str, parameters: Parameters) -> Any:
+    """A URDF's robot with these joints' damping and friction, and these links' inertias, in place of its own.
+
+    Raises
+    ------
+    InputError
+        It lacks a joint or a link, a joint has not one degree of freedom, or a payload of negative mass takes off more than
+        there is.
+    """
+    links = [link.name for link in robot.links]
+    _refuse_unknown("joint", parameters.joints, (joint.name for joint in robot.joints), robot)
+    _refuse_unknown("link", (*parameters.links, *parameters.payloads), links, robot)
+    robot = copy.copy(robot)
+    robot.joints = [_resisting(joint, parameters.joints.get(joint.name)) for joint in robot.joints]
+    robot.links = [
+        _carrying(_of_inertia(link, parameters.links.get(link.name)), parameters.payloads.get(link.name))
+        for link in robot.links
+    ]
+    _refuse_too_light(robot, root, [name for name, payload in parameters.payloads.items() if payload.mass < 0.0])
+    return robot
+
+
+def _refuse_unknown(what: str, given: Iterable[str], known: Iterable[str], robot: Any) -> None:
+    known = list(known)
+    for name in given:
+        if name not in known:
+            near = get_close_matches(name, known, n=1)
+            raise InputError(
+                f"parameters: '{name}' is not a {what} of robot '{robot.name}'."
+                + (f" Is '{near[0]}' meant?" if near else f" Its {what}s are {', '.join(known[:12])}.")
+            )
+
+
+def _resisting(joint: Any, given: JointParameters | None) -> Any:
+    if given is None:
+        return joint
+    if joint.type not in SINGLE:
+        raise InputError(f"parameters: joint '{joint.name}' is {joint.type}, expected one degree of freedom.")
+    joint, own = copy.copy(joint), joint.dynamics
+    joint.dynamics = Dynamics(
+        *(
+            getattr(own, name, None) if getattr(given, name) is None else getattr(given, name)
+            for name in ("damping", "friction")
+        )
+    )
+    return joint
+
+
+def _of_inertia(link: Any, given: Payload | None) -> Any:
+    if given is None:
+        return link
+    link, place = copy.copy(link), np.eye(4)
+    place[:3, 3] = given.com
+    link.inertial = Inertial(given.mass, np.array(given.inertia, float), place)
+    return link
+
+
+def _carrying(link: Any, payload: Payload | None) -> Any:
+    """The link, with a payload as part of its own inertia."""
+    if payload is None or payload.mass == 0.0:
+        return link
+    own = link.inertial
+    if own is None or own.mass is None or own.inertia is None:
+        return _of_inertia(link, payload)
+    place = np.eye(4) if own.origin is None else own.origin
+    parts = [
+        (own.mass, place[:3, 3], place[:3, :3] @ own.inertia @ place[:3, :3].T),
+        (payload.mass, np.asarray(payload.com, float), np.asarray(payload.inertia, float)),
+    ]
+    mass = own.mass + payload.mass
+    if abs(mass) <= NOTHING * abs(payload.mass):
+        raise InputError(
+            f"parameters: the payload of {payload.mass:g} kg leaves link '{link.name}' without mass. Give it as links: "
+            f"{link.name}: {{mass: 0}}."
+        )
+    centre = sum(part[0] * part[1] for part in parts) / mass
+    inertia = np.zeros((3, 3))
+    for m, c, about in parts:
+        d = c - centre
+        inertia += about + m * (d @ d * np.eye(3) - np.outer(d, d))
+    return _of_inertia(link, Payload(mass, centre, inertia))
+
+
+NOTHING = 1e-9
+"""Part of a mass that is nothing but rounding."""
+
+
+def _refuse_too_light(robot: Any, root: str, names: Iterable[str]) -> None:
+    """Refuse bodies that are no rigid ones, of those that something was taken off."""
+    if not names:
+        return
+    tree = Tree(robot, root, floating_base=True)
+    bodies, _ = tree.records({}, {})
+    of_link = {link.name: body for link, body, _ in tree.links}
+    for name in names:
+        body = bodies[of_link[name]]
+        mass, moment, about_origin = float(body["mass"]), body["first_moment"], np.zeros((3, 3))
+        about_origin[np.triu_indices(3)] = body["inertia"]
+        about_origin += np.triu(about_origin, 1).T
+        reason = f"which leaves {mass:.3g} kg"
+        if mass > 0.0:
+            centre = moment / mass
+            inertia = about_origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+            unphysical = not_physical(inertia, mass)
+            reason = f"which leaves {mass:.3g} kg {unphysical}" if unphysical else ""
+        if reason:
+            raise InputError(
+                f"parameters: a payload of negative mass is on link '{name}', {reason}: more is taken off than moves with "
+                "that link."
+            )
+
+
+def of_joints(parameters: Parameters, name: str) -> dict[str, float]:
+    """One number by joint, of those that have it."""
+    found = {joint: getattr(entry, name) for joint, entry in parameters.joints.items()}
+    return {joint: value for joint, value in found.items() if value is not None}

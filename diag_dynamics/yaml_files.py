@@ -1,0 +1,59 @@
+"""YAML read with errors that name the file. PyYAML is imported when it is needed: who reads no file need not wait for it."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from diag_dynamics.exceptions import InputError
+
+
+def read_yaml(path: object, what: str) -> Any:
+    """Contents of a YAML file, {} of an empty one.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+    what : str
+        What the file is, for errors.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or is no YAML.
+    """
+    try:
+        text = Path(str(path)).expanduser().read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError, ValueError) as error:  # ValueError: of a name that holds a null character
+        raise InputError(f"{what} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
+    content = parsed_yaml(text, what)
+    return {} if content is None else content
+
+
+def parsed_yaml(text: str, what: str) -> Any:
+    """Contents of YAML text.
+
+    Raises
+    ------
+    InputError
+        It is no YAML.
+    """
+    yaml = _yaml(what)
+    try:
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: of a date that is none
+        raise InputError(f"{what} is no YAML: {' '.join(str(error).split())}") from error
+
+
+def yaml_text(content: Any) -> str:
+    """YAML of plain dicts, lists, texts and numbers, in their order; every number is read back with the same bits."""
+    return _yaml("what is to be written").safe_dump(content, sort_keys=False, allow_unicode=True, width=100)
+
+
+def _yaml(what: str) -> Any:
+    """PyYAML, which a `pip install --no-deps` leaves out."""
+    try:
+        return import_module("yaml")
+    except ImportError as error:
+        raise InputError(f"{what} is YAML, and PyYAML is not installed: pip install pyyaml.") from error
