@@ -4,13 +4,12 @@ import argparse
 import json
 import sys
 import time
-import warnings
 from functools import partial
 from pathlib import Path
 
 from diag_dynamics.cli import fleet
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.model import load_robot
+from diag_dynamics.model.named import robot_path
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.outputs.csv import CsvOutput
@@ -39,7 +38,11 @@ def run(name, arguments):
     parser.add_argument("--columns", metavar="MAP.yaml", help="map of the columns of a table (docs/recordings.md)")
     parser.add_argument("--topic", help="that of the joint states, where a bag has several")
     parser.add_argument(
-        "--parameters", metavar="FILE.yaml", action="append", default=[], help="parameters of the monitor"
+        "--parameters",
+        metavar="FILE.yaml",
+        action="append",
+        default=[],
+        help="of the monitor, or of the robot: friction, rotor inertias, … (docs/library.md); may be repeated",
     )
     parser.add_argument("--set", metavar="PARAMETER=VALUE", nargs="+", action="extend", default=[], help="one of them")
     parser.add_argument("--gain", type=float, default=25.0, help="of the disturbance observer [1/s] (default: 25)")
@@ -119,12 +122,10 @@ def _analyse_fleet(chosen):
 
 
 def _robot(urdf):
-    """What the robot is made of: a file, or the name of an example."""
+    """What the robot is made of: a file, that of an example by its name."""
     if urdf is None or Path(urdf).expanduser().exists() or "/" in urdf or "." in urdf:
         return urdf
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return load_robot(urdf)
+    return str(robot_path(urdf))
 
 
 def _is_wrong(summary):

@@ -1,10 +1,12 @@
 """Parameters of the monitor without a monitor: from its YAML files, and from a command line."""
 
 from collections.abc import Mapping
+from dataclasses import fields
 from difflib import get_close_matches
 from fnmatch import fnmatch
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.model import Parameters
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.yaml_files import parsed_yaml, read_yaml
 
@@ -18,7 +20,8 @@ def parameters_of(files=(), assignments=()):
     Parameters
     ----------
     files : sequence of str or Path
-        As ROS 2 has them: ``/**: {ros__parameters: {…}}``. Sections of other nodes count for nothing.
+        As ROS 2 has them: ``/**: {ros__parameters: {…}}``. Sections of other nodes count for nothing. A file of the robot's
+        own parameters (:class:`Parameters`) is the value of `parameters_file`.
     assignments : sequence of str
         Each ``parameter=value``, the value in YAML.
 
@@ -44,6 +47,8 @@ def _of_file(path):
     content = read_yaml(path, f"'{path}'")
     if not isinstance(content, Mapping):
         raise InputError(f"'{path}' is no file of parameters, expected /**: {{ros__parameters: {{…}}}}.")
+    if content and set(content) <= {field.name for field in fields(Parameters)}:
+        return {"parameters_file": str(path)}
     found = {}
     for node, section in content.items():
         if not isinstance(section, Mapping) or not isinstance(section.get("ros__parameters"), Mapping):

@@ -96,7 +96,8 @@ def read_recording(
     topic : str, optional
         That of the joint states, where a bag has several of them.
     parameters : mapping, optional
-        Parameters of the monitor, by name, that are to have other values than there by default.
+        Parameters of the monitor, by name, that are to have other values than there by default. Those that make a model of a
+        description, such as `armature` and `parameters_file`, have no effect on a :class:`RobotModel`.
     start, end : float, optional
         Part of the recording that is wanted, in seconds after the beginning of the file, by the times at which messages were
         recorded. Nothing is known of what was before: the first states are those from which all joints have come.

@@ -410,6 +410,24 @@ def test_command_takes_the_monitors_file(tmp_path, raws, capsys):
     assert "no parameter 'nonsense'" in capsys.readouterr().err
 
 
+def test_command_takes_the_robots_file(tmp_path, raws, capsys):
+    """Rotor inertias of a file beside the URDF: more kinetic energy by half of each times its joint's rate squared."""
+    path, file = tmp_path / "in.mcap", tmp_path / "arm.yaml"
+    write_mcap(path, raws)
+    model = dd.load_robot("panda")
+    dd.Parameters(joints={"panda_joint1": dd.JointParameters(armature=0.8)}).save(file)
+
+    def mean(*options):
+        main(["analyse", str(path), "--urdf", "panda", "--json", "-", *options])
+        return json.loads(capsys.readouterr().out)["kinetic_energy"]["mean"]
+
+    rate = dd.read_recording(path, model).qd[:, 0]
+    assert mean("--parameters", str(file)) - mean() == pytest.approx(0.4 * np.mean(rate**2), rel=1e-9)
+    file.write_text("joints: {elbow: {damping: 1}}")
+    assert main(["analyse", str(path), "--urdf", "panda", "--parameters", str(file)]) == 2
+    assert "'elbow' is not a joint of robot 'panda'" in capsys.readouterr().err
+
+
 def test_packaged_parameters_are_taken(tmp_path, raws):
     path = tmp_path / "in.mcap"
     write_mcap(path, raws)
