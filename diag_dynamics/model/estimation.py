@@ -12,9 +12,8 @@ from diag_dynamics.checks import positive
 from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model.geometry import Solid, shapes_of, solid_of, united
 from diag_dynamics.model.meshes import Meshes
+from diag_dynamics.model.rewriting import inertial_element, insert_first
 from diag_dynamics.model.urdf import parse_urdf
-
-_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
 LARGEST_DENSITY = 30000.0
 """Largest density accepted [kg/m³]; osmium, the densest element, has 22 590."""
@@ -137,7 +136,8 @@ def estimated(text: str, density: object, folder: Path | None) -> Estimated:
             failed[name] = str(error)
             continue
         estimate = Estimate(name, rho * solid.volume, solid.centre, rho * solid.inertia, role, solid.of)
-        _insert(link, estimate, rho)
+        said = f"estimated by diag_dynamics from {estimate.source} at {rho:g} kg/m3"
+        insert_first(link, inertial_element(said, estimate.mass, estimate.centre, estimate.inertia))
         estimates.append(estimate)
     whole = etree.tostring(robot.getroottree(), encoding="unicode")
     return Estimated(whole, tuple(estimates), rho, failed)
@@ -154,23 +154,3 @@ def _measured(link: Any, meshes: Meshes) -> tuple[str, Solid]:
         except UrdfError as error:
             reason = reason or error
     raise reason or UrdfError("its <collision> and <visual> have no shape")
-
-
-def _insert(link: Any, estimate: Estimate, density: float) -> None:
-    """Put an <inertial> before all else of a link, in the file's manner of indenting."""
-    inner = link.text if link.text and not link.text.strip() else "\n    "
-    outer = inner + (inner.rpartition("\n")[2] or "  ")
-    inertial = etree.Element("inertial")
-    inertial.text, inertial.tail = outer, inner
-    # A comment may not hold two dashes in a row, and a file's name may.
-    said = f"estimated by diag_dynamics from {estimate.source} at {density:g} kg/m3".replace("--", "- -")
-    inertial.append(etree.Comment(f" {said} "))
-    etree.SubElement(inertial, "origin", xyz=" ".join(repr(float(x)) for x in estimate.centre), rpy="0 0 0")
-    etree.SubElement(inertial, "mass", value=repr(float(estimate.mass)))
-    entries = {entry: repr(float(estimate.inertia[place])) for entry, place in _ENTRIES.items()}
-    etree.SubElement(inertial, "inertia", entries)
-    for child in inertial:
-        child.tail = outer
-    inertial[-1].tail = inner
-    link.insert(0, inertial)
-    link.text = inner
