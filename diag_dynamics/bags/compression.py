@@ -30,10 +30,8 @@ def extra(module):
     try:
         return import_module(module)
     except ImportError as error:
-        package = module.partition(".")[0]
-        raise InputError(
-            f"recordings of this kind need the package {package}: pip install 'diag_dynamics[recordings]'"
-        ) from error
+        package = module.partition(".")[0].replace("yaml", "pyyaml")
+        raise InputError(f"recordings of this kind need the package {package}: pip install {package}.") from error
 
 
 def decompressed(data, compression, size):

@@ -79,6 +79,6 @@ def _unpacked(file, packed, path):
         arrow = import_module("pyarrow")
     except ImportError as error:
         raise InputError(
-            f"'{path}' is packed by {packed}, for which pyarrow is needed: pip install 'diag_dynamics[recordings]'."
+            f"'{path}' is packed by {packed}, for which pyarrow is needed: pip install pyarrow."
         ) from error
     return arrow.CompressedInputStream(arrow.PythonFile(file, mode="r"), packed)

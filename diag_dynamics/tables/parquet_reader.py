@@ -35,7 +35,7 @@ class ParquetReader:
             self._compute = import_module("pyarrow.compute")
         except ImportError as error:
             raise InputError(
-                f"'{path}' is a Parquet file, and pyarrow is not installed: pip install 'diag_dynamics[recordings]'."
+                f"'{path}' is a Parquet file, and pyarrow is not installed: pip install pyarrow."
             ) from error
         with self._opened() as file:
             fields = list(_flat(self._arrow.types, file.schema_arrow))

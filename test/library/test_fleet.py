@@ -270,7 +270,7 @@ def test_part_by_the_command(tmp_path, archive):
 
 def test_without_dask(tmp_path, archive, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(dd.InputError, match=r"pip install 'diag_dynamics\[fleet\]'"):
+    with pytest.raises(dd.InputError, match=r"pip install 'dask\[distributed\]'"):
         analyse_fleet([str(archive / GOOD[0])], tmp_path)
 
 

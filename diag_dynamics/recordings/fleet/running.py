@@ -22,7 +22,7 @@ from diag_dynamics.recordings.outputs.part import Part
 PIECE = 600.0
 """Length of the pieces of long recordings [s]: the time to settle is less than a hundredth of it."""
 
-MISSING = "a fleet's recordings are analysed by Dask, which is not installed: pip install 'diag_dynamics[fleet]'."
+MISSING = "a fleet's recordings are analysed by Dask, which is not installed: pip install 'dask[distributed]'."
 
 
 def analyse_fleet(

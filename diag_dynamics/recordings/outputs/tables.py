@@ -27,9 +27,7 @@ class TableOutput:
         try:
             self.arrow = import_module("pyarrow")
         except ImportError as error:
-            raise InputError(
-                f"'{path}' is written by pyarrow, which is not installed: pip install 'diag_dynamics[recordings]'."
-            ) from error
+            raise InputError(f"'{path}' is written by pyarrow, which is not installed: pip install pyarrow.") from error
         self.model = reading.model
         self._reading, self._friction, self._columns, self._writer = reading, friction, None, None
         self._part = Part(path)
