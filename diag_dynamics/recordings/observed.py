@@ -84,6 +84,8 @@ def observe(
             f"the recording is of robot '{recording.model.name}', whose degrees of freedom are not those of the dynamics, "
             f"of '{dynamics.model.name}'."
         )
+    if not len(recording):
+        raise InputError("the recording has no states: its findings say why.")
     if recording.tau is None:
         raise InputError("the recording has no efforts, without which no external torque can be observed.")
     observer = Observer(dynamics, gain, threshold, release, friction=friction, max_gap=max_gap, threads=threads)
@@ -94,8 +96,6 @@ def observe(
             part.position, part.velocity, np.nan_to_num(part.effort), threads=threads, friction=friction
         )
         pieces.append(observer.take(part, s))
-    if not pieces:
-        raise InputError("the recording has no states.")
     columns = (np.concatenate(column) for column in zip(*pieces, strict=True))
     return Observed(recording.t, *columns)
 

@@ -1,12 +1,23 @@
 """What an analysis has found, as numbers for programs and as text for people."""
 
+import re
+import textwrap
+
+from diag_dynamics.recordings.account import Finding
 from diag_dynamics.recordings.balance import WINDOW
+from diag_dynamics.recordings.explained import LEAST
 
 REJECTED = "rejected: "
 """Begins the names of counts of joint states that were rejected."""
 
 FEW = 5
 """Joints, findings and collisions that the text tells of one by one."""
+
+JOINED = "\u00a0"
+"""Space at which no line ends, until lines are made."""
+
+WIDTH = 100
+"""Longest line of the text, where nobody says another one."""
 
 
 def summary_of(outcome):
@@ -87,13 +98,28 @@ def _by_name(names, values):
     return {} if values is None else dict(zip(names, map(float, values), strict=True))
 
 
-def text_of(summary):
-    """The same for people: lines of no more than 100 characters, as far as names allow."""
+def text_of(summary, width=WIDTH):
+    """The same for people: lines of no more than so many characters, as far as names allow. Times are from the beginning."""
     lines = [*_about_states(summary), *_about_energy(summary), *_about_balance(summary), *_about_collisions(summary)]
-    warnings = [*summary["warnings"], *(f"{x['cause']} ({x['count']} ×): {x['text']}" for x in summary["findings"])]
-    if warnings:
-        lines += ["", "Worth knowing", *_some(warnings, "more; --json has all")]
-    return "\n".join(lines)
+    notes = [one["text"] for one in summary["findings"] if one["cause"] == "note"]
+    faults = [Finding(**one) for one in summary["findings"] if one["cause"] != "note"]
+    for heading, texts in (("Worth knowing", [*map(str, faults), *summary["warnings"]]), ("How it was read", notes)):
+        if texts:
+            lines += ["", heading, *_some(texts, "more; --json has all")]
+    return "\n".join(_wrapped(line, width) for line in lines)
+
+
+def _wrapped(line, width):
+    """The line, and what does not fit in it farther in below; no word is cut."""
+    inward = (len(line) - len(line.lstrip()) + 2) * " "
+    line = re.sub(r"(?<=\d) (?=(?:s|ms|J|W|N|Hz|rad)\b)", JOINED, line)  # a number and its unit
+    line = textwrap.fill(line, width, subsequent_indent=inward, break_long_words=False, break_on_hyphens=False)
+    return line.replace(JOINED, " ")
+
+
+def _after(summary, time):
+    """A time of the recording as seconds after its first state."""
+    return f"{time - summary['begin']:.3f} s"
 
 
 def _about_states(summary):
@@ -104,6 +130,8 @@ def _about_states(summary):
         f"Robot '{summary['robot']}', {len(summary['degrees_of_freedom'])} degrees of freedom",
         f"{summary['states']} states in {summary['duration']:.6g} s{rate}{jitter}; {rejected} messages rejected",
     ]
+    if summary["begin"]:
+        lines.append(f"Times below are from the first state on, at {summary['begin']:.6f} s in the recording")
     if quality["without_effort"]:
         lines.append(f"{quality['without_effort']} states without effort")
     return lines
@@ -114,21 +142,24 @@ def _about_energy(summary):
     if energy["max"] is None:
         return []
     shares = sorted(energy["share"].items(), key=lambda one: -one[1])[:FEW]
+    at = _after(summary, energy["at"])
     lines = [
         "",
-        f"Kinetic energy: at most {energy['max']:.4g} J at {energy['at']:.6f} s, {energy['mean']:.4g} J on average",
+        f"Kinetic energy: at most {energy['max']:.4g} J at {at}, {energy['mean']:.4g} J on average",
         "  largest shares: " + ", ".join(f"{name} {share:.3g} J" for name, share in shares),
     ]
     for what, label, unit in (("velocity", "velocity", "rad/s or m/s"), ("effort", "effort", "N m or N")):
         if what in summary["peaks"]:
             peak = summary["peaks"][what]
-            lines.append(f"  largest {label}: {peak['value']:.4g} {unit} at {peak['of']}, {peak['at']:.6f} s")
+            lines.append(
+                f"  largest {label}: {peak['value']:.4g} {unit} at {peak['of']}, {_after(summary, peak['at'])}"
+            )
     return lines
 
 
 def _about_balance(summary):
     if summary["explained"] is None:
-        return ["", "No balance of power: too few states with efforts."]
+        return ["", f"No balance of power: fewer than {LEAST} windows of {WINDOW:g} s with efforts all along."]
     total = summary["explained_with_potential"]
     also = "" if total is None else f" (with potential energy {total:.3f})"
     lines = [
@@ -150,14 +181,15 @@ def _about_collisions(summary):
     lines = [
         "",
         f"External torque (observer of gain {observer['gain']:g}/s): at most {torque['value']:.4g} N m or N at "
-        f"{torque['of']}, {torque['at']:.6f} s; |r| at most {norm['value']:.4g} J^0.5/s",
+        f"{torque['of']}, {_after(summary, torque['at'])}; |r| at most {norm['value']:.4g} J^0.5/s",
     ]
     if observer["threshold"] is None:
         return [*lines, "  no threshold, so no collisions (--set external_torque.gain=25 external_torque.threshold=…)"]
     found = summary["collisions"]
-    lines.append(f"  {len(found)} collisions above {observer['threshold']:g} J^0.5/s")
+    lines.append(f"  {len(found)} collision{'' if len(found) == 1 else 's'} above {observer['threshold']:g} J^0.5/s")
     told = [
-        f"{one['start']:.3f} to {one['end']:.3f} s, |r| {one['norm']:.3g}, {', '.join(one['joints'])}" for one in found
+        f"{_after(summary, one['start'])} to {_after(summary, one['end'])}, |r| {one['norm']:.3g}, {', '.join(one['joints'])}"
+        for one in found
     ]
     return [*lines, *_some(told, "more")]
 

@@ -217,7 +217,7 @@ def test_a_push_is_a_collision(ur5):
     assert collision["norm"] > 3.0
     assert ur5.dof_names[1] in collision["joints"]
     assert summary["peaks"]["external_torque"]["value"] == pytest.approx(25.0, rel=0.02)
-    assert "1 collisions" in text_of(summary)
+    assert "1 collision above" in text_of(summary)
 
 
 def test_observe(ur5, motion):
@@ -328,6 +328,37 @@ def test_gaps_repeats_and_bounds(ur5, motion):
     assert "clipped" in told
     assert "gap" in told
     assert "repeat" in told
+
+
+def test_times_that_lack_digits_are_told_of(ur5, motion):
+    t, q, qd, tau = motion
+    quality, report = quality_of(ur5, np.round(t, 1), q, qd, tau)
+    assert report["repeated_stamps"] > 0.9 * len(t)
+    assert any("times need more digits" in text for text in quality.warnings())
+
+
+def test_text_for_people(ur5, motion):
+    """Lines fit, no unit is apart from its number, times are from the first state on, and faults come before notes."""
+    t, q, qd, tau = motion
+    _, summary = analysed(ur5, states_of(t + 1.7e9, q, qd, 0.1 * tau))
+    notes = [{"cause": "note", "count": 1, "text": f"note {k}."} for k in range(6)]
+    summary["findings"] = [*notes, {"cause": "rejected: late", "count": 7, "text": "a message came late"}]
+    at = summary["kinetic_energy"]["at"] - summary["begin"]
+    for width in (40, 80, 100):
+        lines = text_of(summary, width).split("\n")
+        assert max(map(len, lines)) <= width
+        assert not any(line.split()[0].rstrip(",;") in {"J", "W", "s"} for line in lines if line)
+        flat = " ".join(line.strip() for line in lines)
+        assert f"J at {at:.3f} s, " in flat
+        assert "rejected: late (7 ×): a message came late" in flat
+        assert flat.index("came late") < flat.index("How it was read") < flat.index("note 0.")
+        assert "note (1" not in flat
+
+
+def test_observing_without_states_says_so(ur5):
+    nothing = Recording(ur5, States.none(ur5), 0, {}, [])
+    with pytest.raises(dd.InputError, match="no states"):
+        dd.observe(dd.DiagonalDynamics(ur5), nothing)
 
 
 def test_velocities_in_degrees_are_told_of(ur5, motion):
