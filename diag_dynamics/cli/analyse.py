@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import shutil
 import sys
 import time
 from functools import partial
@@ -17,18 +18,24 @@ from diag_dynamics.recordings.outputs.mcap import WRITTEN, McapOutput
 from diag_dynamics.recordings.outputs.messages import TOPICS
 from diag_dynamics.recordings.outputs.parquet import ParquetOutput
 from diag_dynamics.recordings.recording import Reading
-from diag_dynamics.recordings.summary import summary_of, text_of
+from diag_dynamics.recordings.summary import WIDTH, summary_of, text_of
 
 DONE, WORTH_KNOWING, FAILED = range(3)
 """Exit statuses: all is well; the recording has been analysed, but something about it is not right; it could not be."""
 
+DESCRIPTION = """A recording in, everything that the library says of it out: energies, balance of power, external torque,
+quality of the data. docs/recordings.md says what is read, and what the numbers mean."""
+
 EPILOG = """exit status: 0 all is well; 1 analysed, but part of it could not be read, messages were rejected, or the balance
-of power explains less than 80 %% (see the summary), or one of a fleet failed; 2 it could not be analysed."""
+of power explains less than 80 % (see the summary), or one of a fleet failed; 2 it could not be analysed."""
+
+OUTPUTS = "mcap", "parquet", "csv", "json"
+"""Options that name a file to be written."""
 
 
 def run(name, arguments):
     """Analyse recordings; returns the exit status."""
-    parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
+    parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=DESCRIPTION, epilog=EPILOG)
     parser.add_argument(
         "recording", nargs="?", help="rosbag2 folder, .mcap, .db3, ROS 1 .bag, or CSV, TSV, Parquet, npz"
     )
@@ -36,7 +43,7 @@ def run(name, arguments):
         "--urdf", help="the robot: URDF, or a name that `diag-dynamics robots` lists (default: the bag's own)"
     )
     parser.add_argument("--columns", metavar="MAP.yaml", help="map of the columns of a table (docs/recordings.md)")
-    parser.add_argument("--topic", help="that of the joint states, where a bag has several")
+    parser.add_argument("--topic", help="topic of the joint states, where a bag has several")
     parser.add_argument(
         "--parameters",
         metavar="FILE.yaml",
@@ -44,10 +51,24 @@ def run(name, arguments):
         default=[],
         help="of the monitor, or of the robot: friction, rotor inertias, … (docs/library.md); may be repeated",
     )
-    parser.add_argument("--set", metavar="PARAMETER=VALUE", nargs="+", action="extend", default=[], help="one of them")
-    parser.add_argument("--gain", type=float, default=25.0, help="of the disturbance observer [1/s] (default: 25)")
+    parser.add_argument(
+        "--set",
+        metavar="PARAMETER=VALUE",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="parameters of the monitor (docs/parameters.md), as effort_scale=*=0.5",
+    )
+    parser.add_argument(
+        "--gain",
+        type=float,
+        default=25.0,
+        help="of the disturbance observer [1/s], where the parameter external_torque.gain is not set (default: 25)",
+    )
     parser.add_argument("-o", "--mcap", metavar="OUT.mcap", help="messages of the monitor, for ros2 bag play")
-    parser.add_argument("--topics", default=",".join(WRITTEN), help=f"of OUT.mcap: some of {', '.join(TOPICS)}")
+    parser.add_argument(
+        "--topics", help=f"of OUT.mcap: some of {', '.join(TOPICS)}, with commas (default: {','.join(WRITTEN)})"
+    )
     parser.add_argument("--parquet", metavar="OUT.parquet", help="a column for each quantity and joint")
     parser.add_argument("--csv", metavar="OUT.csv", help="the same as text")
     parser.add_argument("--json", metavar="SUMMARY.json", help="the summary for programs; - for stdout")
@@ -60,9 +81,11 @@ def run(name, arguments):
     fleet.add_arguments(parser)
     chosen = parser.parse_args(arguments)
     if (chosen.recording is None) == (chosen.fleet is None):
-        parser.error("one recording is expected, or --fleet PATTERN…")
+        parser.error("one recording is expected, before --set, or --fleet PATTERN…")
     try:
         return _analyse_fleet(chosen) if chosen.fleet else _analyse(chosen)
+    except BrokenPipeError:  # `… | head`, which main knows of
+        raise
     except (DiagDynamicsError, OSError) as error:
         print(f"diag-dynamics {name}: {error}", file=sys.stderr)
         return FAILED
@@ -71,6 +94,10 @@ def run(name, arguments):
 def _analyse(chosen):
     if chosen.threads is not None and chosen.threads < 1:
         raise InputError(f"--threads is {chosen.threads}, expected at least 1.")
+    fleet.refuse(chosen)
+    if chosen.topics is not None and chosen.mcap is None:
+        raise InputError("--topics are those of a file that --mcap writes.")
+    _refuse_outputs(chosen)
     parameters = parameters_of(chosen.parameters, chosen.set)
     reading = Reading(
         chosen.recording,
@@ -81,7 +108,7 @@ def _analyse(chosen):
         start=chosen.start,
         end=chosen.end,
     )
-    messages = partial(McapOutput, topics=chosen.topics.split(","))
+    messages = partial(McapOutput, topics=WRITTEN if chosen.topics is None else chosen.topics.split(","))
     kinds = (chosen.mcap, messages), (chosen.parquet, ParquetOutput), (chosen.csv, CsvOutput)
     analysis = Analysis(reading, gain=chosen.gain, threads=chosen.threads)
     outputs = [kind(path, reading, analysis.friction) for path, kind in kinds if path]
@@ -90,8 +117,7 @@ def _analyse(chosen):
         with _Progress(chosen.quiet) as progress:
             analysis.run(outputs, progress)
         if not analysis.states:
-            findings = "; ".join(map(str, analysis.outcome.account.findings()[:3])) or "it has no messages"
-            raise InputError(f"'{chosen.recording}' has not a single state: {findings}.")
+            raise InputError(f"'{chosen.recording}' has not a single state: {_why_none(chosen, analysis.outcome)}.")
         for output in outputs:
             output.close()
     except BaseException:
@@ -102,9 +128,9 @@ def _analyse(chosen):
     if chosen.json == "-":
         print(json.dumps(summary, indent=1, allow_nan=False))
     elif chosen.json:
-        Path(chosen.json).write_text(json.dumps(summary, indent=1, allow_nan=False), encoding="utf-8")
+        Path(chosen.json).expanduser().write_text(json.dumps(summary, indent=1, allow_nan=False), encoding="utf-8")
     if not chosen.quiet and chosen.json != "-":
-        print(text_of(summary))
+        print(text_of(summary, min(WIDTH, shutil.get_terminal_size((WIDTH, 24)).columns)))
         took = max(time.perf_counter() - begun, 1e-9)
         ratio = summary["duration"] / took
         print(f"\nAnalysed in {took:.1f} s, {ratio:.3g} times as fast as it was recorded.", file=sys.stderr)
@@ -125,7 +151,32 @@ def _robot(urdf):
     """What the robot is made of: a file, that of an example by its name."""
     if urdf is None or Path(urdf).expanduser().exists() or "/" in urdf or "." in urdf:
         return urdf
-    return str(robot_path(urdf))
+    return str(robot_path(urdf))  # the parameters shape it, as they do a file
+
+
+def _refuse_outputs(chosen):
+    """Refuse to write over what is read, twice into one file, and where there is no folder."""
+    read = [chosen.recording, chosen.urdf, chosen.columns, *chosen.parameters]
+    taken = {Path(path).expanduser().resolve(): f"'{path}' is read" for path in read if path}
+    for option in OUTPUTS:
+        path = getattr(chosen, option)
+        if path is None or (option, path) == ("json", "-"):
+            continue
+        full = Path(path).expanduser().resolve()
+        for other, what in taken.items():  # of a folder, its files too
+            if full == other or other in full.parents:
+                raise InputError(f"--{option} '{path}': {what}, so nothing is written there.")
+        if not full.parent.is_dir():
+            raise InputError(f"--{option} '{path}': there is no folder '{full.parent}'.")
+        taken[full] = f"--{option} is written into it"
+
+
+def _why_none(chosen, outcome):
+    """What has kept messages from making a state."""
+    found = [one for one in outcome.account.findings() if one.cause != "note"]
+    if not found and not outcome.account.counts["received"] and (chosen.start, chosen.end) != (None, None):
+        return "no message is within --start and --end"
+    return "; ".join(map(str, sorted(found, key=lambda one: -one.count)[:3])) or "it has no messages"
 
 
 def _is_wrong(summary):

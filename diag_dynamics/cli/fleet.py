@@ -6,8 +6,11 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.fleet.running import PIECE, analyse_fleet
 from diag_dynamics.recordings.fleet.table import text_of
 
-ALONE = "mcap", "parquet", "csv", "json", "threads", "start", "end"
+ALONE = "mcap", "topics", "parquet", "csv", "json", "threads", "start", "end"
 """Options of a single recording."""
+
+TOGETHER = "out", "scheduler", "workers", "piece", "no_parquet"
+"""Options of many."""
 
 
 def add_arguments(parser):
@@ -19,8 +22,18 @@ def add_arguments(parser):
         "--scheduler", metavar="tcp://HOST:PORT", help="of a Dask cluster (default: processes of this machine)"
     )
     group.add_argument("--workers", type=int, help="number of these processes (default: as many as processors)")
-    group.add_argument("--piece", type=float, default=PIECE, metavar="SECONDS", help="long ones are cut (default: 600)")
+    group.add_argument(
+        "--piece", type=float, metavar="SECONDS", help=f"long ones are cut into these (default: {PIECE:g})"
+    )
     group.add_argument("--no-parquet", action="store_true", help="summaries alone")
+
+
+def refuse(chosen):
+    """Refuse options of many recordings, of which there is one."""
+    for name in TOGETHER:
+        value = getattr(chosen, name)
+        if value is not None and value is not False:  # 0 is a value
+            raise InputError(f"--{name.replace('_', '-')} belongs to --fleet.")
 
 
 def analyse(chosen, parameters, model):
@@ -43,7 +56,7 @@ def analyse(chosen, parameters, model):
             gain=chosen.gain,
             scheduler=chosen.scheduler,
             workers=chosen.workers,
-            piece=chosen.piece,
+            piece=PIECE if chosen.piece is None else chosen.piece,
             parquet=not chosen.no_parquet,
             progress=progress,
         )

@@ -1,13 +1,13 @@
 """The model that parameters make of a description."""
 
 from diag_dynamics.entries import assignments
-from diag_dynamics.exceptions import UnsupportedError
+from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.model import load_urdf
 from diag_dynamics.model.options import FRICTION_VELOCITY
 from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.model.urdf import read_urdf
 from diag_dynamics.model.xacro_files import expanded
-from diag_dynamics.parameters.shared import payloads_of
+from diag_dynamics.parameters.shared import PARAMETERS, payloads_of
 
 
 def model_of(description, values):
@@ -47,6 +47,23 @@ def model_of(description, values):
     )
     require_single_joints(model)
     return model
+
+
+def require_as_made(values):
+    """Refuse parameters that shape a robot, where a model of it is given, which they would not reach.
+
+    Parameters
+    ----------
+    values : dict
+        Values of :data:`~parameters.shared.PARAMETERS`, and `friction_velocity`.
+    """
+    defaults = {name: spec.default for name, spec in PARAMETERS.items()} | {"friction_velocity": FRICTION_VELOCITY}
+    for name, default in defaults.items():
+        if name != "floating_base" and values[name] != default:
+            raise InputError(
+                f"parameter '{name}' shapes a robot, but a RobotModel is given, which is made already: "
+                "give its URDF, or have load_urdf make it so."
+            )
 
 
 def require_single_joints(model):

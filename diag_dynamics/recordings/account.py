@@ -20,12 +20,15 @@ class Finding(NamedTuple):
         return f"{self.cause} ({self.count} ×): {self.text}" if self.count > 1 else f"{self.cause}: {self.text}"
 
 
+FEW = 8
+"""Joints that are named."""
+
 TEXTS = {
     LOST: "states that never came, by the gaps in the stamps",
     "positions jumped": None,
     "mimic disagreement": None,
     "absurd effort": "efforts beyond what can be, taken as unknown",
-    "incomplete": "messages before all joints were known",
+    "incomplete": None,
     "before odometry": "joint states before the base was known",
     "foreign": "messages without a joint of this robot",
     "time jumped back": "stamps went back, and all joints were forgotten",
@@ -52,6 +55,7 @@ class Account:
         self._counts, self._gaps = intake.counts, intake.assembler.gaps
         self._counts.pop(LOST, None)  # these are of the gaps, which go on
         self._first, self._last, self._frozen = {}, intake.last_texts, Counter(intake.frozen.told)
+        self._missing = intake.assembler.missing
         for rejection in intake.rejections:
             self._first.setdefault(rejection.cause, rejection.text)
         self._unread, self._notes, self.misplaced = list(unread), list(notes), misplaced
@@ -68,6 +72,7 @@ class Account:
         self._first = other._first | self._first
         self._last |= {what: text for what, text in other._last.items() if other._counts[what]}
         self._frozen += other._frozen
+        self._missing = [name for name in self._missing if name in other._missing]
         self._unread += [one for one in other._unread if one not in self._unread]
         self._notes += [one for one in other._notes if one not in self._notes]
         self.misplaced = self.misplaced or other.misplaced
@@ -80,5 +85,17 @@ class Account:
         found += [Finding(cause, counts[cause], text) for cause, text in self._first.items()]
         for cause, text in TEXTS.items():
             if counts[cause]:
-                found.append(Finding(cause, counts[cause], text or self._last[cause]))
-        return found + [Finding("frozen values", number, text) for text, number in self._frozen.items()]
+                found.append(Finding(cause, counts[cause], text or self._text(cause)))
+        return found + [
+            Finding("frozen values", number, text.removeprefix("frozen values: "))
+            for text, number in self._frozen.items()
+        ]
+
+    def _text(self, cause):
+        if cause != "incomplete":
+            return self._last[cause]
+        text, missing = "messages before all joints were known", self._missing
+        if not missing:
+            return text
+        names = ", ".join(missing[:FEW]) + (f" and {len(missing) - FEW} more" if len(missing) > FEW else "")
+        return f"{text}; never came: {names}. A joint that does not move is held by locked_joints={missing[0]}=0"

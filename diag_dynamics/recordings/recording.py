@@ -15,7 +15,7 @@ from diag_dynamics.bags.messages import Messages
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
-from diag_dynamics.parameters.robots import model_of, require_single_joints
+from diag_dynamics.parameters.robots import model_of, require_as_made, require_single_joints
 from diag_dynamics.recordings.account import Account, Finding
 from diag_dynamics.recordings.intake import Intake, States
 from diag_dynamics.recordings.sources import source_of
@@ -97,7 +97,7 @@ def read_recording(
         That of the joint states, where a bag has several of them.
     parameters : mapping, optional
         Parameters of the monitor, by name, that are to have other values than there by default. Those that make a model of a
-        description, such as `armature` and `parameters_file`, have no effect on a :class:`RobotModel`.
+        description, such as `armature` and `parameters_file`, need one: a :class:`RobotModel` is made already.
     start, end : float, optional
         Part of the recording that is wanted, in seconds after the beginning of the file, by the times at which messages were
         recorded. Nothing is known of what was before: the first states are those from which all joints have come.
@@ -145,7 +145,10 @@ def stream_recording(
     Recording
         Of one piece; `counts` and `findings` are those of all that came until then. The last one may be empty.
     """
-    yield from Reading(path, model, columns, topic=topic, parameters=parameters, start=start, end=end).pieces(size)
+    reading = Reading(path, model, columns, topic=topic, parameters=parameters, start=start, end=end)
+    if isinstance(model, RobotModel):
+        require_as_made(reading.settings.values)
+    yield from reading.pieces(size)
 
 
 class Reading:

@@ -98,6 +98,8 @@ class BagSource:
             for at, size in zip(messages.at.tolist(), messages.size.tolist(), strict=True):
                 if text := read_message(messages.data[at : at + size].tobytes(), DESCRIPTION).data:
                     return text
+        if not self._bag.connections:
+            raise InputError(f"'{self._path}' has nothing: {self._all()}.")
         raise InputError(f"'{self._path}' has no robot_description: say which robot it is of (model, or --urdf ROBOT).")
 
     @property

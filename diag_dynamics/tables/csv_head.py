@@ -89,8 +89,8 @@ def head(path, wanted):
             names = named
         elif wanted.header is None and not _by_numbers(wanted):
             raise InputError(
-                f"'{path}' has no header, line {at + 1} is of numbers: give a map of columns with `header: false`, and with "
-                f"`time`, `position` … as numbers of columns, from 0 to {len(names) - 1}."
+                f"'{path}' has no header, line {at + 1} is of numbers: give a map of columns (--columns MAP.yaml) with "
+                f"`header: false`, and with `time`, `position` … as numbers of columns, from 0 to {len(names) - 1}."
             )
     _refuse_decimal_commas(below, delimiter, wanted.decimal, path)
     columns = [Column(name.strip()) for name in names]

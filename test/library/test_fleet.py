@@ -255,6 +255,7 @@ def test_command(tmp_path, archive, capsys):
         (["analyse", "--fleet", "nothing.mcap", "--out", str(tmp_path)], "there is no recording 'nothing.mcap'"),
         (["analyse", "--fleet", str(archive)], "--fleet needs --out"),
         ([*arguments, "--csv", "x.csv"], "--csv is of a single recording"),
+        ([*arguments, "--topics", "state"], "--topics is of a single recording"),
         ([*arguments, "--workers", "0"], "--workers is 0"),
         ([*arguments, "--piece", "0"], "piece is 0.0"),
     ):

@@ -397,6 +397,98 @@ def test_command_says_what_is_wrong(tmp_path, raws, capsys):
     assert not list(tmp_path.glob("out*"))
 
 
+@pytest.mark.parametrize("option", ["--mcap", "--parquet", "--csv", "--json"])
+def test_nothing_is_written_over_what_is_read(tmp_path, raws, capsys, option):
+    path, urdf, folder = tmp_path / "in.mcap", tmp_path / "panda.urdf", tmp_path / "bag"
+    write_mcap(path, raws)
+    write_bag(folder, raws, "mcap")
+    urdf.write_text(Path(find_urdf("panda")).read_text(encoding="utf-8"))
+    before = {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
+    for recording, output in ((path, path), (path, urdf), (folder, folder / "bag.mcap"), (folder, folder / "new")):
+        assert main(["analyse", str(recording), "--urdf", str(urdf), option, str(output), "--quiet"]) == 2
+        assert "is read, so nothing is written there" in capsys.readouterr().err
+    assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
+
+
+def test_options_that_would_do_nothing_are_refused(tmp_path, raws, capsys):
+    path, out = tmp_path / "in.mcap", tmp_path / "out"
+    write_mcap(path, raws)
+    for options, what in (
+        (["--topics", "state"], "--topics are those of a file that --mcap writes"),
+        (["--out", str(out)], "--out belongs to --fleet"),
+        (["--piece", "60"], "--piece belongs to --fleet"),
+        (["--workers", "0"], "--workers belongs to --fleet"),
+        (["--no-parquet"], "--no-parquet belongs to --fleet"),
+        (["--parquet", str(out), "--csv", str(out)], "--parquet is written into it"),
+        (["--json", str(out / "a.json")], "there is no folder"),
+        (["--start", "50"], "no message is within --start and --end"),
+    ):
+        assert main(["analyse", str(path), "--urdf", "panda", *options]) == 2
+        assert what in capsys.readouterr().err
+    assert not list(tmp_path.glob("out*"))
+
+
+def test_joints_that_never_come_are_named_and_can_be_held(tmp_path, driven, capsys):
+    """A Panda by its name, of whose gripper the recording knows nothing."""
+    names, stamps, position, velocity, effort = driven
+    arm = [k for k, name in enumerate(names) if "finger" not in name]
+    columns = {"t [s]": (stamps - stamps[0]) * 1e-9}
+    for letter, values in (("q", position), ("qd", velocity), ("tau", effort)):
+        columns |= {f"{letter}_{names[k]}": values[:, k] for k in arm}
+    path = tmp_path / "arm.csv"
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(path, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.17g")
+    assert main(["analyse", str(path), "--urdf", "panda"]) == 2
+    told = capsys.readouterr().err
+    assert f"incomplete ({COUNT} ×)" in told
+    assert "never came: panda_finger_joint1." in told
+    assert "held by locked_joints=panda_finger_joint1=0" in told
+    held = ["--set", "locked_joints=panda_finger_joint1=0"]
+    main(["analyse", str(path), "--urdf", "panda", *held, "--json", "-"])
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["states"] == COUNT
+    assert summary["degrees_of_freedom"] == [names[k] for k in arm]
+
+
+def test_parameters_that_a_model_would_not_obey_are_refused(tmp_path, panda, raws):
+    path = tmp_path / "in.mcap"
+    write_mcap(path, raws)
+    for name, value in (
+        ("locked_joints", ["panda_joint1=0"]),
+        ("gravity", [0.0, 0.0, -1.6]),
+        ("friction_velocity", 0.1),
+    ):
+        with pytest.raises(dd.InputError, match=f"'{name}' shapes a robot"):
+            dd.read_recording(path, panda, parameters={name: value})
+    assert len(dd.read_recording(path, panda, parameters={"gravity": [0.0, 0.0, -9.81]})) == COUNT
+
+
+def test_a_bag_of_nothing_says_why(tmp_path):
+    path = tmp_path / "broken.mcap"
+    path.write_bytes(bytes(range(256)) * 8)
+    with pytest.raises(dd.InputError, match=r"has nothing.*byte 0: the file does not begin as one of MCAP does"):
+        dd.read_recording(path)
+
+
+def test_who_stops_listening_is_no_fault(tmp_path, raws):
+    """As `… --json - | head -3` does."""
+    path = tmp_path / "in.mcap"
+    write_mcap(path, raws)
+    listening, said = os.pipe()
+    os.close(listening)
+    command = [sys.executable, "-m", "diag_dynamics", "analyse", str(path), "--urdf", "panda", "--json", "-"]
+    done = subprocess.run(command, stdout=said, stderr=subprocess.PIPE, text=True, timeout=300)
+    os.close(said)
+    assert "Broken pipe" not in done.stderr
+    assert done.returncode == 0
+
+
+def test_help_says_eighty_per_cent(capsys):
+    with pytest.raises(SystemExit):
+        main(["analyse", "--help"])
+    assert "80 % (" in capsys.readouterr().out
+
+
 def test_command_takes_the_monitors_file(tmp_path, raws, capsys):
     path, file = tmp_path / "in.mcap", tmp_path / "monitor.yaml"
     write_mcap(path, raws)

@@ -13,7 +13,7 @@ from diag_dynamics.checks import positive
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
-from diag_dynamics.parameters.robots import model_of
+from diag_dynamics.parameters.robots import model_of, require_as_made
 from diag_dynamics.recordings.fleet import tasks
 from diag_dynamics.recordings.fleet.jobs import OWN, Options, jobs_of
 from diag_dynamics.recordings.fleet.table import report_of, rows_of
@@ -117,7 +117,9 @@ def _options(model, columns, topic, parameters, gain, piece, parquet):
     if unknown:
         raise InputError(f"the monitor has no parameter '{min(unknown)}'.")
     settings = Settings.of({name: spec.default for name, spec in PARAMETERS.items()} | parameters)
-    if model is not None and not isinstance(model, RobotModel):
+    if isinstance(model, RobotModel):
+        require_as_made(settings.values)
+    elif model is not None:
         model = model_of(os.fspath(model), settings.values)
     if isinstance(columns, str | os.PathLike):
         columns = str(Path(columns).expanduser().resolve())
