@@ -142,6 +142,8 @@ class JointStateAssembler:
     ----------
     counts : Counter
         Number of messages that made no state and were not rejected, by cause, and of other events.
+    last_foreign : tuple of str
+        Names in the last message without a joint of this robot.
     last_disagreement : str
         Text on the followers that were astray last.
     stamps : Stamps
@@ -160,7 +162,7 @@ class JointStateAssembler:
         self.names = tuple(joints.names)
         self.followers = Followers(self.names, joints.mimics, options.mimic_tolerance, joints.continuous)
         self.counts = Counter()
-        self.last_disagreement = ""
+        self.last_disagreement, self.last_foreign = "", ()
         self.stamps, self.gaps = Stamps(), Gaps()
         self._joints = joints
         self._index = {name: k for k, name in enumerate(self.names)}
@@ -322,6 +324,7 @@ class JointStateAssembler:
         (there, here), (beside, following) = self._match(message)
         if not len(here) and not len(following):
             self.counts["foreign"] += 1
+            self.last_foreign = tuple(message.name)
             return None
         stamp, unstamped = stamp_of(message, now)
         position, velocity, effort = (
@@ -405,8 +408,9 @@ class JointStateAssembler:
         good = np.isfinite(values)
         if not good.all():
             k = int(np.argmin(good))
+            hint = " (missing_velocity: estimate takes it from positions)" if what == "velocity" else ""
             raise RejectedError(
-                f"no {what}", f"joint '{self.names[here[k]]}': {what} is {values[k]}, expected a finite number"
+                f"no {what}", f"joint '{self.names[here[k]]}': {what} is {values[k]}, expected a finite number{hint}"
             )
 
     def _take(self, stamp, unstamped, here, position, velocity, effort):

@@ -3,7 +3,11 @@
 from collections import Counter
 from typing import NamedTuple
 
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.intake import LOST
+
+NOTE = "note"
+"""Cause of findings about how a file was understood, of which nothing is wrong."""
 
 
 class Finding(NamedTuple):
@@ -24,13 +28,13 @@ FEW = 8
 """Joints that are named."""
 
 TEXTS = {
+    "incomplete": None,
+    "foreign": None,
     LOST: "states that never came, by the gaps in the stamps",
     "positions jumped": None,
     "mimic disagreement": None,
-    "absurd effort": "efforts beyond what can be, taken as unknown",
-    "incomplete": None,
+    "absurd effort": "efforts beyond what can be, taken as unknown (absurd.effort)",
     "before odometry": "joint states before the base was known",
-    "foreign": "messages without a joint of this robot",
     "time jumped back": "stamps went back, and all joints were forgotten",
     "awaiting velocity": "states before a velocity could be estimated",
 }
@@ -78,18 +82,23 @@ class Account:
         self.misplaced = self.misplaced or other.misplaced
 
     def findings(self):
-        """What is worth knowing: a list of Finding."""
+        """What is worth knowing: a list of Finding, losses first, and how the file was understood last."""
         counts = self.counts
         found = [Finding("unread", 1, f"{one.file}, {one.where}: {one.what}") for one in self._unread]
-        found += [Finding("note", 1, note) for note in self._notes]
         found += [Finding(cause, counts[cause], text) for cause, text in self._first.items()]
         for cause, text in TEXTS.items():
             if counts[cause]:
                 found.append(Finding(cause, counts[cause], text or self._text(cause)))
-        return found + [
+        found += [
             Finding("frozen values", number, text.removeprefix("frozen values: "))
             for text, number in self._frozen.items()
         ]
+        return found + [Finding(NOTE, 1, note) for note in self._notes]
+
+    def without_states(self, path):
+        """The error about a recording without a single state: it says what became of its messages."""
+        found = sorted((one for one in self.findings() if one.cause != NOTE), key=lambda one: -one.count)
+        return InputError(f"'{path}' has not a single state: {'; '.join(map(str, found[:3])) or 'it has no messages'}.")
 
     def _text(self, cause):
         if cause != "incomplete":

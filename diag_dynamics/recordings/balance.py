@@ -6,7 +6,17 @@ import numpy as np
 
 from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.compiled.tables import Addresses
-from diag_dynamics.recordings.explained import LEAST, MAX_GAP, WINDOW, explained_share, judgement
+from diag_dynamics.recordings.explained import (
+    LEAST,
+    MAX_GAP,
+    STILL,
+    WINDOW,
+    Variances,
+    explained_share,
+    is_judged,
+    judgement,
+    likely_cause,
+)
 from diag_dynamics.recordings.kernels import prepare
 from diag_dynamics.recordings.kernels.balance import BALANCE, COLUMNS, HAS_STATE, SUMMED, WHOLE, sum_windows
 
@@ -162,32 +172,39 @@ class Balance:
     def __init__(self, names):
         self._names = tuple(names)
         self.kinetic, self.total, self.residual = Moments(), Moments(), Moments()
+        self.effort, self.needed, self.weightless = Moments(), Moments(), Moments()
         self.joints = Moments(len(names))
 
     def take(self, windows):
         """Take in :class:`Windows`."""
         self.kinetic.take(windows.kinetic)
         self.total.take(windows.kinetic + windows.gravity)
-        self.residual.take(windows.residual)
+        residual = windows.residual
+        self.residual.take(residual)
+        self.effort.take(windows.effort)
+        self.needed.take(residual + windows.effort)
+        self.weightless.take(residual - windows.gravity)
         self.joints.take(windows.gained - windows.explained)
 
     def add(self, other):
         """Take in what another one has."""
-        for name in ("kinetic", "total", "residual", "joints"):
+        for name in ("kinetic", "total", "residual", "effort", "needed", "weightless", "joints"):
             getattr(self, name).add(getattr(other, name))
 
     @property
     def explained(self):
-        """1 − var(residual) / var(dK/dt); None without windows enough."""
+        """1 − var(residual) / var(dK/dt); None without windows enough, or at rest."""
         return self._share(self.kinetic)
 
     @property
     def explained_total(self):
-        """1 − var(residual) / var(d(K + U)/dt); None without windows enough."""
+        """1 − var(residual) / var(d(K + U)/dt); None without windows enough, or at rest."""
         return self._share(self.total)
 
     def _share(self, moments):
-        return explained_share(self.residual.variance, moments.variance, moments.count)
+        if not is_judged(self.kinetic.count, self.kinetic.square):
+            return None
+        return explained_share(self.residual.variance, moments.variance)
 
     @property
     def residual_power(self):
@@ -204,7 +221,16 @@ class Balance:
         }
 
     def judgement(self):
-        """What the balance says, in words; empty without windows enough."""
-        explained = self.explained
+        """What the balance says, in words, or why it says nothing."""
+        explained, count = self.explained, self.kinetic.count
+        if explained is None:
+            if count >= LEAST:
+                return f"the robot is at rest, or nearly so: dK/dt is less than {STILL:g} W rms"
+            return (
+                f"there are {count} windows of {WINDOW:g} s, of at least {LEAST}, in which all states have efforts and are "
+                f"no more than {MAX_GAP:g} s apart"
+            )
         culprits = [name for name, (_, share) in self.of_joints().items() if share >= CULPRIT]
-        return judgement(explained, self.explained_total, culprits)
+        names = "residual", "effort", "needed", "kinetic", "weightless"
+        cause = likely_cause(Variances(*(getattr(self, name).variance for name in names)))
+        return judgement(explained, self.explained_total, culprits, cause)

@@ -24,6 +24,9 @@ JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 LOST = "lost by gaps in stamps"
 """Name of the count of states that never came."""
 
+FEW = 7
+"""Names of joints that a text has."""
+
 MOST_TOLD = 20
 """Rejections whose text is kept, of each cause."""
 
@@ -143,7 +146,12 @@ class Intake:
     @property
     def last_texts(self):
         """Texts on the last time that something was counted, by what."""
-        return {"positions jumped": self.assembler.jumps.last, "mimic disagreement": self.assembler.last_disagreement}
+        names = self.assembler.last_foreign
+        return {
+            "positions jumped": self.assembler.jumps.last,
+            "mimic disagreement": self.assembler.last_disagreement,
+            "foreign": f"messages without a joint of this robot, of {', '.join(names[:FEW])}{' …' * (len(names) > FEW)}",
+        }
 
     def reject(self, now, error):
         """Count a state that was handed out, but cannot be evaluated."""

@@ -51,6 +51,26 @@ TELLING, PERIODS = 0.8, 1.0
 SAMPLE = 5000
 """States of the beginning that are looked at for steps."""
 
+SLOW = 2e-4
+"""Root mean square of Δq over :data:`LENGTH` below which a joint is at rest [rad, m]: positions have noise there, and it is
+not the integral of that of velocities."""
+
+ALIKE = 0.9
+"""Squared correlation of Δq with q̇dt from which their ratio is told."""
+
+RATIOS = {
+    1e-3: "times seem to be milliseconds (scale: {time: ms} in a map of columns)",
+    1e-6: "times seem to be microseconds (scale: {time: us} in a map of columns)",
+    1e-9: "times seem to be nanoseconds (scale: {time: ns} in a map of columns)",
+    np.pi / 180.0: "velocities seem to be in degrees (scale: {velocity: deg/s} in a map of columns)",
+    180.0 / np.pi: "positions seem to be in degrees (scale: {position: deg} in a map of columns)",
+    -1.0: "velocities seem to have the wrong sign",
+}
+"""What ratios of Δq to q̇dt say."""
+
+NEAR = 1.1
+"""Factor up to which a ratio is one of these, and from which it is none of 1."""
+
 STEPS = 0.2
 """Different values, in parts of all, up to which a signal has steps."""
 
@@ -82,7 +102,7 @@ class Quality:
         self._before = None
         self._longest, self._longest_at = 0.0, None
         self._count = self._without_effort = self._estimated = 0
-        self._sample = [np.zeros((0, width)) for _ in FIELDS]
+        self._sample, self._sampled = [np.zeros((0, width)) for _ in FIELDS], np.zeros(0, dtype=int)  # and their stamps
         self.begin = self.end = None
         prepare(compare_neighbours)
 
@@ -94,7 +114,7 @@ class Quality:
         )
         other._longest, other._longest_at = 0.0, None
         other._count = other._without_effort = other._estimated = 0
-        other._sample = [x[:0] for x in self._sample]
+        other._sample, other._sampled = [x[:0] for x in self._sample], self._sampled[:0]
         other.begin = other.end = None
         return other
 
@@ -125,6 +145,7 @@ class Quality:
         self._without_effort += other._without_effort
         self._estimated += other._estimated
         self._sample = [np.concatenate(pair)[:SAMPLE] for pair in zip(self._sample, other._sample, strict=True)]
+        self._sampled = np.concatenate([self._sampled, other._sampled])[:SAMPLE]
         self.begin = other.begin if self.begin is None else self.begin
         self.end = other.end
 
@@ -162,6 +183,7 @@ class Quality:
                 np.concatenate([sample, column[known : known + room]])
                 for sample, column in zip(self._sample, columns[1:], strict=True)
             ]
+            self._sampled = np.concatenate([self._sampled, columns[0][known : known + room]])
         self._before = tuple(column[-1:].copy() for column in columns)
 
     def _columns(self, states):
@@ -263,12 +285,51 @@ class Quality:
                 found[name] = float(np.diff(levels).min())
         return found
 
+    def _ratios(self):
+        """Ratio of Δq to q̇dt of each joint, over the states of the sample; NaN where one does not follow the other."""
+        position, velocity, _ = self._sample
+        elapsed = np.diff(self._sampled)[:, None] * 1e-9
+        travelled = np.diff(position, axis=0)
+        travelled = np.where(self._turns, (travelled + np.pi) % (2.0 * np.pi) - np.pi, travelled)
+        integral = 0.5 * elapsed * (velocity[1:] + velocity[:-1])
+        forward = (
+            (elapsed > 0.0) & (elapsed < 2.0 * np.median(elapsed[elapsed > 0.0])) if (elapsed > 0.0).any() else False
+        )
+        travelled, integral = (np.where(forward, x, 0.0) for x in (travelled, integral))
+        travel, change, together = (travelled**2).sum(0), (integral**2).sum(0), (travelled * integral).sum(0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(together**2 > ALIKE * travel * change, together / change, np.nan)
+
+    def _about_ratios(self):
+        """What positions and velocities say of each other's units: sentences."""
+        told = {}
+        for name, ratio in zip(self._joints, self._ratios(), strict=True):
+            if 1.0 / NEAR < ratio < NEAR or not np.isfinite(ratio):
+                continue
+            meant = next((text for one, text in RATIOS.items() if 1.0 / NEAR < ratio / one < NEAR), None)
+            told.setdefault(meant or "times, positions or velocities seem to have a wrong unit", []).append(
+                (name, ratio)
+            )
+        sentences = []
+        for text, found in told.items():
+            which = "all joints" if len(found) == len(self._joints) else ", ".join(name for name, _ in found)
+            sentences.append(f"{which}: positions change {found[0][1]:.3g} times as fast as velocities say: {text}")
+        return sentences
+
     def warnings(self):
         """What is worth telling, a sentence each."""
-        told, report = [], self.report()
-        for name, of in report["joints"].items():
+        told, report = self._about_ratios(), self.report()
+        rate = report["rate"]
+        if rate is not None and rate * LONGEST < 1.0:
+            told.append(
+                f"states are {1.0 / rate:.3g} s apart: over more than {LONGEST:g} s nothing is integrated, so that there is "
+                "neither a balance of power nor an external torque"
+            )
+        windows = 0.0 if self.begin is None else max((self.end - self.begin) * 1e-9 / LENGTH, 1.0)
+        still = np.sqrt(self._sums[TRAVEL] / windows) < SLOW if windows else np.ones(len(self._joints), dtype=bool)
+        for rests, (name, of) in zip(still, report["joints"].items(), strict=True):
             error, delay, left = (of[x] for x in ("velocity_error", "velocity_delay", "velocity_error_without_delay"))
-            if error is not None and error > APART_FROM:
+            if error is not None and error > APART_FROM and not rests:
                 late = ""
                 if delay is not None and left < 0.7 * error:
                     late = f"; they are {'late' if delay > 0.0 else 'early'} by {abs(delay) * 1e3:.3g} ms"
@@ -276,7 +337,7 @@ class Quality:
             told += [
                 f"joint '{name}': {what} often is just {of[f'largest_{what}']:.6g}: clipped" for what in of["clipped"]
             ]
-        delay, rate = report["velocity_delay"], report["rate"]
+        delay = report["velocity_delay"]
         if delay is not None and abs(delay) * rate > PERIODS:
             when = "late: filtered, perhaps" if delay > 0.0 else "early"
             told.append(f"velocities come {abs(delay) * 1e3:.2g} ms {when}, against positions")

@@ -25,11 +25,24 @@ class Rows:
     ----------
     offset : int
         By how much stamps are later than times in the table [ns].
+    notes : list of str
+        What is odd about times.
     """
 
     def __init__(self, joints):
         self._joints, self._templates = list(joints), {}
         self.offset = None
+        self._beyond, self._first_beyond = 0, ""  # rows of times that no stamp can be of
+
+    @property
+    def notes(self):
+        """Of rows that are refused for their times, which their stamps cannot tell."""
+        if not self._beyond:
+            return []
+        return [
+            f"{self._beyond} rows are of times that no stamp can be of, before 0 s or after {LATEST} s, and are refused as "
+            f"of -1 s; the first is {self._first_beyond} (if times are not seconds: scale: {{time: ms}} in a map of columns)."
+        ]
 
     def messages(self, columns):
         """Messages of a piece of a table, in its order.
@@ -54,7 +67,13 @@ class Rows:
         template, count = self._template(tuple(given)), len(columns.stamp)
         stamp = columns.stamp + self.offset
         seconds, nanoseconds = stamp // SECOND, stamp % SECOND
-        seconds = np.where((seconds < 0) | (seconds > LATEST), -1, seconds)  # such a row is refused for its stamp
+        beyond = (seconds < 0) | (seconds > LATEST)
+        if beyond.any():
+            if not self._beyond:
+                k = int(np.argmax(beyond))
+                self._first_beyond = f"row {columns.rows[k]}, of {columns.time[k]:g} s"
+            self._beyond += int(beyond.sum())
+            seconds = np.where(beyond, -1, seconds)  # such a row is refused for its stamp
         data = np.tile(template.data, (count, 1))
         for path, values in (
             ("header.stamp.sec", seconds.astype(np.int32)[:, None]),

@@ -171,7 +171,7 @@ class TableSource:
     start, misplaced = None, False  # as of BagSource
 
     def __init__(self, path, columns=None):
-        self._path, self._columns, self._table = path, columns, None
+        self._path, self._columns, self._table, self._rows = path, columns, None, None
         self.offset = 0
 
     @property
@@ -181,8 +181,8 @@ class TableSource:
 
     @property
     def notes(self):
-        """How the columns were understood: a list of str."""
-        return self._table.notes if self._table else []
+        """How the columns and times were understood: a list of str."""
+        return [*self._rows.notes, *self._table.notes] if self._rows else []
 
     def description(self):
         """Nothing but an error: a table does not describe its robot."""
@@ -199,6 +199,7 @@ class TableSource:
         """Pieces of messages and the type of all of them."""
         self._table = open_table(self._path, self._columns, single_joints(model))
         rows, kinds = Rows(self._table.joints), np.array([JOINT_STATE])
+        self._rows = rows
         for columns in self._table.pieces():
             messages = rows.messages(columns)
             self.offset = rows.offset

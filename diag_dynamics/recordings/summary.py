@@ -3,9 +3,8 @@
 import re
 import textwrap
 
-from diag_dynamics.recordings.account import Finding
+from diag_dynamics.recordings.account import NOTE, Finding
 from diag_dynamics.recordings.balance import WINDOW
-from diag_dynamics.recordings.explained import LEAST
 
 REJECTED = "rejected: "
 """Begins the names of counts of joint states that were rejected."""
@@ -101,8 +100,8 @@ def _by_name(names, values):
 def text_of(summary, width=WIDTH):
     """The same for people: lines of no more than so many characters, as far as names allow. Times are from the beginning."""
     lines = [*_about_states(summary), *_about_energy(summary), *_about_balance(summary), *_about_collisions(summary)]
-    notes = [one["text"] for one in summary["findings"] if one["cause"] == "note"]
-    faults = [Finding(**one) for one in summary["findings"] if one["cause"] != "note"]
+    notes = [one["text"] for one in summary["findings"] if one["cause"] == NOTE]
+    faults = [Finding(**one) for one in summary["findings"] if one["cause"] != NOTE]
     for heading, texts in (("Worth knowing", [*map(str, faults), *summary["warnings"]]), ("How it was read", notes)):
         if texts:
             lines += ["", heading, *_some(texts, "more; --json has all")]
@@ -159,7 +158,8 @@ def _about_energy(summary):
 
 def _about_balance(summary):
     if summary["explained"] is None:
-        return ["", f"No balance of power: fewer than {LEAST} windows of {WINDOW:g} s with efforts all along."]
+        efforts = summary["states"] > summary["quality"]["without_effort"]
+        return ["", f"No balance of power: {summary['balance']['says'] if efforts else 'no efforts'}."]
     total = summary["explained_with_potential"]
     also = "" if total is None else f" (with potential energy {total:.3f})"
     lines = [

@@ -99,6 +99,48 @@ def test_wrong_units_explain_nothing(ur5, motion):
     assert "unit of efforts" in text_of(summary)
 
 
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        (lambda tau, gravity: -tau, "the efforts seem to have the wrong sign: times -1 "),
+        (lambda tau, gravity: tau * [1, -1, 1, 1, 1, 1], "efforts of some joints seem to have the wrong sign"),
+        (lambda tau, gravity: tau / 11.4, "another unit: times 11.4 "),
+        (lambda tau, gravity: tau - gravity, "gravity seems not to be in the efforts (effort_includes_gravity)"),
+        (lambda tau, gravity: tau, None),
+        (lambda tau, gravity: tau + 12.0 * np.sin(np.arange(len(tau)))[:, None], None),
+    ],
+    ids=["sign", "a joint's sign", "unit", "gravity", "right", "noise"],
+)
+def test_likely_cause_is_named(ur5, motion, change, said):
+    t, q, qd, tau = motion
+    changed = change(tau, dd.DiagonalDynamics(ur5).gravity_torque_batch(q))
+    _, summary = analysed(ur5, states_of(t, q, qd, changed))
+    assert ("seem" in summary["balance"]["says"]) == (said is not None)
+    assert (said or "") in " ".join(text_of(summary).split())
+
+
+def test_nothing_is_said_of_a_robot_at_rest(ur5, motion):
+    """Noise is no motion: neither is the balance poor, nor are velocities wrong."""
+    t, q, _, _ = motion
+    rng = np.random.default_rng(3)
+    q = np.tile(q[0], (len(t), 1))
+    tau = dd.DiagonalDynamics(ur5).gravity_torque_batch(q) + 0.05 * rng.standard_normal(q.shape)
+    states = states_of(t, q + 1e-5 * rng.standard_normal(q.shape), 1e-3 * rng.standard_normal(q.shape), tau)
+    _, summary = analysed(ur5, states)
+    assert summary["explained"] is summary["explained_with_potential"] is None
+    assert "No balance of power: the robot is at rest" in text_of(summary)
+    assert summary["warnings"] == []
+
+
+def test_why_there_is_no_balance(ur5, motion):
+    t, q, qd, tau = motion
+    _, summary = analysed(ur5, states_of(200.0 * t, q, qd, tau))
+    assert "No balance of power: there are 0 windows" in text_of(summary)
+    assert any("0.4 s apart" in one for one in summary["warnings"])
+    _, summary = analysed(ur5, states_of(t, q, qd))
+    assert "No balance of power: no efforts." in text_of(summary)
+
+
 def test_fault_is_found_at_its_joint(ur5, motion):
     """Friction of one drive that the model does not know is missing at its total rate."""
     t, q, qd, tau = motion
@@ -276,6 +318,30 @@ def test_states_that_cannot_be_evaluated_are_rejected(ur5, motion):
 
 
 # --- Quality ---
+
+
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        (
+            lambda t, q, qd: (1e3 * t, q, qd),
+            "all joints: positions change 0.001 times as fast as velocities say: times seem",
+        ),
+        (lambda t, q, qd: (1e6 * t, q, qd), "times seem to be microseconds"),
+        (lambda t, q, qd: (t, q, np.degrees(qd)), "velocities seem to be in degrees"),
+        (lambda t, q, qd: (t, np.degrees(q), qd), "positions seem to be in degrees"),
+        (lambda t, q, qd: (t, q, qd * [1, 1, -1, 1, 1, 1]), "elbow_joint: positions change -1 times as fast"),
+        (lambda t, q, qd: (t, q, 3.0 * qd), "seem to have a wrong unit"),
+        (lambda t, q, qd: (t, q, qd), None),
+    ],
+    ids=["ms", "us", "deg/s", "deg", "sign", "3", "right"],
+)
+def test_units_that_do_not_agree_are_named(ur5, motion, change, said):
+    t, q, qd, _ = motion
+    _, summary = analysed(ur5, states_of(*change(t, q, qd)))
+    told = [one for one in summary["warnings"] if "times as fast as velocities say" in one]
+    assert len(told) == (said is not None)
+    assert (said or "") in "".join(told)
 
 
 def quality_of(model, *columns, cuts=(900, 901)):

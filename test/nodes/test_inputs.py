@@ -1818,7 +1818,7 @@ def test_what_the_model_does_not_know_changes_the_words(arm):
         assert "payload (docs/recordings.md)" in values[WORDS]
 
 
-@pytest.mark.parametrize("options", [{}, {"scale": 0.7}, {"again": 0.2}], ids=str)
+@pytest.mark.parametrize("options", [{}, {"scale": 0.7}, {"scale": -1.0}, {"again": 0.2}], ids=str)
 def test_the_last_minute_is_what_a_recording_says(damped, options):
     """Share, residual and words are those of the same states in a recording, but for the joints that it names."""
     (_, _, values), states = told_of(damped, **options)
@@ -1830,6 +1830,7 @@ def test_the_last_minute_is_what_a_recording_says(damped, options):
     assert values[SHARE] == f"{balance.explained:.4g}"
     assert values[RMS] == f"{balance.residual_power:.4g}"
     assert balance.judgement().startswith(values[WORDS])
+    assert ("wrong sign" in values[WORDS]) == (options == {"scale": -1.0})
 
 
 @pytest.mark.parametrize("velocity", [5e-3, 0.0])

@@ -89,7 +89,7 @@ class EnergyWatch:
         power = s.effort_power
         self._balance(stamp, K, power)
         if power is not None:
-            self._minute.take(stamp, K, power - friction, lifting)
+            self._minute.take(stamp, K, power, lifting, friction)
         self._last, self._K, self._power = stamp, K, power
         return self._level > self._reported
 

@@ -78,6 +78,8 @@ def _analysed(job, reading, span):
         analysis.run([output])
         if analysis.states:
             output.close()
+        else:
+            output.drop()
     except BaseException:
         output.drop()
         raise
@@ -97,8 +99,7 @@ def _finish(job, pieces, outcomes):
         return Cut(better)
     whole = together(outcomes)
     if not whole.states:
-        findings = "; ".join(map(str, whole.account.findings()[:3])) or "it has no messages"
-        raise InputError(f"'{job.path}' has not a single state: {findings}.")
+        raise whole.account.without_states(job.path)
     if job.options.parquet:
         _gather(job, pieces, outcomes)
     summary = summary_of(whole) | {"recording": job.path, "pieces": len(pieces), "fingerprint": job.fingerprint}
