@@ -13,10 +13,13 @@ from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model.named import robot_path
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
+from diag_dynamics.recordings.explained import LEAST, WINDOW
+from diag_dynamics.recordings.fleet.table import robots_of, table_of
 from diag_dynamics.recordings.outputs.csv import CsvOutput
 from diag_dynamics.recordings.outputs.mcap import WRITTEN, McapOutput
 from diag_dynamics.recordings.outputs.messages import TOPICS
 from diag_dynamics.recordings.outputs.parquet import ParquetOutput
+from diag_dynamics.recordings.outputs.part import Part
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import WIDTH, summary_of, text_of
 
@@ -26,8 +29,9 @@ DONE, WORTH_KNOWING, FAILED = range(3)
 DESCRIPTION = """A recording in, everything that the library says of it out: energies, balance of power, external torque,
 quality of the data. docs/recordings.md says what is read, and what the numbers mean."""
 
-EPILOG = """exit status: 0 all is well; 1 analysed, but part of it could not be read, messages were rejected, or the balance
-of power explains less than 80 % (see the summary), or one of a fleet failed; 2 it could not be analysed."""
+EPILOG = """exit status: 0 all is well; 1 analysed, but part of it could not be read, messages were rejected, the balance of
+power explains less than 80 % (see the summary), or there is none though there are efforts, or one of several recordings
+failed; 2 nothing could be analysed."""
 
 OUTPUTS = "mcap", "parquet", "csv", "json"
 """Options that name a file to be written."""
@@ -37,7 +41,7 @@ def run(name, arguments):
     """Analyse recordings; returns the exit status."""
     parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=DESCRIPTION, epilog=EPILOG)
     parser.add_argument(
-        "recording", nargs="?", help="rosbag2 folder, .mcap, .db3, ROS 1 .bag, or CSV, TSV, Parquet, npz"
+        "recording", nargs="*", help="rosbag2 folder, .mcap, .db3, ROS 1 .bag, or CSV, TSV, Parquet, npz; or several"
     )
     parser.add_argument(
         "--urdf", help="the robot: URDF, or a name that `diag-dynamics robots` lists (default: the bag's own)"
@@ -80,10 +84,12 @@ def run(name, arguments):
     parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
     fleet.add_arguments(parser)
     chosen = parser.parse_args(arguments)
-    if (chosen.recording is None) == (chosen.fleet is None):
-        parser.error("one recording is expected, before --set, or --fleet PATTERN…")
+    if not chosen.recording and not chosen.fleet:
+        parser.error("a recording is expected, before --set, or --fleet PATTERN…")
     try:
-        return _analyse_fleet(chosen) if chosen.fleet else _analyse(chosen)
+        if chosen.fleet is not None:
+            return _analyse_fleet(chosen)
+        return _analyse(chosen) if len(chosen.recording) == 1 else _analyse_several(chosen)
     except BrokenPipeError:  # `… | head`, which main knows of
         raise
     except (DiagDynamicsError, OSError) as error:
@@ -92,49 +98,131 @@ def run(name, arguments):
 
 
 def _analyse(chosen):
+    parameters, robot = _common(chosen)
+    (recording,) = chosen.recording
+    _refuse_outputs(chosen)
+    report = _json_output(chosen)
+    try:
+        begun = time.perf_counter()
+        summary = _summary(chosen, recording, parameters, robot)
+        _tell(summary, report, chosen)
+    except BaseException:
+        if report:
+            report.drop()
+        raise
+    if _speaks(chosen):
+        print(text_of(summary, _width()))
+        ratio = summary["duration"] / max(time.perf_counter() - begun, 1e-9)
+        took = time.perf_counter() - begun
+        print(f"\nAnalysed in {took:.1f} s, {ratio:.3g} times as fast as it was recorded.", file=sys.stderr)
+    return WORTH_KNOWING if _is_wrong(summary) else DONE
+
+
+def _analyse_several(chosen):
+    """Analyse one recording after another; one that cannot be analysed stops no other."""
+    given = [option for option, value in _outputs(chosen).items() if value]
+    if given:
+        raise InputError(
+            f"{given[0]} is of a single recording, and there are {len(chosen.recording)}: "
+            "--fleet --out DIR writes files of each."
+        )
+    parameters, robot = _common(chosen)
+    _refuse_outputs(chosen)
+    report = _json_output(chosen)
+    summaries, failed = [], {}
+    try:
+        for recording in chosen.recording:
+            try:
+                summary = _summary(chosen, recording, parameters, robot)
+            except (DiagDynamicsError, OSError) as error:
+                failed[recording] = str(error)
+                print(f"diag-dynamics analyse: {error}", file=sys.stderr)
+                continue
+            summaries.append(summary)
+            if _speaks(chosen):
+                print(f"{_shown(recording)}\n\n{text_of(summary, _width())}\n")
+        _tell({"recordings": summaries, "robots": robots_of(summaries), "failed": failed}, report, chosen)
+    except BaseException:
+        if report:
+            report.drop()
+        raise
+    if _speaks(chosen):
+        print(_shown(table_of(summaries, failed)))
+    if not summaries:
+        return FAILED
+    return WORTH_KNOWING if failed or any(map(_is_wrong, summaries)) else DONE
+
+
+def _common(chosen):
+    """Parameters and robot of all recordings."""
     if chosen.threads is not None and chosen.threads < 1:
         raise InputError(f"--threads is {chosen.threads}, expected at least 1.")
     fleet.refuse(chosen)
     if chosen.topics is not None and chosen.mcap is None:
         raise InputError("--topics are those of a file that --mcap writes.")
-    _refuse_outputs(chosen)
-    parameters = parameters_of(chosen.parameters, chosen.set)
+    return parameters_of(chosen.parameters, chosen.set), _robot(chosen.urdf)
+
+
+def _summary(chosen, recording, parameters, robot):
+    """Analyse one recording, and write what is wanted of it."""
     reading = Reading(
-        chosen.recording,
-        _robot(chosen.urdf),
-        chosen.columns,
-        topic=chosen.topic,
-        parameters=parameters,
-        start=chosen.start,
-        end=chosen.end,
+        recording, robot, chosen.columns, topic=chosen.topic, parameters=parameters, start=chosen.start, end=chosen.end
     )
     messages = partial(McapOutput, topics=WRITTEN if chosen.topics is None else chosen.topics.split(","))
     kinds = (chosen.mcap, messages), (chosen.parquet, ParquetOutput), (chosen.csv, CsvOutput)
-    analysis = Analysis(reading, gain=chosen.gain, threads=chosen.threads)
-    outputs = [kind(path, reading, analysis.friction) for path, kind in kinds if path]
-    begun = time.perf_counter()
+    analysis, outputs = Analysis(reading, gain=chosen.gain, threads=chosen.threads), []
     try:
+        for path, kind in kinds:
+            if path:
+                outputs.append(kind(path, reading, analysis.friction))
         with _Progress(chosen.quiet) as progress:
             analysis.run(outputs, progress)
         if not analysis.states:
-            raise InputError(f"'{chosen.recording}' has not a single state: {_why_none(chosen, analysis.outcome)}.")
+            if (chosen.start, chosen.end) != (None, None) and not analysis.outcome.account.counts["received"]:
+                raise InputError(
+                    f"'{_shown(recording)}' has not a single state: no message is within --start and --end."
+                )
+            raise analysis.outcome.account.without_states(_shown(recording))
         for output in outputs:
             output.close()
     except BaseException:
         for output in outputs:
             output.drop()
         raise
-    summary = summary_of(analysis.outcome) | {"recording": str(chosen.recording)}
-    if chosen.json == "-":
-        print(json.dumps(summary, indent=1, allow_nan=False))
-    elif chosen.json:
-        Path(chosen.json).expanduser().write_text(json.dumps(summary, indent=1, allow_nan=False), encoding="utf-8")
-    if not chosen.quiet and chosen.json != "-":
-        print(text_of(summary, min(WIDTH, shutil.get_terminal_size((WIDTH, 24)).columns)))
-        took = max(time.perf_counter() - begun, 1e-9)
-        ratio = summary["duration"] / took
-        print(f"\nAnalysed in {took:.1f} s, {ratio:.3g} times as fast as it was recorded.", file=sys.stderr)
-    return WORTH_KNOWING if _is_wrong(summary) else DONE
+    return summary_of(analysis.outcome) | {"recording": str(recording)}
+
+
+def _outputs(chosen):
+    """Paths of files that are written of one recording, by option."""
+    return {"--mcap": chosen.mcap, "--parquet": chosen.parquet, "--csv": chosen.csv}
+
+
+def _json_output(chosen):
+    """The file of the summary, which is begun before all else: whether it can be written is known at once."""
+    return Part(chosen.json) if chosen.json and chosen.json != "-" else None
+
+
+def _tell(summary, report, chosen):
+    """Write a summary for programs, where it is wanted."""
+    text = json.dumps(summary, indent=1, allow_nan=False)
+    if report:
+        Path(report.name).write_text(text, encoding="utf-8")
+        report.keep()
+    elif chosen.json == "-":
+        print(text)
+
+
+def _width():
+    return min(WIDTH, shutil.get_terminal_size((WIDTH, 24)).columns)
+
+
+def _speaks(chosen):
+    return not chosen.quiet and chosen.json != "-"
+
+
+def _shown(text):
+    """Text without what cannot be printed, as names of files have it that are no UTF-8."""
+    return text.encode("utf-8", "backslashreplace").decode()
 
 
 def _analyse_fleet(chosen):
@@ -156,7 +244,7 @@ def _robot(urdf):
 
 def _refuse_outputs(chosen):
     """Refuse to write over what is read, twice into one file, and where there is no folder."""
-    read = [chosen.recording, chosen.urdf, chosen.columns, *chosen.parameters]
+    read = [*chosen.recording, chosen.urdf, chosen.columns, *chosen.parameters]
     taken = {Path(path).expanduser().resolve(): f"'{path}' is read" for path in read if path}
     for option in OUTPUTS:
         path = getattr(chosen, option)
@@ -171,17 +259,17 @@ def _refuse_outputs(chosen):
         taken[full] = f"--{option} is written into it"
 
 
-def _why_none(chosen, outcome):
-    """What has kept messages from making a state."""
-    found = [one for one in outcome.account.findings() if one.cause != "note"]
-    if not found and not outcome.account.counts["received"] and (chosen.start, chosen.end) != (None, None):
-        return "no message is within --start and --end"
-    return "; ".join(map(str, sorted(found, key=lambda one: -one.count)[:3])) or "it has no messages"
-
-
 def _is_wrong(summary):
     unread = any(one["cause"] == "unread" for one in summary["findings"])
-    return bool(unread or summary["rejected"] or _is_little(summary["explained"]))
+    return bool(unread or summary["rejected"] or _is_little(summary["explained"]) or _is_unjudged(summary))
+
+
+def _is_unjudged(summary):
+    """Whether efforts are there for so long that there should be a balance, but states are too far apart."""
+    quality = summary["quality"]
+    if quality["rate"] is None or summary["balance"]["windows"] >= LEAST:
+        return False
+    return (summary["states"] - quality["without_effort"]) / quality["rate"] > 2.0 * LEAST * WINDOW
 
 
 def _is_little(explained):

@@ -16,7 +16,7 @@ TOGETHER = "out", "scheduler", "workers", "piece", "no_parquet"
 def add_arguments(parser):
     """Declare the options of a fleet."""
     group = parser.add_argument_group("many recordings")
-    group.add_argument("--fleet", metavar="PATTERN", nargs="+", help="recordings: paths or patterns, ** is any folders")
+    group.add_argument("--fleet", metavar="PATTERN", nargs="*", help="recordings: paths or patterns, ** is any folders")
     group.add_argument("--out", metavar="DIR", help="folder for a summary and a Parquet file of each, and fleet.json")
     group.add_argument(
         "--scheduler", metavar="tcp://HOST:PORT", help="of a Dask cluster (default: processes of this machine)"
@@ -47,7 +47,7 @@ def analyse(chosen, parameters, model):
         raise InputError(f"--workers is {chosen.workers}, expected at least 1.")
     with _Progress(chosen.quiet) as progress:
         report = analyse_fleet(
-            chosen.fleet,
+            [*chosen.recording, *chosen.fleet],
             chosen.out,
             model,
             chosen.columns,

@@ -489,6 +489,157 @@ def test_help_says_eighty_per_cent(capsys):
     assert "80 % (" in capsys.readouterr().out
 
 
+OUTPUTS = "-o", "--parquet", "--csv", "--json"
+
+
+@pytest.fixture
+def table(tmp_path, panda, driven):
+    """The driver's messages as a table."""
+    names, stamps, *values = driven
+    path = tmp_path / "log.csv"
+    header = ["t", *(f"{quantity}_{name}" for quantity in ("q", "qd", "tau") for name in names)]
+    rows = np.column_stack([1e-9 * (stamps - stamps[0]), *values])
+    np.savetxt(path, rows, delimiter=",", header=",".join(header), comments="")
+    return path
+
+
+@pytest.mark.parametrize("option", OUTPUTS)
+def test_nothing_is_written_over_the_recording(tmp_path, table, option, capsys):
+    before = table.read_bytes()
+    (tmp_path / "link.csv").symlink_to(table)
+    for recording, output in ((table, table), (table, tmp_path / "." / "link.csv"), (tmp_path / "link.csv", table)):
+        assert main(["analyse", str(recording), "--urdf", "panda", option, str(output), "--quiet"]) == 2
+        assert "is read, so nothing is written there" in capsys.readouterr().err
+    assert table.read_bytes() == before
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["link.csv", "log.csv"]
+
+
+def test_two_outputs_at_one_path_are_refused(tmp_path, table, capsys):
+    path = str(tmp_path / "out")
+    assert main(["analyse", str(table), "--urdf", "panda", "--csv", path, "--json", path, "--quiet"]) == 2
+    assert "--csv is written into it" in capsys.readouterr().err
+    assert not list(tmp_path.glob("out*"))
+
+
+def test_no_messages_are_written_into_the_bag(tmp_path, raws, capsys):
+    (tmp_path / "bag").mkdir()
+    write_mcap(tmp_path / "bag" / "bag_0.mcap", raws)
+    out = str(tmp_path / "bag" / "out.mcap")
+    assert main(["analyse", str(tmp_path / "bag"), "--urdf", "panda", "-o", out, "--quiet"]) == 2
+    assert "is read, so nothing is written there" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", OUTPUTS)
+def test_outputs_that_cannot_be_written_are_named_first(tmp_path, table, option, capsys, monkeypatch):
+    monkeypatch.setattr("diag_dynamics.recordings.analysis.Analysis.run", None)  # nothing is analysed
+    for path, what in ((tmp_path, "it is a folder"), (tmp_path / "no" / "out", "no folder"), ("/proc/out", "No such")):
+        if option != "-o" or path != tmp_path:
+            assert main(["analyse", str(table), "--urdf", "panda", option, str(path), "--quiet"]) == 2
+            said = capsys.readouterr().err
+            assert what in said and str(path) in said
+    assert [one.name for one in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_a_full_disk_leaves_nothing(tmp_path, table):
+    """By the limit of a shell: none of the files may become larger than 100 KiB."""
+    outputs = " ".join(f"{option} out{option}" for option in OUTPUTS)
+    command = f"ulimit -f 100; {sys.executable} -m diag_dynamics analyse log.csv --urdf panda {outputs}"
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
+    for only in ("", " --topics joint_space_dynamics"):
+        ran = subprocess.run(
+            ["bash", "-c", command + only], cwd=tmp_path, env=environment, capture_output=True, text=True
+        )
+        assert ran.returncode == 2, ran.stderr
+        assert "File too large" in ran.stderr
+        assert [one.name for one in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_names_that_are_no_utf8(tmp_path, table, capsys):
+    folder = tmp_path / os.fsdecode(b"a \xff\xfe")
+    folder.mkdir()
+    table.rename(folder / "log.csv")
+    outputs = [one for option in OUTPUTS for one in (option, str(folder / f"out{option}"))]
+    assert main(["analyse", str(folder / "log.csv"), "--urdf", "panda", *outputs]) == 0
+    assert len(list(folder.iterdir())) == 5
+    assert main(["analyse", str(folder / "log.csvv"), "--urdf", "panda"]) == 2
+
+
+def test_losses_are_told_before_what_was_understood(tmp_path, table, capsys):
+    lines = table.read_text().splitlines()
+    lines[50] = lines[50].replace(",", ",nan,", 1).rsplit(",", 1)[0]
+    table.write_text("\n".join(lines))
+    assert main(["analyse", str(table), "--urdf", "panda"]) == 1
+    said = capsys.readouterr().out
+    assert "  rejected: no position" in said.split("Worth knowing")[1].split("How it was read")[0]
+    assert "note" not in said
+    recording = dd.read_recording(table, dd.load_robot("panda"))
+    assert [one.cause == "note" for one in recording.findings] == [False] + [True] * 4
+
+
+def test_names_of_another_robot_are_told(tmp_path, raws, capsys):
+    path = tmp_path / "in.mcap"
+    write_mcap(path, raws)
+    assert main(["analyse", str(path), "--urdf", "ur5"]) == 2
+    assert "without a joint of this robot, of panda_" in capsys.readouterr().err
+
+
+def test_a_table_without_velocities_says_what_to_do(tmp_path, table, capsys):
+    columns = np.loadtxt(table, delimiter=",", skiprows=1)
+    header = table.read_text().partition("\n")[0].split(",")
+    keep = [k for k, name in enumerate(header) if not name.startswith("qd_")]
+    np.savetxt(table, columns[:, keep], delimiter=",", header=",".join(header[k] for k in keep), comments="")
+    assert main(["analyse", str(table), "--urdf", "panda"]) == 2
+    assert "(missing_velocity: estimate" in capsys.readouterr().err
+    assert main(["analyse", str(table), "--urdf", "panda", "--set", "missing_velocity=estimate"]) in (0, 1)
+
+
+def test_times_that_no_stamp_can_be_of(tmp_path, table):
+    columns = np.loadtxt(table, delimiter=",", skiprows=1)
+    columns[100:110, 0] = 1e15
+    np.savetxt(table, columns, delimiter=",", header=table.read_text().partition("\n")[0], comments="")
+    recording = dd.read_recording(table, dd.load_robot("panda"))
+    assert recording.counts["rejected: malformed stamp"] == 10
+    (note,) = [one.text for one in recording.findings if "no stamp can be of" in one.text]
+    assert note.startswith("10 rows") and "row 100, of 1e+15 s" in note
+
+
+def test_seldom_states_with_efforts_are_no_success(tmp_path, table, capsys):
+    columns = np.loadtxt(table, delimiter=",", skiprows=1)
+    columns[:, 0] *= 1e3
+    np.savetxt(table, columns, delimiter=",", header=table.read_text().partition("\n")[0], comments="")
+    assert main(["analyse", str(table), "--urdf", "panda"]) == 1
+    assert "milliseconds" in capsys.readouterr().out
+
+
+def test_several_recordings(tmp_path, table, raws, capsys):
+    """Each has its summary, and all a table; one that cannot be read stops no other."""
+    bag, out = tmp_path / "in.mcap", tmp_path / "all.json"
+    write_mcap(bag, raws)
+    several = ["analyse", str(bag), str(tmp_path / "none.csv"), str(table), "--urdf", "panda"]
+    assert main([*several, "--json", str(out)]) == 1
+    said, wrong = capsys.readouterr()
+    assert "no file or folder" in wrong
+    *rows, failed = said.splitlines()[-4:]
+    assert [row.split()[-1] for row in rows] == ["recording", str(bag), str(table)]
+    assert [row.split()[0] for row in rows] == ["states", str(COUNT), str(COUNT)]
+    assert failed == f"failed: {tmp_path / 'none.csv'}"
+    summary = json.loads(out.read_text())
+    assert [one["recording"] for one in summary["recordings"]] == [str(bag), str(table)]
+    assert [one["states"] for one in summary["robots"]] == [2 * COUNT]
+    assert list(summary["failed"]) == [str(tmp_path / "none.csv")]
+    main(["analyse", str(bag), "--urdf", "panda", "--json", str(out), "--quiet"])
+    alone = json.loads(out.read_text())
+    assert summary["recordings"][0] == alone
+    assert main(["analyse", str(bag), str(table), "--urdf", "panda", "--quiet"]) == 0
+    assert main(["analyse", str(tmp_path / "a"), str(tmp_path / "b"), "--quiet"]) == 2
+    capsys.readouterr()
+    for option in OUTPUTS[:3]:
+        assert main([*several, option, str(tmp_path / "x")]) == 2
+        assert "is of a single recording, and there are 3: --fleet" in capsys.readouterr().err
+    assert main([*several, "--json", str(table)]) == 2
+    assert "is read, so nothing is written there" in capsys.readouterr().err
+
+
 def test_command_takes_the_monitors_file(tmp_path, raws, capsys):
     path, file = tmp_path / "in.mcap", tmp_path / "monitor.yaml"
     write_mcap(path, raws)

@@ -32,13 +32,15 @@ def report_of(summaries):
         `recording`, `at`, `mean`, `histogram`; `explained`, `explained_with_potential`, `residual_power` over all windows;
         `collisions`; `rejected` and `findings`: numbers by cause; `warnings`.
     """
+    return {"recordings": [_row(summary) for summary in summaries], "robots": robots_of(summaries)}
+
+
+def robots_of(summaries):
+    """What is told of each robot over all its recordings, as in :func:`report_of`."""
     robots = {}
     for summary in summaries:
         robots.setdefault(summary["robot"], []).append(summary)
-    return {
-        "recordings": [_row(summary) for summary in summaries],
-        "robots": [_robot(name, of) for name, of in sorted(robots.items())],
-    }
+    return [_robot(name, of) for name, of in sorted(robots.items())]
 
 
 def rows_of(report):
@@ -115,6 +117,37 @@ def text_of(report):
     if len(failed) > FEW:
         lines.append(f"  … {len(failed) - FEW} more; fleet.json has all")
     return "\n".join(lines)
+
+
+def table_of(summaries, failed):
+    """A line for each recording.
+
+    Parameters
+    ----------
+    summaries : list of dict
+    failed : dict
+        What is wrong with others, by path.
+    """
+    rows = [("states", "s", "K max [J]", "explained", "residual [W]", "rejected", "recording")]
+    for one in summaries:
+        explained, residual = one["explained"], one["residual_power"]
+        rows.append(
+            (
+                str(one["states"]),
+                f"{one['duration']:.6g}",
+                f"{one['kinetic_energy']['max']:.4g}",
+                "-" if explained is None else f"{explained:.3f}",
+                "-" if residual is None else f"{residual:.3g}",
+                str(sum(one["rejected"].values())),
+                one["recording"],
+            )
+        )
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [
+        "  ".join([*(text.rjust(width) for text, width in zip(row[:-1], widths, strict=False)), row[-1]])
+        for row in rows
+    ]
+    return "\n".join([*lines, *(f"failed: {path}" for path in failed)])
 
 
 def _about(robot):

@@ -16,9 +16,9 @@ class CsvOutput(TableOutput):
         arrays = [self.arrow.array(column, mask=_missing(column)) for column in values]
         return self.arrow.Table.from_arrays(arrays, names=names)
 
-    def opened(self, path, table):
+    def opened(self, file, table):
         """Writer of text."""
-        return import_module("pyarrow.csv").CSVWriter(path, table.schema)
+        return import_module("pyarrow.csv").CSVWriter(file, table.schema)
 
 
 def _missing(values):

@@ -21,9 +21,9 @@ class ParquetOutput(TableOutput):
         about = {"robot": self.model.name, "written_by": "diag_dynamics", "dof_names": " ".join(self.model.dof_names)}
         return arrow.Table.from_arrays(arrays, schema=arrow.schema(fields, metadata=about))
 
-    def opened(self, path, table):
+    def opened(self, file, table):
         """Writer whose floating columns are split by bytes, which makes them a fifth smaller."""
         split = [field.name for field in table.schema if self.arrow.types.is_floating(field.type)]
         return import_module("pyarrow.parquet").ParquetWriter(
-            path, table.schema, use_byte_stream_split=split, **COMPRESSION
+            file, table.schema, use_byte_stream_split=split, **COMPRESSION
         )

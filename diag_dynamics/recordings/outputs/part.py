@@ -8,16 +8,21 @@ from diag_dynamics.exceptions import InputError
 
 
 class Part:
-    """Path of a file that is being written, beside that which it will have.
+    """A file that is being written, beside the path that it will have.
 
     Parameters
     ----------
     path : str or Path
 
+    Attributes
+    ----------
+    name : str
+        Of the file for now: it is there, with nothing in it.
+
     Raises
     ------
     InputError
-        Its folder is not there, or it is a folder.
+        It cannot be written: its folder is not there, or it is a folder, or neither may be changed.
     """
 
     def __init__(self, path):
@@ -27,6 +32,10 @@ class Part:
         if self.path.is_dir():
             raise InputError(f"'{self.path}' cannot be written: it is a folder.")
         self.name = f"{self.path}.part"
+        try:
+            open(self.name, "wb").close()
+        except OSError as error:
+            raise InputError(f"'{self.path}' cannot be written: {error.strerror or error}.") from error
 
     def keep(self):
         """Give the file its name."""

@@ -1,5 +1,7 @@
 """What Parquet and CSV have in common: columns that pyarrow writes, piece by piece."""
 
+import os
+from contextlib import suppress
 from importlib import import_module
 
 from diag_dynamics.exceptions import InputError
@@ -29,15 +31,16 @@ class TableOutput:
         except ImportError as error:
             raise InputError(f"'{path}' is written by pyarrow, which is not installed: pip install pyarrow.") from error
         self.model = reading.model
-        self._reading, self._friction, self._columns, self._writer = reading, friction, None, None
+        self._reading, self._friction = reading, friction
+        self._columns = self._writer = self._file = None
         self._part = Part(path)
 
     def table(self, units, values):
         """The pyarrow Table of a piece: units by name of the column, and arrays of shape (T,)."""
         raise NotImplementedError
 
-    def opened(self, path, table):
-        """The writer of a file, by its first table."""
+    def opened(self, file, table):
+        """The writer into an open file, by its first table."""
         raise NotImplementedError
 
     def write(self, piece):
@@ -46,7 +49,8 @@ class TableOutput:
             self._columns = Columns(self.model, self._reading.offset, self._friction)
         table = self.table(self._columns.units, self._columns.values(piece))
         if self._writer is None:
-            self._writer = self.opened(self._part.name, table)
+            self._file = self.arrow.OSFile(os.fsencode(self._part.name), "w")  # bytes: a name may be no UTF-8
+            self._writer = self.opened(self._file, table)
         self._writer.write_table(table)
 
     def close(self):
@@ -54,10 +58,13 @@ class TableOutput:
         if self._writer is None:
             raise InputError(f"'{self._part.path}' is not written: the recording has no states.")
         self._writer.close()
+        self._file.close()
         self._part.keep()
 
     def drop(self):
         """Leave nothing behind."""
         if self._writer is not None:
-            self._writer.close()
+            for one in (self._writer, self._file):
+                with suppress(OSError):  # a full disk cannot take the rest, which is not wanted
+                    one.close()
         self._part.drop()
