@@ -47,6 +47,7 @@ _HOME = {
     "Recording": "recordings.recording",
     "read_recording": "recordings.recording",
     "stream_recording": "recordings.recording",
+    "analyse_fleet": "recordings.fleet.running",
     "Observed": "recordings.observed",
     "observe": "recordings.observed",
 }
@@ -79,6 +80,7 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.model import load_mjcf as load_mjcf
     from diag_dynamics.model import load_robot as load_robot
     from diag_dynamics.model import load_urdf as load_urdf
+    from diag_dynamics.recordings.fleet.running import analyse_fleet as analyse_fleet
     from diag_dynamics.recordings.observed import Observed as Observed
     from diag_dynamics.recordings.observed import observe as observe
     from diag_dynamics.recordings.recording import Recording as Recording

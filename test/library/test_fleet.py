@@ -23,7 +23,6 @@ import diag_dynamics as dd
 from bags import TEXT
 from diag_dynamics.cli.main import main
 from diag_dynamics.model.example_robots import find_urdf
-from diag_dynamics.recordings.fleet.running import analyse_fleet
 from diag_dynamics.recordings.histogram import Histogram
 from diag_dynamics.recordings.summary import summary_of
 from diag_dynamics.wire.cdr import Template
@@ -103,7 +102,7 @@ def check(report, out, expected, archive):
 def analysed_once(archive, tmp_path_factory):
     """What is written by processes of this machine."""
     out, told = tmp_path_factory.mktemp("out"), []
-    report = analyse_fleet(
+    report = dd.analyse_fleet(
         [str(archive / "**" / "*.mcap")],
         out,
         workers=2,
@@ -161,7 +160,7 @@ def test_restart(analysed_once, archive):
 
     def again(**options):
         before = modified(out)
-        report = analyse_fleet(patterns, out, workers=1, piece=PIECE, **options)
+        report = dd.analyse_fleet(patterns, out, workers=1, piece=PIECE, **options)
         after = modified(out)
         return report, {name for name in after if after[name] != before.get(name)}
 
@@ -227,7 +226,7 @@ def test_killed_worker(tmp_path, archive, expected):
             if not killed:
                 killed.append(cluster.kill_while_it_works())
 
-        report = analyse_fleet(
+        report = dd.analyse_fleet(
             [str(archive / "**" / "*.mcap")],
             tmp_path / "out",
             scheduler=cluster.address,
@@ -251,6 +250,9 @@ def test_command(tmp_path, archive, capsys):
     assert not list(tmp_path.glob("*.parquet"))
     assert main([*arguments, "--quiet", "--workers", "1"]) == 1
     assert capsys.readouterr() == ("", "")
+    before = ["analyse", arguments[2], "--fleet", *arguments[3:], "--quiet", "--workers", "1"]  # as well as behind it
+    assert main(before) == 1
+    assert capsys.readouterr() == ("", "")
     for wrong, what in (
         (["analyse", "--fleet", "nothing.mcap", "--out", str(tmp_path)], "there is no recording 'nothing.mcap'"),
         (["analyse", "--fleet", str(archive)], "--fleet needs --out"),
@@ -269,10 +271,16 @@ def test_part_by_the_command(tmp_path, archive):
     assert json.loads(path.read_text(encoding="utf-8"))["duration"] == pytest.approx(1.0, abs=0.005)
 
 
+def test_one_pattern_is_no_list(tmp_path, archive):
+    """Its letters would be the patterns."""
+    with pytest.raises(dd.InputError, match="expected a list of paths"):
+        dd.analyse_fleet(str(archive / GOOD[0]), tmp_path)
+
+
 def test_without_dask(tmp_path, archive, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(dd.InputError, match=r"pip install 'dask\[distributed\]'"):
-        analyse_fleet([str(archive / GOOD[0])], tmp_path)
+        dd.analyse_fleet([str(archive / GOOD[0])], tmp_path)
 
 
 def test_histogram():

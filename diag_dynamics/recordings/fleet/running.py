@@ -1,11 +1,15 @@
 """The analysis of a fleet's archive: tasks are handed to Dask, and what comes back is told of in one table."""
 
+from __future__ import annotations
+
 import json
 import os
 import shutil
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 from uuid import uuid4
 
 from diag_dynamics.batch import cores
@@ -26,20 +30,20 @@ MISSING = "a fleet's recordings are analysed by Dask, which is not installed: pi
 
 
 def analyse_fleet(
-    patterns,
-    out,
-    model=None,
-    columns=None,
+    patterns: Sequence[str | os.PathLike[str]],
+    out: str | os.PathLike[str],
+    model: RobotModel | str | os.PathLike[str] | None = None,
+    columns: Any = None,
     *,
-    topic=None,
-    parameters=None,
-    gain=25.0,
-    scheduler=None,
-    workers=None,
-    piece=PIECE,
-    parquet=True,
-    progress=None,
-):
+    topic: str | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    gain: float = 25.0,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    piece: float = PIECE,
+    parquet: bool = True,
+    progress: Callable[[int, int, str], object] | None = None,
+) -> dict[str, Any]:
     """Analyse many recordings, each by a task of its own, long ones in pieces; what has been done already stays.
 
     A recording that cannot be analysed is told of, and stops no other. Processes are begun anew for the work: a script that
@@ -81,6 +85,8 @@ def analyse_fleet(
     OSError
         The folder cannot be written, or the scheduler cannot be reached.
     """
+    if isinstance(patterns, str | os.PathLike):
+        raise InputError(f"patterns is {patterns!r}, expected a list of paths and patterns.")
     options = _options(model, columns, topic, parameters, gain, piece, parquet)
     out = Path(out).expanduser()
     out.mkdir(parents=True, exist_ok=True)
