@@ -44,15 +44,21 @@ _HOME = {
     "PositionRepulsion": "control",
     "RateDamping": "control",
     "DisturbanceObserver": "control.observer",
+    "AlarmDetector": "alarms.detector",
+    "AlarmThresholds": "alarms.thresholds",
     "Recording": "recordings.recording",
     "read_recording": "recordings.recording",
     "stream_recording": "recordings.recording",
     "analyse_fleet": "recordings.fleet.running",
     "Observed": "recordings.observed",
     "observe": "recordings.observed",
+    "Calibration": "recordings.calibration",
+    "calibrate": "recordings.calibration",
 }
 
 if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothing else of this module
+    from diag_dynamics.alarms.detector import AlarmDetector as AlarmDetector
+    from diag_dynamics.alarms.thresholds import AlarmThresholds as AlarmThresholds
     from diag_dynamics.control import EffortRateLimiter as EffortRateLimiter
     from diag_dynamics.control import EffortSaturation as EffortSaturation
     from diag_dynamics.control import EnergyLimiter as EnergyLimiter
@@ -80,6 +86,8 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.model import load_mjcf as load_mjcf
     from diag_dynamics.model import load_robot as load_robot
     from diag_dynamics.model import load_urdf as load_urdf
+    from diag_dynamics.recordings.calibration import Calibration as Calibration
+    from diag_dynamics.recordings.calibration import calibrate as calibrate
     from diag_dynamics.recordings.fleet.running import analyse_fleet as analyse_fleet
     from diag_dynamics.recordings.observed import Observed as Observed
     from diag_dynamics.recordings.observed import observe as observe

@@ -24,7 +24,7 @@ COMMAND = "make docs-tables"
 CHANGES = {
     "monitor": "Values are judged together: a wrong one is refused with the reason, and changes nothing. `~/set_payload` "
     "changes `payloads` too. Why the bounds `absurd.*` are what they are: [drivers.md](drivers.md#what-cannot-be); how "
-    "to choose `external_torque.*`: [control.md](control.md#in-the-monitor).",
+    "to choose `external_torque.*` and `alarm.*`: [alarms.md](alarms.md).",
     "simulator": "`gravity` and `payloads` may change while the robot moves, all others while the node is unconfigured.",
     "controller": "All may change while the node is unconfigured only. What the gains do: [control.md](control.md#laws).",
 }

@@ -63,6 +63,7 @@ def run(name, arguments):
         default=[],
         help="parameters of the monitor (docs/parameters.md), as effort_scale=*=0.5",
     )
+    parser.add_argument("--alarms", metavar="ALARMS.yaml", help="thresholds that diag-dynamics calibrate has written")
     parser.add_argument(
         "--gain",
         type=float,
@@ -160,7 +161,7 @@ def _common(chosen):
     fleet.refuse(chosen)
     if chosen.topics is not None and chosen.mcap is None:
         raise InputError("--topics are those of a file that --mcap writes.")
-    return parameters_of(chosen.parameters, chosen.set), _robot(chosen.urdf)
+    return _parameters(chosen), robot_of(chosen.urdf)
 
 
 def _summary(chosen, recording, parameters, robot):
@@ -226,8 +227,8 @@ def _shown(text):
 
 
 def _analyse_fleet(chosen):
-    parameters = parameters_of(chosen.parameters, chosen.set)
-    report = fleet.analyse(chosen, parameters, _robot(chosen.urdf))
+    parameters = _parameters(chosen)
+    report = fleet.analyse(chosen, parameters, robot_of(chosen.urdf))
     if not report["recordings"]:
         return FAILED
     rows = report["recordings"]
@@ -235,7 +236,12 @@ def _analyse_fleet(chosen):
     return WORTH_KNOWING if wrong or report["failed"] else DONE
 
 
-def _robot(urdf):
+def _parameters(chosen):
+    """Parameters of the monitor, of all files and of the command line."""
+    return parameters_of([*chosen.parameters, *([chosen.alarms] if chosen.alarms else [])], chosen.set)
+
+
+def robot_of(urdf):
     """What the robot is made of: a file, that of an example by its name."""
     if urdf is None or Path(urdf).expanduser().exists() or "/" in urdf or "." in urdf:
         return urdf
@@ -244,7 +250,7 @@ def _robot(urdf):
 
 def _refuse_outputs(chosen):
     """Refuse to write over what is read, twice into one file, and where there is no folder."""
-    read = [*chosen.recording, chosen.urdf, chosen.columns, *chosen.parameters]
+    read = [*chosen.recording, chosen.urdf, chosen.columns, chosen.alarms, *chosen.parameters]
     taken = {Path(path).expanduser().resolve(): f"'{path}' is read" for path in read if path}
     for option in OUTPUTS:
         path = getattr(chosen, option)

@@ -37,6 +37,9 @@ GROUPS = {
         "analyse": Command(
             "a recording: energies, balance of power, external torque, quality", "diag_dynamics.cli.analyse:run"
         ),
+        "calibrate": Command(
+            "thresholds of alarms, from recordings without contact", "diag_dynamics.cli.calibrate:run"
+        ),
         "inspect": Command("facts about a robot, and checks of its URDF", "diag_dynamics.cli.inspect:run"),
         "robots": Command("names of the example robots", "diag_dynamics.cli.robots:run"),
     },

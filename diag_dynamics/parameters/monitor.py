@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from diag_dynamics.alarms.thresholds import HOLD_OFF, RELEASE, STANDING, AlarmThresholds
 from diag_dynamics.assembly.assembler import Options
 from diag_dynamics.entries import ALL, assignments, by_name
 from diag_dynamics.exceptions import InputError
@@ -184,6 +185,33 @@ PARAMETERS = {
         minimum=1e-6,
         maximum=100.0,
     ),
+    "alarm.joints": Spec(
+        [""],
+        "External torque |m r| of a joint beyond which there is an alarm, each as joint=threshold [N m, prismatic: N]; * for "
+        "all other joints. 0: not judged. As diag-dynamics calibrate writes them.",
+    ),
+    "alarm.external_torque": Spec(
+        0.0, "Norm of m r of all joints beyond which there is an alarm [N m]; 0: not judged.", minimum=0.0
+    ),
+    "alarm.norm": Spec(
+        0.0,
+        "Norm of the residual, |r|, beyond which there is an alarm [J^0.5/s]; 0: not judged. It takes the place of "
+        "external_torque.threshold, which does without what the other alarm.* say.",
+        minimum=0.0,
+    ),
+    "alarm.release": Spec(
+        RELEASE, "Part of its threshold below which what made an alarm is quiet again.", minimum=0.01, maximum=1.0
+    ),
+    "alarm.hold_off": Spec(
+        HOLD_OFF, "Time after an alarm within which another rise belongs to it [s].", minimum=0.0, maximum=1000.0
+    ),
+    "alarm.standing": Spec(
+        STANDING,
+        "Time after which a torque that keeps an alarm up is taken for an offset that stands, as stiction leaves one [s]; 0: "
+        "never, and such an alarm does not end.",
+        minimum=0.0,
+        maximum=1000.0,
+    ),
     "publish_inverse_factor": Spec(False, "Whether mass_matrix_factors carries l, the inverse of m."),
     "friction_velocity": Spec(
         FRICTION_VELOCITY,
@@ -219,13 +247,17 @@ class Thresholds(NamedTuple):
 
 
 class Observation(NamedTuple):
-    """Arguments of the DisturbanceObserver behind external_torque; a threshold of inf for none."""
+    """Arguments of the DisturbanceObserver behind external_torque; a threshold of inf for none.
+
+    With `alarms` an AlarmDetector judges what it says, and the threshold is that of |r| among them.
+    """
 
     gain: float
     threshold: float
     release: float
     friction: bool
     max_gap: float
+    alarms: AlarmThresholds | None = None
 
 
 class Settings(NamedTuple):
@@ -293,12 +325,40 @@ def _observation(values):
             f"parameter external_torque.release_threshold is {release:g} J^0.5/s and external_torque.threshold "
             f"{threshold:g}, expected no more than the latter."
         )
+    alarms = _alarms(values)
+    if alarms and threshold:
+        raise InputError(
+            f"parameter external_torque.threshold is {threshold:g} J^0.5/s beside alarm.*, expected one of both: alarm.norm "
+            "is the threshold of |r| there."
+        )
     if not gain:
+        if alarms:
+            raise InputError("parameters alarm.* are given, and external_torque.gain is 0: nothing would be observed.")
         return None
     threshold = threshold or float("inf")
+    release = release or 0.5 * threshold
+    if alarms:
+        threshold, release = alarms.norm, alarms.release * alarms.norm
     friction = values["external_torque.friction"] or bool(values["parameters_file"])
     max_gap = values["external_torque.max_gap"]
-    return Observation(gain, threshold, release or 0.5 * threshold, friction, max_gap)
+    return Observation(gain, threshold, release, friction, max_gap, alarms)
+
+
+def _alarms(values):
+    """Thresholds of alarms; None if nothing is to be judged."""
+    never = float("inf")
+    joints = assignments("alarm.joints", values["alarm.joints"], minimum=0.0)
+    torque, norm = values["alarm.external_torque"], values["alarm.norm"]
+    if not (torque or norm or any(joints.values())):
+        return None
+    return AlarmThresholds(
+        {name: threshold or never for name, threshold in joints.items()},
+        torque or never,
+        norm or never,
+        values["alarm.release"],
+        values["alarm.hold_off"],
+        values["alarm.standing"] or never,
+    )
 
 
 def _require_order(thresholds):

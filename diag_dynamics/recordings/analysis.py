@@ -7,9 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from diag_dynamics.alarms.detector import AlarmDetector
+from diag_dynamics.alarms.found import Alarms
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.recordings.balance import Windows, WindowSums
+from diag_dynamics.recordings.collisions import Collisions
 from diag_dynamics.recordings.intake import States
 from diag_dynamics.recordings.observed import Observer
 from diag_dynamics.recordings.outcome import Outcome
@@ -66,7 +69,13 @@ class Analysis:
         )
         self._windows = WindowSums(model.nv, self.friction)
         self._observing = gain, threshold
-        self.outcome = Outcome(model, Quality(model), *self._observing)
+        alarms = wanted.alarms if wanted else None
+        self._detector = AlarmDetector(model.dof_names, alarms) if alarms else None
+        self.outcome = Outcome(model, Quality(model), *self._observing, self._collisions())
+
+    def _collisions(self, goes_on=False):
+        """What gathers collisions: of the detector, or by the observer's own threshold."""
+        return Alarms(self._detector) if self._detector else Collisions(self.model.dof_names, goes_on)
 
     @property
     def states(self):
@@ -102,7 +111,8 @@ class Analysis:
         """Go on from here as if nothing had been seen, but knowing what is known."""
         before = self.outcome
         self.reading.intake.anew()
-        self.outcome = Outcome(self.model, before.quality.anew(), *self._observing, before.collisions.goes_on)
+        collisions = self._collisions(not self._detector and before.collisions.goes_on)
+        self.outcome = Outcome(self.model, before.quality.anew(), *self._observing, collisions)
         self.outcome.begin = self._memory()
 
     def _memory(self):
@@ -113,7 +123,7 @@ class Analysis:
             "observer": self._observer.memory(),
             "windows": self._windows.memory(),
             "quality": outcome.quality.memory(),
-            "colliding": outcome.collisions.goes_on,
+            "colliding": self._detector.memory() if self._detector else outcome.collisions.goes_on,
         }
 
     def _run(self, outputs, progress):
@@ -151,11 +161,14 @@ class Analysis:
     def take(self, states):
         """Evaluate states, take note of all that is told of them in the end, and return the :class:`Piece`."""
         states, s = self._evaluated(states)
-        observed = self._observer.take(states, s)
+        observed, judged = self._observer.take(states, s), None
+        if self._detector:
+            judged = self._detector.judge(states.newest, observed[0], observed[1], observed[3], states.moved)
+            observed = *observed[:4], judged.alarm
         windows = self._windows.take(states, s)
         self.outcome.balance.take(windows)
         self.outcome.quality.take(states)
-        self._note(states, s, observed)
+        self._note(states, s, observed, judged)
         return Piece(states, s, observed, windows)
 
     def _evaluated(self, states):
@@ -183,7 +196,7 @@ class Analysis:
             raise error  # of something else
         return states.part(good)
 
-    def _note(self, states, s, observed):
+    def _note(self, states, s, observed, judged):
         stamps, names = states.newest, self.model.dof_names
         residual, torque, norm, valid, collision = observed
         peaks = self.outcome.peaks
@@ -195,7 +208,10 @@ class Analysis:
         if valid.any():
             peaks.take("external_torque", torque, stamps, names, absolute=True)
             peaks.take("residual_norm", norm, stamps)
-        self.outcome.collisions.take(stamps, residual, norm, collision)
+        if judged:
+            self.outcome.collisions.take(stamps, norm, judged)
+        else:
+            self.outcome.collisions.take(stamps, residual, norm, collision)
 
 
 def _put(into, what, stop):

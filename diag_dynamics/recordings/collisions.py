@@ -33,10 +33,13 @@ class Collisions:
     found : list of Collision
     goes_on : bool
         Whether one was on at the last state.
+    judged : tuple of str
+        Detectors of alarms, of which there are none here.
     """
 
     def __init__(self, names, goes_on=False):
         self._names, self.goes_on, self.found = names, goes_on, []
+        self.judged = ()
         self._joins = False  # whether the first of them began before all that was taken in
 
     def take(self, stamps, residual, norm, collision):

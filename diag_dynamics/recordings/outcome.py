@@ -1,7 +1,6 @@
 """What is left of an analysis when it is over: it can be sent to another process, and that of the next piece added to it."""
 
 from diag_dynamics.recordings.balance import Balance
-from diag_dynamics.recordings.collisions import Collisions
 from diag_dynamics.recordings.histogram import Histogram
 from diag_dynamics.recordings.peaks import Peaks
 from diag_dynamics.recordings.seams import agree
@@ -16,8 +15,8 @@ class Outcome:
     quality : Quality
     gain, threshold : float
         Of the observer.
-    colliding : bool
-        Whether a collision was on before the first state.
+    collisions : Collisions or Alarms
+        What gathers them.
 
     Attributes
     ----------
@@ -26,7 +25,7 @@ class Outcome:
     balance : Balance
     quality : Quality
     peaks : Peaks
-    collisions : Collisions
+    collisions : Collisions or Alarms
     histogram : Histogram
         Of the kinetic energy [J].
     states : int
@@ -38,10 +37,10 @@ class Outcome:
         What was known at the first message and after the last one; see :mod:`diag_dynamics.recordings.seams`.
     """
 
-    def __init__(self, model, quality, gain, threshold, colliding=False):
+    def __init__(self, model, quality, gain, threshold, collisions):
         self.robot, self.names, self.gain, self.threshold = model.name, tuple(model.dof_names), gain, threshold
         self.balance, self.quality, self.peaks = Balance(self.names), quality, Peaks()
-        self.collisions, self.histogram = Collisions(self.names, colliding), Histogram()
+        self.collisions, self.histogram = collisions, Histogram()
         self.states, self._kinetic = 0, 0.0
         self.account = self.begin = self.end = None
         self.offset = 0

@@ -3,6 +3,7 @@
 import re
 import textwrap
 
+from diag_dynamics.alarms.found import Alarm
 from diag_dynamics.recordings.account import NOTE, Finding
 from diag_dynamics.recordings.balance import WINDOW
 
@@ -32,8 +33,8 @@ def summary_of(outcome):
         `robot`, `degrees_of_freedom`; `states`, `duration`, `begin`, `end` [s]; `counts` of messages by what became of them,
         and `rejected` by cause; `kinetic_energy`: `mean`, `max` [J], `at` [s], `share`, the largest of each joint, and
         `histogram`: `from`, `to` [J], `states`; `peaks`; `explained`, `explained_with_potential`, `residual_power` [W]: None
-        without efforts; `balance`, `observer`; `collisions`: `start`, `end`, `joints`, `norm`; `quality`; `warnings`;
-        `findings`: `cause`, `count`, `text`.
+        without efforts; `balance`, `observer`; `collisions`: `start`, `end`, `joints`, `norm`, and where thresholds of alarms
+        were given `first`, `exceeded` and `told`; `quality`; `warnings`; `findings`: `cause`, `count`, `text`.
     """
     quality, balance, peaks, names = outcome.quality, outcome.balance, outcome.peaks, outcome.names
     offset, counts = outcome.offset, outcome.account.counts
@@ -82,15 +83,25 @@ def summary_of(outcome):
         "observer": {
             "gain": outcome.gain,
             "threshold": None if outcome.threshold == float("inf") else outcome.threshold,
+            "judged": list(outcome.collisions.judged),
         },
         "collisions": [
             {"start": time(one.start), "end": time(one.end), "joints": list(one.joints), "norm": one.norm}
+            | _exceeded(one)
             for one in outcome.collisions.found
         ],
         "quality": report,
         "warnings": quality.warnings(),
         "findings": [{"cause": one.cause, "count": one.count, "text": one.text} for one in outcome.account.findings()],
     }
+
+
+def _exceeded(alarm):
+    """Of an alarm, what rose first, and how far each detector was above which threshold."""
+    if not isinstance(alarm, Alarm):
+        return {}
+    exceeded = {one.detector: {"value": one.value, "threshold": one.threshold} for one in alarm.exceeded}
+    return {"first": alarm.first, "exceeded": exceeded, "told": alarm.told()}
 
 
 def _by_name(names, values):
@@ -183,12 +194,17 @@ def _about_collisions(summary):
         f"External torque (observer of gain {observer['gain']:g}/s): at most {torque['value']:.4g} N m or N at "
         f"{torque['of']}, {_after(summary, torque['at'])}; |r| at most {norm['value']:.4g} J^0.5/s",
     ]
-    if observer["threshold"] is None:
-        return [*lines, "  no threshold, so no collisions (--set external_torque.gain=25 external_torque.threshold=…)"]
     found = summary["collisions"]
-    lines.append(f"  {len(found)} collision{'' if len(found) == 1 else 's'} above {observer['threshold']:g} J^0.5/s")
+    count = f"{len(found)} collision{'' if len(found) == 1 else 's'}"
+    if observer["judged"]:
+        lines.append(f"  {count}, by thresholds of {', '.join(observer['judged'])}")
+    elif observer["threshold"] is None:
+        return [*lines, "  no thresholds, so no collisions (diag-dynamics calibrate, and --alarms)"]
+    else:
+        lines.append(f"  {count} above {observer['threshold']:g} J^0.5/s")
     told = [
-        f"{_after(summary, one['start'])} to {_after(summary, one['end'])}, |r| {one['norm']:.3g}, {', '.join(one['joints'])}"
+        f"{_after(summary, one['start'])} to {_after(summary, one['end'])}, "
+        + (one.get("told") or f"|r| {one['norm']:.3g}, {', '.join(one['joints'])}")
         for one in found
     ]
     return [*lines, *_some(told, "more")]

@@ -21,6 +21,7 @@ from hostile import JOINT_STATE, MS, START, Driver, S, hostile
 SOME = {
     "defaults": {},
     "collisions": {"external_torque.gain": 25.0, "external_torque.threshold": 2.0},
+    "alarms": {"external_torque.gain": 25.0, "alarm.joints": ["*=35"], "alarm.norm": 29.0, "alarm.release": 0.95},
     "refusing frozen values": {"frozen_values": "refuse", "frozen_timeout": 0.05},
     "judging little": {"max_age": 0.0, "absurd.jump": 0.0, "absurd.beyond_limits": 0.0, "joint_timeout": 0.0},
     "estimating velocities": {"missing_velocity": "estimate"},
@@ -210,3 +211,10 @@ def test_lying_chunks_are_one_piece(tmp_path, panda):
     outcome, number = in_pieces(path, panda, {}, pieces)
     assert number == 1
     compare(unordered(summary_of(outcome)), unordered(summary_of(whole)))
+
+
+def test_what_stands_is_carried_over_a_seam(tmp_path, panda):
+    """An offset that has stood since long before a seam is not known behind it: both pieces are analysed again, as one."""
+    path = written(tmp_path / "good.mcap", good(panda, 16.0))
+    parameters = {"external_torque.gain": 25.0, "alarm.joints": ["*=30"], "alarm.standing": 0.1}
+    assert check(path, panda, parameters, seams(Reading(path, panda), 4.0)) < 4

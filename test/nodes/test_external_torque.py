@@ -20,10 +20,14 @@ from test_floating_base import Rig
 from test_simulator_commands import Simulator
 
 from diag_dynamics import DiagonalDynamics, load_urdf
+from diag_dynamics.alarms.detector import AlarmDetector
+from diag_dynamics.alarms.thresholds import AlarmThresholds
 from diag_dynamics.assembly.assembler import RobotState
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.monitor.monitor import MonitorNode
 from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
-from diag_dynamics.parameters.monitor import Observation
+from diag_dynamics.parameters.monitor import PARAMETERS, Observation, Settings
+from diag_dynamics.recordings.calibration import Calibration
 from nodes import BELIEVING, MS, PANDA, START, UR5, Monitor, S, joint_state, nanoseconds, node_process, robot
 
 OK, WARN = b"\x00", b"\x01"
@@ -428,6 +432,115 @@ def test_the_ground_is_external(peer):
         )
 
 
+def judged(messages, stamps, names, thresholds):
+    """Whether an alarm is on at each message, and whether one begins, by the library's detector on what they say."""
+    valid, nothing = np.array([m.valid for m in messages]), np.zeros(len(names))
+    r = np.array([m.residual if m.valid else nothing for m in messages])
+    torque = np.array([m.external_torque if m.valid else nothing for m in messages])
+    return AlarmDetector(names, thresholds).judge(np.array(stamps), r, torque, valid)
+
+
+def test_alarms_joint_by_joint(monitor, panda):
+    """One push above the threshold of its joint, seen before the norms: by the message, and by name, value, threshold."""
+    push = np.zeros(len(panda.names))
+    push[panda.names.index("panda_joint2")] = 30.0
+    pushed, free = Motion(panda, push, size=0.0), Motion(panda, size=0.0)
+    values = {"alarm.joints": ["panda_joint2=20", "*=40"], "alarm.external_torque": 25.0, "alarm.norm": 50.0}
+    with monitor.having(**values):
+        anew(monitor)
+        feed(monitor, [free(0)] * 3)
+        before = monitor.wait_for_report(lambda r: r.entries[ENTRY].message == "no collision", "peace").count(
+            "collisions"
+        )
+        begin = len(monitor.reports)
+        said = feed(monitor, [free(0)] * 5 + [pushed(0)] * 60 + [free(0)] * 120)
+        assert all((m.threshold, m.release_threshold) == (50.0, pytest.approx(35.0)) for m in said)
+        thresholds = AlarmThresholds({"panda_joint2": 20.0, "*": 40.0}, 25.0, 50.0)
+        expected = judged(said, [nanoseconds(m.header.stamp) for m in said], panda.names, thresholds)
+        assert [m.collision for m in said] == expected.alarm.tolist() and expected.begins.sum() == 1
+        first = said[int(np.argmax(expected.alarm))]
+        assert 20.0 < first.external_torque[1] < 25.0 and first.norm < 50.0
+
+        def told(report):
+            return report.entries[ENTRY].level == WARN
+
+        monitor.peer.wait_until(lambda: any(map(told, monitor.reports[begin:])), "the alarm")
+        at_once = next(filter(told, monitor.reports[begin:]))
+        assert set(at_once.entries) == {ENTRY} and at_once.count("collisions") == before + 1
+        assert at_once.entries[ENTRY].message == f"collision: panda_joint2 {first.external_torque[1]:.3g} N m > 20"
+
+        def peace(report):
+            feed(monitor, [free(0)])
+            return report.entries.get(ENTRY) and report.entries[ENTRY].message == "no collision"
+
+        assert monitor.wait_for_report(peace, "its end").count("collisions") == before + 1
+
+
+def test_an_alarm_by_what_stands_ends(monitor, panda):
+    """A push that stays: the alarm is over, and what is told is the same as from a recording."""
+    push = np.zeros(len(panda.names))
+    push[1] = 30.0
+    pushed, free = Motion(panda, push, size=0.0), Motion(panda, size=0.0)
+    with monitor.having(**{"alarm.joints": ["*=10"], "alarm.standing": 0.2}):
+        anew(monitor)
+        said = feed(monitor, [free(0)] * 5 + [pushed(0)] * 350)
+        thresholds = AlarmThresholds({"*": 10.0}, standing=0.2)
+        expected = judged(said, [nanoseconds(m.header.stamp) for m in said], panda.names, thresholds)
+        assert [m.collision for m in said] == expected.alarm.tolist()
+        assert any(m.collision for m in said) and not said[-1].collision and said[-1].external_torque[1] > 29.0
+        assert said[-1].threshold == math.inf
+
+
+def test_the_file_of_a_calibration(peer, panda, tmp_path):
+    """A node takes it as it is, by --params-file: gain, friction, and every threshold."""
+    joints = {name: 20.0 + k for k, name in enumerate(panda.names)}
+    thresholds = AlarmThresholds(joints, 31.5, 4.25, 0.6, 0.3, 1.5)
+    Calibration(thresholds, GAIN, True, 1 / 60, 300.0, 4, 5, "tail", 50, ("a warning",)).save(tmp_path / "alarms.yaml")
+    arguments = "--params-file", str(tmp_path / "alarms.yaml")
+    with Monitor(peer, "/calibrated", *arguments, robot_description=robot(PANDA).path) as monitor:
+        listening(monitor)
+        values = peer.get_parameters(
+            monitor.name, [name for name in PARAMETERS if name.startswith(("alarm.", "external"))]
+        )
+        told = Settings.of({name: spec.default for name, spec in PARAMETERS.items()} | values).observation
+        assert told == Observation(GAIN, 4.25, 0.6 * 4.25, True, 0.1, thresholds)
+        message = feed(monitor, [Motion(panda, size=0.0)(0)] * 2)[1]
+        assert message.valid and message.threshold == 4.25
+
+
+def test_what_an_alarm_is_told_by(panda):
+    """The joints that rose, as far as they went; then that it goes on, and what keeps it up."""
+    push = np.zeros(len(panda.names))
+    push[[1, 3]] = 30.0, -12.0
+    pushed, free = (Motion(panda, push, size=0.0)(0), Motion(panda, size=0.0)(0))
+    alarms = AlarmThresholds({"panda_joint2": 20.0, "panda_joint4": 10.0}, 60.0, standing=math.inf)
+    model = load_urdf(panda.path)
+    watch = TorqueWatch(DiagonalDynamics(model), Observation(GAIN, math.inf, math.inf, False, 0.1, alarms))
+    seen = []
+
+    def take(states):
+        for q, qd, tau in states:
+            watch.take(RobotState(q, qd, tau, S + STEP * len(seen), S, False))
+            seen.append(watch.seen)
+        return watch.report([])
+
+    report = take([free] + [pushed] * 200)
+    assert report.message == "collision: panda_joint2 30 N m > 20, panda_joint4 12 N m > 10" and report.level == WARN
+    assert watch.active == ("panda_joint2", "panda_joint4") and watch.alarm.first == "panda_joint2"
+    while seen[-1].external_torque[1] > 20.0 or seen[-1].external_torque[3] < -10.0:
+        take([free])
+    assert take([free]).message.endswith("; since then not below alarm.release = 0.7 of it")
+    while seen[-1].collision:
+        take([free])
+    assert take([free]).message == "no collision" and watch.active == ()
+    watch.forget()
+    only_norm = AlarmThresholds({}, external_torque=25.0)
+    watch.use(DiagonalDynamics(model), Observation(GAIN, math.inf, math.inf, False, 0.1, only_norm))
+    assert "collision: |m r| 32.3 N m > 25, most of it at panda_joint2" in take([free] + [pushed] * 200).message
+    with pytest.raises(InputError, match="'elbow'"):
+        watch.use(DiagonalDynamics(model), Observation(GAIN, 1.0, 1.0, False, 0.1, AlarmThresholds({"elbow": 1.0})))
+
+
 def test_what_was_above_what(panda):
     """Of a collision diagnostics say the norm, the threshold, the joint; then that it is not over, by the other threshold."""
     push = np.zeros(len(panda.names))
@@ -519,6 +632,9 @@ def test_off_by_default(peer, standing, panda):
         ({"external_torque.threshold": math.nan}, "external_torque.threshold"),
         ({"external_torque.threshold": 1.0, "external_torque.release_threshold": 2.0}, "release_threshold is 2"),
         ({"external_torque.max_gap": 0.0}, "external_torque.max_gap"),
+        ({"alarm.joints": ["elbow=1"]}, "'elbow'"),
+        ({"alarm.norm": 1.0, "external_torque.threshold": 2.0}, "external_torque.threshold is 2"),
+        ({"alarm.norm": 1.0, "external_torque.gain": 0.0}, "external_torque.gain is 0"),
     ],
     ids=str,
 )

@@ -43,7 +43,7 @@ FLOORS = [
     "model batch",
     "results",
     "dynamics",
-    "control assembly inspection",
+    "control assembly inspection alarms",
     "simulation wire",
     "parameters views",
     "recordings",

@@ -94,6 +94,8 @@ class MonitoredRobot:
             The settings name a joint that this robot has not; nothing has changed then.
         """
         self.assembler.judges(settings.inputs)
+        if settings.observation and settings.observation.alarms:
+            settings.observation.alarms.limits(model.dof_names)
         self.energy.configure(model, settings.thresholds)
         self.assembler.configure(settings.inputs)
         if self.settings and _frozen_by(settings) != _frozen_by(self.settings):

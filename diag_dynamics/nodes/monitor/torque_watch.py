@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from diag_dynamics.alarms.detector import AlarmDetector
+from diag_dynamics.alarms.found import Alarms
 from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, steady
 
@@ -23,6 +25,10 @@ class TorqueWatch:
     observation : Observation
     seen : Disturbance
         At the last state.
+    alarm : Alarm or None
+        The last one, where there are thresholds of alarms; it is on while `seen.collision` says so.
+    active : tuple of str
+        Detectors that keep it up.
     """
 
     def __init__(self, dynamics, observation):
@@ -35,14 +41,23 @@ class TorqueWatch:
 
     def use(self, dynamics, observation):
         """Observe anew, by another model or otherwise."""
-        gain, threshold, release, friction, max_gap = observation
+        gain, threshold, release, friction, max_gap, alarms = observation
         self.dynamics, self.observation = dynamics, observation
         self._observer = DisturbanceObserver(dynamics, gain, threshold, release, friction=friction, max_gap=max_gap)
-        self.seen = Disturbance(False, "no state yet")
+        self.seen, self.alarm = Disturbance(False, "no state yet"), None
+        self._detector = AlarmDetector(dynamics.model.dof_names, alarms) if alarms else None
+        self._alarms = Alarms(self._detector) if alarms else None
+
+    @property
+    def active(self):
+        """See above."""
+        return self._detector.active if self._detector else ()
 
     def forget(self):
         """Begin anew at the next state, as after a jump of time or a pause."""
         self._observer.reset()
+        if self._detector:
+            self._detector.reset()
         self.seen = Disturbance(False, "no state yet")
 
     def _begin(self):
@@ -55,12 +70,19 @@ class TorqueWatch:
         if self._origin is None:
             self._origin = state.newest  # a double holds some hours to the nanosecond, but not the time since 1970
         time = 1e-9 * (state.newest - self._origin)
-        self.seen = seen = self._observer.update(time, state.position, state.velocity, state.effort)
+        seen = self._observer.update(time, state.position, state.velocity, state.effort)
+        begins = False
+        if self._detector:
+            seen, begins = self._judged(state.newest, seen)
+        self.seen = seen
         self._without_effort = state.effort is None
         self._count += 1
         self._valid += seen.valid
         self._largest = max(self._largest, seen.norm)
         self._collided |= seen.collision
+        if self._detector:
+            self._collisions += begins
+            return seen.collision and not self._reported
         self._above |= seen.norm > self.observation.threshold
         if seen.collision and not self._colliding:
             self._cause = self._told(seen)
@@ -68,6 +90,19 @@ class TorqueWatch:
             self._collisions += seen.collision and not self._colliding
             self._colliding = seen.collision
         return seen.collision and not self._reported
+
+    def _judged(self, stamp, seen):
+        """What the detector makes of it: the Disturbance, and whether an alarm begins."""
+        nothing = np.zeros(len(self.dynamics.model.dof_names))
+        r, torque = (seen.residual, seen.external_torque) if seen.valid else (nothing, nothing)
+        stamps = np.array([stamp])
+        judged = self._detector.judge(stamps, r[None], torque[None], np.array([seen.valid]))
+        if judged.alarm[0]:
+            self._alarms.take(stamps, np.array([seen.norm]), judged)
+            self.alarm = self._alarms.latest()
+            self._cause = self.alarm.told()
+            self._above |= bool((judged.values[0] > self._detector.limits).any())
+        return seen._replace(collision=bool(judged.alarm[0])), bool(judged.begins[0])
 
     def _told(self, seen):
         """What is above what, and which joint has most of it."""
@@ -90,10 +125,13 @@ class TorqueWatch:
             values["|r| [J^0.5/s]"] = f"{seen.norm:.6g}"
         if self._collided:
             level, message = WARN, f"collision: {self._cause}"
-            if not self._above:
+            if self._detector and not self._above:
+                message += f"; since then not below alarm.release = {self.observation.alarms.release:g} of it"
+            elif not self._above:
                 message += f"; since then not below external_torque.release_threshold = {self.observation.release:g}"
         elif self._valid:
-            level, message = OK, "no collision" if threshold < float("inf") else "observed, without a threshold"
+            judges = self._detector or threshold < float("inf")
+            level, message = OK, "no collision" if judges else "observed, without a threshold"
         else:
             level, message = WARN, steady(seen.reason)
             if self._without_effort and without_effort:

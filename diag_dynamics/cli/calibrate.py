@@ -1,0 +1,150 @@
+"""`diag-dynamics calibrate`: recordings without contact in, thresholds of alarms for the monitor out."""
+
+import argparse
+import math
+import re
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+
+from diag_dynamics.alarms.thresholds import HOLD_OFF, RELEASE, STANDING
+from diag_dynamics.cli.analyse import robot_of
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.parameters.files import parameters_of
+from diag_dynamics.parameters.monitor import PARAMETERS
+from diag_dynamics.recordings.calibration import calibrate, per_time
+from diag_dynamics.recordings.recording import read_recording
+from diag_dynamics.recordings.summary import REJECTED
+
+DONE, WORTH_KNOWING, FAILED = range(3)
+"""Exit statuses: thresholds that hold what was asked; thresholds with a warning; none."""
+
+EPILOG = """exit status: 0 calibrated; 1 calibrated, but the recordings are too short for what was asked, their parts are
+unlike, or something of them could not be read (see the summary); 2 not calibrated."""
+
+SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
+
+
+def run(name, arguments):
+    """Calibrate; returns the exit status."""
+    parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
+    parser.add_argument("recording", nargs="+", help="without any contact: bag, MCAP, CSV, TSV, Parquet, npz")
+    parser.add_argument(
+        "--urdf", help="the robot: URDF, or a name that `diag-dynamics robots` lists (default: the bag's own)"
+    )
+    parser.add_argument("--columns", metavar="MAP.yaml", help="map of the columns of a table (docs/recordings.md)")
+    parser.add_argument("--topic", help="that of the joint states, where a bag has several")
+    parser.add_argument(
+        "--parameters",
+        metavar="FILE.yaml",
+        action="append",
+        default=[],
+        help="of the robot: friction, rotor inertias, … (docs/library.md), or of the monitor; may be repeated",
+    )
+    parser.add_argument("--set", metavar="PARAMETER=VALUE", nargs="+", action="extend", default=[], help="one of them")
+    parser.add_argument("--gain", type=float, default=25.0, help="of the disturbance observer [1/s] (default: 25)")
+    parser.add_argument(
+        "--false-alarms", metavar="N/min", default="1/min", help="N/s, N/min or N/h, of all detectors together (1/min)"
+    )
+    parser.add_argument("--release", type=float, default=RELEASE, help=f"alarm.release (default: {RELEASE:g})")
+    parser.add_argument("--hold-off", type=float, default=HOLD_OFF, help=f"alarm.hold_off [s] (default: {HOLD_OFF:g})")
+    parser.add_argument(
+        "--standing", type=float, default=STANDING, help=f"alarm.standing [s], 0 for never (default: {STANDING:g})"
+    )
+    parser.add_argument("-o", "--output", metavar="ALARMS.yaml", required=True, help="for monitor and analyse --alarms")
+    parser.add_argument("--threads", type=int, help="for evaluation (default: as many as there are processors)")
+    parser.add_argument("--quiet", action="store_true", help="no summary")
+    chosen = parser.parse_args(arguments)
+    try:
+        return _calibrate(chosen)
+    except (DiagDynamicsError, OSError) as error:
+        print(f"diag-dynamics {name}: {error}", file=sys.stderr)
+        return FAILED
+
+
+def _calibrate(chosen):
+    rate = rate_of(chosen.false_alarms)
+    if chosen.threads is not None and chosen.threads < 1:
+        raise InputError(f"--threads is {chosen.threads}, expected at least 1.")
+    read = [*chosen.recording, chosen.urdf, chosen.columns, *chosen.parameters]
+    full = Path(chosen.output).expanduser().resolve()
+    for path in filter(None, read):
+        other = Path(path).expanduser().resolve()
+        if full == other or other in full.parents:
+            raise InputError(f"-o '{chosen.output}': '{path}' is read, so nothing is written there.")
+    parameters = parameters_of(chosen.parameters, chosen.set)
+    robot, recordings = robot_of(chosen.urdf), []
+    for path in chosen.recording:
+        one = read_recording(path, robot, chosen.columns, topic=chosen.topic, parameters=parameters)
+        if not len(one):
+            findings = "; ".join(map(str, one.findings[:3])) or "it has no messages"
+            raise InputError(f"'{path}' has not a single state: {findings}.")
+        robot = one.model if robot is None else robot
+        recordings.append(one)
+    found = calibrate(
+        recordings,
+        DiagonalDynamics(recordings[0].model),
+        chosen.gain,
+        rate,
+        release=chosen.release,
+        hold_off=chosen.hold_off,
+        standing=chosen.standing or math.inf,
+        max_gap=parameters.get("external_torque.max_gap", PARAMETERS["external_torque.max_gap"].default),
+        threads=chosen.threads,
+    )
+    notes = [f"From {', '.join(map(repr, chosen.recording))}, {datetime.now(UTC):%Y-%m-%d}."]
+    if chosen.parameters or chosen.set:
+        notes.append(f"By {', '.join([*map(repr, chosen.parameters), *chosen.set])}, which the monitor needs as well.")
+    found.save(chosen.output, notes)
+    findings = [
+        (Path(path).name, finding)
+        for path, one in zip(chosen.recording, recordings, strict=True)
+        for finding in one.findings
+        if finding.cause != "note"
+    ]
+    if not chosen.quiet:
+        print("\n".join(text_of(found, chosen.output, [f"'{name}': {finding}" for name, finding in findings])))
+    unread = any(finding.cause == "unread" or finding.cause.startswith(REJECTED) for _, finding in findings)
+    return WORTH_KNOWING if found.warnings or unread else DONE
+
+
+def rate_of(text):
+    """Rate of a text such as ``1/min`` [1/s].
+
+    Raises
+    ------
+    InputError
+        It is none.
+    """
+    match = re.fullmatch(r"\s*([0-9.eE+-]+)\s*/\s*(s|min|h)\s*", text)
+    try:
+        rate = float(match[1]) / SECONDS[match[2]] if match else math.nan
+    except ValueError:
+        rate = math.nan
+    if not 0.0 < rate < math.inf:
+        raise InputError(f"--false-alarms is {text!r}, expected a number > 0 per time: N/s, N/min or N/h.")
+    return rate
+
+
+def text_of(found, path, findings):
+    """Lines for people."""
+    low, high = found.rate_interval
+    how = f"{found.peaks} alarms counted" if found.method == "counted" else f"from the tail of {found.peaks} peaks"
+    width = max(len("|m r|"), *map(len, found.joints))
+    return [
+        f"{found.duration:.4g} s without contact, observer of gain {found.gain:g}/s "
+        f"{'with' if found.friction else 'without'} friction of the model",
+        f"False alarms asked for: {per_time(found.asked)}, all detectors together; {how}",
+        f"Held out by parts: {found.held_out} alarms in {found.duration:.4g} s, {per_time(found.rate)} "
+        f"(95 %: {per_time(low)} to {per_time(high)}); on the recordings themselves {found.alarms}",
+        "",
+        "Thresholds",
+        *(f"  {name:{width}}  {value:.4g} N m (prismatic: N)" for name, value in found.joints.items()),
+        f"  {'|m r|':{width}}  {found.external_torque:.4g} N m",
+        f"  {'|r|':{width}}  {found.norm:.4g} J^0.5/s",
+        *(["", "Worth knowing"] if found.warnings or findings else []),
+        *(f"  {text}" for text in (*found.warnings, *findings)),
+        "",
+        f"Wrote {path}: for the monitor as --params-file, for analyse as --alarms.",
+    ]

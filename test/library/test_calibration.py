@@ -1,0 +1,339 @@
+"""Calibration of alarms: the rate that was asked for, jerks, short recordings, files, the command."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import diag_dynamics as dd
+from diag_dynamics.alarms.detector import AlarmDetector
+from diag_dynamics.alarms.rates import poisson_interval, upper_limit
+from diag_dynamics.alarms.thresholds import AlarmThresholds
+from diag_dynamics.cli.calibrate import rate_of
+from diag_dynamics.cli.main import main
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.parameters.files import parameters_of
+from diag_dynamics.parameters.monitor import PARAMETERS, Settings
+from diag_dynamics.recordings.calibration import calibrated, per_time
+from diag_dynamics.recordings.observed import Observed
+
+NAMES, HZ = ("a", "b", "c", "d"), 100
+R_SPREAD, TORQUE_SPREAD = np.array([1.0, 2.0, 0.3, 0.05]), np.array([3.0, 2.0, 0.6, 0.2])
+
+
+def noise(rng, seconds, heavy=False, jerks=()):
+    """Coloured noise (autoregressive, 50 ms) of four joints, normal or with heavy tails, and jerks at some times."""
+    count, keeps = int(seconds * HZ), math.exp(-1.0 / (HZ * 0.05))
+    new = rng.standard_t(4, (count, 4)) if heavy else rng.normal(size=(count, 4))
+    response = math.sqrt(1.0 - keeps**2) * keeps ** np.arange(HZ)
+    x = np.stack([np.convolve(column, response)[:count] for column in new.T], axis=1)
+    for at in jerks:
+        k = int(at * HZ)
+        x[k : k + 20] += 25.0
+    stamps = np.arange(count) * (10**9 // HZ)
+    residual, torque = x * R_SPREAD, x * TORQUE_SPREAD
+    norm, yes = np.linalg.norm(residual, axis=1), np.ones(count, dtype=bool)
+    return stamps, Observed(1e-9 * stamps, residual, torque, norm, yes, ~yes)
+
+
+def calibrate_on(*seen, rate=1 / 60):
+    return calibrated(seen, NAMES, 25.0, rate, AlarmThresholds())
+
+
+def count(thresholds, seen):
+    """Alarms of what was seen."""
+    stamps, observed = seen
+    judged = AlarmDetector(NAMES, thresholds).judge(stamps, observed.residual, observed.external_torque, observed.valid)
+    return int(judged.begins.sum())
+
+
+# --- The rate
+
+
+@pytest.mark.parametrize("heavy", [False, True])
+@pytest.mark.parametrize(("seconds", "rate", "method"), [(200, 1 / 60, "tail"), (600, 0.1, "counted")])
+def test_the_rate_that_was_asked_for(heavy, seconds, rate, method):
+    """Of noise that no threshold has seen: on average over eight calibrations what was asked, and near it each time."""
+    ratios, inside = [], 0
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        found = calibrate_on(noise(rng, seconds, heavy), rate=rate)
+        assert found.method == method
+        ratios.append(count(found.thresholds, noise(rng, 1000, heavy)) / (1000 * rate))
+        low, high = found.rate_interval
+        inside += low <= rate <= high
+    assert 0.6 < np.mean(ratios) < 1.5
+    assert min(ratios) > 0.2 and max(ratios) < 4.0
+    assert inside >= 7  # the interval that is held out has the rate in it
+
+
+def test_held_out_is_what_comes():
+    """What parts that were held out say, over many calibrations, is how often there are alarms later."""
+    out = later = 0
+    for seed in range(10):
+        rng = np.random.default_rng(100 + seed)
+        found = calibrate_on(noise(rng, 100), rate=0.1)
+        out += found.held_out
+        later += count(found.thresholds, noise(rng, 100))
+    low, high = poisson_interval(later, 0.99)
+    assert low < out < high
+
+
+def test_each_joint_by_its_own_spread():
+    """Thresholds follow the spreads of the joints, whatever their units; all together make the rate."""
+    found = calibrate_on(noise(np.random.default_rng(1), 300))
+    scaled = np.array([found.joints[name] for name in NAMES]) / TORQUE_SPREAD
+    assert scaled.max() / scaled.min() < 1.25
+    assert found.external_torque > 0.9 * max(found.joints.values())
+    assert found.gain == 25.0 and found.release == 0.7 and found.hold_off == 0.5
+
+
+# --- Jerks
+
+
+@pytest.mark.parametrize("seconds", [30, 200])
+@pytest.mark.parametrize("at", [0.37, 0.99])
+def test_one_jerk_is_one_alarm(seconds, at):
+    """A jerk of 25 times the spread moves no threshold by an eighth; the largest |r|, times 1.3, is eight times as high."""
+    with_jerk = calibrate_on(noise(np.random.default_rng(2), seconds, jerks=[at * seconds]))
+    without = calibrate_on(noise(np.random.default_rng(2), seconds))
+    for name in NAMES:
+        assert with_jerk.joints[name] == pytest.approx(without.joints[name], rel=0.12)
+    assert with_jerk.norm == pytest.approx(without.norm, rel=0.12)
+    assert with_jerk.alarms == without.alarms + 1
+    assert with_jerk.held_out >= 1
+
+
+# --- Short recordings
+
+
+def test_a_recording_that_is_too_short():
+    """It says so, and what it could vouch for: −ln 0.05 alarms in its time."""
+    found = calibrate_on(noise(np.random.default_rng(3), 60))
+    assert found.vouched == pytest.approx(-math.log(0.05) / 59.99, rel=1e-6)
+    assert any("too short for 1/min" in text and "3/min" in text and "180 s" in text for text in found.warnings)
+    assert not calibrate_on(noise(np.random.default_rng(3), 200)).warnings
+    with pytest.raises(InputError, match="too short for any threshold"):
+        calibrate_on(noise(np.random.default_rng(3), 0.5))
+
+
+def test_parts_that_are_unlike():
+    """A part that is rougher than all others lets alarms through that thresholds from the others do not hold."""
+    seen = noise(np.random.default_rng(4), 300)
+    rough = slice(24_000, None)
+    seen[1].residual[rough] *= 4.0
+    seen[1].external_torque[rough] *= 4.0
+    assert any("unlike" in text for text in calibrate_on(seen).warnings)
+
+
+def test_several_recordings_and_gaps():
+    """Rows without a result and pauses between recordings count for nothing."""
+    rng = np.random.default_rng(5)
+    one, other = noise(rng, 100), noise(rng, 50)
+    one[1].valid[2000:3000] = False
+    one[1].external_torque[2000:3000] = one[1].residual[2000:3000] = np.nan
+    found = calibrate_on(one, other)
+    assert found.duration == pytest.approx(140.0, abs=0.1)
+    assert all(map(math.isfinite, found.joints.values()))
+
+
+def test_poisson():
+    """Garwood's limits as tables have them."""
+    assert poisson_interval(0) == pytest.approx((0.0, 3.689), abs=1e-3)
+    assert poisson_interval(1) == pytest.approx((0.0253, 5.572), abs=1e-3)
+    assert poisson_interval(10) == pytest.approx((4.795, 18.390), abs=1e-3)
+    assert poisson_interval(1000) == pytest.approx((938.97, 1063.96), abs=0.05)
+    assert upper_limit(0) == pytest.approx(2.9957, abs=1e-4)
+    assert upper_limit(3) == pytest.approx(7.754, abs=1e-3)
+
+
+def test_a_joint_on_which_nothing_is_ever_seen():
+    seen = noise(np.random.default_rng(6), 100)
+    seen[1].external_torque[:, 2] = 0.0
+    assert set(calibrate_on(seen).joints) == {"a", "b", "d"}
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, math.inf, math.nan])
+def test_a_rate_that_is_none(rate):
+    with pytest.raises(InputError, match="false_alarms"):
+        calibrate_on(noise(np.random.default_rng(3), 10), rate=rate)
+
+
+# --- Files and the command
+
+
+def test_the_file_is_the_monitors(tmp_path):
+    """The monitor takes it as it is, and judges by the same thresholds, none of them lower than they were."""
+    found = calibrate_on(noise(np.random.default_rng(7), 60))
+    found.save(tmp_path / "alarms.yaml")
+    written = yaml.safe_load((tmp_path / "alarms.yaml").read_text())["/**"]["ros__parameters"]
+    assert set(written["alarm"]) == {"joints", "external_torque", "norm", "release", "hold_off", "standing"}
+    values = parameters_of([tmp_path / "alarms.yaml"])
+    seen = Settings.of({name: spec.default for name, spec in PARAMETERS.items()} | values).observation
+    assert seen.gain == 25.0 and not seen.friction
+    assert seen.alarms.limits(NAMES) == pytest.approx(found.thresholds.limits(NAMES), rel=1e-3)
+    assert (seen.alarms.limits(NAMES) >= found.thresholds.limits(NAMES) * (1 - 1e-9)).all()
+    assert (seen.alarms.release, seen.alarms.hold_off, seen.alarms.standing) == (0.7, 0.5, 2.0)
+    assert "# Alarms on external torque: calibrated to 1/min" in (tmp_path / "alarms.yaml").read_text()
+    with pytest.raises(InputError, match="nowhere"):
+        found.save(tmp_path / "nowhere" / "alarms.yaml")
+
+
+def test_words_for_rates():
+    assert [per_time(x) for x in (2.0, 1 / 60, 0.5, 1 / 3600, 0.0)] == ["2/s", "1/min", "30/min", "1/h", "0/min"]
+    assert [rate_of(x) for x in ("2/s", "1/min", " 0.5 / h ")] == pytest.approx([2.0, 1 / 60, 0.5 / 3600])
+    for text in ("1", "1/day", "x/min", "0/min", "-1/min", "nan/s", "1e999/s"):
+        with pytest.raises(InputError, match="--false-alarms"):
+            rate_of(text)
+
+
+@pytest.fixture(scope="module")
+def ur5():
+    return dd.load_robot("ur5")
+
+
+@pytest.fixture(scope="module")
+def tables(ur5, tmp_path_factory):
+    """Half a minute of a UR5 with noise on efforts and rates; and the same with a push of 12 N m at the elbow at 20 s."""
+    folder, rng, dyn = tmp_path_factory.mktemp("tables"), np.random.default_rng(8), dd.DiagonalDynamics(ur5)
+    t = np.arange(0.0, 30.0, 0.004)[:, None]
+    pace, size = np.array([0.7, 1.1, 1.3, 1.7, 1.9, 2.3]), np.array([0.6, 0.4, 0.5, 0.6, 0.6, 0.6])
+    q = size * np.sin(pace * t) + [0.0, -1.2, 1.4, 0.0, 0.0, 0.0]
+    qd, qdd = size * pace * np.cos(pace * t), -size * pace**2 * np.sin(pace * t)
+    tau = dyn.inverse_dynamics_batch(q, qd, qdd) + rng.normal(size=q.shape) * 0.5
+    qd = qd + rng.normal(size=q.shape) * 1e-3
+    push = np.zeros_like(tau)
+    push[5000:5100, 2] = 12.0
+    header = ",".join(["t", *(f"{kind}_{name}" for kind in ("q", "qd", "tau") for name in ur5.dof_names)])
+    for name, efforts in (("free", tau), ("pushed", tau - push)):
+        rows = np.hstack([t, q, qd, efforts])
+        np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header=header, comments="", fmt="%.12g")
+    return folder
+
+
+def test_the_command(ur5, tables, tmp_path, capsys):
+    """From a recording to thresholds, and by these to the push, its joint and how far it was; nothing where none was."""
+    free, pushed, alarms = tables / "free.csv", tables / "pushed.csv", tmp_path / "alarms.yaml"
+    asked = ["--false-alarms", "20/min", "--gain", "25", "-o", str(alarms)]
+    assert main(["calibrate", str(free), "--urdf", "ur5", *asked]) == 0
+    said = capsys.readouterr().out
+    assert "20/min" in said and "Held out" in said and all(name in said for name in ur5.dof_names)
+    assert max(map(len, said.splitlines()[:-1])) < 110
+    assert main(["calibrate", str(free), "--urdf", "ur5", "--quiet", "-o", str(tmp_path / "b.yaml")]) == 1  # 1/min
+    summaries = []
+    for path in (free, pushed):
+        out = tmp_path / "summary.json"
+        main(["analyse", str(path), "--urdf", "ur5", "--alarms", str(alarms), "--quiet", "--json", str(out)])
+        summaries.append(json.loads(out.read_text()))
+    joint = ur5.dof_names[2]
+    found = [one for one in summaries[1]["collisions"] if 20.0 <= one["start"] < 20.1]
+    assert len(found) == 1 and joint in found[0]["joints"] and found[0]["norm"] > 0.0
+    assert found[0]["exceeded"][joint]["value"] > 8.0 > found[0]["exceeded"][joint]["threshold"]
+    assert f"{joint} " in found[0]["told"] and " N m > " in found[0]["told"]
+    assert len(summaries[0]["collisions"]) < 15
+    assert joint in summaries[0]["observer"]["judged"]
+
+
+def test_the_library_does_what_the_command_does(ur5, tables, tmp_path):
+    recording, dyn = dd.read_recording(tables / "free.csv", ur5), dd.DiagonalDynamics(ur5)
+    found = dd.calibrate([recording], dyn, gain=25.0, false_alarms=1 / 3)
+    found.save(tmp_path / "a.yaml")
+    asked = ["--false-alarms", "20/min", "--quiet", "-o", str(tmp_path / "b.yaml")]
+    main(["calibrate", str(tables / "free.csv"), "--urdf", "ur5", *asked])
+    by_library, by_command = ((tmp_path / name).read_text() for name in ("a.yaml", "b.yaml"))
+    assert f"# From '{tables / 'free.csv'}'" in by_command
+    assert by_library == "".join(line for line in by_command.splitlines(True) if not line.startswith("# From"))
+    assert dd.calibrate(recording, dyn, false_alarms=1 / 3) == found
+    assert found.rate_interval[0] <= 1 / 3 <= found.rate_interval[1]
+
+
+def test_what_is_known_of_the_robot(ur5, tables, tmp_path):
+    """Friction that is not there, by a file of parameters, is in the thresholds, and the file says by what they are."""
+    arm, alarms = tmp_path / "arm.yaml", [tmp_path / "a.yaml", tmp_path / "b.yaml"]
+    arm.write_text("joints:\n" + "".join(f"  {name}: {{friction: 4.0}}\n" for name in ur5.dof_names))
+    asked = ["calibrate", str(tables / "free.csv"), "--urdf", "ur5", "--false-alarms", "20/min", "--quiet", "-o"]
+    main([*asked, str(alarms[0])])
+    main([*asked, str(alarms[1]), "--parameters", str(arm)])
+    without, known = (parameters_of([path]) for path in alarms)
+    assert not without["external_torque.friction"] and known["external_torque.friction"]
+    assert known["alarm.external_torque"] > 4.0 > without["alarm.external_torque"]
+    assert f"# By '{arm}', which the monitor needs as well." in alarms[1].read_text()
+
+
+def test_the_state_by_state_detector_is_the_analysis(ur5, tables, tmp_path):
+    """A loop of the observer and the detector has the alarms of analyse, stamp by stamp."""
+    alarms = tmp_path / "alarms.yaml"
+    recording, dyn = dd.read_recording(tables / "pushed.csv", ur5), dd.DiagonalDynamics(ur5)
+    found = dd.calibrate([dd.read_recording(tables / "free.csv", ur5)], dyn, false_alarms=0.2)
+    found.save(alarms)
+    out = tmp_path / "summary.json"
+    asked = ["--alarms", str(alarms), "--quiet", "--json", str(out)]
+    main(["analyse", str(tables / "pushed.csv"), "--urdf", "ur5", *asked])
+    read = Settings.of({name: spec.default for name, spec in PARAMETERS.items()} | parameters_of([alarms])).observation
+    observer = dd.DisturbanceObserver(dyn, 25.0)
+    detector, starts = dd.AlarmDetector(ur5.dof_names, read.alarms), []
+    for t, q, qd, tau in zip(recording.t, recording.q, recording.qd, recording.tau, strict=True):
+        seen = observer.update(t, q, qd, tau)
+        if seen.valid and detector.update(t, seen.residual, seen.external_torque).begins[0]:
+            starts.append(t)
+    assert starts == pytest.approx([one["start"] for one in json.loads(out.read_text())["collisions"]], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--false-alarms", "often"], "often"),
+        (["--gain", "0"], "gain"),
+        (["--threads", "0"], "--threads"),
+        (["--release", "2"], "release"),
+        (["--urdf", "no_such_robot"], "no_such_robot"),
+    ],
+)
+def test_the_command_refuses(tables, tmp_path, capsys, arguments, says):
+    alarms = tmp_path / "alarms.yaml"
+    assert main(["calibrate", str(tables / "free.csv"), "--urdf", "ur5", "-o", str(alarms), *arguments]) == 2
+    assert says in capsys.readouterr().err and not alarms.exists()
+
+
+def test_nothing_is_written_over_a_recording(tables, capsys):
+    free = tables / "free.csv"
+    before = free.read_bytes()
+    assert main(["calibrate", str(free), "--urdf", "ur5", "-o", str(free)]) == 2
+    assert "is read" in capsys.readouterr().err and free.read_bytes() == before
+
+
+def test_recordings_that_cannot_be_used(ur5, tables, tmp_path):
+    dyn = dd.DiagonalDynamics(ur5)
+    with pytest.raises(InputError, match="at least one"):
+        dd.calibrate([], dyn)
+    without = tmp_path / "without.csv"
+    names = ur5.dof_names
+    header = ",".join(["t", *(f"q_{name}" for name in names), *(f"qd_{name}" for name in names)])
+    without.write_text("\n".join([header, *(",".join([str(0.01 * k), *["0.1"] * 12]) for k in range(50))]) + "\n")
+    with pytest.raises(InputError, match="no efforts"):
+        dd.calibrate(dd.read_recording(without, ur5), dyn)
+
+
+RECORDINGS = Path(__file__).parents[2].parent / "shared" / "recordings" / "kuka_lwr4"
+
+
+@pytest.mark.skipif(not RECORDINGS.exists(), reason="../shared/recordings/kuka_lwr4 is not there")
+def test_a_real_arm():
+    """Thresholds from one half of a KUKA's motion let few alarms of the other half through; they are joints' own."""
+    columns = {"time": "times", "position": "positions", "velocity": "velocities", "effort": "torques"}
+    model = dd.load_urdf(str(RECORDINGS / "kuka_lwr4.urdf"))
+    dyn = dd.DiagonalDynamics(model)
+    halves = [
+        dd.read_recording(RECORDINGS / "measurements_1.npz", model, columns, **part)
+        for part in ({"end": 12.5}, {"start": 12.5})
+    ]
+    for one, other in (halves, halves[::-1]):
+        found = dd.calibrate(one, dyn)
+        assert any("too short" in text for text in found.warnings)
+        seen = dd.observe(dyn, other, 25.0, friction=found.friction)
+        detector = dd.AlarmDetector(model.dof_names, found.thresholds)
+        assert detector.judge(other.stamp, seen.residual, seen.external_torque, seen.valid).begins.sum() <= 2
+        assert 0.1 < min(found.joints.values()) < max(found.joints.values()) < 15.0
