@@ -12,6 +12,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 try:
     import agreement
+    import alarms
     import cold
     import growth
     import memory
@@ -76,7 +77,7 @@ SHORT = Plan(
 )
 
 
-PARTS = ("library", "starts", "recordings", "observer", "nodes")
+PARTS = ("library", "starts", "recordings", "observer", "alarms", "nodes")
 
 
 def main():
@@ -103,6 +104,7 @@ def main():
         "starts": cold_starts,
         "recordings": analyses,
         "observer": disturbances,
+        "alarms": calibrations,
         "nodes": nodes,
     }
     chosen = [arguments.only] if arguments.only else PARTS
@@ -157,6 +159,15 @@ def disturbances(short, folder, _):
     print(observer.table(found))
     if folder:
         observer.write(found, folder)
+
+
+def calibrations(short, folder, _):
+    """Compare alarms by both observers, calibrated alike: no times, the same numbers every time."""
+    _say("calibrates alarms, and pushes")
+    found = alarms.compare(short)
+    print(alarms.table(found))
+    if folder:
+        alarms.write(found, folder)
 
 
 def nodes(short, folder, official):

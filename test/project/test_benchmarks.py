@@ -100,6 +100,17 @@ def test_short_form(tmp_path, compiled):
     assert before == {path: path.stat().st_mtime_ns for path in before}
 
 
+def test_short_form_of_alarms(tmp_path, compiled):
+    """Both observers are calibrated by one procedure, and see pushes of 40 N on the simulated arm."""
+    done = run(tmp_path, BENCHMARKS / "run.py", "--short", "--only", "alarms", "--output", tmp_path / "results")
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "results" / "alarms.md").read_text(encoding="utf-8")
+    rows = [row for row in cells("\n\n" + text.split("## Panda, simulated")[1]) if row[0] == "all"]
+    assert [row[1] for row in rows] == ["total rates", "momenta"]
+    for row in rows:
+        assert int(row[6].split(" of ")[0]) >= 9 and row[6].endswith(" of 10")
+
+
 def test_short_form_of_the_observer(tmp_path, compiled):
     """Two arms, right and wrong model, two gains, five detectors: every row is there, and the picture."""
     done = run(tmp_path, BENCHMARKS / "run.py", "--short", "--only", "observer", "--output", tmp_path / "results")

@@ -1,0 +1,427 @@
+"""Alarms by the observer on total joint rates beside those by the classical one on momenta: calibrated and judged alike.
+
+`python benchmarks/alarms.py` in the sourced environment writes alarms.md into results; with --short it pushes less often and
+writes into a folder that is given.
+
+Real recordings without contact (../shared/recordings) have pushes put into their efforts: on an arm that is held on its way,
+a push is what the efforts are short of. One half of a recording calibrates, the other one is pushed. The simulated arm is
+pushed indeed, under a tracking law, and has other friction than the observers know of.
+
+The classical observer (De Luca and Mattone, 2003) is r = K_O[p − p₀ − ∫(τ + C_sᵀq̇ − g + r)dt] with p = Mq̇, here with
+Pinocchio's matrices. Its r is what m r is of the other, √(rᵀM⁻¹r) what |r| is. All see the same samples, integrated alike.
+"""
+
+import argparse
+import os
+import tempfile
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+import diag_dynamics as dd
+from diag_dynamics.alarms.detector import AlarmDetector
+from diag_dynamics.alarms.thresholds import AlarmThresholds
+from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.recordings.calibration import calibrated, per_time
+from diag_dynamics.recordings.observed import Observed
+
+RESULTS = Path(__file__).resolve().parent / "results"
+RECORDINGS = Path(
+    os.environ.get("DIAG_DYNAMICS_RECORDINGS", Path(__file__).resolve().parents[2] / "shared" / "recordings")
+)
+
+GAIN, FALSE_ALARMS = 25.0, 1 / 60  # [1/s], the latter of all detectors together
+PUSH, LATEST, PAUSE = 0.3, 0.6, 1.5  # [s]: how long a push lasts, until when it may be seen, between two of them
+FORCES = (10.0, 20.0, 40.0)  # [N]
+PERIOD = 2e-3  # [s] of the simulated samples
+KNOWN = 0.8  # part of the simulated friction that the observers know of
+VELOCITY_NOISE, EFFORT_NOISE = 2e-3, 0.1  # standard deviations [rad/s], [N m]
+
+
+class States(NamedTuple):
+    """States at stamps [ns]."""
+
+    stamps: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    tau: np.ndarray
+
+    def part(self, which):
+        """Some of them."""
+        return States(*(column[which] for column in self))
+
+
+class Robot:
+    """A robot as both observers know it."""
+
+    def __init__(self, name, urdf, links, friction=None, **options):
+        self.name, self.links = name, links
+        self.model = dd.load_urdf(str(urdf), **options)
+        self.dyn = dd.DiagonalDynamics(self.model)
+        self.friction = friction  # viscous, Coulomb, offset of each joint, taken out of the efforts of both
+        full = pin.buildModelFromUrdf(str(urdf))
+        held = [full.getJointId(j) for j in full.names[1:] if j not in self.model.dof_names]
+        self.pin = pin.buildReducedModel(full, held, pin.neutral(full)) if held else full
+        assert tuple(self.pin.names[1:]) == self.model.dof_names
+
+    def without_friction(self, states):
+        """Efforts less those of friction that is known, and of offsets."""
+        if self.friction is None:
+            return states
+        viscous, coulomb, offset = self.friction
+        known = viscous * states.qd + coulomb * np.tanh(states.qd / 5e-3) + offset
+        return states._replace(tau=states.tau - known)
+
+    def on_total_rates(self, states):
+        """What the library's observer sees."""
+        observer = dd.DisturbanceObserver(self.dyn, GAIN)
+        results = [observer.update(1e-9 * (t - states.stamps[0]), *row) for t, *row in zip(*states, strict=True)]
+        return _observed(states, [(x.residual, x.external_torque) if x.valid else None for x in results])
+
+    def on_momenta(self, states):
+        """What the classical observer sees."""
+        model, data = self.pin, self.pin.createData()
+        r, last, rows = np.zeros(model.nv), None, []
+        for stamp, q, qd, tau in zip(*states, strict=True):
+            if last is not None and stamp == last[0]:
+                rows.append(rows[-1])
+                continue
+            M = np.triu(pin.crba(model, data, q))
+            M += np.triu(M, 1).T
+            C_s, g = pin.computeCoriolisMatrix(model, data, q, qd), pin.computeGeneralizedGravity(model, data, q)
+            now = stamp, M @ qd, tau + C_s.T @ qd - g
+            if last is None:
+                rows.append(None)
+            else:
+                dt = 1e-9 * (stamp - last[0])
+                external = (now[1] - last[1]) / dt - 0.5 * (now[2] + last[2])
+                r = r - np.expm1(-GAIN * dt) * (external - r)
+                rows.append((np.linalg.solve(np.linalg.cholesky(M), r), r))
+            last = now
+        return _observed(states, rows)
+
+
+def _observed(states, rows):
+    n, valid = states.q.shape[1], np.array([row is not None for row in rows])
+    residual, torque = (np.array([np.full(n, np.nan) if row is None else row[k] for row in rows]) for k in range(2))
+    norm = np.linalg.norm(residual, axis=1)
+    return Observed(1e-9 * states.stamps, residual, torque, norm, valid, np.zeros(len(rows), dtype=bool))
+
+
+OBSERVERS = {"total rates": Robot.on_total_rates, "momenta": Robot.on_momenta}
+
+
+class Push(NamedTuple):
+    """A push at a stamp [ns]."""
+
+    at: int
+    link: str
+    force: np.ndarray
+
+
+def pushes(rng, robot, stamps, count, force):
+    """Pushes of a force [N] at random links, in random directions."""
+    first, room = stamps[0] + int(1e9), stamps[-1] - stamps[0] - int(3e9)
+    ats = first + np.sort(rng.uniform(0, room - count * int(PAUSE * 1e9), count)).astype(int)
+    ats += np.arange(count) * int(PAUSE * 1e9)
+    directions = rng.normal(size=(count, 3))
+    directions *= force / np.linalg.norm(directions, axis=1, keepdims=True)
+    return [Push(int(at), str(rng.choice(robot.links)), f) for at, f in zip(ats, directions, strict=True)]
+
+
+def shape(passed):
+    """Part of the force at a time after the onset [s]: half a sine."""
+    return np.sin(np.pi * passed / PUSH) if 0.0 <= passed < PUSH else 0.0
+
+
+def torque_of(robot, q, push, stamp):
+    """Torque of a push."""
+    part = shape(1e-9 * (stamp - push.at))
+    return (
+        robot.dyn.jacobian(q, push.link, frame="world")[:3].T @ (part * push.force)
+        if part
+        else np.zeros(robot.model.nv)
+    )
+
+
+def pushed(robot, states, given):
+    """States as they are measured on an arm that is pushed, but keeps its way."""
+    tau = states.tau.copy()
+    for push in given:
+        inside = np.flatnonzero((states.stamps >= push.at) & (states.stamps < push.at + int(1e9 * PUSH)))
+        for k in inside.tolist():
+            tau[k] -= torque_of(robot, states.q[k], push, states.stamps[k])
+    return states._replace(tau=tau)
+
+
+# --- What is judged
+
+
+def kuka():
+    """The KUKA LWR 4+: friction and offset from the half that calibrates."""
+    folder = RECORDINGS / "kuka_lwr4"
+    arrays = np.load(folder / "measurements_1.npz")
+    states = States(
+        np.round(1e9 * arrays["times"]).astype(np.int64),
+        *(arrays[name] for name in ("positions", "velocities", "torques")),
+    )
+    urdf = folder / "kuka_lwr4.urdf"
+    links = dd.load_urdf(str(urdf)).link_names
+    return _with_friction(Robot("KUKA LWR 4+, recorded", urdf, links[3:]), states)
+
+
+def panda(folder):
+    """The Panda without its hand, friction likewise."""
+    rows = np.genfromtxt(RECORDINGS / "panda" / "exciting_trajectory.csv.gz", delimiter=",", skip_header=1)
+    states = States(np.round(1e9 * rows[:, 0]).astype(np.int64), rows[:, 1:8], rows[:, 8:15], rows[:, 15:22])
+    hand = {"panda_hand", "panda_hand_tcp", "panda_leftfinger", "panda_rightfinger"}
+    root = ET.parse(find_urdf("panda")).getroot()
+    for part in list(root):
+        child = part.find("child")
+        if part.get("name") in hand or (child is not None and child.get("link") in hand):
+            root.remove(part)
+    urdf = folder / "panda.urdf"
+    urdf.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
+    return _with_friction(Robot("Panda, recorded", urdf, LINKS), states)
+
+
+LINKS = ("panda_link4", "panda_link5", "panda_link6", "panda_link8")
+
+
+def _with_friction(robot, states):
+    """Viscous and Coulomb friction and offset of each joint, by least squares on efforts filtered at 1 Hz."""
+    half = states.part(slice(0, len(states.q) // 2))
+    seen, slow = dd.DisturbanceObserver(robot.dyn, 2 * np.pi), np.zeros((3, robot.model.nv))
+    rows, last = [], half.stamps[0]
+    for stamp, q, qd, tau in zip(*half, strict=True):
+        result = seen.update(1e-9 * (stamp - half.stamps[0]), q, qd, tau)
+        columns = np.stack([qd, np.tanh(qd / 5e-3), np.ones(len(qd))])
+        slow -= np.expm1(-2 * np.pi * 1e-9 * (stamp - last)) * (columns - slow)
+        last = stamp
+        if result.valid:
+            rows.append((slow.copy(), -result.external_torque))
+    columns, torque = (np.array(column) for column in zip(*rows, strict=True))
+    fitted = [np.linalg.lstsq(columns[:, :, k], torque[:, k], rcond=None)[0] for k in range(robot.model.nv)]
+    robot.friction = tuple(np.array(fitted).T)
+    return robot, states
+
+
+class Sines:
+    """Sines of all joints, no two of one period: what comes later is like what came before, and never the same."""
+
+    def __init__(self, model, rng):
+        lower, upper, n = np.maximum(model.lower, -2.0), np.minimum(model.upper, 2.0), model.nv
+        self.centre, self.pace = 0.5 * (lower + upper), rng.uniform(0.4, 1.5, n)
+        self.swing, self.phase = 0.25 * (upper - lower) * rng.uniform(0.4, 1, n), rng.uniform(0, 2 * np.pi, n)
+
+    def __call__(self, t):
+        """Position, velocity and acceleration at a time [s]."""
+        angle, size = self.pace * t + self.phase, self.swing * self.pace
+        return self.centre + self.swing * np.sin(angle), size * np.cos(angle), -size * self.pace * np.sin(angle)
+
+
+def simulate(robot, true, path, begin, seconds, rng, given=()):
+    """A Panda on its path, by a tracking law, pushed indeed; with more friction than its model knows of."""
+    model, n = robot.model, robot.model.nv
+    viscous, coulomb = true
+    law = dd.JointTracking(robot.dyn, 20.0, 10.0)
+    plant = dd.Simulation(
+        model, *path(begin)[:2], step=PERIOD, damping=viscous, friction=coulomb, limits=False, effort_limits=False
+    )
+    rows, given = [], list(given)
+    for k in range(int(seconds / PERIOD)):
+        stamp = round(k * PERIOD * 1e9)
+        q, qd = plant.q, plant.qd + VELOCITY_NOISE * rng.normal(size=n)
+        friction = KNOWN * (viscous * qd + coulomb * np.tanh(qd / 5e-3))
+        tau = law.command(q, qd, *path(begin + k * PERIOD)).tau + friction
+        rows.append((stamp, q, qd, tau + EFFORT_NOISE * rng.normal(size=n)))
+        while given and stamp > given[0].at + int(1e9 * PUSH):
+            given.pop(0)
+        plant.advance(tau + (torque_of(robot, q, given[0], stamp) if given else 0.0))
+    columns = [np.array(column) for column in zip(*rows, strict=True)]
+    return States(columns[0].astype(np.int64), *columns[1:])
+
+
+# --- Judging
+
+
+class Row(NamedTuple):
+    """What one observer is worth."""
+
+    robot: str
+    observer: str
+    detectors: str
+    duration: float  # [s] calibrated with
+    held_out: str
+    false: str  # alarms of the trial without a push, per minute
+    seen: dict  # by force: of all, of which seen
+    median: float  # delay [s] of pushes that are seen, of all forces
+    common: float  # the same of those that both observers see
+
+
+def judge(name, names, quiet, trials):
+    """Rows of both observers: calibrated on `quiet`, judged on `trials`, each by observer; of all detectors and of some."""
+    rows, delays = [], {}
+    for observer, free in quiet.items():
+        found = calibrated([free[0]], names, GAIN, FALSE_ALARMS, AlarmThresholds({}))
+        which = {
+            "all": found.thresholds,
+            "joints alone": AlarmThresholds(found.joints),
+            "|m r| alone": AlarmThresholds({}, external_torque=found.external_torque),
+            "|r| alone": AlarmThresholds({}, norm=found.norm),
+        }
+        for label, thresholds in which.items():
+            seen, late = {}, []
+            for force, given, by in trials:
+                stamps, observed = by[observer]
+                at = stamps[_judged(names, thresholds, stamps, observed).begins]
+                lags = [_delay(at, push) for push in given]
+                seen.setdefault(force, []).extend(lags)
+                late += lags
+            stamps, observed = free[1]
+            false = int(_judged(names, thresholds, stamps, observed).begins.sum())
+            minutes = (stamps[-1] - stamps[0]) / 6e10
+            delays[observer, label] = np.array(late)
+            rows.append(
+                Row(
+                    name, observer, label, found.duration, f"{found.held_out}", f"{false} in {60 * minutes:.0f} s",
+                    {force: (len(lags), int(np.isfinite(lags).sum())) for force, lags in seen.items()},
+                    float(np.median([x for x in late if np.isfinite(x)] or [np.nan])), np.nan,
+                )
+            )  # fmt: skip
+    return [row._replace(common=_common(delays, row)) for row in rows]
+
+
+def _common(delays, row):
+    both = np.isfinite([delays[observer, row.detectors] for observer in OBSERVERS]).all(axis=0)
+    return float(np.median(delays[row.observer, row.detectors][both])) if both.any() else np.nan
+
+
+def _judged(names, thresholds, stamps, observed):
+    return AlarmDetector(names, thresholds).judge(stamps, observed.residual, observed.external_torque, observed.valid)
+
+
+def _delay(begins, push):
+    """From the onset of a push to the alarm [s]; inf if there is none in time."""
+    passed = 1e-9 * (begins - push.at)
+    inside = passed[(passed >= 0.0) & (passed <= LATEST)]
+    return float(inside[0]) if len(inside) else np.inf
+
+
+def recorded(robot, states, count, rng):
+    """Rows of a recording."""
+    middle = len(states.q) // 2
+    first, second = states.part(slice(0, middle)), states.part(slice(middle, None))
+
+    def by(some):
+        known = robot.without_friction(some)
+        return {name: (some.stamps, observe(robot, known)) for name, observe in OBSERVERS.items()}
+
+    calm = [by(first), by(second)]
+    trials = []
+    for force in FORCES:
+        each = max(1, int((1e-9 * (second.stamps[-1] - second.stamps[0]) - 3.0) / (1.5 * PAUSE)))
+        for _ in range(-(-count // each)):
+            given = pushes(rng, robot, second.stamps, each, force)
+            trials.append((force, given, by(pushed(robot, second, given))))
+    quiet = {name: [one[name] for one in calm] for name in OBSERVERS}
+    return judge(robot.name, robot.model.dof_names, quiet, trials)
+
+
+def simulated(count, seconds, rng):
+    """Rows of the simulated Panda."""
+    options = {"locked_joints": {"panda_finger_joint1": 0.0}, "mimic": "lock"}
+    n = 7
+    true = rng.uniform(0.2, 1.0, n), rng.uniform(0.3, 1.0, n)
+    robot = Robot(
+        f"Panda, simulated, {KNOWN:.0%} of its friction known", find_urdf("panda"), LINKS,
+        (KNOWN * true[0], KNOWN * true[1], np.zeros(n)), **options,
+    )  # fmt: skip
+
+    def by(some):
+        known = robot.without_friction(some)
+        return {name: (some.stamps, observe(robot, known)) for name, observe in OBSERVERS.items()}
+
+    path = Sines(robot.model, rng)
+    calm = [by(simulate(robot, true, path, begin, seconds, rng)) for begin in (0.0, 500.0)]
+    trials = []
+    for force in FORCES:
+        length = 3.0 + 2.0 * PAUSE * count
+        given = pushes(rng, robot, np.array([0, round(1e9 * length)]), count, force)
+        trials.append((force, given, by(simulate(robot, true, path, 1000.0 + 10.0 * force, length, rng, given))))
+    quiet = {name: [one[name] for one in calm] for name in OBSERVERS}
+    return judge(robot.name, robot.model.dof_names, quiet, trials)
+
+
+HEAD = f"""# Alarms: total joint rates and momenta
+
+`make bench ARGS="--only alarms"`. Both observers at {GAIN:g} 1/s, calibrated by `diag_dynamics.calibrate` to
+{per_time(FALSE_ALARMS)} for all their detectors together, and judged by the same detector; `alone`: by some of the same
+thresholds. Pushes of {PUSH:g} s, half a sine, at random links and in random directions; seen within {LATEST:g} s.
+*Held out*: alarms in parts of what calibrated, by thresholds from the other parts. *False*: alarms of motion without a
+push that no threshold is from. *Common*: delays of pushes that both observers see by the same detectors. A push that
+comes while a false alarm is on counts as not seen.
+
+Recorded arms: friction and offset are identified on the half that calibrates. Pushes are put into the efforts of the
+other half, which may show a false alarm as a push that is seen.
+"""
+
+
+def table(rows):
+    """The results as text."""
+    lines, shown = [HEAD], None
+    for row in rows:
+        if row.robot != shown:
+            shown = row.robot
+            heads = [f"{force:g} N" for force in row.seen]
+            lines += [
+                f"## {row.robot}",
+                "",
+                f"Calibrated on {row.duration:.0f} s.",
+                "",
+                f"| detectors | observer | held out | false | {' | '.join(heads)} | median delay | common |",
+                "|---" * (6 + len(heads)) + "|",
+            ]
+        seen = [f"{part} of {whole}" for whole, part in row.seen.values()]
+        cells = [row.detectors.replace("|", r"\|"), row.observer, row.held_out, row.false, *seen]
+        cells += ["none" if np.isnan(late) else f"{1e3 * late:.0f} ms" for late in (row.median, row.common)]
+        lines.append(f"| {' | '.join(cells)} |")
+        if row.detectors == "|r| alone" and row.observer == "momenta":
+            lines.append("")
+    return "\n".join(lines)
+
+
+def compare(short):
+    """Rows of all."""
+    rows, count, rng = [], 10 if short else 40, np.random.default_rng(20)
+    with tempfile.TemporaryDirectory() as folder:
+        if RECORDINGS.exists():
+            rows += recorded(*kuka(), count, rng)
+            rows += recorded(*panda(Path(folder)), count, rng)
+        else:
+            print(f"{RECORDINGS} is not there: only what is simulated")
+    return rows + simulated(count, 40.0 if short else 180.0, rng)
+
+
+def write(rows, folder):
+    """Write the table."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "alarms.md").write_text(table(rows), encoding="utf-8")
+
+
+def main():
+    """Measure, and write the table."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("folder", nargs="?", type=Path, default=RESULTS)
+    options.add_argument("--short", action="store_true", help="fewer pushes, for a look at whether it works")
+    chosen = options.parse_args()
+    rows = compare(chosen.short)
+    write(rows, chosen.folder)
+    print(table(rows))
+
+
+if __name__ == "__main__":
+    main()
