@@ -225,14 +225,13 @@ def _numbers(value: object) -> Any:
     return [_numbers(part) for part in value] if isinstance(value, (list, tuple)) else _number(value)
 
 
-def robot_with(robot: Any, root: str, parameters: Parameters) -> Any:
+def robot_with(robot: Any, parameters: Parameters) -> Any:
     """A URDF's robot with these joints' damping and friction, and these links' inertias, in place of its own.
 
     Raises
     ------
     InputError
-        It lacks a joint or a link, a joint has not one degree of freedom, or a payload of negative mass takes off more than
-        there is.
+        It lacks a joint or a link, or a joint has not one degree of freedom.
     """
     links = [link.name for link in robot.links]
     _refuse_unknown("joint", parameters.joints, (joint.name for joint in robot.joints), robot)
@@ -243,7 +242,6 @@ def robot_with(robot: Any, root: str, parameters: Parameters) -> Any:
         _carrying(_of_inertia(link, parameters.links.get(link.name)), parameters.payloads.get(link.name))
         for link in robot.links
     ]
-    _refuse_too_light(robot, root, [name for name, payload in parameters.payloads.items() if payload.mass < 0.0])
     return robot
 
 
@@ -312,11 +310,14 @@ NOTHING = 1e-9
 """Part of a mass that is nothing but rounding."""
 
 
-def _refuse_too_light(robot: Any, root: str, names: Iterable[str]) -> None:
-    """Refuse bodies that are no rigid ones, of those that something was taken off."""
-    if not names:
-        return
-    tree = Tree(robot, root, floating_base=True)
+def refuse_too_light(tree: Tree, names: Iterable[str]) -> None:
+    """Refuse bodies of a tree that are no rigid ones, of those that something was taken off.
+
+    Raises
+    ------
+    InputError
+        More is taken off than there is.
+    """
     bodies, _ = tree.records({}, {})
     of_link = {link.name: body for link, body, _ in tree.links}
     for name in names:

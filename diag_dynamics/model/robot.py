@@ -31,7 +31,7 @@ from diag_dynamics.model.options import (
     locked_positions,
     warn_of_inertias,
 )
-from diag_dynamics.model.parameters import Parameters, of_joints, robot_with
+from diag_dynamics.model.parameters import Parameters, of_joints, refuse_too_light, robot_with
 from diag_dynamics.model.tree import Tree
 from diag_dynamics.model.urdf import MAX_JOINTS, folder_of, read_urdf, urdf_text
 from diag_dynamics.model.xacro_files import expanded
@@ -291,7 +291,7 @@ class RobotModel:
             With them a joint moves no inertia.
         """
         given = _parameters(parameters)
-        robot = robot_with(self._tree.robot, self._tree.root, given)
+        robot = robot_with(self._tree.robot, given)
         options = self._options._replace(
             armature=self._options.armature | armature_by_joint(of_joints(given, "armature"), robot),
             effort_offset=self._options.effort_offset | of_joints(given, "effort_offset"),
@@ -299,7 +299,7 @@ class RobotModel:
         )
         if given.friction_velocity is not None:
             options = options._replace(friction_velocity=given.friction_velocity)
-        return _model(robot, self._tree.root, options)
+        return _model_beside(robot, self._tree.root, options, given)
 
     def with_locked_joints(self, locked_joints: Mapping[str, float]) -> RobotModel:
         """Return this model with exactly these joints held, and those that the options of load_urdf lock besides.
@@ -448,7 +448,7 @@ def load_urdf(
         source = found.text
     robot, root = read_urdf(source, whole("max_joints", max_joints))
     beside = Parameters() if parameters is None else _parameters(parameters)
-    robot = robot_with(robot, root, beside)
+    robot = robot_with(robot, beside)
     warn_of_inertias(robot, found.said(robot.name) if found else "")
     if friction_velocity is None:
         friction_velocity = FRICTION_VELOCITY if beside.friction_velocity is None else beside.friction_velocity
@@ -465,11 +465,19 @@ def load_urdf(
         friction_velocity=friction_velocity_of(friction_velocity),
         estimated_links=tuple(estimate.link for estimate in found.estimates) if found else (),
     )
-    return _model(robot, root, options)
+    return _model_beside(robot, root, options, beside)
 
 
 def _parameters(given: str | os.PathLike[str] | Parameters | Mapping[str, Any]) -> Parameters:
     return Parameters.load(given) if isinstance(given, (str, os.PathLike)) else Parameters.of(given)
+
+
+def _model_beside(robot: Any, root: str, options: Options, given: Parameters) -> RobotModel:
+    """Model of a robot that has parameters already; what they take off must be there, links behind locked joints included."""
+    lighter = [name for name, payload in given.payloads.items() if payload.mass < 0.0]
+    if lighter:
+        refuse_too_light(_tree(robot, root, options, options.held or {}), lighter)
+    return _model(robot, root, options)
 
 
 def _model(robot: Any, root: str, options: Options) -> RobotModel:

@@ -233,6 +233,21 @@ def test_hand_that_is_not_mounted():
     assert model.total_mass == pytest.approx(without.total_mass, rel=1e-14)
 
 
+def test_what_is_locked_can_be_taken_off_with_its_link():
+    """The hand with both fingers, where these are locked; where they move, the hand alone is too light for that."""
+    free = dd.load_urdf(PANDA, mimic="free")
+    held = dd.load_urdf(PANDA, locked_joints={"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0})
+    hand, of_link = (
+        held.links[held.links["index"] == held.link_names.index(name)][0] for name in ("panda_hand", "panda_link7")
+    )
+    both = 2.0 * held.links[held.links["index"] == held.link_names.index("panda_leftfinger")][0]["mass"]
+    taken = {"payloads": {"panda_hand": {"mass": -(float(hand["mass"] + of_link["mass"]) + 0.5 * float(both))}}}
+    with pytest.raises(dd.InputError, match="on link 'panda_hand', which leaves -"):
+        free.with_parameters(taken)
+    with pytest.raises(dd.InputError, match=r"on link 'panda_hand', which leaves 0.* principal moments"):
+        held.with_parameters(taken)
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
