@@ -31,6 +31,8 @@ UNITS = {
     "sweeps.kinematics": 2,
     "nodes.encoded.powers": 1,
     "sweeps.motions": 1,
+    "identification.kernels.normal_equations": 1,
+    "identification.kernels.regressors": 1,
     "bags.kernels.records": 1,
     "recordings.kernels.balance": 1,
     "recordings.kernels.observation": 1,

@@ -14,7 +14,17 @@ logger = logging.getLogger(__name__)
 PACKAGE = Path(__file__).resolve().parents[1]
 """The folder of diag_dynamics."""
 
-ROOMS = ("compiled", "bags/kernels", "sweeps", "simulation", "assembly", "wire", "recordings/kernels", "nodes/encoded")
+ROOMS = (
+    "compiled",
+    "bags/kernels",
+    "sweeps",
+    "simulation",
+    "assembly",
+    "wire",
+    "recordings/kernels",
+    "identification/kernels",
+    "nodes/encoded",
+)
 """Where kernels are, and the constants that they are compiled with."""
 
 

@@ -47,6 +47,7 @@ FLOORS = [
     "simulation wire",
     "parameters views",
     "recordings",
+    "identification",
     "nodes/support",
     "nodes/encoded",
     "nodes/monitor nodes/controller nodes/simulator",

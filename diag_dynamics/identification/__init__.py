@@ -1,0 +1,1 @@
+"""Identification: friction, rotor inertias, payloads and inertias of links from recordings."""
