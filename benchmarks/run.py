@@ -15,6 +15,7 @@ try:
     import alarms
     import cold
     import growth
+    import identification
     import memory
     import observer
     import plots
@@ -77,7 +78,7 @@ SHORT = Plan(
 )
 
 
-PARTS = ("library", "starts", "recordings", "observer", "alarms", "nodes")
+PARTS = ("library", "starts", "recordings", "identification", "observer", "alarms", "nodes")
 
 
 def main():
@@ -103,6 +104,7 @@ def main():
         "library": library,
         "starts": cold_starts,
         "recordings": analyses,
+        "identification": identifications,
         "observer": disturbances,
         "alarms": calibrations,
         "nodes": nodes,
@@ -150,6 +152,16 @@ def analyses(short, folder, _):
         machine = report.machine(("numpy", "numba", "pyarrow", "zstandard"))
         page = "\n".join(["# Recordings", "", *lines, "", machine, ""])
         (folder / "recordings.md").write_text(page, encoding="utf-8")
+
+
+def identifications(short, folder, _):
+    """Measure identification from a recording."""
+    _say("identifies")
+    lines = identification.table(identification.measure(20_000 if short else 100_000))
+    print("\n".join(lines))
+    if folder:
+        page = "\n".join(["# Identification", "", *lines, "", report.machine(("numpy", "numba")), ""])
+        (folder / "identification.md").write_text(page, encoding="utf-8")
 
 
 def disturbances(short, folder, _):

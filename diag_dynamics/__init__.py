@@ -50,6 +50,8 @@ _HOME = {
     "read_recording": "recordings.recording",
     "stream_recording": "recordings.recording",
     "analyse_fleet": "recordings.fleet.running",
+    "Identification": "identification.identifying",
+    "identify": "identification.identifying",
     "Observed": "recordings.observed",
     "observe": "recordings.observed",
     "Calibration": "recordings.calibration",
@@ -78,6 +80,8 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.exceptions import SingularMassMatrixError as SingularMassMatrixError
     from diag_dynamics.exceptions import UnsupportedError as UnsupportedError
     from diag_dynamics.exceptions import UrdfError as UrdfError
+    from diag_dynamics.identification.identifying import Identification as Identification
+    from diag_dynamics.identification.identifying import identify as identify
     from diag_dynamics.model import JointParameters as JointParameters
     from diag_dynamics.model import Mimic as Mimic
     from diag_dynamics.model import Parameters as Parameters

@@ -1,0 +1,148 @@
+"""Identification on recordings of real arms: the errors of effort that are left on what was not fitted."""
+
+import gzip
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import diag_dynamics as dd
+from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.recordings.balance import Balance, WindowSums
+
+RECORDINGS = Path(
+    os.environ.get("DIAG_DYNAMICS_RECORDINGS", Path(__file__).parents[2].parent / "shared" / "recordings")
+)
+HELD = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
+COLUMNS = {"time": "t", "position": "q_{joint}", "velocity": "qd_{joint}", "effort": "tau_{joint}"}
+KUKA = {"time": "times", "position": "positions", "velocity": "velocities", "effort": "torques"}
+PATHS = {"kuka": "kuka_lwr4/measurements_1.npz", "panda": "panda/exciting_trajectory.csv.gz"}
+
+
+def path_of(name):
+    path = RECORDINGS / PATHS[name]
+    if not path.exists():
+        pytest.skip(f"{path} is not there: recordings of real arms are no part of this package")
+    return path
+
+
+@pytest.fixture(scope="module")
+def kuka():
+    """Model, and a function that reads a part of the recording [s]."""
+    path = path_of("kuka")
+    model = dd.load_urdf(path.with_name("kuka_lwr4.urdf"))
+    columns = KUKA | {"joints": list(model.dof_names)}
+    return model, lambda start, end: dd.read_recording(path, model, columns, start=start, end=end)
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """The Panda's table; it was recorded without its hand."""
+    path = path_of("panda")
+    table = tmp_path_factory.mktemp("panda") / "panda.csv"
+    table.write_bytes(gzip.decompress(path.read_bytes()))
+    return table
+
+
+@pytest.fixture(scope="module")
+def panda(measured):
+    text = re.sub(
+        r'<link name="panda_(hand|leftfinger|rightfinger)">.*?</link>',
+        lambda found: re.sub("<inertial>.*?</inertial>", "", found.group(0), flags=re.DOTALL),
+        Path(find_urdf("panda")).read_text(encoding="utf-8"),
+        flags=re.DOTALL,
+    )
+    model = dd.load_urdf(text, locked_joints=HELD)
+    return model, lambda start, end: dd.read_recording(measured, model, COLUMNS, start=start, end=end)
+
+
+def low_passed(columns, interval):
+    """Columns through a Butterworth filter of order 2 and 5 Hz, forward and backward: its recursion, step by step."""
+    K = np.tan(np.pi * 5.0 * interval)
+    b = K * K / (1.0 + np.sqrt(2.0) * K + K * K)
+    a1 = 2.0 * b * (1.0 - 1.0 / (K * K))
+    a2 = b * (1.0 - np.sqrt(2.0) / K + 1.0 / (K * K))
+    for _ in range(2):
+        columns = columns[::-1]
+        x1 = x2 = y1 = y2 = columns[0]
+        filtered = np.empty_like(columns)
+        for t, x in enumerate(columns):
+            y = b * (x + 2.0 * x1 + x2) - a1 * y1 - a2 * y2
+            filtered[t] = y
+            x1, x2, y1, y2 = x, x1, y, y1
+        columns = filtered
+    return columns
+
+
+def torque_error(model, recording):
+    """Root mean square of the effort's error below 5 Hz, the mean over joints [N m]."""
+    first = np.r_[True, np.diff(recording.t) > 0.0]
+    t, n = recording.t[first], model.nv
+    even = np.linspace(t[0], t[-1], len(t))
+    interval = even[1] - even[0]
+    columns = np.hstack([recording.q, recording.qd, recording.tau])[first]
+    columns = low_passed(np.column_stack([np.interp(even, t, column) for column in columns.T]), interval)
+    q, qd, tau = (np.ascontiguousarray(part) for part in np.split(columns, [n, 2 * n], axis=1))
+    dynamics = dd.DiagonalDynamics(model)
+    expected = dynamics.inverse_dynamics_batch(q, qd, np.gradient(qd, interval, axis=0))
+    expected += dynamics.friction_torque_batch(qd)
+    error = (tau - expected)[
+        round(0.2 / interval) : -round(0.2 / interval)
+    ]  # without what the filter makes of the ends
+    return np.sqrt((error**2).mean(axis=0)).mean()
+
+
+def explained(model, recording):
+    """Explained share of dK/dt over a recording."""
+    sums, balance = WindowSums(model.nv, friction=True), Balance(model.dof_names)
+    s = dd.DiagonalDynamics(model).evaluate_batch(recording.q, recording.qd, recording.tau, friction=True)
+    balance.take(sums.take(recording.states, s))
+    return balance.explained
+
+
+def without_friction(model):
+    names = model.dof_names
+    return model.with_parameters(
+        {"joints": {name: {"damping": 0.0, "friction": 0.0, "effort_offset": 0.0} for name in names}}
+    )
+
+
+@pytest.mark.parametrize(
+    ("arm", "middle", "urdf", "friction", "inertias"),
+    [("kuka", 12.57, (0.9, 1.1), 0.60, 0.29), ("panda", 10.5, (0.36, 0.42), 0.21, 0.125)],
+)
+def test_second_half_by_the_first(request, arm, middle, urdf, friction, inertias):
+    """Torque error on the second half: of the URDF, with friction and offset, with inertias, fitted to the first half."""
+    model, read = request.getfixturevalue(arm)
+    first, second = read(None, middle), read(middle, None)
+    assert urdf[0] < torque_error(without_friction(model), second) < urdf[1]
+    found = dd.identify(first, model)
+    assert found.quality["taken"] == ["friction"]  # sensors behind the gear feel no rotor
+    assert torque_error(found.model, second) <= friction
+    found = dd.identify(first, model, ("friction", "inertias"))
+    assert found.quality["taken"] == ["friction", "inertias"]
+    assert torque_error(found.model, second) <= inertias
+    before, after = np.transpose(list(found.quality["row_residual"].values()))
+    worse = [name for name, one, other in zip(model.dof_names, before, after, strict=True) if other > one]
+    told = [text for text in found.quality["warnings"] if text.startswith("what is left of ")]
+    assert len(worse) == len(told) and all(name in text for name, text in zip(worse, told, strict=True))
+    assert 5.0 < sum(found.quality["effective_parameters"].values()) < 10.0 * model.nv
+
+
+def test_the_hand_that_the_panda_lacks(measured):
+    """A payload of minus the hand's mass: the efforts then explain the change of energy, and with friction nearly all."""
+    model = dd.load_robot("panda", locked_joints=HELD)
+    data = dd.read_recording(measured, model, COLUMNS)
+    assert explained(model, data) < 0.4
+    found = dd.identify(data, model, "payload:panda_hand")
+    assert found.quality["payload"]["mass"] == pytest.approx(-0.7, abs=0.07)
+    assert found.parameters.payloads["panda_hand"].mass < 0.0
+    assert explained(found.model, data) >= 0.94
+    assert found.quality["explained"][1] >= 0.94
+    both = dd.identify(data, model, ("payload:panda_hand", "friction"))
+    assert both.quality["payload"]["mass"] == pytest.approx(-0.7, abs=0.07)
+    assert explained(both.model, data) >= 0.97
+    assert both.quality["explained"][1] >= 0.97
+    assert 0.004 < both.quality["velocity_delay"][0] < 0.007
