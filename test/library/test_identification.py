@@ -9,6 +9,7 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.identification import inertias
+from diag_dynamics.identification.segments import segments_of
 from diag_dynamics.identification.solver import Body, Problem, solved
 from motions import efforts, fourier, recorded
 from oracles import Oracle
@@ -427,6 +428,21 @@ def test_what_is_left_out_is_told(panda, noisy):
     texts = " ".join(found.quality["findings"])
     assert all(f"{cause}:" in texts for cause in ("too fast", "not whole", "time did not go on"))
     assert residual(found.model, model, oracle)[0] < 1.0
+
+
+def test_segments_end_at_gaps_and_jumps(panda, noisy):
+    model, _ = panda
+    kept = np.r_[0:1000, 1100 : len(noisy.t)]
+    data = recorded(model, *(column[kept] for column in (noisy.t, noisy.q, noisy.qd, noisy.tau)))
+    moved = np.zeros(len(kept), dtype=bool)
+    moved[[3000, 3001]] = True
+    data = dd.Recording(model, data.states._replace(moved=moved), data.offset, {}, [])
+    findings = []
+    segments = segments_of(data, model, findings)
+    assert [len(segment.t) for segment in segments] == [1000, 2000, len(kept) - 3001]
+    assert [finding.cause for finding in findings] == ["scattered"] and findings[0].count == 1
+    np.testing.assert_allclose(segments[1].t, noisy.t[1100:3100], atol=1e-9)
+    np.testing.assert_array_equal(segments[2].q, noisy.q[3101:])
 
 
 def test_arguments_are_checked(panda, noisy):
