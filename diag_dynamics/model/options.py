@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any, NamedTuple
@@ -196,12 +196,15 @@ def inertias_told(tell: Callable[[str], object]) -> Iterator[None]:
         _tell.reset(token)
 
 
-def warn_of_inertias(robot: Any, estimated: str) -> None:
-    """Warn of inertias that were estimated, if a text says so, and of every link whose inertia no rigid body can have."""
+def warn_of_inertias(robot: Any, estimated: str, lighter: Container[str] = ()) -> None:
+    """Warn of inertias that were estimated, if a text says so, and of every link whose inertia no rigid body can have.
+
+    `lighter` are links that something was taken off: what they move with is judged, see :func:`parameters.refuse_too_light`.
+    """
     texts = [estimated] if estimated else []
     for link in robot.links:
         reason = None if link.inertial is None else not_physical(link.inertial.inertia, link.inertial.mass)
-        if reason:
+        if reason and link.name not in lighter:
             texts.append(
                 f"link '{link.name}' of robot '{robot.name}' has an inertia {reason}: no rigid body is like that."
             )

@@ -449,7 +449,7 @@ def load_urdf(
     robot, root = read_urdf(source, whole("max_joints", max_joints))
     beside = Parameters() if parameters is None else _parameters(parameters)
     robot = robot_with(robot, beside)
-    warn_of_inertias(robot, found.said(robot.name) if found else "")
+    warn_of_inertias(robot, found.said(robot.name) if found else "", _lighter(beside))
     if friction_velocity is None:
         friction_velocity = FRICTION_VELOCITY if beside.friction_velocity is None else beside.friction_velocity
     options = Options(
@@ -472,9 +472,14 @@ def _parameters(given: str | os.PathLike[str] | Parameters | Mapping[str, Any]) 
     return Parameters.load(given) if isinstance(given, (str, os.PathLike)) else Parameters.of(given)
 
 
+def _lighter(given: Parameters) -> list[str]:
+    """Links that something is taken off."""
+    return [name for name, payload in given.payloads.items() if payload.mass < 0.0]
+
+
 def _model_beside(robot: Any, root: str, options: Options, given: Parameters) -> RobotModel:
     """Model of a robot that has parameters already; what they take off must be there, links behind locked joints included."""
-    lighter = [name for name, payload in given.payloads.items() if payload.mass < 0.0]
+    lighter = _lighter(given)
     if lighter:
         refuse_too_light(_tree(robot, root, options, options.held or {}), lighter)
     return _model(robot, root, options)

@@ -2,6 +2,7 @@
 
 import math
 import pickle
+import warnings
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -225,7 +226,11 @@ def test_hand_that_is_not_mounted():
     place = np.linalg.inv(of_link) @ of_hand
     turned = place[:3, :3] @ np.array(about) @ place[:3, :3].T
     payload = {"mass": -mass, "com": (place[:3, :3] @ com + place[:3, 3]).tolist(), "inertia": (-turned).tolist()}
+    with warnings.catch_warnings():  # that panda_link8 alone is no rigid body is as it should be
+        warnings.simplefilter("error")
+        loaded = dd.load_urdf(PANDA, locked_joints=fixed, parameters={"payloads": {"panda_link8": payload}})
     model = model.with_parameters({"payloads": {"panda_link8": payload}})
+    np.testing.assert_array_equal(loaded.bodies, model.bodies)
     q, qd, tau = state(model)
     a, b = (dd.DiagonalDynamics(one).evaluate(q, qd, tau) for one in (model, without))
     assert a.kinetic_energy == pytest.approx(b.kinetic_energy, rel=1e-13)
