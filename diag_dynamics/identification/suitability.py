@@ -4,6 +4,7 @@ import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.identification.torques import smoothed
 from diag_dynamics.recordings.account import Finding
 from diag_dynamics.sweeps.spatial import ANGULAR_X
 
@@ -150,9 +151,7 @@ def judge_efforts(segments, model, friction_velocity, tolerant, findings):
     InputError
         Gravity is not in them, of the other sign, or much too large or small.
     """
-    q = np.concatenate([segment.q for segment in segments])
-    qd = np.concatenate([segment.qd for segment in segments])
-    tau = np.concatenate([segment.tau for segment in segments])
+    q, qd, tau, qdd = (np.concatenate(parts) for parts in zip(*map(_smoothed, segments), strict=True))
     gravity = DiagonalDynamics(model).gravity_torque_batch(q)
     heavy = np.flatnonzero(gravity.std(axis=0) > HEAVY)
     if not len(heavy):
@@ -167,7 +166,9 @@ def judge_efforts(segments, model, friction_velocity, tolerant, findings):
         return
     slopes = {}
     for k in heavy.tolist():
-        columns = [gravity[:, k], qd[:, k], np.tanh(qd[:, k] / max(friction_velocity, 1e-9)), np.ones(len(q))]
+        # The acceleration is a column, for in a swing it goes with gravity: a rotor's inertia would be taken for less weight.
+        resisting = [qd[:, k], np.tanh(qd[:, k] / max(friction_velocity, 1e-9)), np.ones(len(q)), qdd[:, k]]
+        columns = [gravity[:, k], *resisting]
         slopes[k] = float(np.linalg.lstsq(np.column_stack(columns), tau[:, k], rcond=None)[0][0])
     if all(abs(slope) < 0.35 for slope in slopes.values()):
         k = max(slopes, key=lambda k: gravity[:, k].std())
@@ -190,6 +191,13 @@ def judge_efforts(segments, model, friction_velocity, tolerant, findings):
             f"expected {low:g} to {high:g}: is it in N m or N, on the joint's side of the gear, and are the joints in order? "
             "(effort_scale, docs/recordings.md)"
         )
+
+
+def _smoothed(segment):
+    """Positions, rates, efforts and accelerations of a segment, all through the same filter."""
+    n, m = segment.q.shape[1], segment.q.shape[1] + segment.qd.shape[1]
+    _, columns, rates = smoothed(segment.t, np.hstack([segment.q, segment.qd, segment.tau]))
+    return columns[:, :n], columns[:, n:m], columns[:, m:], rates[:, n:m]
 
 
 def excited(segments, model, findings):
