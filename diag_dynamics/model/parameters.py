@@ -338,6 +338,29 @@ def refuse_too_light(tree: Tree, names: Iterable[str]) -> None:
             )
 
 
+def perturbed_links(robot: Any, part: float, rng: np.random.Generator) -> dict[str, Payload]:
+    """Inertia of every link that has one, by its name, off by a part at random: what a URDF is, compared to its robot.
+
+    Mass by up to ± part, the centre by up to the same part of the radius of gyration, each length of the body by up to half
+    of it. A rigid body stays one.
+    """
+    links = {}
+    for link in robot.links:
+        own = link.inertial
+        if own is None or not own.mass or own.inertia is None:
+            continue
+        place = np.eye(4) if own.origin is None else own.origin
+        turned = place[:3, :3] @ own.inertia @ place[:3, :3].T
+        moments = 0.5 * np.trace(turned) * np.eye(3) - turned  # second moments, of which inertia is trace less matrix
+        heavier = 1.0 + part * rng.uniform(-1.0, 1.0)
+        radius = np.sqrt(max(np.trace(moments), 0.0) / own.mass)
+        centre = place[:3, 3] + part * radius * rng.uniform(-1.0, 1.0, 3) / np.sqrt(3.0)
+        stretch = np.eye(3) + 0.25 * part * (lambda one: one + one.T)(rng.uniform(-1.0, 1.0, (3, 3)))
+        moments = heavier * stretch @ moments @ stretch
+        links[link.name] = Payload(heavier * own.mass, centre, np.trace(moments) * np.eye(3) - moments)
+    return links
+
+
 def of_joints(parameters: Parameters, name: str) -> dict[str, float]:
     """One number by joint, of those that have it."""
     found = {joint: getattr(entry, name) for joint, entry in parameters.joints.items()}

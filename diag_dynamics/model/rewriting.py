@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -81,8 +82,8 @@ def urdf_with(text: str, parameters: Parameters) -> str:
         The XML is malformed.
     """
     element = parse_urdf(text.encode(errors="replace"), comments=True)
-    robot, root = read_urdf(text)
-    wanted = robot_with(robot, root, parameters)
+    robot, _ = read_urdf(text)
+    wanted = robot_with(robot, parameters)
     inertials = {link.name: link.inertial for link in wanted.links}
     source = _source(parameters)
     for link in element.findall("link"):
@@ -105,7 +106,8 @@ def _source(parameters: Parameters) -> str:
     parts = [str(origin[key]) for key in ("method", "date") if origin.get(key)]
     recordings = origin.get("recordings")
     if recordings:
-        parts.append(f"from {', '.join(map(str, recordings))}")
+        paths = (one.get("path") if isinstance(one, Mapping) else one for one in recordings)
+        parts.append(f"from {', '.join(str(path) for path in paths if path)}")
     return ", ".join(["written by diag_dynamics", *parts])
 
 

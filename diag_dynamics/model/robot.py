@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
-from diag_dynamics.checks import choice, whole
+from diag_dynamics.checks import choice, number, whole
 from diag_dynamics.exceptions import InputError, MimicJointError, UrdfError
 from diag_dynamics.model.configurations import difference, integrated, random_positions
 from diag_dynamics.model.estimation import estimated
@@ -31,7 +31,7 @@ from diag_dynamics.model.options import (
     locked_positions,
     warn_of_inertias,
 )
-from diag_dynamics.model.parameters import Parameters, of_joints, refuse_too_light, robot_with
+from diag_dynamics.model.parameters import Parameters, of_joints, perturbed_links, refuse_too_light, robot_with
 from diag_dynamics.model.tree import Tree
 from diag_dynamics.model.urdf import MAX_JOINTS, folder_of, read_urdf, urdf_text
 from diag_dynamics.model.xacro_files import expanded
@@ -300,6 +300,26 @@ class RobotModel:
         if given.friction_velocity is not None:
             options = options._replace(friction_velocity=given.friction_velocity)
         return _model_beside(robot, self._tree.root, options, given)
+
+    def perturbed(self, part: float, seed: int = 0) -> RobotModel:
+        """Return a robot whose inertias are off from this one's at random: as a real one is from its URDF.
+
+        Parameters
+        ----------
+        part : float
+            Masses are off by up to this part, centres by up to this part of the radius of gyration, lengths by up to half of
+            it; from 0 to 0.9. Rigid bodies stay such. Payloads, rotors and friction stay as they are.
+        seed : int
+            Of chance.
+
+        Raises
+        ------
+        InputError
+            An argument has a wrong value.
+        """
+        number("part", part, "a number from 0 to 0.9", lambda x: 0.0 <= x <= 0.9)
+        links = perturbed_links(self._tree.robot, part, np.random.default_rng(seed))
+        return self.with_parameters(Parameters(links=links))
 
     def with_locked_joints(self, locked_joints: Mapping[str, float]) -> RobotModel:
         """Return this model with exactly these joints held, and those that the options of load_urdf lock besides.

@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 
 import diag_dynamics as dd
+from diag_dynamics.model.options import not_physical
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.parameters.shared import PARAMETERS
 from robots import description, joint, link, robot_path
@@ -77,6 +78,13 @@ def same(one, other):
     return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names) and np.array_equal(
         one.effort_offset, other.effort_offset
     )
+
+
+def near(one, other):
+    """Whether both models give the same but for rounding."""
+    q, qd, tau = state(one)
+    a, b = (dd.DiagonalDynamics(model).evaluate(q, qd, tau) for model in (one, other))
+    return all(np.allclose(getattr(a, name), getattr(b, name), rtol=1e-10) for name in ("nu", "epsilon", "coriolis"))
 
 
 def test_equals_what_the_urdf_would_say():
@@ -322,6 +330,26 @@ def test_simulated_offset_has_no_effect_of_its_own():
     assert abs(free.qd[6]) > 1e-2
     with pytest.raises(dd.InputError, match="effort_offset is"):
         simulation.effort_offset = [0.0]
+
+
+def test_perturbed_inertias_are_those_of_rigid_bodies():
+    """And are off by what was asked for, and by nothing with 0; the seed decides."""
+    model = dd.load_urdf(PANDA, armature=0.1, payloads={"panda_hand": (0.5, (0, 0, 0.1))})
+    assert near(model, model.perturbed(0.0))
+    one, again, other = model.perturbed(0.3, 1), model.perturbed(0.3, 1), model.perturbed(0.3, 2)
+    assert same(one, again)
+    assert not near(one, other)
+    assert dict(one.payloads) == dict(model.payloads)
+    assert one.armature.tolist() == model.armature.tolist()
+    bare = [m.without_payload("panda_hand").links["mass"] for m in (model, one)]
+    off = bare[1] / bare[0] - 1.0
+    assert abs(off).max() <= 0.3
+    assert abs(off).max() > 0.15
+    for name in one.link_names:
+        body = next(b for b in one._tree.robot.links if b.name == name).inertial
+        assert body is None or not_physical(np.asarray(body.inertia), body.mass) is None
+    with pytest.raises(dd.InputError, match=r"part is 1.0, expected a number from 0 to 0\.9"):
+        model.perturbed(1.0)
 
 
 def test_parameter_of_the_nodes(tmp_path):
