@@ -51,6 +51,8 @@ _HOME = {
     "stream_recording": "recordings.recording",
     "analyse_fleet": "recordings.fleet.running",
     "Identification": "identification.identifying",
+    "Excitation": "identification.exciting",
+    "excite": "identification.exciting",
     "identify": "identification.identifying",
     "Observed": "recordings.observed",
     "observe": "recordings.observed",
@@ -80,6 +82,8 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.exceptions import SingularMassMatrixError as SingularMassMatrixError
     from diag_dynamics.exceptions import UnsupportedError as UnsupportedError
     from diag_dynamics.exceptions import UrdfError as UrdfError
+    from diag_dynamics.identification.exciting import Excitation as Excitation
+    from diag_dynamics.identification.exciting import excite as excite
     from diag_dynamics.identification.identifying import Identification as Identification
     from diag_dynamics.identification.identifying import identify as identify
     from diag_dynamics.model import JointParameters as JointParameters

@@ -1,0 +1,143 @@
+"""`diag-dynamics excite`: a trajectory that moves a robot so that a recording of it tells what is to be identified."""
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from diag_dynamics.cli import given
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.identification.exciting import excite
+from diag_dynamics.parameters.files import parameters_of
+from diag_dynamics.parameters.monitor import PARAMETERS
+from diag_dynamics.parameters.robots import model_of
+from diag_dynamics.text import plain
+
+EPILOG = """Nobody looks whether the robot hits itself or something else. Try the trajectory on the simulator first, give
+--range where there is less room than the joints have, and begin slowly (--velocity)."""
+
+
+def run(name, arguments):
+    """Write a trajectory; returns the exit status."""
+    parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
+    parser.add_argument("urdf", help="the robot: URDF, or a name that `diag-dynamics robots` lists")
+    parser.add_argument(
+        "--what", default="friction,rotors", help="as of diag-dynamics identify (default: friction,rotors)"
+    )
+    parser.add_argument("--duration", type=float, default=20.0, help="[s], a whole number of periods (default: 20)")
+    parser.add_argument("--period", type=float, default=10.0, help="of the Fourier series [s] (default: 10)")
+    parser.add_argument("--joints", help="those that move, separated by commas (default: all)")
+    parser.add_argument(
+        "--range",
+        metavar="JOINT=LOWER:UPPER",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="of a joint's position [rad, m]",
+    )
+    parser.add_argument("--velocity", type=float, default=0.5, help="part of the limits that is used (default: 0.5)")
+    parser.add_argument("--effort", type=float, default=0.7, help="part of the limits that is used (default: 0.7)")
+    parser.add_argument("--rate", type=float, default=50.0, help="of points [1/s] (default: 50)")
+    parser.add_argument("--trials", type=int, default=300, help="trajectories that are looked at (default: 300)")
+    parser.add_argument("--seed", type=int, default=0, help="of chance (default: 0)")
+    parser.add_argument("--approach", type=float, default=5.0, help="time to get to the first point [s] (default: 5)")
+    given.add_parameters(parser)
+    parser.add_argument(
+        "-o", "--output", metavar="OUT.json", help="times, positions, velocities, accelerations, efforts"
+    )
+    parser.add_argument(
+        "--trajectory", metavar="OUT.yaml", help="trajectory_msgs/JointTrajectory, for the controller's mode tracking"
+    )
+    chosen = parser.parse_args(arguments)
+    if not (chosen.output or chosen.trajectory):
+        parser.error("-o OUT.json or --trajectory OUT.yaml is expected: else nothing is kept")
+    try:
+        return _excite(chosen)
+    except BrokenPipeError:
+        raise  # of `… | head`, which main knows
+    except (DiagDynamicsError, OSError) as error:
+        print(f"diag-dynamics {name}: {error}", file=sys.stderr)
+        return 2
+
+
+def _excite(chosen):
+    values = {name: spec.default for name, spec in PARAMETERS.items()} | parameters_of(chosen.parameters, chosen.set)
+    model = model_of(given.robot_of(chosen.urdf), values)
+    told = _Progress(chosen.trials)
+    found = excite(
+        model,
+        chosen.what.split(","),
+        duration=chosen.duration,
+        period=chosen.period,
+        joints=None if chosen.joints is None else chosen.joints.split(","),
+        ranges=dict(map(_range, chosen.range)),
+        velocity=chosen.velocity,
+        effort=chosen.effort,
+        rate=chosen.rate,
+        trials=chosen.trials,
+        seed=chosen.seed,
+        progress=told,
+    )
+    told.end()
+    if chosen.output:
+        Path(chosen.output).write_text(found.to_json(), encoding="utf-8")
+    if chosen.trajectory:
+        Path(chosen.trajectory).write_text(found.to_message(chosen.approach), encoding="utf-8")
+    print(_summary(model, found))
+    for path in filter(None, (chosen.output, chosen.trajectory)):
+        print(plain(f"Wrote {path}."), file=sys.stderr)
+    return 0
+
+
+def _range(entry):
+    """Name and bounds of one entry."""
+    name, equals, bounds = entry.rpartition("=")
+    try:
+        low, high = map(float, bounds.split(":"))
+    except ValueError:
+        equals = ""
+    if not equals or not name:
+        raise InputError(f"--range has {entry!r}, expected JOINT=LOWER:UPPER.")
+    return name, (low, high)
+
+
+def _summary(model, found):
+    """How far each joint goes, how fast, and what it needs."""
+    duration = found.time[-1]
+    wide = max(len(name) for name in ("joint", *found.joints))
+    lines = [
+        plain(f"{model.name}: {duration:g} s that excite {', '.join(found.what)}."),
+        f"Condition of the regressor: {found.condition:.3g}; below 100 is good.",
+        "",
+        f"  {'joint':{wide}}       from         to  velocity  of limit    effort  of limit",
+    ]
+    for k, name in enumerate(found.joints):
+        q, speed, effort = found.position[:, k], abs(found.velocity[:, k]).max(), abs(found.effort[:, k]).max()
+        lines.append(
+            plain(
+                f"  {name:{wide}} {q.min():10.3g} {q.max():10.3g} {speed:9.3g} {_part(speed, model.velocity_limit[k]):>9}"
+                f" {effort:9.3g} {_part(effort, model.effort_limit[k]):>9}"
+            )
+        )
+    lines += ["", "Nobody has looked whether the robot hits itself or something else: try it on the simulator first."]
+    return "\n".join(lines)
+
+
+def _part(value, limit):
+    return f"{100 * value / limit:.0f} %" if 0.0 < limit < np.inf else "-"
+
+
+class _Progress:
+    """A line on stderr that is written anew, where that is a terminal."""
+
+    def __init__(self, trials):
+        self._trials, self._shown = trials, sys.stderr.isatty()
+
+    def __call__(self, trial, condition):
+        if self._shown and trial % 10 == 0:
+            print(f"\r\033[K{trial} of {self._trials}, condition {condition:.3g}", end="", file=sys.stderr, flush=True)
+
+    def end(self):
+        if self._shown:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
