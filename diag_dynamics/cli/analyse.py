@@ -8,9 +8,8 @@ import time
 from functools import partial
 from pathlib import Path
 
-from diag_dynamics.cli import fleet
+from diag_dynamics.cli import fleet, given
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.model.named import robot_path
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.explained import LEAST, WINDOW
@@ -43,26 +42,7 @@ def run(name, arguments):
     parser.add_argument(
         "recording", nargs="*", help="rosbag2 folder, .mcap, .db3, ROS 1 .bag, or CSV, TSV, Parquet, npz; or several"
     )
-    parser.add_argument(
-        "--urdf", help="the robot: URDF, or a name that `diag-dynamics robots` lists (default: the bag's own)"
-    )
-    parser.add_argument("--columns", metavar="MAP.yaml", help="map of the columns of a table (docs/recordings.md)")
-    parser.add_argument("--topic", help="topic of the joint states, where a bag has several")
-    parser.add_argument(
-        "--parameters",
-        metavar="FILE.yaml",
-        action="append",
-        default=[],
-        help="of the monitor, or of the robot: friction, rotor inertias, … (docs/library.md); may be repeated",
-    )
-    parser.add_argument(
-        "--set",
-        metavar="PARAMETER=VALUE",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="parameters of the monitor (docs/parameters.md), as effort_scale=*=0.5",
-    )
+    given.add_arguments(parser)
     parser.add_argument("--alarms", metavar="ALARMS.yaml", help="thresholds that diag-dynamics calibrate has written")
     parser.add_argument(
         "--gain",
@@ -78,10 +58,6 @@ def run(name, arguments):
     parser.add_argument("--csv", metavar="OUT.csv", help="the same as text")
     parser.add_argument("--json", metavar="SUMMARY.json", help="the summary for programs; - for stdout")
     parser.add_argument("--threads", type=int, help="for evaluation (default: as many as there are processors)")
-    parser.add_argument("--start", type=float, metavar="SECONDS", help="after the beginning: nothing before is read")
-    parser.add_argument(
-        "--end", type=float, metavar="SECONDS", help="after the beginning: nothing from there on is read"
-    )
     parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
     fleet.add_arguments(parser)
     chosen = parser.parse_args(arguments)
@@ -161,7 +137,7 @@ def _common(chosen):
     fleet.refuse(chosen)
     if chosen.topics is not None and chosen.mcap is None:
         raise InputError("--topics are those of a file that --mcap writes.")
-    return _parameters(chosen), robot_of(chosen.urdf)
+    return _parameters(chosen), given.robot_of(chosen.urdf)
 
 
 def _summary(chosen, recording, parameters, robot):
@@ -228,7 +204,7 @@ def _shown(text):
 
 def _analyse_fleet(chosen):
     parameters = _parameters(chosen)
-    report = fleet.analyse(chosen, parameters, robot_of(chosen.urdf))
+    report = fleet.analyse(chosen, parameters, given.robot_of(chosen.urdf))
     if not report["recordings"]:
         return FAILED
     rows = report["recordings"]
@@ -241,28 +217,9 @@ def _parameters(chosen):
     return parameters_of([*chosen.parameters, *([chosen.alarms] if chosen.alarms else [])], chosen.set)
 
 
-def robot_of(urdf):
-    """What the robot is made of: a file, that of an example by its name."""
-    if urdf is None or Path(urdf).expanduser().exists() or "/" in urdf or "." in urdf:
-        return urdf
-    return str(robot_path(urdf))  # the parameters shape it, as they do a file
-
-
 def _refuse_outputs(chosen):
-    """Refuse to write over what is read, twice into one file, and where there is no folder."""
     read = [*chosen.recording, chosen.urdf, chosen.columns, chosen.alarms, *chosen.parameters]
-    taken = {Path(path).expanduser().resolve(): f"'{path}' is read" for path in read if path}
-    for option in OUTPUTS:
-        path = getattr(chosen, option)
-        if path is None or (option, path) == ("json", "-"):
-            continue
-        full = Path(path).expanduser().resolve()
-        for other, what in taken.items():  # of a folder, its files too
-            if full == other or other in full.parents:
-                raise InputError(f"--{option} '{path}': {what}, so nothing is written there.")
-        if not full.parent.is_dir():
-            raise InputError(f"--{option} '{path}': there is no folder '{full.parent}'.")
-        taken[full] = f"--{option} is written into it"
+    given.refuse_outputs(read, {f"--{option}": getattr(chosen, option) for option in OUTPUTS})
 
 
 def _is_wrong(summary):

@@ -4,17 +4,16 @@ import argparse
 import math
 import re
 import sys
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from pathlib import Path
 
 from diag_dynamics.alarms.thresholds import HOLD_OFF, RELEASE, STANDING
-from diag_dynamics.cli.analyse import robot_of
+from diag_dynamics.cli import given
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.calibration import calibrate, per_time
-from diag_dynamics.recordings.recording import read_recording
 from diag_dynamics.recordings.summary import REJECTED
 
 DONE, WORTH_KNOWING, FAILED = range(3)
@@ -30,19 +29,7 @@ def run(name, arguments):
     """Calibrate; returns the exit status."""
     parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
     parser.add_argument("recording", nargs="+", help="without any contact: bag, MCAP, CSV, TSV, Parquet, npz")
-    parser.add_argument(
-        "--urdf", help="the robot: URDF, or a name that `diag-dynamics robots` lists (default: the bag's own)"
-    )
-    parser.add_argument("--columns", metavar="MAP.yaml", help="map of the columns of a table (docs/recordings.md)")
-    parser.add_argument("--topic", help="that of the joint states, where a bag has several")
-    parser.add_argument(
-        "--parameters",
-        metavar="FILE.yaml",
-        action="append",
-        default=[],
-        help="of the robot: friction, rotor inertias, … (docs/library.md), or of the monitor; may be repeated",
-    )
-    parser.add_argument("--set", metavar="PARAMETER=VALUE", nargs="+", action="extend", default=[], help="one of them")
+    given.add_arguments(parser)
     parser.add_argument("--gain", type=float, default=25.0, help="of the disturbance observer [1/s] (default: 25)")
     parser.add_argument(
         "--false-alarms", metavar="N/min", default="1/min", help="N/s, N/min or N/h, of all detectors together (1/min)"
@@ -67,21 +54,9 @@ def _calibrate(chosen):
     rate = rate_of(chosen.false_alarms)
     if chosen.threads is not None and chosen.threads < 1:
         raise InputError(f"--threads is {chosen.threads}, expected at least 1.")
-    read = [*chosen.recording, chosen.urdf, chosen.columns, *chosen.parameters]
-    full = Path(chosen.output).expanduser().resolve()
-    for path in filter(None, read):
-        other = Path(path).expanduser().resolve()
-        if full == other or other in full.parents:
-            raise InputError(f"-o '{chosen.output}': '{path}' is read, so nothing is written there.")
+    given.refuse_outputs([*chosen.recording, chosen.urdf, chosen.columns, *chosen.parameters], {"-o": chosen.output})
     parameters = parameters_of(chosen.parameters, chosen.set)
-    robot, recordings = robot_of(chosen.urdf), []
-    for path in chosen.recording:
-        one = read_recording(path, robot, chosen.columns, topic=chosen.topic, parameters=parameters)
-        if not len(one):
-            findings = "; ".join(map(str, one.findings[:3])) or "it has no messages"
-            raise InputError(f"'{path}' has not a single state: {findings}.")
-        robot = one.model if robot is None else robot
-        recordings.append(one)
+    recordings = given.recordings_of(chosen, chosen.recording, parameters, given.robot_of(chosen.urdf))
     found = calibrate(
         recordings,
         DiagonalDynamics(recordings[0].model),
@@ -93,7 +68,7 @@ def _calibrate(chosen):
         max_gap=parameters.get("external_torque.max_gap", PARAMETERS["external_torque.max_gap"].default),
         threads=chosen.threads,
     )
-    notes = [f"From {', '.join(map(repr, chosen.recording))}, {datetime.now(UTC):%Y-%m-%d}."]
+    notes = [f"From {', '.join(map(repr, chosen.recording))}, {datetime.now(timezone.utc):%Y-%m-%d}."]
     if chosen.parameters or chosen.set:
         notes.append(f"By {', '.join([*map(repr, chosen.parameters), *chosen.set])}, which the monitor needs as well.")
     found.save(chosen.output, notes)

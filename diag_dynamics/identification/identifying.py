@@ -432,6 +432,7 @@ class _Identifying:
         return {
             "recordings": [
                 {
+                    "path": one.recording.path,
                     "robot": one.recording.model.name,
                     "states": len(one.recording),
                     "start": float(one.recording.t[0]),

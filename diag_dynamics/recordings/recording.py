@@ -48,10 +48,18 @@ class Recording:
         How many messages there were, and what became of them, by the monitor's names.
     findings : list of Finding
         What could not be read, and what was not believed.
+    path : str or None
+        File or folder that it was read from.
     """
 
     def __init__(
-        self, model: RobotModel, states: States, offset: int, counts: Mapping[str, int], findings: list[Finding]
+        self,
+        model: RobotModel,
+        states: States,
+        offset: int,
+        counts: Mapping[str, int],
+        findings: list[Finding],
+        path: str | None = None,
     ) -> None:
         self.model, self.states, self.offset = model, states, offset
         self.stamp: Array = states.newest
@@ -59,7 +67,7 @@ class Recording:
         self.q: Array = states.position
         self.qd: Array = states.velocity
         self.tau: Array | None = states.effort if states.with_effort.any() else None
-        self.counts, self.findings = dict(counts), findings
+        self.counts, self.findings, self.path = dict(counts), findings, path
 
     def __len__(self) -> int:
         return len(self.t)
@@ -117,7 +125,7 @@ def read_recording(
     pieces = list(stream_recording(path, model, columns, topic=topic, parameters=parameters, start=start, end=end))
     last = pieces[-1]
     whole = States.together([piece.states for piece in pieces])
-    return Recording(last.model, whole, last.offset, last.counts, last.findings)
+    return Recording(last.model, whole, last.offset, last.counts, last.findings, last.path)
 
 
 def stream_recording(
@@ -175,7 +183,7 @@ class Reading:
             raise InputError(f"the monitor has no parameter '{min(unknown)}'.")
         defaults = {name: spec.default for name, spec in PARAMETERS.items()}
         self.settings = Settings.of(defaults | dict(parameters or {}))
-        self._after = _nanoseconds(start, end)
+        self._after, self._path = _nanoseconds(start, end), os.fspath(path)
         self._source = source_of(path, columns, topic)
         if isinstance(model, RobotModel):
             require_single_joints(model)
@@ -257,7 +265,7 @@ class Reading:
 
     def _recording(self, states):
         account = self.account()
-        return Recording(self.model, states, self._source.offset, account.counts, account.findings())
+        return Recording(self.model, states, self._source.offset, account.counts, account.findings(), self._path)
 
     def account(self):
         """What is known of the messages by now."""

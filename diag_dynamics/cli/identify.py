@@ -1,0 +1,156 @@
+"""`diag-dynamics identify`: friction, rotor inertias, payloads and inertias of a robot, from recordings without contact."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from diag_dynamics.cli import given
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import DiagDynamicsError
+from diag_dynamics.identification.identifying import identify
+from diag_dynamics.model import urdf_text
+from diag_dynamics.model.rewriting import urdf_with
+from diag_dynamics.model.xacro_files import expanded
+from diag_dynamics.parameters.files import parameters_of
+from diag_dynamics.recordings.observed import observe
+from diag_dynamics.recordings.sources import source_of
+from diag_dynamics.text import plain
+from diag_dynamics.views.identified import picture
+
+GAIN = 25.0
+"""Of the observer on the page of plots [1/s]."""
+
+DONE, DOUBTFUL, FAILED = range(3)
+"""Exit statuses: identified; nothing was gained; it could not be identified."""
+
+EPILOG = """exit status: 0 identified; 1 nothing of it makes the model better on the part held out, so that it stays as it
+was; 2 it could not be identified. docs/identify.md says which motions and recordings it takes."""
+
+
+def run(name, arguments):
+    """Identify; returns the exit status."""
+    parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
+    parser.add_argument("recording", nargs="+", help="as of diag-dynamics analyse, without contact")
+    given.add_arguments(parser)
+    parser.add_argument(
+        "--what",
+        default="friction,rotors",
+        metavar="WHAT",
+        help="some of friction, rotors, inertias, payload:LINK, separated by commas (default: friction,rotors; efforts that "
+        "are measured behind the gears know of no rotors)",
+    )
+    parser.add_argument(
+        "--reference", metavar="RECORDING", nargs="+", default=[], help="of the same robot without the payload"
+    )
+    parser.add_argument("-o", "--output", metavar="ARM.yaml", help="the parameters, for every node and for load_urdf")
+    parser.add_argument(
+        "--json", metavar="QUALITY.json", help="how far they can be trusted, for programs; - for stdout"
+    )
+    parser.add_argument(
+        "--plots", metavar="PAGE.png", help="efforts that the model leaves unexplained, before and after"
+    )
+    parser.add_argument(
+        "--write-urdf",
+        metavar="NEW.urdf",
+        help="a copy of the URDF with inertias, payloads, damping and friction in it; it has no place for the rest",
+    )
+    parser.add_argument("--quiet", action="store_true", help="no summary")
+    chosen = parser.parse_args(arguments)
+    try:
+        return _identify(chosen)
+    except BrokenPipeError:
+        raise  # of `… | head`, which main knows
+    except (DiagDynamicsError, OSError) as error:
+        print(f"diag-dynamics {name}: {error}", file=sys.stderr)
+        return FAILED
+
+
+def _identify(chosen):
+    read = [*chosen.recording, *chosen.reference, chosen.urdf, chosen.columns, *chosen.parameters]
+    written = {"-o": chosen.output, "--json": chosen.json, "--plots": chosen.plots, "--write-urdf": chosen.write_urdf}
+    given.refuse_outputs(read, written)
+    parameters, robot = parameters_of(chosen.parameters, chosen.set), given.robot_of(chosen.urdf)
+    recordings = given.recordings_of(chosen, chosen.recording, parameters, robot)
+    model = recordings[0].model
+    reference = given.recordings_of(chosen, chosen.reference, {}, model)
+    found = identify(recordings, model, chosen.what.split(","), reference=reference or None)
+    if chosen.output:
+        found.save(chosen.output)
+    if chosen.write_urdf:
+        text = source_of(chosen.recording[0], chosen.columns, chosen.topic).description() if robot is None else robot
+        written = urdf_with(urdf_text(expanded(text, None)), found.parameters)
+        Path(chosen.write_urdf).write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{written}\n', encoding="utf-8")
+    if chosen.plots:
+        _draw(chosen.plots, recordings[-1], model, found)
+    if chosen.json == "-":
+        print(json.dumps(found.quality, indent=1, allow_nan=False))
+    elif chosen.json:
+        Path(chosen.json).write_text(json.dumps(found.quality, indent=1, allow_nan=False), encoding="utf-8")
+    if not chosen.quiet and chosen.json != "-":
+        print(plain_lines(summary(found, recordings[-1].t[0])))
+        for what, path in (("parameters", chosen.output), ("URDF", chosen.write_urdf), ("plots", chosen.plots)):
+            if path:
+                print(plain(f"Wrote {path}: {what}."), file=sys.stderr)
+        if not chosen.output:
+            print("Nothing is kept: -o arm.yaml would write the parameters.", file=sys.stderr)
+    return DONE if found.quality["taken"] else DOUBTFUL
+
+
+def _draw(path, recording, model, found):
+    """A page of plots of the last recording."""
+    shares = ["-" if share is None else f"{share:.2f}" for share in found.quality["explained"]]
+    title = (
+        f"{model.name}: {', '.join(found.quality['taken']) or 'nothing taken'}. Effort that the model leaves unexplained, by "
+        f"the observer at {GAIN:g}/s; shaded: held out.\n"
+        f"The balance of power explains {shares[0]} of dK/dt before, {shares[1]} after."
+    )
+    torques = [observe(DiagonalDynamics(one), recording, GAIN).external_torque for one in (model, found.model)]
+    first = recording.t[0]
+    held_out = [time - first for time in found.quality["held_out"]]
+    picture(path, title, recording.t - first, torques, found.quality["torque_rms"], held_out)
+
+
+def plain_lines(text):
+    """The text with what would act on a terminal made visible, line by line."""
+    return "\n".join(plain(line) for line in text.splitlines())
+
+
+def summary(found, first):
+    """What was identified, and how well it does on the part held out, in words; times after that of the first state [s]."""
+    quality, model = found.quality, found.model
+    lines = [f"{model.name}: {', '.join(quality['taken']) or 'nothing of it makes the model better'}"]
+    begin, end = (time - first for time in quality["held_out"])
+    lines += ["", f"From {begin:.1f} to {end:.1f} s, which this was not fitted to, before and after:", ""]
+    wide = max(len(name) for name in ("joint", *quality["torque_rms"]))
+    lines.append(
+        f"  {'joint':{wide}}  {'effort, rms':>17}  {'observer, spread':>17}   damping  friction    offset  armature"
+    )
+    for name in quality["torque_rms"]:
+        columns = (_arrow(quality[key][name]) for key in ("torque_rms", "observer_spread"))
+        lines.append(f"  {name:{wide}}  {'  '.join(columns)}  {_numbers(found.parameters.joints.get(name))}")
+    for key, what in (("explained", "dK/dt"), ("explained_total", "d(K + U)/dt")):
+        if None not in quality[key]:
+            lines.append(f"  of {what} the efforts explain {quality[key][0]:.3f}, then {quality[key][1]:.3f}")
+    before, after = quality["kinetic_energy"]
+    lines.append(f"  kinetic energy, mean: {before:.4g} J, then {after:.4g} J")
+    if quality["payload"]:
+        lines += ["", _payload(quality["payload"])]
+    for title, texts in (("warnings", quality["warnings"]), ("about the recordings", quality["findings"])):
+        if texts:
+            lines += ["", f"{title}:", *(f"  {text}" for text in texts)]
+    return "\n".join(lines)
+
+
+def _arrow(pair):
+    return " → ".join(f"{'-' if value is None else f'{value:.3g}':>7}" for value in pair)
+
+
+def _numbers(joint):
+    values = ((None,) * 4) if joint is None else (joint.damping, joint.friction, joint.effort_offset, joint.armature)
+    return "".join(f"{'' if value is None else f'{value:.3g}':>10}" for value in values)
+
+
+def _payload(payload):
+    mass, com = payload["mass"], payload["com"]
+    return f"payload: {mass:.4g} kg at {', '.join(f'{x:.4g}' for x in com)} m"

@@ -1,0 +1,98 @@
+"""`diag-dynamics identify` and what it writes, on a simulated arm whose truth is known."""
+
+import json
+
+import numpy as np
+import pytest
+from lxml import etree
+
+import diag_dynamics as dd
+from diag_dynamics.cli.main import main
+from diag_dynamics.identification.exciting import excite
+from robots import robot_path
+
+UR5 = robot_path("ur_description/urdf/ur5_robot.urdf")
+
+TRUTH = {
+    "shoulder_pan_joint": dd.JointParameters(damping=4.0, friction=6.0, effort_offset=1.0, armature=2.0),
+    "elbow_joint": dd.JointParameters(damping=2.0, friction=3.0, effort_offset=-0.5, armature=0.9),
+    "wrist_3_joint": dd.JointParameters(damping=0.3, friction=0.6, effort_offset=0.1, armature=0.1),
+}
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """A CSV of an arm with friction and rotors that its URDF does not know, without noise."""
+    robot = dd.load_urdf(UR5).with_parameters(dd.Parameters(joints=TRUTH))
+    motion = excite(robot, "friction", trials=3, rate=100.0, velocity=0.8)
+    columns = [motion.time, *motion.position.T, *motion.velocity.T, *motion.effort.T]
+    names = ["t", *(f"{kind}_{name}" for kind in ("q", "qd", "tau") for name in robot.dof_names)]
+    path = tmp_path_factory.mktemp("identify") / "monday.csv"
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=",".join(names), comments="", fmt="%.17g")
+    return path
+
+
+def test_writes_what_it_finds(recording, tmp_path, capsys):
+    arm, quality, plots, urdf = (tmp_path / name for name in ("arm.yaml", "q.json", "page.png", "new.urdf"))
+    options = ["-o", str(arm), "--json", str(quality), "--plots", str(plots), "--write-urdf", str(urdf)]
+    assert main(["identify", str(recording), "--urdf", "ur5_robot", *options]) == 0
+    out, err = capsys.readouterr()
+    assert "friction, rotors" in out.splitlines()[0]
+    assert "From " in out
+    assert all(f"Wrote {path}" in err for path in (arm, plots, urdf))
+    found = dd.Parameters.load(arm)
+    for name, truth in TRUTH.items():
+        one = found.joints[name]
+        assert one.friction == pytest.approx(truth.friction, rel=0.03)
+        assert one.damping == pytest.approx(truth.damping, rel=0.05)
+        assert one.effort_offset == pytest.approx(truth.effort_offset, abs=0.03 * truth.friction)
+        assert one.armature == pytest.approx(truth.armature, rel=0.05)
+    told = json.loads(quality.read_text())
+    for before, after in told["torque_rms"].values():
+        assert after < max(0.3 * before, 0.05)
+    assert told["explained"][1] > 0.99
+    assert found.origin["recordings"][0]["path"] == str(recording)
+    assert plots.read_bytes().startswith(b"\x89PNG")
+    text = urdf.read_text()
+    dynamics = etree.fromstring(text.encode()).xpath("//joint[@name='elbow_joint']/dynamics")[0]
+    assert float(dynamics.get("friction")) == found.joints["elbow_joint"].friction
+    assert "monday.csv" in text
+
+
+def test_goes_on_from_what_is_known(recording, tmp_path, capsys):
+    """With what was found as --parameters there is nothing left to take."""
+    arm = tmp_path / "arm.yaml"
+    assert main(["identify", str(recording), "--urdf", "ur5_robot", "-o", str(arm), "--quiet"]) == 0
+    capsys.readouterr()
+    again = [
+        "identify",
+        str(recording),
+        "--urdf",
+        "ur5_robot",
+        "--parameters",
+        str(arm),
+        "--what",
+        "rotors",
+        "--json",
+        "-",
+    ]
+    assert main(again) == 1
+    assert json.loads(capsys.readouterr().out)["taken"] == []
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--what", "colour"], "'colour'"),
+        (["--urdf", "nobody"], "nobody"),
+        (["-o", "{recording}"], "is read, so nothing is written there"),
+        (["--json", "/nowhere/q.json"], "there is no folder '/nowhere'"),
+        (["--start", "1000"], "has not a single state"),
+    ],
+)
+def test_errors(recording, options, message, capsys):
+    options = [one.format(recording=recording) for one in options]
+    before = recording.read_bytes()
+    assert main(["identify", str(recording), *(() if "--urdf" in options else ("--urdf", "ur5_robot")), *options]) == 2
+    assert message in capsys.readouterr().err
+    assert recording.read_bytes() == before
