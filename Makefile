@@ -9,7 +9,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 JOBS ?= 2
 LINT ?= lint
 
-.PHONY: help setup setup-tests demo demo-control test test-all bench docs-tables lint format lock clean
+.PHONY: help setup setup-tests demo demo-control demo-identify test test-all bench docs-tables lint format lock clean
 
 help:  ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -26,6 +26,9 @@ demo: setup  ## a simulated robot and its kinetic energy, live; ROBOT=<name or U
 
 demo-control: setup  ## a push on an arm under control: seen, and its kinetic energy bounded; ARGS=--picture <file>
 	@$(in_env) scripts/demo_control $(ARGS)
+
+demo-identify: setup  ## a wrong model, identified and calibrated until alarms see pushes; a picture; ARGS=<options>
+	@$(in_env) diag-dynamics demo-identify --picture demo_identify.png $(ARGS)
 
 test: $(or $(LINT),setup-tests)  ## lint, then every test; ARGS=<pytest options>, JOBS=<files at a time, 0: a debugger>, LINT= for none
 	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)

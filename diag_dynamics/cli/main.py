@@ -37,8 +37,15 @@ GROUPS = {
         "analyse": Command(
             "a recording: energies, balance of power, external torque, quality", "diag_dynamics.cli.analyse:run"
         ),
+        "identify": Command(
+            "friction, rotor inertias, payloads and inertias from recordings", "diag_dynamics.cli.identify:run"
+        ),
+        "excite": Command("a trajectory that moves a robot for identify", "diag_dynamics.cli.excite:run"),
         "calibrate": Command(
             "thresholds of alarms, from recordings without contact", "diag_dynamics.cli.calibrate:run"
+        ),
+        "demo-identify": Command(
+            "from a wrong model to alarms that work, on simulated robots", "diag_dynamics.cli.demo_identify:run"
         ),
         "inspect": Command("facts about a robot, and checks of its URDF", "diag_dynamics.cli.inspect:run"),
         "robots": Command("names of the example robots", "diag_dynamics.cli.robots:run"),

@@ -48,6 +48,7 @@ FLOORS = [
     "parameters views",
     "recordings",
     "identification",
+    "demos",
     "nodes/support",
     "nodes/encoded",
     "nodes/monitor nodes/controller nodes/simulator",
