@@ -305,7 +305,8 @@ def test_launch(ros_domain, tmp_path):
 
 
 LAUNCHER = """
-import sys
+import signal, sys
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # whoever runs the tests under nohup has it ignored
 from diag_dynamics.cli.main import main
 from diag_dynamics.nodes.tools import launch_command
 launch_command.command_of = lambda node: [sys.executable, "-c", *sys.argv[1:]]
