@@ -152,5 +152,6 @@ def _numbers(joint):
 
 
 def _payload(payload):
-    mass, com = payload["mass"], payload["com"]
-    return f"payload: {mass:.4g} kg at {', '.join(f'{x:.4g}' for x in com)} m"
+    com = zip(payload["com"], payload["com_deviation"], strict=True)
+    mass = f"{payload['mass']:.4g} ± {payload['mass_deviation']:.1g} kg"
+    return f"payload of {payload['link']}: {mass} at {', '.join(f'{x:.4g} ± {off:.1g}' for x, off in com)} m"

@@ -189,8 +189,8 @@ def picture(stories, path):
     for row, story in zip(grid, stories, strict=True):
         _alarms(row[0], story)
         _energies(row[1], story)
-    grid[0, 0].legend(loc="upper left", fontsize=8, frameon=False, ncols=4, bbox_to_anchor=(0.0, 1.27))
-    grid[0, 1].legend(loc="upper left", fontsize=8, frameon=False, ncols=3, bbox_to_anchor=(0.0, 1.15))
+    for axes, columns in zip(grid[0], (4, 3), strict=True):
+        axes.legend(loc="lower right", fontsize=8, frameon=False, ncols=columns, bbox_to_anchor=(1.0, 1.0))
     for axes in grid[-1]:
         axes.set_xlabel("time [s]", fontsize=9)
     figure.savefig(path, dpi=120)
@@ -210,7 +210,7 @@ def _alarms(axes, story):
     axes.margins(x=0)
     axes.set_ylabel("torque / threshold", fontsize=9)
     axes.set_title(
-        f"{story.name}: {story.before.seen} of {len(story.pushes)} pushes seen with the URDF, {story.after.seen} identified",
+        f"{story.name}: {story.before.seen}, then {story.after.seen} of {len(story.pushes)} pushes seen",
         loc="left",
         fontsize=10,
     )

@@ -33,7 +33,7 @@ def picture(path, title, time, torques, torque_rms, held_out):
     grid = figure.add_gridspec(rows + 1, 2, height_ratios=[1.0] * rows + [1.5])
     axes = None
     for k, name in enumerate(names):
-        axes = figure.add_subplot(grid[k % rows, k // rows], sharex=axes)
+        axes = figure.add_subplot(grid[k // 2, k % 2], sharex=axes)
         for torque, color, label in zip(torques, (BEFORE, AFTER), ("before", "after"), strict=True):
             axes.plot(time, torque[:, k], color=color, linewidth=0.8, label=label)
         axes.axvspan(*held_out, color=HELD_OUT, linewidth=0, zorder=0)
@@ -42,11 +42,11 @@ def picture(path, title, time, torques, torque_rms, held_out):
         axes.margins(x=0)
         axes.tick_params(labelsize=8)
         axes.spines[["top", "right"]].set_visible(False)
-        if k % rows == rows - 1 or k == len(names) - 1:
+        if k // 2 == rows - 1:
             axes.set_xlabel("time [s]", fontsize=8)
         else:
             axes.tick_params(labelbottom=False)
-    figure.axes[0].legend(loc="upper right", fontsize=8, frameon=False, ncols=2)
+    figure.axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False, ncols=2)
     _bars(figure.add_subplot(grid[rows, :]), names, torque_rms)
     figure.suptitle("\n".join(map(plain, title.splitlines())), fontsize=10, parse_math=False)
     figure.savefig(path, dpi=120)
