@@ -83,14 +83,14 @@ def recorded(robot: RobotModel, known: RobotModel, time, position, velocity, acc
     Recorded
     """
     simulation, dynamics = Simulation(robot, q=position[0], step=STEP, order=1), DiagonalDynamics(known)
-    sensors, states = Sensors(errors), []
-    # Gains of a drive: stiff against what the model does not know. They act through the mass that the model has.
+    sensors = Sensors(errors)
     steps = round((time[-1] - time[0]) / STEP)
     wanted = [_at(time, column, STEP * np.arange(steps)) for column in (position, velocity, acceleration)]
     for k in range(steps):
         q, qd = simulation.q, simulation.qd
         away, off = wanted[0][k] - q, wanted[1][k] - qd
         demanded = wanted[2][k] + 2.0 * BANDWIDTH * off + BANDWIDTH**2 * away
+        # A spring beside what the model says: friction that it does not know would hold the joint far off.
         effort = dynamics.inverse_dynamics(q, qd, demanded) + _stiffness(robot) * (away + 0.2 * off)
         if k % EVERY == 0:
             sensors.measure(k * STEP, q, qd, np.clip(effort, -simulation.effort_limits, simulation.effort_limits))
@@ -104,7 +104,7 @@ def recorded(robot: RobotModel, known: RobotModel, time, position, velocity, acc
 
 
 def _stiffness(robot):
-    """[N m/rad]: the Coulomb friction of a joint makes an error of 1 mrad a radian of its stiffness, about."""
+    """Of that spring [N m/rad]: against it a joint's Coulomb friction holds it 25 mrad off."""
     return 40.0 * np.maximum(robot.friction, 0.1)
 
 

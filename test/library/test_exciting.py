@@ -9,6 +9,7 @@ import yaml
 
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
+from diag_dynamics.control.trajectory import Trajectory, Waypoints
 from diag_dynamics.identification.exciting import excite
 from robots import robot_path
 
@@ -125,6 +126,17 @@ def test_floating_base():
         excite(dd.load_urdf(PANDA, floating_base=True))
 
 
+def check_tracking_takes(sent):
+    """The controller's trajectory goes through the points, no faster than the robot can."""
+    panda, points = dd.load_urdf(PANDA, locked_joints=FINGERS), sent["points"]
+    times = [point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"] for point in points]
+    columns = [np.array([point[name] for point in points]) for name in ("positions", "velocities", "accelerations")]
+    there = np.ones(len(points), dtype=bool)
+    followed = Trajectory(Waypoints(np.array(times), *columns, there, there), panda.dof_names)
+    followed.begin(0, columns[0][0], np.zeros(panda.nv))
+    assert (followed.fastest() <= panda.velocity_limit).all()
+
+
 def test_command(tmp_path, capsys):
     out, message = tmp_path / "out.json", tmp_path / "out.yaml"
     locks = "locked_joints=[panda_finger_joint1=0, panda_finger_joint2=0]"
@@ -141,6 +153,7 @@ def test_command(tmp_path, capsys):
     assert np.allclose(sent["points"][500]["positions"], content["position"][500], atol=1e-9)
     assert np.allclose(sent["points"][500]["accelerations"], content["acceleration"][500], atol=1e-9)
     assert abs(np.array(content["position"])[:, 0]).max() <= 0.5 + 1e-9
+    check_tracking_takes(sent)
     assert main(["excite", "panda", "-o", str(out), "--range", "panda_joint1"]) == 2
     assert "--range has 'panda_joint1', expected JOINT=LOWER:UPPER" in capsys.readouterr().err
     assert main(["excite", "nobody", "-o", str(out)]) == 2

@@ -14,6 +14,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
+from trajectory_msgs.msg import JointTrajectory
 
 from described import PANDA
 from diag_dynamics.exceptions import InputError
@@ -217,6 +218,19 @@ def test_publish(robot, peer):
         peer.wait_until(lambda: pushes.messages, "the push")
         assert push.wait() == 0
     assert pushes.messages[0].wrench.force.x == 5.0 and pushes.messages[0].header.frame_id == "panda_hand"
+
+
+def test_publish_from_stdin(robot, peer, tmp_path):
+    """A message that is too long for an argument."""
+    heard = peer.topic(JointTrajectory, "/long/trajectory")
+    path = tmp_path / "long.yaml"
+    path.write_text(yaml.safe_dump({"points": [{"positions": [0.25 + k] * 6} for k in range(5000)]}))
+    assert path.stat().st_size > 131072  # the longest argument of Linux
+    arguments = ("topic", "pub", "--once", "/long/trajectory", "trajectory_msgs/msg/JointTrajectory", "-")
+    with path.open() as values, Process(command(*arguments), stdin=values) as sent:
+        peer.wait_until(lambda: heard.messages, "the trajectory")
+        assert sent.wait() == 0
+    assert [point.positions[5] for point in heard.messages[0].points] == [0.25 + k for k in range(5000)]
 
 
 def test_publish_to_somebody_who_does_not_acknowledge(monkeypatch):

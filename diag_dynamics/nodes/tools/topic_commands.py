@@ -2,6 +2,7 @@
 
 import itertools
 import statistics
+import sys
 import time
 
 from rclpy.duration import Duration
@@ -44,7 +45,7 @@ def add_arguments(parser):
     one = commands.add_parser("pub", help="publish messages")
     one.add_argument("topic")
     one.add_argument("type", help="as std_msgs/msg/Float64MultiArray")
-    one.add_argument("values", nargs="?", default="", help="YAML, as '{data: [0, 1]}'")
+    one.add_argument("values", nargs="?", default="", help="YAML, as '{data: [0, 1]}'; - reads it from stdin")
     one.add_argument("-1", "--once", action="store_true", help="one message, to whoever listens, then end")
     one.add_argument("-r", "--rate", type=float, default=1.0, help="messages a second (default %(default)s)")
     one.set_defaults(run=publish)
@@ -122,7 +123,8 @@ def hz(chosen):
 def publish(chosen):
     """Publish messages, the same again and again."""
     kind = type_of(chosen.type)
-    message = filled(kind, chosen.values)
+    # No system takes an argument of more than some hundred kilobytes, as a trajectory of a minute has.
+    message = filled(kind, sys.stdin.read() if chosen.values == "-" else chosen.values)
     if not 0.0 < chosen.rate <= 1e4:
         raise InputError(f"--rate is {chosen.rate:g}, expected more than 0 and at most 10000 messages a second.")
     with session() as graph:
