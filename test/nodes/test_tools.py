@@ -210,10 +210,10 @@ def test_services_and_lifecycle(robot):
 
 
 def test_publish(robot, peer):
-    """A message reaches who listens, with its values."""
-    pushes = peer.topic(WrenchStamped, "/arm/external_wrench")
+    """A message reaches who listens, with its values: nobody else does, for `pub --once` waits for one of them only."""
+    pushes = peer.topic(WrenchStamped, "/heard/wrench")
     values = "{header: {frame_id: panda_hand}, wrench: {force: {x: 5}}}"
-    arguments = ("topic", "pub", "--once", "/arm/external_wrench", "geometry_msgs/msg/WrenchStamped", values)
+    arguments = ("topic", "pub", "--once", "/heard/wrench", "geometry_msgs/msg/WrenchStamped", values)
     with Process(command(*arguments)) as push:
         peer.wait_until(lambda: pushes.messages, "the push")
         assert push.wait() == 0
