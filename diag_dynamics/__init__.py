@@ -7,7 +7,7 @@ from pkgutil import extend_path as _extend_path
 # The generated msg/ and srv/ of the ROS 2 build live in another directory of the same package name.
 __path__ = _extend_path(__path__, __name__)
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # Loaded when first asked for: who imports only a message shall not wait for a compiler and a URDF library.
 _HOME = {

@@ -25,6 +25,8 @@ class Judged(NamedTuple):
         Whether an alarm is on.
     begins : ndarray of bool, shape (T,)
         Whether one begins: not where a rise belongs to the alarm before, within the hold-off.
+    joints : ndarray of bool, shape (T, nv)
+        Whether the detector of each joint is among those that keep it up.
     values : ndarray, shape (T, nv + 2)
         What is compared with the thresholds: of each joint [N m, N], ‖m r‖ [N m], |r| [J^½/s]. Less what stands, if that is
         less. 0 where there is no result.
@@ -32,6 +34,7 @@ class Judged(NamedTuple):
 
     alarm: Array
     begins: Array
+    joints: Array
     values: Array
 
 
@@ -122,6 +125,7 @@ class AlarmDetector:
         x[~valid] = 0.0
         values = _values(x)
         alarm, begins = np.zeros((2, len(x)), dtype=bool)
+        joints = np.zeros((len(x), len(self._names)), dtype=bool)
         hot = np.flatnonzero((values >= self._low).any(axis=1))  # elsewhere nothing can rise
         k = 0
         while True:
@@ -136,11 +140,12 @@ class AlarmDetector:
                 break
             if valid[k]:
                 alarm[k], begins[k] = self._step(int(stamps[k]), x[k], values[k])
+                joints[k] = self._active[:-2]
             self._last = int(stamps[k])
             k += 1
         if len(x):
             self._last = int(stamps[-1])
-        return Judged(alarm, begins, values)
+        return Judged(alarm, begins, joints, values)
 
     def _judge_parts(self, cuts: Array, *columns: Array) -> Judged:
         parts = []

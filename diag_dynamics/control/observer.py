@@ -39,6 +39,12 @@ class Disturbance(NamedTuple):
     norm: float = 0.0
     collision: bool = False
 
+    @property
+    def torque_norm(self) -> float:
+        """‖m r‖ of all joints together [N m, and N of what slides]; 0 if not valid."""
+        torque = self.external_torque
+        return 0.0 if torque is None else math.sqrt(torque @ torque)
+
 
 class _Sample(NamedTuple):
     """What is kept of a sample until the next one: its time [s], q, ν, C + ε_g + ε_fric, and ε."""

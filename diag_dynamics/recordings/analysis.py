@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.alarms.detector import AlarmDetector
+from diag_dynamics.alarms.detector import AlarmDetector, Judged
 from diag_dynamics.alarms.found import Alarms
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
@@ -32,6 +32,8 @@ class Piece(NamedTuple):
     observed: tuple
     """residual, external_torque, norm, valid, collision; see :class:`~observed.Observed`."""
     windows: Windows
+    judged: Judged | None = None
+    """What alarms are made of, where there are thresholds of them."""
 
 
 class Analysis:
@@ -169,7 +171,7 @@ class Analysis:
         self.outcome.balance.take(windows)
         self.outcome.quality.take(states)
         self._note(states, s, observed, judged)
-        return Piece(states, s, observed, windows)
+        return Piece(states, s, observed, windows, judged)
 
     def _evaluated(self, states):
         """States that can be evaluated, and their evaluation."""

@@ -369,6 +369,41 @@ def test_mcap_has_every_field(written, panda, driven, evaluated):
     assert [message.valid for message in observed] == [False] + [True] * (COUNT - 1)
     assert observed[0].residual.size == 0
     assert observed[5].residual.size == panda.nv
+    assert all(one.torque_threshold.size == one.joint_collision.size == 0 for one in observed)
+    assert all(one.torque_norm_threshold == np.inf for one in observed)
+
+
+def test_mcap_has_alarms(tmp_path, panda, raws):
+    """Joint by joint, as the detector says of the same numbers."""
+    from rosbags.typesys import get_types_from_msg
+
+    write_mcap(tmp_path / "in.mcap", raws)
+    thresholds = dd.AlarmThresholds({"panda_joint1": 1e-3, "panda_joint2": 2.0}, 50.0, 40.0)
+    settings = [
+        *("external_torque.gain=25", "alarm.joints=[panda_joint1=0.001, panda_joint2=2]"),
+        *("alarm.external_torque=50", "alarm.norm=40"),
+    ]
+    given = [word for one in settings for word in ("--set", one)]
+    paths = [str(tmp_path / name) for name in ("in.mcap", "out.mcap")]
+    main(["analyse", paths[0], "--urdf", "panda", "-o", paths[1], *given, "--quiet"])
+    store, found, stamps = get_typestore(Stores.ROS2_JAZZY), [], []
+    with open(paths[1], "rb") as file:
+        for schema, _, message in make_reader(file).iter_messages(topics=["/diag_dynamics/external_torque"]):
+            if schema.name not in store.fielddefs:
+                store.register(get_types_from_msg(schema.data.decode(), schema.name))
+            found.append(store.deserialize_cdr(message.data + bytes(-len(message.data) % 4), schema.name))
+            stamps.append(found[-1].header.stamp.sec * S + found[-1].header.stamp.nanosec)
+    valid, nothing = np.array([one.valid for one in found]), np.zeros(panda.nv)
+    r = np.array([one.residual if one.valid else nothing for one in found])
+    torque = np.array([one.external_torque if one.valid else nothing for one in found])
+    judged = dd.AlarmDetector(panda.dof_names, thresholds).judge(np.array(stamps), r, torque.copy(), valid)
+    assert valid.sum() == COUNT - 1 and judged.joints[:, 0].any() and not judged.joints[:, 2:].any()
+    for k, one in enumerate(found):
+        assert one.collision == judged.alarm[k]
+        assert one.joint_collision.tolist() == (judged.joints[k].tolist() if one.valid else [])
+        assert one.torque_threshold.tolist() == [1e-3, 2.0] + [np.inf] * (panda.nv - 2)
+        assert one.torque_norm == pytest.approx(np.linalg.norm(torque[k])) and one.torque_norm_threshold == 50.0
+        assert one.threshold == 40.0
 
 
 def test_summary_for_programs(written):

@@ -16,7 +16,7 @@ from diag_dynamics.control.observer import Disturbance
 from diag_dynamics.nodes.encoded import encoding as encoded
 from diag_dynamics.nodes.encoded.encoding import EncodedMessages
 from diag_dynamics.nodes.encoded.topic_bits import MATRICES, ORDER
-from diag_dynamics.nodes.support.messages import MessageMaker
+from diag_dynamics.nodes.support.messages import Alarming, MessageMaker
 from diag_dynamics.parameters.monitor import Observation
 from diag_dynamics.wire.cdr import Template
 from examples import examples
@@ -148,11 +148,11 @@ def test_external_torque(name):
     """With a result or without, in a collision or not: what the maker makes, and never what was before."""
 
     @examples(15)
-    @given(st.lists(st.tuples(moments, st.booleans(), st.booleans()), min_size=1, max_size=8))
+    @given(st.lists(st.tuples(moments, *[st.booleans()] * 3), min_size=1, max_size=8))
     def check(sequence):
         maker = MessageMaker(dynamics(name).model)
         encoder = EncodedMessages(maker)
-        for moment, valid, collision in sequence:
+        for moment, valid, collision, judged in sequence:
             _, state = arguments(name, moment)["state"]
             r, torque = np.random.default_rng(moment.seed).normal(size=(2, len(state.velocity)))
             seen = Disturbance(True, "", r, torque, float(np.linalg.norm(r)), collision)
@@ -160,9 +160,14 @@ def test_external_torque(name):
             observation = Observation(
                 1.0, np.inf if moment.received else 2.0 + moment.age, 1.0 + moment.age, False, 0.1
             )
-            message = maker.external_torque(seen, observation, state)
+            limits = np.r_[np.abs(torque), np.inf, 1.0 + moment.age]
+            alarming = Alarming(limits, r > 0.0) if judged else None
+            message = maker.external_torque(seen, observation, state, alarming)
             assert (message.valid, message.collision) == (valid, valid and collision)
-            same(encoder.external_torque(seen, observation, state), message)
+            assert message.torque_norm == pytest.approx(np.linalg.norm(torque) if valid else 0.0)
+            assert list(message.torque_threshold) == (np.abs(torque).tolist() if judged else [])
+            assert list(message.joint_collision) == ((r > 0.0).tolist() if judged and valid else [])
+            same(encoder.external_torque(seen, observation, state, alarming), message)
 
     check()
 

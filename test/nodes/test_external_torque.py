@@ -108,7 +108,7 @@ def anew(monitor):
 def nothing(message):
     """Whether this says that nothing is known, and no more."""
     empty = not len(message.residual) and not len(message.external_torque)
-    return empty and not message.valid and message.norm == 0.0 and not message.collision
+    return empty and not message.valid and message.norm == message.torque_norm == 0.0 and not message.collision
 
 
 # --- what is seen
@@ -128,7 +128,8 @@ def test_a_push_on_a_moving_arm(monitor, panda):
         assert message.norm == pytest.approx(np.linalg.norm(r), rel=1e-7)
         assert tuple(message.dof_names) == panda.names and message.header.frame_id == panda.root
         assert not message.velocity_estimated and not message.stamp_is_receive_time
-    assert message.threshold == message.release_threshold == math.inf and not message.collision
+    assert message.threshold == message.release_threshold == message.torque_norm_threshold == math.inf
+    assert not message.collision and not len(message.torque_threshold) and not len(message.joint_collision)
 
 
 def test_a_push_on_a_standing_arm(monitor, standing):
@@ -458,6 +459,11 @@ def test_alarms_joint_by_joint(monitor, panda):
         thresholds = AlarmThresholds({"panda_joint2": 20.0, "*": 40.0}, 25.0, 50.0)
         expected = judged(said, [nanoseconds(m.header.stamp) for m in said], panda.names, thresholds)
         assert [m.collision for m in said] == expected.alarm.tolist() and expected.begins.sum() == 1
+        for m, joints in zip(said, expected.joints, strict=True):
+            assert list(m.joint_collision) == (joints.tolist() if m.valid else [])
+            assert list(m.torque_threshold) == [20.0 if name == "panda_joint2" else 40.0 for name in panda.names]
+            assert m.torque_norm == pytest.approx(np.linalg.norm(m.external_torque)) and m.torque_norm_threshold == 25.0
+        assert expected.joints.any(axis=0).tolist() == [name == "panda_joint2" for name in panda.names]
         first = said[int(np.argmax(expected.alarm))]
         assert 20.0 < first.external_torque[1] < 25.0 and first.norm < 50.0
 

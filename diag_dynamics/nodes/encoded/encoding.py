@@ -1,5 +1,6 @@
 """What MessageMaker makes, as the bytes that are sent: laid out once, then only the numbers are written anew."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -135,13 +136,14 @@ class EncodedMessages:
         values = {"mass_matrix": mass_matrix, "bias": bias, "gravity": gravity}
         return self._single("joint_space_dynamics", values, state, mass_matrix, bias, gravity, state)
 
-    def external_torque(self, seen, observation, state):
+    def external_torque(self, seen, observation, state, alarming=None):
         """What an observer has seen."""
         values = {"norm": seen.norm, "collision": seen.collision, "threshold": observation.threshold}
-        values["release_threshold"] = observation.release
+        values |= {"release_threshold": observation.release, "torque_norm": seen.torque_norm}
+        values |= alarming.fields(seen.valid) if alarming else {"torque_norm_threshold": math.inf}
         if seen.valid:
             values |= {"residual": seen.residual, "external_torque": seen.external_torque}
-        return self._single("external_torque", values, state, seen, observation, state)
+        return self._single("external_torque", values, state, seen, observation, state, alarming)
 
     def _laid_out(self, topics, s, state):
         templates = {}

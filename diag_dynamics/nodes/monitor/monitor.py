@@ -326,7 +326,7 @@ class MonitorNode(ManagedNode):
         self._outputs.publish_beside(
             "external_torque",
             state.newest,
-            lambda: robot.encoder.external_torque(watch.seen, watch.observation, state),
+            lambda: robot.encoder.external_torque(watch.seen, watch.observation, state, watch.alarming),
         )
         if alarm:
             self._diagnostics.publish([robot.torque_report()])

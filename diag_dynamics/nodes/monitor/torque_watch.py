@@ -6,6 +6,7 @@ from diag_dynamics.alarms.detector import AlarmDetector
 from diag_dynamics.alarms.found import Alarms
 from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, steady
+from diag_dynamics.nodes.support.messages import Alarming
 
 
 class TorqueWatch:
@@ -29,6 +30,8 @@ class TorqueWatch:
         The last one, where there are thresholds of alarms; it is on while `seen.collision` says so.
     active : tuple of str
         Detectors that keep it up.
+    alarming : Alarming or None
+        What it is judged by at the last state, joint by joint; None without thresholds of alarms.
     """
 
     def __init__(self, dynamics, observation):
@@ -47,11 +50,17 @@ class TorqueWatch:
         self.seen, self.alarm = Disturbance(False, "no state yet"), None
         self._detector = AlarmDetector(dynamics.model.dof_names, alarms) if alarms else None
         self._alarms = Alarms(self._detector) if alarms else None
+        self._joints = np.zeros(len(dynamics.model.dof_names), dtype=bool)
 
     @property
     def active(self):
         """See above."""
         return self._detector.active if self._detector else ()
+
+    @property
+    def alarming(self):
+        """See above."""
+        return Alarming(self._detector.limits, self._joints) if self._detector else None
 
     def forget(self):
         """Begin anew at the next state, as after a jump of time or a pause."""
@@ -97,6 +106,7 @@ class TorqueWatch:
         r, torque = (seen.residual, seen.external_torque) if seen.valid else (nothing, nothing)
         stamps = np.array([stamp])
         judged = self._detector.judge(stamps, r[None], torque[None], np.array([seen.valid]))
+        self._joints = judged.joints[0]
         if judged.alarm[0]:
             self._alarms.take(stamps, np.array([seen.norm]), judged)
             self.alarm = self._alarms.latest()

@@ -1,6 +1,8 @@
 """From results to messages and from requests to vectors. Dense numbers go through array('d'), the fast legal way."""
 
+import math
 from array import array
+from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -29,6 +31,26 @@ def to_time(nanoseconds):
     """builtin_interfaces/Time of nanoseconds since the epoch."""
     sec, nanosec = divmod(nanoseconds, 1_000_000_000)
     return Time(sec=sec, nanosec=nanosec)
+
+
+class Alarming(NamedTuple):
+    """What external torque is judged by, joint by joint.
+
+    Attributes
+    ----------
+    limits : ndarray, shape (nv + 2,)
+        Of an AlarmDetector: thresholds of the joints [N m, N], of ‖m r‖ [N m] and of |r| [J^½/s].
+    joints : ndarray of bool, shape (nv,)
+        Which joints keep the alarm up.
+    """
+
+    limits: np.ndarray
+    joints: np.ndarray
+
+    def fields(self, valid):
+        """Fields of ExternalTorque, with a result or without."""
+        fields = {"torque_threshold": self.limits[:-2], "torque_norm_threshold": float(self.limits[-2])}
+        return fields | ({"joint_collision": self.joints} if valid else {})
 
 
 class MessageMaker:
@@ -103,13 +125,16 @@ class MessageMaker:
         message.bias, message.gravity = doubles(bias), doubles(gravity)
         return message
 
-    def external_torque(self, seen, observation, state):
+    def external_torque(self, seen, observation, state, alarming=None):
         """What an observer has seen: a Disturbance, by these thresholds, at a RobotState; empty where it is not valid."""
         message = self._begin(ExternalTorque, state)
         message.velocity_estimated, message.valid = state.velocity_estimated, seen.valid
         message.residual, message.external_torque = doubles(seen.residual), doubles(seen.external_torque)
         message.norm, message.collision = seen.norm, seen.collision
         message.threshold, message.release_threshold = observation.threshold, observation.release
+        message.torque_norm, message.torque_norm_threshold = seen.torque_norm, math.inf
+        for field, value in (alarming.fields(seen.valid) if alarming else {}).items():
+            setattr(message, field, value.tolist() if isinstance(value, np.ndarray) else value)
         return message
 
     def state(self, s, state):

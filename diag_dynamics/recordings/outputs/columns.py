@@ -67,7 +67,7 @@ class Columns:
 
     def values(self, piece: Piece):
         """Arrays of shape (T,), in the order of :attr:`units`; NaN where something is not known."""
-        states, s, (residual, torque, norm, _, collision), _ = piece
+        states, s, (residual, torque, norm, _, collision), _, _ = piece
         columns = [states.newest - self._offset, states.oldest - self._offset]
         unknown = None if states.with_effort.all() else ~states.with_effort
         blocks = [states.position, states.velocity, states.effort]

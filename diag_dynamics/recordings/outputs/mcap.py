@@ -36,7 +36,9 @@ class McapOutput:
     def __init__(self, path, reading, friction=False, topics=WRITTEN):
         wanted, dynamics = reading.settings.observation, DiagonalDynamics(reading.model)
         thresholds = (wanted.threshold, wanted.release) if wanted else (float("inf"), float("inf"))
-        rows = [MessageRows(topic, dynamics, friction, thresholds) for topic in topics]
+        alarms = wanted.alarms if wanted else None
+        limits = alarms.limits(reading.model.dof_names) if alarms else None
+        rows = [MessageRows(topic, dynamics, friction, thresholds, limits) for topic in topics]
         self._writer, definitions = McapWriter(os.path.expanduser(os.fspath(path))), our_definitions()
         self._rows = [
             (self._writer.channel(f"{NODE}/{one.topic}", one.type, definition_with_parts(one.type, definitions)), one)

@@ -23,8 +23,9 @@ TOPICS = {
 """Topics that can be written, and their types."""
 
 OF_EFFORTS = {"effort", "epsilon", "kappa"}
-OF_RESULT = {"residual", "external_torque"}
-"""Fields that are empty in messages about states without effort, and without a result of the observer."""
+OF_RESULT = {"residual", "external_torque", "joint_collision"}
+OF_ALARMS = {"torque_threshold", "joint_collision"}
+"""Fields that are empty in messages about states without effort, without a result of the observer, without alarms."""
 
 REVISION = 1
 
@@ -40,6 +41,8 @@ class MessageRows:
         Whether evaluations have it.
     thresholds : tuple
         Threshold and release threshold of the observer [J^½/s].
+    limits : ndarray, shape (nv + 2,), optional
+        Thresholds of alarms, as an AlarmDetector has them.
 
     Raises
     ------
@@ -47,11 +50,12 @@ class MessageRows:
         There is no such topic.
     """
 
-    def __init__(self, topic, dynamics, friction=False, thresholds=(np.inf, np.inf)):
+    def __init__(self, topic, dynamics, friction=False, thresholds=(np.inf, np.inf), limits=None):
         if topic not in TOPICS:
             raise InputError(f"there is no topic '{topic}' to write, expected some of {', '.join(TOPICS)}.")
         self.topic, self.type = topic, f"diag_dynamics/msg/{TOPICS[topic]}"
         self._dynamics, self._model, self._friction, self._thresholds = dynamics, dynamics.model, friction, thresholds
+        self._limits = limits
         self._template = cache(self._made)
 
     def rows(self, piece):
@@ -84,7 +88,7 @@ class MessageRows:
 
     def _values(self, piece, which, path):
         """What is written in a field, a row for each message; None where the template has it."""
-        states, s, (residual, torque, norm, _, collision), _ = piece
+        states, s, (residual, torque, norm, _, collision), _, judged = piece
         if path in ("header.stamp.sec", "header.stamp.nanosec", "oldest_stamp.sec", "oldest_stamp.nanosec"):
             stamp = (states.newest if path.startswith("header") else states.oldest)[which]
             return stamp // SECOND if path.endswith(".sec") else stamp % SECOND
@@ -110,9 +114,13 @@ class MessageRows:
             "norm": norm,
             "collision": collision,
         }
+        if path == "joint_collision":
+            return judged.joints[which]
+        if path == "torque_norm":
+            return np.nan_to_num(np.linalg.norm(torque[which], axis=1))
         if path in beside:
             return np.nan_to_num(beside[path][which])
-        if path in ("model_revision", "nv", "threshold", "release_threshold") or path.endswith("valid"):
+        if path in ("model_revision", "nv") or path.endswith(("valid", "threshold")):
             return None
         return getattr(s, path)[which]
 
@@ -144,9 +152,13 @@ class MessageRows:
         empty = set() if group else (OF_RESULT if self.topic == "external_torque" else OF_EFFORTS)
         if not self._friction:
             empty = empty | {"friction"}
+        if self._limits is None:
+            empty = empty | OF_ALARMS
         for field, kind in message.get_fields_and_field_types().items():
             if kind == "sequence<double>" and field not in empty:
                 setattr(message, field, [1.0] * widths.get(field, nv))
+            elif kind == "sequence<boolean>" and field not in empty:
+                setattr(message, field, [False] * nv)
         constants = {
             "link_names": list(model.link_names),
             "position_names": [] if model.coordinate_names == model.dof_names else list(model.coordinate_names),
@@ -159,6 +171,8 @@ class MessageRows:
             "friction_valid": self._friction,
             "threshold": self._thresholds[0],
             "release_threshold": self._thresholds[1],
+            "torque_norm_threshold": np.inf if self._limits is None else self._limits[-2],
+            "torque_threshold": [] if self._limits is None else self._limits[:-2].tolist(),
         }
         for field, value in constants.items():
             if hasattr(message, field):
