@@ -8,9 +8,12 @@ import time
 
 import numpy as np
 import pytest
+import rclpy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from diag_dynamics.nodes.monitor.monitor import MonitorNode
+from diag_dynamics.nodes.support import descriptions
 from network import Watch, random_state, values
 from nodes import (
     BELIEVING,
@@ -293,3 +296,34 @@ def test_both_die(pair, order):
         assert not any(stamp >= since for topic in pair.watch.topics.values() for stamp in topic.stamps)
     pair.start(order[1])
     pair.recovers(since)
+
+
+def test_a_description_that_does_not_come(ros_domain, monkeypatch):
+    """Somebody publishes, and nothing comes: the topic is listened to anew, as often as it takes, until a robot is there."""
+    monkeypatch.setattr(descriptions, "PATIENCE", 0.1)
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=ros_domain)
+    node = MonitorNode(context=context, namespace="/lost")
+    listened = [node._descriptions.subscription]
+    try:
+        executor = rclpy.executors.SingleThreadedExecutor(context=context)
+        executor.add_node(node)
+        publisher = node.create_publisher(String, "/lost/robot_description", LATCHED)
+
+        def until(condition):
+            deadline = time.monotonic() + START
+            while not condition():
+                assert time.monotonic() < deadline
+                executor.spin_once(timeout_sec=0.1)
+                if node._descriptions.subscription is not listened[-1]:
+                    listened.append(node._descriptions.subscription)
+
+        until(lambda: len(listened) == 3)
+        publisher.publish(description(robot(UR5).urdf))
+        until(lambda: node._robot is not None)
+        count = len(listened)
+        executor.spin_once(timeout_sec=1.0)
+        assert node._descriptions.subscription is listened[-1] and len(listened) == count
+    finally:
+        node.destroy_node()
+        context.try_shutdown()

@@ -17,6 +17,9 @@ from diag_dynamics.nodes.support.publishing import connected
 LOOK = 0.02
 """How often the executor looks whether something has been made [s]."""
 
+PATIENCE, LONGEST = 5.0, 60.0
+"""How long to wait for a description that somebody publishes before listening anew, at first and at most [s]."""
+
 TURN = 1e-4
 """How long the thread computes while the executor waits for its turn [s]; Python's own 5 ms are half a period at 100 Hz."""
 
@@ -114,6 +117,9 @@ class Descriptions:
 class DescriptionTopic:
     """The topic robot_description, as a node that waits for its robot listens to it.
 
+    A controller that was started again after a kill once never got the latched description, though its publisher lived. So
+    where somebody publishes, and nothing comes, the topic is listened to anew, after pauses that double.
+
     Parameters
     ----------
     node : ManagedNode
@@ -126,18 +132,41 @@ class DescriptionTopic:
     """
 
     def __init__(self, node, take):
-        self._node, self._take = node, take
-        once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.subscription = connected(node.create_subscription, String, "robot_description", self._take_message, once)
-        node.get_logger().info(f"Waiting for a robot on {node.resolve_topic_name('robot_description')}.")
+        self._node, self._take, self._topic = node, take, node.resolve_topic_name("robot_description")
+        self._patience, self._timer = PATIENCE, None
+        self._listen()
+        node.get_logger().info(f"Waiting for a robot on {self._topic}.")
 
     def close(self):
         """Listen no more."""
+        self._stop_looking()
         self._node.destroy_subscription(self.subscription)
+
+    def _listen(self):
+        once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.subscription = connected(self._node.create_subscription, String, self._topic, self._take_message, once)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = self._node.create_timer(self._patience, self._look, clock=steady)
+
+    def _stop_looking(self):
+        if self._timer is not None:
+            self._node.destroy_timer(self._timer)
+            self._timer = None
+
+    def _look(self):
+        if self._timer is None or not self._node.count_publishers(self._topic):
+            return
+        self._node.get_logger().warning(
+            f"Nothing came on {self._topic} in {self._patience:g} s, though it has a publisher: listening anew."
+        )
+        self.close()
+        self._patience = min(2.0 * self._patience, LONGEST)
+        self._listen()
 
     def _take_message(self, message):
         if self._node.phase not in (INACTIVE, ACTIVE):
             return  # an event of a subscription that is gone
+        self._stop_looking()
         # What comes from a topic is text and never a path: bytes are not looked up. It has been decoded already, whatever
         # encoding it declares, which the byte-order mark says.
         description = codecs.BOM_UTF8 + message.data.lstrip("\ufeff").encode(errors="replace")
