@@ -50,7 +50,7 @@ _HOME = {
     "read_recording": "recordings.recording",
     "stream_recording": "recordings.recording",
     "analyse_fleet": "recordings.fleet.running",
-    "Identification": "identification.identifying",
+    "Identification": "identification.found",
     "Excitation": "identification.exciting",
     "excite": "identification.exciting",
     "identify": "identification.identifying",
@@ -84,7 +84,7 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.exceptions import UrdfError as UrdfError
     from diag_dynamics.identification.exciting import Excitation as Excitation
     from diag_dynamics.identification.exciting import excite as excite
-    from diag_dynamics.identification.identifying import Identification as Identification
+    from diag_dynamics.identification.found import Identification as Identification
     from diag_dynamics.identification.identifying import identify as identify
     from diag_dynamics.model import JointParameters as JointParameters
     from diag_dynamics.model import Mimic as Mimic

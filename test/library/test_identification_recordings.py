@@ -146,3 +146,7 @@ def test_the_hand_that_the_panda_lacks(measured):
     assert explained(both.model, data) >= 0.97
     assert both.quality["explained"][1] >= 0.97
     assert 0.004 < both.quality["velocity_delay"][0] < 0.007
+    assert not any("ask for payload" in text for text in both.quality["warnings"])
+    unaware = dd.identify(data, model).quality["warnings"]
+    told = next(text for text in unaware if "ask for payload" in text)
+    assert "a payload of -0.7 kg at 'panda_link7'" in told
