@@ -27,6 +27,7 @@ from diag_dynamics.alarms.thresholds import AlarmThresholds
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.recordings.calibration import calibrated, per_time
 from diag_dynamics.recordings.observed import Observed
+from diag_dynamics.recordings.residuals import Residuals
 
 RESULTS = Path(__file__).resolve().parent / "results"
 RECORDINGS = Path(
@@ -266,7 +267,10 @@ def judge(name, names, quiet, trials):
     """Rows of both observers: calibrated on `quiet`, judged on `trials`, each by observer; of all detectors and of some."""
     rows, delays = [], {}
     for observer, free in quiet.items():
-        found = calibrated([free[0]], names, GAIN, FALSE_ALARMS, AlarmThresholds({}))
+        residuals = Residuals(len(names))
+        stamps, observed = free[0]
+        residuals.take(stamps, observed.residual, observed.external_torque, observed.valid)
+        found = calibrated(residuals, names, GAIN, FALSE_ALARMS, AlarmThresholds({}))
         which = {
             "all": found.thresholds,
             "joints alone": AlarmThresholds(found.joints),

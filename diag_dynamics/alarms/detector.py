@@ -105,7 +105,13 @@ class AlarmDetector:
         return tuple(name for name, active in zip(self.detectors, self._active, strict=True) if active)
 
     def judge(
-        self, stamps: Array, residual: Array, external_torque: Array, valid: Array, anew: Array | None = None
+        self,
+        stamps: Array,
+        residual: Array,
+        external_torque: Array,
+        valid: Array,
+        anew: Array | None = None,
+        values: Array | None = None,
     ) -> Judged:
         """Judge states, in order, going on from those before.
 
@@ -118,12 +124,16 @@ class AlarmDetector:
             Whether there is a result; where there is none, nothing is judged, and no alarm is on.
         anew : ndarray of bool, shape (T,), optional
             States before which all is forgotten.
+        values : ndarray, shape (T, nv + 2), optional
+            What detectors look at, where a row stands for several states and these are the largest of them; becomes the
+            result's. Without `anew`.
         """
         if anew is not None and anew.any():
             return self._judge_parts(np.flatnonzero(anew), stamps, residual, external_torque, valid)
         x = np.concatenate([external_torque, residual], axis=1)
         x[~valid] = 0.0
-        values = _values(x)
+        if values is None:
+            values = _values(x)
         alarm, begins = np.zeros((2, len(x)), dtype=bool)
         joints = np.zeros((len(x), len(self._names)), dtype=bool)
         hot = np.flatnonzero((values >= self._low).any(axis=1))  # elsewhere nothing can rise

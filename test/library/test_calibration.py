@@ -19,6 +19,7 @@ from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.recordings.calibration import calibrated, per_time
 from diag_dynamics.recordings.observed import Observed
+from diag_dynamics.recordings.residuals import Residuals
 
 NAMES, HZ = ("a", "b", "c", "d"), 100
 R_SPREAD, TORQUE_SPREAD = np.array([1.0, 2.0, 0.3, 0.05]), np.array([3.0, 2.0, 0.6, 0.2])
@@ -39,8 +40,16 @@ def noise(rng, seconds, heavy=False, jerks=()):
     return stamps, Observed(1e-9 * stamps, residual, torque, norm, yes, ~yes)
 
 
+def residuals_of(*seen, **options):
+    """What was seen, gathered."""
+    residuals = Residuals(len(NAMES), **options)
+    for stamps, observed in seen:
+        residuals.take(stamps, observed.residual, observed.external_torque, observed.valid)
+    return residuals
+
+
 def calibrate_on(*seen, rate=1 / 60):
-    return calibrated(seen, NAMES, 25.0, rate, AlarmThresholds())
+    return calibrated(residuals_of(*seen), NAMES, 25.0, rate, AlarmThresholds())
 
 
 def count(thresholds, seen):
@@ -138,6 +147,62 @@ def test_several_recordings_and_gaps():
     found = calibrate_on(one, other)
     assert found.duration == pytest.approx(140.0, abs=0.1)
     assert all(map(math.isfinite, found.joints.values()))
+
+
+# --- In bounded memory
+
+
+def test_residuals_of_any_portions():
+    """What is kept depends on the states, not on how they came: all at once, in pieces, or one by one; thinned or not."""
+    stamps, observed = noise(np.random.default_rng(11), 60)
+    stamps = stamps.copy()
+    stamps[3000:] += 5 * 10**8
+    columns = stamps, observed.residual, observed.external_torque, observed.valid
+    for most in (10**6, 20_000, 3000):
+        whole, parts, single = (Residuals(len(NAMES), most=most) for _ in range(3))
+        whole.take(*columns)
+        for k in range(0, 6000, 77):
+            parts.take(*(column[k : k + 77] for column in columns))
+        for stamp, r, torque in zip(*columns[:3], strict=True):
+            single.add(int(stamp), r, torque)
+        assert [one.gaps for one in (whole, parts, single)] == [1, 1, 1]
+        assert [one.states for one in (whole, parts, single)] == [6000] * 3
+        for other in (parts, single):
+            assert other.duration == whole.duration == pytest.approx(59.98)
+            for one, two in zip(whole.pieces(), other.pieces(), strict=True):
+                for left, right in zip(one, two, strict=True):
+                    np.testing.assert_array_equal(left, right)
+        kept = sum(len(piece.stamps) for piece in whole.pieces())
+        assert kept * (2 * len(NAMES) + 3) <= most and (kept == 6000) == (most == 10**6)
+
+
+def test_peaks_stay_what_they_are():
+    """The largest of every detector is exact in cells of whatever length, and so is the time."""
+    seen = noise(np.random.default_rng(12), 100)
+    whole, thinned = (residuals_of(seen, most=most).pieces() for most in (10**6, 5000))
+    assert len(thinned[0].stamps) < len(whole[0].stamps) / 10
+    np.testing.assert_array_equal(whole[0].values.max(axis=0), thinned[0].values.max(axis=0))
+    assert whole[0].duration == thinned[0].duration
+
+
+def test_a_run_of_hours():
+    """Twenty times the states that fit: the thresholds are those of all states but for a few parts of a hundred."""
+    seen = noise(np.random.default_rng(13), 1200, heavy=True)
+    everything = calibrated(residuals_of(seen), NAMES, 25.0, 1 / 60, AlarmThresholds())
+    few = calibrated(residuals_of(seen, most=66_000), NAMES, 25.0, 1 / 60, AlarmThresholds())
+    assert few.norm == pytest.approx(everything.norm, rel=0.03)
+    assert few.alarms == pytest.approx(everything.alarms, abs=2)
+    assert few.duration == everything.duration
+
+
+def test_more_pieces_than_can_be_kept():
+    """Each gap begins another piece, and none is dropped: cells do not grow for ever."""
+    stamps = np.repeat(np.arange(200) * 10**9, 2) + np.tile([0, 10**7], 200)
+    residuals = Residuals(1, most=100)
+    for k in range(0, 400, 4):
+        residuals.take(stamps[k : k + 4], np.ones((4, 1)), np.ones((4, 1)), np.ones(4, dtype=bool))
+    assert residuals.gaps == 199 and residuals.duration == pytest.approx(2.0)
+    assert len(residuals.pieces()) == 200
 
 
 def test_poisson():

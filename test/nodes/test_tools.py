@@ -202,6 +202,12 @@ def test_services_and_lifecycle(robot):
     assert yaml.safe_load(said("service", "call", f"{robot}_simulator/pause", "{data: true}"))["success"] is True
     assert said("service", "call", f"{robot}_simulator/pause", "std_srvs/srv/SetBool", "{data: false}")
     assert "has no field 'dat'" in said("service", "call", f"{robot}_simulator/pause", "{dat: true}", status=1)
+    simulator = f"{robot}_simulator"
+    state = ("service", "call", f"{simulator}/get_state", "--field")
+    assert said(*state, "current_state.label") == "active\n"
+    assert "there is no 'label'" in said(*state, "label", status=1)
+    step = ("service", "call", f"{simulator}/step", "--field", "stamp")
+    assert said(*step, status=1)  # it has to be paused for that, which the message says; nothing else comes out
     assert said("lifecycle", "get", robot) == "active [3]\n"
     assert "has no transition 'configure'; it has" in said("lifecycle", "set", robot, "configure", status=1)
     assert "successful" in said("lifecycle", "set", robot, "deactivate")

@@ -1,7 +1,10 @@
 """`diag-dynamics service`: list, type and call."""
 
+import sys
+
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.tools.session import session
-from diag_dynamics.nodes.tools.yaml_messages import as_values, as_yaml, filled, type_of
+from diag_dynamics.nodes.tools.yaml_messages import as_values, as_yaml, field, filled, type_of
 
 OF_PARAMETERS = (
     "describe_parameters",
@@ -29,6 +32,9 @@ def add_arguments(parser):
     one.add_argument("service")
     one.add_argument("type", nargs="?", help="as diag_dynamics/srv/SetPayload; found out if not given")
     one.add_argument("values", nargs="?", default="", help="the request in YAML, as '{link: hand, mass: 0.5}'")
+    one.add_argument(
+        "--field", help="print this one alone, a text as it is; with success: false nothing but the message"
+    )
     one.add_argument("--timeout", type=float, default=30.0, help="longest time to wait [s] (default %(default)s)")
     one.set_defaults(run=call)
 
@@ -59,4 +65,17 @@ def call(chosen):
         kind = type_of(kind_name)
         request = filled(kind.Request, values)
         response = graph.call(graph.absolute(chosen.service), kind, request, chosen.timeout)
+        _show(response, chosen.field)
+
+
+def _show(response, wanted):
+    """Print a response, or one field of it for a file or a program, with what is said of it on stderr."""
+    if wanted is None:
         print(as_yaml(as_values(response)), end="")
+        return
+    value, said = field(response, wanted), getattr(response, "message", "")
+    if getattr(response, "success", True) is False:
+        raise InputError(said or "the answer has success: false.")
+    if said and value is not said:
+        print(said, file=sys.stderr)
+    print(as_yaml(as_values(value)), end="")

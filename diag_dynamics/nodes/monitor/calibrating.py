@@ -1,0 +1,234 @@
+"""Thresholds of alarms from the running monitor: a service that begins a run without contact, ends it, and proposes them."""
+
+import math
+from collections import Counter
+
+from diag_dynamics.alarms.thresholds import AlarmThresholds
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.support.diagnostics import FEW, steady
+from diag_dynamics.nodes.support.guard import answered
+from diag_dynamics.nodes.support.managed import ACTIVE, PATIENT
+from diag_dynamics.nodes.support.messages import doubles
+from diag_dynamics.recordings.calibration import calibrated, per_time, time_needed
+from diag_dynamics.recordings.residuals import Residuals
+from diag_dynamics.srv import Calibrate
+
+FALSE_ALARMS = 1.0 / 60.0
+"""Rate of false alarms where a request asks for none [1/s]."""
+
+
+class CalibrationRun:
+    """What an observer says at the monitor's states, from one moment on, for thresholds.
+
+    Parameters
+    ----------
+    robot : MonitoredRobot
+    false_alarms : float
+        Rate that is asked for [1/s].
+
+    Attributes
+    ----------
+    robot : MonitoredRobot
+    watch : TorqueWatch
+        What observes.
+    false_alarms : float
+    seen : Residuals
+    first, last : int or None
+        Stamps of the first and last state with a result [ns].
+    ended : str
+        Why it is over without anybody having ended it; empty if it is not.
+    interrupted : int
+        How often all was forgotten: time went back, positions jumped, or the node was inactive for some time.
+    energy_alarms : int
+        How often the kinetic energy rose above a threshold.
+    """
+
+    def __init__(self, robot, false_alarms):
+        self.robot, self.watch, self.false_alarms = robot, robot.torque, false_alarms
+        self.observation = self.watch.observation
+        self.seen = Residuals(robot.model.nv, self.observation.max_gap)
+        self.first = self.last = None
+        self.ended, self.interrupted, self.energy_alarms = "", 0, 0
+        self._alarms, self._without = 0, Counter()
+
+    def take(self, stamp, seen, begins):
+        """Take in what the observer has seen, and whether an alarm begins by the thresholds in force."""
+        self._alarms += bool(begins)
+        if not seen.valid:
+            self._without[steady(seen.reason)] += 1
+            return
+        if self.first is None:
+            self.first = stamp
+        self.last = stamp
+        self.seen.add(stamp, seen.residual, seen.external_torque)
+
+    def end(self, why):
+        """It is over."""
+        self.ended = self.ended or why
+
+    def proposed(self, false_alarms):
+        """The Calibration.
+
+        Raises
+        ------
+        InputError
+            It is too short for any threshold.
+        """
+        values = self.robot.settings.values
+        release, hold_off, standing = (values[f"alarm.{name}"] for name in ("release", "hold_off", "standing"))
+        return calibrated(
+            self.seen,
+            self.robot.model.dof_names,
+            self.observation.gain,
+            false_alarms,
+            AlarmThresholds({}, release=release, hold_off=hold_off, standing=standing or math.inf),
+            friction=self.observation.friction,
+            warnings=self.warnings(),
+        )
+
+    def warnings(self):
+        """Texts: what keeps the run from being one without contact."""
+        told = []
+        if self._alarms:
+            told.append(
+                f"alarms by the thresholds in force during the run: {self._alarms}; did something touch the robot?"
+            )
+        if self.energy_alarms:
+            told.append(f"the kinetic energy rose above its threshold {self.energy_alarms} times during the run")
+        return told
+
+    def notes(self):
+        """Texts: what is missing in the run."""
+        told = [f"states without a result: {count}, {reason}" for reason, count in self._without.most_common(FEW)]
+        if self.seen.gaps:
+            told.append(f"{self.seen.gaps} gaps, which count for nothing")
+        if self.interrupted:
+            told.append(f"begun anew after a jump of time or position, or a pause: {self.interrupted} times")
+        return told
+
+
+class CalibrationService:
+    """Offers calibrate on a node. A run costs nothing while there is none.
+
+    Parameters
+    ----------
+    node : ManagedNode
+    current : callable
+        Returns the MonitoredRobot in force; None while there is none.
+    """
+
+    def __init__(self, node, current):
+        self._node, self._current, self._run = node, current, None
+        self._actions = {
+            Calibrate.Request.STATUS: self._tell,
+            Calibrate.Request.START: self._start,
+            Calibrate.Request.END: self._end,
+            Calibrate.Request.CANCEL: self._cancel,
+        }
+        callback = answered(node, Calibrate, self._answer, keep=("running", "duration", "states", "dof_names", "gain"))
+        self._service = node.create_service(Calibrate, "~/calibrate", callback, qos_profile=PATIENT)
+
+    def destroy(self):
+        """Take the service off the graph; a run is over."""
+        self._stop()
+        self._node.destroy_service(self._service)
+
+    def _answer(self, request, response):
+        action = self._actions.get(request.action)
+        if action is None:
+            raise InputError(f"action is {request.action}, expected STATUS = 0, START = 1, END = 2 or CANCEL = 3.")
+        rate = request.false_alarms
+        if not 0.0 <= rate < math.inf:
+            raise InputError(f"false_alarms is {rate!r}, expected a rate > 0 [1/s], or 0 for one a minute.")
+        run = self._run
+        if run and run.robot is not self._current():
+            run.end("another robot_description is in force, or none")
+        elif run and run.watch is not run.robot.torque:
+            run.end("external_torque.gain was set to 0, and nothing is observed")
+        self._describe(response)
+        try:
+            return action(rate, response)
+        finally:
+            self._describe(response)
+
+    def _describe(self, response):
+        """How far the run is."""
+        run = self._run
+        response.running = run is not None and not run.ended
+        if run:
+            response.duration, response.states = run.seen.duration, run.seen.states
+            response.dof_names = list(run.robot.model.dof_names)
+            response.gain = float(run.observation.gain)
+
+    def _start(self, rate, _):
+        if self._run and not self._run.ended:
+            raise InputError(f"a calibration run is on, {self._told(self._run)}: end or cancel it first.")
+        robot = self._current()
+        if robot is None:
+            raise InputError("there is no robot model yet: waiting for a valid robot_description.")
+        if robot.torque is None:
+            raise InputError(
+                "external_torque.gain is 0, and nothing is observed: set it first, to 25.0 say, and "
+                "external_torque.friction to true where the URDF has friction."
+            )
+        self._run = robot.torque.run = CalibrationRun(robot, rate or FALSE_ALARMS)
+        needed = (
+            f"{time_needed(self._run.false_alarms):.3g} s without an alarm vouch for {per_time(self._run.false_alarms)}"
+        )
+        inactive = "" if self._node.phase == ACTIVE else f"; nothing is listened to while {self._node.phase}"
+        return f"begun: move as at work, and touch nothing; {needed}{inactive}"
+
+    def _tell(self, *_):
+        run = self._run
+        if run is None:
+            return "no calibration run is on"
+        if run.ended:
+            return f"the run is over: {run.ended}"
+        missing = time_needed(run.false_alarms) - run.seen.duration
+        enough = (
+            f"too short for {per_time(run.false_alarms)} by {missing:.3g} s" if missing > 0.0
+            else f"long enough for {per_time(run.false_alarms)}"
+        )  # fmt: skip
+        return "; ".join([self._told(run), enough, *run.warnings(), *run.notes()])
+
+    def _end(self, rate, response):
+        run = self._wanted()
+        try:
+            found = run.proposed(rate or run.false_alarms)
+        except InputError as error:
+            raise InputError("; ".join([f"{str(error).rstrip('.')}; the run goes on", *run.notes()])) from error
+        name, first, last = self._node.get_fully_qualified_name(), run.first * 1e-9, run.last * 1e-9
+        notes = [f"From a run of '{name}', stamps {first:.3f} to {last:.3f} s.", *run.notes()]
+        if run.robot.settings.values["parameters_file"]:
+            notes.append(f"By parameters_file {run.robot.settings.values['parameters_file']!r}.")
+        response.joint_thresholds = doubles([found.joints.get(name, 0.0) for name in response.dof_names])
+        response.torque_norm_threshold, response.threshold = found.external_torque, found.norm
+        response.parameters = found.yaml(notes)
+        told = self._told(run)
+        self._stop()
+        low, high = found.rate_interval
+        held_out = f"held out by parts {found.held_out} alarms, {per_time(low)} to {per_time(high)}"
+        return "; ".join([f"{told}, for {per_time(found.asked)}", held_out, *found.warnings, *run.notes()])
+
+    def _cancel(self, *_):
+        told = self._told(self._wanted())
+        self._stop()
+        return f"forgotten: {told}"
+
+    def _wanted(self):
+        """The run that is on."""
+        run = self._run
+        if run is None:
+            raise InputError("no calibration run is on: START begins one.")
+        if run.ended:
+            self._run = None
+            raise InputError(f"the run is over, and proposes nothing: {run.ended}.")
+        return run
+
+    def _told(self, run):
+        return f"{run.seen.duration:.4g} s, {run.seen.states} states"
+
+    def _stop(self):
+        run, self._run = self._run, None
+        if run:
+            run.watch.run = None
