@@ -310,7 +310,7 @@ class RobotModel:
             Masses are off by up to this part, centres by up to this part of the radius of gyration, lengths by up to half of
             it; from 0 to 0.9. Rigid bodies stay such. Payloads, rotors and friction stay as they are.
         seed : int
-            Of chance.
+            Of chance, no less than 0.
 
         Raises
         ------
@@ -318,7 +318,8 @@ class RobotModel:
             An argument has a wrong value.
         """
         number("part", part, "a number from 0 to 0.9", lambda x: 0.0 <= x <= 0.9)
-        links = perturbed_links(self._tree.robot, part, np.random.default_rng(seed))
+        number("seed", seed, "a whole number >= 0", lambda x: x >= 0.0 and x == int(x))
+        links = perturbed_links(self._tree.robot, part, np.random.default_rng(int(seed)))
         return self.with_parameters(Parameters(links=links))
 
     def with_locked_joints(self, locked_joints: Mapping[str, float]) -> RobotModel:

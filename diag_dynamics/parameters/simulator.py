@@ -15,6 +15,15 @@ PARAMETERS = {
     "floating_base": SHARED_PARAMETERS["floating_base"]._replace(
         description="Whether the root link moves freely; its state goes out on the topic odom."
     ),
+    "inertia_error": _once(
+        0.0,
+        "Part by which the robot's inertias are off from its URDF, as a real one's are: masses by up to this part, centres "
+        "by up to this part of the radius of gyration, lengths by up to half of it; drawn by chance. Friction and rotors "
+        "that the URDF lacks are in parameters_file.",
+        minimum=0.0,
+        maximum=0.9,
+    ),
+    "inertia_error_seed": _once(0, "Seed of inertia_error, no less than 0: the same one makes the same robot."),
     "rate": _once(500.0, "joint_states per second of simulated time [Hz].", minimum=1.0, maximum=10000.0),
     "step": _once(
         0.001,

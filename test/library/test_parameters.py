@@ -350,6 +350,8 @@ def test_perturbed_inertias_are_those_of_rigid_bodies():
         assert body is None or not_physical(np.asarray(body.inertia), body.mass) is None
     with pytest.raises(dd.InputError, match=r"part is 1.0, expected a number from 0 to 0\.9"):
         model.perturbed(1.0)
+    with pytest.raises(dd.InputError, match=r"seed is -1, expected a whole number >= 0"):
+        model.perturbed(0.3, -1)
 
 
 def test_parameter_of_the_nodes(tmp_path):

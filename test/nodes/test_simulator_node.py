@@ -1,16 +1,19 @@
 """The simulator as a process on a real graph: its joint states obey Pinocchio's dynamics."""
 
 import itertools
+import signal
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from diag_dynamics.msg import DiagonalizedState
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 import robots
+from diag_dynamics import DiagonalDynamics, load_urdf
 from diag_dynamics.simulation.pace import MOST_BEHIND
 from nodes import (
     LATCHED,
@@ -313,3 +316,43 @@ def test_bad_parameters(ros_domain):
         for process in running.values():
             process.kill()
             process.communicate()
+
+
+# --- errors that are declared
+
+
+def test_inertias_that_are_off_from_the_description(peer):
+    """It moves as that perturbed robot does, and publishes the URDF that nothing is known of it from."""
+    parameters = {"inertia_error": 0.3, "inertia_error_seed": 5, "rate": 100.0}
+    truth = peer.topic(DiagonalizedState, "/off/diag_dynamics_simulator/ground_truth")
+    described = peer.topic(String, "/off/robot_description", LATCHED)
+    with Simulator(peer, "/off", robot(UR5), **parameters) as simulator:
+        peer.wait_until(lambda: len(truth.messages) >= 50 and described.messages, "the truth", START)
+        model = load_urdf(robot(UR5).path)
+        assert load_urdf(described.messages[0].data).links["mass"].tolist() == model.links["mass"].tolist()
+        told, real = DiagonalDynamics(model), DiagonalDynamics(model.perturbed(0.3, 5))
+        apart = []
+        for message in truth.messages[10:]:
+            q, qd = np.array(message.position), np.array(message.velocity)
+            K = message.kinetic_energy
+            assert K > 0.0 and pytest.approx(real.evaluate(q, qd).kinetic_energy, rel=1e-9) == K
+            apart.append(abs(told.evaluate(q, qd).kinetic_energy / K - 1.0))
+        assert max(apart) > 0.05
+        simulator.process.wait_for_text("Inertias are off from the description by up to 30%")
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ({"inertia_error": 0.3, "inertia_error_seed": -1}, "inertia_error_seed: seed is -1"),
+        ({"inertia_error": 0.95}, "inertia_error"),
+    ],
+)
+def test_errors_that_no_robot_has(parameters, said):
+    simulator = node_process("simulator", robot_description=robot(UR5).path, autostart=True, **parameters)
+    try:
+        simulator.wait_for(lambda output: said in output, said)
+    finally:
+        if simulator.popen.poll() is None:
+            simulator.signal(signal.SIGINT)
+        simulator.wait()

@@ -86,7 +86,7 @@ class SimulatorNode(ManagedNode):
                 "Simulated time is this node's own to publish: its use_sim_time is false from now on."
             )
         text = urdf_text(values["robot_description"])
-        model = load_robot(self, text, values)
+        model = self._robot(text)
         if values["real_time_factor"] != 1.0 and not self._keeps_time:
             self.get_logger().warning(
                 f"real_time_factor is {values['real_time_factor']:g}, at which stamps leave the clock: nodes that compare "
@@ -103,6 +103,19 @@ class SimulatorNode(ManagedNode):
         self._publish_to(text)
         self._offer()
         self.settled()
+
+    def _robot(self, text):
+        """The robot of a description, which may differ from it."""
+        values = self._values
+        model = load_robot(self, text, values)
+        off = values["inertia_error"]
+        if not off:
+            return model
+        self.get_logger().info(f"Inertias are off from the description by up to {off:.0%}, as inertia_error wants.")
+        try:
+            return model.perturbed(off, values["inertia_error_seed"])
+        except DiagDynamicsError as error:
+            raise InputError(f"parameters inertia_error and inertia_error_seed: {error}") from error
 
     def _use(self, model):
         self._maker = MessageMaker(model, self._revision)
