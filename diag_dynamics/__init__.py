@@ -59,8 +59,10 @@ _HOME = {
     "Calibration": "recordings.calibration",
     "calibrate": "recordings.calibration",
 }
+_ROOMS = ("plot",)  # what is public as a module, with names of its own
 
 if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothing else of this module
+    from diag_dynamics import plot as plot
     from diag_dynamics.alarms.detector import AlarmDetector as AlarmDetector
     from diag_dynamics.alarms.thresholds import AlarmThresholds as AlarmThresholds
     from diag_dynamics.control import EffortRateLimiter as EffortRateLimiter
@@ -109,9 +111,11 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.simulation import EnergyAudit as EnergyAudit
     from diag_dynamics.simulation import Simulation as Simulation
 else:
-    __all__ = sorted(_HOME)
+    __all__ = sorted((*_HOME, *_ROOMS))
 
     def __getattr__(name):
+        if name in _ROOMS:
+            return _import_module(f"{__name__}.{name}")
         if name not in _HOME:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         value = getattr(_import_module(f"{__name__}.{_HOME[name]}"), name)
@@ -119,4 +123,4 @@ else:
         return value
 
     def __dir__():
-        return sorted(set(globals()) | set(_HOME))
+        return sorted(set(globals()) | set(__all__))

@@ -123,6 +123,11 @@ class Evaluation:
         return _pandas().DataFrame(columns, index=list(self._model.dof_names))
 
     @property
+    def model(self) -> RobotModel:
+        """The robot whose results these are."""
+        return self._model
+
+    @property
     def rows(self) -> Array:
         """The rows that the sweep has filled, see :mod:`diag_dynamics.sweeps.workspace`, shape (ROWS, max(nq, 1))."""
         return self._state

@@ -47,7 +47,7 @@ FLOORS = [
     "simulation wire",
     "parameters views",
     "recordings",
-    "identification",
+    "identification plot",
     "demos",
     "nodes/support",
     "nodes/encoded",

@@ -1,0 +1,77 @@
+"""Balance of power: how much of the change of energy the model and the efforts explain, and when they do not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from diag_dynamics.checks import instance
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.plot.drawing import COLOURS, GREY, envelope, name, pyplot, text_colour, tidy
+from diag_dynamics.plot.given import require_states
+from diag_dynamics.recordings.balance import Balance, Windows, WindowSums
+from diag_dynamics.recordings.recording import SIZE, Recording
+
+
+def balance(of: Recording) -> Any:
+    """Balance of power over windows of 0.1 s [W]: dK/dt, what the efforts, gravity and friction explain of it, and the rest.
+
+    The rest is what pushes the robot, and what the model lacks: νᵀ(ε − ε_g − ε_fric) = dK/dt without both (Lemma 7.2).
+
+    Parameters
+    ----------
+    of : Recording
+        With efforts.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        There are no states, no efforts, or no window in which all states have them; or matplotlib is not installed.
+    """
+    instance("what is plotted", of, Recording)
+    require_states(of)
+    if of.tau is None:
+        raise InputError("the recording has no efforts, without which there is no balance of power.")
+    windows, judged = _windows(of)
+    if not len(windows.kinetic):
+        raise InputError(f"there is no balance of power: {judged.judgement()}.")
+    middle = 0.5 * ((windows.begin - of.stamp[0]) + (windows.end - of.stamp[0])) * 1e-9
+    figure = pyplot().figure(figsize=(9.0, 4.6), layout="constrained")
+    both, rest = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    explained = windows.kinetic - windows.residual
+    parts = "efforts, gravity and friction" if of.model.has_friction else "efforts and gravity"
+    both.plot(*envelope(middle, windows.kinetic), color=COLOURS[4], linewidth=2.6, label="dK/dt")
+    both.plot(*envelope(middle, explained), color=text_colour(), linewidth=0.9, label=f"explained by {parts}")
+    rest.plot(*envelope(middle, windows.residual), color=COLOURS[3], linewidth=1.0)
+    for axes, label in ((both, "power [W]"), (rest, "rest [W]")):
+        axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
+        axes.set_ylabel(label)
+        axes.margins(x=0)
+        tidy(axes)
+    rest.set_xlabel("time [s]")
+    both.legend(
+        frameon=False, fontsize="small", ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2
+    )
+    share = "" if judged.explained is None else f": {max(100 * judged.explained, 0.0):.1f} % of dK/dt explained"
+    both.set_title(f"{name(of.model.name)}{share}", fontsize="medium", loc="left")
+    return figure
+
+
+def _windows(recording: Recording) -> tuple[Windows, Balance]:
+    """Windows of all states, and what they say."""
+    model, states = recording.model, recording.states
+    dynamics, sums, judged = DiagonalDynamics(model), WindowSums(model.nv, model.has_friction), Balance(model.dof_names)
+    found = []
+    for first in range(0, states.number, SIZE):
+        part = states.part(slice(first, first + SIZE))
+        efforts = np.where(part.with_effort[:, None], part.effort, 0.0)
+        s = dynamics.evaluate_batch(part.position, part.velocity, efforts, friction=model.has_friction)
+        found.append(sums.take(part, s))
+        judged.take(found[-1])
+    return Windows(*(np.concatenate(column) for column in zip(*found, strict=True))), judged

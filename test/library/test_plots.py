@@ -1,0 +1,296 @@
+"""Plots show the numbers that the library computes, with units and names, and no peak gets lost."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_recordings_analysis import states_of
+
+import diag_dynamics as dd
+from diag_dynamics.plot.drawing import COLOURS, GREY, MOST, envelope
+from diag_dynamics.recordings.recording import Recording
+
+matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+matplotlib.use("agg")
+import matplotlib.pyplot as plt  # noqa: E402
+
+PUSH = slice(600, 800)
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return dd.load_robot("panda")
+
+
+@pytest.fixture(scope="module")
+def dyn(panda):
+    return dd.DiagonalDynamics(panda)
+
+
+@pytest.fixture(scope="module")
+def motion(panda, dyn):
+    """Times, positions, rates, efforts and external efforts: a motion with a push at the hand in it."""
+    t = np.arange(6000) * 1e-3
+    rng = np.random.default_rng(1)
+    middle, wide = np.clip(panda.neutral, panda.lower, panda.upper), 0.2 * np.ones(panda.nv)
+    middle[3], wide[-1] = -1.5, 0.01
+    w, phase = rng.uniform(3.0, 7.0, panda.nv), rng.uniform(0.0, 6.0, panda.nv)
+    angle = w * t[:, None] + phase
+    q, qd, qdd = middle + wide * np.sin(angle), wide * w * np.cos(angle), -wide * w * w * np.sin(angle)
+    q[:, -1] += 0.02
+    external = np.zeros_like(q)
+    for k in range(*PUSH.indices(len(t))):
+        external[k] = dyn.jacobian(q[k], "panda_hand", frame="world")[:3].T @ [0.0, 8.0, 0.0]
+    tau = dyn.inverse_dynamics_batch(q, qd, qdd, friction=True) - external
+    return t, q, qd, tau, external
+
+
+@pytest.fixture(scope="module")
+def recording(panda, motion):
+    t, q, qd, tau, _ = motion
+    return Recording(panda, states_of(t, q, qd, tau), 0, {}, [])
+
+
+def curve(axes, label):
+    (line,) = [line for line in axes.lines if line.get_label() == label]
+    return np.array(line.get_data())
+
+
+# --- Energies ---
+
+
+def test_energy_is_stacked_by_joint(recording, dyn, panda):
+    """The top of the stack is K, each layer is as thick as the share of its joint."""
+    s = dyn.evaluate_batch(recording.q[:MOST], recording.qd[:MOST])
+    axes = dd.plot.energy(s, recording.t[:MOST])
+    t, K = curve(axes, "K")
+    assert np.array_equal(t, recording.t[:MOST] - recording.t[0]) and np.allclose(K, s.kinetic_energy, rtol=1e-12)
+    shares = dict(zip(panda.dof_names, s.energy_share.T, strict=True))
+    below, others = np.zeros(len(t)), set(panda.dof_names)
+    for layer in axes.collections:
+        at, top = layer.get_paths()[0].vertices.T
+        edge = np.array([top[at == x].max() for x in t[::100]])
+        if "other" in layer.get_label():
+            expected = sum(shares[joint] for joint in others)
+        else:
+            others.remove(layer.get_label())
+            expected = shares[layer.get_label()]
+        assert np.allclose(edge - below[::100], expected[::100], atol=1e-12)
+        below += expected
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("time [s]", "kinetic energy [J]")
+
+
+def test_no_peak_is_lost(panda, dyn):
+    qd = np.zeros((50 * MOST, panda.nv))
+    qd[12345] = 1.0
+    s = dyn.evaluate_batch(np.tile(panda.neutral, (len(qd), 1)), qd)
+    axes = dd.plot.energy(s, t=1e-3 * np.arange(len(qd)))
+    t, K = curve(axes, "K")
+    assert len(t) == MOST and K.max() == s.kinetic_energy.max() and t[K.argmax()] == pytest.approx(12.345)
+    t, y = envelope(np.arange(len(qd)) * 1.0, -s.kinetic_energy)
+    assert len(t) == 2 * MOST and y.min() == -s.kinetic_energy.max()
+
+
+def test_shares_of_one_state_and_of_many(recording, dyn, panda):
+    s = dyn.evaluate(recording.q[700], recording.qd[700])
+    axes = dd.plot.shares(s)
+    assert [bar.get_width() for bar in axes.patches] == pytest.approx(s.energy_share.tolist())
+    assert [label.get_text() for label in axes.get_yticklabels()] == list(panda.dof_names)
+    many = dyn.evaluate_batch(recording.q, recording.qd)
+    axes = dd.plot.shares(recording)
+    assert [bar.get_width() for bar in axes.patches] == pytest.approx(many.energy_share.mean(axis=0).tolist())
+    assert np.allclose(curve(axes, "largest")[0], many.energy_share.max(axis=0))
+    assert "[J]" in axes.get_xlabel()
+
+
+def test_a_base_is_one_joint(recording):
+    """What each of its degrees of freedom has depends on their order; their sum does not."""
+    model = dd.load_robot("go2", floating_base=True)
+    s = dd.DiagonalDynamics(model).evaluate(model.neutral, np.linspace(-1.0, 1.0, model.nv))
+    axes = dd.plot.shares(s)
+    assert axes.get_yticklabels()[0].get_text() == "root_joint" and len(axes.patches) == model.nv - 5
+    assert axes.patches[0].get_width() == pytest.approx(s.base_energy)
+
+
+def test_of_many_joints_the_others_are_one_bar():
+    from diag_dynamics.plot.energies import ROWS
+
+    model = dd.load_robot("talos_full_v2")
+    s = dd.DiagonalDynamics(model).evaluate(model.neutral, np.linspace(0.1, 1.0, model.nv))
+    axes = dd.plot.shares(s)
+    assert len(axes.patches) == ROWS and f"{model.nv - ROWS + 1} others" in axes.get_yticklabels()[-1].get_text()
+    assert sum(bar.get_width() for bar in axes.patches) == pytest.approx(s.kinetic_energy)
+
+
+# --- Power and torque ---
+
+
+def test_rest_of_the_balance_is_the_power_of_a_push(recording, motion, panda):
+    t, _, qd, _, external = motion
+    figure = dd.plot.balance(recording)
+    both, rest = figure.axes
+    at, power = np.array(rest.lines[0].get_data())
+    pushing = (external * qd).sum(axis=1)
+    expected = np.array([pushing[(t >= x - 0.05 - 1e-9) & (t <= x + 0.05 + 1e-9)].mean() for x in at])
+    assert np.abs(expected).max() > 0.05
+    assert np.abs(power - expected).max() < 0.02 * np.abs(expected).max() + 2e-3
+    difference = curve(both, "dK/dt")[1] - curve(both, "explained by efforts, gravity and friction")[1]
+    assert np.allclose(difference, power)
+    assert re.search(r"panda: \d+\.\d % of dK/dt explained", both.get_title(loc="left"))
+    assert both.get_ylabel() == "power [W]"
+
+
+def test_external_torque_of_each_joint(recording, dyn, panda, motion):
+    thresholds = dd.AlarmThresholds({"panda_joint1": 0.5, "*": 100.0})
+    observed = dd.observe(dyn, recording, 40.0)
+    part = dd.Observed(*(column[:MOST] for column in observed))
+    seen = part.external_torque
+    panels = dd.plot.external_torque(part, thresholds, model=panda).axes
+    titles = [axes.get_title(loc="left") for axes in panels]
+    assert titles == [f"{n} [{'N' if 'finger' in n else 'N m'}]" for n in panda.dof_names]
+    for k, axes in enumerate(panels):
+        assert np.array_equal(axes.lines[1].get_ydata(), seen[:, k], equal_nan=True)
+    beyond = np.array(panels[0].lines[2].get_ydata())
+    assert np.array_equal(~np.isnan(beyond), np.abs(seen[:, 0]) > 0.5) and np.isfinite(beyond).any()
+    whole = dd.plot.external_torque(recording, {"panda_joint1": 0.5}, gain=40.0).axes
+    for k in (0, 1):  # a panel without a threshold has one curve
+        curves = np.concatenate([line.get_ydata() for line in whole[k].lines[1:]])
+        assert len(whole[k].lines) == 3 - k and np.nanmax(curves) == np.nanmax(observed.external_torque[:, k])
+
+
+# --- The robot ---
+
+
+def test_ellipsoid_says_what_a_push_meets(panda, dyn, recording):
+    q, qd = recording.q[100], recording.qd[100]
+    axes = dd.plot.ellipsoid(panda, q, "panda_hand", qd, point=[0.0, 0.0, 0.1])
+    J = dyn.jacobian(q, "panda_hand", [0.0, 0.0, 0.1], frame="world")[:3]
+    masses = 1.0 / np.linalg.eigvalsh(J @ np.linalg.solve(dyn.mass_matrix(q), J.T))
+    shown = [float(text.get_text().split()[0]) for text in axes.texts if text.get_text().endswith(" kg")]
+    assert sorted(shown) == pytest.approx(sorted(masses), rel=5e-3)
+    v = J @ qd
+    along = 1.0 / (v @ (J @ np.linalg.solve(dyn.mass_matrix(q), J.T)) @ v / (v @ v))
+    said = axes.get_title(loc="left")
+    assert float(re.search(r"mass along v ([\d.e+-]+) kg", said)[1]) == pytest.approx(along, rel=5e-3)
+    assert [axis.get_label_text() for axis in (axes.xaxis, axes.yaxis, axes.zaxis)] == ["x [m]", "y [m]", "z [m]"]
+
+
+def test_a_point_that_moves_along_a_line_has_one_mass():
+    """Of a robot with one joint the ellipsoid is a line; of a link that never moves it is nothing."""
+    text = """<robot name="one"><link name="base"/><link name="arm"><inertial><mass value="2"/><origin xyz="0.5 0 0"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous">
+    <parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint></robot>"""
+    model = dd.load_urdf(text)
+    axes = dd.plot.ellipsoid(model, [0.3], "arm", point=[0.5, 0.0, 0.0])
+    assert [text.get_text() for text in axes.texts] == ["2.4 kg"]  # (m r² + I) / r²
+    assert not dd.plot.ellipsoid(model, [0.3], "base").texts
+
+
+@pytest.mark.parametrize(("robot", "floating"), [("panda", False), ("go2", True), ("talos_reduced", False)])
+def test_tree_has_every_freedom_with_its_inertia(robot, floating):
+    model = dd.load_robot(robot, floating_base=floating)
+    dyn = dd.DiagonalDynamics(model)
+    q = model.random(3)
+    names, bars = dd.plot.tree(model, q).axes
+    assert [text.get_text() for text in names.texts] == list(model.dof_names)
+    D, M = dyn.factors(q).D, np.diag(dyn.mass_matrix(q))
+    ends = {round(bar.get_y() + 0.5 * bar.get_height()): bar.get_x() + bar.get_width() for bar in bars.patches}
+    assert [ends[k] for k in range(model.nv)] == pytest.approx(D.tolist())
+    shown, rows = curve(bars, "M_kk: outboard joints held")
+    assert np.allclose(shown, M) and np.array_equal(rows, np.arange(model.nv)) and (D <= M * (1 + 1e-9)).all()
+    assert "kg m²" in bars.get_xlabel()
+    # Each line goes from the row of a carrier to the row of what it carries, a level further in where there are several.
+    roots = {"panda": 1, "go2": 1, "talos_reduced": 3}[robot]
+    lines = [line for line in names.lines if len(line.get_xdata()) == 3]
+    assert len(lines) == model.nv - roots
+    for line in lines:
+        assert line.get_ydata()[0] < line.get_ydata()[1] and line.get_xdata()[2] - line.get_xdata()[0] in (0, 1)
+
+
+# --- Style, and errors ---
+
+
+def lab(colour, blindness):
+    """CIE L*a*b* of a colour as the colour-blind see it (Viénot, Brettel and Mollon 1999)."""
+    srgb = np.array(matplotlib.colors.to_rgb(colour))
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    to_lms = np.array([[17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714], [0.0299566, 0.184309, 1.46709]])
+    seen = {
+        "none": np.eye(3),
+        "protanopia": np.array([[0.0, 2.02344, -2.52581], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+        "deuteranopia": np.array([[1.0, 0.0, 0.0], [0.494207, 0.0, 1.24827], [0.0, 0.0, 1.0]]),
+    }[blindness]
+    linear = np.clip(np.linalg.solve(to_lms, seen @ to_lms @ linear), 0.0, 1.0)
+    xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]) @ linear
+    f = np.where((r := xyz / [0.9505, 1.0, 1.089]) > 0.008856, np.cbrt(r), 7.787 * r + 16.0 / 116.0)
+    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("blindness", ["none", "protanopia", "deuteranopia"])
+def test_colours_are_told_apart(blindness):
+    """By the colour-blind as well, one from the other and all from a white and a black ground."""
+    seen = [lab(colour, blindness) for colour in (*COLOURS, GREY, "white", "black")]
+    apart = [np.linalg.norm(a - b) for k, a in enumerate(seen) for b in seen[:k]]
+    assert min(apart) > 15.0
+
+
+def test_style_is_the_readers(recording):
+    with plt.style.context("dark_background"):
+        axes = dd.plot.energy(recording)
+        assert [line.get_color() for line in axes.lines] == ["white"]
+        assert dd.plot.tree(recording.model).axes[0].texts[0].get_color() == "white"
+
+
+def test_given_axes_are_drawn_in(recording, dyn):
+    figure, (left, right) = plt.subplots(1, 2)
+    assert dd.plot.energy(recording, ax=left) is left and dd.plot.shares(recording, ax=right) is right
+    assert plt.get_fignums() == [figure.number]
+
+
+def test_names_are_shown_as_they_are(panda, tmp_path):
+    text = """<robot name="$a$"><link name="b"/><link name="l"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"
+    ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="$\\frac$" type="continuous"><parent link="b"/><child link="l"/>
+    </joint></robot>"""
+    dd.plot.tree(dd.load_urdf(text)).savefig(tmp_path / "tree.png")  # matplotlib would refuse it as mathematics
+
+
+def test_what_cannot_be_drawn_is_refused(recording, panda, dyn, motion):
+    t, q, qd, _, _ = motion
+    with pytest.raises(dd.InputError, match="expected a Recording or"):
+        dd.plot.energy([1.0])
+    with pytest.raises(dd.InputError, match=r"t has shape \(3,\), expected \(6000,\)"):
+        dd.plot.energy(dyn.evaluate_batch(q, qd), t=[0.0, 1.0, 2.0])
+    without = Recording(panda, states_of(t, q, qd), 0, {}, [])
+    with pytest.raises(dd.InputError, match="no efforts"):
+        dd.plot.balance(without)
+    with pytest.raises(dd.InputError, match="no efforts"):
+        dd.plot.external_torque(without)
+    with pytest.raises(dd.InputError, match="no states"):
+        dd.plot.shares(Recording(panda, states_of(t[:0], q[:0], qd[:0]), 0, {}, []))
+    with pytest.raises(dd.InputError, match="model=… is expected"):
+        dd.plot.external_torque(dd.observe(dyn, recording))
+    with pytest.raises(dd.InputError, match="threshold of joint 'elbow' is none of panda_joint1"):
+        dd.plot.external_torque(recording, {"elbow": 1.0})
+    with pytest.raises(dd.InputError, match="'hand' is not a link"):
+        dd.plot.ellipsoid(panda, panda.neutral, "hand")
+
+
+def test_matplotlib_is_imported_when_something_is_drawn():
+    script = (
+        "import sys; import diag_dynamics as dd; dd.plot.energy; assert 'matplotlib' not in sys.modules\n"
+        "sys.modules['matplotlib'] = None\n"
+        "try: dd.plot.tree(dd.load_robot('ur5'))\n"
+        "except dd.InputError as error: print(error)"
+    )
+    root = Path(dd.__file__).parents[1]
+    done = subprocess.run([sys.executable, "-c", script], cwd=root, capture_output=True, text=True, check=True)
+    assert done.stdout == "plots need matplotlib, which is not installed: pip install matplotlib.\n"
