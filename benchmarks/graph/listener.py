@@ -13,6 +13,7 @@ import time
 
 import diag_dynamics.msg
 import rclpy
+import sensor_msgs.msg
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile
@@ -46,7 +47,7 @@ class Listener:
 
     def _subscribe(self, node, output, qos):
         topic, kind = output.split(":")
-        kind = getattr(diag_dynamics.msg, kind)
+        kind = getattr(diag_dynamics.msg, kind, None) or getattr(sensor_msgs.msg, kind)
         return topic, node.create_subscription(kind, f"/diag_dynamics/{topic}", self._take, qos, raw=True)
 
     def _take(self, data):

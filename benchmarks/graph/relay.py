@@ -27,7 +27,7 @@ class Output:
     """A topic: its publisher, its message, and the numbers that are put into it each time."""
 
     def __init__(self, node, topic, kind, rate, cdr):
-        kind = getattr(diag_dynamics.msg, kind)
+        kind = getattr(diag_dynamics.msg, kind, None) or JointState
         self.message = deserialize_message(bytes.fromhex(cdr), kind)
         self.publish = node.create_publisher(kind, f"~/{topic}", QoSProfile(depth=10)).publish
         self.period = 1e9 / rate if rate else 0.0  # ns

@@ -80,6 +80,7 @@ def arguments(name, moment):
         "total_joint_rates": (s, state),
         "working_moments": (s, state),
         "coriolis": (s, state),
+        "named": (s, state),
         "kinetic_energy": (s, state),
         "state": (s, state),
         "mass_matrix_factors": (dyn.factors(q), moment.inverse, state),
@@ -176,6 +177,7 @@ A_MOMENT = Moment(1, 5 * S, S, False, False, True, True, True)
 SHAPES = dict.fromkeys(ORDER, (A_MOMENT,)) | {
     "working_moments": (A_MOMENT, A_MOMENT._replace(effort=False)),
     "coriolis": (A_MOMENT, A_MOMENT._replace(friction=False)),
+    "named": (A_MOMENT, A_MOMENT._replace(effort=False)),
     "mass_matrix_factors": (A_MOMENT, A_MOMENT._replace(inverse=False)),
     "state": tuple(A_MOMENT._replace(effort=e, friction=f) for e in (True, False) for f in (True, False)),
 }

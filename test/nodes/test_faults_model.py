@@ -254,6 +254,7 @@ EXPECTED = {
     "max_rate.total_joint_rates",
     "max_rate.working_moments",
     "max_rate.coriolis",
+    "max_rate.named",
     "max_rate.external_torque",
 }
 

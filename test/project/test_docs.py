@@ -151,7 +151,11 @@ def test_what_the_monitor_publishes_is_complete():
     from diag_dynamics.nodes.support.messages import MessageMaker
     from diag_dynamics.parameters.monitor import RATES
 
-    ours = {one.name: one.type for one in INTERFACES["monitor"] if one.kind == OUT and one.name.startswith("~/")}
+    ours = {
+        one.name: one.type.rpartition("/")[2]
+        for one in INTERFACES["monitor"]
+        if one.kind == OUT and one.name.startswith("~/")
+    }
     assert ours == {f"~/{name}": kind.__name__ for name, kind in TYPES.items()}
     assert set(TYPES) == set(RATES)
     dynamics = DiagonalDynamics(load_robot("panda"))

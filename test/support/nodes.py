@@ -49,6 +49,7 @@ OUTPUTS = {
     "total_joint_rates": TotalJointRates,
     "working_moments": WorkingMoments,
     "coriolis": CoriolisTerm,
+    "named": JointState,
     "mass_matrix_factors": MassMatrixFactors,
     "kinetic_energy": KineticEnergy,
     "joint_space_dynamics": JointSpaceDynamics,
@@ -616,7 +617,7 @@ class Truth:
         """Stamp, frame and names: those of the input, the root link, and the joints from base to tip."""
         assert nanoseconds(message.header.stamp) == stamp
         assert message.header.frame_id == self.robot.root
-        assert tuple(message.dof_names) == self.robot.names
+        assert tuple(message.name if type(message) is JointState else message.dof_names) == self.robot.names
 
     def check_vector(self, actual, expected, scale=None):
         """One number per dof, compared in the units given by the caller."""
@@ -664,6 +665,13 @@ class Truth:
             self.check_matrix(message.l, s.l, 1 / self.unit)
         else:
             assert len(message.l) == 0
+
+    def check_named(self, message):
+        """By joint: ½ν² where a position is, ν where a velocity is, ε where an effort is."""
+        s = self.state
+        self.check_vector(message.position, 0.5 * s.nu**2)
+        self.check_vector(message.velocity, s.nu)
+        self.check_vector(message.effort, [] if s.tau is None else s.epsilon)
 
     def check_kinetic_energy(self, message):
         s = self.state

@@ -41,6 +41,11 @@ FIELDS = {
 }
 """What is written where a message about one Evaluation has this field, and which row of it."""
 
+OF_TOPIC = {
+    "named": {"position": (_SHARES, 0), "velocity": (_ROW, sweeps.NU), "effort": (_ROW, sweeps.EPSILON)},
+}
+"""Likewise, of topics in which these fields mean something else."""
+
 CONSTANT = {"effort_valid", "friction_valid", "power_valid", "model_revision"}
 """Fields that are the same in all messages of one shape."""
 
@@ -210,7 +215,8 @@ class Sheets:
             begin += -begin % 8 + 8 - len(HEADER)  # what comes after the encapsulation begins on a multiple of eight
             end = begin + len(template.data)
             self.spans[topic] = begin, end
-            instructions += [(BITS[topic], *rest) for rest in _instructions(template, begin)]
+            fields = FIELDS | OF_TOPIC.get(topic, {})
+            instructions += [(BITS[topic], *rest) for rest in _instructions(template, begin, fields)]
             if template.place("link_energy") >= 0:
                 energies = (begin + template.place("link_energy")) // 8
             begin = end
@@ -265,15 +271,15 @@ class Sheets:
 _NOTHING = np.zeros(0)
 
 
-def _instructions(template, begin):
-    """What is written where: each :data:`INSTRUCTION` but for its bit.
+def _instructions(template, begin, fields):
+    """What of these fields is written where: each :data:`INSTRUCTION` but for its bit.
 
     Places are those of bytes, of 32-bit words or of doubles, in memory where the template begins at a byte.
     """
     found = []
     for field in template.numbers:
-        if field in FIELDS:
-            what, row = FIELDS[field]
+        if field in fields:
+            what, row = fields[field]
             size = {_STAMP: 4, _OLDEST: 4, _RECEIVED: 1, _ESTIMATED: 1}.get(what, 8)
             found.append((what, (begin + template.place(field)) // size, row))
         elif field not in CONSTANT | ALONGSIDE:

@@ -1,15 +1,22 @@
 """What the monitor publishes: each topic's message, made only where somebody listens, and no more often than wanted."""
 
 import time
+from importlib import import_module
 
 from rclpy.qos import QoSProfile
 
-from diag_dynamics import msg
 from diag_dynamics.nodes.encoded.topic_bits import ABOUT_STATE, BITS, MATRICES, ORDER
 from diag_dynamics.nodes.support.publishing import RateLimit, connected
 from diag_dynamics.nodes.support.topics import TOPICS
 
-TYPES = {topic.name: getattr(msg, topic.type) for topic in TOPICS}
+
+def _type(name):
+    """Class of a message, by ``package/Name``, or without package for one of ours."""
+    package, _, kind = name.rpartition("/")
+    return getattr(import_module(f"{package or 'diag_dynamics'}.msg"), kind)
+
+
+TYPES = {topic.name: _type(topic.type) for topic in TOPICS}
 """Types of all topics: of those about a state, and of those that are made only where a parameter asks for them."""
 
 SELDOM = 0.01

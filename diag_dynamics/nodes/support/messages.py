@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from diag_dynamics.msg import (
@@ -96,6 +97,12 @@ class MessageMaker:
         message.gravity = doubles(s.gravity)
         message.friction, message.friction_valid = doubles(s.friction), s.friction is not None
         return message
+
+    def named(self, s, state):
+        """½ν_k², ν and ε by joint; without ε where the effort is unknown."""
+        header = Header(stamp=to_time(state.newest), frame_id=self._frame)
+        shares, nu, epsilon = doubles(s.energy_share), doubles(s.nu), doubles(s.epsilon)
+        return JointState(header=header, name=self._names, position=shares, velocity=nu, effort=epsilon)
 
     def kinetic_energy(self, s, state):
         """K, its two splits and its rate."""

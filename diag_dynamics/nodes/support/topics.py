@@ -8,7 +8,7 @@ class Topic(NamedTuple):
 
     name: str
     type: str
-    """That of the message, which is one of this package's."""
+    """That of the message: ``package/Name``, or without package one of this package's."""
     meaning: str
     matrix: bool = False
     """Whether it is not made of the evaluation of a state."""
@@ -22,6 +22,11 @@ TOPICS = (
     Topic("total_joint_rates", "TotalJointRates", "ν, ξ"),
     Topic("working_moments", "WorkingMoments", "ε, κ"),
     Topic("coriolis", "CoriolisTerm", "C, C_ξ, ε_g"),
+    Topic(
+        "named",
+        "sensor_msgs/JointState",
+        "for tools that plot by joint name: energy share as position, ν as velocity, ε as effort",
+    ),
     Topic("mass_matrix_factors", "MassMatrixFactors", "m, D; ℓ with publish_inverse_factor", matrix=True),
     Topic("joint_space_dynamics", "JointSpaceDynamics", "M, c, g", matrix=True),
     Topic(
