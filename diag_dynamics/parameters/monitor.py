@@ -22,6 +22,7 @@ RATES = {
     "joint_space_dynamics": 50.0,
     "state": 0.0,
     "external_torque": 0.0,
+    "markers": 20.0,
 }
 """Highest rate at which each topic is published by default [Hz]; 0 for every state."""
 
@@ -214,6 +215,11 @@ PARAMETERS = {
         maximum=1000.0,
     ),
     "publish_inverse_factor": Spec(False, "Whether mass_matrix_factors carries l, the inverse of m."),
+    "markers.link": Spec(
+        "",
+        "Link at which ~/markers shows the ellipsoid of J M^-1 J^T and the velocity; empty: that which the outermost turning "
+        "joint moves.",
+    ),
     "friction_velocity": Spec(
         FRICTION_VELOCITY,
         "Rate v0 within which Coulomb friction turns round, f tanh(velocity / v0) [rad/s, m/s]; 0: it jumps, f "

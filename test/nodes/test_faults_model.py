@@ -255,6 +255,8 @@ EXPECTED = {
     "max_rate.working_moments",
     "max_rate.coriolis",
     "max_rate.named",
+    "max_rate.markers",
+    "markers.link",
     "max_rate.external_torque",
 }
 

@@ -145,11 +145,14 @@ def test_what_the_monitor_publishes_is_complete():
     from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
     from diag_dynamics.dynamics import DiagonalDynamics
     from diag_dynamics.model import load_robot
+    from diag_dynamics.model.example_robots import find_urdf
     from diag_dynamics.nodes.encoded.topic_bits import ORDER
     from diag_dynamics.nodes.monitor.described import matrix
+    from diag_dynamics.nodes.monitor.markers import MarkerMaker
     from diag_dynamics.nodes.monitor.outputs import TYPES
     from diag_dynamics.nodes.support.messages import MessageMaker
     from diag_dynamics.parameters.monitor import RATES
+    from diag_dynamics.views.scene import Scene
 
     ours = {
         one.name: one.type.rpartition("/")[2]
@@ -165,14 +168,16 @@ def test_what_the_monitor_publishes_is_complete():
     for topic in TOPICS:
         if topic.matrix:
             made = matrix(topic.name, maker, dynamics, state)
-        elif not topic.condition:
+        elif topic.name == "markers":
+            made = MarkerMaker(Scene(dynamics, find_urdf("panda"))).message(evaluated, state)
+        elif not topic.beside:
             made = getattr(maker, topic.name)(evaluated, state)
         else:  # of a residual
             observer = DisturbanceObserver(dynamics, gain=1.0, threshold=2.0)
             made = getattr(maker, topic.name)(Disturbance(True, "", zero, zero, 0.0, False), observer, state)
         assert type(made) is TYPES[topic.name]
-    # In step with matrices last and topics of a condition aside, which publishing relies on.
-    assert tuple(topic.name for topic in TOPICS if not topic.condition) == ORDER
+    # In step with matrices last and topics beside the others aside, which publishing relies on.
+    assert tuple(topic.name for topic in TOPICS if not topic.beside) == ORDER
 
 
 OF_EVERY_NODE = {name for name, _ in MANAGED} | {

@@ -8,7 +8,7 @@ from diag_dynamics.nodes.support.topics import TOPICS
 MATRICES = tuple(topic.name for topic in TOPICS if topic.matrix)
 """Topics that are not made of the evaluation of a state."""
 
-ORDER = (*(topic.name for topic in TOPICS if not topic.matrix and not topic.condition), *MATRICES)
+ORDER = (*(topic.name for topic in TOPICS if not topic.matrix and not topic.beside), *MATRICES)
 """All of them, in the order in which they go out: matrices last."""
 
 BITS = {topic: 1 << k for k, topic in enumerate(ORDER)}

@@ -7,11 +7,13 @@ from diag_dynamics.assembly.frozen import Frozen
 from diag_dynamics.assembly.odometry import OdometryBase
 from diag_dynamics.assembly.whole import WithBase
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Payload, RobotModel
 from diag_dynamics.nodes.encoded.encoding import EncodedMessages
 from diag_dynamics.nodes.encoded.pipeline import Pipeline, compile_pipeline
 from diag_dynamics.nodes.encoded.powers import Powers
 from diag_dynamics.nodes.monitor.energy_watch import EnergyWatch
+from diag_dynamics.nodes.monitor.markers import MarkerMaker
 from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted
 from diag_dynamics.nodes.support.loading import compile_dynamics
@@ -19,6 +21,7 @@ from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE
 from diag_dynamics.nodes.support.messages import MessageMaker
 from diag_dynamics.nodes.support.reading import read_joint_state
 from diag_dynamics.parameters.shared import payloads_of
+from diag_dynamics.views.scene import Scene
 from diag_dynamics.wire.joint_states import KnownJointStates
 
 NO_PAYLOAD = Payload(0.0)
@@ -94,6 +97,9 @@ class MonitoredRobot:
             The settings name a joint that this robot has not; nothing has changed then.
         """
         self.assembler.judges(settings.inputs)
+        link = settings.values["markers.link"]
+        if link and link not in model.link_names:
+            raise InputError(f"parameter 'markers.link' is '{link}', which is no link of robot '{model.name}'.")
         if settings.observation and settings.observation.alarms:
             settings.observation.alarms.limits(model.dof_names)
         self.energy.configure(model, settings.thresholds)
@@ -109,6 +115,7 @@ class MonitoredRobot:
         if self.dynamics is None or model is not self.model:
             self.dynamics, self.revision, self._state = DiagonalDynamics(model), None, None
             self._powers = Powers(model)
+        self._markers = None  # made when somebody first listens to them
         if revision != self.revision:
             self.revision = revision
             self.maker = MessageMaker(model, revision)
@@ -211,6 +218,12 @@ class MonitoredRobot:
         if served is not None:
             self._state, self._at_once = None, served
         return served
+
+    def markers(self, s):
+        """Markers of the last state, of which `s` is the evaluation, or what stands for it."""
+        if self._markers is None:
+            self._markers = MarkerMaker(Scene(self.dynamics, self.description, self.settings.values["markers.link"]))
+        return self._markers.message(s, self.state, self.torque)
 
     def matrix(self, topic):
         """One of topic_bits.MATRICES at the last state."""

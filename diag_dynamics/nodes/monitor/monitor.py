@@ -341,6 +341,8 @@ class MonitorNode(ManagedNode):
         """
         self._outputs.publish(stamp, messages, robot.matrix)
         self._traffic.published(what, stamp)
+        if self._outputs.drawn:
+            self._outputs.publish_beside("markers", stamp, lambda: robot.markers(s))
         if robot.energy.take(stamp, s, *powers):  # an alarm does not wait for the second to be over
             self._diagnostics.publish([robot.energy.report()])
             if robot.torque and robot.torque.run:

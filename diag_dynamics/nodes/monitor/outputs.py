@@ -32,6 +32,11 @@ class Outputs:
     Parameters
     ----------
     node : rclpy.lifecycle.LifecycleNode
+
+    Attributes
+    ----------
+    drawn : bool
+        Whether somebody listens to markers.
     """
 
     def __init__(self, node):
@@ -57,6 +62,7 @@ class Outputs:
         self._looked = time.monotonic()
         self._wanted = [t for t, handle in self._handles.items() if t in BITS and handle.get_subscription_count()]
         self._bits = sum(BITS[topic] for topic in self._wanted)
+        self.drawn = "markers" in self._handles and self._handles["markers"].get_subscription_count() > 0
 
     def destroy(self):
         """Take the publishers off the graph."""

@@ -20,6 +20,9 @@ COMPILED = (
     "gravity_torque",
     "nu_from_qd",
     "qd_from_nu",
+    "placement",
+    "link_velocity",
+    "wrench_factor",
 )
 """Methods of DiagonalDynamics that nodes call."""
 

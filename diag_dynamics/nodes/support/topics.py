@@ -13,7 +13,9 @@ class Topic(NamedTuple):
     matrix: bool = False
     """Whether it is not made of the evaluation of a state."""
     condition: str = ""
-    """Parameter without which the topic is not there; it is then made by itself, beside the others."""
+    """Parameter without which nothing is published."""
+    beside: bool = False
+    """Whether it is made by itself, beside the others."""
 
 
 TOPICS = (
@@ -34,6 +36,13 @@ TOPICS = (
         "ExternalTorque",
         "r, m r, |r| and collision of a disturbance observer",
         condition="external_torque.gain",
+        beside=True,
+    ),
+    Topic(
+        "markers",
+        "visualization_msgs/MarkerArray",
+        "for RViz and Foxglove: links tinted by energy share, ellipsoid of JM⁻¹Jᵀ, velocity, K in words, contact",
+        beside=True,
     ),
 )
 """In the order in which messages of a state go out: what is watched for safety first, matrices last."""
