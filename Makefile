@@ -31,10 +31,10 @@ demo-identify: setup  ## a wrong model, identified and calibrated until alarms s
 	@$(in_env) diag-dynamics demo-identify --picture demo_identify.png $(ARGS)
 
 test: $(or $(LINT),setup-tests)  ## lint, then every test; ARGS=<pytest options>, JOBS=<files at a time, 0: a debugger>, LINT= for none
-	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
+	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 test-all: lint  ## likewise, with all cases and full times: an hour
-	@$(in_env) DIAG_DYNAMICS_TEST_ALL=1 ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
+	@$(in_env) DIAG_DYNAMICS_TEST_ALL=1 ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 bench: setup-tests  ## speed of library and nodes, worth of the observer, into benchmarks/results/; ARGS=--short: two minutes' worth
 	@$(in_env) python3 benchmarks/run.py $(ARGS)

@@ -38,7 +38,16 @@ LONGEST = ("test_benchmarks.py", "test_kernel.py", "test_physics.py", "test_simu
 
 
 def pytest_collection_modifyitems(items):
-    items.sort(key=lambda item: item.path.name not in LONGEST)
+    """Hand out the longest files first, then of each folder in turn: tests of nodes wait while those of the library compute.
+
+    pytest-xdist keeps this order with --no-loadscope-reorder only: else it begins with the files of the most tests.
+    """
+    folders = {}
+    for item in items:
+        folders.setdefault(item.path.parent, {}).setdefault(item.path, None)
+    place = {path: k / len(paths) for paths in folders.values() for k, path in enumerate(paths)}
+    first = {name: k - len(LONGEST) for k, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: first.get(item.path.name, place[item.path]))
 
 
 class RosFile(pytest.Module):
