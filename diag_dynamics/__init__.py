@@ -32,6 +32,13 @@ _HOME = {
     "SingularMassMatrixError": "exceptions",
     "UnsupportedError": "exceptions",
     "UrdfError": "exceptions",
+    "BodyRegion": "contact",
+    "Contact": "contact",
+    "ContactLimits": "contact",
+    "ContactPoint": "contact",
+    "ContactPoints": "contact",
+    "Impact": "contact",
+    "link_geometry": "contact",
     "CompliantLimits": "simulation",
     "EnergyAudit": "simulation",
     "Simulation": "simulation",
@@ -65,6 +72,13 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics import plot as plot
     from diag_dynamics.alarms.detector import AlarmDetector as AlarmDetector
     from diag_dynamics.alarms.thresholds import AlarmThresholds as AlarmThresholds
+    from diag_dynamics.contact import BodyRegion as BodyRegion
+    from diag_dynamics.contact import Contact as Contact
+    from diag_dynamics.contact import ContactLimits as ContactLimits
+    from diag_dynamics.contact import ContactPoint as ContactPoint
+    from diag_dynamics.contact import ContactPoints as ContactPoints
+    from diag_dynamics.contact import Impact as Impact
+    from diag_dynamics.contact import link_geometry as link_geometry
     from diag_dynamics.control import EffortRateLimiter as EffortRateLimiter
     from diag_dynamics.control import EffortSaturation as EffortSaturation
     from diag_dynamics.control import EnergyLimiter as EnergyLimiter

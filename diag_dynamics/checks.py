@@ -164,6 +164,22 @@ def numbers(name: str, value: object, shape: tuple[int, ...], expected: str, mos
     return array
 
 
+def unit(name: str, value: object) -> Array:
+    """Unit vector along three finite numbers, not all zero, as a new array.
+
+    Raises
+    ------
+    InputError
+        They are not such.
+    """
+    u = numbers(name, value, (3,), "three finite numbers, not all zero")
+    largest = np.abs(u).max()
+    if not largest > 0.0:
+        raise InputError(f"{name} is {u.tolist()}, expected three finite numbers, not all zero.")
+    u /= largest
+    return u / np.linalg.norm(u)
+
+
 def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
     """A dict, a pandas Series or the columns of a DataFrame by name, in the order of the names; anything else as it is.
 

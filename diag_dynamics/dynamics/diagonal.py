@@ -8,11 +8,12 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.compiled.progress import steps
-from diag_dynamics.dynamics.many_states import ManyStates
+from diag_dynamics.contact.point import ContactPoint
+from diag_dynamics.dynamics.contacts import Contacts
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 
 
-class DiagonalDynamics(ManyStates):
+class DiagonalDynamics(Contacts):
     """Diagonalized and classical dynamics of one robot, in O(N) sweeps over its links.
 
     Only what is a matrix takes as long as its entries. Threads may share one; each call
@@ -80,6 +81,10 @@ class DiagonalDynamics(ManyStates):
             "wrench_factor": lambda: probe.wrench_factor(q, root),
             "epsilon_from_wrench": lambda: probe.epsilon_from_wrench(q, root, np.zeros(6)),
             "operational_inverse_inertia": lambda: probe.operational_inverse_inertia(q, root),
+            "mobilities": lambda: probe.mobilities(q),
+            "contact": lambda: probe.contact(q, zero, [ContactPoint(root, root)]),
+            "contact_batch": lambda: probe.contact_batch(q[None], zero[None], [ContactPoint(root, root)]),
+            "impact": lambda: probe.impact(q, zero, root, (1.0, 0.0, 0.0)),
             "reflected_mass": lambda: probe.reflected_mass(q, root, (1.0, 0.0, 0.0)),
         }
         for name in methods:

@@ -9,7 +9,7 @@ import numpy as np
 
 from diag_dynamics import sweeps
 from diag_dynamics.arrays import Array, Frame, PointLike, VectorLike
-from diag_dynamics.checks import numbers
+from diag_dynamics.checks import numbers, unit
 from diag_dynamics.dynamics.sweeping import Sweeping
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.wrenches import wrenches_at
@@ -205,12 +205,7 @@ class Links(Sweeping):
         InputError
             As there, or the direction is zero.
         """
-        u = numbers("direction", direction, (3,), "three finite numbers, not all zero")
-        largest = np.abs(u).max()
-        if not largest > 0.0:
-            raise InputError(f"direction is {u.tolist()}, expected three finite numbers, not all zero.")
-        u = u / largest
-        u /= np.linalg.norm(u)
+        u = unit("direction", direction)
         factor = self.wrench_factor(q, link, point, frame)
         w = factor[:, :3] @ u
         if np.abs(w).max(initial=0.0) <= ROUNDING * max(self.model.nv, 3) * np.abs(factor).max(initial=0.0):

@@ -63,7 +63,7 @@ class ManyStates(OneState):
         InputError, SingularMassMatrixError
             As :meth:`evaluate`, naming the first state that fails; `out` is of another number of states, too.
         """
-        threads = _threads(threads)
+        threads = threads_of(threads)
         model = self.model
         states = batch.states("Q", Q, model.coordinate_names)
         count = len(states)
@@ -176,7 +176,7 @@ class ManyStates(OneState):
         """
         states, rates = self._states(Q=Q, QD=QD)
         torques = batch.states("TAU", TAU, self.model.dof_names, len(states))
-        number = _threads(threads)
+        number = threads_of(threads)
         if friction or given(f_ext):
             for name, values in (("qd", rates), ("tau", torques)):
                 _require_finite(name, values, self.model.dof_names)
@@ -200,7 +200,7 @@ class ManyStates(OneState):
         """τ [N m, N], shape (T, nv): :meth:`inverse_dynamics` of each row."""
         states, rates = self._states(Q=Q, QD=QD)
         accelerations = batch.states("QDD", QDD, self.model.dof_names, len(states))
-        number = _threads(threads)
+        number = threads_of(threads)
         tau = self._each(
             sweeps.INVERSE, self.inverse_dynamics, states, rates, accelerations, weight=1.0, threads=number
         )
@@ -219,19 +219,19 @@ class ManyStates(OneState):
         def sweep(robot: int, first: int, last: int) -> int:
             return sweeps.mass_matrix_each(robot, states, first, last, M)
 
-        failing = batch.in_pieces(self._workspaces, len(states), sweep, _threads(threads))
+        failing = batch.in_pieces(self._workspaces, len(states), sweep, threads_of(threads))
         self._refuse_state(failing, lambda t: self.mass_matrix(states[t]))
         return M
 
     def bias_batch(self, Q: MatrixLike, QD: MatrixLike, *, threads: int | None = None) -> Array:
         """c(q, q̇) [N m, N], shape (T, nv), without gravity: :meth:`bias` of each row."""
         states, rates = self._states(Q=Q, QD=QD)
-        return self._each(sweeps.INVERSE, self.inverse_dynamics, states, rates, threads=_threads(threads))
+        return self._each(sweeps.INVERSE, self.inverse_dynamics, states, rates, threads=threads_of(threads))
 
     def gravity_torque_batch(self, Q: MatrixLike, *, threads: int | None = None) -> Array:
         """g(q) [N m, N], shape (T, nv): :meth:`gravity_torque` of each row."""
         (states,) = self._states(Q=Q)
-        return self._each(sweeps.INVERSE, self.inverse_dynamics, states, weight=1.0, threads=_threads(threads))
+        return self._each(sweeps.INVERSE, self.inverse_dynamics, states, weight=1.0, threads=threads_of(threads))
 
     def friction_torque_batch(self, QD: MatrixLike) -> Array:
         """τ_fric [N m, N], shape (T, nv): :meth:`friction_torque` of each row."""
@@ -243,21 +243,21 @@ class ManyStates(OneState):
 
     def nu_from_qd_batch(self, Q: MatrixLike, QD: MatrixLike, *, threads: int | None = None) -> Array:
         """ν = mᵀq̇ [J^½], shape (T, nv): :meth:`nu_from_qd` of each row."""
-        return self._each(sweeps.NU_FROM_QD, self.nu_from_qd, *self._states(Q=Q, QD=QD), threads=_threads(threads))
+        return self._each(sweeps.NU_FROM_QD, self.nu_from_qd, *self._states(Q=Q, QD=QD), threads=threads_of(threads))
 
     def qd_from_nu_batch(self, Q: MatrixLike, NU: MatrixLike, *, threads: int | None = None) -> Array:
         """q̇ = ℓᵀν [rad/s, m/s], shape (T, nv): :meth:`qd_from_nu` of each row."""
-        return self._each(sweeps.QD_FROM_NU, self.qd_from_nu, *self._states(Q=Q, NU=NU), threads=_threads(threads))
+        return self._each(sweeps.QD_FROM_NU, self.qd_from_nu, *self._states(Q=Q, NU=NU), threads=threads_of(threads))
 
     def epsilon_from_tau_batch(self, Q: MatrixLike, TAU: MatrixLike, *, threads: int | None = None) -> Array:
         """ε = ℓτ [J^½/s], shape (T, nv): :meth:`epsilon_from_tau` of each row."""
         arguments = self._states(Q=Q, TAU=TAU)
-        return self._moments(True, self.epsilon_from_tau, *arguments, threads=_threads(threads))
+        return self._moments(True, self.epsilon_from_tau, *arguments, threads=threads_of(threads))
 
     def tau_from_epsilon_batch(self, Q: MatrixLike, EPSILON: MatrixLike, *, threads: int | None = None) -> Array:
         """τ = mε [N m, N], shape (T, nv): :meth:`tau_from_epsilon` of each row."""
         arguments = self._states(Q=Q, EPSILON=EPSILON)
-        return self._moments(False, self.tau_from_epsilon, *arguments, threads=_threads(threads))
+        return self._moments(False, self.tau_from_epsilon, *arguments, threads=threads_of(threads))
 
     # --- Between Python and the sweeps ---
 
@@ -344,7 +344,7 @@ class ManyStates(OneState):
         return results
 
 
-def _threads(number: int | None) -> int:
+def threads_of(number: int | None) -> int:
     """How many threads to use."""
     if number is None:
         return batch.cores()

@@ -20,8 +20,8 @@ finite, MISFIT if a vector has not the robot's length.
 
 bodies: the records that sweeps work on; workspace: their memory. joints: steps that sweeps share; inertias: P handed on to
 the parent. groups: degrees of freedom that are eliminated together. evaluation, factorization, factors, classical,
-derivatives, kinematics: the sweeps; many: evaluation of many states; each: other sweeps of many. motions: positions that
-move along a twist, and joints that are held.
+derivatives, kinematics, mobilities: the sweeps; contacts: what a touch at points could transfer. many: evaluation of many
+states; each: other sweeps of many. motions: positions that move along a twist, and joints that are held.
 """
 
 from diag_dynamics.sweeps.bodies import (
@@ -39,6 +39,19 @@ from diag_dynamics.sweeps.classical import (
     forward_dynamics,
     inverse_dynamics,
     mass_matrix,
+)
+from diag_dynamics.sweeps.contacts import (
+    ALONG_MOTION,
+    BY_ENERGY,
+    BY_FORCE,
+    BY_LIMIT,
+    CONTACT_COLUMNS,
+    CONTACT_ENTRY,
+    CONTACTS,
+    IN_BODY,
+    IN_ROOT,
+    contacts,
+    contacts_each,
 )
 from diag_dynamics.sweeps.derivatives import (
     articulated_inertias,
@@ -78,6 +91,7 @@ from diag_dynamics.sweeps.groups import owns
 from diag_dynamics.sweeps.joints import SINGULAR, UNIT_TOLERANCE
 from diag_dynamics.sweeps.kinematics import jacobian, motion, placement
 from diag_dynamics.sweeps.many import evaluate_many, moments_many
+from diag_dynamics.sweeps.mobilities import FRAME, mobilities
 from diag_dynamics.sweeps.motions import chart_rates, difference, displace, hold, integrate
 from diag_dynamics.sweeps.workspace import (
     ARTICULATED_INERTIA,
@@ -105,17 +119,27 @@ from diag_dynamics.sweeps.workspace import (
 )
 
 __all__ = [
+    "ALONG_MOTION",
     "ARTICULATED_INERTIA",
     "ARTICULATED_INERTIA_RATE",
     "BODY",
+    "BY_ENERGY",
+    "BY_FORCE",
+    "BY_LIMIT",
+    "CONTACTS",
+    "CONTACT_COLUMNS",
+    "CONTACT_ENTRY",
     "CORIOLIS",
     "CORIOLIS_UNNORMALIZED",
     "EFFORT_POWER",
     "ENERGY_SHARE",
     "EPSILON",
     "FORWARD",
+    "FRAME",
     "GRAVITY",
     "INVERSE",
+    "IN_BODY",
+    "IN_ROOT",
     "KAPPA",
     "KINETIC_ENERGY",
     "LINK",
@@ -139,6 +163,8 @@ __all__ = [
     "articulated_inertias",
     "chart_rates",
     "clear",
+    "contacts",
+    "contacts_each",
     "copy",
     "coriolis_bracket",
     "coriolis_product",
@@ -168,6 +194,7 @@ __all__ = [
     "mass_matrix_each",
     "mass_matrix_rate",
     "mass_matrix_rate_times",
+    "mobilities",
     "moments_many",
     "motion",
     "nu_from_qd",

@@ -108,3 +108,9 @@ def hand_on_stack_of_both(w, direction, rate, G, column, h, X, parent):
     M = _symmetric(matrix_difference(M, outer(_beside(nothing, _rows(_both, h)), g_columns)))
     M = matrix_sum(M, _moved(direction, rate, M))
     store(parent.P, matrix_sum(_load_both(parent.P), _stack_to_parent(X, M)))
+
+
+@kernel
+def stack_to_parent(source, target, X):
+    """XᵀP X from one field P to another, in place of what that has."""
+    store(target, _stack_to_parent(X, _load_one(source)))

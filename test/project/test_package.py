@@ -41,7 +41,7 @@ FLOORS = [
     "bags tables",
     "sweeps",
     "model batch",
-    "results",
+    "results contact",
     "dynamics",
     "control assembly inspection alarms",
     "simulation wire",

@@ -1,0 +1,226 @@
+"""Points whose convex hull holds a link, and points of its surface in between; or its frames alone."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from typing import IO, TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+
+from diag_dynamics.arrays import Array
+from diag_dynamics.checks import choice, whole
+from diag_dynamics.contact.point import ContactPoint
+from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.model.geometry import Shape, shapes_of
+from diag_dynamics.model.meshes import Meshes
+from diag_dynamics.model.plain_reader import placement_of
+from diag_dynamics.model.urdf import folder_of, parse_urdf, urdf_text
+
+if TYPE_CHECKING:
+    from diag_dynamics.model import RobotModel
+
+Geometry = Literal["frames", "primitives", "meshes"]
+
+MOST = 64
+"""Points of a link, at most."""
+
+SIDES = 16
+"""Of the prism around a cylinder: its corners are 2 % outside."""
+
+CORNERS = 0.75
+"""Part of a link's points that are to hold it; the others lie between them, on its surface."""
+
+DENSE = 2000
+"""Directions in which points are compared with the shapes that they are to hold."""
+
+_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+
+
+class LinkGeometry(NamedTuple):
+    """Points of all links of a robot that have any.
+
+    Attributes
+    ----------
+    points : tuple of ContactPoint
+        One for each link, of the link's name.
+    source : dict
+        By link, what its points are of: ``collision``, ``visual`` or ``frames``.
+    grown : dict
+        By link, by which part its points lie outside of its shapes at most, so that their hull holds these; 0 if they are
+        the shapes' own corners.
+    left_out : dict
+        By link, why its shapes do not count.
+    """
+
+    points: tuple[ContactPoint, ...]
+    source: dict[str, str]
+    grown: dict[str, float]
+    left_out: dict[str, str]
+
+
+def link_geometry(
+    model: RobotModel,
+    urdf: str | bytes | os.PathLike[str] | IO[Any],
+    geometry: Geometry = "primitives",
+    most: int = MOST,
+) -> LinkGeometry:
+    """Points of every link, for :class:`ContactPoints`: of its collision shapes, else of its visual ones.
+
+    Boxes and hulls of meshes have their own corners, cylinders those of a prism around them. Where these are too many, or a
+    shape is round, they are the farthest points in many directions, moved outward until their hull holds the shapes. Other
+    points lie between them on the surface: speed is largest at a corner, but the mass that a point has along its motion, and
+    so the transferable energy, may be larger in between. A link without shapes that count has its frames: its own origin and
+    those of the joints it carries.
+
+    Parameters
+    ----------
+    model : RobotModel
+    urdf : str, bytes, os.PathLike or file
+        That of the model.
+    geometry : {"frames", "primitives", "meshes"}
+        Which shapes count. Meshes open the files that the URDF names, so they are not for descriptions that come from
+        others; they need trimesh.
+    most : int
+        Points of a link; not below 8.
+
+    Raises
+    ------
+    UrdfError
+        The URDF is malformed.
+    InputError
+        An argument is wrong, or a mesh needs trimesh, which is not installed.
+    """
+    choice("geometry", geometry, ("frames", "primitives", "meshes"))
+    most = max(8, whole("most", most))
+    robot, meshes = parse_urdf(urdf_text(urdf).encode(errors="replace")), Meshes(folder_of(urdf))
+    elements = {element.get("name", ""): element for element in robot.findall("link")}
+    points, source, grown, left_out = [], {}, {}, {}
+    for link in model.link_names:
+        if link not in elements or model.placement_in_body(link)[0] == 0:
+            continue
+        found: Array | None = None
+        for role in ("collision", "visual") if geometry != "frames" else ():
+            try:
+                shapes = [s for s in shapes_of(elements[link], role) if s.kind != "mesh" or geometry == "meshes"]
+                if shapes:
+                    found, part = points_around(shapes, meshes, most)
+                    source[link], grown[link] = role, part
+                    break
+            except UrdfError as error:
+                left_out.setdefault(link, str(error))
+        if found is None:
+            found = np.array([np.zeros(3), *_frames_of(robot, link)])
+            source[link], grown[link] = "frames", 0.0
+        else:
+            left_out.pop(link, None)
+        points.append(ContactPoint(link, link, found))
+    return LinkGeometry(tuple(points), source, grown, left_out)
+
+
+def points_around(shapes: list[Shape], meshes: Meshes, most: int = MOST) -> tuple[Array, float]:
+    """Points whose hull holds shapes, and more between them, in the link's axes; and by which part they lie outside.
+
+    Raises
+    ------
+    UrdfError
+        A mesh cannot be found or read.
+    InputError
+        trimesh is not installed.
+    """
+    found = [_corners(shape, meshes) for shape in shapes]
+    every = [(shape, own) for shape, (own, _) in zip(shapes, found, strict=True)]
+    exact = [_moved(shape, own) for shape, own in every if own is not None]
+    corners, outside = np.zeros((0, 3)), 0.0
+    if len(exact) == len(shapes):
+        corners = np.unique(np.concatenate(exact), axis=0)
+        outside = 1.0 / math.cos(math.pi / SIDES) - 1.0 if any(s.kind == "cylinder" for s in shapes) else 0.0
+    faces = [normals @ shape.placement[:3, :3].T for shape, (_, normals) in zip(shapes, found, strict=True)]
+    dense = np.concatenate([_directions(DENSE), *faces])
+    support = np.array([_farthest(every, u) @ u for u in dense])
+    if not 0 < len(corners) <= CORNERS * most:
+        corners = np.unique(np.array([_farthest(every, u) for u in _directions(int(CORNERS * most))]), axis=0)
+        centre = corners.mean(axis=0)
+        reach, held = support - dense @ centre, ((corners - centre) @ dense.T).max(axis=0)
+        known = held > 1e-9 * reach.max()  # in other directions there is nothing that could lie outside
+        factor = max(1.0, float((reach[known] / held[known]).max(initial=1.0)))
+        corners, outside = centre + factor * (corners - centre), factor - 1.0
+    return np.concatenate([corners, _between(corners.mean(axis=0), dense, support, most - len(corners))]), outside
+
+
+def _between(centre: Array, dense: Array, support: Array, count: int) -> Array:
+    """Points of the surface of a hull, evenly spread as seen from its centre; `support` is its reach along `dense`."""
+    rays = _directions(count)
+    ahead = rays @ dense.T
+    with np.errstate(divide="ignore"):
+        way = np.where(ahead > 1e-6, (support - dense @ centre) / np.maximum(ahead, 1e-6), np.inf).min(axis=1)
+    return centre + np.maximum(way, 0.0)[:, None] * rays
+
+
+def _corners(shape: Shape, meshes: Meshes) -> tuple[Array | None, Array]:
+    """Corners whose hull holds a shape, in its own axes, None of a round one; and the normals of the hull's faces."""
+    numbers = np.array(shape.numbers)
+    if shape.kind == "box":
+        return _CORNERS * (0.5 * numbers), np.concatenate([np.eye(3), -np.eye(3)])
+    if shape.kind == "cylinder":
+        radius, length = numbers
+        ring, sides = (_ring(shift) for shift in (0.0, 0.5))
+        corners = radius / math.cos(math.pi / SIDES) * ring
+        ends = np.array([[0.0, 0.0, -0.5 * length], [0.0, 0.0, 0.5 * length]])
+        return np.concatenate([corners + end for end in ends]), np.concatenate([sides, 2.0 / length * ends])
+    if shape.kind == "mesh":
+        mesh = meshes.mesh(shape.file).copy()
+        mesh.apply_transform(np.diag([*numbers, 1.0]))
+        try:
+            hull = mesh.convex_hull
+            return np.asarray(hull.vertices), np.asarray(hull.face_normals)
+        except (ValueError, RuntimeError, ImportError):  # all in a plane, or no Qhull: they hold it themselves
+            return np.asarray(mesh.vertices), np.zeros((0, 3))
+    return None, np.zeros((0, 3))
+
+
+def _ring(shift: float) -> Array:
+    """Unit vectors across z, a full turn of them."""
+    angle = 2.0 * math.pi * (np.arange(SIDES) + shift) / SIDES
+    return np.stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)], axis=1)
+
+
+def _farthest(shapes: list[tuple[Shape, Array | None]], u: Array) -> Array:
+    """The point of several shapes that lies farthest along u."""
+    best, most = np.zeros(3), -math.inf
+    for shape, corners in shapes:
+        R, r = shape.placement[:3, :3], shape.placement[:3, 3]
+        own = R.T @ u
+        if corners is not None:
+            point = corners[np.argmax(corners @ own)]
+        else:  # a sphere, or a capsule: a ball along a line
+            radius = shape.numbers[0]
+            half = 0.5 * shape.numbers[1] if shape.kind == "capsule" else 0.0
+            point = radius * own + np.array([0.0, 0.0, math.copysign(half, own[2])])
+        point = R @ point + r
+        if point @ u > most:
+            best, most = point, float(point @ u)
+    return best
+
+
+def _moved(shape: Shape, points: Array) -> Array:
+    return points @ shape.placement[:3, :3].T + shape.placement[:3, 3]
+
+
+def _directions(count: int) -> Array:
+    """Unit vectors spread evenly over all directions: a spiral from pole to pole by the golden angle."""
+    k = np.arange(count) + 0.5
+    z, angle = 1.0 - 2.0 * k / count, math.pi * (1.0 + math.sqrt(5.0)) * k
+    across = np.sqrt(1.0 - z * z)
+    return np.stack([across * np.cos(angle), across * np.sin(angle), z], axis=1)
+
+
+def _frames_of(robot: Any, link: str) -> Iterator[Array]:
+    """Origins of the joints that a link carries, in its axes."""
+    for joint in robot.findall("joint"):
+        parent, origin = joint.find("parent"), joint.find("origin")
+        if parent is not None and parent.get("link") == link and origin is not None:
+            placement = placement_of(origin)
+            if placement is not None:
+                yield placement[:3, 3]

@@ -1,0 +1,93 @@
+"""ν before and after an impact along one direction at one point."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.arrays import Array
+from diag_dynamics.checks import number, positive
+from diag_dynamics.contact.transient import reduced_mass
+
+
+class Impact(NamedTuple):
+    """An impact that is over at once, along a direction u at a point of a link. Arrays have shape (nv,).
+
+    Attributes
+    ----------
+    nu : ndarray
+        ν before it [J^½].
+    nu_after : ndarray
+        ν⁺ = ν − (1+e) μ v_u w [J^½], w = ℓJᵀu.
+    qd_after : ndarray
+        q̇⁺ = ℓᵀν⁺ [rad/s, m/s].
+    along : ndarray
+        ŵ(ŵᵀν) [J^½], the part of ν that the impact changes: ½|along|² is the transferable energy.
+    rest : ndarray
+        ν − along [J^½], which it leaves as it is.
+    speed : float
+        v_u before it [m/s]; where it is not above zero, nothing happens.
+    reflected_mass : float
+        m_u [kg].
+    impulse : float
+        (1+e) μ v_u [N s] along −u on the robot.
+    mass_speed : float
+        Speed along u that the free mass has afterwards [m/s]; zero of one that is clamped.
+    loss : float
+        ½(1−e²) μ v_u² [J], lost by both together.
+    """
+
+    nu: Array
+    nu_after: Array
+    qd_after: Array
+    along: Array
+    rest: Array
+    speed: float
+    reflected_mass: float
+    impulse: float
+    mass_speed: float
+    loss: float
+
+
+def impact(nu: Array, w: Array, mass: float = math.inf, restitution: float = 0.0) -> Impact:
+    """ν⁺ of an impact with a mass at rest. `qd_after` is left empty; :meth:`DiagonalDynamics.impact` fills it in.
+
+    Parameters
+    ----------
+    nu : ndarray, shape (nv,)
+        ν [J^½].
+    w : ndarray, shape (nv,)
+        ℓJᵀu [kg^−½] of the direction u at the point.
+    mass : float
+        m_H [kg], free to move; inf if it is clamped.
+    restitution : float
+        e, from 0 to 1.
+
+    Raises
+    ------
+    InputError
+        `mass` is not above zero, or `restitution` not within 0 and 1.
+    """
+    if mass != math.inf:
+        mass = positive("mass", mass, "[kg]")
+    e = number("restitution", restitution, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0)
+    square = float(w @ w)
+    speed = float(w @ nu)
+    along = w * (speed / square) if square > 0.0 else np.zeros_like(nu)
+    reflected = 1.0 / square if square > 0.0 else math.inf
+    mu = float(reduced_mass(reflected, mass)) if speed > 0.0 and square > 0.0 else 0.0
+    impulse = (1.0 + e) * mu * max(speed, 0.0)
+    return Impact(
+        nu=nu,
+        nu_after=nu - impulse * w,
+        qd_after=np.empty(0),
+        along=along,
+        rest=nu - along,
+        speed=speed,
+        reflected_mass=reflected,
+        impulse=impulse,
+        mass_speed=0.0 if mass == math.inf else impulse / mass,
+        loss=0.5 * (1.0 - e * e) * mu * max(speed, 0.0) ** 2,
+    )

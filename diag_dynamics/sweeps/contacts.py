@@ -1,0 +1,201 @@
+"""What contact at points of links could transfer: speed, reflected mass and energy along a direction, from Υ of their bodies.
+
+Of a point r of a body and a unit direction u, h = (u, r × u) is the unit force there as a wrench, and
+
+    v_u = uᵀ(v + ω × r)        1/m_u = hᵀΥh = |ℓJᵀu|²        ½ m_u v_u² = ½(ŵᵀν)²        ŵ = ℓJᵀu/|ℓJᵀu|.
+
+Against a mass m_H that waits behind a spring k the force reaches v_u √(μk), 1/μ = 1/m_u + 1/m_H.
+"""
+
+import math
+
+import numpy as np
+
+from diag_dynamics.compiled.kernel import (
+    COUNT,
+    FILLED_MATRIX,
+    FILLED_STATES,
+    FILLED_VECTOR,
+    MATRIX,
+    ROBOT,
+    VECTOR,
+    entry_kernel,
+    kernel,
+    large_kernel,
+)
+from diag_dynamics.compiled.tables import Table, array
+from diag_dynamics.sweeps.bodies import matrix_of, motion_of, placement_of, set_matrix, set_vector, vector_of
+from diag_dynamics.sweeps.factorization import place_and_factorize, rates_outward, scale_by_inertia
+from diag_dynamics.sweeps.joints import are_finite
+from diag_dynamics.sweeps.mobilities import mobilities_outward, mobility_of, moved_by
+from diag_dynamics.sweeps.spatial import (
+    ZERO,
+    Force,
+    add,
+    apply,
+    apply_transposed,
+    cross,
+    dot,
+    power,
+    product,
+    scale,
+)
+from diag_dynamics.sweeps.workspace import MISFIT, clear, fit, opened
+
+ALONG_MOTION, IN_BODY, IN_ROOT = range(3)
+"""Directions of an entry: that of each point's own motion, or a given one in the axes of its body or of the results."""
+
+BY_ENERGY, BY_FORCE, BY_LIMIT = range(3)
+"""What the worst point of an entry has most of: transferable energy, force, or speed as a part of the allowed one."""
+
+CONTACT_ENTRY = np.dtype(
+    [
+        ("body", "i8"),
+        ("first", "i8"),  # points, from the first to before the end
+        ("end", "i8"),
+        ("first_region", "i8"),  # likewise
+        ("end_region", "i8"),
+        ("kind", "i8"),  # ALONG_MOTION, IN_BODY or IN_ROOT
+        ("direction", "f8", 3),
+    ],
+    align=True,
+)
+"""Points of one body of which the worst is looked for, and the body regions that may be in their way."""
+
+INVERSE_MASS, STIFFNESS, LARGEST_FORCE, LARGEST_ENERGY = range(4)
+"""Columns of a body region: 1/m_H, 0 if it is clamped, k, and limits, inf where there is none."""
+
+CONTACTS = Table(
+    "Contacts",
+    entries=array(CONTACT_ENTRY),
+    points=array(float, 2),  # from the origin of the entry's body, in its axes
+    regions=array(float, 2),
+    base=int,  # body in whose axes results are
+    by=int,  # BY_ENERGY, BY_FORCE or BY_LIMIT
+)
+
+_contacts_at = CONTACTS.opened
+
+POINT, POSITION, DIRECTION, SPEED, MASS, TRANSFERABLE, FORCE, ALLOWED, REGION, CONTACT_COLUMNS = (
+    *(0, 1, 4, 7, 8),
+    *range(9, 14),
+)
+"""First columns of the result of an entry, and their number; REGION is that of the strictest limit, -1 if there is none."""
+
+AT_REST = 1e-12
+"""Part of the speeds that a point's speed is the sum of below which it is nothing but rounding."""
+
+IMMOBILE = 1e-14
+"""Likewise of 1/m_u and the mobility of a body."""
+
+TIE = 1.0 + 1e-9
+"""How many times worse a point has to be than one before it: all points of a link on a single joint have the same energy."""
+
+
+@large_kernel
+def _place_outward(bodies, base, work):
+    """Orientation of every body, and in W its origin, in the axes of one that carries them all."""
+    set_matrix(work[base].orientation, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+    set_vector(work[base].W, 0, ZERO)
+    for i in range(base + 1, len(bodies)):
+        w, parent = work[i], work[bodies[i].parent]
+        X, R = placement_of(w), matrix_of(parent.orientation)
+        set_matrix(w.orientation, product(R, X.rotation))
+        set_vector(w.W, 0, add(vector_of(parent.W), apply(R, X.translation)))
+
+
+@kernel
+def _judge(regions, first, end, inverse_mass, speed):
+    """Force of the hardest contact, the speed that keeps all limits, and the region whose limit that is."""
+    force, allowed, strictest = 0.0, math.inf, -1
+    for k in range(first, end):
+        reduced = inverse_mass + regions[k, INVERSE_MASS]  # 1/μ
+        stiffness = regions[k, STIFFNESS]
+        if reduced > 0.0:
+            force = max(force, speed * math.sqrt(stiffness / reduced))
+        of_force = regions[k, LARGEST_FORCE] * math.sqrt(reduced / stiffness) if stiffness > 0.0 else math.inf
+        of_energy = math.sqrt(2.0 * regions[k, LARGEST_ENERGY] * inverse_mass)
+        least = min(of_force, of_energy)
+        if least < allowed:
+            allowed, strictest = least, k
+    return force, allowed, strictest
+
+
+@large_kernel
+def _contact(at, entry, w, result):
+    """The worst point of an entry, and what contact there could transfer."""
+    V, Y, R = motion_of(w.V), mobility_of(w), matrix_of(w.orientation)
+    given = vector_of(entry.direction)
+    if entry.kind == IN_ROOT:
+        given = apply_transposed(R, given)
+    scale_of_V, scale_of_w = dot(V.linear, V.linear), dot(V.angular, V.angular)
+    best, strongest = -1, -1.0
+    clear(result)
+    result[POINT], result[REGION], result[ALLOWED] = float(entry.first), -1.0, math.inf
+    for k in range(entry.first, entry.end):
+        r = (at.points[k, 0], at.points[k, 1], at.points[k, 2])
+        v = add(V.linear, cross(V.angular, r))
+        u, square = given, dot(v, v)
+        moves = square > AT_REST * AT_REST * (scale_of_V + scale_of_w * dot(r, r))
+        if entry.kind == ALONG_MOTION:
+            if not moves:
+                continue
+            u = scale(v, 1.0 / math.sqrt(square))
+        speed = dot(u, v) if moves else 0.0
+        h = Force(u, cross(r, u))
+        inverse_mass = power(h, moved_by(Y, h))
+        most = Y.C[0][0] + Y.C[1][1] + Y.C[2][2] + dot(r, r) * (Y.A[0][0] + Y.A[1][1] + Y.A[2][2])
+        if not inverse_mass > IMMOBILE * most:  # it cannot move that way: what it seems to do so is rounding
+            inverse_mass, speed = 0.0, 0.0
+        closing = max(speed, 0.0)
+        energy = 0.5 * closing * closing / inverse_mass if closing > 0.0 else 0.0
+        force, allowed, strictest = _judge(at.regions, entry.first_region, entry.end_region, inverse_mass, closing)
+        score = energy
+        if at.by == BY_FORCE and entry.end_region > entry.first_region:
+            score = force
+        elif at.by == BY_LIMIT and strictest >= 0:
+            score = closing / allowed if allowed > 0.0 else (math.inf if closing > 0.0 else 0.0)
+        if best < 0 or score > strongest * TIE:
+            best, strongest = k, score
+            result[POINT], result[REGION] = float(k), float(strictest)
+            set_vector(result, DIRECTION, u)
+            result[SPEED], result[MASS] = speed, 1.0 / inverse_mass if inverse_mass > 0.0 else math.inf
+            result[TRANSFERABLE], result[FORCE], result[ALLOWED] = energy, force, allowed
+    k = int(result[POINT])
+    r = (at.points[k, 0], at.points[k, 1], at.points[k, 2])
+    set_vector(result, POSITION, add(vector_of(w.W), apply(R, r)))
+    u = (result[DIRECTION], result[DIRECTION + 1], result[DIRECTION + 2])
+    set_vector(result, DIRECTION, apply(R, u))
+
+
+@entry_kernel(ROBOT, COUNT, VECTOR, VECTOR, FILLED_VECTOR, FILLED_MATRIX)
+def contacts(robot, points, q, qd, nu, results):
+    """ν, and a row of `results` for each entry of the table :data:`CONTACTS` at the address `points`."""
+    if not fit(robot, q, qd, nu):
+        return MISFIT
+    bodies, _, work, table = opened(robot)
+    at = _contacts_at(points)
+    if not are_finite(qd):
+        return -1
+    status = place_and_factorize(bodies, q, work, table[0])
+    if status != 0:
+        return status
+    rates_outward(bodies, qd, work, table[0], nu)
+    scale_by_inertia(bodies, work, 0.5, nu)
+    mobilities_outward(robot)
+    _place_outward(bodies, at.base, work)
+    for k in range(len(at.entries)):
+        entry = at.entries[k]
+        _contact(at, entry, work[entry.body], results[k])
+        if not math.isfinite(results[k, SPEED] + results[k, TRANSFERABLE]):
+            return -1
+    return 0 if are_finite(nu) else -1
+
+
+@entry_kernel(ROBOT, COUNT, MATRIX, MATRIX, COUNT, COUNT, FILLED_MATRIX, FILLED_STATES, nogil=True)
+def contacts_each(robot, points, Q, QD, begin, end, nu, results):
+    """:func:`contacts` at states `begin` to `end`, a row of Q, QD and ν and a matrix of `results` each."""
+    for t in range(begin, end):
+        if contacts(robot, points, Q[t], QD[t], nu[t], results[t]) != 0:
+            return t
+    return end
