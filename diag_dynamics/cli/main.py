@@ -48,6 +48,9 @@ GROUPS = {
             "from a wrong model to alarms that work, on simulated robots", "diag_dynamics.cli.demo_identify:run"
         ),
         "inspect": Command("facts about a robot, and checks of its URDF", "diag_dynamics.cli.inspect:run"),
+        "layout": Command(
+            "a layout of RViz, Foxglove, Lichtblick or PlotJuggler for a robot", "diag_dynamics.cli.layout:run"
+        ),
         "robots": Command("names of the example robots", "diag_dynamics.cli.robots:run"),
     },
     "nodes, with a ROS 2": {

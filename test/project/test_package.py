@@ -48,7 +48,7 @@ FLOORS = [
     "parameters views",
     "recordings",
     "identification plot",
-    "demos",
+    "demos layouts",
     "nodes/support",
     "nodes/encoded",
     "nodes/monitor nodes/controller nodes/simulator",

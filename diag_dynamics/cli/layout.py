@@ -1,0 +1,54 @@
+"""`diag-dynamics layout`: a layout of a viewer for one robot, with its joints' names."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from diag_dynamics.cli import given
+from diag_dynamics.exceptions import DiagDynamicsError
+from diag_dynamics.layouts.tools import TOOLS, layout
+from diag_dynamics.parameters.files import parameters_of
+from diag_dynamics.parameters.monitor import PARAMETERS
+from diag_dynamics.parameters.robots import model_of
+from diag_dynamics.text import plain
+
+EPILOG = """Give the parameters that the monitor is given: mimic, locked_joints and floating_base say which joints there are,
+and entries of arrays go by their order."""
+
+
+def run(name, arguments):
+    """Write a layout; returns the exit status."""
+    parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
+    parser.add_argument("urdf", help="the robot: URDF, or a name that `diag-dynamics robots` lists")
+    parser.add_argument("--tool", required=True, choices=TOOLS, help="the viewer")
+    parser.add_argument(
+        "--monitor", default="/diag_dynamics", help="name of the monitor on the graph (default: /diag_dynamics)"
+    )
+    given.add_parameters(parser)
+    parser.add_argument("-o", "--output", metavar="FILE", help="where to write it (default: stdout)")
+    chosen = parser.parse_args(arguments)
+    try:
+        return _write(chosen)
+    except BrokenPipeError:
+        raise  # of `… | head`, which main knows
+    except (DiagDynamicsError, OSError) as error:
+        print(f"diag-dynamics {name}: {error}", file=sys.stderr)
+        return 2
+
+
+def _write(chosen):
+    given.refuse_outputs([chosen.urdf, *chosen.parameters], {"-o": chosen.output})
+    values = {name: spec.default for name, spec in PARAMETERS.items()} | parameters_of(chosen.parameters, chosen.set)
+    text = layout(chosen.tool, model_of(given.robot_of(chosen.urdf), values), chosen.monitor)
+    tool = TOOLS[chosen.tool]
+    if chosen.output in (None, "-"):
+        print(text, end="")
+    else:
+        Path(chosen.output).expanduser().write_text(text, encoding="utf-8")
+        print(plain(f"Wrote {chosen.output}: {tool.opened.replace('FILE', chosen.output)}."), file=sys.stderr)
+    print(
+        f"It has not been tried with {tool.title} itself: it follows what {tool.title}'s source reads. That every topic, "
+        "field and joint in it exists is tested.",
+        file=sys.stderr,
+    )
+    return 0

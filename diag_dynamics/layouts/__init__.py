@@ -1,0 +1,1 @@
+"""Layouts of viewers for one robot: files that RViz, Foxglove, Lichtblick and PlotJuggler open. No ROS, and none of them."""
