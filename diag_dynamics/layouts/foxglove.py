@@ -26,7 +26,8 @@ def foxglove(model, monitor, reach, tool="foxglove"):
     shown = panels(model)
     title = TITLES[tool]
     by_id = {"3D!robot": {title: model.name, **_space(model, monitor, reach)}}
-    by_id |= {f"Plot!{panel.name}": {title: panel.title, **_plot(panel, monitor)} for panel in shown}
+    window = {"timeWindowMode": "sliding", "playbackBarPosition": "right"} if tool == "foxglove" else {}
+    by_id |= {f"Plot!{panel.name}": {title: panel.title, **_plot(panel, monitor), **window} for panel in shown}
     by_id["DiagnosticSummary!all"] = {
         **{title: "Diagnostics", "topicToRender": "/diagnostics", "minLevel": 0},
         **{"pinnedIds": [], "hardwareIdFilter": "", "sortByLevel": True},
@@ -47,7 +48,7 @@ def foxglove(model, monitor, reach, tool="foxglove"):
 
 def _space(model, monitor, reach):
     """The robot in space, in its root link's frame: no transform is needed."""
-    grid = {"layerId": "foxglove.Grid", "instanceId": "grid", "label": "Grid", "visible": True, "frameLocked": True}
+    grid = {"layerId": "foxglove.Grid", "instanceId": "grid", "label": "Grid", "visible": True}
     grid |= {"size": 10, "divisions": 10, "lineWidth": 1, "color": "#808080ff", "position": [0, 0, 0], "order": 1}
     camera = {"perspective": True, "distance": round(3.0 * reach, 3), "phi": 65, "thetaOffset": 45, "fovy": 45}
     camera |= {"target": [0, 0, round(0.4 * reach, 3)], "targetOffset": [0, 0, 0], "targetOrientation": [0, 0, 0, 1]}
@@ -56,7 +57,7 @@ def _space(model, monitor, reach):
         "cameraState": camera,
         "followMode": "follow-pose",
         "followTf": model.root_link,
-        "scene": {"ignoreColladaUpAxis": True},  # as RViz, and as URDFs mean it
+        "scene": {"ignoreColladaUpAxis": True, "meshUpAxis": "z_up"},  # as RViz, and as URDFs mean it
         "transforms": {},
         "topics": {f"{monitor}/{MARKERS}": {"visible": True}},
         "layers": {"grid": grid | {"rotation": [0, 0, 0]}},
