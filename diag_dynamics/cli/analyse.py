@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from diag_dynamics.cli import fleet, given
+from diag_dynamics.cli.interrupted import orderly
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
@@ -64,9 +65,10 @@ def run(name, arguments):
     if not chosen.recording and not chosen.fleet:
         parser.error("a recording is expected, before --set, or --fleet PATTERN…")
     try:
-        if chosen.fleet is not None:
-            return _analyse_fleet(chosen)
-        return _analyse(chosen) if len(chosen.recording) == 1 else _analyse_several(chosen)
+        with orderly(name, [] if chosen.fleet is not None else [getattr(chosen, option) for option in OUTPUTS]):
+            if chosen.fleet is not None:
+                return _analyse_fleet(chosen)
+            return _analyse(chosen) if len(chosen.recording) == 1 else _analyse_several(chosen)
     except BrokenPipeError:  # `… | head`, which main knows of
         raise
     except (DiagDynamicsError, OSError) as error:

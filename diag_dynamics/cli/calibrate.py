@@ -9,6 +9,7 @@ from pathlib import Path
 
 from diag_dynamics.alarms.thresholds import HOLD_OFF, RELEASE, STANDING
 from diag_dynamics.cli import given
+from diag_dynamics.cli.interrupted import orderly
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.parameters.files import parameters_of
@@ -44,7 +45,8 @@ def run(name, arguments):
     parser.add_argument("--quiet", action="store_true", help="no summary")
     chosen = parser.parse_args(arguments)
     try:
-        return _calibrate(chosen)
+        with orderly(name, [chosen.output]):
+            return _calibrate(chosen)
     except (DiagDynamicsError, OSError) as error:
         print(f"diag-dynamics {name}: {error}", file=sys.stderr)
         return FAILED
@@ -56,7 +58,7 @@ def _calibrate(chosen):
         raise InputError(f"--threads is {chosen.threads}, expected at least 1.")
     given.refuse_outputs([*chosen.recording, chosen.urdf, chosen.columns, *chosen.parameters], {"-o": chosen.output})
     parameters = parameters_of(chosen.parameters, chosen.set)
-    recordings = given.recordings_of(chosen, chosen.recording, parameters, given.robot_of(chosen.urdf))
+    recordings = given.streamed(chosen, chosen.recording, parameters, given.robot_of(chosen.urdf))
     found = calibrate(
         recordings,
         DiagonalDynamics(recordings[0].model),
@@ -73,10 +75,7 @@ def _calibrate(chosen):
         notes.append(f"By {', '.join([*map(repr, chosen.parameters), *chosen.set])}, which the monitor needs as well.")
     found.save(chosen.output, notes)
     findings = [
-        (Path(path).name, finding)
-        for path, one in zip(chosen.recording, recordings, strict=True)
-        for finding in one.findings
-        if finding.cause != "note"
+        (Path(one.path).name, finding) for one in recordings for finding in one.findings if finding.cause != "note"
     ]
     if not chosen.quiet:
         print("\n".join(text_of(found, chosen.output, [f"'{name}': {finding}" for name, finding in findings])))

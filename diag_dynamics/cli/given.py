@@ -4,7 +4,7 @@ from pathlib import Path
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.named import robot_path
-from diag_dynamics.recordings.recording import read_recording
+from diag_dynamics.recordings.recording import Reading, read_recording
 
 
 def add_arguments(parser):
@@ -47,8 +47,8 @@ def robot_of(urdf):
     return str(robot_path(urdf))  # the parameters shape it, as they do a file
 
 
-def recordings_of(chosen, paths, parameters, robot):
-    """Recordings, whole, each with states; all of the robot of the first one, where none is given.
+def recordings_of(chosen, paths, parameters, robot, most=None):
+    """Recordings, each with states, `most` at most; all of the robot of the first one, where none is given.
 
     Raises
     ------
@@ -66,12 +66,69 @@ def recordings_of(chosen, paths, parameters, robot):
             parameters=None if described else parameters,
             start=chosen.start,
             end=chosen.end,
+            most=most,
         )
         if not len(one):
-            findings = "; ".join(map(str, one.findings[:3])) or "it has no messages"
-            raise InputError(f"'{path}' has not a single state: {findings}.")
+            raise _without_states(path, one.findings)
         recordings.append(one)
     return recordings
+
+
+class Streamed:
+    """Pieces of a recording, read when they are wanted, in bounded memory.
+
+    Parameters
+    ----------
+    path : str
+    reading : Reading
+
+    Attributes
+    ----------
+    path : str
+    model : RobotModel
+    findings : list of Finding
+        Of all that has been read.
+    """
+
+    def __init__(self, path, reading):
+        self.path, self.model, self.findings, self._reading = path, reading.model, [], reading
+
+    def __iter__(self):
+        states = 0
+        for piece in self._reading.pieces():
+            self.findings, states = piece.findings, states + len(piece)
+            yield piece
+        if not states:
+            raise _without_states(self.path, self.findings)
+
+
+def streamed(chosen, paths, parameters, robot):
+    """The same as :func:`recordings_of`, to be read piece by piece: whether there are states is known then.
+
+    Raises
+    ------
+    InputError
+        One cannot be read.
+    """
+    found = []
+    for path in paths:
+        described = robot is None and found
+        reading = Reading(
+            path,
+            found[0].model if described else robot,
+            chosen.columns,
+            topic=chosen.topic,
+            parameters=None if described else parameters,
+            start=chosen.start,
+            end=chosen.end,
+        )
+        found.append(Streamed(path, reading))
+    return found
+
+
+def _without_states(path, findings):
+    told = "; ".join(map(str, findings[:3])) or "it has no messages"
+    return InputError(f"'{path}' has not a single state: {told}.")
 
 
 def refuse_outputs(read, written):

@@ -6,8 +6,9 @@ import sys
 from pathlib import Path
 
 from diag_dynamics.cli import given
+from diag_dynamics.cli.interrupted import orderly
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.exceptions import DiagDynamicsError
+from diag_dynamics.exceptions import DiagDynamicsError, UnsupportedError
 from diag_dynamics.identification.identifying import identify
 from diag_dynamics.model import urdf_text
 from diag_dynamics.model.rewriting import urdf_with
@@ -20,6 +21,10 @@ from diag_dynamics.views.identified import picture
 
 GAIN = 25.0
 """Of the observer on the page of plots [1/s]."""
+
+MOST = 500_000
+"""States of all recordings that are kept, and of all references: an hour at 125 Hz. Filtered to 1 Hz, more of them tell
+little more."""
 
 DONE, DOUBTFUL, FAILED = range(3)
 """Exit statuses: identified; nothing was gained; it could not be identified."""
@@ -58,7 +63,8 @@ def run(name, arguments):
     parser.add_argument("--quiet", action="store_true", help="no summary")
     chosen = parser.parse_args(arguments)
     try:
-        return _identify(chosen)
+        with orderly(name, [chosen.output, chosen.json, chosen.plots, chosen.write_urdf]):
+            return _identify(chosen)
     except BrokenPipeError:
         raise  # of `… | head`, which main knows
     except (DiagDynamicsError, OSError) as error:
@@ -71,9 +77,13 @@ def _identify(chosen):
     written = {"-o": chosen.output, "--json": chosen.json, "--plots": chosen.plots, "--write-urdf": chosen.write_urdf}
     given.refuse_outputs(read, written)
     parameters, robot = parameters_of(chosen.parameters, chosen.set), given.robot_of(chosen.urdf)
-    recordings = given.recordings_of(chosen, chosen.recording, parameters, robot)
+    if parameters.get("floating_base"):
+        raise UnsupportedError(
+            "floating_base is true: a floating base is not identified, for nothing measures its support."
+        )
+    recordings = given.recordings_of(chosen, chosen.recording, parameters, robot, MOST // len(chosen.recording))
     model = recordings[0].model
-    reference = given.recordings_of(chosen, chosen.reference, {}, model)
+    reference = given.recordings_of(chosen, chosen.reference, {}, model, MOST)
     found = identify(recordings, model, chosen.what.split(","), reference=reference or None)
     if chosen.output:
         found.save(chosen.output)

@@ -79,8 +79,8 @@ def main(arguments=None):
     try:
         status = _run(arguments)
         sys.stdout.flush()
-    except KeyboardInterrupt:
-        return INTERRUPTED
+    except KeyboardInterrupt as error:
+        return getattr(error, "status", INTERRUPTED)
     except BrokenPipeError:  # `… | head`: what is left would fail again when Python ends
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0

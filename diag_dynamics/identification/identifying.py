@@ -68,7 +68,7 @@ def identify(
     """
     instance("model", model, RobotModel)
     steps, payload = _what(what, model, reference)
-    _refuse_unsupported(model)
+    refuse_unsupported(model)
     loaded = _prepared("recordings", recordings, model, payload is not None)
     unloaded = _prepared("reference", reference, model, False) if reference is not None else []
     attempt = Attempt(model, steps, payload, loaded, unloaded)
@@ -129,7 +129,14 @@ def _what(what, model, reference):
     return [step for step in STEPS if step in steps], Payload.of(model, payloads[0]) if payloads else None
 
 
-def _refuse_unsupported(model):
+def refuse_unsupported(model: RobotModel) -> None:
+    """Refuse a robot that cannot be identified.
+
+    Raises
+    ------
+    UnsupportedError
+        It has a floating base, or a joint of several degrees of freedom.
+    """
     if model.floating_base:
         raise UnsupportedError(f"robot '{model.name}' has a floating base, whose support nothing measures.")
     if len(single_joints(model)) != len(model.joint_names):
@@ -150,11 +157,14 @@ def _prepared(name, recordings, model, tolerant):
             )
         findings: list[Finding] = []
         segments = segments_of(recording, model, findings)
+        if recording.every > 1:
+            text = f"of the recording every {recording.every}th state is used: it is longer than tells more"
+            findings.append(Finding("thinned", len(recording), text))
         if estimated := int(recording.states.estimated.sum()):
             text = "velocities were estimated from positions: those of the driver would be better"
             findings.append(Finding("velocity estimated", estimated, text))
         found = judged_velocities(segments, model)
-        sample = float(np.median(np.concatenate([np.diff(segment.t) for segment in segments])))
+        sample = float(np.median(np.concatenate([np.diff(segment.t) for segment in segments]))) / recording.every
         delay = found if abs(found) > sample else 0.0
         if delay:
             segments = without_delay(segments, delay)

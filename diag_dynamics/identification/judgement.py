@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.identification.segments import parts_of
 from diag_dynamics.identification.torques import smoothed
 from diag_dynamics.recordings.balance import Balance, WindowSums
 from diag_dynamics.recordings.observed import Observer
@@ -71,8 +72,9 @@ def judged(model, friction, segments):
             torques.append(torque[valid])
             kinetic, number = kinetic + float(s.kinetic_energy.sum()), number + len(part.t)
         if segment.t[-1] - segment.t[0] >= SMOOTHED:
-            error = torque_errors(dynamics, friction, segment)
-            squares, count = squares + (error**2).sum(axis=0), count + len(error)
+            for part in parts_of(segment):
+                error = torque_errors(dynamics, friction, part)
+                squares, count = squares + (error**2).sum(axis=0), count + len(error)
     spread = np.concatenate(torques).std(axis=0) if torques else np.full(model.nv, np.nan)
     torque = np.sqrt(squares / count) if count else np.full(model.nv, np.nan)
     return Verdict(torque, balance.explained, balance.explained_total, spread, kinetic / max(number, 1))

@@ -16,6 +16,9 @@ TOO_FAST = 1.5
 MOST_GARBAGE = 0.01
 """Part of the rows above which it is no garbage, but a unit."""
 
+LONG = 50_000
+"""States of a part, about: what is mirrored and transformed as a whole takes forty times the memory of its states."""
+
 SHORTEST = 10
 """States of a segment; fewer are left out."""
 
@@ -103,6 +106,13 @@ def _too_fast(qd, model, rows):
             "revolutions, or of the motor?"
         )
     return beyond.any(axis=1)
+
+
+def parts_of(segment):
+    """Yield a segment in parts that a filter of both directions goes through one by one; a short one is a single part."""
+    count = max(1, round(len(segment.t) / LONG))
+    for bounds in np.array_split(np.arange(len(segment.t)), count):
+        yield segment.part(slice(int(bounds[0]), int(bounds[-1]) + 1))
 
 
 def duration(segments):

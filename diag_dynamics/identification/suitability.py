@@ -4,6 +4,7 @@ import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.identification.segments import parts_of
 from diag_dynamics.identification.torques import smoothed
 from diag_dynamics.recordings.account import Finding
 from diag_dynamics.sweeps.spatial import ANGULAR_X
@@ -31,6 +32,9 @@ UNITS = (
 )
 """Slopes of positions over integrated velocities, and what velocities then are."""
 
+PART = 1000
+"""Increments that are looked at together: all delays of them take memory."""
+
 TINY = 1e-30
 """Sum of squares of a joint that does not move [rad², m²]."""
 
@@ -52,12 +56,14 @@ def judged_velocities(segments, model):
     InputError
         Positions of a joint do not change as its velocity says.
     """
-    increments, integrals = _increments(segments, model)
-    if not len(increments):
+    size, product, square = np.zeros(model.nv), *np.zeros((2, len(DELAYS), model.nv))
+    for increments, integrals in _increments(segments, model):
+        size += (increments**2).sum(axis=0)
+        product += (integrals * increments).sum(axis=1)
+        square += (integrals**2).sum(axis=1)
+    if not size.any():
         return 0.0
-    size = np.maximum((increments**2).sum(axis=0), TINY)
-    product = (integrals * increments).sum(axis=1)
-    square = np.maximum((integrals**2).sum(axis=1), TINY)
+    size, square = np.maximum(size, TINY), np.maximum(square, TINY)
     explained = np.maximum(0.0, 1.0 - product**2 / (square * size))  # unexplained share, by delay and joint
     telling = np.sqrt(np.maximum(0.0, 1.0 - explained.min(axis=0))) >= LEAST_CORRELATION
     if not telling.any():
@@ -95,25 +101,23 @@ def _unit(slope):
 
 
 def _increments(segments, model):
-    """Increments of positions, (K, nv), and integrals of velocities of each delay, (D, K, nv)."""
+    """Increments of positions, (K, nv), and integrals of velocities of each delay, (D, K, nv); yields some at a time."""
     turning = np.array([name in model.continuous_joints and name not in _coupled(model) for name in model.dof_names])
-    found, integrated = [], []
     for segment in segments:
         t = segment.t
         first, last = t[0] - DELAYS[0], t[-1] - DELAYS[-1]
         if last - first < 2.0 * INCREMENT:
             continue
         grid = np.arange(first, last, INCREMENT)
-        q = np.column_stack([np.interp(grid, t, column) for column in _unwrapped(segment.q, turning).T])
+        positions = _unwrapped(segment.q, turning)
         steps = 0.5 * (segment.qd[1:] + segment.qd[:-1]) * np.diff(t)[:, None]
         integral = np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])
-        at = grid + DELAYS[:, None]
-        values = np.stack([np.interp(at, t, column) for column in integral.T], axis=-1)
-        found.append(np.diff(q, axis=0))
-        integrated.append(np.diff(values, axis=1))
-    if not found:
-        return np.zeros((0, model.nv)), np.zeros((len(DELAYS), 0, model.nv))
-    return np.concatenate(found), np.concatenate(integrated, axis=1)
+        for begin in range(0, len(grid) - 1, PART):
+            some = grid[begin : begin + PART + 1]
+            q = np.column_stack([np.interp(some, t, column) for column in positions.T])
+            at = some + DELAYS[:, None]
+            values = np.stack([np.interp(at, t, column) for column in integral.T], axis=-1)
+            yield np.diff(q, axis=0), np.diff(values, axis=1)
 
 
 def _coupled(model):
@@ -151,7 +155,8 @@ def judge_efforts(segments, model, friction_velocity, tolerant, findings):
     InputError
         Gravity is not in them, of the other sign, or much too large or small.
     """
-    q, qd, tau, qdd = (np.concatenate(parts) for parts in zip(*map(_smoothed, segments), strict=True))
+    parts = (_smoothed(part) for segment in segments for part in parts_of(segment))
+    q, qd, tau, qdd = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     gravity = DiagonalDynamics(model).gravity_torque_batch(q)
     heavy = np.flatnonzero(gravity.std(axis=0) > HEAVY)
     if not len(heavy):

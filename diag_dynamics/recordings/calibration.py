@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.calibration_result import Calibration as Calibration
 from diag_dynamics.recordings.calibration_result import per_time as per_time
-from diag_dynamics.recordings.observed import observe
+from diag_dynamics.recordings.observed import Observer, require_efforts, require_same_robot
 from diag_dynamics.recordings.recording import Recording
 from diag_dynamics.recordings.residuals import Piece, Residuals
 
@@ -34,7 +34,7 @@ MUCH = 0.05
 
 
 def calibrate(
-    recordings: Recording | Sequence[Recording],
+    recordings: Recording | Iterable[Recording | Iterable[Recording]],
     dynamics: DiagonalDynamics,
     gain: float = 25.0,
     false_alarms: float = 1 / 60,
@@ -53,8 +53,9 @@ def calibrate(
 
     Parameters
     ----------
-    recordings : Recording, or sequence of Recording
-        Without contact; of the motions that the alarms are for.
+    recordings : Recording, or iterable of recordings
+        Without contact; of the motions that the alarms are for. What is no :class:`Recording` among them is the pieces of
+        one, as :func:`stream_recording` yields them: these are taken in one by one, in bounded memory.
     dynamics : DiagonalDynamics
         Of the robot, as the monitor will have it.
     gain : float
@@ -86,15 +87,23 @@ def calibrate(
     gain = positive("gain", gain, "[1/s]")
     if friction is None:
         friction = model.has_friction
-    many = [recordings] if isinstance(recordings, Recording) else list(recordings)
-    if not many:
-        raise InputError("recordings are none, expected at least one.")
     positive("false_alarms", false_alarms, "[1/s]")
     ends = AlarmThresholds({}, release=release, hold_off=hold_off, standing=standing)
     seen = Residuals(model.nv, max_gap)
-    for one in many:
-        observed = observe(dynamics, one, gain, friction=friction, max_gap=max_gap, threads=threads)
-        seen.take(one.stamp, observed.residual, observed.external_torque, observed.valid)
+    many = iter([recordings] if isinstance(recordings, Recording) else recordings)
+    first = next(many, None)
+    if first is None:
+        raise InputError("recordings are none, expected at least one.")
+    for one in chain([first], many):
+        observer = Observer(dynamics, gain, friction=friction, max_gap=max_gap, threads=threads)
+        with_states = with_efforts = False
+        for piece in [one] if isinstance(one, Recording) else one:
+            require_same_robot(dynamics, piece)
+            with_states, with_efforts = with_states or len(piece) > 0, with_efforts or piece.tau is not None
+            for stamps, (residual, torque, _, valid, _) in observer.observed(piece.states):
+                seen.take(stamps, residual, torque, valid)
+        if not with_efforts:
+            require_efforts(with_states)
     return calibrated(seen, model.dof_names, gain, false_alarms, ends, friction=friction)
 
 

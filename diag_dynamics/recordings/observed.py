@@ -78,26 +78,30 @@ def observe(
         An argument has a wrong value, or the recording is of another robot or has no efforts.
     """
     instance("dynamics", dynamics, DiagonalDynamics)
+    require_same_robot(dynamics, recording)
+    if recording.tau is None:
+        require_efforts(len(recording) > 0)
+    observer = Observer(dynamics, gain, threshold, release, friction=friction, max_gap=max_gap, threads=threads)
+    pieces = [columns for _, columns in observer.observed(recording.states)]
+    columns = (np.concatenate(column) for column in zip(*pieces, strict=True))
+    return Observed(recording.t, *columns)
+
+
+def require_same_robot(dynamics: DiagonalDynamics, recording: Recording) -> None:
+    """Refuse a recording of another robot."""
     instance("recording", recording, Recording)
     if dynamics.model.dof_names != recording.model.dof_names:
         raise InputError(
             f"the recording is of robot '{recording.model.name}', whose degrees of freedom are not those of the dynamics, "
             f"of '{dynamics.model.name}'."
         )
-    if not len(recording):
+
+
+def require_efforts(with_states: bool) -> None:
+    """Refuse a recording that has no efforts, and perhaps no states either."""
+    if not with_states:
         raise InputError("the recording has no states: its findings say why.")
-    if recording.tau is None:
-        raise InputError("the recording has no efforts, without which no external torque can be observed.")
-    observer = Observer(dynamics, gain, threshold, release, friction=friction, max_gap=max_gap, threads=threads)
-    states, pieces = recording.states, []
-    for first in range(0, states.number, SIZE):
-        part = states.part(slice(first, first + SIZE))
-        s = dynamics.evaluate_batch(
-            part.position, part.velocity, np.nan_to_num(part.effort), threads=threads, friction=friction
-        )
-        pieces.append(observer.take(part, s))
-    columns = (np.concatenate(column) for column in zip(*pieces, strict=True))
-    return Observed(recording.t, *columns)
+    raise InputError("the recording has no efforts, without which no external torque can be observed.")
 
 
 class Observer:
@@ -133,6 +137,19 @@ class Observer:
             flags=self._flags,
         )
         prepare(observe_many)
+
+    def observed(self, states):
+        """Evaluate states and take them in; yields stamps [ns] of some, and what :meth:`take` returns of these."""
+        for first in range(0, states.number, SIZE):
+            part = states.part(slice(first, first + SIZE))
+            s = self._dynamics.evaluate_batch(
+                part.position,
+                part.velocity,
+                np.nan_to_num(part.effort),
+                threads=self._threads,
+                friction=self._friction,
+            )
+            yield part.newest, self.take(part, s)
 
     def take(self, states, s):
         """Take in states and their BatchEvaluation; returns the columns of :class:`Observed` but for times."""

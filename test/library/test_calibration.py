@@ -315,6 +315,21 @@ def test_the_library_does_what_the_command_does(ur5, tables, tmp_path):
     assert found.rate_interval[0] <= 1 / 3 <= found.rate_interval[1]
 
 
+def test_pieces_of_a_recording_are_the_recording(ur5, tables):
+    """Streamed in pieces of any size it is the same, and beside another one, too."""
+    path, dyn = tables / "free.csv", dd.DiagonalDynamics(ur5)
+    recording = dd.read_recording(path, ur5)
+    expected = [dd.calibrate([recording] * number, dyn, false_alarms=1 / 3) for number in (1, 2)]
+    for size in (500, 10_000):
+        pieces = dd.stream_recording(path, ur5, size=size)
+        found = dd.calibrate([pieces], dyn, false_alarms=1 / 3)
+        assert found.joints == pytest.approx(expected[0].joints, rel=1e-9)
+        assert found.norm == pytest.approx(expected[0].norm, rel=1e-9)
+        assert (found.alarms, found.held_out) == (expected[0].alarms, expected[0].held_out)
+    two = dd.calibrate((dd.stream_recording(path, ur5) for _ in range(2)), dyn, false_alarms=1 / 3)
+    assert two.duration == expected[1].duration and two.norm == pytest.approx(expected[1].norm, rel=1e-9)
+
+
 def test_what_is_known_of_the_robot(ur5, tables, tmp_path):
     """Friction that is not there, by a file of parameters, is in the thresholds, and the file says by what they are."""
     arm, alarms = tmp_path / "arm.yaml", [tmp_path / "a.yaml", tmp_path / "b.yaml"]

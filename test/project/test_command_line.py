@@ -10,6 +10,7 @@ import time
 from importlib.metadata import entry_points
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from diag_dynamics.cli import compile as compiling
@@ -225,3 +226,45 @@ def test_compiled_where_it_is_installed(tmp_path):
         assert "['compile'" not in cmake("--install", build, "--prefix", tmp_path / "made", **mark).stdout
     cmake("-S", tmp_path, "-B", build, "-DDIAG_DYNAMICS_COMPILE=OFF")
     assert "['compile'" not in cmake("--install", build, "--prefix", place).stdout
+
+
+@pytest.mark.parametrize(
+    ("number", "status", "word"), [(signal.SIGTERM, 143, "terminated"), (signal.SIGINT, 130, "interrupted")]
+)
+def test_analyse_that_is_ended_leaves_nothing(tmp_path, number, status, word):
+    """No half of a file stays, what was there stays as it was, and what is not written is said."""
+    count = 400_000
+    t = np.arange(count)[:, None] * 1e-3
+    q = 0.3 * np.sin(t * np.arange(1.0, 7.0))
+    np.savez(
+        tmp_path / "long.npz",
+        time=t[:, 0],
+        position=q,
+        velocity=0.3 * np.arange(1.0, 7.0) * np.cos(t * np.arange(1.0, 7.0)),
+    )
+    written = {name: tmp_path / f"out.{name}" for name in ("mcap", "csv", "json")}
+    written["csv"].write_text("of yesterday")
+    options = [text for name, path in written.items() for text in (f"--{name}", str(path))]
+    command = [
+        sys.executable,
+        "-m",
+        "diag_dynamics",
+        "analyse",
+        str(tmp_path / "long.npz"),
+        "--urdf",
+        "ur5",
+        "--quiet",
+        *options,
+    ]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    part = tmp_path / "out.mcap.part"
+    while not (part.exists() and part.stat().st_size > 100_000):
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.01)
+    process.send_signal(number)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode == status
+    assert f"diag-dynamics analyse: {word}; " in said and all(str(path) in said for path in written.values())
+    assert "Traceback" not in said
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["long.npz", "out.csv"]
+    assert written["csv"].read_text() == "of yesterday"

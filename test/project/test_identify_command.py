@@ -88,6 +88,7 @@ def test_goes_on_from_what_is_known(recording, tmp_path, capsys):
         (["-o", "{recording}"], "is read, so nothing is written there"),
         (["--json", "/nowhere/q.json"], "there is no folder '/nowhere'"),
         (["--start", "1000"], "has not a single state"),
+        (["--set", "floating_base=true"], "a floating base is not identified"),
     ],
 )
 def test_errors(recording, options, message, capsys):
