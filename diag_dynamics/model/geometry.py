@@ -84,11 +84,26 @@ def shapes_of(link: Any, role: str) -> tuple[Shape, ...]:
     UrdfError
         A shape that is not known, or that has no numbers as expected.
     """
-    return tuple(
-        _shape(element, geometry[0], f"link '{link.get('name')}': {role}")
-        for element in link.findall(role)
-        if (geometry := element.findall("geometry/*"))
-    )
+    where = f"link '{link.get('name')}': {role}"
+    return tuple(shape for element in link.findall(role) if (shape := shape_of(element, where)) is not None)
+
+
+def shape_of(element: Any, where: str) -> Shape | None:
+    """Shape of one <visual> or <collision>; None of one without geometry.
+
+    Parameters
+    ----------
+    element : lxml.etree.Element
+    where : str
+        What messages say of its place.
+
+    Raises
+    ------
+    UrdfError
+        As :func:`shapes_of`.
+    """
+    geometry = element.findall("geometry/*")
+    return _shape(element, geometry[0], where) if geometry else None
 
 
 def _shape(element: Any, shape: Any, where: str) -> Shape:

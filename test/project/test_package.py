@@ -45,7 +45,7 @@ FLOORS = [
     "dynamics",
     "control assembly inspection alarms",
     "simulation wire",
-    "parameters views",
+    "parameters views page",
     "recordings",
     "identification plot",
     "demos layouts",

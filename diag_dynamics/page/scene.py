@@ -1,0 +1,202 @@
+"""A robot as a scene: what is drawn of each link, as JSON; where a link has no geometry, the ellipsoid of its inertia."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diag_dynamics.arrays import Array
+from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.model import RobotModel
+from diag_dynamics.model.example_robots import example_urdfs
+from diag_dynamics.model.geometry import Shape, floats, shape_of
+from diag_dynamics.model.urdf import folder_of, parse_urdf, urdf_text
+from diag_dynamics.page.layout import finite
+from diag_dynamics.page.meshes import DrawnMesh, MeshLibrary, corners_of
+from diag_dynamics.page.poses import LinkPoses
+
+GREY = (0.72, 0.74, 0.78, 1.0)
+"""Color of what has none."""
+
+LEAST = 1e-3
+"""Part of the robot's mass from which a link that has nothing else is drawn as an ellipsoid: many a frame has a gram, and the
+inertia of a barrel."""
+
+SMALLEST = 0.02
+"""Half the size of a robot that has neither geometry nor inertia [m]."""
+
+
+def mesh_folders(source: Any = None) -> list[Path]:
+    """Folders around which meshes may lie that no ROS package has: of the URDF's file, and of the example robots' wheel."""
+    own = folder_of(source) if source is not None else None
+    return [*([own.resolve()] if own else []), *[path.parent for path in list(example_urdfs().values())[:1]]]
+
+
+def scene_of(model: RobotModel, source: Any, meshes: MeshLibrary | None = None) -> dict[str, Any]:
+    """What is drawn of a robot.
+
+    Parameters
+    ----------
+    model : RobotModel
+    source : str, bytes, os.PathLike or file
+        The URDF that it was made of, see :func:`~diag_dynamics.load_urdf`. A xacro file must have been expanded.
+    meshes : MeshLibrary
+        Where its meshes come from, and are kept to be asked for; None: none is read, which takes no time.
+
+    Returns
+    -------
+    dict
+        For JSON. ``links``, in the order of ``model.link_names``: name, parent_joint, visuals, inertia (mass, com, axes,
+        semi: half axes of the ellipsoid of even density with the same inertia; null without one), ellipsoid (whether that
+        stands for what is not there to be drawn). ``joints``: name, type,
+        parent, child, dof (index of what moves it, its own or its leader's; null), follows (its leader, or null), limits.
+        ``bounds``: corners of a box around the robot at rest [m]. ``missing``: why meshes are not there, by name.
+
+    Raises
+    ------
+    UrdfError
+        The URDF is malformed.
+    """
+    robot = parse_urdf(urdf_text(source).encode(errors="replace"))
+    colors = _colors(robot)
+    elements = {element.get("name"): element for element in robot.findall("link")}
+    joints = [_joint(model, element) for element in robot.findall("joint")]
+    carried_by = {joint["child"]: joint["name"] for joint in joints}
+    inertias, problems = _inertias(model), {}
+    links, corners = [], []
+    for name in model.link_names:
+        visuals, points = [], []
+        for element in elements[name].findall("visual"):
+            try:
+                drawn = _visual(element, name, colors, meshes)
+            except UrdfError as error:  # one shape that makes no sense takes nothing else away
+                problems[name] = str(error)
+                continue
+            if drawn:
+                visuals.append(drawn[0])
+                points.append(drawn[1])
+        inertia = inertias.get(name)
+        bare = inertia is not None and not points and inertia["mass"] >= LEAST * model.total_mass
+        if inertia is not None and bare:
+            points.append(_corners_of_ellipsoid(inertia))
+        drawn_of_link = {"visuals": visuals, "inertia": inertia, "ellipsoid": bare}
+        links.append({"name": name, "parent_joint": carried_by.get(name), **drawn_of_link})
+        corners.append(np.concatenate(points) if points else np.zeros((1, 3)))
+    missing = {**problems, **(meshes.missing if meshes is not None else {})}
+    return {"links": links, "joints": joints, "bounds": _bounds(model, corners), "missing": missing}
+
+
+def _joint(model: RobotModel, element: Any) -> dict[str, Any]:
+    name, kind = element.get("name"), element.get("type")
+    leader = model.mimics[name].leader if name in model.mimics else None
+    moved_by = leader or name
+    several = next((k for k, dof in enumerate(model.dof_names) if dof.startswith(f"{moved_by}/")), None)
+    dof = model.dof_names.index(moved_by) if moved_by in model.dof_names else several
+    limits = {}
+    if leader is None and moved_by in model.coordinate_names:
+        k = model.coordinate_names.index(moved_by)
+        lower, upper = finite(model.lower[k : k + 1]), finite(model.upper[k : k + 1])
+        limits = {"lower": lower[0], "upper": upper[0]}
+    ends = {end: element.find(end).get("link") for end in ("parent", "child")}
+    return {"name": name, "type": kind, **ends, "dof": dof, "follows": leader, "limits": limits}
+
+
+def _visual(element: Any, link: str, colors: Any, meshes: MeshLibrary | None) -> tuple[dict[str, Any], Array] | None:
+    """One visual and the corners of a box around it in the link's axes; None of a mesh that is not there."""
+    shape = shape_of(element, f"link '{link}': visual")
+    if shape is None:
+        return None
+    color = _own_color(element, colors)
+    mesh: DrawnMesh | None = None
+    if shape.kind == "mesh":
+        mesh = meshes.drawn(shape.file, shape.numbers) if meshes is not None else None
+        if mesh is None:
+            return None
+        points, size = mesh.corners, [1.0, 1.0, 1.0]
+        color = color or mesh.color
+    else:
+        points, size = _corners(shape), list(shape.numbers)
+    drawn = {
+        "kind": shape.kind,
+        "size": size,
+        "mesh": mesh.sha if mesh else None,
+        "origin": shape.placement.ravel().tolist(),
+        "color": list(color or GREY),
+    }
+    return drawn, points @ shape.placement[:3, :3].T + shape.placement[:3, 3]
+
+
+def _corners(shape: Shape) -> Array:
+    """Corners of a box around a shape that is no mesh, in its own axes."""
+    numbers = shape.numbers
+    if shape.kind == "box":
+        half = 0.5 * np.array(numbers)
+    elif shape.kind == "sphere":
+        half = np.full(3, numbers[0])
+    else:  # a cylinder, or a capsule, which has half a ball at each end
+        half = np.array([numbers[0], numbers[0], 0.5 * numbers[1] + (numbers[0] if shape.kind == "capsule" else 0.0)])
+    return corners_of(-half, half)
+
+
+def _colors(robot: Any) -> dict[str, tuple[float, ...]]:
+    """Colors of materials by name, wherever in the URDF they are defined."""
+    return {
+        material.get("name"): color
+        for material in robot.iter("material")
+        if material.get("name") and (color := _rgba(material)) is not None
+    }
+
+
+def _own_color(element: Any, colors: dict[str, tuple[float, ...]]) -> tuple[float, ...] | None:
+    material = element.find("material")
+    return None if material is None else _rgba(material) or colors.get(material.get("name"))
+
+
+def _rgba(material: Any) -> tuple[float, ...] | None:
+    color = material.find("color")
+    numbers = None if color is None else floats(color.get("rgba"), 4)
+    return None if numbers is None else tuple(min(max(number, 0.0), 1.0) for number in numbers)
+
+
+def _inertias(model: RobotModel) -> dict[str, dict[str, Any]]:
+    """Mass, centre and ellipsoid of each link that has an inertia, payloads included, in the link's axes."""
+    found = {}
+    for record in model.links:
+        name, mass = model.link_names[record["index"]], float(record["mass"])
+        if not mass > 0.0:
+            continue
+        _, placement = model.placement_in_body(name)
+        R, c = placement[:3, :3], record["first_moment"] / mass
+        xx, xy, xz, yy, yz, zz = record["inertia"]
+        about_centre = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - mass * (
+            c @ c * np.eye(3) - np.outer(c, c)
+        )
+        moments, axes = np.linalg.eigh(R.T @ about_centre @ R)
+        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        # Of an ellipsoid I_x = m (b² + c²) / 5, and so on round.
+        squares = 2.5 / mass * (moments.sum() - 2.0 * moments)
+        found[name] = {
+            "mass": mass,
+            "com": (R.T @ (c - placement[:3, 3])).tolist(),
+            "axes": axes.tolist(),
+            "semi": np.sqrt(np.maximum(squares, 0.0)).tolist(),
+        }
+    return found
+
+
+def _corners_of_ellipsoid(inertia: dict[str, Any]) -> Array:
+    half = np.abs(np.array(inertia["axes"])) @ np.array(inertia["semi"])
+    return corners_of(np.array(inertia["com"]) - half, np.array(inertia["com"]) + half)
+
+
+def _bounds(model: RobotModel, corners: list[Array]) -> list[list[float]]:
+    """Corners of a box around all links, joints at zero or, where that is beyond their limits, at the limit next to it."""
+    q = np.clip(model.neutral, model.lower, model.upper)
+    placed = LinkPoses(model).matrices(q[None])[0]
+    points = np.concatenate([c @ X[:3, :3].T + X[:3, 3] for c, X in zip(corners, placed, strict=True)])
+    low, high = points.min(axis=0), points.max(axis=0)
+    if not (high > low).any():
+        low, high = low - SMALLEST, high + SMALLEST
+    return [low.tolist(), high.tolist()]
