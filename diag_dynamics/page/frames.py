@@ -92,6 +92,13 @@ class FrameMaker:
         self.layout = Layout(dynamics.model, live)
         self._before: tuple[float, float] | None = None
 
+    def prepare(self) -> None:
+        """Compile what frames are made by, or load it: the first one then takes as long as any other."""
+        q, none = self._dynamics.model.neutral, np.zeros(self._dynamics.model.nv)
+        self.frames(States.of(0.0, q, none, none, self._dynamics.evaluate(q, none, none)))
+        self.chosen(q, none, self._dynamics.model.root_link)
+        self.forget()
+
     def forget(self) -> None:
         """Take the next state for the first one: there is no power from one before."""
         self._before = None

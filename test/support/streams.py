@@ -1,0 +1,116 @@
+"""A reader of the page's stream, and of whatever else its server has: over a real connection."""
+
+import http.client
+import json
+import socket
+import struct
+import time
+from urllib.parse import urlencode, urlsplit
+
+import numpy as np
+
+LAYOUT, FRAME, DIAGNOSTICS, HEARTBEAT = range(4)
+
+
+def get(address, path, method="GET", **headers):
+    """Ask once; return status, headers and body."""
+    url = urlsplit(address)
+    connection = http.client.HTTPConnection(url.hostname, url.port, timeout=20)
+    try:
+        connection.request(method, path, headers=headers)
+        answer = connection.getresponse()
+        return answer.status, dict(answer.headers), answer.read()
+    finally:
+        connection.close()
+
+
+def get_json(address, path):
+    """Ask for JSON, with success."""
+    status, _, body = get(address, path)
+    assert status == 200, body
+    return json.loads(body)
+
+
+class Stream:
+    """A stream that is being read, or not."""
+
+    def __init__(self, address, timeout=20.0, room=None, **query):
+        """Ask for it; `room`: of the receiving buffer [bytes]."""
+        url = urlsplit(address)
+        self.socket = socket.socket()
+        if room:
+            self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, room)
+        self.socket.settimeout(timeout)
+        self.socket.connect((url.hostname, url.port))
+        self.socket.sendall(f"GET /stream?{urlencode(query)} HTTP/1.1\r\nHost: {url.netloc}\r\n\r\n".encode())
+        self._buffer, self.layout = b"", None
+
+    def __enter__(self):
+        """Read the headers."""
+        head = b""
+        while not head.endswith(b"\r\n\r\n"):
+            head += self._exactly(1)
+        self.head = head.decode()
+        return self
+
+    def __exit__(self, *_):
+        """Leave."""
+        self.socket.close()
+
+    def _exactly(self, count):
+        while len(self._buffer) < count:
+            some = self.socket.recv(65536)
+            if not some:
+                raise EOFError("the stream has ended")
+            self._buffer += some
+        some, self._buffer = self._buffer[:count], self._buffer[count:]
+        return some
+
+    def packet(self):
+        """Return the next packet: its kind, and what is in it, as JSON or as a :class:`Frame`."""
+        length, kind = struct.unpack("<IB", self._exactly(5))
+        payload = self._exactly(length)
+        if kind == FRAME:
+            return kind, Frame(self.layout, payload)
+        told = json.loads(payload)
+        if kind == LAYOUT:
+            self.layout = told
+        return kind, told
+
+    def next(self, kind, accept=lambda _: True, timeout=30.0):
+        """Return the next packet of a kind that is accepted."""
+        end = time.monotonic() + timeout
+        while time.monotonic() < end:
+            found, told = self.packet()
+            if found == kind and accept(told):
+                return told
+        raise TimeoutError(f"no such packet of kind {kind} within {timeout} s")
+
+    def frames(self, count):
+        """Return as many frames."""
+        return [self.next(FRAME) for _ in range(count)]
+
+
+class Frame:
+    """A frame, by the names of its fields."""
+
+    def __init__(self, layout, payload):
+        """Take it apart as the layout says."""
+        (self.t,) = struct.unpack_from("<d", payload)
+        numbers = np.frombuffer(payload, "<f4", offset=8)
+        self._fields, at = {}, 0
+        for field in layout["fields"]:
+            self._fields[field["name"]] = numbers[at : at + field["size"]]
+            at += field["size"]
+        assert at == len(numbers)
+        self._causes = layout["causes"]
+
+    def __getitem__(self, name):
+        """Return the numbers of a field; of a single one the number."""
+        values = self._fields[name]
+        return float(values[0]) if len(values) == 1 else values
+
+    @property
+    def flags(self):
+        """Names of what is said of the state."""
+        return {name for name, bit in self._causes.items() if int(self["flags"]) & bit}
