@@ -27,6 +27,7 @@ CHANGES = {
     "to choose `external_torque.*` and `alarm.*`: [alarms.md](alarms.md).",
     "simulator": "`gravity` and `payloads` may change while the robot moves, all others while the node is unconfigured.",
     "controller": "All may change while the node is unconfigured only. What the gains do: [control.md](control.md#laws).",
+    "view": "All may change while the node is unconfigured only. What the page shows: [view.md](view.md).",
 }
 """What a reader has to know beside a node's table."""
 

@@ -57,6 +57,7 @@ GROUPS = {
         "monitor": _node("the dynamics of the robot on the graph"),
         "simulator": _node("a robot to try things on"),
         "controller": _node("moves a robot by laws in (ν, ε)"),
+        "view": _node("a page in the browser that shows robots live"),
         "energy-view": _node("a running monitor's kinetic energy in this terminal"),
         "demo": _node("simulator, monitor and view of one robot"),
         "demo-control": _node("a push on an arm under control"),

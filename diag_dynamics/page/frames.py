@@ -145,20 +145,21 @@ class FrameMaker:
         x[:, layout.common :] = np.nan
         return frames
 
-    def chosen(self, q: Array, qd: Array, link: str) -> Any:
+    def chosen(self, q: Array, nu: Array, link: str) -> Any:
         """Numbers of the fields of a chosen link, float32: its mobility and its twist, in the world's axes.
 
-        The mobility J M⁻¹Jᵀ at the link's origin [1/kg, 1/(kg m), 1/(kg m²)] is the upper triangle, row by row, linear
-        directions first; the twist likewise [m/s, rad/s].
+        With F = ℓJᵀ the mobility J M⁻¹Jᵀ at the link's origin is FᵀF [1/kg, 1/(kg m), 1/(kg m²)], of which the upper triangle
+        is told, row by row, linear directions first; the twist J q̇ is Fᵀν, likewise [m/s, rad/s].
 
         Raises
         ------
         InputError
             No such link.
         """
-        mobility = self._dynamics.operational_inverse_inertia(q, link, frame="world")
-        twist = self._dynamics.link_velocity(q, qd, link, frame="world")
-        return np.concatenate([mobility[_UPPER], twist]).astype("<f4")
+        factor = self._dynamics.wrench_factor(q, link, frame="world")
+        numbers = np.empty(27, dtype="<f4")
+        numbers[:21], numbers[21:] = (factor.T @ factor)[_UPPER], factor.T @ nu
+        return numbers
 
     def _put(self, x: Any, name: str, value: Any) -> None:
         x[:, self.layout.place(name).start] = value
@@ -187,8 +188,11 @@ class FrameMaker:
         t, K = states.t, states.K
         if not len(t):
             return np.empty(0)
-        first = (np.nan, np.nan) if self._before is None else self._before
-        step, change = np.diff(t, prepend=first[0]), np.diff(K, prepend=first[1])
+        step, change = np.empty((2, len(t)))
+        step[0], change[0] = (
+            (np.nan, np.nan) if self._before is None else (t[0] - self._before[0], K[0] - self._before[1])
+        )
+        step[1:], change[1:] = t[1:] - t[:-1], K[1:] - K[:-1]
         self._before = float(t[-1]), float(K[-1])
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where((step > 0.0) & (step <= GAP), change / step, np.nan)
@@ -213,4 +217,4 @@ class FrameMaker:
 
 def _products(a: Array, b: Array) -> Array:
     """Scalar product of each pair of rows."""
-    return np.einsum("tk,tk->t", a, b)
+    return (a[:, None, :] @ b[:, :, None])[:, 0, 0]

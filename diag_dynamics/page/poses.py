@@ -82,25 +82,32 @@ def _several(kind: int, q: Array) -> Array:
 def quaternions(R: Array) -> Array:
     """Quaternions qx qy qz qw of rotations, shape (…, 3, 3), with qw ≥ 0.
 
-    Of the four rows of 4 q qᵀ, each of which is the quaternion but for a factor, the longest: its factor is never small.
+    Of the four rows of 4 q qᵀ, which is linear in R, that with the largest diagonal entry: the factor by which it is the
+    quaternion is never small.
     """
-    xx, yy, zz = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
-    outer = np.empty((*R.shape[:-2], 4, 4))
-    outer[..., 0, 0] = 1.0 + xx - yy - zz
-    outer[..., 1, 1] = 1.0 - xx + yy - zz
-    outer[..., 2, 2] = 1.0 - xx - yy + zz
-    outer[..., 3, 3] = 1.0 + xx + yy + zz
-    for (i, j), product in (
-        ((0, 1), R[..., 1, 0] + R[..., 0, 1]),
-        ((0, 2), R[..., 2, 0] + R[..., 0, 2]),
-        ((1, 2), R[..., 2, 1] + R[..., 1, 2]),
-        ((0, 3), R[..., 2, 1] - R[..., 1, 2]),
-        ((1, 3), R[..., 0, 2] - R[..., 2, 0]),
-        ((2, 3), R[..., 1, 0] - R[..., 0, 1]),
-    ):
-        outer[..., i, j] = outer[..., j, i] = product
-    longest = outer[..., np.arange(4), np.arange(4)].argmax(axis=-1)
-    row = np.take_along_axis(outer, longest[..., None, None], axis=-2)[..., 0, :]
-    row /= np.linalg.norm(row, axis=-1, keepdims=True)
-    row *= np.where(row[..., 3:] < 0.0, -1.0, 1.0)
-    return row
+    outer = (R.reshape(-1, 9) @ _OUTER + _CONSTANT).reshape(-1, 4, 4)
+    each, diagonal = np.arange(len(outer)), outer[:, _FOUR, _FOUR]
+    longest = diagonal.argmax(axis=1)
+    factor = 0.5 / np.sqrt(diagonal[each, longest])
+    row = outer[each, longest]
+    return (row * np.copysign(factor, row[:, 3])[:, None]).reshape(*R.shape[:-2], 4)
+
+
+def _linear() -> tuple[Array, Array]:
+    """4 q qᵀ, row by row, as a linear function of R, row by row: its matrix and its constant."""
+    matrix, constant = np.zeros((9, 4, 4)), np.eye(4)
+    signs = np.array([[1, -1, -1], [-1, 1, -1], [-1, -1, 1], [1, 1, 1]])
+    for i in range(4):
+        matrix[[0, 4, 8], i, i] = signs[i]
+    for i, j, k, sign in ((0, 1, 2, 1), (0, 2, 1, 1), (1, 2, 0, 1), (0, 3, 0, -1), (1, 3, 1, -1), (2, 3, 2, -1)):
+        if sign > 0:  # x y: R_10 + R_01, and so on
+            high, low = 3 * j + i, 3 * i + j
+        else:  # x w: R_21 − R_12, and so on round
+            high, low = 3 * ((k + 2) % 3) + (k + 1) % 3, 3 * ((k + 1) % 3) + (k + 2) % 3
+        matrix[high, i, j] = matrix[high, j, i] = 1
+        matrix[low, i, j] = matrix[low, j, i] = sign
+    return matrix.reshape(9, 16), constant.ravel()
+
+
+_OUTER, _CONSTANT = _linear()
+_FOUR = np.arange(4)

@@ -193,8 +193,8 @@ class Show:
         if link not in self._chosen:
             layout = self._maker.layout
             if link:
-                q, qd = self._last.states.q[0], self._last.states.qd[0]
-                self._chosen[link] = self._maker.chosen(q, qd, link).tobytes()
+                states = self._last.states
+                self._chosen[link] = self._maker.chosen(states.q[0], states.nu[0], link).tobytes()
             else:
                 self._chosen[link] = nothing(layout)
         return self._chosen[link]

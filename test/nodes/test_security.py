@@ -62,7 +62,7 @@ def check(peer, node, unused=()):
 
 @pytest.fixture(scope="module")
 def three(peer):
-    """Start all three nodes in the root namespace, where the policy has them, with all inputs and outputs."""
+    """Start all nodes in the root namespace, where the policy has them, with all inputs and outputs."""
     model = robot(PANDA)
     simulator = {"robot_description": model.path, "floating_base": True, "publish_clock": True}
     controller = {"robot_compensates_gravity": False, "check_time": 60.0, "autostart": True, "use_sim_time": True}
@@ -71,6 +71,7 @@ def three(peer):
         node_process("simulator", **simulator),
         node_process("monitor", floating_base=True, use_sim_time=True),
         node_process("controller", **controller),
+        node_process("view", port=0, use_sim_time=True),
     ):
         yield model
 
@@ -82,3 +83,5 @@ def test_names_of_the_policy(peer, three):
         check(peer, "diag_dynamics_controller")
         check(peer, "diag_dynamics")
         check(peer, "diag_dynamics_simulator", [(("topic", "subscribe"), "/clock")])
+    check(peer, "diag_dynamics_view")
+    check(peer, "diag_dynamics_view_reading")

@@ -52,7 +52,7 @@ FLOORS = [
     "nodes/support",
     "nodes/encoded",
     "nodes/monitor nodes/controller nodes/simulator",
-    "nodes/demos nodes/tools",
+    "nodes/demos nodes/tools nodes/view",
     "cli",
     "__main__",
 ]
@@ -277,9 +277,9 @@ def test_launch_files_name_what_exists(path):
 def test_arguments_of_launches_are_parameters(name):
     """What a launch takes and gives are parameters of its nodes, and it lists none that has no effect."""
     launch = LAUNCHES[name]
-    listed = set(arguments_of(launch)) - {"namespace", "params_file", "clock_topic", "urdf"}
+    listed = set(arguments_of(launch)) - {"namespace", "params_file", "clock_topic", "urdf", *launch.optional}
     free = {text[1:] for given in launch.given.values() for text in given.values() if text.startswith("$")}
-    for node, given in launch.given.items():
+    for node, given in (launch.given | launch.optional).items():
         assert set(given) <= set(ARGUMENTS[node])
         assert set(ARGUMENTS[node]) <= {"robot_compensates_gravity", "use_sim_time", *node_parameters(node)}
         free |= set(ARGUMENTS[node]) - set(given)
@@ -345,11 +345,11 @@ LAUNCHED = {
         {"controller": {"robot_compensates_gravity": True, "controlled_link": "1", "mimic": "lock"}},
     ),
     "demo": (
-        {"urdf": "<robot>1: x</robot>"},
-        {"simulator": {"robot_description": "<robot>1: x</robot>"}, "monitor": {}},
+        {"urdf": "<robot>1: x</robot>", "view": "true"},
+        {"simulator": {"robot_description": "<robot>1: x</robot>"}, "monitor": {}, "view": {}},
     ),
     "control": (
-        {"robot_compensates_gravity": "true", "command_timeout": "0.2"},
+        {"robot_compensates_gravity": "true", "command_timeout": "0.2", "view": "false"},
         {
             "simulator": {
                 "compensates_gravity": True,
@@ -409,6 +409,7 @@ def test_launches_give_what_they_say(file, arguments, expected):
         "monitor": "diag_dynamics",
         "simulator": "diag_dynamics_simulator",
         "controller": "diag_dynamics_controller",
+        "view": "diag_dynamics_view",
     }
 
 

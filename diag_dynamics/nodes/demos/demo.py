@@ -3,9 +3,11 @@
 import argparse
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
+from contextlib import suppress
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
@@ -15,6 +17,7 @@ from diag_dynamics.nodes.demos.energy_view import STATE, EnergyView, checked, op
 from diag_dynamics.nodes.support.loading import COMPILED
 from diag_dynamics.nodes.support.runner import run
 from diag_dynamics.nodes.support.start import listen, stop
+from diag_dynamics.parameters.view import PARAMETERS
 from diag_dynamics.simulation import Simulation
 
 NAMESPACE = f"/demo_{os.getpid()}"
@@ -67,6 +70,16 @@ class Processes:
             said.close()
 
 
+def free_port(wanted=PARAMETERS["port"].default):
+    """A port of this machine that is free: the wanted one, if it is."""
+    for port in (wanted, 0):
+        with socket.socket() as probe, suppress(OSError):
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(("127.0.0.1", port))
+            return probe.getsockname()[1]
+    raise InputError("No port of this machine is free: the page cannot be served.")
+
+
 def prepared(urdf, *more, **options):
     """The robot, for which all is compiled that the nodes will need, once instead of in each of them.
 
@@ -113,6 +126,9 @@ def main(args=None):
         model = prepared(urdf, **remedies)
         processes.start("simulator", robot_description=urdf, motion="wave", rate=chosen.rate, **remedies)
         processes.start("monitor", **remedies)
+        port = free_port()
+        processes.start("view", port=port, robots=f"[{NAMESPACE}]")
+        print(f"page, while the demo runs: http://127.0.0.1:{port}/", flush=True)
         view = None
 
         def make_view():

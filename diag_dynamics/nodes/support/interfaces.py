@@ -164,6 +164,14 @@ INTERFACES = {
             for mode in MODES
         ),
     ),
+    "view": (
+        Interface(IN, "diag_dynamics/state", "DiagonalizedState", "of each monitor that is found, whatever its name"),
+        Interface(IN, "diag_dynamics/external_torque", "ExternalTorque", "likewise"),
+        Interface(IN, "robot_description", "std_msgs/String", "URDF, in the namespace of each monitor"),
+        Interface(IN, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "what each robot's nodes say"),
+        CLOCK,
+        Interface(OUT, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "page and robots: once a second"),
+    ),
 }
 """Of each executable, in the order in which they are listed."""
 

@@ -31,6 +31,7 @@ ARGUMENTS = {
         **TIME,
     },
     "monitor": MIMIC | TIME,
+    "view": TIME,
 }
 """Parameters of each node that are arguments of a launch, with their types and descriptions."""
 
@@ -50,18 +51,26 @@ class Launch(NamedTuple):
     clock : str
         Default of the topic of simulated time. Not a global one where the simulator is part of the launch: two robots in two
         namespaces have two times.
+    optional : dict
+        As `given`, of nodes that are started where the argument of their name says so.
     """
 
     given: dict
     defaults: dict = {}  # noqa: RUF012
     clock: str = "clock"
+    optional: dict = {}  # noqa: RUF012
 
+
+VIEW, YES = {"view": {}}, ("true", "1")
+
+OPTIONAL = {"view": "whether to serve the page that shows the robot, true or false"}
+"""Arguments of nodes that need not be started, with their descriptions; none is, unless told to."""
 
 LAUNCHES = {
-    "monitor": Launch({"monitor": {}}, clock="/clock"),
+    "monitor": Launch({"monitor": {}}, clock="/clock", optional=VIEW),
     "controller": Launch({"controller": {}}, clock="/clock"),
     "simulator": Launch({"simulator": {}}),
-    "demo": Launch({"simulator": {}, "monitor": {}}),
+    "demo": Launch({"simulator": {}, "monitor": {}}, optional=VIEW),
     "control": Launch(
         # The simulator lets time go where the machine is busy. All go by its own clock, which stands still then: by the
         # machine's, states would be too old at once.
@@ -88,6 +97,7 @@ LAUNCHES = {
             "without_command": ("brake", "drives without a command: no effort (zero) or brake"),
             "command_timeout": ("0.5", "how long one holds [s]; 0: for ever"),
         },
+        optional={"view": {"use_sim_time": "true"}},
     ),
 }
 """By the name of the launch file."""
@@ -116,6 +126,7 @@ def arguments_of(launch):
         free |= {name: text for name, (_, text) in ARGUMENTS[node].items() if name not in given}
     free |= {alias: text for alias, (name, text) in ALIASES.items() if name in free}
     arguments |= {name: ("", f"{text}; empty: as in params_file") for name, text in free.items()}
+    arguments |= {node: ("false", OPTIONAL[node]) for node in launch.optional}
     return arguments | launch.defaults
 
 
@@ -131,7 +142,8 @@ def started(launch, values):
     for alias, (name, _) in ALIASES.items():
         values[name] = values.get(name) or values.get(alias, "")
     nodes = []
-    for executable, given in launch.given.items():
+    asked = {node: given for node, given in launch.optional.items() if values.get(node, "").lower() in YES}
+    for executable, given in {**launch.given, **asked}.items():
         texts = {name: values.get(name, "") for name in ARGUMENTS[executable]}
         texts |= {name: values[text[1:]] if text.startswith("$") else text for name, text in given.items()}
         parameters = {name: (ARGUMENTS[executable][name][0], text) for name, text in texts.items() if text}

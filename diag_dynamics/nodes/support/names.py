@@ -2,7 +2,12 @@
 
 from difflib import get_close_matches
 
-NODES = {"monitor": "diag_dynamics", "simulator": "diag_dynamics_simulator", "controller": "diag_dynamics_controller"}
+NODES = {
+    "monitor": "diag_dynamics",
+    "simulator": "diag_dynamics_simulator",
+    "controller": "diag_dynamics_controller",
+    "view": "diag_dynamics_view",
+}
 """Name of each executable's node. Topics, services and policies of access have it in theirs."""
 
 NEAR = 0.8

@@ -15,6 +15,7 @@ EXECUTABLES = {
     "monitor": "monitor.monitor",
     "simulator": "simulator.simulator",
     "controller": "controller.controller",
+    "view": "view.view",
     "demo": "demos.demo",
     "demo_control": "demos.demo_control",
     "energy_view": "demos.energy_view",

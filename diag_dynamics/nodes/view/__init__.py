@@ -1,0 +1,1 @@
+"""The view: a page that shows robots live."""

@@ -1,0 +1,164 @@
+"""The view node: a page in the browser that shows the robots of monitors, live. It commands nothing."""
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.support.declaring import declare, judge
+from diag_dynamics.nodes.support.diagnostics import OK, WARN, Diagnostics, Status, counted
+from diag_dynamics.nodes.support.graph import topics_of
+from diag_dynamics.nodes.support.guard import attempt
+from diag_dynamics.nodes.support.managed import ManagedNode
+from diag_dynamics.nodes.support.names import NODES
+from diag_dynamics.nodes.support.runner import main_of
+from diag_dynamics.nodes.support.usage import defaults_of, parser_of
+from diag_dynamics.nodes.view.watched import WatchedRobot, folders_of
+from diag_dynamics.page.server import Limits, PageServer
+from diag_dynamics.parameters.view import PARAMETERS
+
+LOOK = 1.0
+"""Time between two looks at who is on the graph [s]."""
+
+KIND, STATE = "diag_dynamics/msg/DiagonalizedState", "/state"
+"""Type of a monitor's states, and the end of their topic's name: a simulator's truth has another one."""
+
+MOST_ROBOTS = 32
+"""Robots that are watched at a time."""
+
+
+class ViewNode(ManagedNode):
+    """See the module; parameters are in :data:`~parameters.view.PARAMETERS`.
+
+    A managed node. Configured, it serves its page; active, it watches robots.
+    """
+
+    def __init__(self, **kwargs):
+        super().__init__(NODES["view"], **kwargs)
+        self._values = declare(self, PARAMETERS)
+        self._server = self._aside = self._timer = self._listened = None
+        self._robots, self._folders = {}, []
+        judge(self, PARAMETERS, lambda: self._values, self._take_values)
+        self._diagnostics = Diagnostics(self, self._report, lambda: None)
+        self.begin(self._values["autostart"])
+
+    @property
+    def address(self):
+        """Where the page is; empty while the node is not configured."""
+        return self._server.address if self._server else ""
+
+    # --- Lifecycle ---
+
+    def set_up(self):
+        """Serve the page."""
+        values = self._values
+        if values["tabs"] < 1:
+            raise InputError(f"parameter 'tabs' is {values['tabs']}, expected a whole number >= 1.")
+        self._folders = folders_of(values["mesh_folders"])
+        limits = Limits(rate=values["rate"], streams=values["tabs"])
+        self._server = PageServer(self._shows, values["host"], values["port"], limits, self._say)
+        self._server.start()
+        self.settled()
+        self.get_logger().info(f"Page: {self.address}")
+
+    def listen(self):
+        """Watch the robots that there are, and look for others."""
+        own = f"{NODES['view']}_reading"
+        # Nobody spins it: what comes is taken when a page wants a frame, and costs nothing until then.
+        self._aside = Node(
+            own,
+            context=self.context,
+            namespace=self.get_namespace(),
+            use_global_arguments=False,
+            start_parameter_services=False,
+            enable_rosout=False,
+        )
+        self._listened = self.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 10)
+        self._timer = self.create_timer(LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._look()
+
+    def stop_listening(self):
+        """Watch nobody."""
+        if self._timer:
+            self.destroy_timer(self._timer)
+        if self._listened:
+            self.destroy_subscription(self._listened)
+        robots, self._robots = self._robots, {}
+        for robot in robots.values():
+            robot.destroy()
+        if self._aside:
+            self._aside.destroy_node()
+        self._timer = self._listened = self._aside = None
+
+    def tear_down(self):
+        """Serve no more."""
+        if self._server:
+            self._server.stop()
+        self._server = None
+
+    def destroy_node(self):
+        """End streams, and let go of the graph."""
+        attempt(self.stop_listening)
+        attempt(self.tear_down)
+        return super().destroy_node()
+
+    # --- Robots ---
+
+    def _shows(self):
+        return [robot.show for _, robot in sorted(self._robots.copy().items())]
+
+    def _look(self):
+        """Find monitors. Those that have gone stay: the page says how old their last state is."""
+        for topic in topics_of(self, KIND):
+            monitor = topic.removesuffix(STATE)
+            if topic.endswith(STATE) and monitor not in self._robots and self._is_wanted(monitor):
+                self._watch(monitor)
+        for robot in self._robots.values():
+            _, fault = attempt(robot.look)
+            if fault:
+                self.get_logger().error(f"{robot.monitor}: {fault.text}", throttle_duration_sec=5.0)
+
+    def _is_wanted(self, monitor):
+        wanted = {name.rstrip("/") or "/" for name in self._values["robots"] if name}
+        wanted = {name if name.startswith("/") else f"/{name}" for name in wanted}
+        return not wanted or bool(wanted & {monitor, monitor.rpartition("/")[0] or "/"})
+
+    def _watch(self, monitor):
+        if len(self._robots) >= MOST_ROBOTS:
+            self.get_logger().warning(f"There are more than {MOST_ROBOTS} robots: {monitor} is not shown.", once=True)
+            return
+        self._robots[monitor] = WatchedRobot(self, self._aside, monitor, self._folders)
+
+    def _take_diagnostics(self, message):
+        for robot in self._robots.values():
+            own = {f"{robot.namespace.rstrip('/')}/{name}".lstrip("/") for name in NODES.values()}
+            own.add(robot.monitor.lstrip("/"))
+            statuses = [status for status in message.status if status.name.partition(": ")[0] in own]
+            if statuses:
+                robot.tell(statuses)
+
+    # --- What it says ---
+
+    def _say(self, text):
+        self.get_logger().error(text, throttle_duration_sec=5.0)
+
+    def _take_values(self, _, changed):
+        self._values |= changed
+
+    def _report(self):
+        if self._server is None:
+            return [Status("page", WARN, self.failure or self.phase, {"lifecycle": self.phase})]
+        faults = [robot.fault for robot in self._robots.values() if robot.fault]
+        shown = {
+            "lifecycle": self.phase,
+            "address": self.address,
+            "tabs": self._server.streams,
+            "monitors": counted(sorted(self._robots)),
+        }
+        if faults:
+            return [Status("page", WARN, "; ".join(faults), shown)]
+        return [Status("page", OK, f"served at {self.address}" if self._robots else "no monitor is found", shown)]
+
+
+main = main_of(ViewNode, parser_of("view", __doc__, PARAMETERS), defaults_of(PARAMETERS))
+"""The view: a page that shows robots."""

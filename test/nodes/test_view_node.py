@@ -1,0 +1,238 @@
+"""The view on a real graph: simulator, monitor and view in processes of their own, read over a real connection."""
+
+import signal
+import socket
+import threading
+import time
+
+import numpy as np
+import pytest
+from diag_dynamics.msg import DiagonalizedState, ExternalTorque
+from diag_dynamics.srv import SetPayload
+
+import diag_dynamics as dd
+from nodes import MANY, PANDA, START, UR5, Process, S, nanoseconds, node_process, robot
+from streams import DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get_json
+
+MONITOR, VIEW = "/arm/diag_dynamics", "/diag_dynamics_view"
+
+IN_ARM = ("-r", "__ns:=/arm")
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def monitor_process():
+    return node_process("monitor", *IN_ARM, **{"external_torque.gain": 25.0, "external_torque.threshold": 1e6})
+
+
+class Graph:
+    """The processes, some of which are started anew."""
+
+    def __init__(self):
+        """Start all three."""
+        model = robot(PANDA)
+        self.port = free_port()
+        self.address = f"http://127.0.0.1:{self.port}/"
+        self.simulator = node_process("simulator", *IN_ARM, robot_description=model.path, motion="wave", rate=50.0)
+        self.monitor = monitor_process()
+        self.view = self.view_process()
+
+    def view_process(self):
+        return node_process("view", port=self.port, rate=100.0)
+
+    def stream(self, **query):
+        return Stream(self.address, timeout=START, robot="/arm", hz=100, **query)
+
+    def stop(self):
+        for process in (self.view, self.monitor, self.simulator):
+            with process:
+                pass
+
+
+@pytest.fixture(scope="module")
+def graph(ros_domain):
+    graph = Graph()
+    try:
+        graph.view.wait_for_text(f"Page: {graph.address}")
+        graph.view.wait_for_text("Showing robot 'panda' of /arm/diag_dynamics")
+        yield graph
+    finally:
+        graph.stop()
+
+
+def read_while(peer, stream, count, timeout=60.0):
+    """Read frames of a stream in a thread while the test's node is served."""
+    frames = []
+    thread = threading.Thread(target=lambda: frames.extend(stream.frames(count)))
+    thread.start()
+    peer.wait_until(lambda: not thread.is_alive(), f"{count} frames", timeout)
+    return frames
+
+
+def test_numbers_are_those_of_the_messages(graph, peer):
+    """Each frame is the state, and the external torque, of its stamp, as float32; and of no other."""
+    states = peer.topic(DiagonalizedState, f"{MONITOR}/state", MANY)
+    torques = peer.topic(ExternalTorque, f"{MONITOR}/external_torque", MANY)
+    peer.wait_until(lambda: states.messages and torques.messages, "states")
+    with graph.stream(link="panda_hand") as stream:
+        frames = read_while(peer, stream, 60)
+    peer.wait_until(lambda: states.stamps[-1] / S > frames[-1].t, "the last state")
+    by_time = {nanoseconds(m.header.stamp) / S: m for m in states.messages}
+    torque_at = {nanoseconds(m.header.stamp) / S: m for m in torques.messages}
+    dyn = dd.DiagonalDynamics(dd.load_urdf(robot(PANDA).path))
+    compared = with_torque = 0
+    for frame in frames[1:]:  # the first one may have been on its way before the test listened
+        message = by_time.get(frame.t)
+        assert message is not None, f"no state has the stamp {frame.t}"
+        names = ("nu", "epsilon", "coriolis", "gravity", "effort")
+        fields = {name: name for name in names} | {"q": "position", "qd": "velocity", "D": "articulated_inertia"}
+        for name, field in fields.items():
+            np.testing.assert_array_equal(frame[name], np.array(getattr(message, field), dtype=np.float32))
+        assert frame["K"] == np.float32(message.kinetic_energy)
+        np.testing.assert_allclose(frame["p_effort"] + frame["p_gravity"], message.power, rtol=1e-4, atol=1e-4)
+        s = dyn.evaluate(message.position, message.velocity, message.effort)
+        np.testing.assert_allclose(frame["link_energy"], s.link_energy, rtol=1e-5, atol=1e-7)
+        place = dyn.placement(message.position, "panda_hand")[:3, 3]
+        k = stream.layout["links"].index("panda_hand")
+        np.testing.assert_allclose(frame["pose"].reshape(-1, 7)[k, :3], place, atol=1e-6)
+        torque = torque_at.get(frame.t)
+        if torque is not None and torque.valid and frame["norm"] == np.float32(torque.norm):
+            np.testing.assert_array_equal(frame["residual"], np.array(torque.residual, dtype=np.float32))
+            np.testing.assert_array_equal(frame["external_torque"], np.array(torque.external_torque, dtype=np.float32))
+            with_torque += 1
+        assert frame.flags <= {"no_external_torque"}
+        compared += 1
+    assert compared == 59
+    assert with_torque > 30  # a torque may come after the state that it is of has been taken
+    times = [frame.t for frame in frames]
+    assert sorted(set(times)) == times
+
+
+def test_what_comes_with_it(graph, peer):
+    """Thresholds of the monitor, diagnostics of the robot's nodes, rate, latency, and that it lives."""
+    with graph.stream() as stream:
+        layout = stream.next(LAYOUT, lambda layout: layout["thresholds"]["norm"] == 1e6)
+        assert layout["scene"]["missing"] == {}
+        told = stream.next(DIAGNOSTICS, lambda told: len(told) >= 5)
+        names = {one["name"] for one in told}
+        assert {"arm/diag_dynamics: model", "arm/diag_dynamics_simulator: simulation"} <= names
+        beat = stream.next(HEARTBEAT, lambda beat: beat["rate"] and 40.0 < beat["rate"] < 60.0)
+        assert beat["alive"]
+        assert beat["waiting"] == ""
+        assert 0.0 <= stream.next(FRAME)["latency"] < 1.0
+
+
+def test_it_only_reads(graph, peer):
+    """On the graph it publishes nothing but what every node does and its diagnostics, and calls for parameters alone."""
+    node = peer.node
+    published = {name for name, _ in node.get_publisher_names_and_types_by_node("diag_dynamics_view", "/")}
+    assert published == {"/rosout", "/parameter_events", "/diagnostics", f"{VIEW}/transition_event"}
+    asks = {name for name, _ in node.get_client_names_and_types_by_node("diag_dynamics_view", "/")}
+    assert {name.rpartition("/")[2] for name in asks} == {"get_parameters"}
+
+
+def test_a_payload_of_the_monitor_is_one_of_the_page(graph, peer):
+    """What the monitor's model changes by while it runs, the page's follows: links' energies add up to the monitor's K."""
+    with graph.stream() as stream:
+        stream.frames(3)
+        request = SetPayload.Request(link="panda_link7")
+        request.inertia.m = 3.0
+        response = peer.call(SetPayload, f"{MONITOR}/set_payload", request)
+        assert response.success, response.message
+        heavy = stream.next(
+            LAYOUT,
+            lambda layout: any(
+                one["name"] == "panda_link7" and one["inertia"]["mass"] > 3.0 for one in layout["scene"]["links"]
+            ),
+        )
+        assert heavy["robot"] == "panda"
+        for frame in stream.frames(5):
+            assert frame["link_energy"].sum() == pytest.approx(frame["K"], rel=1e-4)
+            assert "other_model" not in frame.flags
+        request.inertia.m = 0.0
+        assert peer.call(SetPayload, f"{MONITOR}/set_payload", request).success
+        stream.next(LAYOUT)
+
+
+def test_other_robots_are_found(graph, peer):
+    """One whose monitor has begun later, in another namespace; no state has come of it yet."""
+    with node_process("monitor", "-r", "__ns:=/other", robot_description=robot(UR5).path):
+        deadline = time.monotonic() + START
+        while True:
+            robots = {one["name"]: one for one in get_json(graph.address, "/robots")}
+            if robots.get("/other", {}).get("robot") == "ur5":
+                break
+            assert time.monotonic() < deadline, robots
+            time.sleep(0.2)
+        assert not robots["/other"]["alive"]
+        assert robots["/arm"]["alive"]
+        assert get_json(graph.address, "/layout?robot=/other")["robot"] == "ur5"
+
+
+def test_restart_of_the_monitor(graph):
+    """The stream stays, says that the robot no longer lives, and goes on when the monitor is back."""
+    with graph.stream() as stream:
+        last = stream.frames(3)[-1].t
+        graph.monitor.stop()
+        stream.next(HEARTBEAT, lambda beat: not beat["alive"])
+        graph.monitor = monitor_process()
+        frame = stream.next(FRAME, lambda frame: frame.t > last + 1.0, timeout=START)
+        assert np.isfinite(frame["nu"]).all()
+        assert stream.next(HEARTBEAT, lambda beat: beat["alive"])["waiting"] == ""
+
+
+def test_restart_of_the_view(graph):
+    """It ends at once though a page is open, and comes back on the same port."""
+    with graph.stream() as stream:
+        stream.frames(3)
+        graph.view.signal(signal.SIGINT)
+        with pytest.raises((EOFError, ConnectionError)):
+            stream.next(HEARTBEAT, lambda _: False)
+        assert graph.view.wait() == 0
+    assert "Traceback" not in graph.view.output
+    graph.view = graph.view_process()
+    graph.view.wait_for_text("Showing robot 'panda'")
+    with graph.stream(link="panda_link5") as stream:
+        assert np.isfinite(stream.frames(3)[-1]["mobility"]).all()
+
+
+def test_a_port_that_is_taken(graph):
+    """It says which, and ends."""
+    process = node_process("view", port=graph.port)
+    assert process.wait() == 1
+    assert f"port {graph.port}: Address already in use. Port 0 takes a free one." in process.output
+
+
+def test_lifecycle(graph, peer):
+    """Deactivated it watches nobody, its page stays; cleaned up the page is gone, and comes back."""
+    try:
+        assert peer.transition(VIEW, "deactivate")
+        assert get_json(graph.address, "/robots") == []
+        assert peer.transition(VIEW, "cleanup")
+        with pytest.raises(ConnectionError):
+            get_json(graph.address, "/robots")
+        assert peer.set_parameter(VIEW, "rate", 20.0).successful
+        result = peer.set_parameter(VIEW, "rate", 1e6)
+        assert not result.successful
+    finally:
+        assert peer.transition(VIEW, "configure")
+        assert peer.transition(VIEW, "activate")
+    graph.view.wait_for(lambda output: output.count("Showing robot 'panda'") >= 2, "the robot again")
+    with graph.stream() as stream:
+        stream.frames(2)
+        assert stream.next(HEARTBEAT)["hz"] == pytest.approx(20.0)
+
+
+def test_scripts_have_it():
+    """`diag-dynamics view --help` lists its parameters."""
+    import sys
+    from pathlib import Path
+
+    script = Path(__file__).resolve().parents[2] / "scripts" / "view"
+    process = Process([sys.executable, script, "--help"])
+    assert process.wait() == 0
+    assert "mesh_folders" in process.output
