@@ -9,7 +9,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 JOBS ?= 2
 LINT ?= lint
 
-.PHONY: help setup setup-tests demo demo-control demo-identify test test-all bench docs-tables lint format lock clean
+.PHONY: help setup setup-tests demo demo-control demo-identify test test-all bench docs-tables page lint format lock clean
 
 help:  ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -41,6 +41,9 @@ bench: setup-tests  ## speed of library and nodes, worth of the observer, into b
 
 docs-tables: setup  ## docs/parameters.md, docs/interfaces.md and config/*.yaml anew, from the code
 	@$(in_env) python3 docs/tables.py
+
+page:  ## the page of view and report anew, from web/ into diag_dynamics/page/static/: needs Node.js
+	@cd web && npm ci --no-audit --no-fund --ignore-scripts && node build.js
 
 lint: setup-tests  ## code style, docstrings and types
 	@$(in_env) ruff check && ruff format --check && mypy && pyright

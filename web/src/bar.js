@@ -1,0 +1,79 @@
+// The head of the page: robot, state, window, and what one can do; and the buttons beside the strip of time.
+
+import { el, say } from "./dom.js";
+import { clock } from "./format.js";
+
+const WINDOWS = [5, 10, 30, 60, 120, 300];
+
+export class Bar {
+  constructor(app) {
+    this.app = app;
+    this.robots = el("select", { title: "robot (r)", "aria-label": "robot", onchange: () => app.source.choose(this.robots.value) });
+    this.robots.hidden = true;
+    this.name = el("b", { class: "robot" });
+    this.pill = el("span", { class: "pill", role: "status" }, el("i"), (this.word = el("b")), (this.says = el("span")));
+    this.notes = el("span", { class: "notes" });
+    this.length = el("select", { title: "time window (+ −)", "aria-label": "time window", onchange: () => app.view.zoom(Number(this.length.value)) }, ...WINDOWS.map((s) => el("option", { value: s, text: s < 60 ? `${s} s` : `${s / 60} min` })));
+    this.other = el("option", { hidden: true });
+    this.length.append(this.other);
+    const button = (text, title, onclick) => el("button", { text, title, onclick });
+    this.node = el(
+      "div",
+      { class: "bar" },
+      el("span", { class: "brand", text: "diag_dynamics" }),
+      this.name,
+      this.robots,
+      this.pill,
+      this.notes,
+      el("span", { class: "spring" }),
+      ...(app.report ? [] : [this.length]),
+      button("PNG", "picture of what is seen (p)", () => app.picture()),
+      button("CSV", "numbers of what is seen (c)", () => app.csv()),
+      button("◐", "light, dark (t)", () => app.theme.next()),
+      button("?", "keys (?)", () => app.keys.help()),
+    );
+    this.go = button("", "", () => app.toggle());
+    this.time = el("span", { class: "time" });
+    this.live = button("live", "go back to live (l)", () => app.view.follow());
+    this.transport = el("div", { class: "transport" }, this.go, this.time, ...(app.report ? [] : [this.live]));
+  }
+
+  listed(robots, chosen) {
+    const known = [...this.robots.options].map((option) => option.value + option.textContent).join("\n");
+    const options = robots.map((robot) => ({ value: robot.name, text: (robot.name || "/") + (robot.alive ? "" : " (silent)") }));
+    if (known !== options.map(({ value, text }) => value + text).join("\n")) {
+      this.robots.replaceChildren(...options.map((one) => el("option", one)));
+    }
+    this.robots.value = chosen;
+    this.robots.hidden = robots.length < 2;
+  }
+
+  nextRobot() {
+    const { options, selectedIndex } = this.robots;
+    if (options.length > 1) this.app.source.choose(options[(selectedIndex + 1) % options.length].value);
+  }
+
+  draw() {
+    const { app } = this;
+    const { view } = app;
+    const { level, word, says, notes } = app.verdict();
+    this.pill.className = `pill ${level}`;
+    say(this.word, word);
+    say(this.says, says);
+    const shown = notes.map((note) => note.level + note.text).join();
+    if (shown !== this.shown) {
+      this.shown = shown;
+      this.notes.replaceChildren(...notes.map((note) => el("span", { class: `note ${note.level}`, text: note.text })));
+    }
+    say(this.name, app.layout?.json.robot ?? "");
+    const playing = app.report ? app.source?.playing : !view.paused;
+    say(this.go, playing ? "❚❚" : "▶");
+    this.go.title = playing ? "pause (space)" : "go on (space)";
+    say(this.time, app.rows.length ? view.told(view.shown()) : clock(NaN));
+    this.live.hidden = !view.paused;
+    const named = WINDOWS.includes(view.length);
+    if (!named) say(this.other, `${view.length.toPrecision(3)} s`);
+    this.other.hidden = named;
+    this.length.value = named ? String(view.length) : this.other.value;
+  }
+}

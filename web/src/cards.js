@@ -1,0 +1,120 @@
+// The right of the page: cards of plots, of diagnostics, and of what a report tells; one cursor common to all.
+
+import { el, say } from "./dom.js";
+import { number, span, UNKNOWN } from "./format.js";
+import { Plot } from "./plot.js";
+import { plotsOf } from "./quantities.js";
+
+const LEVELS = ["good", "warn", "bad", "bad"];
+
+export class Cards {
+  constructor(shared) {
+    this.shared = shared;
+    this.plots = [];
+    this.list = el("div", { class: "diagnostics" }, el("p", { class: "none", text: "nothing has been said yet" }));
+    this.pulse = el("p", { class: "pulse" });
+    this.words = el("section", { class: "card words", id: "diagnostics" }, el("header", {}, el("h2", { text: "Diagnostics" })), this.list, this.pulse);
+    this.told = []; // cards of a report
+    this.node = el("div", { class: "cards" });
+  }
+
+  setLayout(layout) {
+    for (const plot of this.plots) plot.remove();
+    this.plots = plotsOf(layout).map((spec) => new Plot(spec, this.shared));
+    this.node.replaceChildren(...this.told, ...this.plots.map((plot) => plot.node), ...(this.told.length ? [] : [this.words]));
+  }
+
+  draw() {
+    for (const plot of this.plots) plot.draw();
+  }
+
+  place() {
+    for (const plot of this.plots) plot.place();
+  }
+
+  restyle() {
+    for (const plot of this.plots) plot.restyle();
+  }
+
+  // Has a plot listen to the pointer: hovering moves the cursor of all, dragging chooses a time, a click goes to it.
+  point(plot) {
+    const { view } = this.shared;
+    const { over } = plot.plot;
+    const brush = el("div", { class: "brush", hidden: true });
+    over.append(brush);
+    const at = (event) => {
+      const x = event.clientX - over.getBoundingClientRect().left;
+      return plot.base + plot.plot.posToVal(x, "x");
+    };
+    let begun = null;
+    over.addEventListener("pointerdown", (event) => {
+      if (event.button) return;
+      begun = { x: event.offsetX, t: at(event) };
+      over.setPointerCapture(event.pointerId);
+    });
+    over.addEventListener("pointermove", (event) => {
+      view.point(at(event));
+      if (!begun || event.pointerType === "touch") return;
+      const [x0, x1] = [begun.x, event.clientX - over.getBoundingClientRect().left].sort((a, b) => a - b);
+      brush.hidden = x1 - x0 < 4;
+      Object.assign(brush.style, { left: `${x0}px`, width: `${x1 - x0}px` });
+    });
+    over.addEventListener("pointerup", (event) => {
+      const dragged = begun && !brush.hidden;
+      const t = at(event);
+      if (dragged) view.see(Math.min(begun.t, t), Math.max(begun.t, t));
+      else if (begun) view.go(t);
+      brush.hidden = true;
+      begun = null;
+    });
+    over.addEventListener("pointercancel", () => {
+      brush.hidden = true;
+      begun = null;
+    });
+    over.addEventListener("pointerleave", () => view.point(null));
+    over.addEventListener(
+      "wheel",
+      (event) => {
+        if (!event.shiftKey && !event.ctrlKey && scrolls(this.node)) return; // the wheel is for the cards, then
+        event.preventDefault();
+        view.zoom(view.length * 1.25 ** Math.sign(event.deltaY), at(event));
+      },
+      { passive: false },
+    );
+    over.addEventListener("dblclick", () => (view.live ? view.follow() : view.whole()));
+  }
+
+  diagnosed(list) {
+    const order = [...list].sort((a, b) => b.level - a.level);
+    const rows = order.map(({ level, name, message, values }) => {
+      const detail = Object.entries(values ?? {});
+      const head = el("summary", {}, el("i", { class: `dot ${LEVELS[level] ?? "bad"}` }), el("b", { text: name }), el("span", { text: message }));
+      const body = el("dl", {}, ...detail.map(([key, value]) => el("div", {}, el("dt", { text: key }), el("dd", { text: String(value) }))));
+      return el("details", { open: this.open?.has(name) ?? false, ontoggle: (event) => this.#keep(name, event.target.open) }, head, body);
+    });
+    const text = JSON.stringify(list);
+    if (text === this.text) return;
+    this.text = text;
+    this.list.replaceChildren(...rows);
+  }
+
+  #keep(name, open) {
+    this.open ??= new Set();
+    if (open) this.open.add(name);
+    else this.open.delete(name);
+  }
+
+  beat({ age, state_rate: states, sent_rate: sent, served, skipped }) {
+    const parts = [
+      `${number(states)} states/s received`,
+      `${number(sent)} frames/s shown`,
+      `last state ${age === null || age === undefined ? UNKNOWN : span(age)} ago`,
+    ];
+    if (served !== undefined) parts.push(`${served} frames sent, ${skipped ?? 0} skipped`);
+    say(this.pulse, parts.join(" · "));
+  }
+}
+
+function scrolls(node) {
+  return node.scrollHeight > node.clientHeight + 2 || document.documentElement.scrollHeight > innerHeight + 2;
+}

@@ -1,0 +1,65 @@
+// All quantities of the joint or link that was chosen.
+
+import { el, say } from "./dom.js";
+import { number, percent } from "./format.js";
+import { exchange, K, ofLimit, share } from "./quantities.js";
+
+export class Details {
+  constructor(layout, { close }) {
+    this.layout = layout;
+    this.title = el("h2");
+    this.list = el("dl");
+    this.node = el("aside", { class: "details", hidden: true }, el("header", {}, this.title, el("button", { class: "plain", title: "close (Esc)", "aria-label": "close", text: "×", onclick: close })), this.list);
+  }
+
+  show(link, dof) {
+    this.node.hidden = link === null;
+    if (link === null) return;
+    const { layout } = this;
+    const lines = [];
+    const add = (label, get, unit, shown = number) => lines.push({ label, get, unit, shown, cell: el("b") });
+    const f = (name, k) => {
+      const at = layout.at(name, k);
+      return (d, b) => d[b + at];
+    };
+    const slides = layout.json.angular?.[dof] === false;
+    const [turn, moment] = slides ? ["m", "N"] : ["rad", "N m"];
+    if (dof >= 0) {
+      const total = K(layout);
+      const own = share(layout, dof);
+      const place = (layout.json.coordinates ?? []).indexOf(layout.dofs[dof]);
+      if (place >= 0) add("position q", f("q", place), turn);
+      add("velocity q̇", f("qd", dof), `${turn}/s`);
+      add("total rate ν", f("nu", dof), "J^½");
+      add("energy share ½ν²", own, "J");
+      add("… of K", (d, b) => own(d, b) / total(d, b), "", percent);
+      add("effort τ", f("effort", dof), moment);
+      if (layout.limits.effort?.[dof] > 0) add("… of its limit", ofLimit(layout, "effort", dof), "", percent);
+      add("gravity torque", f("gravity_torque", dof), moment);
+      add("external torque", f("external_torque", dof), moment);
+      add("residual r", f("residual", dof), "J^½/s");
+      add("working moment ε", f("epsilon", dof), "J^½/s");
+      add("gravity ε_g", f("gravity", dof), "J^½/s");
+      add("Coriolis C", f("coriolis", dof), "J^½/s");
+      add("gives νC", exchange(layout, dof), "W");
+      add("articulated inertia D", f("D", dof), slides ? "kg" : "kg m²");
+    }
+    const k = layout.links.indexOf(link);
+    if (k >= 0) {
+      add("link energy", f("link_energy", k), "J");
+      const mass = layout.scene.links.find((one) => one.name === link)?.inertia?.mass;
+      if (Number.isFinite(mass)) add("mass", () => mass, "kg");
+      ["x", "y", "z"].forEach((axis, n) => add(axis, f("pose", 7 * k + n), "m"));
+    }
+    this.lines = lines;
+    const joints = dof >= 0 && layout.dofs[dof] !== link ? `${layout.dofs[dof]} · ` : "";
+    say(this.title, joints + link);
+    this.list.replaceChildren(...lines.map((line) => el("div", {}, el("dt", { text: line.label }), el("dd", {}, line.cell, line.unit ? ` ${line.unit}` : ""))));
+  }
+
+  draw(rows, i) {
+    if (this.node.hidden) return;
+    const base = rows.base(i);
+    for (const line of this.lines) say(line.cell, line.shown(line.get(rows.data, base)));
+  }
+}

@@ -1,0 +1,67 @@
+// Numbers and times as people read them.
+
+export const UNKNOWN = "–";
+
+export function number(x, digits = 3) {
+  if (x === null || x === undefined || !Number.isFinite(x)) return UNKNOWN;
+  if (x === 0) return "0";
+  const size = Math.abs(x);
+  const text = size >= 1e5 || size < 1e-3 ? x.toExponential(Math.max(0, digits - 2)) : precise(x, size, digits);
+  return text.replace(/^-/, "−").replace("e-", "e−").replace("e+", "e");
+}
+
+function precise(x, size, digits) {
+  const decimals = Math.max(0, digits - 1 - Math.floor(Math.log10(size)));
+  return x.toFixed(Math.min(decimals, digits));
+}
+
+// For axes: as few digits as tell neighbours apart.
+export function tick(x, step) {
+  if (x === 0) return "0";
+  const size = Math.abs(x);
+  if (size >= 1e5 || size < 1e-4) return number(x, 3);
+  const decimals = Math.max(0, Math.min(6, -Math.floor(Math.log10(step) + 1e-9)));
+  return x.toFixed(decimals).replace(/^-/, "−");
+}
+
+const POWERS = ["⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"];
+
+export function powerOfTen(x) {
+  const exponent = Math.round(Math.log10(x));
+  if (Math.abs(Math.log10(x) - exponent) > 1e-6) return "";
+  if (exponent === 0) return "1";
+  if (exponent === 1) return "10";
+  return "10" + (exponent < 0 ? "⁻" : "") + [...String(Math.abs(exponent))].map((d) => POWERS[Number(d)]).join("");
+}
+
+export function percent(x) {
+  return Number.isFinite(x) ? `${number(100 * x, Math.abs(x) < 0.1 ? 2 : 3)} %` : UNKNOWN;
+}
+
+const CLOCK = 1e8; // [s]: later stamps are times of day, earlier ones those of a simulation or a recording
+
+export function clock(t) {
+  if (!Number.isFinite(t)) return UNKNOWN;
+  if (t < CLOCK) return `${t.toFixed(3)} s`;
+  const date = new Date(1000 * t);
+  const two = (x) => String(x).padStart(2, "0");
+  const ms = String(Math.floor(1000 * (t % 1))).padStart(3, "0");
+  return `${two(date.getHours())}:${two(date.getMinutes())}:${two(date.getSeconds())}.${ms}`;
+}
+
+export function span(seconds) {
+  if (!Number.isFinite(seconds)) return UNKNOWN;
+  if (seconds < 1) return `${Math.round(1000 * seconds)} ms`;
+  if (seconds < 120) return `${number(seconds, 3)} s`;
+  if (seconds < 7200) return `${number(seconds / 60, 3)} min`;
+  return `${number(seconds / 3600, 3)} h`;
+}
+
+// Joints' names without what they all begin with, as "panda_": shorter, and no less clear.
+export function shortNames(names) {
+  if (names.length < 2) return [...names];
+  let length = 0;
+  while (names.every((name) => name.length > length && name[length] === names[0][length])) length++;
+  const cut = Math.max(names[0].lastIndexOf("_", length - 1), names[0].lastIndexOf("/", length - 1)) + 1;
+  return cut > 2 ? names.map((name) => name.slice(cut)) : [...names];
+}

@@ -1,0 +1,37 @@
+// What keys do, and the page that says so.
+
+import { el } from "./dom.js";
+
+export class Keys {
+  // actions: rows of [keys, what they do, function(event)]
+  constructor(actions) {
+    this.actions = new Map();
+    this.dialog = el(
+      "dialog",
+      { class: "help", "aria-label": "keys" },
+      el("h2", { text: "Keys" }),
+      el("table", {}, ...actions.map(([keys, what]) => el("tr", {}, el("th", {}, ...keys.map((key) => el("kbd", { text: NAMES[key] ?? key }))), el("td", { text: what })))),
+      el("p", { text: "Click a link or a joint: all of its quantities. Drag over a plot: that time only. Wheel: longer, shorter." }),
+      el("p", {}, "Drag the robot to turn it, with the right button or two fingers to move it."),
+      el("button", { text: "close", onclick: () => this.dialog.close() }),
+    );
+    for (const [keys, , act] of actions) for (const key of keys) this.actions.set(key, act);
+    document.addEventListener("keydown", (event) => this.#press(event));
+  }
+
+  help() {
+    if (this.dialog.open) this.dialog.close();
+    else this.dialog.showModal();
+  }
+
+  #press(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT") return;
+    if (this.dialog.open && event.key !== "?") return;
+    const act = this.actions.get(event.key);
+    if (!act) return;
+    event.preventDefault();
+    act(event);
+  }
+}
+
+const NAMES = { " ": "space", ArrowLeft: "←", ArrowRight: "→", Escape: "Esc", Home: "Home", End: "End" };

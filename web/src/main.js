@@ -1,0 +1,14 @@
+// Begins: with the recording that is in this file, or with what the server streams.
+
+import { App } from "./app.js";
+import { Live } from "./live.js";
+import { Report } from "./report.js";
+
+const errors = [];
+addEventListener("error", (event) => errors.push(String(event.message)));
+addEventListener("unhandledrejection", (event) => errors.push(String(event.reason)));
+
+const block = document.getElementById("report");
+const app = new App(document.body, { report: Boolean(block), errors });
+const source = block ? new Report(app, block) : new Live(app);
+app.begin(source);

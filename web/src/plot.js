@@ -1,0 +1,280 @@
+// One plot over time: a card with a title, a legend whose numbers are those at the cursor, and lines by uPlot.
+
+import uPlot from "uplot";
+import { faded } from "./colours.js";
+import { el, say, toggle } from "./dom.js";
+import { number, powerOfTen, tick } from "./format.js";
+import { chosenLines, othersLine } from "./quantities.js";
+import { envelope, largest, stacked } from "./sampling.js";
+
+const MOST = 9; // lines
+const RECHOSEN = 2000; // [ms] after which the lines that are shown may change
+const TINY = 1e-20; // what a logarithmic axis has for nothing
+
+export class Plot {
+  // shared: theme, view (see view.js), rows(), select(dof), selected()
+  constructor(spec, shared) {
+    this.spec = spec;
+    this.shared = shared;
+    this.seen = true;
+    this.chosenAt = -Infinity;
+    this.legend = el("div", { class: "legend" });
+    this.box = el("div", { class: "plot" });
+    this.cursor = el("div", { class: "cursor" });
+    this.node = el(
+      "section",
+      { class: "card", id: `plot-${spec.id}`, title: spec.help },
+      el("header", {}, el("h2", { text: spec.title }), el("span", { class: "unit", text: spec.unit })),
+      this.legend,
+      this.box,
+    );
+    this.observers = [
+      new ResizeObserver(() => this.#resize()),
+      new IntersectionObserver(([entry]) => {
+        this.seen = entry.isIntersecting;
+        if (this.seen) this.draw();
+      }),
+    ];
+    this.observers.forEach((observer) => observer.observe(this.box));
+  }
+
+  remove() {
+    this.observers.forEach((observer) => observer.disconnect());
+    this.plot?.destroy();
+    this.node.remove();
+  }
+
+  restyle() {
+    this.#rebuild();
+    this.draw();
+  }
+
+  // Draws the lines of the window anew.
+  draw() {
+    const rows = this.shared.rows();
+    if (!this.seen || !rows?.length || this.box.clientWidth < 20) return;
+    const { view } = this.shared;
+    const [t0, t1] = view.window();
+    const [i0, i1] = rows.range(t0, t1);
+    this.#choose(rows, i0, i1);
+    if (!this.plot) this.#build();
+    const points = Math.max(50, Math.floor(this.plot.bbox.width / devicePixelRatio / 2));
+    const getters = this.getters;
+    const sample = this.spec.stacked
+      ? stacked(rows, i0, i1, points, getters, this.spec.total)
+      : envelope(rows, i0, i1, points, getters);
+    this.base = view.base();
+    for (let k = 0; k < sample[0].length; k++) sample[0][k] -= this.base;
+    this.limits = [t0 - this.base, t1 - this.base];
+    this.plot.setData(sample, true);
+    this.place();
+  }
+
+  // Puts the cursor to where it belongs, and the numbers at it into the legend.
+  place() {
+    if (!this.plot || !this.seen) return;
+    const { view } = this.shared;
+    const rows = this.shared.rows();
+    if (!rows.length) return;
+    const t = view.shown();
+    const x = this.plot.valToPos(t - this.base, "x");
+    const inside = x >= -1 && x <= this.plot.over.clientWidth + 1;
+    this.cursor.style.transform = `translateX(${inside ? x : -10}px)`;
+    const base = rows.base(rows.nearest(t));
+    this.values = this.lines.map((line) => line.get(rows.data, base) * (line.factor ?? this.spec.factor ?? 1));
+    this.values.forEach((value, k) => {
+      const line = this.lines[k];
+      say(this.cells[k], number(value));
+      toggle(this.chips[k], "above", line.threshold != null && Math.abs(value) > line.threshold);
+    });
+  }
+
+  #choose(rows, i0, i1) {
+    const now = performance.now();
+    const selected = this.shared.selected();
+    const due = now - this.chosenAt > RECHOSEN && !this.shared.view.pointing;
+    if (this.lines && !due && selected === this.chosenFor) return;
+    this.chosenAt = now;
+    this.chosenFor = selected;
+    const { spec } = this;
+    const sizes = spec.lines.length > MOST ? largest(rows, i0, i1, spec.lines.map((line) => line.get)) : [];
+    const { shown, others } = chosenLines(spec, sizes, MOST, selected);
+    const key = `${shown.join()}|${selected}`;
+    if (this.lines && key === this.key) return;
+    this.key = key;
+    this.lines = shown.map((k) => spec.lines[k]);
+    this.others = others;
+    if (others.length && spec.stacked) this.lines.push(othersLine(spec, others));
+    this.#rebuild();
+  }
+
+  #rebuild() {
+    this.plot?.destroy();
+    this.plot = null;
+    if (!this.lines) return;
+    this.cells = this.lines.map(() => el("b", { text: "–" }));
+    this.chips = this.lines.map((line, k) => {
+      const chip = el(
+        "span",
+        { class: "chip", title: line.name },
+        el("i", { style: `background:${line.colour}` }),
+        el("span", { text: line.short }),
+        this.cells[k],
+      );
+      if (line.unit) chip.append(el("small", { text: line.unit }));
+      if (line.dof !== undefined) {
+        chip.classList.add("choice");
+        chip.addEventListener("click", () => this.shared.select(line.dof));
+      }
+      return chip;
+    });
+    const rest = this.others.length && !this.spec.stacked ? [el("span", { class: "chip rest", text: `+ ${this.others.length} smaller` })] : [];
+    this.legend.replaceChildren(...this.chips, ...rest);
+  }
+
+  #build() {
+    const { spec } = this;
+    const { theme } = this.shared;
+    const selected = this.shared.selected();
+    const draws = [];
+    for (const line of this.lines) {
+      const factor = line.factor ?? spec.factor ?? 1;
+      const faint = selected >= 0 && line.dof !== undefined && line.dof !== selected && !spec.stacked;
+      const get = (d, b) => {
+        const value = line.get(d, b) * factor;
+        return spec.log && !(value > TINY) ? NaN : value;
+      };
+      draws.push({ get, series: this.#series(line, faint) });
+    }
+    for (const line of this.lines.filter((line) => line.twin)) {
+      const factor = line.factor ?? spec.factor ?? 1;
+      const faint = selected >= 0 && line.dof !== selected;
+      draws.push({
+        get: (d, b) => line.twin(d, b) * factor,
+        series: { ...this.#series(line, faint), dash: [3, 4], width: 1, stroke: faded(line.colour, faint ? 0.15 : 0.7) },
+      });
+    }
+    this.getters = draws.map((draw) => draw.get);
+    const size = parseFloat(getComputedStyle(document.documentElement).fontSize);
+    const font = `${Math.round(0.72 * size)}px ${getComputedStyle(document.body).fontFamily}`;
+    const { colours } = theme;
+    const axis = { stroke: colours.dim, font, grid: { stroke: colours.grid, width: 1 }, ticks: { show: false }, gap: 4 };
+    const extra = this.lines.some((line) => line.scale === "rate");
+    const options = {
+      ...this.#size(),
+      legend: { show: false },
+      cursor: { show: false },
+      padding: [Math.round(0.5 * size), extra ? 0 : Math.round(0.9 * size), 0, 0],
+      pxAlign: 0,
+      scales: {
+        x: { time: false, range: () => this.limits ?? [0, 1] },
+        y: spec.log ? { distr: 3, range: logRange } : { range: (u, low, high) => this.#range(low, high) },
+        ...(extra ? { rate: { range: (u, low, high) => [0, Math.max(1, 1.15 * (high ?? 1))] } } : {}),
+      },
+      axes: [
+        {
+          ...axis,
+          size: Math.round(1.5 * size),
+          space: 5 * size,
+          splits: (u, k, low, high, step) => this.shared.view.splits(this.base, low, high, step),
+          values: (u, splits) => this.shared.view.labels(this.base, splits),
+        },
+        {
+          ...axis,
+          size: Math.round(3.4 * size),
+          space: 2.1 * size,
+          values: spec.log ? (u, splits) => splits.map(logLabel(u)) : (u, splits) => splits.map((x) => tick(x, splits[1] - splits[0] || 1)),
+        },
+        ...(extra ? [{ ...axis, scale: "rate", side: 1, size: Math.round(2.6 * size), grid: { show: false }, space: 2.1 * size }] : []),
+      ],
+      series: [{}, ...draws.map((draw) => draw.series)],
+      hooks: { drawClear: [(u) => this.#zero(u)], draw: [(u) => this.#thresholds(u)] },
+    };
+    this.plot = new uPlot(options, [[], ...draws.map(() => [])], this.box);
+    this.plot.over.append(this.cursor);
+    this.shared.point(this);
+  }
+
+  #series(line, faint) {
+    const { spec } = this;
+    return {
+      label: line.name,
+      scale: line.scale ?? "y",
+      stroke: spec.stacked ? this.shared.theme.colours.panel : faded(line.colour, faint ? 0.2 : 1),
+      fill: spec.stacked ? line.colour : undefined,
+      width: spec.stacked ? 0.6 : (line.width ?? 1.4),
+      points: spec.points ? { show: true, size: 3, fill: line.colour, stroke: line.colour } : { show: false },
+      spanGaps: false,
+    };
+  }
+
+  #range(low, high) {
+    if (low === null || high === null) return this.spec.stacked ? [0, 1] : [-1, 1];
+    if (this.spec.stacked) return [0, Math.max(1e-6, 1.08 * high)];
+    const size = Math.max(Math.abs(low), Math.abs(high), 1e-6);
+    const room = 0.08 * Math.max(high - low, 0.05 * size);
+    return [Math.min(low - room, 0), Math.max(high + room, 0)];
+  }
+
+  #zero(u) {
+    if (this.spec.log || this.spec.stacked) return;
+    const y = u.valToPos(0, "y", true);
+    const { ctx, bbox } = u;
+    ctx.save();
+    ctx.strokeStyle = this.shared.theme.colours.line;
+    ctx.lineWidth = 1.5 * devicePixelRatio;
+    ctx.beginPath();
+    ctx.moveTo(bbox.left, y);
+    ctx.lineTo(bbox.left + bbox.width, y);
+    ctx.stroke();
+    ctx.restore();
+  }
+
+  #thresholds(u) {
+    const { ctx, bbox } = u;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    ctx.lineWidth = devicePixelRatio;
+    ctx.setLineDash([6 * devicePixelRatio, 4 * devicePixelRatio]);
+    for (const line of this.lines) {
+      if (line.threshold == null) continue;
+      for (const value of line.dof === undefined ? [line.threshold] : [-line.threshold, line.threshold]) {
+        const y = u.valToPos(value, "y", true);
+        ctx.strokeStyle = faded(line.colour, 0.55);
+        ctx.beginPath();
+        ctx.moveTo(bbox.left, y);
+        ctx.lineTo(bbox.left + bbox.width, y);
+        ctx.stroke();
+      }
+    }
+    ctx.restore();
+  }
+
+  #size() {
+    return { width: this.box.clientWidth, height: this.box.clientHeight };
+  }
+
+  #resize() {
+    if (!this.plot) return this.draw();
+    const { width, height } = this.#size();
+    if (width > 20 && height > 20 && (width !== this.plot.width || height !== this.plot.height)) {
+      this.plot.setSize({ width, height });
+      this.draw();
+    }
+  }
+}
+
+function logRange(u, low, high) {
+  if (!(low > 0) || !(high > 0)) return [1e-3, 1];
+  const [from, to] = [10 ** Math.floor(Math.log10(low)), 10 ** Math.ceil(Math.log10(high))];
+  return to > from ? [from, to] : [from / 10, to * 10];
+}
+
+// All decades where there is room, else every second one, and so on.
+function logLabel(u) {
+  const decades = Math.log10(u.scales.y.max / u.scales.y.min);
+  const every = Math.max(1, Math.ceil(decades / Math.max(1, u.bbox.height / devicePixelRatio / 30)));
+  return (x) => (Math.round(Math.log10(x)) % every === 0 ? powerOfTen(x) : "");
+}

@@ -1,0 +1,231 @@
+// What is shown of a state: the plots' lines, the columns of the table of joints, and what links are coloured by.
+// A getter takes the store's floats and where a row begins in them.
+
+import { jointColour, OTHERS } from "./colours.js";
+
+const field = (layout, name, k = 0) => {
+  const at = layout.at(name, k);
+  return (d, b) => d[b + at];
+};
+
+// Energy share ½ν_k² of a total joint rate.
+export function share(layout, k) {
+  const at = layout.at("nu", k);
+  return (d, b) => 0.5 * d[b + at] * d[b + at];
+}
+
+// ν_kC_k: the power that a total joint rate gives to others by the Coriolis term; over all joints they sum to zero.
+export function exchange(layout, k) {
+  const [nu, c] = [layout.at("nu", k), layout.at("coriolis", k)];
+  return (d, b) => d[b + nu] * d[b + c];
+}
+
+// A torque in parts of the joint's limit; NaN where the URDF has none.
+export function ofLimit(layout, name, k) {
+  const at = layout.at(name, k);
+  const limit = layout.limits.effort?.[k];
+  return limit > 0 ? (d, b) => d[b + at] / limit : () => NaN;
+}
+
+export const K = (layout) => field(layout, "K");
+
+export function hasLimits(layout) {
+  return (layout.limits.effort ?? []).some((limit) => limit > 0);
+}
+
+function ofJoints(layout, getter, { colours = true } = {}) {
+  return layout.dofs.map((name, k) => ({
+    name,
+    short: layout.short[k],
+    dof: k,
+    colour: colours ? jointColour(k) : undefined,
+    get: getter(k),
+  }));
+}
+
+const single = (layout, name, label, colour, extra = {}) => ({
+  name: label,
+  short: label,
+  colour,
+  get: field(layout, name),
+  ...extra,
+});
+
+const COLOURS = { effort: "#4e79a7", gravity: "#b07aa1", friction: "#9c755f", external: "#e15759", dK: "#59a14f" };
+
+// All plots of a robot, in their order. `of` is what a line belongs to; `twin` a second, dashed line of the same joint.
+export function plotsOf(layout) {
+  const limits = hasLimits(layout);
+  const thresholds = layout.thresholds.external_torque ?? [];
+  const plots = [
+    {
+      id: "energy",
+      title: "Kinetic energy, by joint",
+      unit: "J",
+      stacked: true,
+      total: K(layout),
+      lines: ofJoints(layout, (k) => share(layout, k)),
+      help: "Shares ½ν² of the total joint rates, one on the other: together they are K.",
+    },
+    {
+      id: "power",
+      title: "Power balance",
+      unit: "W",
+      lines: [
+        single(layout, "p_effort", "effort", COLOURS.effort),
+        single(layout, "p_gravity", "gravity", COLOURS.gravity),
+        single(layout, "p_friction", "friction", COLOURS.friction),
+        single(layout, "p_external", "external", COLOURS.external),
+        single(layout, "dK", "dK/dt", COLOURS.dK, { width: 2 }),
+      ],
+      help: "What flows into the kinetic energy; the four together are dK/dt where the model is right.",
+    },
+    {
+      id: "external",
+      title: "External torque",
+      unit: "N m",
+      lines: ofJoints(layout, (k) => field(layout, "external_torque", k)).map((line) => ({
+        ...line,
+        threshold: thresholds[line.dof] ?? null,
+      })),
+      help: "m r of the disturbance observer, by joint; dashed: thresholds of alarms.",
+    },
+    {
+      id: "norm",
+      title: "External, all joints",
+      unit: "J^½/s · N m",
+      lines: [
+        single(layout, "norm", "|r|", "#f28e2b", { threshold: layout.thresholds.norm ?? null, unit: "J^½/s" }),
+        single(layout, "torque_norm", "|m r|", "#e15759", {
+          threshold: layout.thresholds.external_torque_norm ?? null,
+          unit: "N m",
+        }),
+      ],
+      help: "Norms of the residual r and of m r; dashed: thresholds of alarms.",
+    },
+    {
+      id: "exchange",
+      title: "Coriolis exchange νₖCₖ",
+      unit: "W",
+      lines: ofJoints(layout, (k) => exchange(layout, k)),
+      help: "Who gives energy to whom: above zero a joint gives, below it takes; the sum is zero.",
+    },
+    {
+      id: "torque",
+      title: limits ? "Torque, in parts of the limit" : "Torque",
+      unit: limits ? "%" : "N m",
+      factor: limits ? 100 : 1,
+      lines: ofJoints(layout, (k) => (limits ? ofLimit(layout, "effort", k) : field(layout, "effort", k))).map((line) => ({
+        ...line,
+        twin: limits ? ofLimit(layout, "gravity_torque", line.dof) : field(layout, "gravity_torque", line.dof),
+      })),
+      help: "Measured, and dashed what gravity needs.",
+    },
+    {
+      id: "inertia",
+      title: "Articulated inertia D",
+      unit: "kg m² · kg",
+      log: true,
+      lines: ofJoints(layout, (k) => field(layout, "D", k)),
+      help: "The inertia that each joint moves, with all that is behind it free.",
+    },
+    {
+      id: "work",
+      title: "Coriolis does no work: |νᵀC| / (|ν||C|)",
+      unit: "",
+      log: true,
+      points: true,
+      lines: [single(layout, "coriolis_work", "|νᵀC| / (|ν||C|)", "#76b7b2")],
+      help: "Zero but for rounding (Lemma 7.1): what is seen is the last digit of the computer.",
+    },
+  ];
+  if (layout.has("latency") || layout.has("rate")) {
+    plots.push({
+      id: "latency",
+      title: "Latency and rate",
+      unit: "ms · Hz",
+      lines: [
+        single(layout, "latency", "latency", "#edc948", { factor: 1000, unit: "ms" }),
+        single(layout, "rate", "states per second", "#76b7b2", { scale: "rate", unit: "Hz" }),
+      ],
+      help: "Age of a state when it arrives, and how many arrive.",
+    });
+  }
+  return plots.filter((plot) => plot.id !== "work" || layout.has("coriolis_work"));
+}
+
+// The lines that a plot has room for: those that were largest, and how many others there are.
+export function chosenLines(plot, sizes, most, selected) {
+  const all = plot.lines.map((line, k) => k);
+  if (all.length <= most) return { shown: all, others: [] };
+  const order = [...all].sort((a, b) => (sizes[b] || 0) - (sizes[a] || 0));
+  const shown = order.slice(0, most - 1);
+  const wanted = plot.lines.findIndex((line) => line.dof !== undefined && line.dof === selected);
+  if (wanted >= 0 && !shown.includes(wanted)) shown[shown.length - 1] = wanted;
+  shown.sort((a, b) => a - b);
+  return { shown, others: all.filter((k) => !shown.includes(k)) };
+}
+
+export function othersLine(plot, others) {
+  const getters = others.map((k) => plot.lines[k].get);
+  return {
+    name: `${others.length} others`,
+    short: `${others.length} others`,
+    colour: OTHERS,
+    get: (d, b) => getters.reduce((sum, get) => sum + (get(d, b) || 0), 0),
+  };
+}
+
+// What links can be coloured by: a value of each, and the end of the ramp; null: a round number above what was seen.
+// A link has the energy share of all degrees of freedom of its joint, and of its torques the largest.
+export const COLOURINGS = {
+  share: {
+    label: "Energy share",
+    unit: "% of K",
+    value: (layout) => {
+      const total = K(layout);
+      const part = (own) => (d, b) => (total(d, b) > 1e-9 ? (100 * own(d, b)) / total(d, b) : 0);
+      return byDof(layout, (k) => part(share(layout, k)), (a, b) => a + b);
+    },
+    end: 100,
+  },
+  energy: {
+    label: "Link energy",
+    unit: "J",
+    value: (layout) => (link) => field(layout, "link_energy", layout.links.indexOf(link)),
+    end: null,
+  },
+  torque: {
+    label: "Torque of limit",
+    unit: "% of limit",
+    value: (layout) => {
+      const part = (of) => (d, b) => 100 * Math.abs(of(d, b));
+      return byDof(layout, (k) => part(ofLimit(layout, "effort", k)), Math.max);
+    },
+    end: 100,
+  },
+  external: {
+    label: "External torque",
+    unit: "N m",
+    value: (layout) => {
+      const part = (own) => (d, b) => Math.abs(own(d, b));
+      return byDof(layout, (k) => part(field(layout, "external_torque", k)), Math.max);
+    },
+    end: null,
+  },
+};
+
+function byDof(layout, getter, together) {
+  return (link) => {
+    const getters = (layout.dofsOfLink.get(link) ?? []).map(getter);
+    if (!getters.length) return () => NaN;
+    return (d, b) => getters.map((get) => get(d, b)).reduce((x, y) => together(x, y));
+  };
+}
+
+// The next of 1, 2, 5 times a power of ten.
+export function roundUp(x) {
+  if (!(x > 0)) return 1;
+  const power = 10 ** Math.floor(Math.log10(x));
+  return [1, 2, 5, 10].map((k) => k * power).find((end) => end >= x * 0.999);
+}

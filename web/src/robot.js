@@ -1,0 +1,136 @@
+// The robot as three.js has it: a group for each link, in the link's frame, with all that is seen of it.
+
+import {
+  BoxGeometry, CapsuleGeometry, Color, CylinderGeometry, Group, Matrix4, Mesh, MeshStandardMaterial, SphereGeometry, Box3, Vector3, Quaternion,
+} from "three";
+import { NEUTRAL } from "./colours.js";
+import { geometryOf } from "./mesh.js";
+
+const UNKNOWN_MASS = 1e-9; // [kg]: lighter links have no ellipsoid
+
+export class Robot extends Group {
+  // load: sha => Promise of an ArrayBuffer; changed: called whenever a mesh has come
+  constructor(layout, load, changed) {
+    super();
+    this.layout = layout;
+    this.byName = new Map();
+    this.meshes = new Map();
+    this.missing = 0;
+    this.pending = 0;
+    for (const link of layout.scene.links) this.add(this.#link(link, load, changed));
+    this.updateMatrixWorld();
+  }
+
+  #link(link, load, changed) {
+    const group = new Group();
+    group.name = link.name;
+    group.matrixAutoUpdate = false;
+    const material = new MeshStandardMaterial({ color: new Color(...linear(NEUTRAL)), roughness: 0.62, metalness: 0.08, fog: false });
+    group.userData.material = material;
+    this.byName.set(link.name, group);
+    for (const visual of link.visuals) {
+      if (visual.kind === "mesh") this.#mesh(group, visual, material, load, changed, link);
+      else this.#put(group, primitive(visual), visual.origin, material);
+    }
+    if (link.ellipsoid) this.#inertia(group, link, material);
+    return group;
+  }
+
+  #mesh(group, visual, material, load, changed, link) {
+    const { mesh: sha } = visual;
+    if (!this.meshes.has(sha)) this.meshes.set(sha, load(sha).then(geometryOf));
+    this.pending++;
+    this.meshes
+      .get(sha)
+      .then((geometry) => this.#put(group, geometry, visual.origin, material))
+      .catch(() => {
+        this.missing++;
+        if (!group.children.length) this.#inertia(group, link, material);
+      })
+      .finally(() => {
+        this.pending--;
+        changed();
+      });
+  }
+
+  #put(group, geometry, origin, material) {
+    const mesh = new Mesh(geometry, material);
+    if (origin) mesh.matrix.set(...origin);
+    mesh.matrixAutoUpdate = false;
+    mesh.castShadow = true;
+    group.add(mesh);
+  }
+
+  // Where nothing is to be seen of a link, the ellipsoid of equal inertia.
+  #inertia(group, link, material) {
+    const inertia = link.inertia;
+    if (!inertia || !(inertia.mass > UNKNOWN_MASS) || !inertia.semi.every((x) => x > 0 && Number.isFinite(x))) return;
+    const mesh = new Mesh(new SphereGeometry(1, 32, 20), material);
+    const [x, y, z] = [0, 1, 2].map((k) => new Vector3(...inertia.axes.map((row) => row[k])).multiplyScalar(inertia.semi[k]));
+    mesh.matrix.makeBasis(x, y, z).setPosition(...inertia.com);
+    mesh.matrixAutoUpdate = false;
+    mesh.castShadow = true;
+    group.add(mesh);
+  }
+
+  // Poses as a frame has them: x y z qx qy qz qw of each link; whether they are known.
+  place(data, at) {
+    if (!Number.isFinite(at)) return false;
+    let known = false;
+    this.layout.links.forEach((name, k) => {
+      const group = this.byName.get(name);
+      const p = at + 7 * k;
+      if (!group || !Number.isFinite(data[p]) || !Number.isFinite(data[p + 6])) return;
+      POSITION.set(data[p], data[p + 1], data[p + 2]);
+      ROTATION.set(data[p + 3], data[p + 4], data[p + 5], data[p + 6]).normalize();
+      group.matrix.compose(POSITION, ROTATION, ONE);
+      group.matrixWorldNeedsUpdate = true;
+      known = true;
+    });
+    this.updateMatrixWorld();
+    return known;
+  }
+
+  // Whether anything has changed.
+  paint(link, rgb, chosen) {
+    const material = this.byName.get(link)?.userData.material;
+    const key = `${rgb.join()}${chosen}`;
+    if (!material || material.userData.key === key) return false;
+    material.userData.key = key;
+    material.color.setRGB(...linear(rgb));
+    material.emissive.setRGB(...(chosen ? linear(rgb).map((c) => 0.35 * c + 0.02) : [0, 0, 0]));
+    return true;
+  }
+
+  colour(link) {
+    return this.byName.get(link)?.userData.material.color;
+  }
+
+  get bounds() {
+    return new Box3().setFromObject(this);
+  }
+
+  dispose() {
+    this.traverse((node) => {
+      node.geometry?.dispose();
+      node.material?.dispose();
+    });
+  }
+}
+
+const POSITION = new Vector3();
+const ROTATION = new Quaternion();
+const ONE = new Vector3(1, 1, 1);
+
+export function linear(rgb) {
+  const colour = new Color().setRGB(...rgb.map((c) => c / 255), "srgb");
+  return [colour.r, colour.g, colour.b];
+}
+
+function primitive({ kind, size }) {
+  if (kind === "box") return new BoxGeometry(...size);
+  if (kind === "sphere") return new SphereGeometry(size[0], 32, 20);
+  const [radius, length] = size;
+  const shape = kind === "capsule" ? new CapsuleGeometry(radius, length, 12, 32) : new CylinderGeometry(radius, radius, length, 40);
+  return shape.applyMatrix4(new Matrix4().makeRotationX(Math.PI / 2)); // along z, as URDF has them
+}

@@ -1,0 +1,279 @@
+// The robot in space: camera, light, floor, ellipsoid and arrow; drawn only when something has changed.
+
+import {
+  Box3, Color, CylinderGeometry, ConeGeometry, DirectionalLight, Fog, GridHelper, Group, HemisphereLight, Matrix4, Mesh,
+  MeshBasicMaterial, MeshStandardMaterial, PCFShadowMap, PerspectiveCamera, PlaneGeometry, Quaternion, Raycaster, Scene,
+  ShadowMaterial, SphereGeometry, Vector2, Vector3, WebGLRenderer,
+} from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { Robot } from "./robot.js";
+
+const SLOW = 60; // [ms] between two pictures, from which on shadows and fine pixels are left out
+const UP = new Vector3(0, 1, 0); // of three's cylinders
+
+export class Scene3D {
+  constructor(box, { load, changed }) {
+    this.box = box;
+    this.load = load;
+    this.changed = changed;
+    this.dirty = true;
+    this.times = [];
+    this.renderer = new WebGLRenderer({ antialias: true, alpha: true, powerPreference: "low-power" });
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = PCFShadowMap;
+    this.canvas = this.renderer.domElement;
+    this.canvas.tabIndex = -1;
+    box.prepend(this.canvas);
+    this.scene = new Scene();
+    this.camera = new PerspectiveCamera(32, 1, 0.01, 100);
+    this.camera.up.set(0, 0, 1);
+    this.controls = new OrbitControls(this.camera, this.canvas);
+    this.controls.addEventListener("change", () => (this.dirty = true));
+    this.controls.addEventListener("start", () => (this.framed = true));
+    this.sky = new HemisphereLight(0xffffff, 0x8a8f98, 1.7);
+    this.sun = new DirectionalLight(0xffffff, 2.0);
+    this.sun.castShadow = true;
+    this.sun.shadow.mapSize.set(1024, 1024);
+    this.sun.shadow.radius = 6;
+    this.fill = new DirectionalLight(0xffffff, 0.5);
+    this.scene.add(this.sky, this.sun, this.sun.target, this.fill);
+    this.#marks();
+    this.ray = new Raycaster();
+    new ResizeObserver(() => this.#resize()).observe(box);
+    this.#resize();
+  }
+
+  #marks() {
+    const glass = { transparent: true, depthWrite: false, fog: false };
+    this.ellipsoid = new Mesh(new SphereGeometry(1, 48, 32), new MeshStandardMaterial({ ...glass, opacity: 0.3, roughness: 0.4 }));
+    this.rings = new Mesh(new SphereGeometry(1, 16, 12), new MeshBasicMaterial({ ...glass, wireframe: true, opacity: 0.16 }));
+    for (const mesh of [this.ellipsoid, this.rings]) mesh.matrixAutoUpdate = false;
+    const solid = new MeshStandardMaterial({ fog: false, roughness: 0.5 });
+    this.arrow = new Group();
+    this.shaft = new Mesh(new CylinderGeometry(1, 1, 1, 20), solid);
+    this.head = new Mesh(new ConeGeometry(1, 1, 24), solid);
+    this.arrow.add(this.shaft, this.head);
+    this.marks = new Group();
+    this.marks.add(this.ellipsoid, this.rings, this.arrow);
+    this.marks.visible = false;
+    this.scene.add(this.marks);
+  }
+
+  setTheme({ colours, dark }) {
+    this.scene.fog = new Fog(new Color(colours.view || colours.page), 1, 100);
+    this.sky.intensity = dark ? 1.5 : 1.9;
+    this.ellipsoid.material.color.set(colours.accent);
+    this.rings.material.color.set(colours.accent);
+    this.shaft.material.color.set(colours.warn);
+    this.gridColour = colours.grid3d || colours.line;
+    if (this.size) this.#floor();
+    this.dirty = true;
+  }
+
+  setLayout(layout) {
+    if (this.robot) {
+      this.scene.remove(this.robot);
+      this.robot.dispose();
+    }
+    this.layout = layout;
+    this.framed = this.floored = false;
+    this.robot = new Robot(layout, this.load, () => {
+      if (!this.framed) this.frame();
+      if (!this.robot.pending) this.frame(!this.framed);
+      this.dirty = true;
+      this.changed();
+    });
+    this.scene.add(this.robot);
+    this.marks.visible = false;
+    this.scale = null;
+    this.frame();
+  }
+
+  place(data, base) {
+    const at = this.layout.at("pose");
+    if (!this.robot.place(data, base + at)) return;
+    if (!this.posed) {
+      this.posed = true;
+      if (!this.framed) this.frame();
+    }
+    this.#follow();
+    this.dirty = true;
+  }
+
+  // Camera and floor by the box around the robot; the floor at its lowest point.
+  frame(camera = true) {
+    let bounds = this.robot?.bounds ?? new Box3();
+    const given = this.layout?.scene.bounds;
+    if (bounds.isEmpty() && given) bounds = new Box3(new Vector3(...given[0]), new Vector3(...given[1]));
+    if (bounds.isEmpty()) bounds.set(new Vector3(-0.5, -0.5, 0), new Vector3(0.5, 0.5, 1));
+    const centre = bounds.getCenter(new Vector3());
+    this.size = Math.max(0.05, 0.5 * bounds.getSize(new Vector3()).length());
+    this.lowest = bounds.min.z;
+    this.centre = centre.clone();
+    if (camera) {
+      const narrow = Math.min(1, this.camera.aspect);
+      const distance = (1.04 * this.size) / Math.sin((0.5 * this.camera.fov * Math.PI) / 180) / narrow;
+      this.camera.position.copy(centre).add(new Vector3(1, -1.25, 0.55).normalize().multiplyScalar(distance));
+      this.camera.near = distance / 100;
+      this.camera.far = distance * 30;
+      this.camera.updateProjectionMatrix();
+      this.controls.target.copy(centre);
+      this.controls.minDistance = 0.1 * this.size;
+      this.controls.maxDistance = 12 * distance;
+      this.controls.update();
+    }
+    this.#floor();
+    this.dirty = true;
+  }
+
+  #floor() {
+    for (const old of [this.grid, this.ground]) {
+      if (!old) continue;
+      this.scene.remove(old);
+      old.geometry.dispose();
+      old.material.dispose();
+    }
+    const cell = 10 ** Math.floor(Math.log10(this.size)) * (this.size / 10 ** Math.floor(Math.log10(this.size)) >= 4 ? 1 : 0.5);
+    const cells = Math.ceil((12 * this.size) / cell / 2) * 2;
+    this.grid = new GridHelper(cells * cell, cells, this.gridColour, this.gridColour);
+    this.grid.rotation.x = Math.PI / 2;
+    const middle = (x) => Math.round(x / cell) * cell;
+    this.grid.position.set(middle(this.centre.x), middle(this.centre.y), this.lowest - 1e-3 * this.size);
+    this.ground = new Mesh(new PlaneGeometry(cells * cell, cells * cell), new ShadowMaterial({ opacity: 0.2, fog: true }));
+    this.ground.position.set(this.centre.x, this.centre.y, this.lowest - 2e-3 * this.size);
+    this.ground.receiveShadow = true;
+    this.scene.add(this.grid, this.ground);
+    this.scene.fog.near = 4 * this.size;
+    this.scene.fog.far = 9.5 * this.size;
+    this.sun.position.copy(this.centre).add(new Vector3(1.2, -1.0, 3.2).multiplyScalar(this.size));
+    this.sun.target.position.copy(this.centre);
+    this.fill.position.copy(this.centre).add(new Vector3(-2, 1.5, 0.5).multiplyScalar(this.size));
+    const shadow = this.sun.shadow.camera;
+    [shadow.left, shadow.right, shadow.bottom, shadow.top] = [-1.6, 1.6, -1.6, 1.6].map((x) => x * this.size);
+    [shadow.near, shadow.far] = [0.1 * this.size, 8 * this.size];
+    shadow.updateProjectionMatrix();
+    this.sun.shadow.bias = -5e-4;
+    this.sun.shadow.normalBias = 0.004 * this.size;
+  }
+
+  // A robot that drives away takes the camera along.
+  #follow() {
+    const root = this.robot.byName.get(this.layout.links[0]);
+    if (!root) return;
+    const at = new Vector3().setFromMatrixPosition(root.matrixWorld);
+    if (this.root && at.distanceTo(this.root) > 0.3 * this.size) {
+      const moved = at.clone().sub(this.root).setZ(0);
+      this.camera.position.add(moved);
+      this.controls.target.add(moved);
+      this.centre.add(moved);
+      this.root = at;
+      this.#floor();
+    }
+    this.root ??= at;
+  }
+
+  // axes: unit columns; radii [m/s] and velocity [m/s] of the link's origin; null hides all of it.
+  mark(link, axes, radii, velocity) {
+    const group = this.robot?.byName.get(link);
+    const visible = Boolean(group && axes);
+    this.dirty ||= visible || this.marks.visible;
+    this.marks.visible = visible;
+    if (!visible) return;
+    const longest = Math.max(...radii);
+    const drawn = this.scale ? this.scale * longest : 0;
+    if (!(drawn > 0.12 * this.size && drawn < 0.5 * this.size)) this.scale = (0.26 * this.size) / longest;
+    const at = new Vector3().setFromMatrixPosition(group.matrixWorld);
+    const columns = [0, 1, 2].map((k) =>
+      new Vector3(axes[0][k], axes[1][k], axes[2][k]).multiplyScalar(Math.max(this.scale * radii[k], 0.004 * this.size)),
+    );
+    const matrix = new Matrix4().makeBasis(...columns).setPosition(at);
+    this.ellipsoid.matrix.copy(matrix);
+    this.rings.matrix.copy(matrix);
+    const speed = Math.hypot(...velocity);
+    const length = Math.min(this.scale * speed, 1.5 * this.size);
+    const thick = 0.012 * this.size;
+    this.arrow.visible = length > 2 * thick;
+    if (!this.arrow.visible) return;
+    const head = Math.min(5 * thick, 0.6 * length);
+    this.arrow.position.copy(at);
+    this.arrow.quaternion.copy(new Quaternion().setFromUnitVectors(UP, new Vector3(...velocity).normalize()));
+    this.shaft.scale.set(thick, length - head, thick);
+    this.shaft.position.y = 0.5 * (length - head);
+    this.head.scale.set(2.4 * thick, head, 2.4 * thick);
+    this.head.position.y = length - 0.5 * head;
+  }
+
+  // The link at a place of the canvas [CSS pixels], or null.
+  pick(x, y) {
+    if (!this.robot) return null;
+    this.#aim(x, y);
+    const [hit] = this.ray.intersectObject(this.robot, true);
+    for (let node = hit?.object; node; node = node.parent) if (this.robot.byName.has(node.name)) return node.name;
+    return null;
+  }
+
+  #aim(x, y) {
+    const [width, height] = [this.box.clientWidth, this.box.clientHeight];
+    this.ray.setFromCamera(new Vector2((2 * x) / width - 1, 1 - (2 * y) / height), this.camera);
+  }
+
+  // A place of the page at which a link is seen, or null.
+  where(link) {
+    const group = this.robot?.byName.get(link);
+    if (!group?.children.length) return null;
+    const bounds = new Box3().setFromObject(group);
+    const rect = this.canvas.getBoundingClientRect();
+    const corner = new Vector3();
+    for (let n = 0; n < 125; n++) {
+      const part = [n % 5, Math.floor(n / 5) % 5, Math.floor(n / 25)].map((k) => [0.5, 0.35, 0.65, 0.2, 0.8][k]);
+      corner.copy(bounds.max).sub(bounds.min).multiply(new Vector3(...part)).add(bounds.min).project(this.camera);
+      const [x, y] = [0.5 * (corner.x + 1) * rect.width, 0.5 * (1 - corner.y) * rect.height];
+      if (this.pick(x, y) === link) return { x: rect.left + x, y: rect.top + y };
+    }
+    return null;
+  }
+
+  get fine() {
+    return this.renderer.shadowMap.enabled;
+  }
+
+  render() {
+    if (!this.dirty) return false;
+    this.dirty = false;
+    this.renderer.render(this.scene, this.camera);
+    this.#judge();
+    return true;
+  }
+
+  #judge() {
+    const now = performance.now();
+    if (this.fine && this.last && now - this.last < 1000) {
+      this.times.push(now - this.last);
+      if (this.times.length >= 12) {
+        const [middle] = this.times.sort((a, b) => a - b).slice(6);
+        this.times = [];
+        if (middle > SLOW) this.#coarse();
+      }
+    }
+    this.last = now;
+  }
+
+  #coarse() {
+    this.renderer.shadowMap.enabled = false;
+    this.sun.castShadow = false;
+    this.renderer.setPixelRatio(1);
+    this.dirty = true;
+  }
+
+  #resize() {
+    const [width, height] = [this.box.clientWidth, this.box.clientHeight];
+    if (!width || !height) return;
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    if (this.robot && !this.framed) this.frame();
+    this.dirty = true;
+    this.render();
+  }
+}

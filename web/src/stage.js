@@ -1,0 +1,183 @@
+// The left of the page: the robot, what its colours mean, and what is told of the marked link.
+
+import { COLOURINGS, K, roundUp } from "./quantities.js";
+import { hex, ramp, rampGradient, store, stored } from "./colours.js";
+import { el, say, toggle } from "./dom.js";
+import { axesOf, effectiveMass, linearBlock } from "./ellipsoid.js";
+import { number } from "./format.js";
+import { Scene3D } from "./scene3d.js";
+
+const IDS = Object.keys(COLOURINGS);
+
+export class Stage {
+  constructor({ theme, app }) {
+    this.theme = theme;
+    this.app = app;
+    this.colouring = IDS.includes(stored("diag.colouring")) ? stored("diag.colouring") : "share";
+    this.marks = stored("diag.marks") !== "off";
+    this.marked = null;
+    this.colours = new Map();
+    this.choice = el("select", { title: "what links are coloured by (1 to 4)", "aria-label": "colour of links", onchange: () => this.colourBy(this.choice.selectedIndex) }, ...IDS.map((id) => el("option", { value: id, text: COLOURINGS[id].label })));
+    this.ticks = ["0", "", ""].map((text) => el("span", { text }));
+    this.legend = el("div", { class: "ramp" }, this.choice, el("div", { class: "gradient", style: `background-image:${rampGradient()}` }), el("div", { class: "ticks" }, ...this.ticks));
+    this.energy = el("b");
+    this.marksNote = el("div", { class: "marks" });
+    this.head = el("div", { class: "headline" }, el("div", {}, el("small", { text: "K" }), this.energy), this.marksNote);
+    this.banner = el("div", { class: "banner", hidden: true });
+    this.hint = el("div", { class: "hint", hidden: true });
+    this.missing = el("small", { class: "missing", hidden: true });
+    this.node = el("div", { class: "stage" }, this.head, this.missing, this.legend, this.banner, this.hint);
+    this.ends = {};
+    try {
+      this.scene = new Scene3D(this.node, { load: (sha) => app.source.mesh(sha), changed: () => this.#missing() });
+      this.#listen();
+    } catch (error) {
+      say(this.hint, `No 3-D: this browser gives no WebGL (${error.message}).`);
+      this.hint.hidden = false;
+      this.hint.classList.add("fixed");
+    }
+  }
+
+  #listen() {
+    const { canvas } = this.scene;
+    let [downX, downY, looked] = [0, 0, 0];
+    canvas.addEventListener("pointerdown", (event) => ([downX, downY] = [event.offsetX, event.offsetY]));
+    canvas.addEventListener("click", (event) => {
+      if (Math.hypot(event.offsetX - downX, event.offsetY - downY) < 5) this.app.select(this.scene.pick(event.offsetX, event.offsetY));
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      if (event.buttons || performance.now() - looked < 80 || event.pointerType !== "mouse") return;
+      looked = performance.now();
+      const link = this.scene.pick(event.offsetX, event.offsetY);
+      canvas.style.cursor = link ? "pointer" : "";
+      this.hint.hidden = link === null;
+      if (link) {
+        say(this.hint, `${link}  ${this.#told(link)}`);
+        this.hint.style.transform = `translate(${Math.min(event.offsetX + 14, this.node.clientWidth - this.hint.offsetWidth - 6)}px, ${Math.max(4, event.offsetY - 30)}px)`;
+      }
+    });
+    canvas.addEventListener("pointerleave", () => (this.hint.hidden = true));
+  }
+
+  #told(link) {
+    const value = this.values?.get(link);
+    return Number.isFinite(value) ? `${number(value)} ${COLOURINGS[this.colouring].unit}` : "";
+  }
+
+  // Says in small print what cannot be drawn.
+  #missing() {
+    const named = Object.keys(this.layout?.scene.missing ?? {}).length;
+    const count = named + (this.scene?.robot?.missing ?? 0);
+    this.missing.hidden = !count;
+    say(this.missing, count === 1 ? "1 mesh is not there" : `${count} meshes are not there`);
+    this.missing.title = Object.entries(this.layout?.scene.missing ?? {}).map(([name, why]) => `${name}: ${why}`).join("\n");
+  }
+
+  setLayout(layout) {
+    this.layout = layout;
+    this.marked = layout.tip;
+    this.ends = {};
+    this.scene?.setLayout(layout);
+    this.#getters();
+    this.#missing();
+  }
+
+  colourBy(k) {
+    this.colouring = IDS[k];
+    store("diag.colouring", this.colouring);
+    this.#getters();
+    this.again();
+  }
+
+  toggleMarks() {
+    this.marks = !this.marks;
+    store("diag.marks", this.marks ? "on" : "off");
+    this.again();
+  }
+
+  frame() {
+    this.scene?.frame();
+  }
+
+  again() {
+    if (this.last) this.draw(...this.last);
+  }
+
+  #getters() {
+    if (!this.layout) return;
+    this.choice.selectedIndex = IDS.indexOf(this.colouring);
+    const value = COLOURINGS[this.colouring].value(this.layout);
+    this.getters = this.layout.scene.links.map(({ name }) => [name, value(name)]);
+  }
+
+  restyle() {
+    this.scene?.setTheme(this.theme);
+  }
+
+  draw(rows, i) {
+    this.last = [rows, i];
+    const { data } = rows;
+    const base = rows.base(i);
+    this.time = rows.time(i);
+    say(this.energy, `${number(K(this.layout)(data, base))} J`);
+    this.#paint(data, base);
+    this.scene?.place(data, base);
+    this.#mark(data, base);
+  }
+
+  #paint(data, base) {
+    const { unit, end: fixed } = COLOURINGS[this.colouring];
+    this.values = new Map(this.getters.map(([name, get]) => [name, get(data, base)]));
+    let most = 0;
+    for (const value of this.values.values()) if (value > most) most = value;
+    const seen = Math.max(most, 0.999 * (this.ends[this.colouring] ?? 0));
+    this.ends[this.colouring] = seen;
+    const end = fixed ?? roundUp(Math.max(seen, 1e-6));
+    this.end = end;
+    [0, 0.5, 1].forEach((part, k) => say(this.ticks[k], part === 1 ? `${number(end)} ${unit}` : number(part * end)));
+    for (const [name, value] of this.values) {
+      const rgb = ramp(value / end);
+      this.colours.set(name, hex(rgb));
+      if (this.scene?.robot.paint(name, rgb, name === this.app.chosen.link)) this.scene.dirty = true;
+    }
+  }
+
+  #mark(data, base) {
+    const { layout } = this;
+    const [a, v] = [layout.at("mobility"), layout.at("twist")];
+    const known = this.marks && Number.isFinite(a) && Number.isFinite(data[base + a]);
+    if (!known) {
+      this.scene?.mark(null, null);
+      say(this.marksNote, "");
+      this.told = null;
+      return;
+    }
+    const matrix = linearBlock(data, base + a);
+    const { values, vectors } = axesOf(matrix);
+    const velocity = [0, 1, 2].map((k) => data[base + v + k]);
+    const moving = velocity.every(Number.isFinite);
+    const speed = moving ? Math.hypot(...velocity) : NaN;
+    const mass = moving ? effectiveMass(matrix, velocity) : NaN;
+    // With 1 J of kinetic energy a link can be as fast as √(2λ) along an axis.
+    this.scene?.mark(this.marked, vectors, values.map((value) => Math.sqrt(2 * Math.max(value, 0))), moving ? velocity : [0, 0, 0]);
+    this.told = { link: this.marked, speed, mass, mobilities: values };
+    const along = Number.isFinite(mass) ? `, ${number(mass)} kg along it` : "";
+    say(this.marksNote, `${this.marked}: ${number(speed)} m/s${along}`);
+    this.marksNote.title = "Ellipsoid of J M⁻¹ Jᵀ: velocities that 1 J allows; arrow: the link's velocity; effective mass along it";
+  }
+
+  judged({ level, word, says, dim }) {
+    toggle(this.node, "dim", Boolean(dim));
+    this.banner.hidden = !dim;
+    this.banner.className = `banner ${level}`;
+    if (dim) say(this.banner, says ? `${word}: ${says}` : word);
+  }
+
+  dirty() {
+    if (this.scene) this.scene.dirty = true;
+  }
+
+  render() {
+    this.scene?.render();
+  }
+}

@@ -1,0 +1,144 @@
+// Which time is seen: the window of all plots, and the one moment at which numbers and robot are shown.
+
+import { clock } from "./format.js";
+
+const SHORTEST = 0.02; // [s] of a window
+
+export class View {
+  // rows: () => Rows; live: whether time goes on by itself; changed(what): "window" or "moment"
+  constructor(rows, live, changed) {
+    this.rows = rows;
+    this.live = live;
+    this.changed = changed;
+    this.length = live ? 30 : 0; // [s]
+    this.paused = !live;
+    this.end = NaN; // of the window, while paused
+    this.moment = NaN; // while paused
+    this.pointing = null; // the time under the pointer
+  }
+
+  get following() {
+    return this.live && !this.paused;
+  }
+
+  window() {
+    const end = this.following ? this.rows().last : this.end;
+    return [end - this.length, end];
+  }
+
+  // The moment of robot and table: the newest, or the one that was chosen.
+  now() {
+    return this.following ? this.rows().last : this.moment;
+  }
+
+  // The moment of the plots' cursor and legends: where the pointer is, else now.
+  shown() {
+    return this.pointing ?? this.now();
+  }
+
+  point(t) {
+    this.pointing = t === null ? null : this.#inside(t);
+    this.changed("pointer");
+  }
+
+  pause() {
+    if (this.paused) return;
+    [this.end, this.moment] = [this.rows().last, this.rows().last];
+    this.paused = true;
+    this.changed("window");
+  }
+
+  follow() {
+    if (!this.live) return;
+    this.paused = false;
+    this.pointing = null;
+    this.changed("window");
+  }
+
+  // Shows a moment; the window moves along where that is outside of it.
+  go(t) {
+    if (!this.rows().length) return;
+    this.pause();
+    this.moment = this.#inside(t);
+    const [t0, t1] = this.window();
+    if (this.moment < t0 || this.moment > t1) {
+      this.end = this.#bounded(this.moment + 0.5 * this.length);
+      this.changed("window");
+    } else this.changed("moment");
+  }
+
+  // Goes on by a number of states.
+  step(count) {
+    const rows = this.rows();
+    if (!rows.length) return;
+    this.pause();
+    const i = rows.nearest(this.moment) + count;
+    this.go(rows.time(Math.min(rows.length - 1, Math.max(0, i))));
+  }
+
+  // Makes the window as long as that, about a time.
+  zoom(length, about = null) {
+    const rows = this.rows();
+    const longest = this.live ? 3600 : Math.max(SHORTEST, rows.last - rows.first);
+    const before = this.length;
+    const next = Math.min(longest, Math.max(SHORTEST, length));
+    if (!this.following && before > 0) {
+      const centre = about ?? this.moment;
+      const part = (this.end - centre) / before;
+      this.end = centre + part * next;
+    }
+    this.length = next;
+    if (!this.following) this.end = this.#bounded(this.end);
+    this.changed("window");
+  }
+
+  // Shows exactly that window.
+  see(t0, t1) {
+    this.pause();
+    this.length = Math.max(SHORTEST, t1 - t0);
+    this.end = this.#bounded(t1);
+    this.changed("window");
+  }
+
+  whole() {
+    const rows = this.rows();
+    this.length = Math.max(SHORTEST, rows.last - rows.first);
+    this.end = rows.last;
+    if (!Number.isFinite(this.moment)) this.moment = rows.first;
+    this.changed("window");
+  }
+
+  #inside(t) {
+    const rows = this.rows();
+    return Math.min(rows.last, Math.max(rows.first, t));
+  }
+
+  #bounded(end) {
+    const rows = this.rows();
+    return Math.min(rows.last, Math.max(end, Math.min(rows.last, rows.first + this.length)));
+  }
+
+  // Axes: a report counts from its beginning, what is live backwards from now.
+  base() {
+    return this.live ? this.window()[1] : this.rows().first;
+  }
+
+  splits(base, low, high, step) {
+    const found = [];
+    for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
+    return found;
+  }
+
+  labels(base, splits) {
+    const step = splits.length > 1 ? splits[1] - splits[0] : 1;
+    const decimals = Math.max(0, Math.min(4, Math.ceil(-Math.log10(step) - 1e-9)));
+    return splits.map((x) => (Math.abs(x) < 1e-9 ? (this.live && this.following ? "now" : "0 s") : `${x.toFixed(decimals).replace("-", "−")} s`));
+  }
+
+  // A moment in words.
+  told(t) {
+    const rows = this.rows();
+    if (!rows.length || !Number.isFinite(t)) return "–";
+    return this.live ? clock(t) : `${(t - rows.first).toFixed(3)} s`;
+  }
+}
