@@ -109,8 +109,8 @@ export class App {
     this.cards.diagnosed(list);
   }
 
-  beat(json) {
-    this.cards.beat(json);
+  beat(json, drawn) {
+    this.cards.beat(json, drawn);
     this.touch();
   }
 
@@ -220,7 +220,7 @@ export class App {
   }
 
   verdict() {
-    return this.health.judge(this.flags(), { paused: this.view.paused, report: this.report, rate: this.health.heart?.state_rate });
+    return this.health.judge(this.flags(), { paused: this.view.paused, report: this.report, rate: this.health.heart?.rate });
   }
 
   flags() {

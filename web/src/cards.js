@@ -5,6 +5,8 @@ import { number, span, UNKNOWN } from "./format.js";
 import { Plot } from "./plot.js";
 import { plotsOf } from "./quantities.js";
 
+const NARROW = 18; // [rem] of a card
+const LOW = 12;
 const LEVELS = ["good", "warn", "bad", "bad"];
 
 export class Cards {
@@ -16,12 +18,29 @@ export class Cards {
     this.words = el("section", { class: "card words", id: "diagnostics" }, el("header", {}, el("h2", { text: "Diagnostics" })), this.list, this.pulse);
     this.told = []; // cards of a report
     this.node = el("div", { class: "cards" });
+    new ResizeObserver(() => this.#arrange()).observe(this.node);
+  }
+
+  // As many columns as leave few places empty, and cards about twice as wide as high.
+  #arrange() {
+    const count = this.node.childElementCount;
+    const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+    const [width, height] = [this.node.clientWidth, this.node.clientHeight];
+    let [best, columns] = [Infinity, 1];
+    for (let c = 1; c === 1 || width / c >= NARROW * rem; c++) {
+      const lines = Math.ceil(count / c);
+      const high = Math.max(LOW * rem, height / lines);
+      const score = Math.abs(Math.log(width / c / high / 2)) + (0.5 * (lines * c - count)) / c + (lines * LOW * rem > height + 1 ? 0.2 : 0);
+      if (score < best) [best, columns] = [score, c];
+    }
+    this.node.style.setProperty("--columns", columns);
   }
 
   setLayout(layout) {
     for (const plot of this.plots) plot.remove();
     this.plots = plotsOf(layout).map((spec) => new Plot(spec, this.shared));
     this.node.replaceChildren(...this.told, ...this.plots.map((plot) => plot.node), ...(this.told.length ? [] : [this.words]));
+    this.#arrange();
   }
 
   draw() {
@@ -104,12 +123,10 @@ export class Cards {
     else this.open.delete(name);
   }
 
-  beat({ age, state_rate: states, sent_rate: sent, served, skipped }) {
-    const parts = [
-      `${number(states)} states/s received`,
-      `${number(sent)} frames/s shown`,
-      `last state ${age === null || age === undefined ? UNKNOWN : span(age)} ago`,
-    ];
+  // about: the server's heartbeat; drawn: frames that have come in a second.
+  beat({ age, rate, hz, served, skipped }, drawn) {
+    const parts = [`${number(rate)} states/s received`, `${number(drawn)} of ${number(hz)} frames/s shown`];
+    parts.push(`last state ${age === null || age === undefined ? UNKNOWN : span(age)} old`);
     if (served !== undefined) parts.push(`${served} frames sent, ${skipped ?? 0} skipped`);
     say(this.pulse, parts.join(" · "));
   }

@@ -26,3 +26,8 @@ export function download(name, blob) {
   el("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), 10_000);
 }
+
+// A name that may be broken after each of its parts.
+export function breakable(name) {
+  return name.split(/(?<=[_/.-])/).flatMap((part) => [part, el("wbr")]);
+}

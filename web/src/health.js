@@ -29,14 +29,14 @@ export class Health {
     }
     if (this.connection === "connecting") return { level: "warn", word: "Connecting", says: "", notes: [], dim: true };
     if (this.arrived === -Infinity) {
-      const says = this.robots?.length === 0 ? "no robot has been heard of" : "no state has come yet";
+      const says = this.heart?.waiting || (this.robots?.length === 0 ? "no robot has been heard of" : "no state has come yet");
       return { level: "warn", word: "Waiting", says, notes: [], dim: true };
     }
     const notes = this.notes(flags);
     const stale = (flags & FLAGS.late) !== 0 || this.silence > OLD;
     if (stale) return { level: "bad", word: "Stale", says: `the last state is ${span(this.silence)} old`, notes, dim: !paused, stale };
     if (paused) return { level: "paused", word: "Paused", says: "", notes };
-    const level = notes.some((note) => note.level === "bad") ? "bad" : notes.length ? "warn" : "good";
+    const level = notes.some((note) => note.level === "warn") ? "warn" : "good";
     return { level, word: "Live", says: Number.isFinite(rate) && rate > 0 ? `${Math.round(rate)} Hz` : "", notes };
   }
 

@@ -1,7 +1,7 @@
 // The table of joints: a row for each, with bars of what it has, gives, bears and is pushed by.
 
 import { jointColour, OTHERS } from "./colours.js";
-import { el, say, toggle } from "./dom.js";
+import { breakable, el, say, toggle } from "./dom.js";
 import { number } from "./format.js";
 import { exchange, hasLimits, ofLimit, share } from "./quantities.js";
 
@@ -55,8 +55,8 @@ export class JointTable {
       const value = el("b", { text: "–" });
       return { bar, mark, value, node: el("td", {}, el("div", {}, bar, ...(column.mark ? [mark] : []), value)) };
     });
-    const label = el("span", { text: short });
-    const node = el("tr", { title: name, onclick: chosen }, el("th", { scope: "row" }, el("i", { class: "dot", style: `background:${colour}` }), label), ...cells.map((cell) => cell.node));
+    const label = el("span", {}, ...breakable(short));
+    const node = el("tr", { title: name, onclick: chosen }, el("th", { scope: "row" }, el("div", {}, el("i", { class: "dot", style: `background:${colour}` }), label)), ...cells.map((cell) => cell.node));
     return { node, label, cells };
   }
 

@@ -28,8 +28,11 @@ export class Live {
       },
       heartbeat: (json) => {
         health.connection = "open";
-        health.heart = { ...json, at: performance.now() };
-        app.beat(json);
+        const now = performance.now();
+        const drawn = (1000 * (this.frames - (this.counted?.frames ?? this.frames))) / (now - (this.counted?.at ?? now) || 1);
+        this.counted = { frames: this.frames, at: now };
+        health.heart = { ...json, at: now };
+        app.beat(json, drawn);
       },
       connection: (state, seconds, why) => {
         Object.assign(health, { connection: state, retry: seconds, why, heart: null });
@@ -76,14 +79,13 @@ export class Live {
   follow(link) {
     if (link === this.link || !link || !this.layout?.links.includes(link)) return;
     this.link = link;
+    this.app.marked(link);
     this.stream.open(this.robot, link, RATE);
   }
 
   #layout(json) {
     this.app.health.connection = "open";
-    const { link, ...rest } = json;
-    const text = JSON.stringify(rest);
-    this.link = link ?? this.link;
+    const text = JSON.stringify(json);
     if (text !== this.text) {
       const same = this.text && this.#shape(json) === this.#shape(this.layout.json);
       this.text = text;
@@ -92,7 +94,8 @@ export class Live {
       if (!same) this.rows = new Rows(this.layout.width, Math.min(KEPT * RATE, Math.floor(MOST / (4 * this.layout.width))));
       this.app.laidOut(this.layout, same);
     }
-    this.app.marked(this.link);
+    if (this.layout.links.includes(this.link)) this.app.marked(this.link);
+    else this.follow(this.layout.tip);
   }
 
   #shape({ robot, dofs, links, fields }) {

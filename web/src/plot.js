@@ -79,7 +79,8 @@ export class Plot {
     const t = view.shown();
     const x = this.plot.valToPos(t - this.base, "x");
     const inside = x >= -1 && x <= this.plot.over.clientWidth + 1;
-    this.cursor.style.transform = `translateX(${inside ? x : -10}px)`;
+    this.cursor.hidden = !inside;
+    if (inside) this.cursor.style.transform = `translateX(${x}px)`;
     const base = rows.base(rows.nearest(t));
     this.values = this.lines.map((line) => line.get(rows.data, base) * (line.factor ?? this.spec.factor ?? 1));
     this.values.forEach((value, k) => {
@@ -183,6 +184,7 @@ export class Plot {
           ...axis,
           size: Math.round(3.4 * size),
           space: 2.1 * size,
+          ...(spec.log ? { filter: (u, splits) => splits, grid: { ...axis.grid, filter: (u, splits) => splits.map((x) => (powerOfTen(x) ? x : null)) } } : {}),
           values: spec.log ? (u, splits) => splits.map(logLabel(u)) : (u, splits) => splits.map((x) => tick(x, splits[1] - splits[0] || 1)),
         },
         ...(extra ? [{ ...axis, scale: "rate", side: 1, size: Math.round(2.6 * size), grid: { show: false }, space: 2.1 * size }] : []),
@@ -274,7 +276,7 @@ function logRange(u, low, high) {
 
 // All decades where there is room, else every second one, and so on.
 function logLabel(u) {
-  const decades = Math.log10(u.scales.y.max / u.scales.y.min);
+  const decades = Math.log10(u.scales.y.max / u.scales.y.min) || 1;
   const every = Math.max(1, Math.ceil(decades / Math.max(1, u.bbox.height / devicePixelRatio / 30)));
   return (x) => (Math.round(Math.log10(x)) % every === 0 ? powerOfTen(x) : "");
 }

@@ -107,6 +107,7 @@ export class Robot extends Group {
   }
 
   get bounds() {
+    this.updateMatrixWorld(true);
     return new Box3().setFromObject(this);
   }
 

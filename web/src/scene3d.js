@@ -1,14 +1,16 @@
 // The robot in space: camera, light, floor, ellipsoid and arrow; drawn only when something has changed.
 
 import {
-  Box3, Color, CylinderGeometry, ConeGeometry, DirectionalLight, Fog, GridHelper, Group, HemisphereLight, Matrix4, Mesh,
-  MeshBasicMaterial, MeshStandardMaterial, PCFShadowMap, PerspectiveCamera, PlaneGeometry, Quaternion, Raycaster, Scene,
+  Box3, BufferGeometry, Color, CylinderGeometry, ConeGeometry, DirectionalLight, Fog, GridHelper, Group, HemisphereLight, LineBasicMaterial, LineSegments, Matrix4, Mesh,
+  MeshStandardMaterial, PCFShadowMap, PerspectiveCamera, PlaneGeometry, Quaternion, Raycaster, Scene,
   ShadowMaterial, SphereGeometry, Vector2, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { Robot } from "./robot.js";
 
 const SLOW = 60; // [ms] between two pictures, from which on shadows and fine pixels are left out
+const FROM = new Vector3(1, -1.25, 0.55).normalize(); // the camera, as seen from the robot
+const ROOM = 0.82; // part of the picture that the robot takes
 const UP = new Vector3(0, 1, 0); // of three's cylinders
 
 export class Scene3D {
@@ -32,7 +34,7 @@ export class Scene3D {
     this.controls.addEventListener("change", () => (this.dirty = true));
     this.controls.addEventListener("start", () => (this.framed = true));
     this.sky = new HemisphereLight(0xffffff, 0x8a8f98, 1.7);
-    this.sun = new DirectionalLight(0xffffff, 2.0);
+    this.sun = new DirectionalLight(0xffffff, 2.2);
     this.sun.castShadow = true;
     this.sun.shadow.mapSize.set(1024, 1024);
     this.sun.shadow.radius = 6;
@@ -47,7 +49,7 @@ export class Scene3D {
   #marks() {
     const glass = { transparent: true, depthWrite: false, fog: false };
     this.ellipsoid = new Mesh(new SphereGeometry(1, 48, 32), new MeshStandardMaterial({ ...glass, opacity: 0.3, roughness: 0.4 }));
-    this.rings = new Mesh(new SphereGeometry(1, 16, 12), new MeshBasicMaterial({ ...glass, wireframe: true, opacity: 0.16 }));
+    this.rings = new LineSegments(greatCircles(), new LineBasicMaterial({ ...glass, opacity: 0.55 }));
     for (const mesh of [this.ellipsoid, this.rings]) mesh.matrixAutoUpdate = false;
     const solid = new MeshStandardMaterial({ fog: false, roughness: 0.5 });
     this.arrow = new Group();
@@ -62,7 +64,7 @@ export class Scene3D {
 
   setTheme({ colours, dark }) {
     this.scene.fog = new Fog(new Color(colours.view || colours.page), 1, 100);
-    this.sky.intensity = dark ? 1.5 : 1.9;
+    this.sky.intensity = dark ? 2.1 : 2.0;
     this.ellipsoid.material.color.set(colours.accent);
     this.rings.material.color.set(colours.accent);
     this.shaft.material.color.set(colours.warn);
@@ -78,11 +80,14 @@ export class Scene3D {
     }
     this.layout = layout;
     this.framed = this.floored = false;
+    this.posed = false;
+    this.root = null;
     this.robot = new Robot(layout, this.load, () => {
-      if (!this.framed) this.frame();
-      if (!this.robot.pending) this.frame(!this.framed);
+      if (!this.robot.pending) {
+        this.frame(!this.framed);
+        this.changed();
+      }
       this.dirty = true;
-      this.changed();
     });
     this.scene.add(this.robot);
     this.marks.visible = false;
@@ -103,7 +108,7 @@ export class Scene3D {
 
   // Camera and floor by the box around the robot; the floor at its lowest point.
   frame(camera = true) {
-    let bounds = this.robot?.bounds ?? new Box3();
+    let bounds = this.posed && !this.robot.pending ? this.robot.bounds : new Box3();
     const given = this.layout?.scene.bounds;
     if (bounds.isEmpty() && given) bounds = new Box3(new Vector3(...given[0]), new Vector3(...given[1]));
     if (bounds.isEmpty()) bounds.set(new Vector3(-0.5, -0.5, 0), new Vector3(0.5, 0.5, 1));
@@ -112,9 +117,8 @@ export class Scene3D {
     this.lowest = bounds.min.z;
     this.centre = centre.clone();
     if (camera) {
-      const narrow = Math.min(1, this.camera.aspect);
-      const distance = (1.04 * this.size) / Math.sin((0.5 * this.camera.fov * Math.PI) / 180) / narrow;
-      this.camera.position.copy(centre).add(new Vector3(1, -1.25, 0.55).normalize().multiplyScalar(distance));
+      const distance = this.#distance(bounds, centre);
+      this.camera.position.copy(centre).addScaledVector(FROM, distance);
       this.camera.near = distance / 100;
       this.camera.far = distance * 30;
       this.camera.updateProjectionMatrix();
@@ -125,6 +129,20 @@ export class Scene3D {
     }
     this.#floor();
     this.dirty = true;
+  }
+
+  // From where all corners of the box are seen, with some room around.
+  #distance(bounds, centre) {
+    const across = Math.tan((0.5 * this.camera.fov * Math.PI) / 180) * ROOM;
+    const right = new Vector3().crossVectors(this.camera.up, FROM).normalize();
+    const up = new Vector3().crossVectors(FROM, right);
+    let distance = 0.5 * this.size;
+    for (let n = 0; n < 8; n++) {
+      const corner = new Vector3(...["x", "y", "z"].map((axis, k) => ((n >> k) & 1 ? bounds.max : bounds.min)[axis])).sub(centre);
+      const wide = Math.max(Math.abs(corner.dot(up)), Math.abs(corner.dot(right)) / this.camera.aspect);
+      distance = Math.max(distance, wide / across + corner.dot(FROM));
+    }
+    return distance;
   }
 
   #floor() {
@@ -276,4 +294,19 @@ export class Scene3D {
     this.dirty = true;
     this.render();
   }
+}
+
+// The three of a unit sphere along its axes.
+function greatCircles(pieces = 64) {
+  const points = [];
+  for (let axis = 0; axis < 3; axis++) {
+    for (let k = 0; k < pieces; k++) {
+      for (const end of [k, k + 1]) {
+        const angle = (2 * Math.PI * end) / pieces;
+        const point = [Math.cos(angle), Math.sin(angle), 0];
+        points.push(new Vector3(...[0, 1, 2].map((n) => point[(n + axis) % 3])));
+      }
+    }
+  }
+  return new BufferGeometry().setFromPoints(points);
 }
