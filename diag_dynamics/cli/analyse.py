@@ -20,6 +20,7 @@ from diag_dynamics.recordings.outputs.mcap import WRITTEN, McapOutput
 from diag_dynamics.recordings.outputs.messages import TOPICS
 from diag_dynamics.recordings.outputs.parquet import ParquetOutput
 from diag_dynamics.recordings.outputs.part import Part
+from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import WIDTH, summary_of, text_of
 
@@ -33,7 +34,7 @@ EPILOG = """exit status: 0 all is well; 1 analysed, but part of it could not be 
 power explains less than 80 % (see the summary), or there is none though there are efforts, or one of several recordings
 failed; 2 nothing could be analysed."""
 
-OUTPUTS = "mcap", "parquet", "csv", "json"
+OUTPUTS = "mcap", "parquet", "csv", "report", "json"
 """Options that name a file to be written."""
 
 
@@ -57,6 +58,7 @@ def run(name, arguments):
     )
     parser.add_argument("--parquet", metavar="OUT.parquet", help="a column for each quantity and joint")
     parser.add_argument("--csv", metavar="OUT.csv", help="the same as text")
+    parser.add_argument("--report", metavar="OUT.html", help="all of it to be seen, in one file that needs no network")
     parser.add_argument("--json", metavar="SUMMARY.json", help="the summary for programs; - for stdout")
     parser.add_argument("--threads", type=int, help="for evaluation (default: as many as there are processors)")
     parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
@@ -150,10 +152,14 @@ def _summary(chosen, recording, parameters, robot):
     messages = partial(McapOutput, topics=WRITTEN if chosen.topics is None else chosen.topics.split(","))
     kinds = (chosen.mcap, messages), (chosen.parquet, ParquetOutput), (chosen.csv, CsvOutput)
     analysis, outputs = Analysis(reading, gain=chosen.gain, threads=chosen.threads), []
+    report = None
     try:
         for path, kind in kinds:
             if path:
                 outputs.append(kind(path, reading, analysis.friction))
+        if chosen.report:
+            report = ReportOutput(chosen.report, reading)
+            outputs.append(report)
         with _Progress(chosen.quiet) as progress:
             analysis.run(outputs, progress)
         if not analysis.states:
@@ -162,18 +168,22 @@ def _summary(chosen, recording, parameters, robot):
                     f"'{_shown(recording)}' has not a single state: no message is within --start and --end."
                 )
             raise analysis.outcome.account.without_states(_shown(recording))
+        summary = summary_of(analysis.outcome) | {"recording": str(recording)}
         for output in outputs:
-            output.close()
+            if output is not report:
+                output.close()
+        if report:
+            report.close(summary)
     except BaseException:
         for output in outputs:
             output.drop()
         raise
-    return summary_of(analysis.outcome) | {"recording": str(recording)}
+    return summary
 
 
 def _outputs(chosen):
     """Paths of files that are written of one recording, by option."""
-    return {"--mcap": chosen.mcap, "--parquet": chosen.parquet, "--csv": chosen.csv}
+    return {"--mcap": chosen.mcap, "--parquet": chosen.parquet, "--csv": chosen.csv, "--report": chosen.report}
 
 
 def _json_output(chosen):

@@ -188,6 +188,8 @@ class Reading:
     settings : Settings
         Of the monitor that would have taken it in.
     intake : Intake
+    described : str or None
+        The robot's description, or where it is; None of a model that was made before.
     settles : bool
         Whether :meth:`settling` comes before :meth:`pieces`.
     """
@@ -202,10 +204,10 @@ class Reading:
         self._source = source_of(path, columns, topic)
         if isinstance(model, RobotModel):
             require_single_joints(model)
-            self.model = model
+            self.model, self.described = model, None
         else:
-            description = self._source.description() if model is None else os.fspath(model)
-            self.model = model_of(description, self.settings.values)
+            self.described = self._source.description() if model is None else os.fspath(model)
+            self.model = model_of(self.described, self.settings.values)
         self.intake = Intake(self.model, self.settings)
         self._begin = self._end = None
         self.settles, self._first, self._stream = False, [], None

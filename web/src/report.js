@@ -1,10 +1,68 @@
-// The source of a report: the recording that is in this file.
+// The source of a report: the recording that is in this file, and what was found in it.
+
+import { Layout } from "./layout.js";
+import { Rows } from "./rows.js";
+import { chapters } from "./chapters.js";
+import { rowsOf } from "./tracks.js";
+import { bytesOf, meshOf } from "./unpack.js";
 
 export class Report {
   constructor(app, block) {
     this.app = app;
-    this.block = block;
-    this.rows = undefined;
+    this.told = JSON.parse(block.textContent);
+    this.rows = new Rows(1, 2);
+    this.playing = false;
+    this.speed = 1;
+    this.robots = [];
+    this.robot = null;
+    const { begin, summary } = this.told;
+    this.contacts = summary.collisions.map((one) => ({ ...one, start: one.start - begin, end: one.end - begin }));
   }
-  begin() {}
+
+  async begin() {
+    const { app, told } = this;
+    const layout = new Layout(told.layout);
+    this.rows = await rowsOf(layout, told.tracks);
+    app.cards.told = chapters(told, {
+      go: (t) => app.view.go(t),
+      see: (t0, t1, t) => {
+        app.view.see(t0, t1);
+        app.view.go(t);
+      },
+    });
+    app.laidOut(layout);
+    app.view.end = this.rows.last;
+    app.view.moment = this.rows.first;
+    app.view.whole();
+    const at = told.summary.kinetic_energy.at;
+    if (at !== null) app.view.go(at - told.begin);
+    app.touch();
+  }
+
+  mesh(sha) {
+    const place = this.told.meshes[sha];
+    if (place === undefined) return Promise.reject(new Error(`mesh ${sha} is not in this file`));
+    return bytesOf(place).then(meshOf);
+  }
+
+  // Goes on from the moment that is shown, as fast as it was; from the beginning, at the end.
+  play() {
+    const { view } = this.app;
+    this.playing = !this.playing;
+    this.app.touch();
+    if (!this.playing) return;
+    if (view.now() >= this.rows.last - 1e-3) view.go(this.rows.first);
+    let before = performance.now();
+    const on = (now) => {
+      if (!this.playing) return;
+      const t = view.now() + ((now - before) / 1000) * this.speed;
+      before = now;
+      view.go(t);
+      if (t >= this.rows.last) {
+        this.playing = false;
+        this.app.touch();
+      } else requestAnimationFrame(on);
+    };
+    requestAnimationFrame(on);
+  }
 }

@@ -1,0 +1,164 @@
+"""The report of a recording: what the page of a live robot shows, in one HTML file."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics import __version__
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.page.frames import FrameMaker, Seen, States, Told
+from diag_dynamics.page.layout import finite
+from diag_dynamics.page.meshes import MeshLibrary
+from diag_dynamics.page.report import full_rate, overview, write_report
+from diag_dynamics.page.scene import mesh_folders, scene_of
+from diag_dynamics.parameters.monitor import PARAMETERS
+from diag_dynamics.recordings.outputs.part import Part
+from diag_dynamics.recordings.outputs.telling import Contacts, Overview, Rows, Works, mean_powers
+
+OVERVIEW = 6_500_000
+"""Bytes of the states that stand for the whole recording, before they are made small."""
+
+AT_FULL_RATE = 4_200_000
+"""Bytes of the states around contacts, made small: of more, the weakest contacts have theirs in the overview only."""
+
+
+class _Run(NamedTuple):
+    """States at full rate, and how strong the contact is."""
+
+    begin: float
+    norm: float
+    track: object
+
+
+class ReportOutput:
+    """Writes pieces into a report.
+
+    Parameters
+    ----------
+    path : str or Path
+    reading : Reading
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+
+    def __init__(self, path, reading):
+        self._part, self._reading = Part(path), reading
+        self._maker = FrameMaker(DiagonalDynamics(reading.model), live=False)
+        self._layout = self._maker.layout
+        self._overview, self._contacts = Overview(max(200, OVERVIEW // (2 * self._layout.size))), Contacts()
+        self._works, self._runs, self._dropped, self._first = Works(), [], 0, None
+
+    def write(self, piece):
+        """Take in a piece."""
+        states = piece.states
+        if self._first is None:
+            self._first = int(states.newest[0])
+        rows = self._rows(piece)
+        chosen = self._overview.choose(rows)
+        self._overview.take(rows, chosen, self._numbers(rows.part(chosen)))
+        for run in self._contacts.take(rows):
+            self._keep(run)
+
+    def close(self, summary):
+        """Have the file be whole, with an analysis' summary in it."""
+        for run in self._contacts.end():
+            self._keep(run)
+        rows, numbers = self._overview.all()
+        self._put_powers(numbers, rows)
+        runs = sorted(self._runs, key=lambda run: run.begin)
+        tracks = [overview(self._layout, rows.t, numbers), *(run.track for run in runs)]
+        scene, meshes = self._scene()
+        told = {
+            "layout": self._layout.to_json(scene, self._thresholds()),
+            "summary": summary,
+            "parameters": self._parameters(),
+            "begin": (self._first - self._reading.offset) * 1e-9,
+            "without_full_rate": self._dropped,
+            "version": __version__,
+        }
+        write_report(self._part.name, told, tracks, meshes)
+        self._part.keep()
+
+    def drop(self):
+        """Leave nothing behind."""
+        self._part.drop()
+
+    # --- States ---
+
+    def _rows(self, piece):
+        states, s = piece.states, piece.s
+        residual, torque, norm, valid, collision = piece.observed[:5]
+        t = (states.newest - self._first) * 1e-9
+        unknown = ~states.with_effort[:, None]
+        epsilon = np.where(unknown, np.nan, s.epsilon)
+        friction = np.zeros_like(s.nu) if s.friction is None else s.friction
+        forces = epsilon, -s.gravity, -friction, residual
+        powers = np.stack([np.einsum("tk,tk->t", s.nu, force) for force in forces], axis=1)
+        given = states.position, states.velocity, states.effort
+        terms = s.nu, epsilon, s.coriolis, s.gravity, s.articulated_inertia, s.kinetic_energy
+        observed = residual, torque, norm, valid, np.asarray(collision, dtype=bool)
+        return Rows(t, *given, *terms, *observed, states.estimated, states.received, *self._works.take(t, powers))
+
+    def _numbers(self, rows):
+        """Frames of states, whose powers are not theirs yet."""
+        of = {name: getattr(rows, name) for name in States._fields}
+        seen = Seen(rows.valid, rows.residual, rows.external_torque, rows.norm, rows.collision)
+        told = Told(velocity_estimated=rows.estimated, receive_time=rows.received)
+        return np.array(self._maker.frames(States(**of), seen, told)["numbers"])
+
+    def _put_powers(self, numbers, rows):
+        powers = mean_powers(rows)
+        for k, name in enumerate(("p_effort", "p_gravity", "p_friction", "p_external", "dK")):
+            numbers[:, self._layout.place(name).start] = powers[:, k]
+
+    def _keep(self, rows):
+        """Keep a run at full rate; where there is no room for all of them, the strongest."""
+        numbers = self._numbers(rows)
+        self._put_powers(numbers, rows)
+        norm = float(np.nanmax(rows.norm, initial=0.0))
+        self._runs.append(_Run(float(rows.t[0]), norm, full_rate(self._layout, rows.t, numbers)))
+        while sum(run.track.size for run in self._runs) > AT_FULL_RATE and len(self._runs) > 1:
+            self._runs.remove(min(self._runs, key=lambda run: run.norm))
+            self._dropped += 1
+
+    # --- What else is told ---
+
+    def _scene(self):
+        """What is drawn of the robot, and its meshes by their hashes."""
+        described, model = self._reading.described, self._reading.model
+        if described is None:
+            return None, {}
+        library = MeshLibrary(mesh_folders(described))
+        try:
+            scene = scene_of(model, described, library)
+        except UrdfError:
+            return None, {}
+        wanted = {visual["mesh"] for link in scene["links"] for visual in link["visuals"] if visual["mesh"]}
+        return scene, {sha: library.data(sha) for sha in sorted(wanted)}
+
+    def _thresholds(self):
+        """Thresholds of alarms, or of the observer; None where nothing is judged."""
+        wanted, names = self._reading.settings.observation, self._reading.model.dof_names
+        if wanted is None:
+            return None
+        limits = np.full(len(names) + 2, np.inf)
+        limits[-1] = wanted.threshold
+        if wanted.alarms:
+            limits = wanted.alarms.limits(names)
+        *joints, torque_norm, norm = finite(limits)
+        return {"external_torque": joints, "external_torque_norm": torque_norm, "norm": norm, "energy": None}
+
+    def _parameters(self):
+        """Of the monitor, those that are not as by default first."""
+        values = self._reading.settings.values
+        rows = [
+            {"name": name, "value": str(values[name]), "default": bool(values[name] == spec.default)}
+            for name, spec in PARAMETERS.items()
+            if name in values
+        ]
+        return sorted(rows, key=lambda row: row["default"])
+

@@ -1,0 +1,82 @@
+// What a report tells in words and numbers: cards before the plots.
+
+import { breakable, el } from "./dom.js";
+import { number, percent, span, UNKNOWN } from "./format.js";
+
+// act: go(t) shows a moment, see(t0, t1, t) a time and a moment in it; both in seconds after the beginning.
+export function chapters(told, act) {
+  return [overall(told, act), contacts(told, act), quality(told), parameters(told)];
+}
+
+const card = (id, title, ...children) => el("section", { class: "card words", id }, el("header", {}, el("h2", { text: title })), el("div", { class: "text" }, ...children));
+const line = (label, ...value) => el("div", {}, el("dt", {}, ...(typeof label === "string" ? breakable(label) : [label])), el("dd", {}, ...value));
+const at = (t, act) => el("button", { class: "link", text: `${t.toFixed(3)} s`, onclick: () => act.go(t) });
+
+const PEAKS = {
+  kinetic_energy: ["K", "J"],
+  energy_share: ["share ½ν²", "J"],
+  velocity: ["velocity", "rad/s or m/s"],
+  effort: ["effort", "N m or N"],
+  external_torque: ["external torque", "N m or N"],
+  residual_norm: ["|r|", "√J/s"],
+};
+
+function overall({ summary, begin }, act) {
+  const { balance } = summary;
+  const rows = [line("duration", `${span(summary.duration)}, ${summary.states} states`)];
+  if (summary.kinetic_energy.mean !== null) rows.push(line("mean of K", `${number(summary.kinetic_energy.mean)} J`));
+  for (const [name, { value, at: when, of }] of Object.entries(summary.peaks)) {
+    const [label, unit] = PEAKS[name] ?? [name, ""];
+    rows.push(line(`largest ${label}`, `${number(value)} ${unit} at `, at(when - begin, act), ...(of ? [", ", ...breakable(of)] : [])));
+  }
+  const shares = Object.entries(summary.kinetic_energy.share).sort((a, b) => b[1] - a[1]).slice(0, 5);
+  if (shares.length) rows.push(line("largest shares", shares.map(([name, value]) => `${name} ${number(value)} J`).join(", ")));
+  rows.push(line("balance explains", summary.explained === null ? UNKNOWN : percent(summary.explained), summary.explained === null ? "" : ` of dK/dt; residual ${number(summary.residual_power)} W rms`));
+  if (summary.explained_with_potential !== null) rows.push(line("with potential energy", percent(summary.explained_with_potential)));
+  return card("overall", `${summary.robot}: what happened`, el("dl", {}, ...rows), el("p", { text: balance.says ?? "" }));
+}
+
+function contacts({ summary, begin, without_full_rate: without }, act) {
+  const { observer, collisions } = summary;
+  const rows = collisions.map((one) => {
+    const [start, end] = [one.start - begin, one.end - begin];
+    const middle = Math.min(end, start + 0.5);
+    return line(
+      el("button", { class: "link", text: `${start.toFixed(3)} s`, title: "see it", onclick: () => act.see(start - 2, end + 2, middle) }),
+      `${span(end - start)}, `,
+      ...breakable(one.told ?? `|r| ${number(one.norm)} √J/s at ${one.joints.join(", ")}`),
+    );
+  });
+  const judged = observer.judged.length ? `thresholds of ${observer.judged.length} detectors` : observer.threshold === null ? null : `|r| above ${number(observer.threshold)} √J/s`;
+  const words = judged === null ? "No thresholds were given, so that no contact is told: diag-dynamics calibrate makes them." : `By ${judged}; observer of gain ${number(observer.gain)}/s.`;
+  const lost = without ? [el("p", { text: `There was no room for every state around ${without} of the weakest.` })] : [];
+  return card("contacts", collisions.length ? `${collisions.length} contact${collisions.length === 1 ? "" : "s"}` : "Contacts", el("p", { text: words }), ...lost, el("dl", {}, ...rows));
+}
+
+function quality({ summary }) {
+  const { quality: q } = summary;
+  const rejected = Object.values(summary.rejected).reduce((a, b) => a + b, 0);
+  const rows = [
+    line("rate", q.rate === null ? UNKNOWN : `${number(q.rate, 4)} Hz, jitter ${span(q.jitter)}`),
+    line("gaps", `${q.gaps}, the longest ${span(q.longest_gap)}`),
+    line("repeated states", String(q.repeated_states)),
+    line("without effort", String(q.without_effort)),
+    line("velocities estimated", String(q.estimated_velocity)),
+    line("messages rejected", rejected ? Object.entries(summary.rejected).map(([cause, n]) => `${n} ${cause}`).join(", ") : "0"),
+  ];
+  if (q.velocity_delay !== null) rows.push(line("velocities come late by", span(q.velocity_delay)));
+  const texts = [...summary.findings.map(({ cause, count, text }) => `${cause}${count > 1 ? ` (${count} ×)` : ""}: ${text}`), ...summary.warnings];
+  return card("quality", "Data", el("dl", {}, ...rows), el("ul", {}, ...texts.map((text) => el("li", {}, ...breakable(text)))));
+}
+
+function parameters({ parameters: all, summary, version }) {
+  const rows = (wanted) => wanted.map(({ name, value }) => line(name, ...breakable(value || "''")));
+  const [own, usual] = [all.filter((one) => !one.default), all.filter((one) => one.default)];
+  return card(
+    "parameters",
+    "Parameters",
+    el("p", {}, ...breakable(`${summary.recording} · diag_dynamics ${version}`)),
+    el("dl", {}, ...rows(own)),
+    el("details", {}, el("summary", { text: `${usual.length} as by default` }), el("dl", {}, ...rows(usual))),
+  );
+}
