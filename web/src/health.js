@@ -23,7 +23,7 @@ export class Health {
 
   // flags: of the newest frame, or of the one shown while paused.
   judge(flags, { paused = false, report = false, rate = NaN } = {}) {
-    if (report) return { level: "plain", word: "Recording", says: "", notes: this.notes(flags) };
+    if (report) return { level: "told", word: "Recording", says: "", notes: this.notes(flags) };
     if (this.connection === "lost") {
       return { level: "bad", word: "Disconnected", says: `trying again (${this.why})`, notes: [], dim: true };
     }

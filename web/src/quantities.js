@@ -139,7 +139,7 @@ export function plotsOf(layout) {
       help: "Zero but for rounding (Lemma 7.1): what is seen is the last digit of the computer.",
     },
   ];
-  if (layout.has("latency") || layout.has("rate")) {
+  if (!layout.json.report) {
     plots.push({
       id: "latency",
       title: "Latency and rate",

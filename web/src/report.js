@@ -21,7 +21,7 @@ export class Report {
 
   async begin() {
     const { app, told } = this;
-    const layout = new Layout(told.layout);
+    const layout = new Layout({ ...told.layout, report: true });
     this.rows = await rowsOf(layout, told.tracks);
     app.cards.told = chapters(told, {
       go: (t) => app.view.go(t),

@@ -19,7 +19,7 @@ function single(rows, i0, i1, getters) {
     }
     x.push(t);
     const base = rows.base(i);
-    for (let s = 0; s < getters.length; s++) ys[s].push(known(getters[s](rows.data, base)));
+    for (let s = 0; s < getters.length; s++) ys[s].push(finite(getters[s](rows.data, base)));
   }
   return [x, ...ys];
 }
@@ -28,15 +28,24 @@ function bucketed(rows, i0, i1, points, getters) {
   const x = [];
   const ys = getters.map(() => []);
   const size = (i1 - i0) / points;
+  const { data } = rows;
+  const bases = basesOf(rows, i0, i1);
   for (let b = 0; b < points; b++) {
     const [from, to] = [i0 + Math.floor(b * size), i0 + Math.floor((b + 1) * size)];
     x.push(rows.time(from), rows.time((from + to) >> 1));
     for (let s = 0; s < getters.length; s++) {
+      const get = getters[s];
       let [low, high, lowAt, highAt] = [Infinity, -Infinity, 0, 0];
       for (let i = from; i < to; i++) {
-        const value = getters[s](rows.data, rows.base(i));
-        if (value < low) [low, lowAt] = [value, i];
-        if (value > high) [high, highAt] = [value, i];
+        const value = get(data, bases[i - i0]);
+        if (value < low) {
+          low = value;
+          lowAt = i;
+        }
+        if (value > high) {
+          high = value;
+          highAt = i;
+        }
       }
       if (low > high) ys[s].push(null, null);
       else if (lowAt <= highAt) ys[s].push(low, high);
@@ -44,6 +53,19 @@ function bucketed(rows, i0, i1, points, getters) {
     }
   }
   return [x, ...ys];
+}
+
+// Where rows begin in the data: all plots of one drawing ask for the same ones.
+let known = { rows: null };
+
+function basesOf(rows, i0, i1) {
+  const { start, length } = rows;
+  if (known.rows !== rows || known.i0 !== i0 || known.i1 !== i1 || known.start !== start || known.length !== length) {
+    const bases = new Int32Array(i1 - i0);
+    for (let i = i0; i < i1; i++) bases[i - i0] = rows.base(i);
+    known = { rows, i0, i1, start, length, bases };
+  }
+  return known.bases;
 }
 
 // Rows of which in each bucket a quantity is smallest and largest: for quantities that have to be of one state.
@@ -105,7 +127,7 @@ export function largest(rows, i0, i1, getters, most = 2000) {
   return found;
 }
 
-function known(value) {
+function finite(value) {
   return Number.isFinite(value) ? value : null;
 }
 
