@@ -128,6 +128,7 @@ class FrameMaker:
             self._put(x, "p_gravity", -_products(nu, states.gravity))
             self._put(x, "p_friction", -_products(qd, self._friction(qd)) if model.has_friction else 0.0)
             self._put(x, "dK", self._energy_rate(states))
+            self._put(x, "coriolis_work", _coriolis_work(nu, states.coriolis))
             flags = self._take_seen(x, nu, seen)
         effort_missing = states.effort is None or np.isnan(states.effort).any(axis=1)
         differs = ~(np.abs(energies.sum(axis=1) - states.K) <= AGREEMENT * states.K + 1e-12)
@@ -213,6 +214,13 @@ class FrameMaker:
         self._put(x, "p_external", np.where(valid, _products(nu, seen.residual), np.nan))
         colliding = valid & np.asarray(seen.collision, dtype=bool)
         return np.where(valid, 0, CAUSES["no_external_torque"]) + CAUSES["collision"] * colliding
+
+
+def _coriolis_work(nu: Array, coriolis: Array) -> Array:
+    """|νᵀC| in parts of |ν||C|, which is rounding: that of these doubles, not of a frame's floats. NaN at rest."""
+    sizes = np.linalg.norm(nu, axis=1) * np.linalg.norm(coriolis, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(sizes > 0.0, np.abs(_products(nu, coriolis)) / sizes, np.nan)
 
 
 def _products(a: Array, b: Array) -> Array:

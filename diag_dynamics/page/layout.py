@@ -89,6 +89,7 @@ class Layout:
             *(Field(name, nv, "dofs", unit) for name, unit in seen.items()),
             Field("norm", 1, "", "J^0.5/s"),
             Field("torque_norm", 1, "", "N m"),
+            Field("coriolis_work", 1, "", ""),
             Field("latency", 1, "", "s"),
             Field("rate", 1, "", "1/s"),
             Field("flags", 1, "", ""),

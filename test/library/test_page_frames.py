@@ -118,8 +118,9 @@ def test_numbers_are_those_of_the_evaluation(one):
         atol = FLOAT * (scale if name.startswith("p_") else max(np.abs(wanted).max(), 1e-3))
         np.testing.assert_allclose(found, np.squeeze(wanted) if found.size > 1 else [wanted], rtol=FLOAT, atol=atol)
     assert np.isnan(value(frame, layout, "dK"))
+    assert 0.0 <= value(frame, layout, "coriolis_work") < 1e-14  # of doubles: floats would leave 1e-8
     assert all(np.isnan(value(frame, layout, name)).all() for name in CHOSEN)
-    assert {field.name for field in layout.fields} == {*expected, "dK", *CHOSEN}
+    assert {field.name for field in layout.fields} == {*expected, "dK", "coriolis_work", *CHOSEN}
 
 
 def test_chosen_link():

@@ -20,8 +20,14 @@ export function tick(x, step) {
   if (x === 0) return "0";
   const size = Math.abs(x);
   if (size >= 1e5 || size < 1e-4) return number(x, 3);
+  return x.toFixed(decimalsOf(step)).replace(/^-/, "−");
+}
+
+// Decimals that tell multiples of a step apart.
+export function decimalsOf(step) {
   const decimals = Math.max(0, Math.min(6, -Math.floor(Math.log10(step) + 1e-9)));
-  return x.toFixed(decimals).replace(/^-/, "−");
+  const whole = step * 10 ** decimals;
+  return Math.abs(whole - Math.round(whole)) > 1e-6 ? decimals + 1 : decimals; // one more of 2.5
 }
 
 const POWERS = ["⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"];

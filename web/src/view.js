@@ -1,6 +1,6 @@
 // Which time is seen: the window of all plots, and the one moment at which numbers and robot are shown.
 
-import { clock } from "./format.js";
+import { clock, decimalsOf } from "./format.js";
 
 const SHORTEST = 0.02; // [s] of a window
 
@@ -131,7 +131,7 @@ export class View {
 
   labels(base, splits) {
     const step = splits.length > 1 ? splits[1] - splits[0] : 1;
-    const decimals = Math.max(0, Math.min(4, Math.ceil(-Math.log10(step) - 1e-9)));
+    const decimals = decimalsOf(step);
     return splits.map((x) => (Math.abs(x) < 1e-9 ? (this.live && this.following ? "now" : "0 s") : `${x.toFixed(decimals).replace("-", "−")} s`));
   }
 
