@@ -22,6 +22,9 @@ GREY = "#666666"
 MARK: dict[str, Any] = {"linestyle": "none", "marker": "|", "markersize": 12, "markeredgewidth": 2}
 """A mark on or beside a bar."""
 
+GAP = 1.0
+"""Time without a value over which no line is drawn [s], unless values are rarer than that anyway."""
+
 MOST = 2000
 """Points of a curve along time: more than a screen has columns."""
 
@@ -99,6 +102,20 @@ def envelope(t: Array, values: Array) -> tuple[Array, Array]:
     high = np.maximum.reduceat(np.where(known, values, -np.inf), begins)
     low, high = (np.where(np.isfinite(x), x, np.nan) for x in (low, high))
     return np.repeat(t[begins], 2), np.stack([low, high], axis=1).ravel()
+
+
+def parted(t: Array, values: Array) -> tuple[Array, Array]:
+    """Curves over time with NaN in every gap: nothing is drawn over what nobody has seen.
+
+    Parameters
+    ----------
+    t : ndarray, shape (T,)
+    values : ndarray, shape (T,) or (T, number)
+    """
+    steps = np.diff(t)
+    longest = max(GAP, 10.0 * float(np.median(steps))) if len(steps) else GAP
+    after = np.flatnonzero(steps > longest) + 1
+    return np.insert(t, after, t[after]), np.insert(values, after, np.nan, axis=0)
 
 
 def check_named(what: str, wanted: str, names: Sequence[str]) -> None:

@@ -15,6 +15,7 @@ from diag_dynamics.plot.drawing import (
     largest_of_bins,
     legend_beside,
     name,
+    parted,
     text_colour,
     tidy,
 )
@@ -53,16 +54,18 @@ def energy(of: Recording | BatchEvaluation, t: VectorLike | None = None, ax: Any
     total = found.energy.sum(axis=1)
     times = np.arange(len(total), dtype=float) if found.t is None else found.t
     drawn = largest_of_bins(total)
+    times, energies = parted(times[drawn], found.energy[drawn])
+    total = energies.sum(axis=1)
     most = sorted(np.argsort(found.energy.mean(axis=0))[::-1][: len(COLOURS)].tolist())
-    layers = [found.energy[drawn, k] for k in most]
+    layers = [energies[:, k] for k in most]
     labels, colours = [name(found.joints[k]) for k in most], list(COLOURS[: len(most)])
     if others := len(found.joints) - len(most):
-        layers.append(total[drawn] - np.sum(layers, axis=0))
+        layers.append(total - np.sum(layers, axis=0))
         labels.append(f"{others} other{'s' * (others > 1)}")
         colours.append(GREY)
     axes = axes_or_new(ax, (9.0, 3.8))
-    axes.stackplot(times[drawn], layers, labels=labels, colors=colours, linewidth=0)
-    axes.plot(times[drawn], total[drawn], color=text_colour(), linewidth=0.9, label="K")
+    axes.stackplot(times, layers, labels=labels, colors=colours, linewidth=0)
+    axes.plot(times, total, color=text_colour(), linewidth=0.9, label="K")
     axes.set_ylabel("kinetic energy [J]")
     axes.set_xlabel("state" if found.t is None else "time [s]")
     axes.set_title(f"{name(found.model.name)}: kinetic energy by total joint rate", fontsize="medium", loc="left")

@@ -9,7 +9,7 @@ import numpy as np
 from diag_dynamics.checks import instance
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.plot.drawing import COLOURS, GREY, envelope, name, pyplot, text_colour, tidy
+from diag_dynamics.plot.drawing import COLOURS, GREY, envelope, name, parted, pyplot, text_colour, tidy
 from diag_dynamics.plot.given import require_states
 from diag_dynamics.recordings.balance import Balance, Windows, WindowSums
 from diag_dynamics.recordings.recording import SIZE, Recording
@@ -44,11 +44,14 @@ def balance(of: Recording) -> Any:
     middle = 0.5 * ((windows.begin - of.stamp[0]) + (windows.end - of.stamp[0])) * 1e-9
     figure = pyplot().figure(figsize=(9.0, 4.6), layout="constrained")
     both, rest = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-    explained = windows.kinetic - windows.residual
+    at, powers = parted(
+        middle, np.stack([windows.kinetic, windows.kinetic - windows.residual, windows.residual], axis=1)
+    )
+    kinetic, explained, residual = powers.T
     parts = "efforts, gravity and friction" if of.model.has_friction else "efforts and gravity"
-    both.plot(*envelope(middle, windows.kinetic), color=COLOURS[4], linewidth=2.6, label="dK/dt")
-    both.plot(*envelope(middle, explained), color=text_colour(), linewidth=0.9, label=f"explained by {parts}")
-    rest.plot(*envelope(middle, windows.residual), color=COLOURS[3], linewidth=1.0)
+    both.plot(*envelope(at, kinetic), color=COLOURS[4], linewidth=2.6, label="dK/dt")
+    both.plot(*envelope(at, explained), color=text_colour(), linewidth=0.9, label=f"explained by {parts}")
+    rest.plot(*envelope(at, residual), color=COLOURS[3], linewidth=1.0)
     for axes, label in ((both, "power [W]"), (rest, "rest [W]")):
         axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
         axes.set_ylabel(label)

@@ -100,6 +100,18 @@ def test_no_peak_is_lost(panda, dyn):
     assert len(t) == 2 * MOST and y.min() == -s.kinetic_energy.max()
 
 
+def test_nothing_is_drawn_over_a_gap(panda, motion):
+    """Of ten seconds without a state; of a recording with a state each two seconds there is none."""
+    t, q, qd, tau, _ = motion
+    late = np.where(t < 3.0, t, t + 10.0)
+    recording = Recording(panda, states_of(late, q, qd, tau), 0, {}, [])
+    for at, y in (curve(dd.plot.energy(recording), "K"), dd.plot.balance(recording).axes[1].lines[0].get_data()):
+        (gap,) = np.flatnonzero(np.isnan(y))
+        assert at[gap - 1] < 3.0 and 12.9 < at[gap + 1] < 13.2
+    seldom = Recording(panda, states_of(2.0 * np.arange(30.0), q[:30], qd[:30]), 0, {}, [])
+    assert not np.isnan(curve(dd.plot.energy(seldom), "K")).any()
+
+
 def test_shares_of_one_state_and_of_many(recording, dyn, panda):
     s = dyn.evaluate(recording.q[700], recording.qd[700])
     axes = dd.plot.shares(s)
