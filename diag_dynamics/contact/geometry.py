@@ -17,6 +17,7 @@ from diag_dynamics.model.geometry import Shape, shapes_of
 from diag_dynamics.model.meshes import Meshes
 from diag_dynamics.model.plain_reader import placement_of
 from diag_dynamics.model.urdf import folder_of, parse_urdf, urdf_text
+from diag_dynamics.model.xacro_files import expanded
 
 if TYPE_CHECKING:
     from diag_dynamics.model import RobotModel
@@ -94,7 +95,8 @@ def link_geometry(
     """
     choice("geometry", geometry, ("frames", "primitives", "meshes"))
     most = max(8, whole("most", most))
-    robot, meshes = parse_urdf(urdf_text(urdf).encode(errors="replace")), Meshes(folder_of(urdf))
+    text = urdf_text(expanded(urdf, None))
+    robot, meshes = parse_urdf(text.encode(errors="replace")), Meshes(folder_of(urdf))
     elements = {element.get("name", ""): element for element in robot.findall("link")}
     points, source, grown, left_out = [], {}, {}, {}
     for link in model.link_names:
@@ -138,9 +140,9 @@ def points_around(shapes: list[Shape], meshes: Meshes, most: int = MOST) -> tupl
         outside = 1.0 / math.cos(math.pi / SIDES) - 1.0 if any(s.kind == "cylinder" for s in shapes) else 0.0
     faces = [normals @ shape.placement[:3, :3].T for shape, (_, normals) in zip(shapes, found, strict=True)]
     dense = np.concatenate([_directions(DENSE), *faces])
-    support = np.array([_farthest(every, u) @ u for u in dense])
+    support = np.einsum("nk,nk->n", _farthest(every, dense), dense)
     if not 0 < len(corners) <= CORNERS * most:
-        corners = np.unique(np.array([_farthest(every, u) for u in _directions(int(CORNERS * most))]), axis=0)
+        corners = np.unique(_farthest(every, _directions(int(CORNERS * most))), axis=0)
         centre = corners.mean(axis=0)
         reach, held = support - dense @ centre, ((corners - centre) @ dense.T).max(axis=0)
         known = held > 1e-9 * reach.max()  # in other directions there is nothing that could lie outside
@@ -186,21 +188,21 @@ def _ring(shift: float) -> Array:
     return np.stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)], axis=1)
 
 
-def _farthest(shapes: list[tuple[Shape, Array | None]], u: Array) -> Array:
-    """The point of several shapes that lies farthest along u."""
-    best, most = np.zeros(3), -math.inf
+def _farthest(shapes: list[tuple[Shape, Array | None]], directions: Array) -> Array:
+    """The point of several shapes that lies farthest along each of some directions."""
+    best, most = np.zeros_like(directions), np.full(len(directions), -np.inf)
     for shape, corners in shapes:
-        R, r = shape.placement[:3, :3], shape.placement[:3, 3]
-        own = R.T @ u
+        own = directions @ shape.placement[:3, :3]
         if corners is not None:
-            point = corners[np.argmax(corners @ own)]
+            points = corners[np.argmax(own @ corners.T, axis=1)]
         else:  # a sphere, or a capsule: a ball along a line
-            radius = shape.numbers[0]
             half = 0.5 * shape.numbers[1] if shape.kind == "capsule" else 0.0
-            point = radius * own + np.array([0.0, 0.0, math.copysign(half, own[2])])
-        point = R @ point + r
-        if point @ u > most:
-            best, most = point, float(point @ u)
+            points = shape.numbers[0] * own
+            points[:, 2] += np.copysign(half, own[:, 2])
+        points = _moved(shape, points)
+        reach = np.einsum("nk,nk->n", points, directions)
+        better = reach > most
+        best[better], most[better] = points[better], reach[better]
     return best
 
 

@@ -8,6 +8,8 @@ from diag_dynamics.assembly.assembler import Options
 from diag_dynamics.entries import ALL, assignments, by_name
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.options import FRICTION_VELOCITY
+from diag_dynamics.parameters.contact import PARAMETERS as CONTACT_PARAMETERS
+from diag_dynamics.parameters.contact import Wanted
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED_PARAMETERS
 from diag_dynamics.parameters.shared import payloads_of
 from diag_dynamics.parameters.spec import Spec, wrong
@@ -22,9 +24,16 @@ RATES = {
     "joint_space_dynamics": 50.0,
     "state": 0.0,
     "external_torque": 0.0,
+    "contact": 50.0,
     "markers": 20.0,
 }
 """Highest rate at which each topic is published by default [Hz]; 0 for every state."""
+
+BESIDES = {
+    "external_torque": " The observer sees every state, whatever this is.",
+    "contact": " Limits are judged at every state, whatever this is.",
+}
+"""What is to be said of the rate of some topics."""
 
 PARAMETERS = {
     "autostart": Spec(True, "Whether the node configures and activates itself when it starts.", read_only=True),
@@ -214,6 +223,20 @@ PARAMETERS = {
         minimum=0.0,
         maximum=1000.0,
     ),
+    **CONTACT_PARAMETERS,
+    "contact.warn_at": Spec(
+        0.8,
+        "Part of its allowed speed from which on a point with a limit makes diagnostics warn; above all of it they report an "
+        "error at once.",
+        minimum=0.01,
+        maximum=1.0,
+    ),
+    "contact.release": Spec(
+        0.9,
+        "Part of where a warning or error of contact began below which the point is quiet again.",
+        minimum=0.01,
+        maximum=1.0,
+    ),
     "publish_inverse_factor": Spec(False, "Whether mass_matrix_factors carries l, the inverse of m."),
     "markers.link": Spec(
         "",
@@ -235,8 +258,7 @@ PARAMETERS = {
     **{
         f"max_rate.{topic}": Spec(
             rate,
-            f"Highest rate of ~/{topic} [Hz]; 0 for every state."
-            + (" The observer sees every state, whatever this is." if topic == "external_torque" else ""),
+            f"Highest rate of ~/{topic} [Hz]; 0 for every state." + BESIDES.get(topic, ""),
             minimum=0.0,
         )
         for topic, rate in RATES.items()
@@ -274,6 +296,7 @@ class Settings(NamedTuple):
     inputs: Options
     thresholds: Thresholds
     observation: Observation | None
+    contact: Wanted
 
     @classmethod
     def of(cls, values):
@@ -321,7 +344,7 @@ class Settings(NamedTuple):
                 f"parameter 'effort_scale' of '{nothing[0]}' is 0, expected another number; effort_available says which "
                 "efforts cannot be used."
             )
-        return cls(values, inputs, thresholds, _observation(values))
+        return cls(values, inputs, thresholds, _observation(values), Wanted.of(values))
 
 
 def _observation(values):

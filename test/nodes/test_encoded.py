@@ -145,6 +145,29 @@ def test_all_topics_of_one_state(name):
 
 
 @of_every_robot
+def test_contact(name):
+    """Of any points, moving or at rest, with limits or without: what the maker makes, and never what was before."""
+    dyn = dynamics(name)
+    limits = dd.ContactLimits({"any": {"energy": 1.0}}, links={dyn.model.link_names[-1]: []})
+    rows = [(link, link, ((0, 0, 0), (0.1, 0, 0))) for link in dyn.model.link_names]
+    sets = [dd.ContactPoints(dyn.model, rows, limits), dd.ContactPoints(dyn.model, rows[-1:])]
+
+    @examples(15)
+    @given(st.lists(st.tuples(moments, st.booleans(), st.booleans()), min_size=1, max_size=8))
+    def check(sequence):
+        maker = MessageMaker(dyn.model)
+        encoder = EncodedMessages(maker)
+        for moment, moving, whole in sequence:
+            _, state = arguments(name, moment)["state"]
+            contact = dyn.contact(state.position, moving * state.velocity, sets[0 if whole else 1])
+            message = maker.contact(contact, state)
+            assert list(message.point_names) == list(contact.names) and message.worst == contact.worst
+            same(encoder.contact(contact, state), message)
+
+    check()
+
+
+@of_every_robot
 def test_external_torque(name):
     """With a result or without, in a collision or not: what the maker makes, and never what was before."""
 

@@ -171,6 +171,8 @@ def test_what_the_monitor_publishes_is_complete():
             made = matrix(topic.name, maker, dynamics, state)
         elif topic.name == "markers":
             made = MarkerMaker(Scene(dynamics, find_urdf("panda"))).message(evaluated, state)
+        elif topic.name == "contact":
+            made = maker.contact(dynamics.contact(state.position, zero, [("tip", "panda_hand")]), state)
         elif not topic.beside:
             made = getattr(maker, topic.name)(evaluated, state)
         else:  # of a residual

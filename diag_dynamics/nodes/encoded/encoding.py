@@ -112,6 +112,7 @@ class EncodedMessages:
     def __init__(self, maker):
         self._maker = maker
         self._sheets, self._templates = {}, {}
+        self._points = None  # those that templates of contact are of
         self.unlike = set()
         ready(_write)
 
@@ -149,6 +150,13 @@ class EncodedMessages:
         if seen.valid:
             values |= {"residual": seen.residual, "external_torque": seen.external_torque}
         return self._single("external_torque", values, state, seen, observation, state, alarming)
+
+    def contact(self, contact, state):
+        """Contact at the points of a robot: its names are those that the first message of these points had."""
+        if contact.points is not self._points:
+            self._points = contact.points
+            self._templates = {shape: one for shape, one in self._templates.items() if shape[0] != "contact"}
+        return self._single("contact", self._maker.contact_numbers(contact), state, contact, state)
 
     def _laid_out(self, topics, s, state):
         templates = {}

@@ -12,6 +12,7 @@ from diag_dynamics.model import Payload, RobotModel
 from diag_dynamics.nodes.encoded.encoding import EncodedMessages
 from diag_dynamics.nodes.encoded.pipeline import Pipeline, compile_pipeline
 from diag_dynamics.nodes.encoded.powers import Powers
+from diag_dynamics.nodes.monitor.contact_watch import ContactWatch, prepared
 from diag_dynamics.nodes.monitor.energy_watch import EnergyWatch
 from diag_dynamics.nodes.monitor.markers import MarkerMaker
 from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
@@ -58,6 +59,7 @@ class MonitoredRobot:
     energy : EnergyWatch
     torque : TorqueWatch or None
         What observes external torque, if it is wanted.
+    contact : ContactWatch
 
     Raises
     ------
@@ -75,6 +77,7 @@ class MonitoredRobot:
         self._with_base = WithBase(self.base, self.assembler)
         self.energy = EnergyWatch(model, settings.thresholds)
         self.frozen = Frozen(self.assembler.names, *_frozen_by(settings))
+        self.contact = ContactWatch(description)
         self.settings = self.dynamics = self.revision = self.pipeline = self.torque = self._state = None
         self._at_once = False
         self._moved = 0  # jumps of positions that the watches know of
@@ -102,6 +105,8 @@ class MonitoredRobot:
             raise InputError(f"parameter 'markers.link' is '{link}', which is no link of robot '{model.name}'.")
         if settings.observation and settings.observation.alarms:
             settings.observation.alarms.limits(model.dof_names)
+        others = self.dynamics is None or model is not self.model or settings.contact != self.settings.contact
+        touched = prepared(model, self.description, settings.contact) if others else None
         self.energy.configure(model, settings.thresholds)
         self.assembler.configure(settings.inputs)
         if self.settings and _frozen_by(settings) != _frozen_by(self.settings):
@@ -115,6 +120,7 @@ class MonitoredRobot:
         if self.dynamics is None or model is not self.model:
             self.dynamics, self.revision, self._state = DiagonalDynamics(model), None, None
             self._powers = Powers(model)
+        self.contact.use(self.dynamics, settings, touched)
         self._markers = None  # made when somebody first listens to them
         if revision != self.revision:
             self.revision = revision
@@ -173,6 +179,7 @@ class MonitoredRobot:
         self.frozen.forget()
         if self.torque:
             self.torque.forget()
+        self.contact.forget()
         self._state, self._at_once = None, False
 
     def forget_clocks(self):

@@ -339,6 +339,8 @@ class MonitorNode(ManagedNode):
 
         `messages` makes the messages of a list of topics.
         """
+        if robot.contact.judges or self._outputs.touched:
+            self._look_at_contact(robot, robot.state)
         self._outputs.publish(stamp, messages, robot.matrix)
         self._traffic.published(what, stamp)
         if self._outputs.drawn:
@@ -347,6 +349,14 @@ class MonitorNode(ManagedNode):
             self._diagnostics.publish([robot.energy.report()])
             if robot.torque and robot.torque.run:
                 robot.torque.run.energy_alarms += 1
+
+    def _look_at_contact(self, robot, state):
+        """Tell what a touch would cost at a state where somebody listens, and at once where a limit is exceeded."""
+        watch = robot.contact
+        alarm = watch.judges and watch.take(state)
+        self._outputs.publish_beside("contact", state.newest, lambda: robot.encoder.contact(watch.at(state), state))
+        if alarm:
+            self._diagnostics.publish([watch.report()])
 
     # --- Parameters ---
 
@@ -435,6 +445,8 @@ class MonitorNode(ManagedNode):
             statuses.append(robot.energy.report())
             if robot.torque:
                 statuses.append(robot.torque_report())
+            if robot.contact.judges:
+                statuses.append(robot.contact.report())
         return statuses
 
     def _notes(self):

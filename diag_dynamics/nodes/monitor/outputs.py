@@ -37,6 +37,8 @@ class Outputs:
     ----------
     drawn : bool
         Whether somebody listens to markers.
+    touched : bool
+        Likewise, to contact.
     """
 
     def __init__(self, node):
@@ -62,7 +64,10 @@ class Outputs:
         self._looked = time.monotonic()
         self._wanted = [t for t, handle in self._handles.items() if t in BITS and handle.get_subscription_count()]
         self._bits = sum(BITS[topic] for topic in self._wanted)
-        self.drawn = "markers" in self._handles and self._handles["markers"].get_subscription_count() > 0
+        self.drawn, self.touched = (
+            topic in self._handles and self._handles[topic].get_subscription_count() > 0
+            for topic in ("markers", "contact")
+        )
 
     def destroy(self):
         """Take the publishers off the graph."""

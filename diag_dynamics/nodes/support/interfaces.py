@@ -48,8 +48,8 @@ INTERFACES = {
             OUT,
             "/diagnostics",
             "diagnostic_msgs/DiagnosticArray",
-            "inputs, model, numerical health, energy, external torque: once a second, at once where energy rises too high or "
-            "something collides",
+            "inputs, model, numerical health, energy, external torque, contact: once a second, at once where energy rises "
+            "too high, something collides or a limit of contact is exceeded",
         ),
         Interface(SERVICE, "~/forward_dynamics", "ForwardDynamics", "q̈ and ν̇ from positions, velocities, efforts"),
         Interface(

@@ -18,6 +18,7 @@ COMPILED = (
     "mass_matrix",
     "bias",
     "gravity_torque",
+    "contact",
     "nu_from_qd",
     "qd_from_nu",
     "placement",

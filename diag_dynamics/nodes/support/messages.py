@@ -10,6 +10,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from diag_dynamics.msg import (
+    Contact,
     CoriolisTerm,
     DiagonalizedState,
     ExternalTorque,
@@ -142,6 +143,32 @@ class MessageMaker:
         message.torque_norm, message.torque_norm_threshold = seen.torque_norm, math.inf
         for field, value in (alarming.fields(seen.valid) if alarming else {}).items():
             setattr(message, field, value.tolist() if isinstance(value, np.ndarray) else value)
+        return message
+
+    @staticmethod
+    def contact_numbers(contact):
+        """What of the message Contact changes from one state to the next, by field."""
+        return {
+            "positions": contact.position,
+            "directions": contact.direction,
+            "speed": contact.speed,
+            "reflected_mass": contact.reflected_mass,
+            "transferable_energy": contact.energy,
+            "force": contact.force,
+            "allowed_speed": contact.allowed_speed,
+            "margin": contact.margin,
+            "worst": int(contact.worst),
+        }
+
+    def contact(self, contact, state):
+        """Contact at the points of a robot, and the RobotState it came from."""
+        message = Contact(header=Header(stamp=to_time(state.newest), frame_id=self._frame), valid=True)
+        message.stamp_is_receive_time = state.stamp_is_receive_time
+        message.velocity_estimated = state.velocity_estimated
+        message.point_names, message.link_names = list(contact.names), list(contact.links)
+        message.limited = contact.points.limited.tolist()
+        for field, value in self.contact_numbers(contact).items():
+            setattr(message, field, doubles(value) if isinstance(value, np.ndarray) else value)
         return message
 
     def state(self, s, state):

@@ -39,6 +39,12 @@ TOPICS = (
         beside=True,
     ),
     Topic(
+        "contact",
+        "Contact",
+        "what a touch would cost at the worst point of each link: speed, mass, energy, force, margin",
+        beside=True,
+    ),
+    Topic(
         "markers",
         "visualization_msgs/MarkerArray",
         "for RViz and Foxglove: links tinted by energy share, ellipsoid of JM⁻¹Jᵀ, velocity, K in words, contact",

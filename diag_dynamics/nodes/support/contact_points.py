@@ -1,0 +1,28 @@
+"""Points of a robot's contact as parameters ask for them."""
+
+from diag_dynamics.contact.geometry import link_geometry
+from diag_dynamics.contact.points import ContactPoints
+from diag_dynamics.exceptions import InputError
+
+
+def contact_points(model, description, wanted):
+    """ContactPoints of a robot, and why shapes of links do not count, by link.
+
+    Parameters
+    ----------
+    model : RobotModel
+    description : str or bytes
+        Its URDF, or the path of one.
+    wanted : parameters.contact.Wanted
+
+    Raises
+    ------
+    InputError
+        Parameters name a link that the robot lacks, or meshes cannot be read for want of trimesh.
+    """
+    if unknown := [link for link in wanted.links if link not in model.link_names]:
+        raise InputError(f"parameter 'contact.links' names '{unknown[0]}', which is no link of robot '{model.name}'.")
+    found = link_geometry(model, description, wanted.geometry)
+    own = [point for point in found.points if not wanted.links or point.link in wanted.links]
+    more = (*wanted.points, *(wanted.limits.contact_points() if wanted.limits else ()))
+    return ContactPoints(model, [*own, *more], wanted.limits, wanted.worst_by), found.left_out
