@@ -11,6 +11,12 @@ import numpy.typing as npt
 Array: TypeAlias = npt.NDArray[np.float64]
 """What comes out."""
 
+Whole: TypeAlias = npt.NDArray[np.int64]
+"""Whole numbers, such as stamps [ns]."""
+
+Flags: TypeAlias = npt.NDArray[np.bool_]
+"""What is so, and what is not."""
+
 Numbers: TypeAlias = npt.NDArray[np.floating[Any]] | npt.NDArray[np.integer[Any]]
 """An array of numbers, of any shape."""
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.alarms.thresholds import NORM, TORQUE, AlarmThresholds
-from diag_dynamics.arrays import Array, VectorLike
+from diag_dynamics.arrays import Array, Flags, VectorLike, Whole
 from diag_dynamics.checks import instance, number, vector
 
 SECOND = 1_000_000_000
@@ -32,9 +32,9 @@ class Judged(NamedTuple):
         less. 0 where there is no result.
     """
 
-    alarm: Array
-    begins: Array
-    joints: Array
+    alarm: Flags
+    begins: Flags
+    joints: Flags
     values: Array
 
 
@@ -78,7 +78,7 @@ class AlarmDetector:
 
     def reset(self) -> None:
         """Forget everything: alarms, and what stands."""
-        self._active: Array = np.zeros(len(self.detectors), dtype=bool)
+        self._active: Flags = np.zeros(len(self.detectors), dtype=bool)
         self._offset: Array = np.zeros(2 * len(self._names))
         self._at_rest = True  # nothing is active, and no offset stands
         self._last = self._since = 0  # stamps: of the last state, of the beginning of the alarm
@@ -106,11 +106,11 @@ class AlarmDetector:
 
     def judge(
         self,
-        stamps: Array,
+        stamps: Whole,
         residual: Array,
         external_torque: Array,
-        valid: Array,
-        anew: Array | None = None,
+        valid: Flags,
+        anew: Flags | None = None,
         values: Array | None = None,
     ) -> Judged:
         """Judge states, in order, going on from those before.
@@ -157,7 +157,7 @@ class AlarmDetector:
             self._last = int(stamps[-1])
         return Judged(alarm, begins, joints, values)
 
-    def _judge_parts(self, cuts: Array, *columns: Array) -> Judged:
+    def _judge_parts(self, cuts: Whole, *columns: Any) -> Judged:
         parts = []
         for k, part in enumerate(zip(*(np.split(column, cuts) for column in columns), strict=True)):
             if k:

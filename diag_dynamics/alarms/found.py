@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from diag_dynamics.alarms.detector import AlarmDetector, Judged
 from diag_dynamics.alarms.thresholds import NORM, TORQUE
-from diag_dynamics.arrays import Array
+from diag_dynamics.arrays import Array, Whole
 
 UNITS = {TORQUE: "N m", NORM: "J^0.5/s"}
 LABELS = {TORQUE: "|m r|", NORM: "|r|"}
@@ -84,7 +85,7 @@ class Alarms:
         self.found: list[Alarm] = []
         self._joins = False  # whether the first one belongs to one before all that was taken in
 
-    def take(self, stamps: Array, norm: Array, judged: Judged) -> None:
+    def take(self, stamps: Whole, norm: Array, judged: Judged) -> None:
         """Take in states: stamps [ns], |r|, and what the detector said."""
         edges = np.diff(judged.alarm.astype(np.int8), prepend=np.int8(0), append=np.int8(0))
         starts, ends = np.flatnonzero((edges[:-1] == 1) | judged.begins), np.flatnonzero(edges == -1)
@@ -113,11 +114,11 @@ class Alarms:
             self._joins = self._joins or other._joins
         self.found += found
 
-    def _alarm(self, stamps, norm, values):
+    def _alarm(self, stamps: Whole, norm: Array, values: Array) -> Alarm:
         ratios, peaks, n = values / self._limits, values.max(axis=0), len(self._detectors) - 2
         above = np.flatnonzero(peaks > self._limits)
         exceeded = (Exceeded(self._detectors[k], float(peaks[k]), float(self._limits[k])) for k in above)
-        joints = [k for k in above if k < n]
+        joints = [int(k) for k in above if k < n]
         if not joints:
             at = int(np.argmax(ratios.max(axis=1)))
             weight = ratios[at, :n] if ratios[at, :n].any() else values[at, :n]
@@ -132,5 +133,5 @@ class Alarms:
         )
 
 
-def _furthest_first(exceeded):
+def _furthest_first(exceeded: Iterable[Exceeded]) -> tuple[Exceeded, ...]:
     return tuple(sorted(exceeded, key=lambda one: -one.value / one.threshold))

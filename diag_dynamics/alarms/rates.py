@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.arrays import Array
+from diag_dynamics.arrays import Array, Whole
 
 MOST_PEAKS, FEWEST_PEAKS = 50, 10
 APART = 4.0
@@ -36,7 +37,7 @@ class Level(NamedTuple):
 class Stretch(NamedTuple):
     """Score without a gap that matters, at stamps [ns]."""
 
-    stamps: Array
+    stamps: Whole
     score: Array
 
 
@@ -52,14 +53,14 @@ def upper_limit(count: int, confidence: float = 0.95) -> float:
     return _solved(lambda mean: 1.0 - confidence - _at_most(count, mean), count)
 
 
-def _at_most(count, mean):
+def _at_most(count: int, mean: float) -> float:
     """Probability of no more than a count."""
     if mean <= 0.0:
         return 1.0
     return math.fsum(math.exp(k * math.log(mean) - mean - math.lgamma(k + 1)) for k in range(count + 1))
 
 
-def _solved(rising, count):
+def _solved(rising: Callable[[float], float], count: int) -> float:
     """Where a rising function of the mean is zero."""
     low, high = 0.0, 10.0 + 3.0 * count
     for _ in range(100):
@@ -84,7 +85,7 @@ def peaks_above(stretches: list[Stretch], level: float, release: float, hold_off
     return np.concatenate(found) if found else np.empty(0)
 
 
-def block_peaks(stamps: Array, values: Array) -> Array:
+def block_peaks(stamps: Whole, values: Array) -> Array:
     """Highest value, or highest of each column, of every block of a second; stamps in ns."""
     blocks = (stamps - stamps[0]) // int(1e9 * BLOCK)
     return np.maximum.reduceat(values, np.flatnonzero(np.diff(blocks, prepend=-1)))

@@ -169,7 +169,7 @@ def excite(
     for name, value in (("duration", duration), ("period", period), ("rate", rate)):
         positive(name, value, "[s]" if name != "rate" else "[1/s]")
     for name, part, most in (("velocity", velocity, 1.0), ("effort", effort, 1.0), ("margin", margin, 0.45)):
-        number(name, part, f"a number within 0 … {most:g}", lambda x, most=most: 0.0 < x <= most)
+        number(name, part, f"a number within 0 … {most:g}", _up_to(most))
     cycles = round(duration / period)
     if cycles < 1 or abs(cycles * period - duration) > 1e-9 * duration:
         raise InputError(f"duration is {duration:g} s, expected a whole number of periods of {period:g} s.")
@@ -192,7 +192,7 @@ def _improved(family, judge, rng, trials, progress):
     best, value, width = None, np.inf, 0.3
     for trial in range(trials):
         by_chance = best is None or trial < min(RANDOM, trials // 2)
-        genes = family.by_chance(rng) if by_chance else best + width * rng.normal(size=best.shape)
+        genes = family.by_chance(rng) if best is None or by_chance else best + width * rng.normal(size=best.shape)
         found = judge.condition(*family.at(genes))
         if found < value:
             best, value = genes, found
@@ -201,6 +201,10 @@ def _improved(family, judge, rng, trials, progress):
         if progress:
             progress(trial + 1, value)
     return best, float(value)
+
+
+def _up_to(most):
+    return lambda x: 0.0 < x <= most
 
 
 class _Family:
@@ -282,7 +286,7 @@ class _Judge:
         self._velocity = model.friction_velocity
         self._worst = np.full(model.nv, np.inf)
         self._columns = self._wanted(what, family.moving)
-        self._basis = self._scale = None
+        self._basis, self._scale = np.empty((0, 0)), np.empty(0)
         seen = 0.0
         for seed in range(8):  # what these together do not tell, no motion does
             seen = seen + self._told(*family.at(family.by_chance(np.random.default_rng(seed))))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.identification import inertias
-from diag_dynamics.identification.equations import DAMPING, FRICTION, OFFSET, OWN, ROTOR
+from diag_dynamics.identification.equations import DAMPING, FRICTION, OFFSET, OWN, ROTOR, Sums
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
 from diag_dynamics.identification.solver import Body, Problem, solved
 
@@ -68,7 +68,7 @@ class Payload(NamedTuple):
 class Rows(NamedTuple):
     """Sums over rows, and whether the robot carries the payload in them."""
 
-    sums: object
+    sums: Sums
     loaded: bool
 
 

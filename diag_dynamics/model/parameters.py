@@ -103,17 +103,18 @@ class Parameters:
             str(name): _joint(entry, f"{source}: joint '{name}'")
             for name, entry in _mapping(given.get("joints") or {}, f"{source}: joints").items()
         }
-        bodies = [
+        links, payloads = (
             {
                 str(name): _body(entry, f"{source}: {what} '{name}'", what == "payload")
                 for name, entry in _mapping(given.get(f"{what}s") or {}, f"{source}: {what}s").items()
             }
             for what in ("link", "payload")
-        ]
+        )
         velocity = given.get("friction_velocity")
         return cls(
             MappingProxyType(joints),
-            *map(MappingProxyType, bodies),
+            MappingProxyType(links),
+            MappingProxyType(payloads),
             friction_velocity=None if velocity is None else friction_velocity_of(_number(velocity)),
             origin=MappingProxyType(dict(_mapping(given.get("origin") or {}, f"{source}: origin"))),
         )
@@ -275,7 +276,7 @@ def _of_inertia(link: Any, given: Payload | None) -> Any:
     if given is None:
         return link
     link, place = copy.copy(link), np.eye(4)
-    place[:3, 3] = given.com
+    place[:3, 3] = np.asarray(given.com, float)
     link.inertial = Inertial(given.mass, np.array(given.inertia, float), place)
     return link
 

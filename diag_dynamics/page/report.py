@@ -72,7 +72,11 @@ def full_rate(layout: Layout, t: Array, numbers: Any) -> Track:
 
 
 def write_report(
-    path: str | Path, told: Mapping[str, Any], tracks: Iterable[Track], meshes: Mapping[str, bytes], static: Path = STATIC
+    path: str | Path,
+    told: Mapping[str, Any],
+    tracks: Iterable[Track],
+    meshes: Mapping[str, bytes],
+    static: Path = STATIC,
 ) -> None:
     """Write a report.
 

@@ -147,11 +147,11 @@ class Calibration:
         return "\n".join(lines) + "\n"
 
 
-def _listed(entries):
+def _listed(entries: Sequence[str]) -> str:
     return "\n".join(f'        - "{entry}"' for entry in entries)
 
 
-def _rounded(value):
+def _rounded(value: float) -> str:
     """Four digits, never below the value."""
     digits = 3 - math.floor(math.log10(value))
     return as_yaml(float(f"{math.ceil(value * 10.0**digits * (1.0 - 1e-12)) / 10.0**digits:.12g}"))

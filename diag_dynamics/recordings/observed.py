@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.arrays import Array, VectorLike
+from diag_dynamics.arrays import Array, Flags, VectorLike
 from diag_dynamics.checks import instance, per_name, positive
 from diag_dynamics.compiled.tables import Addresses
 from diag_dynamics.dynamics import DiagonalDynamics
@@ -39,8 +39,8 @@ class Observed(NamedTuple):
     residual: Array
     external_torque: Array
     norm: Array
-    valid: Array
-    collision: Array
+    valid: Flags
+    collision: Flags
 
 
 def observe(

@@ -212,7 +212,8 @@ class Reading:
         self._begin = self._end = None
         self.settles, self._first, self._stream = False, [], None
         if self._after != (None, None) and self._source.start is not None:
-            self.limit(*self._times(self._source.start))
+            begin, end = self._times(self._source.start)
+            self.limit(begin, end)
 
     @property
     def offset(self):
@@ -282,7 +283,7 @@ class Reading:
 
     def _recording(self, states):
         account = self.account()
-        return Recording(self.model, states, self._source.offset, account.counts, account.findings(), self._path)
+        return Recording(self.model, states, self._source.offset or 0, account.counts, account.findings(), self._path)
 
     def account(self):
         """What is known of the messages by now."""

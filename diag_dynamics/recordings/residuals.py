@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.alarms.detector import SECOND, detected
-from diag_dynamics.arrays import Array
+from diag_dynamics.arrays import Array, Flags, Whole
 
 MOST = 2_000_000
 """Numbers that are kept: 16 MB. Of seven joints 117,000 states, two minutes at 1 kHz; after that, cells of states."""
@@ -22,7 +22,7 @@ LOT = 512
 class Piece(NamedTuple):
     """What was seen without a gap. A row is a state, or a cell of states."""
 
-    stamps: Array
+    stamps: Whole
     """Of the first state of each row [ns]."""
     torque: Array
     """m r [N m, N], shape (T, nv); of a cell, the largest of each joint with its sign."""
@@ -33,7 +33,7 @@ class Piece(NamedTuple):
     duration: float
     """[s]"""
 
-    def part(self, which: Array) -> Piece:
+    def part(self, which: Flags) -> Piece:
         """Some of its rows."""
         stamps = self.stamps[which]
         duration = (int(stamps[-1]) - int(stamps[0])) / SECOND
@@ -97,7 +97,7 @@ class Residuals:
         if self._lot.add(stamp, residual, external_torque):
             self._flush()
 
-    def take(self, stamps: Array, residual: Array, external_torque: Array, valid: Array) -> None:
+    def take(self, stamps: Whole, residual: Array, external_torque: Array, valid: Flags) -> None:
         """Take in states, in order: stamps [ns], r, m r, and whether there is a result."""
         self._flush()
         self._take(stamps[valid], residual[valid], external_torque[valid])
@@ -123,7 +123,7 @@ class Residuals:
         if len(stamps):
             self._take(stamps, residual, torque)
 
-    def _take(self, stamps: Array, residual: Array, torque: Array) -> None:
+    def _take(self, stamps: Whole, residual: Array, torque: Array) -> None:
         if not len(stamps):
             return
         self._states += len(stamps)
@@ -162,8 +162,8 @@ class Residuals:
 class _Rows(NamedTuple):
     """Columns: stamps, pieces that the rows belong to, m r beside r, ‖m r‖ beside |r|."""
 
-    stamps: Array
-    piece: Array
+    stamps: Whole
+    piece: Whole
     x: Array
     norms: Array
 
@@ -199,7 +199,7 @@ class _Lot:
         self._count += 1
         return self._count == LOT
 
-    def taken(self) -> tuple[Array, Array, Array]:
+    def taken(self) -> tuple[Whole, Array, Array]:
         """Hand out all, and begin anew."""
         k, self._count = self._count, 0
         return self._stamps[:k].copy(), self._residual[:k].copy(), self._torque[:k].copy()

@@ -161,4 +161,3 @@ class ReportOutput:
             if name in values
         ]
         return sorted(rows, key=lambda row: row["default"])
-
