@@ -9,7 +9,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 JOBS ?= 2
 LINT ?= lint
 
-.PHONY: help setup setup-tests demo demo-control demo-identify test test-all bench docs-tables page lint format lock clean
+.PHONY: help setup setup-tests demo demo-control demo-identify test test-all bench docs docs-tables page lint format lock clean
 
 help:  ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -38,6 +38,9 @@ test-all: lint  ## likewise, with all cases and full times: an hour
 
 bench: setup-tests  ## speed of library and nodes, worth of the observer, into benchmarks/results/; ARGS=--short: two minutes' worth
 	@$(in_env) python3 benchmarks/run.py $(ARGS)
+
+docs: setup-tests  ## the site, in build/docs: open build/docs/index.html
+	@$(in_env) python3 docs/site/build.py build/docs
 
 docs-tables: setup  ## docs/parameters.md, docs/interfaces.md and config/*.yaml anew, from the code
 	@$(in_env) python3 docs/tables.py

@@ -1,6 +1,7 @@
 """The pages: what is generated is fresh and holds what the code does, links lead somewhere, and lines can be read."""
 
 import importlib.util
+import os
 import re
 import subprocess
 import sys
@@ -16,10 +17,14 @@ from test_package import FLOORS
 from diag_dynamics.nodes.support.interfaces import IN, INTERFACES, MANAGED, OUT, SERVICE
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.topics import TOPICS
+from diag_dynamics.parameters.files import parameters_of
+from pages import blocks_of
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = [*sorted(ROOT.glob("*.md")), *sorted(DOCS.glob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted(DOCS.rglob("*.md"))]
+RUN = [DOCS / "tutorial.md", DOCS / "quickstart.md", *sorted((DOCS / "howto").glob("*.md"))]
+"""Pages of which every block says whether it is run; the tutorial's are run by test_tutorial.py."""
 
 
 def node_parameters(node):
@@ -271,7 +276,7 @@ def test_pages_that_code_names_are_there():
     folders = ("benchmarks", "config", "diag_dynamics", "docs", "launch", "msg", "scripts", "srv", "test")
     files = [path for folder in folders for path in (ROOT / folder).rglob("*.*") if path.suffix not in (".png", ".pyc")]
     for path in (ROOT / "README.md", *files):
-        for name in re.findall(r"\bdocs/(\w+\.md)\b", path.read_text(encoding="utf-8")):
+        for name in re.findall(r"\bdocs/((?:howto/|api/)?\w+\.md)\b", path.read_text(encoding="utf-8")):
             assert (DOCS / name).is_file(), f"{path.relative_to(ROOT)}: docs/{name}"
 
 
@@ -298,6 +303,46 @@ def test_architecture_draws_the_floors():
     rooms = [line[:55].split() for line in drawing.splitlines() if not line.startswith("--")]
     drawn = [sorted(room.removesuffix(".py").rstrip("/") for room in line) for line in rooms]
     assert drawn == [sorted(floor.split()) for floor in reversed(FLOORS)]
+
+
+@pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
+def test_blocks_say_whether_they_are_run(page):
+    """By one of the ways that test/support/pages.py knows; who is not run has a reason."""
+    ways = {"run", "run until", "run in the background", "end", "not run", "parameters of monitor"}
+    for block in blocks_of(page):
+        assert block.how in ways, f"{page.name}, line {block.line}"
+        assert bool(block.what) == (block.how in ways - {"run", "parameters of monitor"}), f"line {block.line}"
+    assert page.name == "index.md" or blocks_of(page)
+
+
+@pytest.mark.parametrize("page", RUN[1:], ids=lambda page: page.stem)
+def test_blocks_run(page, tmp_path, monkeypatch, capfd):
+    """One after the other in an empty folder; of parameters the monitor takes every name and value."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]))
+    names = {}
+    for block in blocks_of(page):
+        where = f"{page.name}, line {block.line}"
+        if block.how == "parameters of monitor":
+            (tmp_path / "parameters.yaml").write_text(block.code, encoding="utf-8")
+            values = parameters_of([tmp_path / "parameters.yaml"])
+            written = yaml.safe_load(block.code)["/**"]["ros__parameters"]
+            assert set(values) == {name for name, _ in flat(written)} <= set(node_parameters("monitor")), where
+        elif block.how == "run" and block.language == "python":
+            exec(compile("\n" * block.line + block.code, page.name, "exec"), names)
+        elif block.how == "run":
+            ours = f'diag-dynamics() {{ "{sys.executable}" -m diag_dynamics "$@"; }}'
+            done = subprocess.run(["bash", "-euo", "pipefail", "-c", f"{ours}\n{block.code}"])
+            assert done.returncode == 0, f"{where}: {capfd.readouterr().err}"
+
+
+def test_quick_starts_are_the_files():
+    """The parameters of each robot stand in a file, and in the page as they are in the file."""
+    files = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "config" / "robots").glob("*.yaml")}
+    shown = [block.code for block in blocks_of(DOCS / "quickstart.md") if block.language == "yaml"]
+    names = re.findall(r"^`(\w+\.yaml)`:$", text_of("quickstart.md"), re.M)
+    assert dict(zip(names, shown, strict=True)) == files
+    assert len(files) == 6
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

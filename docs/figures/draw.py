@@ -1,0 +1,26 @@
+"""Draw the figures of docs/concepts.md: `python docs/figures/draw.py` writes an SVG beside each of the modules."""
+
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import matplotlib
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE.parents[1])]
+
+FIGURES = ("own_and_induced", "sweeps", "articulated_inertia", "factors", "energy_exchange")
+
+
+def draw(folder=HERE):
+    """Write all of them into a folder."""
+    from style import RULES
+
+    for name in FIGURES:
+        with matplotlib.rc_context(RULES):
+            picture = import_module(name).draw()
+            picture.savefig(Path(folder) / f"{name}.svg", transparent=True, metadata={"Date": None, "Creator": None})
+
+
+if __name__ == "__main__":
+    draw()

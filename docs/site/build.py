@@ -1,0 +1,20 @@
+"""Build the site: `python docs/site/build.py FOLDER`; a warning is an error, but all of them are told."""
+
+import sys
+from pathlib import Path
+
+from sphinx.cmd.build import main
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+
+
+def build(folder):
+    """Write the site into a folder; returns the exit status."""
+    kept = Path(folder).with_name(f"{Path(folder).name}-pages")  # what Sphinx has read, for the next time
+    options = ["-q", "-W", "--keep-going", "-b", "html", "-c", str(HERE), "-d", str(kept)]
+    return main([*options, str(ROOT), str(folder)])
+
+
+if __name__ == "__main__":
+    sys.exit(build(*sys.argv[1:]))

@@ -1,0 +1,38 @@
+"""What a page needs before it is one of the site: links to folders, docstrings, and a first page at the top."""
+
+from pathlib import Path
+
+FOLDERS = {"](../config)": "](configuration.md)", "](../examples)": "](examples.md)"}
+"""Links to folders, which GitHub lists, and the pages that show what is in them."""
+
+FIRST = """<!doctype html>
+<meta charset="utf-8">
+<title>diag_dynamics</title>
+<meta http-equiv="refresh" content="0; url=docs/index.html">
+<a href="docs/index.html">diag_dynamics</a>
+"""
+
+
+def link_pages(_app, _name, source):
+    """Lead to the page in place of the folder."""
+    for folder, page in FOLDERS.items():
+        source[0] = source[0].replace(folder, page)
+
+
+def keep_bars(_app, _what, _name, _object, _options, lines):
+    """Take |r| of a docstring for an absolute value, not for a substitution."""
+    lines[:] = [line.replace("|", r"\|") for line in lines]
+
+
+def write_first_page(app, error):
+    """Whoever opens the folder lands on the first page."""
+    if not error and app.builder.format == "html":
+        Path(app.outdir, "index.html").write_text(FIRST, encoding="utf-8")
+
+
+def setup(app):
+    """Take part in the build."""
+    app.connect("source-read", link_pages)
+    app.connect("autodoc-process-docstring", keep_bars)
+    app.connect("build-finished", write_first_page)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
