@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics import __version__
+import diag_dynamics
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.page.frames import FrameMaker, Seen, States, Told
@@ -78,7 +78,7 @@ class ReportOutput:
             "parameters": self._parameters(),
             "begin": (self._first - self._reading.offset) * 1e-9,
             "without_full_rate": self._dropped,
-            "version": __version__,
+            "version": diag_dynamics.__version__,
         }
         write_report(self._part.name, told, tracks, meshes)
         self._part.keep()
