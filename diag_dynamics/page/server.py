@@ -426,7 +426,7 @@ class _Stream:
         packets = []
         if newest.layout != self._layout:
             self._layout = newest.layout
-            packets.append(packet(LAYOUT, self._show.layout()))
+            packets.append(packet(LAYOUT, _with_link(self._show.layout(), self._link)))
         if newest.number != self._number:
             if self._number and newest.number > self._number:
                 self._skipped += newest.number - self._number - 1
@@ -454,6 +454,11 @@ class _Stream:
             "streams": self._server.streams,
         }
         return [*packets, packet(HEARTBEAT, json.dumps(beat, allow_nan=False).encode())]
+
+
+def _with_link(layout: bytes, link: str) -> bytes:
+    """A layout that says whose mobility and twist its frames have."""
+    return layout[:-1] + b', "link": ' + json.dumps(link).encode() + b"}"
 
 
 def packet(kind: int, payload: bytes) -> bytes:

@@ -145,6 +145,7 @@ def test_stream(server):
         kind, layout = stream.packet()
         assert kind == LAYOUT
         assert layout["dofs"] == list(model.dof_names)
+        assert layout["link"] == "panda_hand"
         assert layout["thresholds"]["external_torque"] == [12.0] * 8
         assert layout["thresholds"]["norm"] == 8.0
         for frame in stream.frames(20):
@@ -330,7 +331,8 @@ def test_another_robot_comes_with_a_layout_of_its_own(page):
         model = dd.load_urdf(robot_path("ur_description/urdf/ur5_robot.urdf"))
         moving[0] = MovingRobot(model)
         show.use(dd.DiagonalDynamics(model), None, None)
-        assert stream.next(LAYOUT)["dofs"] == list(model.dof_names)
+        layout = stream.next(LAYOUT)
+        assert (layout["dofs"], layout["link"]) == (list(model.dof_names), "")
         assert np.isnan(stream.next(FRAME)["twist"]).all()
         assert stream.next(HEARTBEAT, lambda beat: beat["robot"] == "ur5")["link"] == ""
     server.stop()
