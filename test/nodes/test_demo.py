@@ -19,6 +19,7 @@ import pytest
 
 import robots
 from nodes import PANDA, START, UR5, Process, robot
+from streams import FRAME, Stream, wait_for_robot
 
 DEMO = Path(__file__).resolve().parents[2] / "scripts" / "demo"
 
@@ -93,7 +94,12 @@ def test_robot_by_path(tmp_path):
     with demo(tmp_path, "--robot", "my robot.urdf", "--duration", "1000") as process:
         process.wait_for_text("states/s")
         children = process.children()
-        assert len(children) == 2
+        assert len(children) == 3
+        address = re.search(r"page, while the demo runs: (http://127\.0\.0\.1:\d+/)", process.output)[1]
+        wait_for_robot(address, lambda one: one["alive"])
+        with Stream(address) as stream:  # of the one robot that there is
+            assert stream.next(FRAME)["K"] >= 0.0
+            assert stream.layout["robot"] == "ur5"
         os.killpg(process.popen.pid, signal.SIGINT)
         assert ended(process, children) == 0
         check_summary(process, tmp_path, "ur5")
@@ -124,7 +130,7 @@ def test_end_while_starting(tmp_path):
     """Ctrl-C while the nodes are being started."""
     with demo(tmp_path) as process:
         deadline = time.monotonic() + START
-        while len(children := process.children()) < 2:
+        while len(children := process.children()) < 3:
             assert process.popen.poll() is None
             assert time.monotonic() < deadline
             time.sleep(0.01)  # nobody tells when a process starts another one
@@ -168,7 +174,7 @@ def test_at_a_terminal(tmp_path):
             for text in (*robot(PANDA).names, "power", "νᵀC", "Hz", "latency"):
                 assert text in process.output
             children = process.children()
-            assert len(children) == 2
+            assert len(children) == 3
             os.write(terminal, b"\x03")
             assert ended(process, children) == 0
             check_summary(process, tmp_path, "panda")

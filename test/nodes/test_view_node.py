@@ -3,7 +3,6 @@
 import signal
 import socket
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from diag_dynamics.srv import SetPayload
 
 import diag_dynamics as dd
 from nodes import MANY, PANDA, START, UR5, Process, S, nanoseconds, node_process, robot
-from streams import DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get_json
+from streams import DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get_json, wait_for_robot
 
 MONITOR, VIEW = "/arm/diag_dynamics", "/diag_dynamics_view"
 
@@ -161,13 +160,8 @@ def test_a_payload_of_the_monitor_is_one_of_the_page(graph, peer):
 def test_other_robots_are_found(graph, peer):
     """One whose monitor has begun later, in another namespace; no state has come of it yet."""
     with node_process("monitor", "-r", "__ns:=/other", robot_description=robot(UR5).path):
-        deadline = time.monotonic() + START
-        while True:
-            robots = {one["name"]: one for one in get_json(graph.address, "/robots")}
-            if robots.get("/other", {}).get("robot") == "ur5":
-                break
-            assert time.monotonic() < deadline, robots
-            time.sleep(0.2)
+        wait_for_robot(graph.address, lambda one: (one["name"], one["robot"]) == ("/other", "ur5"))
+        robots = {one["name"]: one for one in get_json(graph.address, "/robots")}
         assert not robots["/other"]["alive"]
         assert robots["/arm"]["alive"]
         assert get_json(graph.address, "/layout?robot=/other")["robot"] == "ur5"

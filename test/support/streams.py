@@ -1,5 +1,6 @@
 """A reader of the page's stream, and of whatever else its server has: over a real connection."""
 
+import contextlib
 import http.client
 import json
 import socket
@@ -29,6 +30,18 @@ def get_json(address, path):
     status, _, body = get(address, path)
     assert status == 200, body
     return json.loads(body)
+
+
+def wait_for_robot(address, accept=lambda _: True, timeout=120.0):
+    """Return what is said of the first robot that is accepted; the server may have to come up first."""
+    end, said = time.monotonic() + timeout, "nothing"
+    while time.monotonic() < end:
+        with contextlib.suppress(OSError):
+            said = get_json(address, "/robots")
+            if found := next(filter(accept, said), None):
+                return found
+        time.sleep(0.1)
+    raise TimeoutError(f"no such robot within {timeout} s at {address}: {said}")
 
 
 class Stream:
