@@ -70,7 +70,7 @@ export class Bar {
     say(this.go, playing ? "❚❚" : "▶");
     this.go.title = playing ? "pause (space)" : "go on (space)";
     say(this.time, app.rows.length ? view.told(view.shown()) : clock(NaN));
-    this.live.hidden = !view.paused;
+    this.live.style.visibility = view.paused ? "visible" : "hidden"; // it keeps its place: the strip beside it must not move
     const named = WINDOWS.includes(view.length);
     if (!named) say(this.other, `${view.length.toPrecision(3)} s`);
     this.other.hidden = named;

@@ -1,6 +1,6 @@
 // The right of the page: cards of plots, of diagnostics, and of what a report tells; one cursor common to all.
 
-import { el, say } from "./dom.js";
+import { el, resized, say } from "./dom.js";
 import { number, span, UNKNOWN } from "./format.js";
 import { Plot } from "./plot.js";
 import { plotsOf } from "./quantities.js";
@@ -18,7 +18,7 @@ export class Cards {
     this.words = el("section", { class: "card words", id: "diagnostics" }, el("header", {}, el("h2", { text: "Diagnostics" })), this.list, this.pulse);
     this.told = []; // cards of a report
     this.node = el("div", { class: "cards" });
-    new ResizeObserver(() => this.#arrange()).observe(this.node);
+    resized(this.node, () => this.#arrange());
   }
 
   // As many columns as leave few places empty, and cards about twice as wide as high.

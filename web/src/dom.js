@@ -31,3 +31,10 @@ export function download(name, blob) {
 export function breakable(name) {
   return name.split(/(?<=[_/.-])/).flatMap((part) => [part, el("wbr")]);
 }
+
+// Calls when a box has another size; not at once, for what is laid out anew then may change it again.
+export function resized(node, act) {
+  const observer = new ResizeObserver(() => requestAnimationFrame(act));
+  observer.observe(node);
+  return observer;
+}

@@ -2,7 +2,7 @@
 
 import uPlot from "uplot";
 import { faded } from "./colours.js";
-import { el, say, toggle } from "./dom.js";
+import { el, resized, say, toggle } from "./dom.js";
 import { number, powerOfTen, tick } from "./format.js";
 import { chosenLines, othersLine } from "./quantities.js";
 import { envelope, largest, stacked } from "./sampling.js";
@@ -29,13 +29,13 @@ export class Plot {
       this.box,
     );
     this.observers = [
-      new ResizeObserver(() => this.#resize()),
+      resized(this.box, () => this.#resize()),
       new IntersectionObserver(([entry]) => {
         this.seen = entry.isIntersecting;
         if (this.seen) this.draw();
       }),
     ];
-    this.observers.forEach((observer) => observer.observe(this.box));
+    this.observers[1].observe(this.box);
   }
 
   remove() {

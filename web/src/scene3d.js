@@ -6,6 +6,7 @@ import {
   ShadowMaterial, SphereGeometry, Vector2, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { resized } from "./dom.js";
 import { Robot } from "./robot.js";
 
 const SLOW = 60; // [ms] between two pictures, from which on shadows and fine pixels are left out
@@ -42,7 +43,7 @@ export class Scene3D {
     this.scene.add(this.sky, this.sun, this.sun.target, this.fill);
     this.#marks();
     this.ray = new Raycaster();
-    new ResizeObserver(() => this.#resize()).observe(box);
+    resized(box, () => this.#resize());
     this.#resize();
   }
 

@@ -1,7 +1,7 @@
 // The strip below: all that is stored, as K over time, with contacts, the window, and the moment; to be scrubbed.
 
 import { faded } from "./colours.js";
-import { el } from "./dom.js";
+import { el, resized } from "./dom.js";
 import { envelope } from "./sampling.js";
 import { FLAGS } from "./layout.js";
 
@@ -15,7 +15,7 @@ export class Timeline {
     this.node.addEventListener("pointerdown", (event) => this.#grab(event));
     this.node.addEventListener("pointermove", (event) => this.held && this.#go(event));
     for (const end of ["pointerup", "pointercancel"]) this.node.addEventListener(end, () => (this.held = false));
-    new ResizeObserver(() => this.draw()).observe(this.node);
+    resized(this.node, () => this.draw());
   }
 
   #grab(event) {

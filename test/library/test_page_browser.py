@@ -1,0 +1,381 @@
+"""The page in a real Chromium: what it shows are the numbers of the states, wherever it is looked at, whatever happens."""
+
+import colorsys
+import io
+import threading
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import diag_dynamics as dd
+from browser import CUT_OFF, Tab, browser
+from diag_dynamics.demos.moving_robot import MovingRobot, show_of
+from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.page.frames import Told
+from diag_dynamics.page.meshes import MeshLibrary
+from diag_dynamics.page.scene import mesh_folders, scene_of
+from diag_dynamics.page.server import PageServer
+from diag_dynamics.page.show import Show, Taken
+
+pytest.importorskip("yourdfpy")
+RATE = 100.0
+SIZES = (360, 740), (1280, 720), (1920, 1080), (3840, 2160)
+RAMP = np.array([[70, 96, 128], [46, 142, 158], [116, 186, 118], [240, 190, 66], [226, 74, 58]], dtype=float)
+UNKNOWN = "#969ca4"
+
+
+class Robot(MovingRobot):
+    """A moving robot that can be stopped, and told of otherwise than as it is."""
+
+    def __init__(self, model, rate=RATE):
+        super().__init__(model, rate)
+        self.silent, self.told = threading.Event(), {}
+        self._limits = (*np.full(model.nv, 12.0), np.inf, 8.0)
+
+    def take(self, dynamics):
+        if self.silent.is_set():
+            return None
+        taken = super().take(dynamics)
+        if taken is None or not self.told:
+            return taken
+        seen = taken.seen._replace(valid=[False]) if self.told.get("no_result") else taken.seen
+        told = Told(velocity_estimated=bool(self.told.get("estimated")), latency=0.001)
+        return Taken(taken.states, seen, told, taken.received, taken.count, taken.limits)
+
+
+def shown(urdf, name, cls=Robot, model=None):
+    model = model or dd.load_urdf(urdf, massless="lock")
+    robot = cls(model)
+    show = Show(name, robot.take)
+    meshes = MeshLibrary(mesh_folders(urdf) if not urdf.startswith("<") else ())
+    show.use(dd.DiagonalDynamics(model), scene_of(model, urdf, meshes), meshes)
+    show.tell([{"level": 1, "name": f"{name}: joint states", "message": "a gap of 0.2 s", "values": {"gaps": 1}}])
+    return robot, show
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with browser() as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return shown(str(find_urdf("panda")), "/arm")
+
+
+@pytest.fixture(scope="module")
+def ur5():
+    return shown(str(find_urdf("ur5")), "/other")
+
+
+@pytest.fixture(scope="module")
+def server(panda, ur5):
+    one = PageServer(lambda: [panda[1], ur5[1]])
+    one.start()
+    yield one
+    one.stop()
+
+
+@pytest.fixture(scope="module")
+def tab(chromium, server):
+    one = Tab(chromium)
+    one.open(server.address)
+    yield one
+    assert not one.said
+    assert one.asked <= {server.address.rstrip("/"), "data://", "blob://"}, "a request left the machine"
+    assert one.ask("diag.errors") == []
+    one.close()
+
+
+@pytest.fixture
+def live(tab):
+    """The tab as it is when nobody has touched it."""
+    tab.page.keyboard.press("Escape")
+    tab.page.keyboard.press("l")
+    tab.page.keyboard.press("1")
+    tab.page.mouse.move(5, 5)
+    tab.until("diag.state.word === 'Live' && !diag.state.paused && diag.state.namespace === '/arm'")
+    return tab
+
+
+def paused(tab, robot):
+    """Have the page stop; returns what it shows, and an evaluation of the state at that time."""
+    before = tab.ask("diag.values.t")
+    tab.until(f"diag.values.t > {before!r} + 0.5")
+    tab.page.keyboard.press(" ")
+    tab.until("diag.state.paused && diag.values.t === diag.state.now")
+    values = tab.ask("diag.values")
+    q, qd, tau, external = robot.state(values["t"] - robot._first_stamp)
+    return values, (q, qd, tau, external), dd.DiagonalDynamics(robot.model).evaluate(q, qd, tau)
+
+
+def test_numbers_are_those_of_the_state(live, panda):
+    """Of frames, of legends and of the table, against an evaluation of our own at the time that the page shows."""
+    robot, _ = panda
+    values, (q, qd, tau, external), s = paused(live, robot)
+    dyn = dd.DiagonalDynamics(robot.model)
+    expected = {
+        **{"q": q, "qd": qd, "effort": tau, "nu": s.nu, "coriolis": s.coriolis, "gravity": s.gravity},
+        **{"D": s.articulated_inertia, "K": [s.kinetic_energy], "link_energy": s.link_energy},
+        **{"external_torque": external, "gravity_torque": dyn.gravity_torque(q)},
+    }
+    for name, wanted in expected.items():
+        scale = max(np.abs(wanted).max(), 1e-3)  # times of double precision are 0.2 µs apart, and states with them
+        np.testing.assert_allclose(values[name], wanted, rtol=1e-4, atol=1e-4 * scale, err_msg=name)
+    plots = live.ask("diag.plots")
+    names = robot.model.dof_names
+    for plot, wanted in (
+        ("energy", s.energy_share),
+        ("exchange", s.nu * s.coriolis),
+        ("inertia", s.articulated_inertia),
+    ):
+        drawn = [plots[plot]["values"][name] for name in names]
+        np.testing.assert_allclose(drawn, wanted, rtol=1e-3, atol=1e-4 * np.abs(wanted).max())
+        for name, number in zip(names, drawn, strict=True):
+            assert read(plots[plot]["texts"][name]) == pytest.approx(number, rel=0.06, abs=1e-3 * np.abs(wanted).max())
+    limits = robot.model.effort_limit
+    drawn = [plots["torque"]["values"][name] for name in names]
+    np.testing.assert_allclose(drawn, 100.0 * tau / limits, rtol=1e-3, atol=1e-2)
+    assert 0.0 <= plots["work"]["values"]["|νᵀC| / (|ν||C|)"] < 1e-12
+    rows = live.page.locator(".joints tbody tr").all_inner_texts()
+    assert len(rows) == robot.model.nv
+    largest = int(np.argmax(s.energy_share))
+    assert read(rows[largest].split()[1]) == pytest.approx(s.energy_share[largest], rel=0.01)
+
+
+def read(text):
+    """A number as the page writes it."""
+    return float(text.replace("−", "-"))
+
+
+def test_mobility_and_effective_mass_of_the_link(live, panda):
+    """1/(uᵀ J M⁻¹Jᵀ u) along the velocity of the link that was clicked."""
+    robot, _ = panda
+    place = live.until("diag.where('panda_link6')")
+    live.page.mouse.click(place["x"], place["y"])
+    live.until("diag.state.selected.link === 'panda_link6' && diag.marks && diag.marks.link === 'panda_link6'")
+    live.until("diag.values.twist[0] === diag.values.twist[0]")
+    _, (q, qd, _, _), _ = paused(live, robot)
+    marks = live.until("diag.marks")
+    dyn = dd.DiagonalDynamics(robot.model)
+    velocity = dyn.link_velocity(q, qd, "panda_link6", frame="world")[:3]
+    mobility = dyn.operational_inverse_inertia(q, "panda_link6", frame="world")[:3, :3]
+    axes = np.linalg.eigvalsh(mobility)
+    u = velocity / np.linalg.norm(velocity)
+    assert marks["speed"] == pytest.approx(np.linalg.norm(velocity), rel=1e-3)
+    np.testing.assert_allclose(sorted(marks["mobilities"]), axes, rtol=1e-3)
+    assert marks["mass"] == pytest.approx(1.0 / (u @ mobility @ u), rel=1e-2)
+    assert live.page.locator(".details").is_visible()
+    assert "panda_link6" in live.page.locator(".details h2").inner_text()
+
+
+def ramp(part):
+    """The colour at a part of the scale, 0 to 255."""
+    x = np.clip(part, 0.0, 1.0) * (len(RAMP) - 1)
+    return np.array([np.interp(x, np.arange(len(RAMP)), RAMP[:, c]) for c in range(3)])
+
+
+@pytest.mark.parametrize("key, by", [("1", "share"), ("2", "energy"), ("3", "torque"), ("4", "external")])
+def test_links_have_the_colours_of_their_numbers(live, panda, key, by):
+    """As the page computes them, and as they come out of the canvas: the hue of the light, whatever the shade."""
+    robot, _ = panda
+    live.page.keyboard.press(key)
+    values, _, _ = paused(live, robot)
+    live.until(f"diag.colours.by === '{by}'")
+    told = live.ask("diag.colours")
+    names, model = list(told["links"]), robot.model
+    of_dof = {"share": 50.0 * np.square(values["nu"]) / values["K"][0], "external": np.abs(values["external_torque"])}
+    of_dof["torque"] = 100.0 * np.abs(np.array(values["effort"]) / model.effort_limit)
+    for k in range(1, 8):  # link k is moved by joint k
+        name = f"panda_link{k}"
+        number = values["link_energy"][model.link_names.index(name)] if by == "energy" else of_dof[by][k - 1]
+        rgb = [int(told["links"][name][n : n + 2], 16) for n in (1, 3, 5)]
+        np.testing.assert_allclose(rgb, ramp(number / told["end"]), atol=1.01)
+    if by != "energy":
+        assert told["links"]["panda_link0"] == UNKNOWN
+    seen = 0
+    picture = Image.open(io.BytesIO(live.page.screenshot())).convert("RGB")
+    for name in names:
+        place = live.ask(f"diag.where('{name}')")
+        wanted = [int(told["links"][name][n : n + 2], 16) / 255 for n in (1, 3, 5)]
+        hue, saturation, _ = colorsys.rgb_to_hsv(*wanted)
+        if place is None or saturation < 0.25:
+            continue
+        pixel = [c / 255 for c in picture.getpixel((round(place["x"]), round(place["y"])))]
+        found, strength, _ = colorsys.rgb_to_hsv(*pixel)
+        if strength > 0.12:  # not where the light is mirrored
+            seen += abs((found - hue + 0.5) % 1.0 - 0.5) < 0.08
+    assert seen >= 3
+
+
+def test_keys_scrub_and_cursor(live):
+    page = live.page
+    page.keyboard.press("+")
+    live.until("diag.state.window[1] - diag.state.window[0] === 15")
+    page.keyboard.press("-")
+    live.until("diag.state.last - diag.state.first > 2")
+    strip = page.locator(".timeline").bounding_box()
+    page.mouse.move(strip["x"] + 0.7 * strip["width"], strip["y"] + 5)
+    page.mouse.down()
+    page.mouse.move(strip["x"] + 0.4 * strip["width"], strip["y"] + 5)
+    page.mouse.up()
+    state = live.until("diag.state.paused && diag.state")
+    assert state["word"] == "Paused"
+    first, ends = state["first"], (state["window"][1], state["last"])  # when it was paused, and by now
+    assert first + 0.4 * (ends[0] - first) - 0.2 < state["now"] < first + 0.4 * (ends[1] - first) + 0.2
+    page.keyboard.press("ArrowRight")
+    stepped = live.until(f"diag.state.now > {state['now']!r} && diag.state.now")
+    assert stepped - state["now"] < 0.2
+    card = page.locator("#plot-exchange .u-over").bounding_box()
+    page.mouse.move(card["x"] + 0.9 * card["width"], card["y"] + 20)
+    places = "[...document.querySelectorAll('.u-over')].map((over) => [over, over.querySelector('.cursor')])"
+    parts = f"{places}.filter(([, c]) => c && !c.hidden).map(([o, c]) => new DOMMatrix(c.style.transform).e / o.clientWidth)"
+    live.until(f"{parts}[0] > 0.85")
+    parts = live.ask(parts)
+    assert len(parts) >= 3
+    np.testing.assert_allclose(parts, 0.9, atol=0.02)
+    page.keyboard.press("?")
+    assert page.locator("dialog.help").is_visible()
+    page.keyboard.press("?")
+    page.keyboard.press("t")
+    assert live.ask("document.documentElement.dataset.theme") == "light"
+    page.keyboard.press("t")
+    page.keyboard.press("j")
+    live.until("diag.state.selected.dof === 0 && !document.querySelector('.details').hidden")
+
+
+def test_picture_and_numbers_of_what_is_seen(live, panda):
+    values, _, _ = paused(live, panda[0])
+    with live.page.expect_download() as csv:
+        live.page.keyboard.press("c")
+    lines = csv.value.path().read_text(encoding="utf-8").splitlines()
+    header, last = lines[0].split(","), [float(cell or "nan") for cell in lines[-1].split(",")]
+    assert header[0] == "t [s]"
+    assert last[0] == values["t"]
+    for k, name in enumerate(panda[0].model.dof_names):
+        assert last[header.index(f"nu.{name}")] == pytest.approx(values["nu"][k], rel=1e-6)
+    with live.page.expect_download() as png:
+        live.page.keyboard.press("p")
+    picture = Image.open(png.value.path()).convert("RGB")
+    assert picture.size == (1280, 720)
+    seen = Image.open(io.BytesIO(live.page.screenshot())).convert("RGB")
+    apart = np.abs(np.asarray(picture, dtype=float) - np.asarray(seen, dtype=float)).mean(axis=2)
+    assert (apart > 40).mean() < 0.06, "the picture is not what is seen"
+
+
+def test_says_what_cannot_be_believed(live, panda):
+    robot, _ = panda
+    robot.told = {"estimated": True, "no_result": True}
+    live.until("diag.state.notes.includes('velocities estimated') && diag.state.level === 'warn'")
+    live.until("diag.state.notes.includes('external torque not valid')")
+    live.until("[...document.querySelectorAll('.joints td:last-child b')].every((b) => b.textContent === '–')")
+    robot.told = {}
+    live.until("diag.state.notes.length === 0 || diag.state.notes[0] === 'contact'")
+    robot.silent.set()
+    live.until("diag.state.word === 'Stale' && document.querySelector('.stage').classList.contains('dim')", 5.0)
+    robot.silent.clear()
+    live.until("diag.state.word === 'Live'")
+
+
+def test_several_robots(live, ur5):
+    live.page.keyboard.press("r")
+    live.until("diag.state.namespace === '/other' && diag.state.ready && diag.state.robot.startsWith('ur5')")
+    assert live.page.locator(".joints tbody tr").count() == ur5[0].model.nv
+    live.page.keyboard.press("r")
+    live.until("diag.state.namespace === '/arm' && diag.state.ready")
+
+
+def test_diagnostics_in_words(live):
+    assert "a gap of 0.2 s" in live.page.locator(".diagnostics").inner_text()
+    live.until("/states\\/s received/.test(document.querySelector('.pulse').textContent)")
+
+
+def test_no_text_is_cut_off(live):
+    try:
+        for width, height in SIZES:
+            live.page.set_viewport_size({"width": width, "height": height})
+            live.page.keyboard.press("Escape")
+            live.page.wait_for_timeout(250)  # two frames of the page's own, and what these lay out
+            assert live.ask(f"({CUT_OFF})()") == [], f"{width} x {height}"
+            live.page.keyboard.press("j")
+            live.until("!document.querySelector('.details').hidden")
+            assert live.ask(f"({CUT_OFF})()") == [], f"{width} x {height}, with details"
+    finally:
+        live.page.set_viewport_size({"width": 1280, "height": 720})
+
+
+def chain(names):
+    """A URDF of links in a row, by the names of its joints."""
+    links = "".join(
+        f'<link name="link{k}"><inertial><origin xyz="0 0 0.05"/><mass value="0.3"/>'
+        '<inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>'
+        '<visual><origin xyz="0 0 0.05"/><geometry><cylinder radius="0.02" length="0.1"/></geometry></visual></link>'
+        for k in range(len(names) + 1)
+    )
+    joints = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="link{k}"/><child link="link{k + 1}"/><origin xyz="0 0 0.1"/>'
+        f'<axis xyz="{k % 2} {1 - k % 2} 0"/><limit lower="-0.2" upper="0.2" effort="50" velocity="3"/></joint>'
+        for k, name in enumerate(names)
+    )
+    return f'<robot name="chain">{links}{joints}</robot>'
+
+
+def test_sixty_joints_and_names_that_are_html(chromium):
+    """Bars of the top few and others; a name is a text, whatever is in it."""
+    hostile = "&lt;img src=x onerror=alert(1)&gt;"
+    _, show = shown(chain([hostile, *(f"a_long_name_of_joint_{k}" for k in range(59))]), "/<b>long")
+    one = PageServer(lambda: [show])
+    one.start()
+    tab = Tab(chromium, (1280, 720), "light")
+    try:
+        tab.open(one.address)
+        tab.until("document.querySelectorAll('.joints tbody tr').length === 11")
+        assert "50 others" in tab.page.locator(".joints").inner_text()
+        assert all(len(plot["values"]) <= 9 for plot in tab.ask("Object.values(diag.plots)"))
+        assert tab.ask("Math.min(...[...document.querySelectorAll('.plot')].map((p) => p.clientHeight))") >= 80
+        tab.page.keyboard.press("j")  # the joint with that name
+        tab.until("document.querySelector('.details h2').textContent.includes('<img src=x')")
+        assert tab.ask("document.querySelectorAll('img').length") == 0
+        assert tab.ask(f"({CUT_OFF})()") == []
+        tab.page.locator(".joints tr", has_text="others").click()
+        tab.until("document.querySelectorAll('.joints tbody tr').length === 60")
+        assert tab.said == []
+    finally:
+        tab.close()
+        one.stop()
+
+
+def test_comes_back_after_a_restart_of_the_server(chromium, panda):
+    """By itself, on the same port; what was stored is still there. Meanwhile it says so."""
+    show = panda[1]
+    first = PageServer(lambda: [show])
+    first.start()
+    tab = Tab(chromium, (1280, 720))
+    try:
+        tab.open(first.address)
+        stored = tab.until("diag.state.stored > 20 && diag.state.stored")
+        first.stop()
+        tab.until("diag.state.word === 'Disconnected' && !document.querySelector('.banner').hidden")
+        begun = time.monotonic()
+        second = PageServer(lambda: [show], port=first.server_port)
+        second.start()
+        try:
+            tab.until(f"diag.state.word === 'Live' && diag.state.stored > {stored}")
+            assert time.monotonic() - begun < 10.0
+        finally:
+            second.stop()
+        refused = [
+            text for text in tab.said if "ERR_" not in text
+        ]  # what the browser itself says of a server that is gone
+        assert refused == []
+        assert tab.asked <= {first.address.rstrip("/")}
+    finally:
+        tab.close()
+
+
+def test_show_of_is_what_a_page_gets(server):
+    """The demo's own way to a page, without a browser."""
+    assert show_of(str(find_urdf("ur5")), RATE, "/demo").about()["name"] == "/demo"

@@ -1,0 +1,369 @@
+"""Reports: one file, without a network, in which the numbers of the recording are."""
+
+import gzip
+import json
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import diag_dynamics as dd
+from browser import CUT_OFF, Tab, browser
+from diag_dynamics.cli.main import main
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.page.packing import LEVELS, pack, pack_mesh, pack_meshes
+from diag_dynamics.page.report import write_report
+from diag_dynamics.recordings.outputs import report as output
+from diag_dynamics.recordings.outputs.telling import AROUND, Contacts, Overview, Rows, Works, mean_powers, telling
+from diag_dynamics.recordings.recording import Reading
+
+pytest.importorskip("yourdfpy")
+RECORDINGS = Path(
+    os.environ.get("DIAG_DYNAMICS_RECORDINGS", Path(__file__).parents[2].parent / "shared" / "recordings")
+)
+RATE, LENGTH, PUSHED = 1000.0, 14.0, (4.0, 4.5)
+LARGEST = 15e6
+"""Of the report of an hour at 1 kHz [bytes]."""
+
+
+# --- Which states are kept ---
+
+
+def rows_of(t, K, collision, rng):
+    count = len(t)
+    vectors = rng.normal(size=(count, 2))
+    work, unknown = Works().take(t, rng.normal(size=(count, 4)))
+    norm, valid = np.abs(rng.normal(size=count)), np.ones(count, dtype=bool)
+    same = dict.fromkeys(Rows._fields, vectors)
+    flags = {"valid": valid, "collision": collision, "estimated": ~valid, "received": ~valid}
+    return Rows(**same | {"t": t, "K": K, "norm": norm, "work": work, "unknown": unknown} | flags)
+
+
+def test_no_peak_is_missing_from_the_overview():
+    rng = np.random.default_rng(3)
+    t = np.arange(40_000) * 1e-3
+    rows = rows_of(t, np.cumsum(rng.normal(size=len(t))), np.zeros(len(t), dtype=bool), rng)
+    kept = Overview(500)
+    for first in range(0, len(t), 7001):
+        piece = rows.part(slice(first, first + 7001))
+        chosen = kept.choose(piece)
+        kept.take(piece, chosen, piece.t[chosen])
+    found, numbers = kept.all()
+    assert 120 <= len(found.t) <= 500
+    np.testing.assert_array_equal(numbers, found.t)
+    assert (np.diff(found.t) > 0).all()
+    stride = len(t) // 120 * 2
+    for first in range(0, len(t), stride):  # any stretch of some runs has its extremes to within one run
+        assert found.K.max() == rows.K.max() and found.K.min() == rows.K.min() and found.norm.max() == rows.norm.max()
+        assert len(found.t[(found.t >= t[first]) & (found.t < t[first] + stride * 1e-3)]) >= 2
+
+
+def test_telling_states_of_runs():
+    run = np.array([0, 0, 0, 1, 1, 1, 1])
+    K = np.array([2.0, 3.0, 1.0, 5.0, 4.0, 6.0, 5.5])
+    norm = np.array([0.0, np.nan, 0.0, 0.0, 0.0, 0.0, 9.0])
+    np.testing.assert_array_equal(telling(run, K, norm), [0, 1, 2, 3, 4, 5, 6])
+    np.testing.assert_array_equal(telling(np.zeros(4, dtype=int), np.arange(4.0), np.zeros(4)), [0, 3])
+
+
+@pytest.mark.parametrize("size", [700, 2500, 20_000])
+def test_all_states_around_contacts_are_kept(size):
+    """However the recording is cut into pieces; of a long contact those about its beginning and its end."""
+    rng = np.random.default_rng(4)
+    t = np.arange(20_000) * 1e-3
+    collision = ((t >= 5.0) & (t < 5.2)) | ((t >= 6.5) & (t < 6.6)) | (t >= 13.0) & (t < 19.0)
+    rows, contacts, runs = rows_of(t, t, collision, rng), Contacts(), []
+    for first in range(0, len(t), size):
+        runs += contacts.take(rows.part(slice(first, first + size)))
+    runs += contacts.end()
+    edges = [5.0, 5.2, 6.5, 6.6, 13.0, 19.0]
+    expected = t[np.any([np.abs(t - edge) <= AROUND + 1e-9 for edge in edges], axis=0)]
+    np.testing.assert_allclose(np.concatenate([run.t for run in runs]), expected)
+    assert len(runs) == 3
+
+
+def test_mean_powers_are_works_by_time():
+    """Of K = t² and a work of 3t² the powers are 2t and 6t; nothing is known over a gap, nor where an effort is missing."""
+    rng = np.random.default_rng(5)
+    t = np.concatenate([np.arange(1000) * 1e-3, 5.0 + np.arange(1000) * 1e-3])
+    powers = np.repeat(6.0 * t[:, None], 4, axis=1)
+    powers[1500:1600, 0] = np.nan
+    work, unknown = Works().take(t, powers)
+    rows = rows_of(t, t * t, np.zeros(len(t), dtype=bool), rng)._replace(work=work, unknown=unknown)
+    found = mean_powers(rows)
+    inner = np.r_[50:900, 1050:1450, 1650:1950]
+    np.testing.assert_allclose(found[inner, 4], 2.0 * t[inner], rtol=1e-6)
+    np.testing.assert_allclose(found[inner, 0], 6.0 * t[inner], rtol=1e-6)
+    assert np.isnan(found[1510:1590, 0]).all()
+    assert np.isfinite(found[1510:1590, 1]).all()
+    assert np.isnan(found[995:1005]).all()
+
+
+# --- How they are made small ---
+
+
+def unpacked(packed, width):
+    """Columns again, as the page has them."""
+    planes = np.frombuffer(gzip.decompress(packed.data), np.uint8).reshape(width, 2, packed.rows).astype(np.int64)
+    zigzag = (planes[:, 0] << 8) | planes[:, 1]
+    difference = (zigzag >> 1) ^ -(zigzag & 1)
+    columns = []
+    for k, (low, step, order) in enumerate(packed.columns):
+        whole = difference[k]
+        for _ in range(int(order)):
+            whole = np.cumsum(whole)
+        whole &= 0xFFFF
+        columns.append(np.where(whole > 0, low + (whole - 1) * step, np.nan))
+    return np.array(columns).T
+
+
+def test_packed_numbers_come_back():
+    rng = np.random.default_rng(6)
+    t = np.linspace(0.0, 9.0, 3000)
+    numbers = np.stack(
+        [np.sin(t), 1e-9 * rng.normal(size=3000), rng.integers(0, 127, 3000), np.full(3000, 2.5)], axis=1
+    )
+    numbers[100:200, 0], numbers[5, 1] = np.nan, np.inf
+    found = unpacked(pack(numbers), 4)
+    numbers[5, 1] = np.nan
+    spans = np.nanmax(numbers, axis=0) - np.nanmin(numbers, axis=0)
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(numbers))
+    assert (np.nanmax(np.abs(found - numbers), axis=0) <= 0.51 * spans / LEVELS).all()
+    np.testing.assert_array_equal(found[:, 2], numbers[:, 2])
+
+
+def test_meshes_have_fewer_vertices_where_they_must():
+    rng = np.random.default_rng(7)
+    points = rng.normal(size=(3000, 3)).astype("<f4")
+    faces = rng.integers(0, 3000, size=(9000, 3)).astype("<u4")
+    data = np.array([3000, 9000], dtype="<u4").tobytes() + points.tobytes() + faces.tobytes()
+    whole = len(pack_mesh(data))
+    assert set(pack_meshes({"a": data, "b": data}, 10 * whole)) == {"a", "b"}
+    thin = pack_meshes({"a": data, "b": data}, whole)
+    assert 0 < sum(map(len, thin.values())) <= whole
+    assert pack_meshes({"a": data}, 10) == {}
+
+
+# --- The file ---
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory):
+    """A recording of a UR5 that swings in gravity, damped, and is pushed once; and alarms that see it."""
+    folder = tmp_path_factory.mktemp("report")
+    model = dd.load_urdf(str(find_urdf("ur5")))
+    dyn = dd.DiagonalDynamics(model)
+    t = np.arange(0.0, LENGTH, 1.0 / RATE)
+    pace = 0.7 + 0.3 * np.arange(model.nv)
+    q = 0.6 * np.sin(pace * t[:, None]) - np.array([0, 1.2, 0, 0, 0, 0])
+    qd, qdd = 0.6 * pace * np.cos(pace * t[:, None]), -0.6 * pace**2 * np.sin(pace * t[:, None])
+    tau = np.array([dyn.inverse_dynamics(*state) for state in zip(q, qd, qdd, strict=True)])
+    tau[(t >= PUSHED[0]) & (t < PUSHED[1]), 1] -= 30.0
+    names = [f"{what}_{name}" for what in ("q", "qd", "tau") for name in model.dof_names]
+    table = np.column_stack([t, q, qd, tau])
+    path = folder / "swing.csv"
+    np.savetxt(path, table, delimiter=",", header=",".join(["t", *names]), comments="", fmt="%.17g")
+    html = folder / "report.html"
+    arguments = ["analyse", str(path), "--urdf", "ur5", "--set", "external_torque.threshold=20", "--quiet"]
+    assert main([*arguments, "--report", str(html)]) in (0, 1)
+    return html, t, q, qd, tau, model
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with browser() as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def tab(chromium, simulated):
+    one = Tab(chromium, (1280, 720))
+    one.open(simulated[0].as_uri())
+    yield one
+    assert one.said == []
+    assert one.asked <= {"file://", "data://", "blob://"}, "a report asked the network"
+    assert one.ask("diag.errors") == []
+    one.close()
+
+
+def go(tab, t):
+    """Show a moment; returns what is shown."""
+    tab.ask(f"diag.go({t!r})")
+    tab.until(f"Math.abs(diag.values.t - {t!r}) < 0.05 && diag.values.t === diag.state.now || diag.values.t")
+    tab.page.wait_for_timeout(50)
+    tab.until("Math.abs(diag.values.t - diag.state.now) < 0.05")
+    return tab.ask("diag.values")
+
+
+def test_numbers_in_the_page_are_those_of_the_recording(tab, simulated):
+    """At moments in the overview and at full rate: to half a step of the packing, and the rounding of floats."""
+    _, t, q, qd, tau, model = simulated
+    batch = dd.DiagonalDynamics(model).evaluate_batch(q, qd, tau)
+    columns = {
+        "q": q,
+        "qd": qd,
+        "effort": tau,
+        "nu": batch.nu,
+        "coriolis": batch.coriolis,
+        "D": batch.articulated_inertia,
+    }
+    columns["K"] = batch.kinetic_energy[:, None]
+    for moment in (1.0, 3.3, 4.2, 9.7, 13.0):
+        values = go(tab, moment)
+        k = round(values["t"] * RATE)
+        assert values["t"] == pytest.approx(t[k], abs=2e-6)
+        for name, column in columns.items():
+            spans = np.ptp(column, axis=0)
+            assert (np.abs(values[name] - column[k]) <= spans / 16_000 + 1e-6 * np.abs(column).max() + 1e-9).all(), name
+
+
+def test_every_state_around_the_contact(tab):
+    """Steps are a millisecond there, and coarser elsewhere if the recording is long."""
+    contact = tab.ask(
+        "diag.state.ready && JSON.parse(document.getElementById('report').textContent).summary.collisions"
+    )
+    assert contact
+    assert PUSHED[0] < contact[0]["start"] < PUSHED[0] + 0.2
+    go(tab, contact[0]["start"] - 1.5)
+    at = tab.ask("diag.state.now")
+    tab.page.keyboard.press("ArrowRight")
+    tab.until(f"diag.state.now > {at!r}")
+    assert tab.ask("diag.state.now") - at == pytest.approx(1.0 / RATE, abs=2e-6)
+
+
+def test_tells_what_happened(tab, simulated):
+    _, t, q, qd, tau, model = simulated
+    batch = dd.DiagonalDynamics(model).evaluate_batch(q, qd, tau)
+    at = t[int(np.argmax(batch.kinetic_energy))]
+    words = tab.page.locator("#overall").inner_text()
+    assert f"{at:.3f} s" in words
+    assert "balance explains" in words
+    assert "contact" in tab.page.locator("#contacts h2").inner_text()
+    assert "1000 Hz" in tab.page.locator("#quality").inner_text()
+    assert "external_torque.threshold" in tab.page.locator("#parameters").inner_text()
+    tab.page.locator("#overall button").first.click()
+    tab.until(f"Math.abs(diag.state.now - {at}) < 2e-3")
+    tab.page.locator("#contacts button").first.click()
+    tab.until("diag.state.window[1] - diag.state.window[0] < 6")
+    tab.page.keyboard.press("0")
+    tab.until(f"diag.state.window[1] - diag.state.window[0] > {LENGTH - 0.1}")
+
+
+def test_step_of_the_scrubber(tab):
+    """At most 50 ms of script, the 3-D apart: the median, for a busy machine takes its time from single ones."""
+    steps = """async () => {
+      const { first, last } = window.diag.state, out = [];
+      for (let k = 0; k < 30; k++) {
+        window.diag.go(first + ((last - first) * (k + 0.5)) / 30);
+        await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+        out.push(window.diag.step);
+      }
+      return out;
+    }"""
+    assert np.median(tab.page.evaluate(steps)) < 50.0
+
+
+def test_no_text_of_a_report_is_cut_off(tab):
+    try:
+        for width, height in ((360, 740), (1280, 720), (1920, 1080), (3840, 2160)):
+            tab.page.set_viewport_size({"width": width, "height": height})
+            tab.page.wait_for_timeout(250)
+            assert tab.ask(f"({CUT_OFF})()") == [], f"{width} x {height}"
+    finally:
+        tab.page.set_viewport_size({"width": 1280, "height": 720})
+
+
+def test_report_of_real_arms(chromium, tmp_path):
+    """Of the recording of a Panda without its hand: the explained share is that of the summary."""
+    path = RECORDINGS / "panda" / "exciting_trajectory.csv.gz"
+    if not path.exists():
+        pytest.skip("../shared/recordings/panda is not there")
+    html, summary = tmp_path / "panda.html", tmp_path / "summary.json"
+    robot = ["--urdf", "panda", "--set", "locked_joints=panda_finger_joint1=0"]
+    main(["analyse", str(path), *robot, "--end", "6", "--quiet", "--report", str(html), "--json", str(summary)])
+    told = json.loads(summary.read_text(encoding="utf-8"))
+    tab = Tab(chromium, (1280, 720), "light")
+    try:
+        tab.open(html.as_uri())
+        words = tab.page.locator("#overall").inner_text()
+        explained = 100 * told["explained"]
+        assert f"{explained:.1f} %" in words
+        assert f"{told['kinetic_energy']['max']:.3g} J" in words
+        assert tab.ask("diag.missing") == 0
+        assert tab.said == []
+        assert html.stat().st_size < 5e6
+    finally:
+        tab.close()
+
+
+# --- Its size, and what goes wrong ---
+
+
+def test_an_hour_takes_less_than_15_mb(tmp_path):
+    """Of a noisy minute at 1 kHz with contacts: what each kept state takes, times as many as an hour keeps, and all bounds.
+
+    The overview has a largest number of states however long a recording is, and states at full rate have a largest size.
+    """
+    model = dd.load_urdf(str(find_urdf("panda")), locked_joints={"panda_finger_joint1": 0.0})
+    path, html = tmp_path / "minute.npz", tmp_path / "minute.html"
+    np.savez(path, **motion(model, 60.0, contacts=(20.0, 40.0)))
+    robot = ["--urdf", "panda", "--set", "locked_joints=panda_finger_joint1=0", "external_torque.threshold=30"]
+    assert main(["analyse", str(path), *robot, "--quiet", "--report", str(html)]) in (0, 1)
+    told, blocks = parts_of(html)
+    size = html.stat().st_size
+    most = output.OVERVIEW // (2 * sum(field["size"] for field in told["layout"]["fields"]))
+    kept, *full = told["tracks"]
+    assert most / 5 < kept["rows"] <= most
+    assert len(full) == 2
+    assert all(4.0 * RATE < track["rows"] < 6.0 * RATE for track in full)
+    takes = [sum(len(blocks[k]) for k in track["blocks"]) for track in told["tracks"]]
+    hour = size - sum(takes) + takes[0] * most / kept["rows"] + output.AT_FULL_RATE * 4 / 3
+    assert hour < LARGEST
+    assert 15 * np.mean(takes[1:]) < output.AT_FULL_RATE * 4 / 3, "there is room for 15 contacts"
+
+
+def motion(model, length, contacts=()):
+    """A noisy recording of a robot that swings, pushed for 0.3 s at some times."""
+    t = np.arange(0.0, length, 1.0 / RATE)
+    rng = np.random.default_rng(9)
+    middle, pace = 0.5 * (model.lower + model.upper), 0.6 + 0.21 * np.arange(model.nv)
+    phase = pace * t[:, None]
+    q, qd, qdd = middle + 0.4 * np.sin(phase), 0.4 * pace * np.cos(phase), -0.4 * pace**2 * np.sin(phase)
+    dyn = dd.DiagonalDynamics(model)
+    tau = dyn.tau_from_epsilon_batch(q, _epsilon(dyn, q, qd, qdd))
+    for begin in contacts:
+        tau[(t >= begin) & (t < begin + 0.3), 1] -= 40.0
+    noisy = {"q": (q, 1e-5), "qd": (qd, 2e-3), "tau": (tau, 0.1)}
+    return {"t": t} | {name: column + rng.normal(0.0, size, q.shape) for name, (column, size) in noisy.items()}
+
+
+def _epsilon(dyn, q, qd, qdd):
+    """Working moments of a motion: dν/dt + C + ε_g, with dν/dt by central differences."""
+    s = dyn.evaluate_batch(q, qd)
+    return np.gradient(s.nu, 1.0 / RATE, axis=0) + s.coriolis + s.gravity
+
+
+def parts_of(html):
+    """What a report tells, and its blocks as text."""
+    text = html.read_text(encoding="utf-8")
+    told = re.search(r'<script type="application/json" id="report">(.*?)</script>', text, re.DOTALL)
+    blocks = re.findall(r'<script type="text/plain" id="block-\d+">(.*?)</script>', text)
+    return json.loads(told[1]), blocks
+
+
+def test_refuses_to_write_over_what_is_read(tmp_path, simulated, capsys):
+    csv = simulated[0].parent / "swing.csv"
+    assert main(["analyse", str(csv), "--urdf", "ur5", "--report", str(csv)]) == 2
+    assert "is read" in capsys.readouterr().err
+    assert main(["analyse", str(csv), "--urdf", "ur5", "--report", str(tmp_path / "no" / "r.html")]) == 2
+    assert "there is no folder" in capsys.readouterr().err
+    with pytest.raises(InputError, match="folder"):
+        output.ReportOutput(tmp_path, Reading(csv, simulated[5]))
+
+
+def test_without_a_page_it_says_so(tmp_path):
+    with pytest.raises(InputError, match="make page"):
+        write_report(tmp_path / "r.html", {}, [], {}, static=tmp_path)
