@@ -12,6 +12,9 @@ from diag_dynamics.arrays import Array
 LEVELS = 65_000
 """Values that a column can have between its smallest and its largest one, if nothing else is said."""
 
+PER_DIFFERENCE = 1.4826 / np.sqrt(6.0)
+"""Standard deviation of white noise by the median magnitude of its second differences: of smooth signals these vanish."""
+
 UNKNOWN = 0
 """What stands for a number that is not known; others begin at 1."""
 
@@ -28,7 +31,7 @@ class Packed(NamedTuple):
     data: bytes
 
 
-def pack(numbers: Any, levels: int = LEVELS) -> Packed:
+def pack(numbers: Any, levels: int = LEVELS, of_noise: float = 0.0) -> Packed:
     """Pack a matrix, column by column.
 
     Each is rounded to one of so many values between its smallest and its largest one: by no more than
@@ -39,6 +42,9 @@ def pack(numbers: Any, levels: int = LEVELS) -> Packed:
     numbers : ndarray, shape (T, k)
     levels : int
         At most :data:`LEVELS`.
+    of_noise : float
+        A column that is measured is rounded to steps of this part of the standard deviation of its noise, where that is
+        coarser: finer ones say nothing, and take room.
     """
     numbers = np.asarray(numbers, dtype=float)
     count, width = numbers.shape
@@ -46,7 +52,7 @@ def pack(numbers: Any, levels: int = LEVELS) -> Packed:
     columns, planes = [], np.empty((width, 2, count), dtype=np.uint8)
     for k in range(width):
         column, is_known = numbers[:, k], known[:, k]
-        low, step = _scale(column[is_known], levels)
+        low, step = _scale(column[is_known], levels, of_noise)
         whole = np.zeros(count, dtype=np.uint16)
         whole[is_known] = np.rint((column[is_known] - low) / step).astype(np.uint16) + 1
         once = np.diff(whole, prepend=np.uint16(0))
@@ -58,14 +64,15 @@ def pack(numbers: Any, levels: int = LEVELS) -> Packed:
     return Packed(count, columns, gzip.compress(planes.tobytes(), LEVEL, mtime=0))
 
 
-def _scale(known: Array, levels: int) -> tuple[float, float]:
+def _scale(known: Array, levels: int, of_noise: float) -> tuple[float, float]:
     """The smallest of some numbers, and the step from one value to the next."""
     if not len(known):
         return 0.0, 1.0
     low, high = float(known.min()), float(known.max())
     if high - low < levels and (known == np.rint(known)).all():
         return low, 1.0
-    return low, max((high - low) / levels, np.finfo(float).tiny)
+    noise = float(np.median(np.abs(np.diff(known, 2)))) * PER_DIFFERENCE if len(known) > 2 else 0.0
+    return low, max((high - low) / levels, of_noise * noise, np.finfo(float).tiny)
 
 
 def _zigzag(difference: Any) -> Any:

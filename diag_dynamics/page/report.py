@@ -13,7 +13,7 @@ import numpy as np
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.page.layout import Layout
-from diag_dynamics.page.packing import LEVELS, pack, pack_meshes, pack_times
+from diag_dynamics.page.packing import LEVELS, pack, pack_times
 
 STATIC = Path(__file__).parent / "static"
 """Where the page lies: it is built from web/ by ``make page``."""
@@ -21,17 +21,14 @@ STATIC = Path(__file__).parent / "static"
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 """What a report may load: nothing that is not in it."""
 
-MESHES = 2_000_000
-"""Most bytes of meshes, before they are text."""
-
 SLOW = "pose", "link_energy"
 """Fields that change slowly enough to be kept less often where states are kept at their full rate."""
 
 EVERY = 20
 """States of which one has these."""
 
-FULL_RATE_LEVELS = 16_000
-"""Values that a column can have at the full rate: measured numbers have noise above that."""
+FULL_RATE_LEVELS, OF_NOISE = 16_000, 1.0 / 3.0
+"""Values that a column can have at the full rate, and the step in parts of its noise where that is coarser."""
 
 
 class Track(NamedTuple):
@@ -58,7 +55,7 @@ def full_rate(layout: Layout, t: Array, numbers: Any) -> Track:
     slow = np.zeros(layout.size, dtype=bool)
     for name in SLOW:
         slow[layout.place(name)] = True
-    fast, few = pack(numbers[:, ~slow], FULL_RATE_LEVELS), pack(numbers[::EVERY, slow], LEVELS)
+    fast, few = pack(numbers[:, ~slow], FULL_RATE_LEVELS, OF_NOISE), pack(numbers[::EVERY, slow], LEVELS)
     names = [field.name for field in layout.fields]
     about = {
         "kind": "full rate",
@@ -69,6 +66,25 @@ def full_rate(layout: Layout, t: Array, numbers: Any) -> Track:
         ],
     }
     return Track(about, [pack_times(t), fast.data, few.data])
+
+
+def page_of(static: Path = STATIC) -> list[str]:
+    """Script, style and licences of the page.
+
+    Raises
+    ------
+    InputError
+        The page has not been built.
+    """
+    try:
+        return [(static / name).read_text(encoding="utf-8") for name in ("page.js", "page.css", "licences.txt")]
+    except OSError as error:
+        raise InputError(f"The page is not there: {error}. In a checkout, `make page` builds it.") from error
+
+
+def as_text(size: int) -> int:
+    """Bytes that so many bytes take as text."""
+    return 4 * -(-size // 3)
 
 
 def write_report(
@@ -88,7 +104,7 @@ def write_report(
     tracks : iterable of Track
         The overview first.
     meshes : mapping
-        Of the scene, by their hashes.
+        Of the scene, packed, by their hashes.
     static : Path
         Folder of the page.
 
@@ -97,19 +113,13 @@ def write_report(
     InputError
         The page has not been built.
     """
-    try:
-        script, style, licences = (
-            (static / name).read_text(encoding="utf-8") for name in ("page.js", "page.css", "licences.txt")
-        )
-    except OSError as error:
-        raise InputError(f"The page is not there: {error}. In a checkout, `make page` builds it.") from error
-    packed = pack_meshes(dict(meshes), MESHES)
+    script, style, licences = page_of(static)
     blocks, about = [], []
     for track in tracks:
         about.append(track.about | {"blocks": [len(blocks) + k for k in range(len(track.blocks))]})
         blocks += track.blocks
-    places = {sha: len(blocks) + k for k, sha in enumerate(packed)}
-    blocks += packed.values()
+    places = {sha: len(blocks) + k for k, sha in enumerate(meshes)}
+    blocks += meshes.values()
     data = _for_html({**told, "tracks": about, "meshes": places})
     with open(path, "w", encoding="utf-8", newline="\n") as file:
         file.write(

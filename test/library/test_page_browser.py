@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 import diag_dynamics as dd
-from browser import CUT_OFF, Tab, browser
+from browser import Tab, browser
 from diag_dynamics.demos.moving_robot import MovingRobot, show_of
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.page.frames import Told
@@ -298,11 +298,10 @@ def test_no_text_is_cut_off(live):
         for width, height in SIZES:
             live.page.set_viewport_size({"width": width, "height": height})
             live.page.keyboard.press("Escape")
-            live.page.wait_for_timeout(250)  # two frames of the page's own, and what these lay out
-            assert live.ask(f"({CUT_OFF})()") == [], f"{width} x {height}"
+            assert live.cut_off() == [], f"{width} x {height}"
             live.page.keyboard.press("j")
             live.until("!document.querySelector('.details').hidden")
-            assert live.ask(f"({CUT_OFF})()") == [], f"{width} x {height}, with details"
+            assert live.cut_off() == [], f"{width} x {height}, with details"
     finally:
         live.page.set_viewport_size({"width": 1280, "height": 720})
 
@@ -339,7 +338,7 @@ def test_sixty_joints_and_names_that_are_html(chromium):
         tab.page.keyboard.press("j")  # the joint with that name
         tab.until("document.querySelector('.details h2').textContent.includes('<img src=x')")
         assert tab.ask("document.querySelectorAll('img').length") == 0
-        assert tab.ask(f"({CUT_OFF})()") == []
+        assert tab.cut_off() == []
         tab.page.locator(".joints tr", has_text="others").click()
         tab.until("document.querySelectorAll('.joints tbody tr').length === 60")
         assert tab.said == []

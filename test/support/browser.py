@@ -92,6 +92,13 @@ class Tab:
             self.page.wait_for_timeout(20)
         return value
 
+    def cut_off(self, patience=5.0):
+        """Texts of which a part can neither be seen nor be scrolled to, once the page is laid out."""
+        end = time.monotonic() + patience
+        while (found := self.ask(f"({CUT_OFF})()")) and time.monotonic() < end:
+            self.page.wait_for_timeout(50)
+        return found
+
     def close(self):
         """Close it."""
         self._context.close()

@@ -10,7 +10,8 @@ from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.page.frames import FrameMaker, Seen, States, Told
 from diag_dynamics.page.layout import finite
 from diag_dynamics.page.meshes import MeshLibrary
-from diag_dynamics.page.report import full_rate, overview, write_report
+from diag_dynamics.page.packing import pack_meshes
+from diag_dynamics.page.report import as_text, full_rate, overview, page_of, write_report
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.outputs.part import Part
@@ -19,8 +20,11 @@ from diag_dynamics.recordings.outputs.telling import Contacts, Overview, Rows, W
 OVERVIEW = 6_500_000
 """Bytes of the states that stand for the whole recording, before they are made small."""
 
-AT_FULL_RATE = 4_200_000
-"""Bytes of the states around contacts, made small: of more, the weakest contacts have theirs in the overview only."""
+LARGEST = 14_500_000
+"""Bytes of a report: where contacts would need more, the weakest ones have only the overview's states."""
+
+MESHES = 2_000_000
+"""Most bytes of meshes, before they are text."""
 
 
 class _Run(NamedTuple):
@@ -69,9 +73,11 @@ class ReportOutput:
             self._keep(run)
         rows, numbers = self._overview.all()
         self._put_powers(numbers, rows)
-        runs = sorted(self._runs, key=lambda run: run.begin)
-        tracks = [overview(self._layout, rows.t, numbers), *(run.track for run in runs)]
-        scene, meshes = self._scene()
+        whole, (scene, meshes) = overview(self._layout, rows.t, numbers), self._scene()
+        meshes = pack_meshes(meshes, MESHES)
+        page = sum(len(part.encode()) for part in page_of())
+        self._fit(LARGEST - page - as_text(whole.size + sum(map(len, meshes.values()))))
+        tracks = [whole, *(run.track for run in sorted(self._runs, key=lambda run: run.begin))]
         told = {
             "layout": self._layout.to_json(scene, self._thresholds()),
             "summary": summary,
@@ -116,13 +122,18 @@ class ReportOutput:
             numbers[:, self._layout.place(name).start] = powers[:, k]
 
     def _keep(self, rows):
-        """Keep a run at full rate; where there is no room for all of them, the strongest."""
+        """Keep a run at full rate."""
         numbers = self._numbers(rows)
         self._put_powers(numbers, rows)
         norm = float(np.nanmax(rows.norm, initial=0.0))
         self._runs.append(_Run(float(rows.t[0]), norm, full_rate(self._layout, rows.t, numbers)))
-        while sum(run.track.size for run in self._runs) > AT_FULL_RATE and len(self._runs) > 1:
-            self._runs.remove(min(self._runs, key=lambda run: run.norm))
+        self._fit(LARGEST)
+
+    def _fit(self, room):
+        """Keep no more runs than there is room for as text."""
+        while self._runs and as_text(sum(run.track.size for run in self._runs)) > room:
+            weakest = min(range(len(self._runs)), key=lambda k: self._runs[k].norm)
+            del self._runs[weakest]
             self._dropped += 1
 
     # --- What else is told ---
