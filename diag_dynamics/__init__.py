@@ -42,6 +42,7 @@ _HOME = {
     "CompliantLimits": "simulation",
     "EnergyAudit": "simulation",
     "Simulation": "simulation",
+    "ContactLimiter": "control",
     "EffortRateLimiter": "control",
     "EffortSaturation": "control",
     "EnergyLimiter": "control",
@@ -79,6 +80,7 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.contact import ContactPoints as ContactPoints
     from diag_dynamics.contact import Impact as Impact
     from diag_dynamics.contact import link_geometry as link_geometry
+    from diag_dynamics.control import ContactLimiter as ContactLimiter
     from diag_dynamics.control import EffortRateLimiter as EffortRateLimiter
     from diag_dynamics.control import EffortSaturation as EffortSaturation
     from diag_dynamics.control import EnergyLimiter as EnergyLimiter

@@ -122,6 +122,21 @@ class ContactLimits:
             return tuple(own["regions"])
         return tuple(self.links.get(point.link, self.default or ()))
 
+    def with_energy(self, energy: float, name: str) -> ContactLimits:
+        """Return these limits and one of transferable energy [J] on every link, as a region of this name.
+
+        Raises
+        ------
+        InputError
+            The energy is not above zero.
+        """
+        regions = {**self.regions, name: BodyRegion(energy=energy)}
+        points = {
+            one: of | {"regions": [*of["regions"], name]} if "regions" in of else of for one, of in self.points.items()
+        }
+        links = {link: (*of, name) for link, of in self.links.items()}
+        return ContactLimits(regions, (*(self.default or ()), name), links, points)
+
     def contact_points(self) -> tuple[ContactPoint, ...]:
         """The points beside those of links."""
         return tuple(

@@ -12,10 +12,15 @@ from diag_dynamics.control import (
     PositionRepulsion,
 )
 from diag_dynamics.control.by_dof import by_dof, effort_limits
+from diag_dynamics.control.contact_limit import ContactLimiter
 from diag_dynamics.control.limits import HEAVY
 
 SINKS = 0.1
 """How long efforts may take to carry a joint before that is worth a warning [s]."""
+
+
+FIRST = 1e-3
+"""Length that the first cycle is taken to have [s]."""
 
 
 class Filtered(NamedTuple):
@@ -29,11 +34,14 @@ class Filtered(NamedTuple):
         What the law, springs and the energy limiter ask for, with the `scale` and `limited` of the effort limits.
     energy_limited : bool
         Whether the energy limiter took power out of it.
+    contact_limited : bool
+        Whether the contact limiter did.
     """
 
     effort: np.ndarray
     command: Command
     energy_limited: bool
+    contact_limited: bool
 
 
 class Efforts:
@@ -46,10 +54,13 @@ class Efforts:
         Values of parameters.controller.PARAMETERS.
     compensated : bool
         Whether the robot adds what carries its weight to what it is sent.
+    points : ContactPoints, optional
+        Where contacts are bounded.
 
     Attributes
     ----------
     energy_limiter : EnergyLimiter or None
+    contact_limiter : ContactLimiter or None
     sent : ndarray, shape (nv,)
         Sent last [N m, N].
     scale : float
@@ -61,7 +72,7 @@ class Efforts:
         The values do not fit the robot.
     """
 
-    def __init__(self, dynamics, values, compensated):
+    def __init__(self, dynamics, values, compensated, points=None):
         model = dynamics.model
         self._names, self._compensated, self._longest = model.dof_names, compensated, values["max_state_age"]
         margin = values["limit_margin"]
@@ -69,6 +80,7 @@ class Efforts:
         self._springs = PositionRepulsion(dynamics, *springs) if margin else None
         limit, rate = values["energy_limit"], values["energy_rate"]
         self.energy_limiter = EnergyLimiter(dynamics, limit, rate) if limit else None
+        self.contact_limiter = None if points is None else ContactLimiter(dynamics, points, values["contact.rate"])
         self._saturation = EffortSaturation(model, effort_limits(values["effort_limit"], model))
         self.sent = np.zeros(model.nv)
         # Of what is sent, not of what acts: a robot that carries itself and is let go is sent zero, not less than its weight.
@@ -79,21 +91,27 @@ class Efforts:
         """Begin anew, with what was sent last."""
         self._gravity, self._time, self.scale = np.zeros_like(self.sent), None, 1.0  # time of the last command [ns]
 
-    def filtered(self, q, qd, command, external):
-        """What is to be sent for a command at a state, as soon as rates allow; `external` is the observer's ε, or None."""
+    def filtered(self, q, qd, command, external, time):
+        """What is to be sent for a command at a state, as soon as rates allow.
+
+        `external` is the observer's ε, or None; `time` the state's [ns].
+        """
         self._gravity = g = command.gravity_torque
         if self._springs:
             command = self._springs.filter(q, qd, command)
         asked = command
         if self.energy_limiter:
             command = self.energy_limiter.filter(q, command, external)
+        energy_limited, asked = command is not asked, command
+        if self.contact_limiter:
+            command = self.contact_limiter.filter(q, qd, command, self._elapsed(time) or FIRST, external)
         saturated = self._saturation.filter(command)
         effort, self.scale = saturated.tau, saturated.scale
         if self._compensated:  # whose weight is more than its limit is left to the robot, and never pulled down
             bound = np.maximum(self._saturation.limit, np.abs(g))
             effort = np.clip(g + self.scale * (command.tau - g), -bound, bound) - g
-        energy_limited = command is not asked
-        return Filtered(effort, command._replace(scale=self.scale, limited=saturated.limited), energy_limited)
+        limited = command._replace(scale=self.scale, limited=saturated.limited)
+        return Filtered(effort, limited, energy_limited, command is not asked)
 
     def ramped(self, effort, time):
         """What is sent at a time [ns], and which joints had to wait; after a stall no more than within the longest cycle."""

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from diag_dynamics.checks import number
 from diag_dynamics.control.command import Command
 from diag_dynamics.control.filters import Efforts
 from diag_dynamics.control.modes import DAMPING, LAWS, highest_speeds
@@ -39,6 +40,8 @@ class Sent(NamedTuple):
         What the law and the energy limiter asked for; None without a valid state.
     energy_limited : bool
         Whether the energy limiter took power out of it.
+    contact_limited : bool
+        Whether the contact limiter did.
     lyapunov_rate : float or None
         dV/dt from this state and the one before [W]; None where there is no such one for the same target.
     lost : str
@@ -51,6 +54,7 @@ class Sent(NamedTuple):
     age: float
     command: Command | None = None
     energy_limited: bool = False
+    contact_limited: bool = False
     lyapunov_rate: float | None = None
     lost: str = ""
 
@@ -65,6 +69,8 @@ class ControlLoop:
         Values of parameters.controller.PARAMETERS.
     compensated : bool
         Whether the robot adds what carries its weight to what it is sent.
+    points : ContactPoints, optional
+        Where contacts are bounded.
 
     Attributes
     ----------
@@ -88,9 +94,10 @@ class ControlLoop:
         The values do not fit the robot; or it has an unactuated base.
     """
 
-    def __init__(self, model, values, compensated):
+    def __init__(self, model, values, compensated, points=None):
         self.dynamics = dynamics = DiagonalDynamics(model)
-        self.efforts = Efforts(dynamics, values, compensated)
+        self.efforts = Efforts(dynamics, values, compensated, points)
+        self._scale_timeout, self._scaled = values["contact.scale_timeout"], None  # scale, and when it came [ns]
         self._lacks = {name: kind.missing(values) for name, kind in LAWS.items()}
         self.modes = {name: kind.of(dynamics, values) for name, kind in LAWS.items() if not self._lacks[name]}
         self._highest = highest_speeds(model)
@@ -218,6 +225,29 @@ class ControlLoop:
         self.require("set_point")
         self._mode.take_set_point(self.state, position)
 
+    def take_scale(self, scale, now):
+        """Scale what contacts are bounded by: the part of the allowed speeds, from 0 to 1, from the time `now` [ns] on.
+
+        Raises
+        ------
+        InputError
+            It is no such number, or contacts are not bounded.
+        """
+        if self.efforts.contact_limiter is None:
+            raise InputError("contact_scale is given, and contacts are not bounded: see contact.limits_file.")
+        self._scaled = number("contact_scale", scale, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0), now
+
+    def _scale_contact(self, now):
+        """Where a scale is waited for, none and one that is too old stand for 0."""
+        limiter, longest = self.efforts.contact_limiter, self._scale_timeout
+        if limiter is None:
+            return
+        if self._scaled is None:
+            limiter.scale = 0.0 if longest else 1.0
+        else:
+            scale, then = self._scaled
+            limiter.scale = 0.0 if longest and not 0.0 <= (now - then) * 1e-9 <= longest else scale
+
     # --- Cycles ---
 
     def step(self, state, now):
@@ -250,13 +280,14 @@ class ControlLoop:
         self.energy = 0.5 * float(command.nu @ command.nu)
         elapsed = (state.newest - before.newest) * 1e-9 if before is not None else 0.0
         rate = None if self.taking_up else self._mode.measured_rate(command, elapsed)
-        filtered = self.efforts.filtered(q, qd, command, external)
+        self._scale_contact(now)
+        filtered = self.efforts.filtered(q, qd, command, external, state.newest)
         effort, waited = self.efforts.ramped(filtered.effort, state.newest)
         at_limit = filtered.command.limited
         late = tuple(name for name in waited if name not in at_limit)
         self.supervisor.valid(now)  # not before there is a command: a law that fails is no reason to hold for ever
-        age, energy_limited = self._age(now), filtered.energy_limited
-        return Sent(effort, at_limit + late, state.newest, age, filtered.command, energy_limited, rate, lost)
+        by = filtered.energy_limited, filtered.contact_limited
+        return Sent(effort, at_limit + late, state.newest, self._age(now), filtered.command, *by, rate, lost)
 
     def _outside(self, q):
         """What is wrong about positions outside of their limits, None if nothing is: springs would throw such a joint."""
@@ -274,7 +305,7 @@ class ControlLoop:
         """What damps a robot until efforts carry it and it is slow; then the law may begin, this state its target."""
         q, qd = state.position, state.velocity
         command = self.modes[DAMPING].law.command(q, qd)._replace(error=None)
-        asked = self.efforts.filtered(q, qd, command, external).effort
+        asked = self.efforts.filtered(q, qd, command, external, state.newest).effort
         if before is None:
             self.efforts.carry_on()
         if self._carried is None and self.efforts.carry(asked, state.newest):

@@ -1,6 +1,7 @@
 """Parameters of the controller, all in one table."""
 
 from diag_dynamics.control.modes import MODES, TRACKING
+from diag_dynamics.parameters.contact import PARAMETERS as CONTACT_PARAMETERS
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED_PARAMETERS
 from diag_dynamics.parameters.spec import Spec
 
@@ -76,6 +77,25 @@ PARAMETERS = {
     "energy_limit": _once(0.0, "Bound on the kinetic energy [J]; 0: none.", minimum=0.0),
     "energy_rate": _once(
         50.0, "Rate alpha at which that bound is approached [1/s]; times the period of states below 1.", minimum=1e-6
+    ),
+    **{name: spec._replace(while_unconfigured=True) for name, spec in CONTACT_PARAMETERS.items()},
+    "contact.energy_limit": _once(
+        0.0,
+        "Bound on the kinetic energy that a contact could take out of the robot along the motion of any point [J], beside "
+        "those of limits_file; 0: none.",
+        minimum=0.0,
+    ),
+    "contact.rate": _once(
+        30.0,
+        "Rate alpha at which the limits of contact are approached [1/s]; times the period of states below 1.",
+        minimum=1e-6,
+    ),
+    "contact.scale_timeout": _once(
+        0.0,
+        "Largest age of the last message on contact_scale, which scales the allowed speeds; where it is older, or none has "
+        "come, they are 0 [s]. 0: the last one holds, and before the first they are not scaled.",
+        minimum=0.0,
+        maximum=100.0,
     ),
     "observer_gain": _once(
         0.0,

@@ -11,7 +11,7 @@ from rclpy.clock import ClockType
 from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64, Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
@@ -26,6 +26,7 @@ from diag_dynamics.nodes.controller.effort_controller import JointsWatch, joints
 from diag_dynamics.nodes.controller.record import Record, problems_of_limits, values_of_loop
 from diag_dynamics.nodes.controller.status import status_message
 from diag_dynamics.nodes.support.clocks import clock_notes
+from diag_dynamics.nodes.support.contact_points import bounded_points
 from diag_dynamics.nodes.support.declaring import declare, judge
 from diag_dynamics.nodes.support.descriptions import Descriptions, DescriptionTopic
 from diag_dynamics.nodes.support.diagnostics import ERROR, WARN, Diagnostics, Status, counted, shortened
@@ -143,6 +144,7 @@ class ControllerNode(ManagedNode):
             (JointState, "set_point", lambda message: loop.take_set_point(received.set_point(message, names))),
         ):
             self._listen_to(kind, topic, self._target_taker(topic, take), QoSProfile(depth=1))
+        self._listen_to(Float64, "contact_scale", self._take_scale, QoSProfile(depth=1))
         # By simulated time where that is the node's; else by a clock that nobody sets, or it might stand still for hours.
         clock = self.get_clock() if self.get_clock().ros_time_is_active else SomeClock(clock_type=ClockType.STEADY_TIME)
         self._watch = self.create_timer(self._values["max_state_age"] / WATCHES, self._look, clock=clock)
@@ -203,7 +205,8 @@ class ControllerNode(ManagedNode):
         assembled.stamps.limit = "max_state_age"
         states = KnownJointStates(assembled, read_joint_state)
         states.configure()
-        return ControlLoop(model, values, compensated), joints, order, assembled, states
+        points = bounded_points(model, description, values)
+        return ControlLoop(model, values, compensated, points), joints, order, assembled, states
 
     def _adopt(self, made, description):
         """Make the robot of a description the one to control."""
@@ -373,6 +376,14 @@ class ControllerNode(ManagedNode):
         self._loop.require(topic)  # before a long message is read
         take(message)
 
+    def _take_scale(self, message):
+        if self.phase != ACTIVE:
+            return
+        _, fault = attempt(self._loop.take_scale, message.data, self._now())
+        if fault:
+            self._record.refuse("contact_scale refused", fault.reason)
+            self.get_logger().warning(f"Refused on contact_scale: {fault.reason}", throttle_duration_sec=1.0)
+
     def _switch(self, mode, *_):
         if self.phase != ACTIVE:
             raise InputError(f"the controller is {self.phase}: activate it first.")
@@ -430,7 +441,8 @@ class ControllerNode(ManagedNode):
             problems.append(f"the order of joints is {self._order_known}")
         if others > 0:
             problems.append(f"others send to {topic} as well: {others}")
-        return [*problems, *problems_of_limits(self._loop.efforts)], {"receivers": receivers, "other senders": others}
+        problems += [*problems_of_limits(self._loop.efforts), *self._record.problems_of_contact()]
+        return problems, {"receivers": receivers, "other senders": others}
 
 
 main = main_of(

@@ -7,6 +7,9 @@ from diag_dynamics.control.supervisor import ACTIVE as IN_FORCE
 from diag_dynamics.control.supervisor import RAMPING_DOWN
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted, shortened, steady
 
+ROUNDING = 1.0 + 1e-6
+"""How many times its bound an energy has to be to be above it."""
+
 _OF_COMMANDS = ("commands", "commands limited", "stalls")
 
 
@@ -23,6 +26,7 @@ class Record:
         self.counts, self._told = Counter(), Counter()
         self._last_refusal = self._last_hold = ""
         self._largest_gap, self._smallest_scale = 0.0, 1.0
+        self._above = 0.0, ""  # energy of a contact above its bound [J] since the last report, and the link
         self.begin()
 
     def begin(self):
@@ -49,6 +53,10 @@ class Record:
         self.counts["commands"] += 1
         self.counts["commands limited"] += bool(sent.saturated)
         self._smallest_scale = min(self._smallest_scale, loop.efforts.scale)
+        bound = loop.efforts.contact_limiter
+        if sent.command is not None and bound and bound.seen and bound.seen.energy > bound.seen.limit * ROUNDING:
+            self.counts["contact energy above its bound"] += 1
+            self._above = max(self._above, (bound.seen.energy - bound.seen.limit, bound.seen.link))
 
     def take_recent(self):
         """Return what has been counted since this was asked last."""
@@ -73,6 +81,13 @@ class Record:
         if supervisor.phase == RAMPING_DOWN:
             return Status("control", ERROR, f"ramping down: {reason}", values)
         return Status("control", WARN, f"holding gravity: {reason}", values)
+
+    def problems_of_contact(self):
+        """That energy of a contact was above its bound since the last report: a push put it in, or efforts were limited."""
+        above, link = self._above
+        self._above = 0.0, ""
+        if above > 0.0:
+            yield f"contact energy above its bound at '{link}': pushed, lowered, or held back by effort limits"
 
     def command_status(self, recent, problems, values):
         """Status of commands; `problems` are those of who listens and of what limits them."""
@@ -111,9 +126,23 @@ def problems_of_limits(efforts):
 
 def values_of_loop(loop):
     """What there is to say of a loop, whatever it does."""
+    bound = loop.efforts.contact_limiter
     return {
         "robot": loop.dynamics.model.name,
         "mode": loop.mode,
         "joints without effort limit": counted(loop.efforts.unlimited),
         "kinetic energy [J]": f"{loop.energy:.6g}",
+        "contacts bounded at": f"{bound.points.count} points, scale {bound.scale:g}" if bound else "nowhere",
+        **_contact_values(bound),
+    }
+
+
+def _contact_values(bound):
+    """What a contact limiter has seen last."""
+    if not (bound and bound.seen):
+        return {}
+    return {
+        "contact energy [J]": f"{bound.seen.energy:.6g}",
+        "its bound [J]": f"{bound.seen.limit:.6g}",
+        "worst contact at": bound.seen.link or "nothing moves",
     }

@@ -17,6 +17,10 @@ def status_message(loop, sent):
     message.energy, message.energy_limited = loop.energy, sent.energy_limited
     message.energy_limit_valid = limiter is not None
     message.energy_limit = limiter.limit if limiter else 0.0
+    message.contact_limited = sent.contact_limited
+    if (bound := loop.efforts.contact_limiter) and bound.seen and command is not None:
+        message.contact_valid, message.contact_link = True, bound.seen.link
+        message.contact_energy, message.contact_energy_limit = bound.seen.energy, bound.seen.limit
     if command is None:
         return message
     message.lyapunov, message.lyapunov_rate_predicted = command.lyapunov, command.lyapunov_rate

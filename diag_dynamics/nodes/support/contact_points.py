@@ -1,8 +1,10 @@
 """Points of a robot's contact as parameters ask for them."""
 
 from diag_dynamics.contact.geometry import link_geometry
+from diag_dynamics.contact.limits import ContactLimits
 from diag_dynamics.contact.points import ContactPoints
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.parameters.contact import Wanted
 
 
 def contact_points(model, description, wanted):
@@ -26,3 +28,28 @@ def contact_points(model, description, wanted):
     own = [point for point in found.points if not wanted.links or point.link in wanted.links]
     more = (*wanted.points, *(wanted.limits.contact_points() if wanted.limits else ()))
     return ContactPoints(model, [*own, *more], wanted.limits, wanted.worst_by), found.left_out
+
+
+ENERGY = "contact.energy_limit"
+"""The controller's bound on transferable energy, and the name of the region that stands for it."""
+
+
+def bounded_points(model, description, values):
+    """ContactPoints at which a controller bounds contacts; None where it has nothing to bound them by.
+
+    Raises
+    ------
+    InputError
+        As :func:`contact_points`, or there are limits and no point that has one.
+    """
+    wanted = Wanted.of(values)
+    if values[ENERGY]:
+        wanted = wanted._replace(limits=(wanted.limits or ContactLimits()).with_energy(values[ENERGY], ENERGY))
+    if wanted.limits is None:
+        return None
+    points, _ = contact_points(model, description, wanted)
+    if not points.limited.any():
+        raise InputError(
+            "parameter 'contact.limits_file' limits no point of this robot: no region of its links has a limit."
+        )
+    return points

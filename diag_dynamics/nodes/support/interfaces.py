@@ -143,6 +143,13 @@ INTERFACES = {
             "sensor_msgs/JointState",
             "mode tracking: positions of all joints, within their limits; gone to at set_point_speed",
         ),
+        Interface(
+            IN,
+            "contact_scale",
+            "std_msgs/Float64",
+            "part, from 0 to 1, of the allowed speeds of contact that is allowed now, as of speed and separation monitoring",
+            "contact.limits_file or contact.energy_limit",
+        ),
         CLOCK,
         Interface(
             OUT,

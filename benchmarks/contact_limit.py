@@ -1,0 +1,162 @@
+"""What bounding contacts costs in tracking, beside a bound on all of the kinetic energy that keeps the same limits.
+
+`python benchmarks/contact_limit.py` in the sourced environment writes contact_limit.md into results. Everything is simulated,
+from a fixed seed; only the time of a cycle depends on the machine.
+"""
+
+import argparse
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+import diag_dynamics as dd
+from diag_dynamics.model.example_robots import find_urdf
+
+RESULTS = Path(__file__).resolve().parent / "results"
+
+PERIOD, DURATION, RATE = 1e-3, 3.0, 30.0  # [s], [s], [1/s]
+FINGERS = dict.fromkeys(("panda_finger_joint1", "panda_finger_joint2"), 0.0)
+
+
+class Case(NamedTuple):
+    """A robot and a limit, of nobody's body."""
+
+    what: str
+    robot: str
+    limit: dict
+    locked_joints: dict
+
+
+CASES = (
+    Case("Panda, transferable energy up to 0.3 J", "panda", {"energy": 0.3}, FINGERS),
+    Case(
+        "Panda, up to 100 N against 0.6 kg behind 75 kN/m",
+        "panda",
+        {"mass": 0.6, "stiffness": 75e3, "force": 100.0},
+        FINGERS,
+    ),
+    Case("Baxter, both arms, transferable energy up to 0.6 J", "baxter", {"energy": 0.6}, {}),
+)
+
+
+class Outcome(NamedTuple):
+    """Of motions under one limiter: what it kept, and what it cost."""
+
+    usage: float  # largest part of an allowed speed
+    late: float  # rms of the tracking error [rad]
+    largest: float  # largest tracking error [rad]
+    torque: float  # rms of what the limiter changed in the efforts [N m]
+    cycle: float  # median time of the limiter [s]
+
+
+class Motions:
+    """Swings of all joints of a robot, tracked, at paces that break the limit in parts of them."""
+
+    def __init__(self, case):
+        path = find_urdf(case.robot)
+        self.model = dd.load_urdf(path, locked_joints=case.locked_joints)
+        self.dyn = dd.DiagonalDynamics(self.model)
+        limits = dd.ContactLimits({"any": case.limit})
+        self.points = dd.ContactPoints(self.model, dd.link_geometry(self.model, path, "frames").points, limits, "limit")
+
+    def goal(self, rng):
+        """Where a swing should be, and how it should move, as functions of time."""
+        model, n = self.model, self.model.nv
+        centre = np.clip(0.5 * (model.lower + model.upper), -2, 2)
+        size, pace, phase = 0.4 * rng.uniform(0.5, 1, n), rng.uniform(0.8, 2.4, n), rng.uniform(0, 6, n)
+
+        def at(t):
+            angle = pace * t + phase
+            return centre + size * np.sin(angle), size * pace * np.cos(angle), -size * pace**2 * np.sin(angle)
+
+        return at
+
+    def run(self, seeds, kind, bound=None):
+        """Outcome under no limiter, the contact limiter, or a bound on K [J]."""
+        usages, errors, changes, times = [], [], [], []
+        nothing = np.zeros(self.model.nv)
+        for seed in seeds:
+            goal, law = self.goal(np.random.default_rng(seed)), dd.JointTracking(self.dyn, 20.0, 10.0)
+            contact = dd.ContactLimiter(self.dyn, self.points, RATE)
+            energy = dd.EnergyLimiter(self.dyn, bound or 1.0, RATE)
+            q, qd, _ = goal(0.0)
+            options = {"step": PERIOD, "limits": False, "effort_limits": False, "damping": nothing, "friction": nothing}
+            plant = dd.Simulation(self.model, q, 0.1 * qd, **options)
+            for k in range(int(DURATION / PERIOD)):
+                q, qd = plant.q, plant.qd
+                command = asked = law.command(q, qd, *goal(k * PERIOD))
+                begun = time.perf_counter()
+                if kind == "contact":
+                    command = contact.filter(q, qd, asked, PERIOD)
+                elif kind == "energy":
+                    command = energy.filter(q, asked)
+                times.append(time.perf_counter() - begun)
+                usages.append(self.dyn.contact(q, qd, self.points).usage.max())
+                errors.append(asked.error)
+                changes.append(command.tau - asked.tau)
+                plant.advance(command.tau)
+        rms = [float(np.sqrt(np.mean(np.square(x)))) for x in (errors, changes)]
+        return Outcome(float(max(usages)), rms[0], float(np.abs(errors).max()), rms[1], float(np.median(times)))
+
+    def bound_of_all(self, seeds):
+        """Largest bound on K with which these motions keep the same limit, to two hundredths [J]."""
+        low, high = 0.01, 10.0
+        while high > 1.02 * low:
+            middle = np.sqrt(low * high)
+            if self.run(seeds, "energy", middle).usage <= 1.0:
+                low = middle
+            else:
+                high = middle
+        return low
+
+
+def measure(case, count):
+    """Outcomes by what limits, and the bound on K."""
+    motions, seeds = Motions(case), range(count)
+    bound = motions.bound_of_all(seeds)
+    return {
+        "nothing": motions.run(seeds, "none"),
+        "`ContactLimiter`": motions.run(seeds, "contact"),
+        f"`EnergyLimiter` with the K that keeps it, {bound:.2f} J": motions.run(seeds, "energy", bound),
+    }
+
+
+def table(case, found):
+    """The results as lines of text."""
+    lines = [
+        f"## {case.what}",
+        "",
+        "| bounded by | largest part of the allowed speed | error, rms | largest | change of efforts, rms | time a cycle |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, one in found.items():
+        cells = (
+            name,
+            f"{one.usage:.3f}",
+            f"{one.late:.3f} rad",
+            f"{one.largest:.2f} rad",
+            f"{one.torque:.1f} N m",
+            f"{1e6 * one.cycle:.0f} µs",
+        )
+        lines.append(f"| {' | '.join(cells)} |")
+    return lines
+
+
+def main():
+    """Simulate, and write the table."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("folder", nargs="?", type=Path, default=RESULTS)
+    options.add_argument("--short", action="store_true", help="one motion, for a look at whether it works")
+    chosen = options.parse_args()
+    lines = [f"All joints swing, tracked at {1 / PERIOD:g} Hz; contact at the frames of all links.", ""]
+    for case in CASES:
+        lines += [*table(case, measure(case, 1 if chosen.short else 4)), ""]
+    print("\n".join(lines))
+    chosen.folder.mkdir(parents=True, exist_ok=True)
+    (chosen.folder / "contact_limit.md").write_text("\n".join(["# Contacts bounded", "", *lines, ""]), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
