@@ -6,8 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from diag_dynamics.arrays import Array
 from diag_dynamics.inspection.findings import Finding
 from diag_dynamics.inspection.subject import Subject, about_joints, least
+from diag_dynamics.model import RobotModel
 
 CURRENT_RISE = 1e-3
 """Time that a motor's current, and so its torque, takes to rise, L/R [s]: a millisecond or more for those of robots."""
@@ -25,6 +27,22 @@ SPEED = 50.0
 """Speed of a robot's mass on average that is beyond any [m/s]; the tips of the fastest arms have some 10."""
 
 
+def too_quick(model: RobotModel, D: Array) -> dict[str, float]:
+    """Time D q̇_max/τ_max [s] of the joints in which it is less than a motor's current takes to rise; see below.
+
+    Parameters
+    ----------
+    model : RobotModel
+    D : ndarray, shape (poses, nv)
+        Articulated inertias [kg m², kg].
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        time = D.max(axis=0) * model.velocity_limit / model.effort_limit
+    bounded = np.isfinite(model.velocity_limit) & np.isfinite(model.effort_limit)
+    driven = bounded & (model.effort_limit > 0.0) & (model.velocity_limit > 0.0)
+    return {name: float(time[k]) for k, name in enumerate(model.dof_names) if driven[k] and time[k] < CURRENT_RISE}
+
+
 def rotor_inertia(subject: Subject) -> Iterator[Finding]:
     """Joints without the inertia of their motors' rotors.
 
@@ -35,14 +53,7 @@ def rotor_inertia(subject: Subject) -> Iterator[Finding]:
     """
     if not subject.motion or not subject.model:
         return
-    model = subject.model
-    with np.errstate(divide="ignore", invalid="ignore"):
-        time = subject.motion.D.max(axis=0) * model.velocity_limit / model.effort_limit
-    bounded = np.isfinite(model.velocity_limit) & np.isfinite(model.effort_limit)
-    driven = bounded & (model.effort_limit > 0.0) & (model.velocity_limit > 0.0)
-    quick = {
-        name: 1e3 * float(time[k]) for k, name in enumerate(model.dof_names) if driven[k] and time[k] < CURRENT_RISE
-    }
+    quick = {name: 1e3 * time for name, time in too_quick(subject.model, subject.motion.D).items()}
     yield from about_joints(
         "note",
         "rotor_inertia",

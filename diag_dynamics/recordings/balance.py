@@ -12,6 +12,7 @@ from diag_dynamics.recordings.explained import (
     STILL,
     WINDOW,
     Variances,
+    culprits_of,
     explained_share,
     is_judged,
     judgement,
@@ -19,9 +20,6 @@ from diag_dynamics.recordings.explained import (
 )
 from diag_dynamics.recordings.kernels import prepare
 from diag_dynamics.recordings.kernels.balance import BALANCE, COLUMNS, HAS_STATE, SUMMED, WHOLE, sum_windows
-
-CULPRIT = 0.2
-"""Share of the sum of all joints' squared residuals from which a joint is named."""
 
 
 class Windows(NamedTuple):
@@ -230,7 +228,7 @@ class Balance:
                 f"there are {count} windows of {WINDOW:g} s, of at least {LEAST}, in which all states have efforts and are "
                 f"no more than {MAX_GAP:g} s apart"
             )
-        culprits = [name for name, (_, share) in self.of_joints().items() if share >= CULPRIT]
+        culprits = culprits_of(self._names, self.joints.square)
         names = "residual", "effort", "needed", "kinetic", "weightless"
         cause = likely_cause(Variances(*(getattr(self, name).variance for name in names)))
         return judgement(explained, self.explained_total, culprits, cause)

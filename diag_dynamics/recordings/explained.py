@@ -17,6 +17,9 @@ STILL = 1e-3
 NOTHING, PART = 0.3, 0.8
 """Explained shares below which the balance explains nothing, and only a part."""
 
+CULPRIT = 0.2
+"""Share of the sum of all joints' squared residuals from which a joint is named."""
+
 FITS, ALIKE = 0.9, 1.5
 """Squared correlation of the efforts' power with what is needed from which a factor is told, and factors that are none."""
 
@@ -44,6 +47,12 @@ def is_judged(count, square):
 def explained_share(residual, change):
     """1 − var(residual) / var(change), from the two variances; None if nothing changes."""
     return float(1.0 - residual / change) if change > 0.0 else None
+
+
+def culprits_of(names, squares):
+    """Names of the joints at which most of the residual is, by the mean squares of their residuals."""
+    total = sum(squares) or 1.0
+    return [name for name, square in zip(names, squares, strict=True) if square / total >= CULPRIT]
 
 
 def likely_cause(of):

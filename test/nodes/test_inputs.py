@@ -2,6 +2,7 @@
 
 import math
 from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 import diag_dynamics as dd
+from diag_dynamics import sweeps
 from diag_dynamics.assembly.assembler import Options, RobotState
 from diag_dynamics.assembly.bounds import Bounds
 from diag_dynamics.assembly.efforts import Efforts
@@ -23,10 +25,12 @@ from diag_dynamics.assembly.stamps import PATIENCE, Stamps, stamp_of
 from diag_dynamics.assembly.velocities import LONGEST, PERIODS, VelocityEstimator
 from diag_dynamics.entries import assignments, by_name
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.inspection import inspect_robot
 from diag_dynamics.model import Payload
-from diag_dynamics.nodes.monitor.described import MonitoredRobot
+from diag_dynamics.nodes.monitor.described import MonitoredRobot, model_status
 from diag_dynamics.nodes.monitor.energy_watch import EnergyWatch, numerical_health
-from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN
+from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN, counted
+from diag_dynamics.nodes.support.managed import ACTIVE
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings, Thresholds, share_thresholds
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.parameters.shared import payload_entry, payloads_of
@@ -1459,13 +1463,16 @@ class FakeModel:
     """Names are all that is asked of a model."""
 
     joint_names = dof_names = ("shoulder", "elbow")
+    nv, has_friction = 2, False
 
 
 def at_energy(*shares, power=None):
     """Return what stands for an Evaluation with these shares of the kinetic energy, and a power [W]."""
     nu = np.sqrt(2.0 * np.array(shares, dtype=float))
     share = 0.5 * nu * nu
-    return SimpleNamespace(effort_power=power, kinetic_energy=share.sum(), energy_share=share)
+    rows = np.zeros((sweeps.ROWS, len(shares)))
+    rows[sweeps.NU] = nu
+    return SimpleNamespace(effort_power=power, kinetic_energy=share.sum(), energy_share=share, rows=rows)
 
 
 def watching(**thresholds):
@@ -1792,7 +1799,9 @@ def told_of(model, moving=None, *, seconds=4.0, friction=True, again=0.0, scale=
         s = dynamics.evaluate(q, qd, tau)
         watch.take(CLOCK + 2 * k * MS, s, s.nu @ s.gravity, qd @ dynamics.friction_torque(qd))
         states.append((CLOCK + 2 * k * MS, q, qd, tau))
-    return reported(watch), states
+        if k % 500 == 499:
+            said = reported(watch)
+    return said, states
 
 
 @pytest.mark.parametrize("name", ["arm", "damped"])
@@ -1829,8 +1838,38 @@ def test_the_last_minute_is_what_a_recording_says(damped, options):
     balance.take(sums.take(SimpleNamespace(newest=stamps, **flags), batch))
     assert values[SHARE] == f"{balance.explained:.4g}"
     assert values[RMS] == f"{balance.residual_power:.4g}"
-    assert balance.judgement().startswith(values[WORDS])
+    assert balance.judgement().split("; most of")[0] == values[WORDS].split("; most of")[0]
     assert ("wrong sign" in values[WORDS]) == (options == {"scale": -1.0})
+
+
+@pytest.mark.parametrize("wrong", [0, 1])
+@pytest.mark.parametrize("name", ["arm", "damped"])
+def test_the_joint_at_which_the_fault_is(request, name, wrong):
+    """It is named as a recording names it, from two seconds after the balance has become poor on."""
+    model = request.getfixturevalue(name)
+    scale = np.where(np.arange(2) == wrong, 0.2, 1.0)
+    (level, _, values), states = told_of(model, scale=scale, seconds=8.0)
+    stamps, q, qd, tau = (np.array(column) for column in zip(*states, strict=True))
+    balance, sums = Balance(model.dof_names), WindowSums(model.nv, friction=True)
+    flags = {"with_effort": np.ones(len(stamps), bool), "moved": np.zeros(len(stamps), bool)}
+    batch = dd.DiagonalDynamics(model).evaluate_batch(q, qd, tau, friction=True)
+    balance.take(sums.take(SimpleNamespace(newest=stamps, **flags), batch))
+    assert level == OK and values[WORDS] == balance.judgement()
+    assert model.dof_names[wrong] in values[WORDS].split("; most of what is missing is at ")[1]
+    (_, _, early), _ = told_of(model, scale=scale, seconds=3.0)
+    assert "most of what is missing" not in early[WORDS]
+
+
+def test_joints_cost_nothing_where_all_is_well(arm):
+    watch, dynamics = EnergyWatch(arm, Thresholds()), dd.DiagonalDynamics(arm)
+    with mock.patch.object(watch, "_joints", side_effect=AssertionError):
+        for k in range(1500):
+            t = 2e-3 * k
+            q, qd, qdd = (np.array([1.0, 0.5]) * x for x in (np.sin(3 * t), 3 * np.cos(3 * t), -9 * np.sin(3 * t)))
+            s = dynamics.evaluate(q, qd, dynamics.inverse_dynamics(q, qd, qdd))
+            watch.take(CLOCK + 2 * k * MS, s, s.nu @ s.gravity)
+            if k % 500 == 499:
+                reported(watch)
 
 
 @pytest.mark.parametrize("velocity", [5e-3, 0.0])
@@ -1856,6 +1895,22 @@ def test_powers_of_states_that_are_served_at_once(velocity, tmp_path):
         powers = robot.pipeline.powers if found else robot.powers(s)
         np.testing.assert_allclose(powers, expected, rtol=1e-12, atol=1e-15)
     assert served.count(True) >= 3 and not all(served)
+
+
+def test_a_joint_that_moves_next_to_nothing_is_named():
+    """By its D and its effort limit, as `inspect` does; no more with its rotor, and neither is one that has a heavy link."""
+    limited = TwoLinkArm(I1=0.02).urdf.replace('effort="100" velocity="100"', 'effort="20000" velocity="3"')
+    for armature, named in (([""], True), (["shoulder=10.0", "elbow=10.0"], False)):
+        values = DEFAULTS | {"armature": armature}
+        model = model_of(limited, values)
+        if named:
+            expected = {f.joints for f in inspect_robot(limited).findings if f.check == "rotor_inertia"}
+            assert expected
+        robot = MonitoredRobot(limited, model, Settings.of(values), 1)
+        assert bool(robot.without_rotors) == named
+        assert not named or {name for joints in expected for name in joints} == set(robot.without_rotors)
+        status = model_status(robot, ACTIVE, 1, "", None, None)
+        assert status.level == OK and status.values["joints without rotor inertia"] == counted(robot.without_rotors)
 
 
 def feed_minute(watch, seconds, change):

@@ -123,6 +123,11 @@ class Pipeline:
         return self._known.state(self._found)
 
     @property
+    def rows(self):
+        """The rows that the sweep has filled."""
+        return self._evaluated
+
+    @property
     def energy_share(self):
         """½ν_k² [J]."""
         nu = self._evaluated[sweeps.NU]

@@ -1,13 +1,17 @@
 """A robot as the monitor keeps it: the model in force, what has arrived of its state, and its energies."""
 
+from contextlib import suppress
 from typing import NamedTuple
+
+import numpy as np
 
 from diag_dynamics.assembly.assembler import JointStateAssembler, joints_of
 from diag_dynamics.assembly.frozen import Frozen
 from diag_dynamics.assembly.odometry import OdometryBase
 from diag_dynamics.assembly.whole import WithBase
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.exceptions import InputError
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.inspection.dynamics import too_quick
 from diag_dynamics.model import Payload, RobotModel
 from diag_dynamics.nodes.encoded.encoding import EncodedMessages
 from diag_dynamics.nodes.encoded.pipeline import Pipeline, compile_pipeline
@@ -24,6 +28,9 @@ from diag_dynamics.nodes.support.reading import read_joint_state
 from diag_dynamics.parameters.shared import payloads_of
 from diag_dynamics.views.scene import Scene
 from diag_dynamics.wire.joint_states import KnownJointStates
+
+POSES = 20
+"""Poses in which a joint's largest D is looked for: it changes little."""
 
 NO_PAYLOAD = Payload(0.0)
 """What takes a payload off."""
@@ -60,6 +67,8 @@ class MonitoredRobot:
     torque : TorqueWatch or None
         What observes external torque, if it is wanted.
     contact : ContactWatch
+    without_rotors : tuple of str
+        Joints whose D is so far below what their effort limits suggest that their rotors' inertia must be missing.
 
     Raises
     ------
@@ -119,6 +128,7 @@ class MonitoredRobot:
         before, self.settings = self.settings, settings
         if self.dynamics is None or model is not self.model:
             self.dynamics, self.revision, self._state = DiagonalDynamics(model), None, None
+            self.without_rotors = _without_rotors(self.dynamics)
             self._powers = Powers(model)
         self.contact.use(self.dynamics, settings, touched)
         self._markers = None  # made when somebody first listens to them
@@ -238,6 +248,18 @@ class MonitoredRobot:
         return matrix(topic, self.encoder, self.dynamics, self.state, with_inverse)
 
 
+def _without_rotors(dynamics):
+    """Names of joints that move nearly nothing, over poses by chance that are the same each time."""
+    model, rng = dynamics.model, np.random.default_rng(0)
+    if not model.nv:
+        return ()
+    still = np.zeros(model.nv)
+    with suppress(DiagDynamicsError):  # a robot of numbers that nothing can be computed with; each state will say so
+        D = np.array([dynamics.evaluate(model.random(rng), still).articulated_inertia for _ in range(POSES)])
+        return tuple(too_quick(model, D))
+    return ()
+
+
 def _frozen_by(settings):
     """What Frozen judges by."""
     return settings.values["frozen_timeout"], settings.values["frozen_values"] == "refuse"
@@ -298,6 +320,7 @@ def model_status(robot, phase, revision, failure, refused, loading):
             "locked joints": counted(model.locked_joints),
             "payloads": counted(model.payloads),
             "serialization": robot.serialization,
+            "joints without rotor inertia": counted(robot.without_rotors),
         }
     if failure or refused:
         return Status("model", ERROR, failure or f"robot_description refused: {refused.reason}", values)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from diag_dynamics import sweeps
 from diag_dynamics.model.single_joints import places, single_joints
 from diag_dynamics.nodes.monitor.last_minute import LastMinute
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN, Status
@@ -35,7 +36,7 @@ class EnergyWatch:
     """
 
     def __init__(self, model, thresholds):
-        self._model, self._minute = model, LastMinute()
+        self._model, self._minute = model, LastMinute(model.dof_names)
         self.configure(model, thresholds)
         self._K = self._power = self._last = None
         self._since = 0.0  # length of the last interval that was integrated [s]
@@ -57,7 +58,7 @@ class EnergyWatch:
         self._watch_shares = bool(np.isfinite([*warn, *error]).any())
         if model is not self._model:
             self._model = model
-            self._minute.forget()
+            self._minute.forget(model.dof_names)
         self.forget()
 
     def forget(self):
@@ -89,9 +90,21 @@ class EnergyWatch:
         power = s.effort_power
         self._balance(stamp, K, power)
         if power is not None:
-            self._minute.take(stamp, K, power, lifting, friction)
+            joints = self._joints(s) if self._minute.looks_closer else None
+            self._minute.take(stamp, K, power, lifting, friction, joints)
         self._last, self._K, self._power = stamp, K, power
         return self._level > self._reported
+
+    def _joints(self, s):
+        """½ν_k² [J], and the power by which it should change [W], with friction as that of the joint itself, q̇_k τ_fric,k."""
+        rows, model = s.rows[:, : self._model.nv], self._model
+        nu, qd = rows[sweeps.NU], rows[sweeps.RATES]
+        power = nu * (rows[sweeps.EPSILON] - rows[sweeps.CORIOLIS] - rows[sweeps.GRAVITY])
+        if model.has_friction:
+            v0 = model.friction_velocity
+            turned = np.tanh(qd / v0) if v0 > 0.0 else np.sign(qd)
+            power -= qd * (model.damping * qd + model.friction * turned + model.effort_offset)
+        return 0.5 * nu * nu, power
 
     def _balance(self, stamp, K, power):
         """Take in what K has gained since the last state and what the power explains of it."""

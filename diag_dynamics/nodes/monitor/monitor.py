@@ -208,6 +208,12 @@ class MonitorNode(ManagedNode):
             self.get_logger().warning(
                 f"The payload on '{link}' is not applied: robot '{robot.model.name}' has no such link."
             )
+        if robot.without_rotors:
+            self.get_logger().info(
+                f"The URDF moves next to nothing at {counted(robot.without_rotors)}: at its effort limit such a joint is at "
+                "full speed before the motor's current has risen. Kinetic energy and alarms are wrong there without the "
+                "rotor's inertia: armature, or a parameters_file by diag-dynamics identify (docs/identify.md)."
+            )
         self.get_logger().info(
             f"Ready: robot '{robot.model.name}', {robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg; "
             f"listening to {self.resolve_topic_name('joint_states')}."
