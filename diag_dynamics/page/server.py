@@ -67,8 +67,8 @@ PATIENCE = 20.0
 BEAT = 1.0
 """Time between two heartbeats of a stream [s]."""
 
-REQUEST = 10.0
-"""How long a request may take to arrive, and an answer to be taken [s]."""
+REQUEST, PART = 10.0, 64 * 1024
+"""How long a request may take to arrive, and a part of an answer to be taken [s]; and how large one is [bytes]."""
 
 OTHERS = 32
 """Connections beside the streams."""
@@ -139,11 +139,17 @@ class PageServer(ThreadingHTTPServer):
         self._thread: threading.Thread | None = None
         self._host = host
         self._compressed: dict[Path, tuple[int, bytes]] = {}
+        if not host:
+            raise InputError(
+                "The page cannot be served on host '', which stands for all: say 0.0.0.0 if that is meant."
+            )
+        if not 0 <= port <= 65535:
+            raise InputError(f"The page cannot be served on port {port}, expected a whole number from 0 to 65535.")
         try:
             found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
             self.address_family, _, _, _, place = found[0]
             super().__init__(place[:2], _Handler)  # type: ignore[arg-type]
-        except (OSError, OverflowError, UnicodeError) as error:
+        except (OSError, UnicodeError) as error:
             why = getattr(error, "strerror", None) or error
             raise InputError(
                 f"The page cannot be served on host '{plain(host)}', port {port}: {why}. Port 0 takes a free one."
@@ -327,7 +333,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _send(self, data: bytes, kind: str, status: HTTPStatus = HTTPStatus.OK, **more: str) -> None:
         self._begin(status, kind, Content_Length=str(len(data)), **more)
-        self.wfile.write(data)
+        for begin in range(0, len(data), PART):  # each has its own time: the way may be slow
+            self.wfile.write(data[begin : begin + PART])
 
     def _send_json(self, value: Any) -> None:
         self._send(json.dumps(value, allow_nan=False).encode(), "application/json")

@@ -19,7 +19,9 @@ PARAMETERS = {
         [""], "Namespaces, or full names of monitors, whose robots are shown; by default all that are found."
     ),
     "rate": _once(60.0, "Most frames that a tab gets per second [Hz].", minimum=0.1, maximum=240.0),
-    "tabs": _once(8, "Most tabs that are shown robots at a time, at least 1; together they get 200 frames per second."),
+    "tabs": _once(
+        8, "Most tabs that are shown robots at a time, from 1 to 64; together they get 200 frames per second."
+    ),
     "mesh_folders": _once(
         [""],
         "Folders around which meshes are looked for that no package of AMENT_PREFIX_PATH or ROS_PACKAGE_PATH has: relative "

@@ -108,6 +108,10 @@ def test_listens_on_loopback_and_says_where(shows):
     server.stop()
     with pytest.raises(dd.InputError, match=r"host '300\.1\.1\.1'"):
         PageServer(lambda: shows, host="300.1.1.1")
+    with pytest.raises(dd.InputError, match="host '', which stands for all"):
+        PageServer(lambda: shows, host="")
+    with pytest.raises(dd.InputError, match="port 70000"):
+        PageServer(lambda: shows, port=70000)
 
 
 def test_robots_layout_and_meshes(server):

@@ -24,8 +24,14 @@ def free_port():
         return probe.getsockname()[1]
 
 
-def monitor_process():
-    return node_process("monitor", *IN_ARM, **{"external_torque.gain": 25.0, "external_torque.threshold": 1e6})
+def monitor_process(**parameters):
+    observed = {"external_torque.gain": 25.0, "external_torque.threshold": 1e6}
+    return node_process("monitor", *IN_ARM, "-r", "/clock:=/arm/clock", **observed, **parameters)
+
+
+def simulator_process(id, **parameters):
+    parameters |= {"robot_description": robot(id).path, "motion": "wave", "rate": 50.0}
+    return node_process("simulator", *IN_ARM, "-r", "/clock:=/arm/clock", **parameters)
 
 
 class Graph:
@@ -33,10 +39,9 @@ class Graph:
 
     def __init__(self):
         """Start all three."""
-        model = robot(PANDA)
         self.port = free_port()
         self.address = f"http://127.0.0.1:{self.port}/"
-        self.simulator = node_process("simulator", *IN_ARM, robot_description=model.path, motion="wave", rate=50.0)
+        self.simulator = simulator_process(PANDA)
         self.monitor = monitor_process()
         self.view = self.view_process()
 
@@ -219,6 +224,33 @@ def test_lifecycle(graph, peer):
     with graph.stream() as stream:
         stream.frames(2)
         assert stream.next(HEARTBEAT)["hz"] == pytest.approx(20.0)
+
+
+def test_another_robot_comes(graph):
+    """The robot is another one after a restart, under the same monitor: the stream goes on with another layout."""
+    with graph.stream(link="panda_hand") as stream:
+        stream.frames(2)
+        graph.simulator.stop()
+        stream.next(HEARTBEAT, lambda beat: not beat["alive"])
+        graph.simulator = simulator_process(UR5)
+        layout = stream.next(LAYOUT, lambda layout: layout["robot"] == "ur5", timeout=START)
+        assert layout["link"] == ""  # that robot has no panda_hand
+        frame = stream.next(FRAME)
+        assert len(frame["nu"]) == 6
+        assert frame["link_energy"].sum() == pytest.approx(frame["K"], rel=1e-4, abs=1e-6)
+        assert np.isnan(frame["twist"]).all()
+
+
+def test_foreign_time(graph):
+    """A monitor by simulated time: how late its states are the view cannot know, and does not say."""
+    graph.monitor.stop()
+    graph.monitor = monitor_process(use_sim_time=True)
+    graph.simulator.stop()
+    graph.simulator = simulator_process(UR5, publish_clock=True)
+    with graph.stream() as stream:
+        frame = stream.next(FRAME, lambda frame: np.isnan(frame["latency"]), timeout=START)
+        assert "late" not in frame.flags
+        assert np.isfinite(frame["nu"]).all()
 
 
 def test_scripts_have_it():

@@ -17,11 +17,17 @@ from diag_dynamics.nodes.view.watched import WatchedRobot, folders_of
 from diag_dynamics.page.server import Limits, PageServer
 from diag_dynamics.parameters.view import PARAMETERS
 
+OTHERS = [name for node, name in NODES.items() if node != "view"]
+"""Nodes of a robot whose diagnostics are shown."""
+
 LOOK = 1.0
 """Time between two looks at who is on the graph [s]."""
 
 KIND, STATE = "diag_dynamics/msg/DiagonalizedState", "/state"
 """Type of a monitor's states, and the end of their topic's name: a simulator's truth has another one."""
+
+MOST_TABS = 64
+"""Most tabs that may be allowed."""
 
 MOST_ROBOTS = 32
 """Robots that are watched at a time."""
@@ -52,8 +58,8 @@ class ViewNode(ManagedNode):
     def set_up(self):
         """Serve the page."""
         values = self._values
-        if values["tabs"] < 1:
-            raise InputError(f"parameter 'tabs' is {values['tabs']}, expected a whole number >= 1.")
+        if not 1 <= values["tabs"] <= MOST_TABS:
+            raise InputError(f"parameter 'tabs' is {values['tabs']}, expected a whole number from 1 to {MOST_TABS}.")
         self._folders = folders_of(values["mesh_folders"])
         limits = Limits(rate=values["rate"], streams=values["tabs"])
         self._server = PageServer(self._shows, values["host"], values["port"], limits, self._say)
@@ -108,7 +114,7 @@ class ViewNode(ManagedNode):
         return [robot.show for _, robot in sorted(self._robots.copy().items())]
 
     def _look(self):
-        """Find monitors. Those that have gone stay: the page says how old their last state is."""
+        """Find monitors. Those that have gone stay for a time: the page says how old their last state is."""
         for topic in topics_of(self, KIND):
             monitor = topic.removesuffix(STATE)
             if topic.endswith(STATE) and monitor not in self._robots and self._is_wanted(monitor):
@@ -117,6 +123,8 @@ class ViewNode(ManagedNode):
             _, fault = attempt(robot.look)
             if fault:
                 self.get_logger().error(f"{robot.monitor}: {fault.text}", throttle_duration_sec=5.0)
+        for monitor in [monitor for monitor, robot in self._robots.items() if robot.has_gone]:
+            self._robots.pop(monitor).destroy()
 
     def _is_wanted(self, monitor):
         wanted = {name.rstrip("/") or "/" for name in self._values["robots"] if name}
@@ -131,7 +139,7 @@ class ViewNode(ManagedNode):
 
     def _take_diagnostics(self, message):
         for robot in self._robots.values():
-            own = {f"{robot.namespace.rstrip('/')}/{name}".lstrip("/") for name in NODES.values()}
+            own = {f"{robot.namespace.rstrip('/')}/{name}".lstrip("/") for name in OTHERS}
             own.add(robot.monitor.lstrip("/"))
             statuses = [status for status in message.status if status.name.partition(": ")[0] in own]
             if statuses:

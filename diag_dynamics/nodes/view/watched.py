@@ -18,6 +18,7 @@ from diag_dynamics.msg import DiagonalizedState, ExternalTorque
 from diag_dynamics.nodes.support.descriptions import Descriptions
 from diag_dynamics.nodes.support.diagnostics import shortened
 from diag_dynamics.nodes.support.guard import attempt
+from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.view.reading import SECOND, Reader
 from diag_dynamics.page.frames import Seen, States, Told
 from diag_dynamics.page.meshes import MeshLibrary
@@ -26,14 +27,17 @@ from diag_dynamics.page.show import Show, Taken
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 
-ASKED = ("robot_description", "friction_velocity", *SHARED)
-"""Parameters of a monitor that make its model."""
+ASKED = ("use_sim_time", "robot_description", "friction_velocity", *SHARED)
+"""Parameters of a monitor that make its model, and whose time its stamps are of."""
 
 QUEUE = 64
 """Messages that wait to be taken, of each topic: where more have come, the oldest are gone, and all are not counted."""
 
 APART = 0.1
 """How far an external torque may be from a state to be of it [s]."""
+
+GONE = 600.0
+"""How long nobody may publish the states of a robot before it is no longer listed [s]."""
 
 ANSWER = 5.0
 """How long a monitor may take to answer before it is asked again [s]."""
@@ -66,7 +70,8 @@ class WatchedRobot:
     def __init__(self, node, aside, monitor, folders):
         self.monitor, self.namespace = monitor, monitor.rpartition("/")[0] or "/"
         self._node, self._aside, self._folders = node, aside, folders
-        self.show = Show(self.namespace, self._take)
+        usual = monitor.rpartition("/")[2] == NODES["monitor"]
+        self.show = Show(self.namespace if usual else monitor, self._take)
         self._states, self._torques = Reader(DiagonalizedState), Reader(ExternalTorque)
         newest = QoSProfile(depth=QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._inputs = [
@@ -82,26 +87,36 @@ class WatchedRobot:
         self._wanted = self._in_force = None  # description and values
         self._revision = None  # of the last state, and whether it is another one than the model's
         self._publishers, self._anew = set(), True
+        self._gone = None  # since when nobody has published states
         self._torque = None
+        self._foreign_time = False
         self._diagnostics = {}
-        self._fault = ""
+        self._refused = self._unread = ""
         self.show.wait_for(f"waiting for the parameters of {monitor}")
 
     @property
     def fault(self):
         """Why nothing is shown, or what is wrong with what comes; empty if nothing is."""
-        return self._fault
+        return self._refused or self._unread
+
+    @property
+    def has_gone(self):
+        """Whether its monitor has not been there for :data:`GONE`."""
+        return self._gone is not None and time.monotonic() - self._gone > GONE
 
     def look(self):
         """Once a second: ask the monitor for its parameters where they are not known, or may be others by now."""
         info = self._node.get_publishers_info_by_topic(self._inputs[0].topic_name)
-        publishers = {bytes(end.endpoint_gid) for end in info}
-        if publishers and publishers != self._publishers:
-            self._publishers, self._anew = publishers, True  # it has come, or come again
-        now = time.monotonic()
-        if not self._anew or (self._asked is not None and now - self._asked < ANSWER):
+        publishers, now = {bytes(end.endpoint_gid) for end in info}, time.monotonic()
+        if not publishers:
+            self._gone = self._gone or now
             return
-        if self._parameters.service_is_ready():
+        self._gone = None
+        if publishers != self._publishers:
+            self._publishers, self._anew = publishers, True  # it has come, or come again
+        if self._asked is not None and now - self._asked < ANSWER:
+            return
+        if (self._anew or self._asked is not None) and self._parameters.service_is_ready():
             self._asked, self._anew = now, False
             asked = self._parameters.call_async(GetParameters.Request(names=list(ASKED)))
             asked.add_done_callback(lambda future: attempt(self._take_parameters, future))
@@ -136,6 +151,7 @@ class WatchedRobot:
         values = [parameter_value_to_python(value) for value in future.result().values]
         defaults = {name: spec.default for name, spec in SHARED.items()} | {"robot_description": ""}
         told = {name: value for name, value in zip(ASKED, values, strict=False) if value is not None}
+        self._foreign_time = bool(told.pop("use_sim_time", False)) != self._node.get_clock().ros_time_is_active
         self._values = defaults | told
         self._load()
 
@@ -172,12 +188,12 @@ class WatchedRobot:
 
     def _take_made(self, made, *_):
         if isinstance(made, Exception):
-            self._fault = shortened(f"the robot of {self.monitor} cannot be shown: {made}")
-            self.show.wait_for(self._fault)
-            self._node.get_logger().error(self._fault)
+            self._refused = shortened(f"the robot of {self.monitor} cannot be shown: {made}")
+            self.show.wait_for(self._refused)
+            self._node.get_logger().error(self._refused)
             return
         name, missing = made
-        self._fault = ""
+        self._refused = ""
         self._node.get_logger().info(f"Showing robot '{name}' of {self.monitor}.")
         for why in list(missing.values())[:3]:
             self._node.get_logger().warning(f"robot '{name}' is shown without some meshes: {shortened(why)}")
@@ -187,8 +203,10 @@ class WatchedRobot:
     def _take(self, dynamics):
         taken, fault = attempt(self._newest, dynamics)
         if fault:
-            self._fault = f"states of {self.monitor} cannot be read: {fault.reason}"
-            self._node.get_logger().error(self._fault, throttle_duration_sec=5.0)
+            self._unread = f"states of {self.monitor} cannot be read: {fault.reason}"
+            self._node.get_logger().error(self._unread, throttle_duration_sec=5.0)
+        elif taken:
+            self._unread = ""
         return taken
 
     def _newest(self, dynamics):
@@ -218,7 +236,7 @@ class WatchedRobot:
         seen, limits = self._seen(stamp, nv)
         now = time.time_ns()
         received = info.get("received_timestamp") or now
-        late = self._node.get_clock().now().nanoseconds - stamp - (now - received)
+        late = np.nan if self._foreign_time else self._node.get_clock().now().nanoseconds - stamp - (now - received)
         told = Told(state.number("velocity_estimated"), state.number("stamp_is_receive_time"), late / SECOND)
         since = max(now - received, 0) / SECOND
         return Taken(states, seen, told, time.monotonic() - since, count if count < QUEUE else None, limits)
