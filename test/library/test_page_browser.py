@@ -79,6 +79,81 @@ def server(panda, ur5):
     one.stop()
 
 
+# --- Pages of their own, which come first: with one page open, a machine without a graphics card is busy ---
+
+
+def chain(names):
+    """A URDF of links in a row, by the names of its joints."""
+    links = "".join(
+        f'<link name="link{k}"><inertial><origin xyz="0 0 0.05"/><mass value="0.3"/>'
+        '<inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>'
+        '<visual><origin xyz="0 0 0.05"/><geometry><cylinder radius="0.02" length="0.1"/></geometry></visual></link>'
+        for k in range(len(names) + 1)
+    )
+    joints = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="link{k}"/><child link="link{k + 1}"/><origin xyz="0 0 0.1"/>'
+        f'<axis xyz="{k % 2} {1 - k % 2} 0"/><limit lower="-0.2" upper="0.2" effort="50" velocity="3"/></joint>'
+        for k, name in enumerate(names)
+    )
+    return f'<robot name="chain">{links}{joints}</robot>'
+
+
+def test_sixty_joints_and_names_that_are_html(chromium):
+    """Bars of the top few and others; a name is a text, whatever is in it."""
+    hostile = "&lt;img src=x onerror=alert(1)&gt;"
+    _, show = shown(chain([hostile, *(f"a_long_name_of_joint_{k}" for k in range(59))]), "/<b>long")
+    one = PageServer(lambda: [show])
+    one.start()
+    tab = Tab(chromium, (1000, 700), "light")
+    try:
+        tab.open(one.address)
+        tab.until("document.querySelectorAll('.joints tbody tr').length === 11")
+        assert "50 others" in tab.page.locator(".joints").inner_text()
+        assert all(len(plot["values"]) <= 9 for plot in tab.ask("Object.values(diag.plots)"))
+        assert tab.ask("Math.min(...[...document.querySelectorAll('.plot')].map((p) => p.clientHeight))") >= 80
+        tab.page.keyboard.press("j")  # the joint with that name
+        tab.until("document.querySelector('.details h2').textContent.includes('<img src=x')")
+        assert tab.ask("document.querySelectorAll('img').length") == 0
+        assert tab.cut_off() == []
+        tab.page.locator(".joints tr", has_text="others").click()
+        tab.until("document.querySelectorAll('.joints tbody tr').length === 60")
+        assert tab.said == []
+    finally:
+        tab.close()
+        one.stop()
+
+
+def test_comes_back_after_a_restart_of_the_server(chromium, panda):
+    """By itself, on the same port; what was stored is still there. Meanwhile it says so."""
+    show = panda[1]
+    first = PageServer(lambda: [show])
+    first.start()
+    tab = Tab(chromium, (800, 600))
+    try:
+        tab.open(first.address)
+        stored = tab.until("diag.state.stored > 20 && diag.state.stored")
+        first.stop()
+        tab.until("diag.state.word === 'Disconnected' && !document.querySelector('.banner').hidden")
+        begun = time.monotonic()
+        second = PageServer(lambda: [show], port=first.server_port)
+        second.start()
+        try:
+            tab.until(f"diag.state.word === 'Live' && diag.state.stored > {stored}")
+            assert time.monotonic() - begun < 10.0
+        finally:
+            second.stop()
+        refused = [
+            text for text in tab.said if "ERR_" not in text
+        ]  # what the browser itself says of a server that is gone
+        assert refused == []
+        assert tab.asked <= {first.address.rstrip("/")}
+    finally:
+        tab.close()
+
+
+# --- One page, as people leave it open ---
+
+
 @pytest.fixture(scope="module")
 def tab(chromium, server):
     one = Tab(chromium)
@@ -231,11 +306,13 @@ def test_keys_scrub_and_cursor(live):
     assert stepped - state["now"] < 0.2
     card = page.locator("#plot-exchange .u-over").bounding_box()
     page.mouse.move(card["x"] + 0.9 * card["width"], card["y"] + 20)
-    places = "[...document.querySelectorAll('.u-over')].map((over) => [over, over.querySelector('.cursor')])"
+    places = (
+        "[...document.querySelectorAll('.u-over')].slice(0, 6).map((over) => [over, over.querySelector('.cursor')])"
+    )
     parts = f"{places}.filter(([, c]) => c && !c.hidden).map(([o, c]) => new DOMMatrix(c.style.transform).e / o.clientWidth)"
     live.until(f"{parts}[0] > 0.85")
     parts = live.ask(parts)
-    assert len(parts) >= 3
+    assert len(parts) == 6  # all that are in sight
     np.testing.assert_allclose(parts, 0.9, atol=0.02)
     page.keyboard.press("?")
     assert page.locator("dialog.help").is_visible()
@@ -283,7 +360,7 @@ def test_says_what_cannot_be_believed(live, panda):
 def test_several_robots(live, ur5):
     live.page.keyboard.press("r")
     live.until("diag.state.namespace === '/other' && diag.state.ready && diag.state.robot.startsWith('ur5')")
-    assert live.page.locator(".joints tbody tr").count() == ur5[0].model.nv
+    live.until(f"document.querySelectorAll('.joints tbody tr').length === {ur5[0].model.nv}")
     live.page.keyboard.press("r")
     live.until("diag.state.namespace === '/arm' && diag.state.ready")
 
@@ -304,75 +381,6 @@ def test_no_text_is_cut_off(live):
             assert live.cut_off() == [], f"{width} x {height}, with details"
     finally:
         live.page.set_viewport_size({"width": 1280, "height": 720})
-
-
-def chain(names):
-    """A URDF of links in a row, by the names of its joints."""
-    links = "".join(
-        f'<link name="link{k}"><inertial><origin xyz="0 0 0.05"/><mass value="0.3"/>'
-        '<inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>'
-        '<visual><origin xyz="0 0 0.05"/><geometry><cylinder radius="0.02" length="0.1"/></geometry></visual></link>'
-        for k in range(len(names) + 1)
-    )
-    joints = "".join(
-        f'<joint name="{name}" type="revolute"><parent link="link{k}"/><child link="link{k + 1}"/><origin xyz="0 0 0.1"/>'
-        f'<axis xyz="{k % 2} {1 - k % 2} 0"/><limit lower="-0.2" upper="0.2" effort="50" velocity="3"/></joint>'
-        for k, name in enumerate(names)
-    )
-    return f'<robot name="chain">{links}{joints}</robot>'
-
-
-def test_sixty_joints_and_names_that_are_html(chromium):
-    """Bars of the top few and others; a name is a text, whatever is in it."""
-    hostile = "&lt;img src=x onerror=alert(1)&gt;"
-    _, show = shown(chain([hostile, *(f"a_long_name_of_joint_{k}" for k in range(59))]), "/<b>long")
-    one = PageServer(lambda: [show])
-    one.start()
-    tab = Tab(chromium, (1280, 720), "light")
-    try:
-        tab.open(one.address)
-        tab.until("document.querySelectorAll('.joints tbody tr').length === 11")
-        assert "50 others" in tab.page.locator(".joints").inner_text()
-        assert all(len(plot["values"]) <= 9 for plot in tab.ask("Object.values(diag.plots)"))
-        assert tab.ask("Math.min(...[...document.querySelectorAll('.plot')].map((p) => p.clientHeight))") >= 80
-        tab.page.keyboard.press("j")  # the joint with that name
-        tab.until("document.querySelector('.details h2').textContent.includes('<img src=x')")
-        assert tab.ask("document.querySelectorAll('img').length") == 0
-        assert tab.cut_off() == []
-        tab.page.locator(".joints tr", has_text="others").click()
-        tab.until("document.querySelectorAll('.joints tbody tr').length === 60")
-        assert tab.said == []
-    finally:
-        tab.close()
-        one.stop()
-
-
-def test_comes_back_after_a_restart_of_the_server(chromium, panda):
-    """By itself, on the same port; what was stored is still there. Meanwhile it says so."""
-    show = panda[1]
-    first = PageServer(lambda: [show])
-    first.start()
-    tab = Tab(chromium, (1280, 720))
-    try:
-        tab.open(first.address)
-        stored = tab.until("diag.state.stored > 20 && diag.state.stored")
-        first.stop()
-        tab.until("diag.state.word === 'Disconnected' && !document.querySelector('.banner').hidden")
-        begun = time.monotonic()
-        second = PageServer(lambda: [show], port=first.server_port)
-        second.start()
-        try:
-            tab.until(f"diag.state.word === 'Live' && diag.state.stored > {stored}")
-            assert time.monotonic() - begun < 10.0
-        finally:
-            second.stop()
-        refused = [
-            text for text in tab.said if "ERR_" not in text
-        ]  # what the browser itself says of a server that is gone
-        assert refused == []
-        assert tab.asked <= {first.address.rstrip("/")}
-    finally:
-        tab.close()
 
 
 def test_show_of_is_what_a_page_gets(server):

@@ -12,7 +12,7 @@ export function number(x, digits = 3) {
 
 function precise(x, size, digits) {
   const decimals = Math.max(0, digits - 1 - Math.floor(Math.log10(size)));
-  return x.toFixed(Math.min(decimals, digits));
+  return x.toFixed(Math.min(decimals, digits + 1));
 }
 
 // For axes: as few digits as tell neighbours apart.

@@ -2,6 +2,8 @@
 
 import { shortNames } from "./format.js";
 
+const HAND = 0.06; // part of the robot's mass up to which a link with fingers is a hand
+
 // Bits of the field flags.
 export const FLAGS = {
   estimated: 1,
@@ -75,17 +77,25 @@ export class Layout {
     return this.fields.get(name)?.size ?? 0;
   }
 
-  // The last link of the longest chain: what a person would call the hand.
+  // What a person would call the hand: the last link of the longest chain that moves, or, where that is a finger, the
+  // link that all fingers are on.
   get tip() {
     const parent = new Map(this.scene.joints.map((joint) => [joint.child, joint.parent]));
-    const depth = (name) => {
-      let count = 0;
-      while (parent.has(name) && count <= parent.size) [name, count] = [parent.get(name), count + 1];
-      return count;
+    const above = (name) => {
+      const chain = [];
+      for (let at = name; at !== undefined && chain.length <= parent.size; at = parent.get(at)) chain.push(at);
+      return chain;
     };
     const moved = this.links.filter((name) => this.dofOfLink(name) >= 0);
     const candidates = moved.length ? moved : this.links;
-    return candidates.reduce((best, name) => (depth(name) > depth(best) ? name : best), candidates[0]);
+    const last = candidates.reduce((best, name) => (above(name).length > above(best).length ? name : best), candidates[0]);
+    const mass = new Map(this.scene.links.map(({ name, inertia }) => [name, inertia?.mass ?? 0]));
+    const carried = new Map();
+    for (const name of this.links) for (const at of above(name)) carried.set(at, (carried.get(at) ?? 0) + (mass.get(name) ?? 0));
+    const total = [...mass.values()].reduce((a, b) => a + b, 0);
+    const moving = (name) => this.scene.joints.filter((joint) => joint.parent === name && joint.dof !== null).length;
+    const hands = above(last).filter((name) => moving(name) > 1 && carried.get(name) <= HAND * total);
+    return hands.at(-1) ?? last;
   }
 }
 

@@ -58,21 +58,31 @@ export class Live {
     this.app.health.robots = this.robots;
     const names = this.robots.map((robot) => robot.name);
     const wished = new URLSearchParams(location.search).get("robot") ?? stored("diag.robot");
-    if (this.robot === undefined || (!names.includes(this.robot) && names.length)) {
+    if ((this.robot === undefined || !names.includes(this.robot)) && names.length) {
       this.choose(names.includes(wished) ? wished : (this.robots.find((robot) => robot.alive)?.name ?? names[0] ?? ""));
     }
     this.app.listed(this.robots, this.robot);
   }
 
-  choose(robot) {
+  async choose(robot) {
     if (robot === this.robot) return;
     this.robot = robot;
     store("diag.robot", robot);
-    this.link = null;
-    this.layout = null;
-    this.text = null;
+    this.link = this.layout = this.text = null;
     this.app.health.arrived = -Infinity;
-    this.stream.open(robot, null, RATE);
+    this.app.listed(this.robots, robot);
+    const link = await this.#hand(robot);
+    if (robot === this.robot) this.stream.open(robot, (this.link = link), RATE);
+  }
+
+  // The link that ellipsoid and arrow begin with; null where nothing is known of the robot yet.
+  async #hand(robot) {
+    try {
+      const answer = await fetch(`layout?${new URLSearchParams({ robot })}`);
+      return answer.ok ? new Layout(await answer.json()).tip : null;
+    } catch {
+      return null; // the stream says what is wrong
+    }
   }
 
   // The link of ellipsoid and arrow.

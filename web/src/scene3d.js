@@ -1,18 +1,18 @@
-// The robot in space: camera, light, floor, ellipsoid and arrow; drawn only when something has changed.
+// The robot in space: camera, light and floor; drawn only when something has changed.
 
 import {
-  Box3, BufferGeometry, Color, CylinderGeometry, ConeGeometry, DirectionalLight, Fog, GridHelper, Group, HemisphereLight, LineBasicMaterial, LineSegments, Matrix4, Mesh,
-  MeshStandardMaterial, PCFShadowMap, PerspectiveCamera, PlaneGeometry, Quaternion, Raycaster, Scene,
-  ShadowMaterial, SphereGeometry, Vector2, Vector3, WebGLRenderer,
+  Box3, Color, DirectionalLight, Fog, GridHelper, HemisphereLight, Mesh, PCFShadowMap, PerspectiveCamera, PlaneGeometry,
+  Raycaster, Scene, ShadowMaterial, Vector2, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { resized } from "./dom.js";
+import { Marks } from "./marks.js";
 import { Robot } from "./robot.js";
 
-const SLOW = 60; // [ms] between two pictures, from which on shadows and fine pixels are left out
+const SLOW = 60; // [ms] between two pictures, from which on less is drawn
+const LONGEST = 200;
 const FROM = new Vector3(1, -1.25, 0.55).normalize(); // the camera, as seen from the robot
 const ROOM = 0.82; // part of the picture that the robot takes
-const UP = new Vector3(0, 1, 0); // of three's cylinders
 
 export class Scene3D {
   constructor(box, { load, changed }) {
@@ -21,6 +21,7 @@ export class Scene3D {
     this.changed = changed;
     this.dirty = true;
     this.times = [];
+    this.last = this.pause = 0; // [ms]
     this.renderer = new WebGLRenderer({ antialias: true, alpha: true, powerPreference: "low-power" });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.renderer.shadowMap.enabled = true;
@@ -41,34 +42,17 @@ export class Scene3D {
     this.sun.shadow.radius = 6;
     this.fill = new DirectionalLight(0xffffff, 0.5);
     this.scene.add(this.sky, this.sun, this.sun.target, this.fill);
-    this.#marks();
+    this.marks = new Marks();
+    this.scene.add(this.marks);
     this.ray = new Raycaster();
     resized(box, () => this.#resize());
     this.#resize();
   }
 
-  #marks() {
-    const glass = { transparent: true, depthWrite: false, fog: false };
-    this.ellipsoid = new Mesh(new SphereGeometry(1, 48, 32), new MeshStandardMaterial({ ...glass, opacity: 0.3, roughness: 0.4 }));
-    this.rings = new LineSegments(greatCircles(), new LineBasicMaterial({ ...glass, opacity: 0.55 }));
-    for (const mesh of [this.ellipsoid, this.rings]) mesh.matrixAutoUpdate = false;
-    const solid = new MeshStandardMaterial({ fog: false, roughness: 0.5 });
-    this.arrow = new Group();
-    this.shaft = new Mesh(new CylinderGeometry(1, 1, 1, 20), solid);
-    this.head = new Mesh(new ConeGeometry(1, 1, 24), solid);
-    this.arrow.add(this.shaft, this.head);
-    this.marks = new Group();
-    this.marks.add(this.ellipsoid, this.rings, this.arrow);
-    this.marks.visible = false;
-    this.scene.add(this.marks);
-  }
-
   setTheme({ colours, dark }) {
     this.scene.fog = new Fog(new Color(colours.view || colours.page), 1, 100);
     this.sky.intensity = dark ? 2.1 : 2.0;
-    this.ellipsoid.material.color.set(colours.accent);
-    this.rings.material.color.set(colours.accent);
-    this.shaft.material.color.set(colours.warn);
+    this.marks.paint(colours.accent, colours.warn);
     this.gridColour = colours.grid3d || colours.line;
     if (this.size) this.#floor();
     this.dirty = true;
@@ -91,8 +75,7 @@ export class Scene3D {
       this.dirty = true;
     });
     this.scene.add(this.robot);
-    this.marks.visible = false;
-    this.scale = null;
+    this.marks.forget();
     this.frame();
   }
 
@@ -198,29 +181,7 @@ export class Scene3D {
     const visible = Boolean(group && axes);
     this.dirty ||= visible || this.marks.visible;
     this.marks.visible = visible;
-    if (!visible) return;
-    const longest = Math.max(...radii);
-    const drawn = this.scale ? this.scale * longest : 0;
-    if (!(drawn > 0.12 * this.size && drawn < 0.5 * this.size)) this.scale = (0.26 * this.size) / longest;
-    const at = new Vector3().setFromMatrixPosition(group.matrixWorld);
-    const columns = [0, 1, 2].map((k) =>
-      new Vector3(axes[0][k], axes[1][k], axes[2][k]).multiplyScalar(Math.max(this.scale * radii[k], 0.004 * this.size)),
-    );
-    const matrix = new Matrix4().makeBasis(...columns).setPosition(at);
-    this.ellipsoid.matrix.copy(matrix);
-    this.rings.matrix.copy(matrix);
-    const speed = Math.hypot(...velocity);
-    const length = Math.min(this.scale * speed, 1.5 * this.size);
-    const thick = 0.012 * this.size;
-    this.arrow.visible = length > 2 * thick;
-    if (!this.arrow.visible) return;
-    const head = Math.min(5 * thick, 0.6 * length);
-    this.arrow.position.copy(at);
-    this.arrow.quaternion.copy(new Quaternion().setFromUnitVectors(UP, new Vector3(...velocity).normalize()));
-    this.shaft.scale.set(thick, length - head, thick);
-    this.shaft.position.y = 0.5 * (length - head);
-    this.head.scale.set(2.4 * thick, head, 2.4 * thick);
-    this.head.position.y = length - 0.5 * head;
+    if (visible) this.marks.place(new Vector3().setFromMatrixPosition(group.matrixWorld), axes, radii, velocity, this.size);
   }
 
   // The link at a place of the canvas [CSS pixels], or null.
@@ -258,24 +219,24 @@ export class Scene3D {
   }
 
   render() {
-    if (!this.dirty) return false;
+    const now = performance.now();
+    if (!this.dirty || now - this.last < this.pause) return false;
     this.dirty = false;
     this.renderer.render(this.scene, this.camera);
-    this.#judge();
+    this.#judge(now);
     return true;
   }
 
-  #judge() {
-    const now = performance.now();
-    if (this.fine && this.last && now - this.last < 1000) {
-      this.times.push(now - this.last);
-      if (this.times.length >= 12) {
-        const [middle] = this.times.sort((a, b) => a - b).slice(6);
-        this.times = [];
-        if (middle > SLOW) this.#coarse();
-      }
-    }
+  // Where pictures take long, as without a graphics card: first without shadows and fine pixels, then fewer of them.
+  #judge(now) {
+    if (now - this.last < 1000) this.times.push(now - this.last);
     this.last = now;
+    if (this.times.length < 12) return;
+    const middle = this.times.sort((a, b) => a - b)[6];
+    this.times = [];
+    if (middle < SLOW) return;
+    if (this.fine) this.#coarse();
+    else this.pause = Math.min(LONGEST, Math.max(this.pause, 1.5 * middle));
   }
 
   #coarse() {
@@ -293,21 +254,7 @@ export class Scene3D {
     this.camera.updateProjectionMatrix();
     if (this.robot && !this.framed) this.frame();
     this.dirty = true;
+    this.pause = 0;
     this.render();
   }
-}
-
-// The three of a unit sphere along its axes.
-function greatCircles(pieces = 64) {
-  const points = [];
-  for (let axis = 0; axis < 3; axis++) {
-    for (let k = 0; k < pieces; k++) {
-      for (const end of [k, k + 1]) {
-        const angle = (2 * Math.PI * end) / pieces;
-        const point = [Math.cos(angle), Math.sin(angle), 0];
-        points.push(new Vector3(...[0, 1, 2].map((n) => point[(n + axis) % 3])));
-      }
-    }
-  }
-  return new BufferGeometry().setFromPoints(points);
 }

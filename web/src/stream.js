@@ -11,33 +11,41 @@ export class Stream {
   constructor(handlers) {
     this.handlers = handlers;
     this.wanted = null;
-    this.turn = 0; // of whoever streams now: one that is out of date stops
+    this.newest = 0; // number of the stream that is wanted
+    this.current = 0; // of the one whose packets count: until another has sent some, the one before it
+    this.aborts = new Map();
     this.tries = 0;
   }
 
   // robot and link as text; a link of null leaves the choice to the server.
   open(robot, link, hz) {
+    const same = this.wanted?.robot === robot;
     this.wanted = { robot, link, hz };
     this.tries = 0;
-    this.#run(++this.turn);
+    const turn = ++this.newest;
+    if (!same) this.#follow(turn);
+    this.#run(turn);
   }
 
-  close() {
-    this.turn++;
-    this.abort?.abort();
+  // Only this one counts from now on.
+  #follow(turn) {
+    this.current = turn;
+    for (const [other, abort] of this.aborts) if (other !== turn) abort.abort();
   }
 
   async #run(turn) {
-    this.abort?.abort();
-    while (turn === this.turn) {
-      this.abort = new AbortController();
+    while (turn === this.newest) {
+      const abort = new AbortController();
+      this.aborts.set(turn, abort);
       let why;
       try {
-        why = await this.#read(turn, this.abort);
+        why = await this.#read(turn, abort);
       } catch (error) {
         why = error;
       }
-      if (turn !== this.turn) return;
+      this.aborts.delete(turn);
+      if (turn !== this.newest) return;
+      this.#follow(turn);
       const pause = Math.min(LONGEST, SHORTEST * 2 ** this.tries++);
       this.handlers.connection("lost", pause / 1000, String(why?.message ?? why ?? "the stream ended"));
       await new Promise((resolve) => setTimeout(resolve, pause));
@@ -48,21 +56,24 @@ export class Stream {
     const { robot, link, hz } = this.wanted;
     const query = new URLSearchParams({ robot, hz: String(hz) });
     if (link) query.set("link", link);
-    let watch = setTimeout(() => abort.abort(new Error("nothing came")), SILENCE);
+    const silent = () => abort.abort(new Error("nothing came"));
+    let watch = setTimeout(silent, SILENCE);
     try {
       const answer = await fetch(`stream?${query}`, { signal: abort.signal, cache: "no-store" });
       if (!answer.ok) {
-        if (answer.status === 404) this.handlers.unknown?.();
-        throw new Error(`the server says ${answer.status}`);
+        if (answer.status === 404) this.handlers.unknown();
+        if (answer.status === 400 && turn === this.newest) this.wanted.link = null; // another robot has no such link
+        throw new Error((await answer.json().catch(() => ({}))).error ?? `the server says ${answer.status}`);
       }
       const packets = new Packets((kind, payload) => this.#take(kind, payload));
       const reader = answer.body.getReader();
       for (;;) {
         const { done, value } = await reader.read();
-        if (turn !== this.turn) return null;
+        if (turn === this.newest && turn !== this.current && !done) this.#follow(turn);
+        if (turn !== this.current) return null;
         if (done) return new Error("the stream ended");
         clearTimeout(watch);
-        watch = setTimeout(() => abort.abort(new Error("nothing came")), SILENCE);
+        watch = setTimeout(silent, SILENCE);
         packets.take(value);
         this.tries = 0;
       }

@@ -50,11 +50,18 @@ export class Timeline {
     const most = energy.reduce((a, b) => Math.max(a, b ?? 0), 1e-12);
     const { colours } = this.shared.theme;
     ctx.fillStyle = faded("#4e79a7", 0.55);
-    ctx.beginPath();
-    ctx.moveTo(0, height);
-    x.forEach((t, k) => ctx.lineTo(across(t), height - ((height - 5) * (energy[k] ?? 0)) / most));
-    ctx.lineTo(width, height);
-    ctx.fill();
+    let from = 0;
+    for (let k = 0; k <= x.length; k++) {
+      if (k < x.length && energy[k] !== null) continue;
+      ctx.beginPath(); // of what lies between two gaps
+      for (let n = from; n < k; n++) ctx.lineTo(across(x[n]), height - ((height - 5) * energy[n]) / most);
+      if (k > from) {
+        ctx.lineTo(across(x[k - 1]), height);
+        ctx.lineTo(across(x[from]), height);
+      }
+      ctx.fill();
+      from = k + 1;
+    }
     ctx.fillStyle = colours.bad;
     x.forEach((t, k) => contact[k] > 0 && ctx.fillRect(across(t) - 0.75, 0, 2, 5));
     for (const { start, end } of this.shared.contacts?.() ?? []) {

@@ -1,0 +1,76 @@
+// The ellipsoid of J M⁻¹ Jᵀ at a link, and the link's velocity: in the same scale, metres for metres per second.
+
+import {
+  BufferGeometry, ConeGeometry, CylinderGeometry, Group, LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshStandardMaterial,
+  Quaternion, SphereGeometry, Vector3,
+} from "three";
+
+const UP = new Vector3(0, 1, 0); // of three's cylinders
+const SIZE = 0.26; // of the ellipsoid, in parts of the robot's
+const [SMALLEST, BIGGEST] = [0.12, 0.5]; // between which the scale stays as it is
+
+export class Marks extends Group {
+  constructor() {
+    super();
+    const glass = { transparent: true, depthWrite: false, fog: false };
+    this.ellipsoid = new Mesh(new SphereGeometry(1, 48, 32), new MeshStandardMaterial({ ...glass, opacity: 0.3, roughness: 0.4 }));
+    this.rings = new LineSegments(greatCircles(), new LineBasicMaterial({ ...glass, opacity: 0.55 }));
+    for (const one of [this.ellipsoid, this.rings]) one.matrixAutoUpdate = false;
+    this.solid = new MeshStandardMaterial({ fog: false, roughness: 0.5 });
+    this.arrow = new Group();
+    this.shaft = new Mesh(new CylinderGeometry(1, 1, 1, 20), this.solid);
+    this.head = new Mesh(new ConeGeometry(1, 1, 24), this.solid);
+    this.arrow.add(this.shaft, this.head);
+    this.add(this.ellipsoid, this.rings, this.arrow);
+    this.forget();
+  }
+
+  forget() {
+    this.visible = false;
+    this.ratio = 0;
+  }
+
+  paint(ellipsoid, arrow) {
+    for (const one of [this.ellipsoid, this.rings]) one.material.color.set(ellipsoid);
+    this.solid.color.set(arrow);
+  }
+
+  // at: the link's origin; axes in columns; radii and velocity [m/s]; size: the robot's [m].
+  place(at, axes, radii, velocity, size) {
+    const longest = Math.max(...radii);
+    const drawn = this.ratio * longest;
+    if (!(drawn > SMALLEST * size && drawn < BIGGEST * size)) this.ratio = (SIZE * size) / longest;
+    const columns = [0, 1, 2].map((k) =>
+      new Vector3(axes[0][k], axes[1][k], axes[2][k]).multiplyScalar(Math.max(this.ratio * radii[k], 0.004 * size)),
+    );
+    const matrix = new Matrix4().makeBasis(...columns).setPosition(at);
+    this.ellipsoid.matrix.copy(matrix);
+    this.rings.matrix.copy(matrix);
+    const length = Math.min(this.ratio * Math.hypot(...velocity), 1.5 * size);
+    const thick = 0.012 * size;
+    this.arrow.visible = length > 2 * thick;
+    if (!this.arrow.visible) return;
+    const head = Math.min(5 * thick, 0.6 * length);
+    this.arrow.position.copy(at);
+    this.arrow.quaternion.copy(new Quaternion().setFromUnitVectors(UP, new Vector3(...velocity).normalize()));
+    this.shaft.scale.set(thick, length - head, thick);
+    this.shaft.position.y = 0.5 * (length - head);
+    this.head.scale.set(2.4 * thick, head, 2.4 * thick);
+    this.head.position.y = length - 0.5 * head;
+  }
+}
+
+// The three of a unit sphere along its axes.
+function greatCircles(pieces = 64) {
+  const points = [];
+  for (let axis = 0; axis < 3; axis++) {
+    for (let k = 0; k < pieces; k++) {
+      for (const end of [k, k + 1]) {
+        const angle = (2 * Math.PI * end) / pieces;
+        const point = [Math.cos(angle), Math.sin(angle), 0];
+        points.push(new Vector3(...[0, 1, 2].map((n) => point[(n + axis) % 3])));
+      }
+    }
+  }
+  return new BufferGeometry().setFromPoints(points);
+}
