@@ -336,6 +336,12 @@ def test_blocks_run(page, tmp_path, monkeypatch, capfd):
             assert done.returncode == 0, f"{where}: {capfd.readouterr().err}"
 
 
+def test_every_example_is_shown():
+    """On the page of examples, as it stands in its file."""
+    shown = re.findall(r"\{literalinclude\} \.\./examples/(\w+\.py)", text_of("examples.md"))
+    assert sorted(shown) == sorted(path.name for path in (ROOT / "examples").glob("*.py"))
+
+
 def test_quick_starts_are_the_files():
     """The parameters of each robot stand in a file, and in the page as they are in the file."""
     files = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "config" / "robots").glob("*.yaml")}

@@ -41,7 +41,11 @@ def test_every_page_is_there(site):
 def test_every_public_name_is_documented(site):
     """With a place of its own, by Sphinx's own list."""
     inventory = sphinx_inventory.InventoryFile.loads((site / "objects.inv").read_bytes(), uri="")
-    names = {name for kind in ("py:class", "py:function", "py:exception") for name in inventory.data.get(kind, {})}
+    names = {
+        name
+        for kind in ("py:class", "py:function", "py:exception", "py:module")
+        for name in inventory.data.get(kind, {})
+    }
     assert {f"diag_dynamics.{name}" for name in dd.__all__} - names == set()
     methods = set(inventory.data["py:method"])
     for method in ("evaluate", "evaluate_batch", "jacobian", "forward_dynamics", "factors"):
