@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from diag_dynamics.arrays import Array
 from diag_dynamics.model import RobotModel
 from diag_dynamics.sweeps.spatial import ANGULAR_X
 
@@ -152,6 +151,6 @@ def none_of(nv: int) -> dict[str, Any]:
     return {"external_torque": [None] * nv, "external_torque_norm": None, "norm": None, "energy": None}
 
 
-def finite(values: Array) -> list[float | None]:
+def finite(values: Iterable[float]) -> list[float | None]:
     """Numbers for JSON, which knows no infinity and no NaN: None instead."""
     return [float(value) if np.isfinite(value) else None for value in values]

@@ -20,7 +20,7 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any, NamedTuple
-from urllib.parse import parse_qs, unquote, urlsplit
+from urllib.parse import SplitResult, parse_qs, unquote, urlsplit
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.page.show import Show
@@ -268,7 +268,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Answer."""
         try:
             self._require_own_name()
-            url = urlsplit(self.path)
+            url = _split(self.path)
             asked = {name: values[-1] for name, values in parse_qs(url.query).items()}
             path = unquote(url.path)
             if path == "/robots":
@@ -295,7 +295,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _require_own_name(self) -> None:
         """Refuse a request to another host's name: a page of elsewhere could have that name lead here, and read."""
-        name = urlsplit(f"//{self.headers.get('Host', '')}").hostname or ""
+        name = _split(f"//{self.headers.get('Host', '')}").hostname or ""
         own = {"localhost", socket.gethostname().lower(), self.server.server_name.lower()}
         if name in own or name.endswith((".localhost", ".local")):
             return
@@ -391,6 +391,14 @@ class _Handler(BaseHTTPRequestHandler):
         self.connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         if hasattr(socket, "TCP_NOTSENT_LOWAT"):
             self.connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT)
+
+
+def _split(url: str) -> SplitResult:
+    """Parts of an address, which anybody may have made up."""
+    try:
+        return urlsplit(url)
+    except ValueError as error:
+        raise RefusedError(HTTPStatus.BAD_REQUEST, f"'{plain(url)}' is no address.") from error
 
 
 class _Stream:

@@ -36,7 +36,9 @@ def page(tmp_path):
 
 @pytest.fixture
 def server(shows, page):
-    server = PageServer(lambda: shows, static=page)
+    faults = []
+    server = PageServer(lambda: shows, static=page, log=faults.append)
+    server.faults = faults
     server.start()
     yield server
     server.stop()
@@ -326,7 +328,12 @@ def test_streams_end_with_the_server(shows, page):
 def test_another_robot_comes_with_a_layout_of_its_own(page):
     """The stream goes on when the robot changes; a link that it lacks is no longer chosen."""
     moving = [MovingRobot(dd.load_urdf(PANDA))]
-    show = Show("/", lambda dynamics: moving[0].take(dynamics))
+
+    def take(dynamics):
+        """What is of another robot than the one in force is not for it."""
+        return moving[0].take(dynamics) if dynamics.model.dof_names == moving[0].model.dof_names else None
+
+    show = Show("/", take)
     show.use(dd.DiagonalDynamics(moving[0].model), None, None)
     server = PageServer(lambda: [show], static=page)
     server.start()
@@ -340,3 +347,32 @@ def test_another_robot_comes_with_a_layout_of_its_own(page):
         assert np.isnan(stream.next(FRAME)["twist"]).all()
         assert stream.next(HEARTBEAT, lambda beat: beat["robot"] == "ur5")["link"] == ""
     server.stop()
+
+
+def test_requests_that_are_none(server):
+    """Whatever comes: an answer that says no, or the end of the connection; the next one is served."""
+    rng = np.random.default_rng(5)
+    host, port = server.server_address[:2]
+    nonsense = [rng.integers(0, 256, 400, dtype=np.uint8).tobytes() for _ in range(20)]
+    nonsense += [
+        b"GET\r\n\r\n",
+        b"GET / HTTP/9.9\r\n\r\n",
+        b"GET /%ff%00 HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"GET /stream?robot=%2Farm&hz=1e999 HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"GET http://[ HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost: [\r\n\r\n",
+        b"GET /" + 100_000 * b"a" + b" HTTP/1.1\r\n\r\n",
+        b"GET / HTTP/1.1\r\n" + 300 * b"X: y\r\n" + b"\r\n",
+        b"GET /robots HTTP/1.1\r\nContent-Length: 99999999\r\nHost: localhost\r\n\r\n",
+    ]
+    for data in nonsense:
+        with socket.create_connection((host, port), timeout=10) as one:
+            try:
+                one.sendall(data)
+                one.shutdown(socket.SHUT_WR)
+                answer = one.recv(4096)
+            except OSError:  # it was hung up on
+                continue
+            assert b"200 OK" not in answer or b"/robots" in data, (data[:60], answer[:60])
+    assert get(server.address, "/robots")[0] == 200
+    assert server.faults == []
