@@ -24,6 +24,9 @@ POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inli
 SLOW = "pose", "link_energy"
 """Fields that change slowly enough to be kept less often where states are kept at their full rate."""
 
+LOGARITHMIC = ("coriolis_work",)
+"""Fields of which the exponent counts: their logarithms are packed."""
+
 EVERY = 20
 """States of which one has these."""
 
@@ -45,14 +48,19 @@ class Track(NamedTuple):
 
 def overview(layout: Layout, t: Array, numbers: Any) -> Track:
     """States that stand for the whole recording; times in seconds after its beginning."""
-    packed = pack(numbers)
-    about = {"kind": "overview", "rows": len(t), "parts": [{"fields": None, "every": 1, "columns": packed.columns}]}
+    packed = pack(_scaled(layout, numbers))
+    about = {
+        "kind": "overview",
+        "rows": len(t),
+        "logarithmic": LOGARITHMIC,
+        "parts": [{"fields": None, "every": 1, "columns": packed.columns}],
+    }
     return Track(about, [pack_times(t), packed.data])
 
 
 def full_rate(layout: Layout, t: Array, numbers: Any) -> Track:
     """All states of some seconds; the fields :data:`SLOW` of every :data:`EVERY`-th."""
-    slow = np.zeros(layout.size, dtype=bool)
+    numbers, slow = _scaled(layout, numbers), np.zeros(layout.size, dtype=bool)
     for name in SLOW:
         slow[layout.place(name)] = True
     fast, few = pack(numbers[:, ~slow], FULL_RATE_LEVELS, OF_NOISE), pack(numbers[::EVERY, slow], LEVELS)
@@ -60,12 +68,23 @@ def full_rate(layout: Layout, t: Array, numbers: Any) -> Track:
     about = {
         "kind": "full rate",
         "rows": len(t),
+        "logarithmic": LOGARITHMIC,
         "parts": [
             {"fields": [name for name in names if name not in SLOW], "every": 1, "columns": fast.columns},
             {"fields": [name for name in names if name in SLOW], "every": EVERY, "columns": few.columns},
         ],
     }
     return Track(about, [pack_times(t), fast.data, few.data])
+
+
+def _scaled(layout: Layout, numbers: Any) -> Any:
+    """Numbers as they are packed; those of :data:`LOGARITHMIC` fields that are zero are unknown then."""
+    scaled = np.array(numbers, dtype=float)
+    for name in LOGARITHMIC:
+        place = layout.place(name)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scaled[:, place] = np.log10(scaled[:, place])
+    return scaled
 
 
 def page_of(static: Path = STATIC) -> list[str]:

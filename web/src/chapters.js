@@ -29,7 +29,7 @@ function overall({ summary, begin }, act) {
     const [label, unit] = PEAKS[name] ?? [name, ""];
     rows.push(line(`largest ${label}`, `${number(value)} ${unit} at `, at(when - begin, act), ...(of ? [", ", ...breakable(of)] : [])));
   }
-  const shares = Object.entries(summary.kinetic_energy.share).sort((a, b) => b[1] - a[1]).slice(0, 5);
+  const shares = Object.entries(summary.kinetic_energy.share).sort((a, b) => b[1] - a[1]).slice(0, 3);
   if (shares.length) rows.push(line("largest shares", shares.map(([name, value]) => `${name} ${number(value)} J`).join(", ")));
   rows.push(line("balance explains", summary.explained === null ? UNKNOWN : percent(summary.explained), summary.explained === null ? "" : ` of dK/dt; residual ${number(summary.residual_power)} W rms`));
   if (summary.explained_with_potential !== null) rows.push(line("with potential energy", percent(summary.explained_with_potential)));
@@ -65,7 +65,7 @@ function quality({ summary }) {
     line("messages rejected", rejected ? Object.entries(summary.rejected).map(([cause, n]) => `${n} ${cause}`).join(", ") : "0"),
   ];
   if (q.velocity_delay !== null) rows.push(line("velocities come late by", span(q.velocity_delay)));
-  const texts = [...summary.findings.map(({ cause, count, text }) => `${cause}${count > 1 ? ` (${count} ×)` : ""}: ${text}`), ...summary.warnings];
+  const texts = [...summary.findings.map(({ cause, count, text }) => (cause === "note" ? text : `${cause}${count > 1 ? ` (${count} ×)` : ""}: ${text}`)), ...summary.warnings];
   return card("quality", "Data", el("dl", {}, ...rows), el("ul", {}, ...texts.map((text) => el("li", {}, ...breakable(text)))));
 }
 

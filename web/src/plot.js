@@ -72,22 +72,24 @@ export class Plot {
 
   // Puts the cursor to where it belongs, and the numbers at it into the legend.
   place() {
-    if (!this.plot || !this.seen) return;
-    const { view } = this.shared;
     const rows = this.shared.rows();
-    if (!rows.length) return;
-    const t = view.shown();
-    const x = this.plot.valToPos(t - this.base, "x");
-    const inside = x >= -1 && x <= this.plot.over.clientWidth + 1;
-    this.cursor.hidden = !inside;
-    if (inside) this.cursor.style.transform = `translateX(${x}px)`;
-    const base = rows.base(rows.nearest(t));
+    if (!this.plot || !this.seen || !rows.length) return;
+    this.#line();
+    const base = rows.base(rows.nearest(this.shared.view.shown()));
     this.values = this.lines.map((line) => line.get(rows.data, base) * (line.factor ?? this.spec.factor ?? 1));
     this.values.forEach((value, k) => {
       const line = this.lines[k];
       say(this.cells[k], number(value));
       toggle(this.chips[k], "above", line.threshold != null && Math.abs(value) > line.threshold);
     });
+  }
+
+  // By the scale that is drawn: uPlot takes a new one somewhat later than it is told of it.
+  #line() {
+    const x = this.plot.valToPos(this.shared.view.shown() - this.base, "x");
+    const inside = x >= -1 && x <= this.plot.over.clientWidth + 1;
+    this.cursor.hidden = !inside;
+    if (inside) this.cursor.style.transform = `translateX(${x}px)`;
   }
 
   #choose(rows, i0, i1) {
@@ -190,7 +192,7 @@ export class Plot {
         ...(extra ? [{ ...axis, scale: "rate", side: 1, size: Math.round(2.6 * size), grid: { show: false }, space: 2.1 * size }] : []),
       ],
       series: [{}, ...draws.map((draw) => draw.series)],
-      hooks: { drawClear: [(u) => this.#zero(u)], draw: [(u) => this.#thresholds(u)] },
+      hooks: { drawClear: [(u) => this.#zero(u)], draw: [(u) => this.#thresholds(u), () => this.plot && this.#line()] },
     };
     this.plot = new uPlot(options, [[], ...draws.map(() => [])], this.box);
     this.plot.over.append(this.cursor);

@@ -47,6 +47,7 @@ async function read(layout, track) {
       const { offset, size } = layout.fields.get(name);
       const own = found.slice(k, k + size);
       k += size;
+      if (track.logarithmic.includes(name)) for (const column of own) column.forEach((x, i) => (column[i] = 10 ** x));
       if (name === "pose" && every > 1) sameSigns(own);
       own.forEach((column, n) => (columns[offset + n] = every === 1 ? column : stretched(column, every, track.rows)));
     }
