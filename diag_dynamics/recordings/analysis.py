@@ -10,7 +10,8 @@ import numpy as np
 from diag_dynamics.alarms.detector import AlarmDetector, Judged
 from diag_dynamics.alarms.found import Alarms
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.exceptions import DiagDynamicsError
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.parameters.contact_points import contact_points
 from diag_dynamics.recordings.balance import Windows, WindowSums
 from diag_dynamics.recordings.collisions import Collisions
 from diag_dynamics.recordings.intake import States
@@ -18,6 +19,7 @@ from diag_dynamics.recordings.observed import Observer
 from diag_dynamics.recordings.outcome import Outcome
 from diag_dynamics.recordings.quality import Quality
 from diag_dynamics.recordings.recording import SIZE
+from diag_dynamics.recordings.touches import Touches
 from diag_dynamics.results import BatchEvaluation
 
 WAITING = 2
@@ -73,7 +75,22 @@ class Analysis:
         self._observing = gain, threshold
         alarms = wanted.alarms if wanted else None
         self._detector = AlarmDetector(model.dof_names, alarms) if alarms else None
-        self.outcome = Outcome(model, Quality(model), *self._observing, self._collisions())
+        self._points, self._newest = self._contact_points(reading, settings.contact), None  # and the last stamp [ns]
+        self.outcome = Outcome(model, Quality(model), *self._observing, self._collisions(), self._touches())
+
+    @staticmethod
+    def _contact_points(reading, wanted):
+        """ContactPoints, where limits are wanted."""
+        if wanted.limits is None:
+            return None
+        if reading.described is None:
+            raise InputError("contact.limits_file needs the robot's description: a model is made already.")
+        points, _ = contact_points(reading.model, reading.described, wanted)
+        return points if points.limited.any() else None
+
+    def _touches(self):
+        """What gathers contact, where there is a limit."""
+        return Touches(self._points.names) if self._points else None
 
     def _collisions(self, goes_on=False):
         """What gathers collisions: of the detector, or by the observer's own threshold."""
@@ -114,7 +131,7 @@ class Analysis:
         before = self.outcome
         self.reading.intake.anew()
         collisions = self._collisions(not self._detector and before.collisions.goes_on)
-        self.outcome = Outcome(self.model, before.quality.anew(), *self._observing, collisions)
+        self.outcome = Outcome(self.model, before.quality.anew(), *self._observing, collisions, self._touches())
         self.outcome.begin = self._memory()
 
     def _memory(self):
@@ -171,7 +188,18 @@ class Analysis:
         self.outcome.balance.take(windows)
         self.outcome.quality.take(states)
         self._note(states, s, observed, judged)
+        if self.outcome.touches and states.number:
+            self._touch(states)
         return Piece(states, s, observed, windows, judged)
+
+    def _touch(self, states):
+        """Take note of what a touch would have cost."""
+        stamps = states.newest
+        before = stamps[0] if self._newest is None else self._newest
+        since = np.diff(stamps, prepend=before) * 1e-9
+        self._newest = int(stamps[-1])
+        contact = self._dynamics.contact_batch(states.position, states.velocity, self._points, threads=self._threads)
+        self.outcome.touches.take(stamps, since, contact)
 
     def _evaluated(self, states):
         """States that can be evaluated, and their evaluation."""

@@ -17,6 +17,8 @@ class Outcome:
         Of the observer.
     collisions : Collisions or Alarms
         What gathers them.
+    touches : Touches, optional
+        What gathers contact, where there are limits.
 
     Attributes
     ----------
@@ -26,6 +28,7 @@ class Outcome:
     quality : Quality
     peaks : Peaks
     collisions : Collisions or Alarms
+    touches : Touches or None
     histogram : Histogram
         Of the kinetic energy [J].
     states : int
@@ -37,10 +40,10 @@ class Outcome:
         What was known at the first message and after the last one; see :mod:`diag_dynamics.recordings.seams`.
     """
 
-    def __init__(self, model, quality, gain, threshold, collisions):
+    def __init__(self, model, quality, gain, threshold, collisions, touches=None):
         self.robot, self.names, self.gain, self.threshold = model.name, tuple(model.dof_names), gain, threshold
         self.balance, self.quality, self.peaks = Balance(self.names), quality, Peaks()
-        self.collisions, self.histogram = collisions, Histogram()
+        self.collisions, self.histogram, self.touches = collisions, Histogram(), touches
         self.states, self._kinetic = 0, 0.0
         self.account = self.begin = self.end = None
         self.offset = 0
@@ -64,6 +67,8 @@ class Outcome:
         """Take in that of the next piece."""
         for name in ("account", "balance", "quality", "peaks", "collisions", "histogram"):
             getattr(self, name).add(getattr(other, name))
+        if self.touches:
+            self.touches.add(other.touches)
         if not self.states:
             self.offset = other.offset
         self.states += other.states

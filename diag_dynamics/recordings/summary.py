@@ -34,7 +34,9 @@ def summary_of(outcome):
         and `rejected` by cause; `kinetic_energy`: `mean`, `max` [J], `at` [s], `share`, the largest of each joint, and
         `histogram`: `from`, `to` [J], `states`; `peaks`; `explained`, `explained_with_potential`, `residual_power` [W]: None
         without efforts; `balance`, `observer`; `collisions`: `start`, `end`, `joints`, `norm`, and where thresholds of alarms
-        were given `first`, `exceeded` and `told`; `quality`; `warnings`; `findings`: `cause`, `count`, `text`.
+        were given `first`, `exceeded` and `told`; `contact`, with limits of it: `above`, how long any point was above its
+        limit, `of`, both [s], `above_by_point`, and `worst`, moments by `usage`, the part of the allowed speed; `quality`;
+        `warnings`; `findings`: `cause`, `count`, `text`.
     """
     quality, balance, peaks, names = outcome.quality, outcome.balance, outcome.peaks, outcome.names
     offset, counts = outcome.offset, outcome.account.counts
@@ -90,6 +92,7 @@ def summary_of(outcome):
             | _exceeded(one)
             for one in outcome.collisions.found
         ],
+        "contact": outcome.touches.told(time) if outcome.touches else None,
         "quality": report,
         "warnings": quality.warnings(),
         "findings": [{"cause": one.cause, "count": one.count, "text": one.text} for one in outcome.account.findings()],
@@ -111,6 +114,7 @@ def _by_name(names, values):
 def text_of(summary, width=WIDTH):
     """The same for people: lines of no more than so many characters, as far as names allow. Times are from the beginning."""
     lines = [*_about_states(summary), *_about_energy(summary), *_about_balance(summary), *_about_collisions(summary)]
+    lines += _about_contact(summary)
     notes = [one["text"] for one in summary["findings"] if one["cause"] == NOTE]
     faults = [Finding(**one) for one in summary["findings"] if one["cause"] != NOTE]
     for heading, texts in (("Worth knowing", [*map(str, faults), *summary["warnings"]]), ("How it was read", notes)):
@@ -130,6 +134,23 @@ def _wrapped(line, width):
 def _after(summary, time):
     """A time of the recording as seconds after its first state."""
     return f"{time - summary['begin']:.3f} s"
+
+
+def _about_contact(summary):
+    contact = summary["contact"]
+    if not contact:
+        return []
+    lines = ["", f"Limits of contact exceeded for {contact['above']:.3g} s of {contact['of']:.6g} s"]
+    by_point = sorted(contact["above_by_point"].items(), key=lambda one: -one[1])
+    if by_point:
+        lines += [f"  by {', '.join(f'{name} {seconds:.3g} s' for name, seconds in by_point[:FEW])}"]
+    for one in contact["worst"][:FEW]:
+        at = _after(summary, one["at"])
+        lines.append(
+            f"  {at}: {one['point']} at {100 * one['usage']:.0f} % of the speed allowed by {one['region']}: "
+            f"{one['speed']:.3g} m/s, {one['reflected_mass']:.3g} kg, {one['energy']:.3g} J, {one['force']:.3g} N"
+        )
+    return lines
 
 
 def _about_states(summary):

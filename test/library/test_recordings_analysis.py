@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
+from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.recordings.account import Account
 from diag_dynamics.recordings.analysis import Analysis
@@ -36,6 +37,7 @@ class Given:
     def __init__(self, model, states, **parameters):
         self.model, self.settings, self._states = model, Settings.of(DEFAULTS | parameters), states
         self.offset, self.intake, self.settles = S, Intake(model, self.settings), False
+        self.described = find_urdf("ur5") if model.name.startswith("ur5") else None
 
     def pieces(self, size):
         for first in range(0, self._states.number, size):
@@ -431,3 +433,36 @@ def test_velocities_in_degrees_are_told_of(ur5, motion):
     t, q, qd, tau = motion
     quality, _ = quality_of(ur5, t, q, np.degrees(qd), tau)
     assert sum("not the slope" in text for text in quality.warnings()) >= 3
+
+
+def test_time_above_limits_of_contact_and_worst_moments(ur5, motion, tmp_path):
+    """Sums and maxima over single calls of the library; in pieces as in one; nothing of it without limits."""
+    t, q, qd, tau = motion
+    points = dd.ContactPoints(ur5, dd.link_geometry(ur5, find_urdf("ur5")).points, None)
+    energy = dd.DiagonalDynamics(ur5).contact_batch(q, qd, points).energy
+    limit = float(np.quantile(energy.max(axis=1), 0.7))
+    path = tmp_path / "limits.yaml"
+    path.write_text(f"regions: {{any: {{energy: {limit!r}}}}}")
+    outcome, summary = analysed(ur5, states_of(t, q, qd, tau), **{"contact.limits_file": str(path)})
+    contact = summary["contact"]
+    since = np.diff(t, prepend=t[0])
+    assert contact["above"] == pytest.approx(since @ (energy > limit).any(axis=1), rel=1e-6)
+    assert contact["of"] == pytest.approx(t[-1] - t[0])
+    by_point = {name: since @ (energy[:, k] > limit) for k, name in enumerate(points.names)}
+    assert contact["above_by_point"] == pytest.approx({name: s for name, s in by_point.items() if s}, rel=1e-6)
+    worst = contact["worst"]
+    k = np.unravel_index(np.argmax(energy), energy.shape)
+    assert worst[0]["at"] == pytest.approx(t[k[0]]) and worst[0]["usage"] == pytest.approx(np.sqrt(energy[k] / limit))
+    assert worst[0]["energy"] == pytest.approx(energy[k]) and worst[0]["region"] == "any"
+    usages, times = [one["usage"] for one in worst], np.array([one["at"] for one in worst])
+    assert usages == sorted(usages, reverse=True) and len(worst) == 5
+    assert np.abs(times[:, None] - times)[~np.eye(5, dtype=bool)].min() >= 1.0 - 1e-9
+    assert f"{worst[0]['point']} at" in text_of(summary) and "Limits of contact exceeded for" in text_of(summary)
+    json.dumps(summary, allow_nan=False)
+    half = len(t) // 2
+    first, _ = analysed(ur5, states_of(t[:half], q[:half], qd[:half], tau[:half]), **{"contact.limits_file": str(path)})
+    rest, _ = analysed(ur5, states_of(t[half:], q[half:], qd[half:], tau[half:]), **{"contact.limits_file": str(path)})
+    first.touches.add(rest.touches)
+    assert first.touches.any_above == pytest.approx(outcome.touches.any_above, abs=0.003)
+    assert first.touches.moments[0] == outcome.touches.moments[0]
+    assert analysed(ur5, states_of(t, q, qd, tau))[1]["contact"] is None

@@ -26,7 +26,6 @@ from diag_dynamics.nodes.controller.effort_controller import JointsWatch, joints
 from diag_dynamics.nodes.controller.record import Record, problems_of_limits, values_of_loop
 from diag_dynamics.nodes.controller.status import status_message
 from diag_dynamics.nodes.support.clocks import clock_notes
-from diag_dynamics.nodes.support.contact_points import bounded_points
 from diag_dynamics.nodes.support.declaring import declare, judge
 from diag_dynamics.nodes.support.descriptions import Descriptions, DescriptionTopic
 from diag_dynamics.nodes.support.diagnostics import ERROR, WARN, Diagnostics, Status, counted, shortened
@@ -38,6 +37,7 @@ from diag_dynamics.nodes.support.publishing import RateLimit, connected
 from diag_dynamics.nodes.support.reading import read_joint_state
 from diag_dynamics.nodes.support.runner import main_of
 from diag_dynamics.nodes.support.usage import defaults_of, parser_of
+from diag_dynamics.parameters.contact_points import bounded_points
 from diag_dynamics.parameters.controller import COMPENSATES, PARAMETERS, WHY_REQUIRED
 from diag_dynamics.parameters.spec import Spec
 from diag_dynamics.wire.joint_states import KnownJointStates

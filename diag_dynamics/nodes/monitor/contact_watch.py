@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from diag_dynamics.nodes.support.contact_points import contact_points
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN, Status, counted
+from diag_dynamics.parameters.contact_points import contact_points
 
 
 def prepared(model, description, wanted):
