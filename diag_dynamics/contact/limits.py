@@ -16,6 +16,9 @@ from diag_dynamics.yaml_files import read_yaml
 CLAMPED = "clamped"
 """What a file has for the mass of a body region that cannot give way."""
 
+SOFTEST = 500.0
+"""Stiffness [N/m] below which one is taken for one in N/mm, as tables have it: no part of a body is so soft."""
+
 
 @dataclass(frozen=True)
 class BodyRegion:
@@ -35,7 +38,8 @@ class BodyRegion:
     Raises
     ------
     InputError
-        A number is wrong, or a limit of force has no stiffness.
+        A number is wrong, a limit of force has no stiffness, or a stiffness can only be one in N/mm: taken for N/m it would
+        allow speeds that are thirty times too high.
     """
 
     mass: float = math.inf
@@ -49,6 +53,11 @@ class BodyRegion:
             object.__setattr__(self, name, value if value == math.inf else positive(name, value, unit))
         if self.stiffness != 0.0 or self.force != math.inf:
             object.__setattr__(self, "stiffness", positive("stiffness", self.stiffness, "[N/m]"))
+            if self.stiffness < SOFTEST:
+                raise InputError(
+                    f"stiffness is {self.stiffness:g} N/m, softer than any part of a body; is it in N/mm, as tables have it? "
+                    f"1 N/mm is 1000 N/m; expected {SOFTEST:g} at least."
+                )
 
     @property
     def is_limited(self) -> bool:

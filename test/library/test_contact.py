@@ -390,6 +390,7 @@ def test_limits_from_a_file(tmp_path):
     ("text", "said"),
     [
         ("regions: {a: {force: 100}}", "stiffness"),
+        ("regions: {a: {stiffness: 75, force: 100}}", "region 'a': stiffness is 75 N/m.* in N/mm"),
         ("regions: {a: {energy: -1}}", "region 'a': energy is -1"),
         ("regions: {a: {pressure: 1}}", "'pressure', which is none of mass, stiffness"),
         ("regions: {a: {energy: 1}}\nlinks: {b: [c]}", "'c', which is none of the regions"),
