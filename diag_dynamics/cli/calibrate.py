@@ -7,6 +7,8 @@ import sys
 from datetime import datetime, timezone
 from pathlib import Path
 
+import numpy as np
+
 from diag_dynamics.alarms.thresholds import HOLD_OFF, RELEASE, STANDING
 from diag_dynamics.cli import given
 from diag_dynamics.cli.interrupted import orderly
@@ -16,12 +18,16 @@ from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.calibration import calibrate, per_time
 from diag_dynamics.recordings.summary import REJECTED
+from diag_dynamics.sweeps.spatial import LINEAR_X, LINEAR_Y, LINEAR_Z
 
 DONE, WORTH_KNOWING, FAILED = range(3)
 """Exit statuses: thresholds that hold what was asked; thresholds with a warning; none."""
 
 EPILOG = """exit status: 0 calibrated; 1 calibrated, but the recordings are too short for what was asked, their parts are
 unlike, or something of them could not be read (see the summary); 2 not calibrated."""
+
+LINEAR = (LINEAR_X, LINEAR_Y, LINEAR_Z)
+"""Directions along which an external effort is a force."""
 
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 
@@ -59,9 +65,10 @@ def _calibrate(chosen):
     given.refuse_outputs([*chosen.recording, chosen.urdf, chosen.columns, *chosen.parameters], {"-o": chosen.output})
     parameters = parameters_of(chosen.parameters, chosen.set)
     recordings = given.streamed(chosen, chosen.recording, parameters, given.robot_of(chosen.urdf))
+    model = recordings[0].model
     found = calibrate(
         recordings,
-        DiagonalDynamics(recordings[0].model),
+        DiagonalDynamics(model),
         chosen.gain,
         rate,
         release=chosen.release,
@@ -78,7 +85,8 @@ def _calibrate(chosen):
         (Path(one.path).name, finding) for one in recordings for finding in one.findings if finding.cause != "note"
     ]
     if not chosen.quiet:
-        print("\n".join(text_of(found, chosen.output, [f"'{name}': {finding}" for name, finding in findings])))
+        told = [f"'{name}': {finding}" for name, finding in findings]
+        print("\n".join(text_of(found, model, chosen.output, told)))
     unread = any(finding.cause == "unread" or finding.cause.startswith(REJECTED) for _, finding in findings)
     return WORTH_KNOWING if found.warnings or unread else DONE
 
@@ -101,11 +109,13 @@ def rate_of(text):
     return rate
 
 
-def text_of(found, path, findings):
+def text_of(found, model, path, findings):
     """Lines for people."""
     low, high = found.rate_interval
     how = f"{found.peaks} alarms counted" if found.method == "counted" else f"from the tail of {found.peaks} peaks"
     width = max(len("|m r|"), *map(len, found.joints))
+    bodies = model.bodies[1:]
+    slides = {model.dof_names[k] for k in bodies["dof"][np.isin(bodies["direction"], LINEAR)]}
     return [
         f"{found.duration:.4g} s without contact, observer of gain {found.gain:g}/s "
         f"{'with' if found.friction else 'without'} friction of the model",
@@ -114,7 +124,7 @@ def text_of(found, path, findings):
         f"(95 %: {per_time(low)} to {per_time(high)}); on the recordings themselves {found.alarms}",
         "",
         "Thresholds",
-        *(f"  {name:{width}}  {value:.4g} N m (prismatic: N)" for name, value in found.joints.items()),
+        *(f"  {name:{width}}  {value:.4g} {'N' if name in slides else 'N m'}" for name, value in found.joints.items()),
         f"  {'|m r|':{width}}  {found.external_torque:.4g} N m",
         f"  {'|r|':{width}}  {found.norm:.4g} J^0.5/s",
         *(["", "Worth knowing"] if found.warnings or findings else []),

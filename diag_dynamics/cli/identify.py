@@ -99,7 +99,12 @@ def _identify(chosen):
         Path(chosen.json).write_text(json.dumps(found.quality, indent=1, allow_nan=False), encoding="utf-8")
     if not chosen.quiet and chosen.json != "-":
         print(plain_lines(summary(found, recordings[-1].t[0])))
-        for what, path in (("parameters", chosen.output), ("URDF", chosen.write_urdf), ("plots", chosen.plots)):
+        for what, path in (
+            ("parameters", chosen.output),
+            ("URDF", chosen.write_urdf),
+            ("plots", chosen.plots),
+            ("quality", chosen.json),
+        ):
             if path:
                 print(plain(f"Wrote {path}: {what}."), file=sys.stderr)
         if not chosen.output:
@@ -109,11 +114,11 @@ def _identify(chosen):
 
 def _draw(path, recording, model, found):
     """A page of plots of the last recording."""
-    shares = ["-" if share is None else f"{share:.2f}" for share in found.quality["explained"]]
+    shares = ["-" if share is None else f"{share:.2f}" for share in found.quality["explained_total"]]
     title = (
         f"{model.name}: {', '.join(found.quality['taken']) or 'nothing taken'}. Effort that the model leaves unexplained, by "
         f"the observer at {GAIN:g}/s; shaded: held out.\n"
-        f"The balance of power explains {shares[0]} of dK/dt before, {shares[1]} after."
+        f"Of d(K + U)/dt the efforts explain {shares[0]} before, {shares[1]} after."
     )
     torques = [observe(DiagonalDynamics(one), recording, GAIN).external_torque for one in (model, found.model)]
     first = recording.t[0]
@@ -136,6 +141,7 @@ def summary(found, first):
     lines.append(
         f"  {'joint':{wide}}  {'effort, rms':>17}  {'observer, spread':>17}   damping  friction    offset  armature"
     )
+    lines.append(f"  {'SI units':{wide}}  {'N m':>17}  {'N m':>17}   N m s/rad     N m       N m     kg m²")
     for name in quality["torque_rms"]:
         columns = (_arrow(quality[key][name]) for key in ("torque_rms", "observer_spread"))
         lines.append(f"  {name:{wide}}  {'  '.join(columns)}  {_numbers(found.parameters.joints.get(name))}")

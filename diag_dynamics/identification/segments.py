@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.account import Finding
+from diag_dynamics.recordings.account import Finding, without_efforts
 
 LEAST_GAP, GAPS = 0.05, 10.0
 """Time without states from which a segment begins anew: the longer one of this [s] and so many median intervals."""
@@ -51,7 +51,7 @@ def segments_of(recording, model, findings):
         There are no efforts, or velocities are beyond what the robot can do.
     """
     if recording.tau is None:
-        raise InputError("the recording has no efforts, without which nothing can be identified.")
+        raise InputError(f"{without_efforts(recording.counts)}, without which nothing can be identified.")
     stamp = np.asarray(recording.stamp)
     finite = np.isfinite(recording.tau).all(axis=1)
     for columns in (recording.q, recording.qd):

@@ -11,6 +11,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.plot.drawing import COLOURS, GREY, envelope, name, parted, pyplot, text_colour, tidy
 from diag_dynamics.plot.given import require_states
+from diag_dynamics.recordings.account import without_efforts
 from diag_dynamics.recordings.balance import Balance, Windows, WindowSums
 from diag_dynamics.recordings.recording import SIZE, Recording
 
@@ -37,7 +38,7 @@ def balance(of: Recording) -> Any:
     instance("what is plotted", of, Recording)
     require_states(of)
     if of.tau is None:
-        raise InputError("the recording has no efforts, without which there is no balance of power.")
+        raise InputError(f"{without_efforts(of.counts)}, without which there is no balance of power.")
     windows, judged = _windows(of)
     if not len(windows.kinetic):
         raise InputError(f"there is no balance of power: {judged.judgement()}.")

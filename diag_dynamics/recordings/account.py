@@ -41,6 +41,17 @@ TEXTS = {
 """What is told of, though no message was rejected, by the name of its count; without a text, that of the last time."""
 
 
+def without_efforts(counts):
+    """Why a recording has no efforts, by what became of its messages: the beginning of an error."""
+    absurd = counts.get("absurd effort", 0)
+    if absurd:
+        return (
+            f"the recording has no efforts, for those of {absurd} states are beyond what can be and were taken as unknown "
+            "(absurd.effort, absurd.beyond_effort; are they in N m?)"
+        )
+    return "the recording has no efforts, or in no state one of every joint"
+
+
 class Account:
     """Counts and texts, which those of the next piece can be added to.
 
@@ -98,7 +109,8 @@ class Account:
     def without_states(self, path):
         """The error about a recording without a single state: it says what became of its messages."""
         found = sorted((one for one in self.findings() if one.cause != NOTE), key=lambda one: -one.count)
-        return InputError(f"'{path}' has not a single state: {'; '.join(map(str, found[:3])) or 'it has no messages'}.")
+        told = "; ".join(map(str, found[:3])) or "it has no messages"
+        return InputError(f"'{path}' has not a single state: {told.removesuffix('.')}.")
 
     def _text(self, cause):
         if cause != "incomplete":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import chain, pairwise
@@ -97,13 +98,15 @@ def calibrate(
     for one in chain([first], many):
         observer = Observer(dynamics, gain, friction=friction, max_gap=max_gap, threads=threads)
         with_states = with_efforts = False
+        counts: Counter[str] = Counter()
         for piece in [one] if isinstance(one, Recording) else one:
             require_same_robot(dynamics, piece)
             with_states, with_efforts = with_states or len(piece) > 0, with_efforts or piece.tau is not None
+            counts.update(piece.counts)
             for stamps, (residual, torque, _, valid, _) in observer.observed(piece.states):
                 seen.take(stamps, residual, torque, valid)
         if not with_efforts:
-            require_efforts(with_states)
+            require_efforts(with_states, counts)
     return calibrated(seen, model.dof_names, gain, false_alarms, ends, friction=friction)
 
 

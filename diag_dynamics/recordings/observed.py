@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from diag_dynamics.checks import instance, per_name, positive
 from diag_dynamics.compiled.tables import Addresses
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.account import without_efforts
 from diag_dynamics.recordings.kernels import prepare
 from diag_dynamics.recordings.kernels.observation import HAS_SAMPLE, OBSERVED, OBSERVER, observe_many
 from diag_dynamics.recordings.recording import SIZE, Recording
@@ -80,7 +82,7 @@ def observe(
     instance("dynamics", dynamics, DiagonalDynamics)
     require_same_robot(dynamics, recording)
     if recording.tau is None:
-        require_efforts(len(recording) > 0)
+        require_efforts(len(recording) > 0, recording.counts)
     observer = Observer(dynamics, gain, threshold, release, friction=friction, max_gap=max_gap, threads=threads)
     pieces = [columns for _, columns in observer.observed(recording.states)]
     columns = (np.concatenate(column) for column in zip(*pieces, strict=True))
@@ -97,11 +99,11 @@ def require_same_robot(dynamics: DiagonalDynamics, recording: Recording) -> None
         )
 
 
-def require_efforts(with_states: bool) -> None:
+def require_efforts(with_states: bool, counts: Mapping[str, int]) -> None:
     """Refuse a recording that has no efforts, and perhaps no states either."""
     if not with_states:
         raise InputError("the recording has no states: its findings say why.")
-    raise InputError("the recording has no efforts, without which no external torque can be observed.")
+    raise InputError(f"{without_efforts(counts)}, without which no external torque can be observed.")
 
 
 class Observer:

@@ -42,7 +42,9 @@ def picture(path, title, time, torques, torque_rms, held_out):
         axes.margins(x=0)
         axes.tick_params(labelsize=8)
         axes.spines[["top", "right"]].set_visible(False)
-        if k // 2 == rows - 1:
+        if k % 2 == 0:
+            axes.set_ylabel("N m, N", fontsize=8)
+        if k + 2 >= len(names):  # the lowest one of its column
             axes.set_xlabel("time [s]", fontsize=8)
         else:
             axes.tick_params(labelbottom=False)

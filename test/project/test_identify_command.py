@@ -1,6 +1,7 @@
 """`diag-dynamics identify` and what it writes, on a simulated arm whose truth is known."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -39,7 +40,9 @@ def test_writes_what_it_finds(recording, tmp_path, capsys):
     out, err = capsys.readouterr()
     assert "friction, rotors" in out.splitlines()[0]
     assert "From " in out
-    assert all(f"Wrote {path}" in err for path in (arm, plots, urdf))
+    head = next(k for k, line in enumerate(out.splitlines()) if "damping" in line)
+    assert "N m s/rad" in out.splitlines()[head + 1]
+    assert all(f"Wrote {path}" in err for path in (arm, plots, urdf, quality))
     found = dd.Parameters.load(arm)
     for name, truth in TRUTH.items():
         one = found.joints[name]
@@ -97,3 +100,22 @@ def test_errors(recording, options, message, capsys):
     assert main(["identify", str(recording), *(() if "--urdf" in options else ("--urdf", "ur5_robot")), *options]) == 2
     assert message in capsys.readouterr().err
     assert recording.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("factor", "message"),
+    [
+        (1e6, r"no efforts, for those of \d+ states are beyond what can be .* are they in N m\?"),
+        (np.nan, "no efforts, or in no state one of every joint"),
+    ],
+)
+def test_tells_why_there_are_no_efforts(recording, tmp_path, factor, message, capsys):
+    """A wrong unit, or one joint without: the file has a column of efforts, and it would be wrong to say that it has none."""
+    names = recording.read_text().splitlines()[0]
+    columns = np.loadtxt(recording, delimiter=",", skiprows=1)
+    columns[:, names.split(",").index("tau_elbow_joint")] *= factor
+    wrong = tmp_path / "wrong.csv"
+    np.savetxt(wrong, columns, delimiter=",", header=names, comments="")
+    for command in (["identify"], ["calibrate", "-o", str(tmp_path / "a.yaml")]):
+        assert main([command[0], str(wrong), "--urdf", "ur5_robot", *command[1:]]) == 2
+        assert re.search(message, capsys.readouterr().err)
