@@ -113,6 +113,7 @@ def usage():
         "",
         "Diagonalized dynamics of any robot (Jain and Rodriguez, 1995).",
     ]
+    width = max(map(len, COMMANDS)) + 1
     for title, commands in GROUPS.items():
-        lines += ["", f"{title}:", *(f"  {name:13}{command.about}" for name, command in commands.items())]
+        lines += ["", f"{title}:", *(f"  {name:{width}}{command.about}" for name, command in commands.items())]
     return "\n".join(lines)

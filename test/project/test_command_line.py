@@ -36,7 +36,7 @@ def test_help_lists_every_command(capsys):
     for arguments in ([], ["--help"], ["help"]):
         assert main(arguments) == 0
         said = capsys.readouterr().out
-        assert all(f"  {name}" in said for name in COMMANDS) and max(map(len, said.splitlines())) < 90
+        assert all(f"  {name} " in said for name in COMMANDS) and max(map(len, said.splitlines())) < 90
 
 
 def test_every_executable_and_tool_is_a_command():
