@@ -1,6 +1,7 @@
 """Calibration of alarms on the running monitor: what it proposes is what dd.calibrate makes of the same states."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -212,5 +213,8 @@ def test_without_a_run_nothing_is_kept(panda):
     run = robot_.torque.run = CalibrationRun(robot_, 1.0)
     robot_.torque.forget()
     assert run.interrupted == 1 and not run.ended
+    for interval in (0.2, 0.31):
+        run.take(0, SimpleNamespace(valid=False, reason=f"no sample for {interval} s"), False)
+    assert "states without a result: 2, no sample for 0.31 s (the last one)" in run.notes()
     robot_.torque.use(robot_.torque.dynamics, observation)
     assert run.ended and robot_.torque.run is None

@@ -49,13 +49,15 @@ class CalibrationRun:
         self.seen = Residuals(robot.model.nv, self.observation.max_gap)
         self.first = self.last = None
         self.ended, self.interrupted, self.energy_alarms = "", 0, 0
-        self._alarms, self._without = 0, Counter()
+        self._alarms, self._without, self._reasons = 0, Counter(), {}
 
     def take(self, stamp, seen, begins):
         """Take in what the observer has seen, and whether an alarm begins by the thresholds in force."""
         self._alarms += bool(begins)
         if not seen.valid:
-            self._without[steady(seen.reason)] += 1
+            kind = steady(seen.reason)
+            self._without[kind] += 1
+            self._reasons[kind] = seen.reason
             return
         if self.first is None:
             self.first = stamp
@@ -99,7 +101,10 @@ class CalibrationRun:
 
     def notes(self):
         """Texts: what is missing in the run."""
-        told = [f"states without a result: {count}, {reason}" for reason, count in self._without.most_common(FEW)]
+        told = []
+        for kind, count in self._without.most_common(FEW):
+            last = self._reasons[kind]
+            told.append(f"states without a result: {count}, {last}{'' if last == kind else ' (the last one)'}")
         if self.seen.gaps:
             told.append(f"{self.seen.gaps} gaps, which count for nothing")
         if self.interrupted:
