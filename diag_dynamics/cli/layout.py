@@ -1,6 +1,7 @@
 """`diag-dynamics layout`: a layout of a viewer for one robot, with its joints' names."""
 
 import argparse
+import shlex
 import sys
 from pathlib import Path
 
@@ -45,7 +46,9 @@ def _write(chosen):
         print(text, end="")
     else:
         Path(chosen.output).expanduser().write_text(text, encoding="utf-8")
-        print(plain(f"Wrote {chosen.output}: {tool.opened.replace('FILE', chosen.output)}."), file=sys.stderr)
+        print(
+            plain(f"Wrote {chosen.output}: {tool.opened.replace('FILE', shlex.quote(chosen.output))}."), file=sys.stderr
+        )
     print(
         f"It has not been tried with {tool.title} itself: it follows what {tool.title}'s source reads. That every topic, "
         "field and joint in it exists is tested.",

@@ -178,10 +178,12 @@ def command(*arguments, **options):
 def test_command_writes_a_file(tmp_path):
     """By its name, or on stdout; with the parameters that the monitor has; and says that nobody has tried it."""
     for tool in TOOLS:
-        path = tmp_path / tool
+        path = tmp_path / f"my {tool}"
         done = command("--tool", tool, "panda", "-o", str(path))
         assert done.returncode == 0 and not done.stdout
         assert f"Wrote {path}" in done.stderr and f"not been tried with {TOOLS[tool].title} itself" in done.stderr
+        if "FILE" in TOOLS[tool].opened:  # a command that can be pasted
+            assert f"'{path}'." in done.stderr
         assert path.read_text(encoding="utf-8") == layout(tool, model_of("panda"))
     free = command("--tool", "foxglove", "panda", "--set", "mimic=free", "--monitor", "/x/m")
     model = dd.load_robot("panda", mimic="free")
