@@ -210,9 +210,9 @@ class MonitorNode(ManagedNode):
             )
         if robot.without_rotors:
             self.get_logger().info(
-                f"The URDF moves next to nothing at {counted(robot.without_rotors)}: at its effort limit such a joint is at "
-                "full speed before the motor's current has risen. Kinetic energy and alarms are wrong there without the "
-                "rotor's inertia: armature, or a parameters_file by diag-dynamics identify (docs/identify.md)."
+                f"Joints at which the URDF has next to no inertia: {counted(robot.without_rotors)}. At its effort limit such "
+                "a joint is at full speed before the motor's current has risen. Kinetic energy and alarms are wrong there "
+                "without the rotor's inertia: armature, or a parameters_file by diag-dynamics identify (docs/identify.md)."
             )
         self.get_logger().info(
             f"Ready: robot '{robot.model.name}', {robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg; "
