@@ -33,7 +33,18 @@ def without_ros():
     return None
 
 
-LONGEST = ("test_benchmarks.py", "test_kernel.py", "test_physics.py", "test_simulation.py", "test_demo_control.py")
+LONGEST = (
+    "test_benchmarks.py",
+    "test_page_browser.py",
+    "test_site.py",
+    "test_tutorial.py",
+    "test_packaging.py",
+    "test_report.py",
+    "test_kernel.py",
+    "test_physics.py",
+    "test_simulation.py",
+    "test_demo_control.py",
+)
 """Files that take a minute or more, the first to be handed out: begun last, one of them would keep all others waiting."""
 
 
