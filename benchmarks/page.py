@@ -181,13 +181,14 @@ def page(found):
         "Written by `python benchmarks/page.py`. CPU-seconds of the view's process per second, in % of a core: without a",
         f"tab, with one and with two that take {HZ:g} frames per second with a link's ellipsoid. Beside it a node that",
         "subscribes to the bytes of states and does nothing with them, and the monitor, which observes external torque,",
-        "without a view and with one. Whatever else a machine does makes these larger.",
+        "without a view and with one. Whatever else a machine does makes these larger. Where it is too busy for all frames,",
+        "the bound is compared with what as many as were asked for would cost.",
         "",
         "| robot | states/s | no tab | one tab | two tabs | frames/s | at most | raw subscription | monitor, watched |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for (robot, rate, most), one in found.items():
-        verdict = f"{most:g} %, {'met' if one.one <= most else 'missed'}"
+        verdict = f"{most:g} %, {'met' if one.one * HZ / one.frames <= most else 'missed'}"
         lines.append(
             f"| {robot} | {rate:g} | {one.idle:.1f} % | {one.one:.1f} % | {one.two:.1f} % | {one.frames:.1f} | {verdict} "
             f"| {one.raw:.1f} % | {one.monitor:.1f} %, {one.monitor_watched:.1f} % |"
@@ -202,7 +203,7 @@ def main():
     options.add_argument("--rounds", type=int, default=3)
     options.add_argument("--output", type=Path, default=ROOT / "benchmarks" / "results" / "view.md")
     chosen = options.parse_args()
-    os.environ.setdefault("ROS_DOMAIN_ID", "99")
+    os.environ.setdefault("ROS_DOMAIN_ID", "120")  # beyond those of tests
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     text = "\n".join(page({case: measure(*case[:2], chosen.seconds, chosen.rounds) for case in CASES}))
     print(text)
