@@ -114,6 +114,8 @@ class Show:
             The robot has no such link.
         """
         with self._lock:
+            if link and self._dynamics is not None:
+                self._dynamics.model.placement_in_body(link)  # refuses one that there is not
             self._refresh()
             return Newest(self._layouts, self._number, self._head + self._tail(link) if self._number else b"")
 

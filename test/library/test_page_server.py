@@ -296,6 +296,16 @@ def test_frames_are_made_once_for_all(shows):
     assert len({frame[:400] for frame in frames}) == 1
 
 
+def test_a_link_is_refused_before_there_is_a_state():
+    """A page is told whose ellipsoid its frames have with the layout, which comes before the first of them."""
+    show = Show("/", lambda _: None)
+    assert show.newest("panda_hand").frame == b""  # nobody knows yet
+    show.use(dd.DiagonalDynamics(dd.load_urdf(PANDA)), None, None)
+    assert show.newest("panda_hand").number == 0
+    with pytest.raises(dd.InputError, match="'tool0' is not a link"):
+        show.newest("tool0")
+
+
 def counting(robot, counted):
     """The robot's first state, and no other."""
 
