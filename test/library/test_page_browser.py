@@ -2,8 +2,11 @@
 
 import colorsys
 import io
+import json
+import struct
 import threading
 import time
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import pytest
@@ -13,10 +16,10 @@ import diag_dynamics as dd
 from browser import Tab, browser
 from diag_dynamics.demos.moving_robot import MovingRobot, show_of
 from diag_dynamics.model.example_robots import find_urdf
-from diag_dynamics.page.frames import Told
+from diag_dynamics.page.frames import FrameMaker, Told
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
-from diag_dynamics.page.server import PageServer
+from diag_dynamics.page.server import STATIC, PageServer
 from diag_dynamics.page.show import Show, Taken
 
 pytest.importorskip("yourdfpy")
@@ -386,3 +389,71 @@ def test_no_text_is_cut_off(live):
 def test_show_of_is_what_a_page_gets(server):
     """The demo's own way to a page, without a browser."""
     assert show_of(str(find_urdf("ur5")), RATE, "/demo").about()["name"] == "/demo"
+
+
+class _AsFastAsItGoes(BaseHTTPRequestHandler):
+    """A server that sends so many frames, 50 to a second of their stamps, without a pause."""
+
+    frames, layout, row = 30_000, b"", None
+
+    def log_message(self, *_):
+        pass
+
+    def do_GET(self):
+        path = self.path.partition("?")[0]
+        answers = {
+            "/robots": json.dumps([{"name": "/fast", "robot": "fast", "alive": True}]).encode(),
+            "/layout": self.layout,
+            **{f"/{name}": (STATIC / name).read_bytes() for name in ("page.js", "page.css")},
+            "/": (STATIC / "index.html").read_bytes(),
+        }
+        self.send_response(200 if path in answers or path == "/stream" else 404)
+        kind = {"/": "text/html", "/page.js": "text/javascript", "/page.css": "text/css"}.get(
+            path, "application/octet-stream"
+        )
+        self.send_header("Content-Type", kind)
+        self.end_headers()
+        self.wfile.write(answers.get(path, b""))
+        if path == "/stream":
+            self._stream()
+
+    def _stream(self):
+        self.wfile.write(struct.pack("<IB", len(self.layout), 0) + self.layout)
+        size = 8 + 4 * len(self.row)
+        for first in range(0, self.frames, 100):
+            stamps = [1000.0 + 0.02 * k for k in range(first, first + 100)]
+            packets = [struct.pack("<IBd", size, 1, stamp) + self.row.tobytes() for stamp in stamps]
+            self.wfile.write(b"".join(packets))
+
+
+def test_memory_is_bounded_over_ten_minutes_sent_at_once(chromium):
+    """Five minutes are kept, and the heap does not grow with what came before."""
+    model = dd.load_urdf(chain(["one", "two", "three"]))
+    maker = FrameMaker(dd.DiagonalDynamics(model))
+    _AsFastAsItGoes.layout = json.dumps(maker.layout.to_json(scene_of(model, chain(["one", "two", "three"])))).encode()
+    _AsFastAsItGoes.row = np.full(maker.layout.size, 0.5, dtype="<f4")
+    server = ThreadingHTTPServer(("127.0.0.1", 0), _AsFastAsItGoes)
+    server.daemon_threads = True
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    tab = Tab(chromium, (800, 600))
+    try:
+        tab.page.goto(f"http://127.0.0.1:{server.server_port}/", wait_until="domcontentloaded")
+        tab.until("diag.state.frames >= 15000")
+        session = tab.page.context.new_cdp_session(tab.page)
+        half = heap(session)
+        tab.until("diag.state.frames >= 29999")
+        state = tab.ask("diag.state")
+        assert state["stored"] == 15_000
+        assert state["last"] - state["first"] == pytest.approx(300.0, abs=0.03)
+        assert state["bytes"] <= 15_000 * (8 + 4 * maker.layout.size)
+        assert heap(session) < half + 5e6
+    finally:
+        tab.close()
+        server.shutdown()
+        server.server_close()
+
+
+def heap(session):
+    """Bytes of the page's heap, garbage collected."""
+    session.send("HeapProfiler.collectGarbage")
+    return session.send("Runtime.getHeapUsage")["usedSize"]
