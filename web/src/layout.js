@@ -44,6 +44,7 @@ export class Layout {
     for (const joint of this.scene.joints) {
       if (!joint.follows) for (const dof of this.#dofsOf(joint)) this.linkOfDof[dof] ??= joint.child;
     }
+    this.linkOfDof = this.linkOfDof.map((link) => link ?? this.links[0]); // of a floating base
     const base = this.dofs.map((_, k) => k).filter((k) => this.json.floating_base && k < 6);
     for (const { name } of this.scene.links) {
       let joint = carriers.get(name);
