@@ -274,7 +274,8 @@ def test_links_lead_somewhere():
 def test_pages_that_code_names_are_there():
     """A comment, a message or a test that sends somebody to docs/… sends them to a page."""
     folders = ("benchmarks", "config", "diag_dynamics", "docs", "launch", "msg", "scripts", "srv", "test")
-    files = [path for folder in folders for path in (ROOT / folder).rglob("*.*") if path.suffix not in (".jpg", ".png", ".pyc")]
+    no_text = (".jpg", ".png", ".pyc")
+    files = [path for folder in folders for path in (ROOT / folder).rglob("*.*") if path.suffix not in no_text]
     for path in (ROOT / "README.md", *files):
         for name in re.findall(r"\bdocs/((?:howto/|api/)?\w+\.md)\b", path.read_text(encoding="utf-8")):
             assert (DOCS / name).is_file(), f"{path.relative_to(ROOT)}: docs/{name}"
