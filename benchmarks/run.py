@@ -26,6 +26,7 @@ try:
     import stepping
     import tasks
     import throughput
+    import top
     from cases import FEW, ROBOTS, Case, Robot
     from peers import Mujoco, Pinocchio
     from rows import Measured
@@ -78,7 +79,7 @@ SHORT = Plan(
 )
 
 
-PARTS = ("library", "starts", "recordings", "identification", "observer", "alarms", "nodes")
+PARTS = ("library", "starts", "recordings", "identification", "observer", "alarms", "nodes", "top")
 
 
 def main():
@@ -108,9 +109,10 @@ def main():
         "observer": disturbances,
         "alarms": calibrations,
         "nodes": nodes,
+        "top": terminals,
     }
     chosen = [arguments.only] if arguments.only else PARTS
-    if "nodes" in chosen and not importlib.util.find_spec("rclpy"):
+    if {"nodes", "top"} & set(chosen) and not importlib.util.find_spec("rclpy"):
         options.error(
             "the nodes need a ROS 2: source scripts/env.bash, or leave them out with --only library or observer"
         )
@@ -180,6 +182,15 @@ def calibrations(short, folder, _):
     print(alarms.table(found))
     if folder:
         alarms.write(found, folder)
+
+
+def terminals(short, folder, _):
+    """Measure the terminal view."""
+    _say("watches the terminal view")
+    found = top.measure(5.0, top.CASES[:2]) if short else top.measure()
+    print("\n".join(top.table(found)))
+    if folder:
+        top.write(found, report.machine(("numpy",)), folder)
 
 
 def nodes(short, folder, official):

@@ -58,6 +58,7 @@ GROUPS = {
         "simulator": _node("a robot to try things on"),
         "controller": _node("moves a robot by laws in (ν, ε)"),
         "view": _node("a page in the browser that shows robots live"),
+        "top": _node("robots in this terminal: joints by energy or torque, with peaks"),
         "energy-view": _node("a running monitor's kinetic energy in this terminal"),
         "demo": _node("simulator, monitor and view of one robot"),
         "demo-control": _node("a push on an arm under control"),
