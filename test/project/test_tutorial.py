@@ -12,7 +12,7 @@ import pytest
 from pages import blocks_of
 
 ROOT = Path(__file__).parents[2]
-PATIENCE = 120.0
+PATIENCE = 300.0
 """A command that has not said its text, or not ended, by then has failed [s]."""
 
 pytestmark = pytest.mark.ros
