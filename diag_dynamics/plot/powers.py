@@ -13,6 +13,7 @@ from diag_dynamics.plot.drawing import COLOURS, GREY, envelope, name, parted, py
 from diag_dynamics.plot.given import require_states
 from diag_dynamics.recordings.account import without_efforts
 from diag_dynamics.recordings.balance import Balance, Windows, WindowSums
+from diag_dynamics.recordings.explained import NOTHING, PART
 from diag_dynamics.recordings.recording import SIZE, Recording
 
 
@@ -62,9 +63,18 @@ def balance(of: Recording) -> Any:
     both.legend(
         frameon=False, fontsize="small", ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2
     )
-    share = "" if judged.explained is None else f": {max(100 * judged.explained, 0.0):.1f} % of dK/dt explained"
-    both.set_title(f"{name(of.model.name)}{share}", fontsize="medium", loc="left")
+    both.set_title(f"{name(of.model.name)}{_share(judged)}", fontsize="medium", loc="left")
     return figure
+
+
+def _share(judged: Balance) -> str:
+    """What is explained, in words: of a slow robot's dK/dt nothing is, while all but a little is of d(K + U)/dt."""
+    explained, total, what = judged.explained, judged.explained_total, "dK/dt"
+    if explained is None:
+        return ""
+    if explained < NOTHING and total is not None and total >= PART:
+        explained, what = total, "d(K + U)/dt"
+    return f": {100 * explained:.1f} % of {what} explained" if explained > 0.0 else f": nothing of {what} explained"
 
 
 def _windows(recording: Recording) -> tuple[Windows, Balance]:

@@ -161,6 +161,18 @@ def test_rest_of_the_balance_is_the_power_of_a_push(recording, motion, panda):
     assert both.get_ylabel() == "power [W]"
 
 
+def test_a_slow_robot_is_judged_with_its_potential_energy(panda, motion):
+    """At a tenth of the speed an effort that is off by 0.3 N m explains nothing of dK/dt, and most of d(K + U)/dt."""
+    t, q, qd, _, _ = motion
+    slow = 0.1 * qd
+    tau = dd.DiagonalDynamics(panda).inverse_dynamics_batch(q, slow, np.gradient(slow, 10 * t, axis=0), friction=True)
+    tau[:, :7] += 0.3
+    title = dd.plot.balance(Recording(panda, states_of(10 * t, q, slow, tau), 0, {}, [])).axes[0].get_title(loc="left")
+    assert re.search(r"panda: \d+\.\d % of d\(K \+ U\)/dt explained", title)
+    title = dd.plot.balance(Recording(panda, states_of(10 * t, q, slow, -tau), 0, {}, [])).axes[0].get_title(loc="left")
+    assert title == "panda: nothing of dK/dt explained"
+
+
 def test_external_torque_of_each_joint(recording, dyn, panda, motion):
     thresholds = dd.AlarmThresholds({"panda_joint1": 0.5, "*": 100.0})
     observed = dd.observe(dyn, recording, 40.0)
