@@ -46,8 +46,9 @@ class Identification:
         self.parameters.save(path)
 
     def __repr__(self) -> str:
-        before, after = self.quality["explained"]
+        shares = self.quality["explained_total"]  # not that of dK/dt, which is less than noise of a slow robot
+        before, after = ("-" if share is None else f"{share:.2f}" for share in shares)
         return (
-            f"<Identification of '{self.model.name}': {', '.join(self.quality['taken']) or 'nothing'}; explained "
-            f"{'-' if before is None else f'{before:.2f}'} before, {'-' if after is None else f'{after:.2f}'} after>"
+            f"<Identification of '{self.model.name}': {', '.join(self.quality['taken']) or 'nothing'}; of d(K + U)/dt "
+            f"explained {before} before, {after} after>"
         )
