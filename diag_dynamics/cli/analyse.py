@@ -34,6 +34,9 @@ EPILOG = """exit status: 0 all is well; 1 analysed, but part of it could not be 
 power explains less than 80 % (see the summary), or there is none though there are efforts, or one of several recordings
 failed; 2 nothing could be analysed."""
 
+THRESHOLDS = {"alarm.joints", "alarm.external_torque", "alarm.norm", "external_torque.threshold"}
+"""Parameters without any of which a file has no alarms."""
+
 OUTPUTS = "mcap", "parquet", "csv", "report", "json"
 """Options that name a file to be written."""
 
@@ -96,6 +99,9 @@ def _analyse(chosen):
         ratio = summary["duration"] / max(time.perf_counter() - begun, 1e-9)
         took = time.perf_counter() - begun
         print(f"\nAnalysed in {took:.1f} s, {ratio:.3g} times as fast as it was recorded.", file=sys.stderr)
+        for path in (*_outputs(chosen).values(), chosen.json):
+            if path:
+                print(f"Wrote {_shown(path)}.", file=sys.stderr)
     return WORTH_KNOWING if _is_wrong(summary) else DONE
 
 
@@ -226,6 +232,11 @@ def _analyse_fleet(chosen):
 
 def _parameters(chosen):
     """Parameters of the monitor, of all files and of the command line."""
+    if chosen.alarms and not THRESHOLDS & set(parameters_of([chosen.alarms])):
+        raise InputError(
+            f"--alarms: '{_shown(chosen.alarms)}' has no thresholds, expected one of {', '.join(sorted(THRESHOLDS))}, as "
+            "diag-dynamics calibrate writes them; other parameters are for --parameters."
+        )
     return parameters_of([*chosen.parameters, *([chosen.alarms] if chosen.alarms else [])], chosen.set)
 
 

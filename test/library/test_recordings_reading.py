@@ -464,8 +464,13 @@ def test_command_says_what_is_wrong(tmp_path, raws, capsys):
     assert main(["analyse", str(path), "--urdf", "panda", "--parquet", str(tmp_path / "no" / "out.parquet")]) == 2
     assert "no folder" in capsys.readouterr().err
     assert main(["analyse", str(path), "--urdf", "ur5", "--parquet", str(tmp_path / "out.parquet")]) == 2
-    assert "not a single state" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "not a single state" in said and ".." not in said
     assert not list(tmp_path.glob("out*"))
+    arm = tmp_path / "arm.yaml"
+    arm.write_text("joints: {panda_joint1: {damping: 1.0}}\n")
+    assert main(["analyse", str(path), "--urdf", "panda", "--alarms", str(arm)]) == 2
+    assert f"'{arm}' has no thresholds" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("option", ["--mcap", "--parquet", "--csv", "--json"])
