@@ -261,6 +261,18 @@ def test_report_when_all_is_well(monitor, panda):
     assert (report.level, report.message) == (STALE, "no joint states")
 
 
+def test_names_of_another_robot_are_told(monitor, panda):
+    """A driver whose prefix was changed sends as ever: the entry says which joints come, and not that none do."""
+    good(monitor, panda)
+    q, qd, tau, _ = panda.samples[1]
+
+    def told(report):
+        monitor.feeder.publish(joint_state([f"left_{name}" for name in panda.names], q, qd, tau, monitor.peer.now()))
+        return report.level == STALE and "messages are of other joints, as 'left_panda_joint1'" in report.message
+
+    monitor.wait_for_report(told, "names")
+
+
 # --- parameters at run time
 
 

@@ -129,6 +129,9 @@ class Traffic:
             return OK, "publishing"
         if recent["awaiting velocity"]:
             return WARN, "no velocity has been estimated yet"
+        if robot and recent["foreign"] and robot.assembler.last_foreign:
+            other = shortened(robot.assembler.last_foreign[0])
+            return STALE, f"no joint states of this robot: messages are of other joints, as '{other}'"
         return STALE, "no joint states"
 
 
