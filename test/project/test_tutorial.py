@@ -95,7 +95,10 @@ def test_the_path_of_a_stranger(ros_domain, tmp_path, monkeypatch):
                 assert block.language == "bash", block
                 terminal = Terminal(block, tmp_path, environment)
                 if block.how == "run in the background":
-                    running[block.what] = terminal
+                    name, _, texts = block.what.partition(", until ")
+                    running[name] = terminal
+                    for text in texts.split(", and ") if texts else ():
+                        terminal.wait_for(text)
                 elif block.how == "run until":
                     try:
                         terminal.wait_for(block.what)

@@ -4,8 +4,8 @@
     Python blocks of a page share their names; one of bash has to end with status 0.
 ``<!-- test: run until: TEXT -->``
     Until the text has been printed; then it is interrupted, if it has not ended.
-``<!-- test: run in the background: NAME -->`` and ``<!-- test: end: NAME, NAME -->``
-    What somebody starts in a terminal of its own, and ends by Ctrl-C.
+``<!-- test: run in the background: NAME, until TEXT, and TEXT -->`` and ``<!-- test: end: NAME, NAME -->``
+    What somebody starts in a terminal of its own, and ends by Ctrl-C; what follows waits until the texts were printed.
 ``<!-- test: parameters of NODE -->``
     A parameter file: every name and value is one that the node takes.
 ``<!-- test: not run: REASON -->``
