@@ -12,7 +12,7 @@ import diag_dynamics as dd
 from diag_dynamics.alarms.detector import AlarmDetector
 from diag_dynamics.alarms.rates import poisson_interval, upper_limit
 from diag_dynamics.alarms.thresholds import AlarmThresholds
-from diag_dynamics.cli.calibrate import rate_of
+from diag_dynamics.cli.calibrate import rate_of, text_of
 from diag_dynamics.cli.main import main
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.files import parameters_of
@@ -383,6 +383,21 @@ def test_nothing_is_written_over_a_recording(tables, capsys):
     before = free.read_bytes()
     assert main(["calibrate", str(free), "--urdf", "ur5", "-o", str(free)]) == 2
     assert "is read" in capsys.readouterr().err and free.read_bytes() == before
+
+
+def test_thresholds_have_the_unit_of_their_joint():
+    """Of a gripper that slides N, of joints that turn N m; of one of several degrees of freedom each its own."""
+    slider = """<robot name="r"><link name="base"/>
+      <link name="a"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="flat" type="planar"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/></joint>
+      <joint name="slide" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="1 0 0"/>
+        <limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>"""
+    model = dd.load_urdf(slider)
+    seen = noise(np.random.default_rng(2), 120.0)
+    found = calibrated(residuals_of(seen), model.dof_names, 25.0, 1 / 60, AlarmThresholds())
+    units = {words[0]: words[2:] for words in map(str.split, text_of(found, model, "a.yaml", [])) if words}
+    assert [units[name] for name in model.dof_names] == [["N"], ["N"], ["N", "m"], ["N"]]
 
 
 def test_recordings_that_cannot_be_used(ur5, tables, tmp_path):

@@ -10,6 +10,7 @@ from lxml import etree
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
 from diag_dynamics.identification.exciting import excite
+from diag_dynamics.views.identified import picture
 from robots import robot_path
 
 UR5 = robot_path("ur_description/urdf/ur5_robot.urdf")
@@ -119,3 +120,15 @@ def test_tells_why_there_are_no_efforts(recording, tmp_path, factor, message, ca
     for command in (["identify"], ["calibrate", "-o", str(tmp_path / "a.yaml")]):
         assert main([command[0], str(wrong), "--urdf", "ur5_robot", *command[1:]]) == 2
         assert re.search(message, capsys.readouterr().err)
+
+
+def test_every_column_of_plots_has_its_times_and_a_unit(tmp_path, monkeypatch):
+    """Of an odd number of joints, too, where the right column ends a row earlier."""
+    figures = []
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *_, **__: figures.append(figure))
+    names = ("a", "b", "c")
+    torques = [np.zeros((4, 3))] * 2
+    picture(tmp_path / "x.png", "three", np.arange(4.0), torques, dict.fromkeys(names, (1.0, 0.5)), (2.0, 3.0))
+    a, b, c, _ = figures[0].axes
+    assert [axes.get_xlabel() for axes in (a, b, c)] == ["", "time [s]", "time [s]"]
+    assert [axes.get_ylabel() for axes in (a, c)] == ["N m, N"] * 2
