@@ -105,7 +105,10 @@ def link_geometry(
         found: Array | None = None
         for role in ("collision", "visual") if geometry != "frames" else ():
             try:
-                shapes = [s for s in shapes_of(elements[link], role) if s.kind != "mesh" or geometry == "meshes"]
+                every = shapes_of(elements[link], role)
+                shapes = [s for s in every if s.kind != "mesh" or geometry == "meshes"]
+                if every and not shapes:
+                    left_out.setdefault(link, f"meshes, which geometry '{geometry}' does not look at")
                 if shapes:
                     found, part = points_around(shapes, meshes, most)
                     source[link], grown[link] = role, part

@@ -486,6 +486,8 @@ def test_points_of_meshes(tmp_path):
     ).all()
     frames = dd.link_geometry(model, path, "primitives")
     assert frames.source["panda_link1"] == "frames"  # its shapes are meshes, which nobody asked for
+    assert "meshes" in frames.left_out["panda_link1"] and set(frames.left_out) <= set(frames.source)
+    assert all(frames.source[link] == "frames" for link in frames.left_out)
 
 
 def test_points_between_corners_are_needed():

@@ -114,7 +114,9 @@ def test_a_limit_that_is_exceeded(monitor, panda, limits):
         message = feed(monitor, q, 0.5 * allowed * qd)
         check(message, dynamics.contact(q, 0.5 * allowed * qd, points), points)
         assert any(message.limited) and not all(message.limited) and min(message.margin) > 0.0
-        monitor.wait_for_report(lambda r: r.entries.get(ENTRY) and r.entries[ENTRY].message == "within limits", "peace")
+        monitor.wait_for_report(
+            lambda r: r.entries.get(ENTRY) and r.entries[ENTRY].message.startswith("within limits; "), "peace"
+        )
         begin = len(monitor.reports)
         message = feed(monitor, q, 1.05 * allowed * qd)
         assert message.margin[message.worst] == min(message.margin) < 0.0
@@ -130,7 +132,7 @@ def test_a_limit_that_is_exceeded(monitor, panda, limits):
 
         def peace(report):
             feed(monitor, q, 0.5 * allowed * qd)
-            return report.entries.get(ENTRY) and report.entries[ENTRY].message == "within limits"
+            return report.entries.get(ENTRY) and report.entries[ENTRY].message.startswith("within limits; ")
 
         monitor.wait_for_report(peace, "its end")
 
@@ -161,6 +163,9 @@ def test_levels_hold_from_one_state_to_the_next(panda, limits):
         rose = watch.take(state(part * full))
         said = watch.report()
         levels.append(said.level)
+        assert (
+            f"{said.values['shapes left out'].split(':')[0]} links are looked at by their frames alone" in said.message
+        )
         assert rose == (part in (0.81, 1.01) and levels[-2] != ERROR)
     assert levels == [OK, OK, WARN, WARN, WARN, OK, *[ERROR] * 4, WARN, OK]
     exceeding = int((1.01 * full * watch.at(state(1.0)).usage > 1.0).sum())

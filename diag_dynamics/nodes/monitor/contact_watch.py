@@ -124,8 +124,10 @@ class ContactWatch:
                 "transferable energy [J]": f"{c.energy[k]:.4g}",
                 "force [N]": f"{c.force[k]:.4g}",
             }
-        if self._left_out:
-            values["shapes left out"] = counted(sorted(self._left_out))
         self._reported, self._told = (OK, WARN, ERROR)[self._level], self._cause
+        message = self._told or "within limits"
+        if bare := sorted(set(self._left_out) & set(self.points.links)):
+            values["shapes left out"] = counted(bare)
+            message += f"; {len(bare)} links are looked at by their frames alone, and may reach farther"
         self._begin()
-        return Status("contact", self._reported, self._told or "within limits", values)
+        return Status("contact", self._reported, message, values)
