@@ -6,6 +6,7 @@ import textwrap
 from diag_dynamics.alarms.found import Alarm
 from diag_dynamics.recordings.account import NOTE, Finding
 from diag_dynamics.recordings.balance import WINDOW
+from diag_dynamics.recordings.explained import PART
 
 REJECTED = "rejected: "
 """Begins the names of counts of joint states that were rejected."""
@@ -200,6 +201,11 @@ def _about_balance(summary):
         f"residual {summary['residual_power']:.3g} W rms",
         f"  {summary['balance']['says']}",
     ]
+    if summary["collisions"] and summary["explained"] < PART:
+        lines.append(
+            "  collisions are in it, and the power of a push is in no effort: judge the balance where nothing touches the "
+            "robot (--start, --end)"
+        )
     worst = sorted(summary["balance"]["joints"].items(), key=lambda one: -one[1]["share"])[:FEW]
     lines.append("  residual by joint: " + ", ".join(f"{name} {of['residual_power']:.2g} W" for name, of in worst))
     return lines

@@ -262,6 +262,9 @@ def test_a_push_is_a_collision(ur5):
     assert ur5.dof_names[1] in collision["joints"]
     assert summary["peaks"]["external_torque"]["value"] == pytest.approx(25.0, rel=0.02)
     assert "1 collision above" in text_of(summary)
+    told = "the power of a push is in no effort" in " ".join(text_of(summary).split())
+    assert told == (summary["explained"] < 0.8)
+    assert told  # a push of 25 N m is far more than what moves this arm
 
 
 def test_observe(ur5, motion):
