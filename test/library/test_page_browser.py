@@ -126,6 +126,50 @@ def test_sixty_joints_and_names_that_are_html(chromium):
         one.stop()
 
 
+def test_the_worst_status_stands_where_it_is_seen_at_once(chromium):
+    """In the head, at 1280 × 720, and under what the page says of itself: why no state comes, or no longer."""
+    text, refused = chain(["one", "two"]), "robot_description refused: parameter 'alarm.joints' names 'elbow'"
+    model = dd.load_urdf(text)
+    robot = Robot(model)
+    show = Show("/late", robot.take)
+    own = "diag_dynamics: "
+    show.tell(
+        [
+            {"level": 1, "name": f"{own}rates", "message": "a gap", "values": {}},
+            {"level": 2, "name": f"{own}model", "message": refused, "values": {}},
+        ]
+    )
+    one = PageServer(lambda: [show])
+    one.start()
+    tab = Tab(chromium, (1280, 720), "light")
+    try:
+        tab.page.goto(one.address, wait_until="domcontentloaded")
+        tab.until("diag.state.word === 'Waiting' && diag.state.worst")
+        seen = ".banner", ".worst", ".diagnostics"
+        for place in seen:
+            tab.until(f"document.querySelector('{place}').textContent.includes(\"{refused}\")")
+            assert tab.page.locator(place).is_visible()
+        show.use(dd.DiagonalDynamics(model), scene_of(model, text), None)
+        tab.until("diag.state.ready && diag.state.word === 'Live' && diag.state.level === 'bad'")
+        bad = tab.ask("getComputedStyle(document.documentElement).getPropertyValue('--bad').trim()")
+        for place in (".worst", ".pill"):
+            assert tab.ask(f"getComputedStyle(document.querySelector('{place}')).getPropertyValue('--tone').trim()") == bad
+            box = tab.page.locator(place).bounding_box()
+            assert box["y"] + box["height"] < 720 / 4
+        assert not tab.page.locator(".banner").is_visible()
+        robot.silent.set()
+        tab.until("diag.state.word === 'Stale'")
+        assert refused in tab.page.locator(".banner").inner_text()
+        assert tab.cut_off() == []
+        show.tell([{"level": 0, "name": f"{own}model", "message": "as expected", "values": {}}])
+        robot.silent.clear()
+        tab.until("diag.state.level === 'good' && document.querySelector('.worst').hidden")
+        assert [text for text in tab.said if "503" not in text] == []  # of a robot of which nothing was known
+    finally:
+        tab.close()
+        one.stop()
+
+
 def test_comes_back_after_a_restart_of_the_server(chromium, panda):
     """By itself, on the same port; what was stored is still there. Meanwhile it says so."""
     show = panda[1]

@@ -106,7 +106,9 @@ export class App {
   }
 
   diagnosed(list) {
+    this.health.told(list);
     this.cards.diagnosed(list);
+    this.touch();
   }
 
   beat(json, drawn) {

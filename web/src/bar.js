@@ -1,9 +1,10 @@
 // The head of the page: robot, state, window, and what one can do; and the buttons beside the strip of time.
 
 import { el, say } from "./dom.js";
-import { clock } from "./format.js";
+import { clock, shortened } from "./format.js";
 
 const WINDOWS = [5, 10, 30, 60, 120, 300];
+const SENTENCE = 110; // letters of the worst status: one line of a small screen
 
 export class Bar {
   constructor(app) {
@@ -13,6 +14,7 @@ export class Bar {
     this.name = el("b", { class: "robot" });
     this.pill = el("span", { class: "pill", role: "status" }, el("i"), (this.word = el("b")), (this.says = el("span")));
     this.notes = el("span", { class: "notes" });
+    this.worst = el("button", { class: "worst", hidden: true, onclick: () => app.cards.showDiagnostics() });
     this.length = el("select", { title: "time window (+ −)", "aria-label": "time window", onchange: () => app.view.zoom(Number(this.length.value)) }, ...WINDOWS.map((s) => el("option", { value: s, text: s < 60 ? `${s} s` : `${s / 60} min` })));
     this.other = el("option", { hidden: true });
     this.length.append(this.other);
@@ -25,6 +27,7 @@ export class Bar {
       this.robots,
       this.pill,
       this.notes,
+      this.worst,
       el("span", { class: "spring" }),
       ...(app.report ? [] : [this.length]),
       button("PNG", "picture of what is seen (p)", () => app.picture()),
@@ -56,7 +59,7 @@ export class Bar {
   draw() {
     const { app } = this;
     const { view } = app;
-    const { level, word, says, notes } = app.verdict();
+    const { level, word, says, notes, worst } = app.verdict();
     this.pill.className = `pill ${level}`;
     say(this.word, word);
     say(this.says, says);
@@ -64,6 +67,12 @@ export class Bar {
     if (shown !== this.shown) {
       this.shown = shown;
       this.notes.replaceChildren(...notes.map((note) => el("span", { class: `note ${note.level}`, text: note.text })));
+    }
+    this.worst.hidden = !worst;
+    if (worst) {
+      this.worst.className = `worst ${worst.level}`;
+      this.worst.title = worst.text;
+      say(this.worst, shortened(worst.text, SENTENCE));
     }
     say(this.name, app.layout?.json.robot ?? "");
     const playing = app.report ? app.source?.playing : !view.paused;

@@ -17,7 +17,7 @@ export class Cards {
     this.pulse = el("p", { class: "pulse" });
     this.words = el("section", { class: "card words", id: "diagnostics" }, el("header", {}, el("h2", { text: "Diagnostics" })), this.list, this.pulse);
     this.told = []; // cards of a report
-    this.node = el("div", { class: "cards" });
+    this.node = el("div", { class: "cards" }, ...(shared.view.live ? [this.words] : [])); // before there is a robot: why there is none
     resized(this.node, () => this.#arrange());
   }
 
@@ -115,6 +115,11 @@ export class Cards {
     if (text === this.text) return;
     this.text = text;
     this.list.replaceChildren(...rows);
+  }
+
+  // Brings what the nodes say into sight.
+  showDiagnostics() {
+    this.words.scrollIntoView({ block: "nearest", behavior: "smooth" });
   }
 
   #keep(name, open) {

@@ -9,12 +9,13 @@ export function readOnly(app, errors) {
     },
     get state() {
       const { rows, view, health, source, layout } = app;
-      const { level, word, says, notes } = app.verdict();
+      const { level, word, says, notes, worst } = app.verdict();
       return {
         level,
         word,
         says,
         notes: notes.map((note) => note.text),
+        worst: worst ? worst.text : null,
         connection: health.connection,
         robot: layout?.json.robot ?? null,
         robots: source?.robots?.map((robot) => robot.name) ?? [],

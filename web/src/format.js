@@ -64,6 +64,11 @@ export function span(seconds) {
   return `${number(seconds / 3600, 3)} h`;
 }
 
+// The beginning of a text that is long.
+export function shortened(text, most) {
+  return text.length <= most ? text : `${text.slice(0, most - 1).trimEnd()}…`;
+}
+
 // Joints' names without what they all begin with, as "panda_": shorter, and no less clear.
 export function shortNames(names) {
   if (names.length < 2) return [...names];

@@ -13,6 +13,14 @@ export class Health {
     this.robots = null;
     this.retry = 0;
     this.why = "";
+    this.worst = null; // of the diagnostics: {level, text}; null while all are well
+  }
+
+  // Takes the diagnostics: what is worst of them stands where it is seen at once.
+  told(list) {
+    const worst = list.reduce((most, one) => (one.level > (most?.level ?? 0) ? one : most), null);
+    const text = worst && [worst.name, worst.message].filter(Boolean).join(": ");
+    this.worst = worst && { level: worst.level > 1 ? "bad" : "warn", text };
   }
 
   get silence() {
@@ -22,7 +30,14 @@ export class Health {
   }
 
   // flags: of the newest frame, or of the one shown while paused.
-  judge(flags, { paused = false, report = false, rate = NaN } = {}) {
+  judge(flags, options) {
+    const verdict = { worst: this.worst, ...this.#judged(flags, options) };
+    if (verdict.level === "good" && verdict.worst) verdict.level = verdict.worst.level;
+    else if (verdict.level === "warn" && verdict.worst?.level === "bad") verdict.level = "bad";
+    return verdict;
+  }
+
+  #judged(flags, { paused = false, report = false, rate = NaN } = {}) {
     if (report) return { level: "told", word: "Recording", says: "", notes: this.notes(flags) };
     if (this.connection === "lost") {
       return { level: "bad", word: "Disconnected", says: `trying again (${this.why})`, notes: [], dim: true };

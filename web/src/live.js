@@ -70,6 +70,7 @@ export class Live {
     store("diag.robot", robot);
     this.link = this.layout = this.text = null;
     this.app.health.arrived = -Infinity;
+    this.app.diagnosed([]);
     this.app.listed(this.robots, robot);
     const link = await this.#hand(robot);
     if (robot === this.robot) this.stream.open(robot, (this.link = link), RATE);

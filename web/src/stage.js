@@ -23,7 +23,7 @@ export class Stage {
     this.energy = el("b");
     this.marksNote = el("div", { class: "marks" });
     this.head = el("div", { class: "headline" }, el("div", {}, el("small", { text: "K" }), this.energy), this.marksNote);
-    this.banner = el("div", { class: "banner", hidden: true });
+    this.banner = el("div", { class: "banner", hidden: true }, (this.state = el("div")), (this.why = el("p")));
     this.hint = el("div", { class: "hint", hidden: true });
     this.missing = el("small", { class: "missing", hidden: true });
     this.node = el("div", { class: "stage" }, this.head, this.missing, this.legend, this.banner, this.hint);
@@ -166,11 +166,13 @@ export class Stage {
     this.marksNote.title = "Ellipsoid of J M⁻¹ Jᵀ: velocities that 1 J allows; arrow: the link's velocity; effective mass along it";
   }
 
-  judged({ level, word, says, dim }) {
+  judged({ level, word, says, dim, worst }) {
     toggle(this.node, "dim", Boolean(dim));
     this.banner.hidden = !dim;
     this.banner.className = `banner ${level}`;
-    if (dim) say(this.banner, says ? `${word}: ${says}` : word);
+    if (!dim) return;
+    say(this.state, says ? `${word}: ${says}` : word);
+    say(this.why, worst ? worst.text : "");
   }
 
   dirty() {
