@@ -111,6 +111,9 @@ def test_sixty_joints_and_names_that_are_html(chromium):
     try:
         tab.open(one.address)
         tab.until("document.querySelectorAll('.joints tbody tr').length === 11")
+        for size in ((1280, 720), (1000, 700)):
+            tab.page.set_viewport_size({"width": size[0], "height": size[1]})
+            assert tab.out_of_panels() == [], size
         assert "50 others" in tab.page.locator(".joints").inner_text()
         assert all(len(plot["values"]) <= 9 for plot in tab.ask("Object.values(diag.plots)"))
         assert tab.ask("Math.min(...[...document.querySelectorAll('.plot')].map((p) => p.clientHeight))") >= 80

@@ -276,6 +276,25 @@ def test_tells_what_happened(tab, simulated):
     tab.until(f"diag.state.window[1] - diag.state.window[0] > {LENGTH - 0.1}")
 
 
+def test_panels_of_text_say_that_there_is_more(tab):
+    """A faded edge until one has scrolled to the end; plots stay within their panels."""
+    assert tab.out_of_panels() == []
+    text = tab.page.locator("#overall .text")
+    tab.until("document.querySelector('#overall .text').classList.contains('more')")
+    text.evaluate("(box) => box.scrollTo(0, box.scrollHeight)")
+    tab.until("!document.querySelector('#overall .text').classList.contains('more')")
+    parameters = tab.page.locator("#parameters")
+    parameters.locator("summary").click()
+    words = parameters.inner_text()
+    assert not re.search(r"\b(True|False|None)\b|[\[\]']", words), words
+    parameters.locator("summary").click()
+
+
+def test_parameters_in_words():
+    told = [output.in_words(value) for value in (True, False, [], ["a=1.5", "b=2"], [0.5, 1.0], "", "x", 25.0)]
+    assert told == ["yes", "no", "none", "a=1.5, b=2", "0.5, 1.0", "none", "x", "25.0"]
+
+
 def test_step_of_the_scrubber(tab):
     """At most 50 ms of script, the 3-D apart: the median, for a busy machine takes its time from single ones."""
     steps = """async () => {

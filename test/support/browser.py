@@ -99,10 +99,36 @@ class Tab:
             self.page.wait_for_timeout(50)
         return found
 
+    def out_of_panels(self, patience=5.0):
+        """Plots that reach out of their panels, and legends of more than two lines, once the page is laid out."""
+        end = time.monotonic() + patience
+        while (found := self.ask(f"({OUT_OF_PANELS})()")) and time.monotonic() < end:
+            self.page.wait_for_timeout(50)
+        return found
+
     def close(self):
         """Close it."""
         self._context.close()
 
+
+OUT_OF_PANELS = """() => {
+  const found = [];
+  for (const card of document.querySelectorAll(".card")) {
+    const panel = card.getBoundingClientRect();
+    for (const part of card.querySelectorAll(".uplot, canvas")) {
+      const box = part.getBoundingClientRect();
+      if (box.bottom > panel.bottom + 0.5 || box.right > panel.right + 0.5) found.push(`a plot out of ${card.id}`);
+    }
+    const plot = card.querySelector(".plot");
+    if (!plot) continue;
+    if (plot.getBoundingClientRect().bottom > panel.bottom + 0.5) found.push(`the plot's place out of ${card.id}`);
+    const legend = card.querySelector(".legend");
+    const line = parseFloat(getComputedStyle(legend).lineHeight);
+    if (legend.parentElement.clientHeight > 2.4 * line) found.push(`a legend of many lines in ${card.id}`);
+  }
+  return found;
+}"""
+"""Plots of which a part lies over what is below."""
 
 CUT_OFF = """() => {
   const found = [];

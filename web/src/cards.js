@@ -1,6 +1,6 @@
 // The right of the page: cards of plots, of diagnostics, and of what a report tells; one cursor common to all.
 
-import { el, resized, say } from "./dom.js";
+import { el, resized, say, scrolling } from "./dom.js";
 import { number, span, UNKNOWN } from "./format.js";
 import { Plot } from "./plot.js";
 import { plotsOf } from "./quantities.js";
@@ -13,7 +13,8 @@ export class Cards {
   constructor(shared) {
     this.shared = shared;
     this.plots = [];
-    this.list = el("div", { class: "diagnostics" }, el("p", { class: "none", text: "nothing has been said yet" }));
+    this.said = el("div", {}, el("p", { class: "none", text: "nothing has been said yet" }));
+    this.list = scrolling(el("div", { class: "diagnostics" }, this.said));
     this.pulse = el("p", { class: "pulse" });
     this.words = el("section", { class: "card words", id: "diagnostics" }, el("header", {}, el("h2", { text: "Diagnostics" })), this.list, this.pulse);
     this.told = []; // cards of a report
@@ -114,7 +115,7 @@ export class Cards {
     const text = JSON.stringify(list);
     if (text === this.text) return;
     this.text = text;
-    this.list.replaceChildren(...rows);
+    this.said.replaceChildren(...rows);
   }
 
   // Brings what the nodes say into sight.

@@ -1,6 +1,6 @@
 // What a report tells in words and numbers: cards before the plots.
 
-import { breakable, el } from "./dom.js";
+import { breakable, el, scrolling } from "./dom.js";
 import { number, percent, span, UNKNOWN } from "./format.js";
 
 // act: go(t) shows a moment, see(t0, t1, t) a time and a moment in it; both in seconds after the beginning.
@@ -8,7 +8,7 @@ export function chapters(told, act) {
   return [overall(told, act), contacts(told, act), quality(told), parameters(told)];
 }
 
-const card = (id, title, ...children) => el("section", { class: "card words", id }, el("header", {}, el("h2", { text: title })), el("div", { class: "text" }, ...children));
+const card = (id, title, ...children) => el("section", { class: "card words", id }, el("header", {}, el("h2", { text: title })), scrolling(el("div", { class: "text" }, el("div", {}, ...children))));
 const line = (label, ...value) => el("div", {}, el("dt", {}, ...(typeof label === "string" ? breakable(label) : [label])), el("dd", {}, ...value));
 const at = (t, act) => el("button", { class: "link", text: `${t.toFixed(3)} s`, onclick: () => act.go(t) });
 
@@ -50,7 +50,7 @@ function contacts({ summary, begin, without_full_rate: without }, act) {
   const judged = observer.judged.length ? `thresholds of ${observer.judged.length} detectors` : observer.threshold === null ? null : `|r| above ${number(observer.threshold)} √J/s`;
   const words = judged === null ? "No thresholds were given, so that no contact is told: diag-dynamics calibrate makes them." : `By ${judged}; observer of gain ${number(observer.gain)}/s.`;
   const lost = without ? [el("p", { text: `There was no room for every state around ${without} of the weakest.` })] : [];
-  return card("contacts", collisions.length ? `${collisions.length} contact${collisions.length === 1 ? "" : "s"}` : "Contacts", el("p", { text: words }), ...lost, el("dl", {}, ...rows));
+  return card("contacts", collisions.length ? `${collisions.length} contact${collisions.length === 1 ? "" : "s"}` : "Contacts", el("p", { text: judged !== null && !rows.length ? `None. ${words}` : words }), ...lost, el("dl", {}, ...rows));
 }
 
 function quality({ summary }) {
@@ -70,7 +70,7 @@ function quality({ summary }) {
 }
 
 function parameters({ parameters: all, summary, version }) {
-  const rows = (wanted) => wanted.map(({ name, value }) => line(name, ...breakable(value || "''")));
+  const rows = (wanted) => wanted.map(({ name, value }) => line(name, ...breakable(value)));
   const [own, usual] = [all.filter((one) => !one.default), all.filter((one) => one.default)];
   return card(
     "parameters",

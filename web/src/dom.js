@@ -32,6 +32,15 @@ export function breakable(name) {
   return name.split(/(?<=[_/.-])/).flatMap((part) => [part, el("wbr")]);
 }
 
+// A box that scrolls has the class "more" while there is something below what is seen of it: scroll bars may be hidden.
+export function scrolling(box) {
+  const look = () => toggle(box, "more", box.scrollHeight - box.clientHeight - box.scrollTop > 2);
+  box.addEventListener("scroll", look, { passive: true });
+  resized(box, look);
+  for (const child of box.children) resized(child, look);
+  return box;
+}
+
 // Calls when a box has another size; not at once, for what is laid out anew then may change it again.
 export function resized(node, act) {
   const observer = new ResizeObserver(() => requestAnimationFrame(act));

@@ -2,7 +2,7 @@
 
 import uPlot from "uplot";
 import { faded } from "./colours.js";
-import { el, resized, say, toggle } from "./dom.js";
+import { el, resized, say, scrolling, toggle } from "./dom.js";
 import { number, powerOfTen, tick } from "./format.js";
 import { chosenLines, othersLine } from "./quantities.js";
 import { envelope, largest, stacked } from "./sampling.js";
@@ -25,7 +25,7 @@ export class Plot {
       "section",
       { class: "card", id: `plot-${spec.id}`, title: spec.help },
       el("header", {}, el("h2", { text: spec.title }), el("span", { class: "unit", text: spec.unit })),
-      this.legend,
+      scrolling(el("div", { class: "legendbox" }, this.legend)),
       this.box,
     );
     this.observers = [

@@ -167,8 +167,17 @@ class ReportOutput:
         """Of the monitor, those that are not as by default first."""
         values = self._reading.settings.values
         rows = [
-            {"name": name, "value": str(values[name]), "default": bool(values[name] == spec.default)}
+            {"name": name, "value": in_words(values[name]), "default": bool(values[name] == spec.default)}
             for name, spec in PARAMETERS.items()
             if name in values
         ]
         return sorted(rows, key=lambda row: row["default"])
+
+
+def in_words(value):
+    """A parameter's value as people write it."""
+    if isinstance(value, (bool, np.bool_)):
+        return "yes" if value else "no"
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return ", ".join(map(in_words, value)) or "none"
+    return str(value) or "none"
