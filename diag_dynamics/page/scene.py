@@ -1,4 +1,4 @@
-"""A robot as a scene: what is drawn of each link, as JSON; where a link has no geometry, the ellipsoid of its inertia."""
+"""A robot as a scene: what is drawn of each link, as JSON; of a link without geometry, bones and its inertia's ellipsoid."""
 
 from __future__ import annotations
 
@@ -23,6 +23,13 @@ GREY = (0.72, 0.74, 0.78, 1.0)
 LEAST = 1e-3
 """Part of the robot's mass from which a link that has nothing else is drawn as an ellipsoid: many a frame has a gram, and the
 inertia of a barrel."""
+
+WIDEST, BALL = 0.35, 0.1
+"""Half axes of an ellipsoid, at most, and of the ball where an inertia has none, in parts of its link's extent: rotational
+inertias are often guessed, and an ellipsoid of half a metre would hide the arm that it is of."""
+
+SHORTEST = 1e-3
+"""Length from which a bone is one [m]."""
 
 SMALLEST = 0.02
 """Half the size of a robot that has neither geometry nor inertia [m]."""
@@ -49,9 +56,10 @@ def scene_of(model: RobotModel, source: Any, meshes: MeshLibrary | None = None) 
     -------
     dict
         For JSON. ``links``, in the order of ``model.link_names``: name, parent_joint, visuals, inertia (mass, com, axes,
-        semi: half axes of the ellipsoid of even density with the same inertia; null without one), ellipsoid (whether that
-        stands for what is not there to be drawn). ``joints``: name, type,
-        parent, child, dof (index of what moves it, its own or its leader's; null), follows (its leader, or null), limits.
+        semi: half axes of the ellipsoid of even density with the same inertia; drawn: the same, within the link's extent;
+        null without one), ellipsoid (whether that stands for what is not there to be drawn), bones (where such a link's
+        joints are, in its axes [m]). ``joints``: name, type,
+        parent, child, origin (in the parent's axes [m]), dof (index of what moves it, its own or its leader's; null), follows (its leader, or null), limits.
         ``bounds``: corners of a box around the robot at rest [m]. ``missing``: why meshes are not there, by name.
 
     Raises
@@ -65,6 +73,7 @@ def scene_of(model: RobotModel, source: Any, meshes: MeshLibrary | None = None) 
     joints = [_joint(model, element) for element in robot.findall("joint")]
     carried_by = {joint["child"]: joint["name"] for joint in joints}
     inertias, problems = _inertias(model), {}
+    shapeless = all(element.find("visual") is None for element in elements.values())
     links, corners = [], []
     for name in model.link_names:
         visuals, points = [], []
@@ -78,10 +87,18 @@ def scene_of(model: RobotModel, source: Any, meshes: MeshLibrary | None = None) 
                 visuals.append(drawn[0])
                 points.append(drawn[1])
         inertia = inertias.get(name)
+        ends = [joint["origin"] for joint in joints if joint["parent"] == name]
+        own = [joint["origin"] for joint in joints if joint["child"] == name]
         bare = inertia is not None and not points and inertia["mass"] >= LEAST * model.total_mass
+        if inertia is not None:
+            inertia["drawn"] = _within(inertia, ends, own)
+        bones = []
+        if not points and (bare or shapeless):
+            bones = [end for end in ends if np.linalg.norm(end) > SHORTEST]
+            points.append(np.array([[0.0] * 3, *bones]))
         if inertia is not None and bare:
             points.append(_corners_of_ellipsoid(inertia))
-        drawn_of_link = {"visuals": visuals, "inertia": inertia, "ellipsoid": bare}
+        drawn_of_link = {"visuals": visuals, "inertia": inertia, "ellipsoid": bare, "bones": bones}
         links.append({"name": name, "parent_joint": carried_by.get(name), **drawn_of_link})
         corners.append(np.concatenate(points) if points else np.zeros((1, 3)))
     missing = {**problems, **(meshes.missing if meshes is not None else {})}
@@ -100,6 +117,9 @@ def _joint(model: RobotModel, element: Any) -> dict[str, Any]:
         lower, upper = finite(model.lower[k : k + 1]), finite(model.upper[k : k + 1])
         limits = {"lower": lower[0], "upper": upper[0]}
     ends = {end: element.find(end).get("link") for end in ("parent", "child")}
+    placed = element.find("origin")
+    origin = None if placed is None else floats(placed.get("xyz"), 3)
+    ends["origin"] = [0.0] * 3 if origin is None else list(origin)
     return {"name": name, "type": kind, **ends, "dof": dof, "follows": leader, "limits": limits}
 
 
@@ -186,8 +206,26 @@ def _inertias(model: RobotModel) -> dict[str, dict[str, Any]]:
     return found
 
 
+def _within(inertia: dict[str, Any], ends: list[list[float]], own: list[list[float]]) -> list[float]:
+    """Half axes of an ellipsoid as it is drawn: in its proportions, within its link's extent.
+
+    That is how far its joints and its centre of mass are, or, of a link that has both at its origin, how far it is from the
+    joint before it. An inertia that breaks the triangle inequality has no ellipsoid: a ball.
+    """
+    semi, com = np.array(inertia["semi"]), inertia["com"]
+    lengths = [float(np.linalg.norm(point)) for point in [*ends, com]]
+    extent = (
+        max(lengths) if max(lengths) > SHORTEST else max([float(np.linalg.norm(point)) for point in own], default=0.0)
+    )
+    if not extent > SHORTEST:
+        extent = float(semi.max()) / WIDEST if semi.max() > 0.0 else SMALLEST / BALL
+    if not semi.min() > 0.0:
+        return [BALL * extent] * 3
+    return (semi * min(1.0, WIDEST * extent / semi.max())).tolist()
+
+
 def _corners_of_ellipsoid(inertia: dict[str, Any]) -> Array:
-    half = np.abs(np.array(inertia["axes"])) @ np.array(inertia["semi"])
+    half = np.abs(np.array(inertia["axes"])) @ np.array(inertia["drawn"])
     return corners_of(np.array(inertia["com"]) - half, np.array(inertia["com"]) + half)
 
 

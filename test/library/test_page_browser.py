@@ -3,6 +3,7 @@
 import colorsys
 import io
 import json
+import re
 import struct
 import threading
 import time
@@ -129,6 +130,28 @@ def test_sixty_joints_and_names_that_are_html(chromium):
         one.stop()
 
 
+@pytest.mark.filterwarnings("ignore::diag_dynamics.exceptions.InertiaWarning")
+def test_a_robot_without_shapes_is_seen_as_bones(chromium):
+    """All links of it are within the picture, though their inertias are such as no body has."""
+    text = re.sub(r"<visual>.*?</visual>", "", chain(["one", "two", "three"])).replace('izz="1e-3"', 'izz="3e-3"')
+    _, show = shown(text, "/bones")
+    one = PageServer(lambda: [show])
+    one.start()
+    tab = Tab(chromium, (1280, 720), "light")
+    try:
+        tab.open(one.address)
+        tab.page.keyboard.press("e")  # without ellipsoid and arrow
+        picture = tab.page.locator(".stage").bounding_box()
+        for name in ("link0", "link1", "link2", "link3"):
+            place = tab.until(f"diag.where('{name}')")
+            assert picture["x"] < place["x"] < picture["x"] + picture["width"]
+            assert picture["y"] < place["y"] < picture["y"] + picture["height"]
+        assert tab.said == []
+    finally:
+        tab.close()
+        one.stop()
+
+
 def test_the_worst_status_stands_where_it_is_seen_at_once(chromium):
     """In the head, at 1280 × 720, and under what the page says of itself: why no state comes, or no longer."""
     text, refused = chain(["one", "two"]), "robot_description refused: parameter 'alarm.joints' names 'elbow'"
@@ -156,7 +179,9 @@ def test_the_worst_status_stands_where_it_is_seen_at_once(chromium):
         tab.until("diag.state.ready && diag.state.word === 'Live' && diag.state.level === 'bad'")
         bad = tab.ask("getComputedStyle(document.documentElement).getPropertyValue('--bad').trim()")
         for place in (".worst", ".pill"):
-            assert tab.ask(f"getComputedStyle(document.querySelector('{place}')).getPropertyValue('--tone').trim()") == bad
+            assert (
+                tab.ask(f"getComputedStyle(document.querySelector('{place}')).getPropertyValue('--tone').trim()") == bad
+            )
             box = tab.page.locator(place).bounding_box()
             assert box["y"] + box["height"] < 720 / 4
         assert not tab.page.locator(".banner").is_visible()

@@ -122,6 +122,54 @@ def test_ellipsoid_has_the_links_inertia():
     assert np.linalg.det(axes) == pytest.approx(1.0)
 
 
+def worm(inertia, mesh="", count=6):
+    """Links in a row, 0.1 m long, of 0.5 kg."""
+    parts = [link(f"l{k}", 0.5, (0.0, 0.0, 0.05), inertia).replace("</link>", f"{mesh}</link>") for k in range(count)]
+    joints = [joint(f"j{k}", "revolute", f"l{k}", f"l{k + 1}", xyz=(0, 0, 0.1)) for k in range(count - 1)]
+    return description("worm", *parts, *joints)
+
+
+@pytest.mark.parametrize("mesh", ["", visual('<mesh filename="not_there.stl"/>')])
+def test_links_without_shapes_have_bones_and_ellipsoids_of_their_size(mesh):
+    """Of a rotational inertia far too large for its link, in its proportions; the box is around joints, too."""
+    drawn, _ = scene(worm((0.2, 0.0, 0.0, 0.2, 0.0, 0.1), mesh))
+    for one in drawn["links"][:-1]:
+        assert one["ellipsoid"]
+        assert one["bones"] == [[0.0, 0.0, 0.1]]
+        semi, within = np.array(one["inertia"]["semi"]), np.array(one["inertia"]["drawn"])
+        assert semi.max() > 0.5
+        np.testing.assert_allclose(within / within.max(), semi / semi.max())
+        assert 0.02 < within.max() < 0.05
+    assert drawn["links"][-1]["bones"] == []
+    low, high = np.array(drawn["bounds"])
+    assert low[2] == pytest.approx(0.0, abs=0.05)
+    assert 0.5 <= high[2] < 0.65
+
+
+def test_an_ellipsoid_within_its_link_is_the_inertias_own():
+    inertia = scene_of(dd.load_urdf(worm((1e-4, 0, 0, 1e-4, 0, 1e-4))), worm((1e-4, 0, 0, 1e-4, 0, 1e-4)))["links"][1][
+        "inertia"
+    ]
+    assert inertia["drawn"] == pytest.approx(inertia["semi"])
+
+
+def test_inertias_that_no_body_has_are_balls():
+    """izz > ixx + iyy: there is no ellipsoid of it, and the link is to be seen all the same."""
+    text = worm((0.001, 0.0, 0.0, 0.001, 0.0, 0.003))
+    with pytest.warns(dd.exceptions.InertiaWarning):
+        model = dd.load_urdf(text)
+    for one in scene_of(model, text)["links"]:
+        assert one["ellipsoid"]
+        assert min(one["inertia"]["semi"]) == 0.0
+        a, b, c = one["inertia"]["drawn"]
+        assert 0.002 < a == b == c < 0.02
+
+
+def test_a_robot_with_shapes_has_no_bones_to_its_frames():
+    drawn, _ = scene(with_visuals(visual('<sphere radius="0.1"/>')))
+    assert [one["bones"] for one in drawn["links"]] == [[], [], []]
+
+
 def test_meshes_are_scaled_mirrored_and_kept_once(tmp_path):
     trimesh.creation.box((1.0, 2.0, 3.0)).export(tmp_path / "box.stl")
     same = visual('<mesh filename="box.stl" scale="0.1 0.1 0.1"/>')

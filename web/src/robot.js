@@ -7,6 +7,7 @@ import { NEUTRAL } from "./colours.js";
 import { geometryOf } from "./mesh.js";
 
 const UNKNOWN_MASS = 1e-9; // [kg]: lighter links have no ellipsoid
+const THICK = 0.018; // radius of a bone, in parts of the robot's size
 
 export class Robot extends Group {
   // load: sha => Promise of an ArrayBuffer; changed: called whenever a mesh has come
@@ -16,6 +17,7 @@ export class Robot extends Group {
     this.byName = new Map();
     this.meshes = new Map();
     this.missing = 0;
+    this.bone = THICK * sizeOf(layout.scene);
     this.pending = 0;
     for (const link of layout.scene.links) this.add(this.#link(link, load, changed));
     this.updateMatrixWorld();
@@ -29,14 +31,15 @@ export class Robot extends Group {
     group.userData.material = material;
     this.byName.set(link.name, group);
     for (const visual of link.visuals) {
-      if (visual.kind === "mesh") this.#mesh(group, visual, material, load, changed, link);
+      if (visual.kind === "mesh") this.#mesh(group, visual, material, load, changed, link, this.layout);
       else this.#put(group, primitive(visual), visual.origin, material);
     }
+    this.#bones(group, link.bones ?? [], material);
     if (link.ellipsoid) this.#inertia(group, link, material);
     return group;
   }
 
-  #mesh(group, visual, material, load, changed, link) {
+  #mesh(group, visual, material, load, changed, link, layout) {
     const { mesh: sha } = visual;
     if (!this.meshes.has(sha)) this.meshes.set(sha, load(sha).then(geometryOf));
     this.pending++;
@@ -45,7 +48,10 @@ export class Robot extends Group {
       .then((geometry) => this.#put(group, geometry, visual.origin, material))
       .catch(() => {
         this.missing++;
-        if (!group.children.length) this.#inertia(group, link, material);
+        if (group.children.length) return;
+        const joints = layout.scene.joints.filter((joint) => joint.parent === link.name && joint.origin);
+        this.#bones(group, joints.map((joint) => joint.origin), material);
+        this.#inertia(group, link, material);
       })
       .finally(() => {
         this.pending--;
@@ -61,12 +67,27 @@ export class Robot extends Group {
     group.add(mesh);
   }
 
-  // Where nothing is to be seen of a link, the ellipsoid of equal inertia.
+  // Tubes from the link's origin to its joints, and a ball at each end.
+  #bones(group, ends, material) {
+    if (!ends.length) return;
+    this.#put(group, new SphereGeometry(1.25 * this.bone, 24, 16), null, material);
+    for (const end of ends) {
+      const to = new Vector3(...end);
+      const length = to.length();
+      if (!(length > 0)) continue;
+      const tube = new CylinderGeometry(this.bone, this.bone, length, 20).translate(0, 0.5 * length, 0);
+      tube.applyQuaternion(new Quaternion().setFromUnitVectors(UP, to.normalize()));
+      this.#put(group, tube, null, material);
+    }
+  }
+
+  // Where nothing is to be seen of a link, the ellipsoid of equal inertia, within the link's extent.
   #inertia(group, link, material) {
     const inertia = link.inertia;
-    if (!inertia || !(inertia.mass > UNKNOWN_MASS) || !inertia.semi.every((x) => x > 0 && Number.isFinite(x))) return;
+    const semi = inertia?.drawn ?? inertia?.semi;
+    if (!semi || !(inertia.mass > UNKNOWN_MASS) || !semi.every((x) => x > 0 && Number.isFinite(x))) return;
     const mesh = new Mesh(new SphereGeometry(1, 32, 20), material);
-    const [x, y, z] = [0, 1, 2].map((k) => new Vector3(...inertia.axes.map((row) => row[k])).multiplyScalar(inertia.semi[k]));
+    const [x, y, z] = [0, 1, 2].map((k) => new Vector3(...inertia.axes.map((row) => row[k])).multiplyScalar(semi[k]));
     mesh.matrix.makeBasis(x, y, z).setPosition(...inertia.com);
     mesh.matrixAutoUpdate = false;
     mesh.castShadow = true;
@@ -122,6 +143,12 @@ export class Robot extends Group {
 const POSITION = new Vector3();
 const ROTATION = new Quaternion();
 const ONE = new Vector3(1, 1, 1);
+const UP = new Vector3(0, 1, 0); // of three's cylinders
+
+// Half the diagonal of the box around a robot [m].
+function sizeOf({ bounds }) {
+  return bounds ? Math.max(0.05, 0.5 * Math.hypot(...bounds[1].map((x, k) => x - bounds[0][k]))) : 0.5;
+}
 
 export function linear(rgb) {
   const colour = new Color().setRGB(...rgb.map((c) => c / 255), "srgb");
