@@ -58,8 +58,8 @@ def scene_of(model: RobotModel, source: Any, meshes: MeshLibrary | None = None) 
         For JSON. ``links``, in the order of ``model.link_names``: name, parent_joint, visuals, inertia (mass, com, axes,
         semi: half axes of the ellipsoid of even density with the same inertia; drawn: the same, within the link's extent;
         null without one), ellipsoid (whether that stands for what is not there to be drawn), bones (where such a link's
-        joints are, in its axes [m]). ``joints``: name, type,
-        parent, child, origin (in the parent's axes [m]), dof (index of what moves it, its own or its leader's; null), follows (its leader, or null), limits.
+        joints are, in its axes [m]). ``joints``: name, type, parent, child, origin (in the parent's axes [m]), dof (index of
+        what moves it, its own or its leader's; null), follows (its leader, or null), limits.
         ``bounds``: corners of a box around the robot at rest [m]. ``missing``: why meshes are not there, by name.
 
     Raises

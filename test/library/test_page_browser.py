@@ -152,6 +152,32 @@ def test_a_robot_without_shapes_is_seen_as_bones(chromium):
         one.stop()
 
 
+@pytest.mark.parametrize("payload", [0.0, 4.0])
+def test_begins_with_the_hand_and_short_names_are_words(chromium, payload):
+    """Not with a finger of some grams, which moves as easily as nothing; and a joint is not called "0_joint"."""
+    fingers = "".join(
+        f'<link name="finger{k}"><inertial><mass value="0.02"/><inertia ixx="1e-6" iyy="1e-6" izz="1e-6" ixy="0" ixz="0"'
+        f' iyz="0"/></inertial></link><joint name="lwr_finger{k}" type="prismatic"><parent link="link3"/>'
+        f'<child link="finger{k}"/><origin xyz="0 0 0.05"/><axis xyz="0 1 0"/><limit lower="0" upper="0.04" effort="20"'
+        ' velocity="0.2"/></joint>'
+        for k in range(2)
+    )
+    text = chain([f"lwr_{k}_joint" for k in range(3)]).replace("</robot>", f"{fingers}</robot>")
+    model = dd.load_urdf(text).with_payload("link3", payload, (0.0, 0.0, 0.1))
+    _, show = shown(text, "/hand", model=model)
+    one = PageServer(lambda: [show])
+    one.start()
+    tab = Tab(chromium, (800, 600), "light")
+    try:
+        tab.open(one.address)
+        tab.until("diag.marks && diag.marks.link === 'link3'")
+        names = tab.page.locator(".joints tbody th").all_inner_texts()
+        assert [name.strip() for name in names] == list(model.dof_names)
+    finally:
+        tab.close()
+        one.stop()
+
+
 def test_the_worst_status_stands_where_it_is_seen_at_once(chromium):
     """In the head, at 1280 × 720, and under what the page says of itself: why no state comes, or no longer."""
     text, refused = chain(["one", "two"]), "robot_description refused: parameter 'alarm.joints' names 'elbow'"

@@ -69,11 +69,14 @@ export function shortened(text, most) {
   return text.length <= most ? text : `${text.slice(0, most - 1).trimEnd()}…`;
 }
 
-// Joints' names without what they all begin with, as "panda_": shorter, and no less clear.
+// Joints' names without what they all begin with, as "panda_": shorter, and no less clear. What is left of each begins
+// with a word, not with its number.
 export function shortNames(names) {
   if (names.length < 2) return [...names];
   let length = 0;
   while (names.every((name) => name.length > length && name[length] === names[0][length])) length++;
-  const cut = Math.max(names[0].lastIndexOf("_", length - 1), names[0].lastIndexOf("/", length - 1)) + 1;
+  const ends = (at) => Math.max(names[0].lastIndexOf("_", at), names[0].lastIndexOf("/", at)) + 1;
+  let cut = length ? ends(length - 1) : 0;
+  while (cut > 0 && names.some((name) => !/^[^\d_/]/.test(name.slice(cut)))) cut = cut > 1 ? ends(cut - 2) : 0;
   return cut > 2 ? names.map((name) => name.slice(cut)) : [...names];
 }

@@ -2,7 +2,9 @@
 
 import { shortNames } from "./format.js";
 
-const HAND = 0.06; // part of the robot's mass up to which a link with fingers is a hand
+// Parts of the robot's mass: up to which what a hand moves are fingers, and below which a link is the end of nothing.
+const FINGER = 0.03;
+const LEAST = 0.003;
 
 // Bits of the field flags.
 export const FLAGS = {
@@ -78,8 +80,8 @@ export class Layout {
     return this.fields.get(name)?.size ?? 0;
   }
 
-  // What a person would call the hand: the last link of the longest chain that moves, or, where that is a finger, the
-  // link that all fingers are on.
+  // What a person would call the hand: the last link of the longest chain that moves and has some share of the mass, or,
+  // where that is a finger, the link that all fingers are on, whatever is attached to it.
   get tip() {
     const parent = new Map(this.scene.joints.map((joint) => [joint.child, joint.parent]));
     const above = (name) => {
@@ -94,9 +96,10 @@ export class Layout {
     const carried = new Map();
     for (const name of this.links) for (const at of above(name)) carried.set(at, (carried.get(at) ?? 0) + (mass.get(name) ?? 0));
     const total = [...mass.values()].reduce((a, b) => a + b, 0);
-    const moving = (name) => this.scene.joints.filter((joint) => joint.parent === name && joint.dof !== null).length;
-    const hands = above(last).filter((name) => moving(name) > 1 && carried.get(name) <= HAND * total);
-    return hands.at(-1) ?? last;
+    const moving = (name) => this.scene.joints.filter((joint) => joint.parent === name && joint.dof !== null);
+    const hasFingers = (joints) => joints.length > 1 && joints.every(({ child }) => carried.get(child) <= FINGER * total);
+    const hands = above(last).filter((name) => hasFingers(moving(name)));
+    return hands.at(-1) ?? above(last).find((name) => carried.get(name) >= LEAST * total && candidates.includes(name)) ?? last;
   }
 }
 
