@@ -178,6 +178,35 @@ def test_begins_with_the_hand_and_short_names_are_words(chromium, payload):
         one.stop()
 
 
+def test_a_phone_has_a_head_of_two_lines_and_the_picture_room_for_words(chromium):
+    """With a sentence of the diagnostics in it; and what a robot reaches later is within the picture, below the words."""
+    text = re.sub(r"<visual>.*?</visual>", "", chain([f"a_rather_long_joint_name_{k}" for k in range(12)]))
+    text = text.replace('"link', '"a_rather_long_link_name_').replace(
+        'lower="-0.2" upper="0.2"', 'lower="-2" upper="2"'
+    )
+    _, show = shown(text, "/phone")
+    show.tell([{"level": 2, "name": "diag_dynamics: contact", "message": f"too fast: {'very ' * 30}", "values": {}}])
+    one = PageServer(lambda: [show])
+    one.start()
+    tab = Tab(chromium, (360, 740), "light")
+    try:
+        tab.open(one.address)
+        head, worst = tab.page.locator(".bar").bounding_box(), tab.page.locator(".worst").bounding_box()
+        button = tab.page.locator(".bar button:last-child").bounding_box()
+        assert button["y"] < worst["y"] < head["height"]
+        assert worst["height"] + button["height"] + 20 > head["height"], "a third line"
+        words = tab.page.locator(".headline").bounding_box()
+        tab.page.keyboard.press("e")
+        reached = "['0', '6', '12'].map((k) => diag.where(`a_rather_long_link_name_${k}`)).every((p) => p && p.y > "
+        begun = tab.ask("diag.state.now")
+        tab.until(f"diag.state.now > {begun} + 2 && {reached}{words['y'] + words['height'] - 12})")
+        assert tab.cut_off() == []
+        assert tab.said == []
+    finally:
+        tab.close()
+        one.stop()
+
+
 def test_the_worst_status_stands_where_it_is_seen_at_once(chromium):
     """In the head, at 1280 × 720, and under what the page says of itself: why no state comes, or no longer."""
     text, refused = chain(["one", "two"]), "robot_description refused: parameter 'alarm.joints' names 'elbow'"
@@ -330,8 +359,11 @@ def read(text):
 def test_mobility_and_effective_mass_of_the_link(live, panda):
     """1/(uᵀ J M⁻¹Jᵀ u) along the velocity of the link that was clicked."""
     robot, _ = panda
+    live.page.keyboard.press(" ")  # what stands still can be hit
+    live.until("diag.state.paused && diag.values.t === diag.state.now")
     place = live.until("diag.where('panda_link6')")
     live.page.mouse.click(place["x"], place["y"])
+    live.page.keyboard.press(" ")
     live.until("diag.state.selected.link === 'panda_link6' && diag.marks && diag.marks.link === 'panda_link6'")
     live.until("diag.values.twist[0] === diag.values.twist[0]")
     _, (q, qd, _, _), _ = paused(live, robot)

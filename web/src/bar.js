@@ -29,16 +29,28 @@ export class Bar {
       this.notes,
       this.worst,
       el("span", { class: "spring" }),
-      ...(app.report ? [] : [this.length]),
-      button("PNG", "picture of what is seen (p)", () => app.picture()),
-      button("CSV", "numbers of what is seen (c)", () => app.csv()),
-      button("◐", "light, dark (t)", () => app.theme.next()),
+      (this.look = button("◐", "light, dark (t)", () => app.theme.next())),
       button("?", "keys (?)", () => app.keys.help()),
     );
     this.go = button("", "", () => app.toggle());
     this.time = el("span", { class: "time" });
     this.live = button("live", "go back to live (l)", () => app.view.follow());
     this.transport = el("div", { class: "transport" }, this.go, this.time, ...(app.report ? [] : [this.live]));
+    const tools = [
+      ...(app.report ? [] : [this.length]),
+      button("PNG", "picture of what is seen (p)", () => app.picture()),
+      button("CSV", "numbers of what is seen (c)", () => app.csv()),
+    ];
+    this.tools = el("span", { class: "tools" }, ...tools);
+    const narrow = matchMedia("(max-width: 56rem)");
+    narrow.addEventListener("change", () => this.#arrange(narrow.matches));
+    this.#arrange(narrow.matches);
+  }
+
+  // On a phone the head has no room for what is not said there.
+  #arrange(narrow) {
+    if (narrow) this.transport.append(this.tools);
+    else this.look.before(this.tools);
   }
 
   listed(robots, chosen) {

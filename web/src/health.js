@@ -19,7 +19,7 @@ export class Health {
   // Takes the diagnostics: what is worst of them stands where it is seen at once.
   told(list) {
     const worst = list.reduce((most, one) => (one.level > (most?.level ?? 0) ? one : most), null);
-    const text = worst && [worst.name, worst.message].filter(Boolean).join(": ");
+    const text = worst && [worst.name.replace(/^[^:]*: /, ""), worst.message].filter(Boolean).join(": "); // without its node
     this.worst = worst && { level: worst.level > 1 ? "bad" : "warn", text };
   }
 

@@ -13,6 +13,8 @@ const SLOW = 60; // [ms] between two pictures, from which on less is drawn
 const LONGEST = 200;
 const FROM = new Vector3(1, -1.25, 0.55).normalize(); // the camera, as seen from the robot
 const ROOM = 0.82; // part of the picture that the robot takes
+const HEAD = 4; // [rem] above it, where words stand
+const GROWN = 500; // [ms] between two looks whether it has gone out of the picture
 
 export class Scene3D {
   constructor(box, { load, changed }) {
@@ -21,7 +23,7 @@ export class Scene3D {
     this.changed = changed;
     this.dirty = true;
     this.times = [];
-    this.last = this.pause = 0; // [ms]
+    this.last = this.pause = this.looked = 0; // [ms]
     this.renderer = new WebGLRenderer({ antialias: true, alpha: true, powerPreference: "low-power" });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.renderer.shadowMap.enabled = true;
@@ -87,7 +89,20 @@ export class Scene3D {
       if (!this.framed) this.frame();
     }
     this.#follow();
+    this.#grow();
     this.dirty = true;
+  }
+
+  // Takes all that links have reached into the picture, until somebody chooses what is in it.
+  #grow() {
+    const now = performance.now();
+    if (this.framed || now - this.looked < GROWN) return;
+    this.looked = now;
+    const reached = this.reached.clone();
+    for (const link of this.robot.byName.values()) {
+      if (link.children.length) reached.expandByPoint(new Vector3().setFromMatrixPosition(link.matrixWorld));
+    }
+    if (!this.reached.equals(reached)) this.#fit(reached, true);
   }
 
   // Camera and floor by the box around the robot; the floor at its lowest point.
@@ -96,6 +111,11 @@ export class Scene3D {
     const given = this.layout?.scene.bounds;
     if (bounds.isEmpty() && given) bounds = new Box3(new Vector3(...given[0]), new Vector3(...given[1]));
     if (bounds.isEmpty()) bounds.set(new Vector3(-0.5, -0.5, 0), new Vector3(0.5, 0.5, 1));
+    this.#fit(bounds, camera);
+  }
+
+  #fit(bounds, camera) {
+    this.reached = bounds;
     const centre = bounds.getCenter(new Vector3());
     this.size = Math.max(0.05, 0.5 * bounds.getSize(new Vector3()).length());
     this.lowest = bounds.min.z;
@@ -123,7 +143,7 @@ export class Scene3D {
     let distance = 0.5 * this.size;
     for (let n = 0; n < 8; n++) {
       const corner = new Vector3(...["x", "y", "z"].map((axis, k) => ((n >> k) & 1 ? bounds.max : bounds.min)[axis])).sub(centre);
-      const wide = Math.max(Math.abs(corner.dot(up)), Math.abs(corner.dot(right)) / this.camera.aspect);
+      const wide = Math.max(Math.abs(corner.dot(up)) / this.below, Math.abs(corner.dot(right)) / this.camera.aspect);
       distance = Math.max(distance, wide / across + corner.dot(FROM));
     }
     return distance;
@@ -169,6 +189,7 @@ export class Scene3D {
       this.camera.position.add(moved);
       this.controls.target.add(moved);
       this.centre.add(moved);
+      this.reached.translate(moved);
       this.root = at;
       this.#floor();
     }
@@ -251,6 +272,9 @@ export class Scene3D {
     if (!width || !height) return;
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
+    const head = Math.min(0.2 * height, HEAD * parseFloat(getComputedStyle(document.documentElement).fontSize));
+    this.below = 1 - head / height; // part of the picture that is left
+    this.camera.setViewOffset(width, height, 0, -0.5 * head, width, height);
     this.camera.updateProjectionMatrix();
     if (this.robot && !this.framed) this.frame();
     this.dirty = true;
