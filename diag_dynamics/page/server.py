@@ -38,7 +38,7 @@ FILES = {
 }
 """All files that are served, by path: there is no other, whatever is asked for."""
 
-LAYOUT, FRAME, DIAGNOSTICS, HEARTBEAT = range(4)
+LAYOUT, FRAME, DIAGNOSTICS, HEARTBEAT, CONTACT = range(5)
 """Kinds of packets in a stream."""
 
 POLICY = (
@@ -406,7 +406,7 @@ class _Stream:
 
     def __init__(self, server: PageServer, connection: socket.socket, show: Show, hz: float, link: str) -> None:
         self._server, self._connection, self._show, self._hz, self._link = server, connection, show, hz, link
-        self._layout = self._number = self._told = 0
+        self._layout = self._number = self._told = self._touch = 0
         self._served = self._skipped = 0
         self._due = self._beat = self._began = time.monotonic()
 
@@ -415,7 +415,7 @@ class _Stream:
         while not self._server.closing.is_set():
             if not self._is_writable():
                 return
-            packets = [*self._frame(), *self._beats()]
+            packets = [*self._frame(), *self._contact(), *self._beats()]
             if packets:
                 self._connection.sendall(b"".join(packets))
             self._wait(bool(packets))
@@ -450,6 +450,13 @@ class _Stream:
                 self._served += 1
                 packets.append(packet(FRAME, newest.frame))
         return packets
+
+    def _contact(self) -> list[bytes]:
+        number, told = self._show.touch()
+        if number == self._touch:
+            return []
+        self._touch = number
+        return [packet(CONTACT, told)] if told else []
 
     def _beats(self) -> list[bytes]:
         now = time.monotonic()

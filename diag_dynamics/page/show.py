@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.page.contact import Touch, told
 from diag_dynamics.page.frames import FrameMaker, Seen, States, Told
 from diag_dynamics.page.layout import Layout, finite
 from diag_dynamics.page.meshes import MeshLibrary
@@ -18,6 +19,9 @@ STALE = 1.0
 
 COUNTED = 0.5
 """Time over which states are counted at least, to know how many come a second [s]."""
+
+TOUCHED = 0.1
+"""Time between two looks at what a touch would cost [s]."""
 
 NOTHING_YET = "waiting for a robot"
 
@@ -61,11 +65,20 @@ class Show:
     take : callable
         Called with the DiagonalDynamics in force by whoever asks for a frame, one at a time; returns the newest state since
         the last call as :class:`Taken`, or None. It raises nothing.
+    take_touch : callable
+        Likewise of contact, as :class:`~diag_dynamics.page.contact.Touch`; called at most every :data:`TOUCHED`.
     """
 
-    def __init__(self, name: str, take: Callable[[DiagonalDynamics], Taken | None]) -> None:
+    def __init__(
+        self,
+        name: str,
+        take: Callable[[DiagonalDynamics], Taken | None],
+        take_touch: Callable[[DiagonalDynamics], Touch | None] = lambda _: None,
+    ) -> None:
         self.name = name
-        self._take = take
+        self._take, self._take_touch = take, take_touch
+        self._touch: tuple[int, bytes] = (0, b"")
+        self._touched = 0.0
         self._lock = threading.Lock()
         self._maker: FrameMaker | None = None
         self._dynamics: DiagonalDynamics | None = None
@@ -87,7 +100,7 @@ class Show:
         maker.prepare()
         with self._lock:
             self._maker, self._dynamics, self._scene, self._meshes = maker, dynamics, scene, meshes
-            self._limits, self._waiting = (), ""
+            self._limits, self._waiting, self._touch = (), "", (self._touch[0], b"")
             self._forget()
             self._lay_out()
 
@@ -98,10 +111,10 @@ class Show:
 
     def tell(self, diagnostics: Sequence[Mapping[str, Any]]) -> None:
         """Take the newest diagnostics: dicts of level, name, message and values."""
-        told = json.dumps(list(diagnostics)).encode()
+        text = json.dumps(list(diagnostics)).encode()
         with self._lock:
-            if told != self._diagnostics[1]:
-                self._diagnostics = self._diagnostics[0] + 1, told
+            if text != self._diagnostics[1]:
+                self._diagnostics = self._diagnostics[0] + 1, text
 
     # --- What is shown ---
 
@@ -133,6 +146,17 @@ class Show:
         """Number of the newest diagnostics, and these as JSON."""
         with self._lock:
             return self._diagnostics
+
+    def touch(self) -> tuple[int, bytes]:
+        """Number of the newest contact, and what a touch would cost as JSON; 0 and empty while nothing is told of it."""
+        with self._lock:
+            now = time.monotonic()
+            if self._dynamics is not None and now - self._touched >= TOUCHED:
+                self._touched = now
+                touch = self._take_touch(self._dynamics)
+                if touch is not None:
+                    self._touch = self._touch[0] + 1, told(touch, self._dynamics.model)
+            return self._touch
 
     def about(self) -> dict[str, Any]:
         """Who it is, whether it lives, and how old its last state is, for JSON."""

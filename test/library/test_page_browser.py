@@ -17,6 +17,7 @@ import diag_dynamics as dd
 from browser import Tab, browser
 from diag_dynamics.demos.moving_robot import MovingRobot, show_of
 from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.page.contact import Touch
 from diag_dynamics.page.frames import FrameMaker, Told
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
@@ -201,6 +202,51 @@ def test_a_phone_has_a_head_of_two_lines_and_the_picture_room_for_words(chromium
         begun = tab.ask("diag.state.now")
         tab.until(f"diag.state.now > {begun} + 2 && {reached}{words['y'] + words['height'] - 12})")
         assert tab.cut_off() == []
+        assert tab.said == []
+    finally:
+        tab.close()
+        one.stop()
+
+
+def test_what_a_touch_would_cost(chromium):
+    """Numbers of each point as they were told, what half of the mass would have said, and the worst point in the picture."""
+    text = chain(["one", "two"])
+    model = dd.load_urdf(text)
+    robot = Robot(model)
+    speed, mass = np.array([0.5, 0.25]), np.array([0.8, 0.3])
+    places, allowed = np.array([[0.0, 0.0, 0.2], [0.02, 0.0, 0.3]]), np.array([0.4, np.inf])
+    names, quiet = ["link1", "link2"], threading.Event()
+
+    def take(_):
+        touch = Touch(time.time(), names, names, places, speed, mass, 0.5 * mass * speed**2, allowed, 0, False)
+        return None if quiet.is_set() else touch
+
+    show = Show("/touched", robot.take, take)
+    show.use(dd.DiagonalDynamics(model), scene_of(model, text), None)
+    one = PageServer(lambda: [show])
+    one.start()
+    tab = Tab(chromium, (1280, 720), "dark")
+    try:
+        tab.open(one.address)
+        tab.until("diag.contact && diag.contact.drawn && document.querySelectorAll('.touch tbody tr').length === 2")
+        rows = [row.split() for row in tab.page.locator(".touch tbody tr").all_inner_texts()]
+        assert [row[0] for row in rows] == names  # the one with a limit first
+        half = 0.5 * 2 * 0.3
+        for row, v, m in zip(rows, speed, mass, strict=True):
+            np.testing.assert_allclose(
+                [read(x) for x in row[2:]], [v, m, 0.5 * m * v * v, 0.5 * half * v * v], rtol=6e-3
+            )
+        assert read(rows[0][1]) == pytest.approx(-0.1)
+        assert rows[1][1] == "–"
+        assert "0.300 kg" in tab.page.locator("#contact p").inner_text()
+        np.testing.assert_allclose(tab.ask("diag.contact.drawn"), places[0], atol=1e-6)
+        assert tab.page.locator(".touch tr.above").count() == 1
+        assert tab.cut_off() == []
+        assert tab.out_of_panels() == []
+        tab.page.set_viewport_size({"width": 390, "height": 844})
+        assert tab.cut_off() == []
+        quiet.set()
+        tab.until("!diag.contact.fresh && diag.contact.drawn === null && document.querySelector('#contact.old')")
         assert tab.said == []
     finally:
         tab.close()

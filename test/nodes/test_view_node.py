@@ -6,12 +6,12 @@ import threading
 
 import numpy as np
 import pytest
-from diag_dynamics.msg import DiagonalizedState, ExternalTorque
+from diag_dynamics.msg import Contact, DiagonalizedState, ExternalTorque
 from diag_dynamics.srv import SetPayload
 
 import diag_dynamics as dd
 from nodes import MANY, PANDA, START, UR5, Process, S, nanoseconds, node_process, robot
-from streams import DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get_json, wait_for_robot
+from streams import CONTACT, DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get_json, wait_for_robot
 
 MONITOR, VIEW = "/arm/diag_dynamics", "/diag_dynamics_view"
 
@@ -224,6 +224,42 @@ def test_lifecycle(graph, peer):
     with graph.stream() as stream:
         stream.frames(2)
         assert stream.next(HEARTBEAT)["hz"] == pytest.approx(20.0)
+
+
+def test_contact_is_shown_where_limits_are_judged(graph, peer, tmp_path):
+    """As the monitor tells it, by the stamp; one without limits would compute it for the page alone: nobody listens then."""
+    assert peer.node.count_subscribers(f"{MONITOR}/contact") == 0
+    limits = tmp_path / "limits.yaml"
+    limits.write_text("regions: {nobody: {mass: 3.0, stiffness: 20000, force: 60}}")
+    graph.monitor.stop()
+    graph.monitor = monitor_process(**{"contact.limits_file": str(limits)})
+    touches = peer.topic(Contact, f"{MONITOR}/contact", MANY)
+    peer.wait_until(lambda: peer.node.count_subscribers(f"{MONITOR}/contact") == 2, "the view to listen", START)
+    found = []
+    with graph.stream() as stream:
+        thread = threading.Thread(target=lambda: found.extend(stream.next(CONTACT) for _ in range(4)))
+        thread.start()
+        peer.wait_until(lambda: not thread.is_alive(), "contact in the stream", START)
+    told = found[-1]
+    message = peer.wait_until(
+        lambda: next((m for m in touches.messages if nanoseconds(m.header.stamp) / S == told["t"]), None), "its message"
+    )
+    points = told["points"]
+    assert told["worst"] == message.worst
+    assert [(point["name"], point["link"]) for point in points] == list(
+        zip(message.point_names, message.link_names, strict=True)
+    )
+    for name, field in (("speed", "speed"), ("mass", "reflected_mass"), ("energy", "transferable_energy")):
+        np.testing.assert_array_equal([point[name] for point in points], getattr(message, field))
+    np.testing.assert_array_equal(np.ravel([point["position"] for point in points]), message.positions)
+    finite = np.isfinite(message.margin)
+    assert finite.any()
+    np.testing.assert_allclose(
+        [point["margin"] for point, is_limited in zip(points, finite, strict=True) if is_limited],
+        np.array(message.margin)[finite],
+        atol=1e-12,
+    )
+    assert told["half"] == pytest.approx(0.5 * (17.451901 - 0.629769))  # of the links that move
 
 
 def test_another_robot_comes(graph):

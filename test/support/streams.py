@@ -10,7 +10,7 @@ from urllib.parse import urlencode, urlsplit
 
 import numpy as np
 
-LAYOUT, FRAME, DIAGNOSTICS, HEARTBEAT = range(4)
+LAYOUT, FRAME, DIAGNOSTICS, HEARTBEAT, CONTACT = range(5)
 
 
 def get(address, path, method="GET", **headers):

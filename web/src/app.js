@@ -38,6 +38,7 @@ export class App {
       layout: () => this.layout,
       select: (dof) => this.selectDof(dof),
       selected: () => this.chosen.dof,
+      selectLink: (link) => this.select(link),
       contacts: () => this.source?.contacts ?? [],
       point: (plot) => this.cards.point(plot),
     };
@@ -109,6 +110,12 @@ export class App {
     this.health.told(list);
     this.cards.diagnosed(list);
     this.touch();
+  }
+
+  // What a touch would cost; null: nothing is told of it.
+  touched(json) {
+    this.cards.touched(json);
+    this.#want("numbers");
   }
 
   beat(json, drawn) {
@@ -252,6 +259,8 @@ export class App {
     if (turn("numbers", NUMBERS)) {
       this.table.draw(rows, i);
       this.details.draw(rows, i);
+      this.cards.contact.draw();
+      this.stage.touched(this.view.following ? this.cards.contact.worst : null);
       this.touch();
     }
     if (turn("strip", STRIP)) this.timeline.draw();

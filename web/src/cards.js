@@ -1,6 +1,7 @@
 // The right of the page: cards of plots, of diagnostics, and of what a report tells; one cursor common to all.
 
 import { el, resized, say, scrolling } from "./dom.js";
+import { ContactCard } from "./contact.js";
 import { number, span, UNKNOWN } from "./format.js";
 import { Plot } from "./plot.js";
 import { plotsOf } from "./quantities.js";
@@ -18,29 +19,34 @@ export class Cards {
     this.pulse = el("p", { class: "pulse" });
     this.words = el("section", { class: "card words", id: "diagnostics" }, el("header", {}, el("h2", { text: "Diagnostics" })), this.list, this.pulse);
     this.told = []; // cards of a report
+    this.contact = new ContactCard((link) => shared.selectLink(link));
     this.node = el("div", { class: "cards" }, ...(shared.view.live ? [this.words] : [])); // before there is a robot: why there is none
     resized(this.node, () => this.#arrange());
   }
 
   // As many columns as leave few places empty, and cards about twice as wide as high.
   #arrange() {
-    const count = this.node.childElementCount;
+    const wide = this.contact.node.parentNode ? 1 : 0; // it takes two places where there are two columns
+    const places = (columns) => this.node.childElementCount + (columns > 1 ? wide : 0);
     const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
     const [width, height] = [this.node.clientWidth, this.node.clientHeight];
     let [best, columns] = [Infinity, 1];
     for (let c = 1; c === 1 || width / c >= NARROW * rem; c++) {
+      const count = places(c);
       const lines = Math.ceil(count / c);
       const high = Math.max(LOW * rem, height / lines);
       const score = Math.abs(Math.log(width / c / high / 2)) + (0.5 * (lines * c - count)) / c + (lines * LOW * rem > height + 1 ? 0.2 : 0);
       if (score < best) [best, columns] = [score, c];
     }
     this.node.style.setProperty("--columns", columns);
+    this.node.style.setProperty("--two", Math.min(2, columns));
   }
 
   setLayout(layout) {
     for (const plot of this.plots) plot.remove();
     this.plots = plotsOf(layout).map((spec) => new Plot(spec, this.shared));
-    this.node.replaceChildren(...this.told, ...this.plots.map((plot) => plot.node), ...(this.told.length ? [] : [this.words]));
+    const touch = this.contact.newest ? [this.contact.node] : [];
+    this.node.replaceChildren(...touch, ...this.told, ...this.plots.map((plot) => plot.node), ...(this.told.length ? [] : [this.words]));
     this.#arrange();
   }
 
@@ -102,6 +108,18 @@ export class Cards {
       { passive: false },
     );
     over.addEventListener("dblclick", () => (view.live ? view.follow() : view.whole()));
+  }
+
+  // Shows what a touch would cost once there is something; null takes it away.
+  touched(json) {
+    if (json === null) {
+      this.contact.forget();
+      this.contact.node.remove();
+    } else {
+      this.contact.take(json);
+      if (!this.contact.node.parentNode) this.node.prepend(this.contact.node);
+    }
+    this.#arrange();
   }
 
   diagnosed(list) {

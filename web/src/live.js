@@ -34,6 +34,7 @@ export class Live {
         health.heart = { ...json, at: now };
         app.beat(json, drawn);
       },
+      contact: (json) => app.touched(json),
       connection: (state, seconds, why) => {
         Object.assign(health, { connection: state, retry: seconds, why, heart: null });
         app.touch();
@@ -71,6 +72,7 @@ export class Live {
     this.link = this.layout = this.text = null;
     this.app.health.arrived = -Infinity;
     this.app.diagnosed([]);
+    this.app.touched(null);
     this.app.listed(this.robots, robot);
     const link = await this.#hand(robot);
     if (robot === this.robot) this.stream.open(robot, (this.link = link), RATE);

@@ -1,8 +1,8 @@
 // The robot in space: camera, light and floor; drawn only when something has changed.
 
 import {
-  Box3, Color, DirectionalLight, Fog, GridHelper, HemisphereLight, Mesh, PCFShadowMap, PerspectiveCamera, PlaneGeometry,
-  Raycaster, Scene, ShadowMaterial, Vector2, Vector3, WebGLRenderer,
+  Box3, Color, DirectionalLight, Fog, GridHelper, HemisphereLight, Mesh, MeshBasicMaterial, PCFShadowMap, PerspectiveCamera, PlaneGeometry,
+  Raycaster, Scene, ShadowMaterial, SphereGeometry, Vector2, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { resized } from "./dom.js";
@@ -45,7 +45,10 @@ export class Scene3D {
     this.fill = new DirectionalLight(0xffffff, 0.5);
     this.scene.add(this.sky, this.sun, this.sun.target, this.fill);
     this.marks = new Marks();
-    this.scene.add(this.marks);
+    this.point = new Mesh(new SphereGeometry(1, 24, 16), new MeshBasicMaterial({ transparent: true, opacity: 0.75, depthTest: false, fog: false }));
+    this.point.visible = false;
+    this.point.renderOrder = 2;
+    this.scene.add(this.marks, this.point);
     this.ray = new Raycaster();
     resized(box, () => this.#resize());
     this.#resize();
@@ -55,6 +58,7 @@ export class Scene3D {
     this.scene.fog = new Fog(new Color(colours.view || colours.page), 1, 100);
     this.sky.intensity = dark ? 2.1 : 2.0;
     this.marks.paint(colours.accent, colours.warn);
+    [this.warn, this.bad] = [colours.warn, colours.bad];
     this.gridColour = colours.grid3d || colours.line;
     if (this.size) this.#floor();
     this.dirty = true;
@@ -203,6 +207,18 @@ export class Scene3D {
     this.dirty ||= visible || this.marks.visible;
     this.marks.visible = visible;
     if (visible) this.marks.place(new Vector3().setFromMatrixPosition(group.matrixWorld), axes, radii, velocity, this.size);
+  }
+
+  // The point at which a touch would be worst: a ball that is seen through the robot; null hides it.
+  touch(worst) {
+    this.dirty ||= Boolean(worst) || this.point.visible;
+    this.point.visible = Boolean(worst);
+    if (!worst) return;
+    this.point.position.set(...worst.position);
+    const root = this.robot?.byName.get(this.layout.links[0]); // in whose axes it is told
+    if (root) this.point.position.applyMatrix4(root.matrixWorld);
+    this.point.scale.setScalar(0.03 * this.size);
+    this.point.material.color.set(worst.above ? this.bad : this.warn);
   }
 
   // The link at a place of the canvas [CSS pixels], or null.

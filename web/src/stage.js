@@ -175,6 +175,11 @@ export class Stage {
     say(this.why, worst ? worst.text : "");
   }
 
+  // worst: of the points of contact, {position, above}; null hides it.
+  touched(worst) {
+    this.scene?.touch(worst);
+  }
+
   dirty() {
     if (this.scene) this.scene.dirty = true;
   }

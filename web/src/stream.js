@@ -4,10 +4,10 @@ const SHORTEST = 250;
 const LONGEST = 5000; // [ms] between two tries
 const SILENCE = 4000; // [ms] without a byte, heartbeats included, after which the connection counts as lost
 
-export const KIND = { layout: 0, frame: 1, diagnostics: 2, heartbeat: 3 };
+export const KIND = { layout: 0, frame: 1, diagnostics: 2, heartbeat: 3, contact: 4 };
 
 export class Stream {
-  // handlers: layout(json), frame(t, values), diagnostics(json), heartbeat(json), connection(state, seconds, why)
+  // handlers: layout(json), frame(t, values), diagnostics(json), heartbeat(json), contact(json), connection(state, seconds, why)
   constructor(handlers) {
     this.handlers = handlers;
     this.wanted = null;
@@ -92,6 +92,7 @@ export class Stream {
     if (kind === KIND.layout) this.handlers.layout(json);
     else if (kind === KIND.diagnostics) this.handlers.diagnostics(json);
     else if (kind === KIND.heartbeat) this.handlers.heartbeat(json);
+    else if (kind === KIND.contact) this.handlers.contact(json);
   }
 }
 

@@ -9,6 +9,9 @@ from diag_dynamics.wire.cdr import Template
 KEPT = 4
 """Layouts that are remembered: of a robot's states there are those with efforts and those without."""
 
+QUEUE = 64
+"""Messages that wait to be taken, of each topic: where more have come, the oldest are gone, and all are not counted."""
+
 SECOND = 1_000_000_000
 
 
@@ -65,3 +68,12 @@ class Reader:
             raise InputError(f"{self._kind.__name__} comes in another encoding than plain little-endian CDR.")
         self._known = [Reading(message, template), *self._known[: KEPT - 1]]
         return self._known[0]
+
+
+def drained(subscription):
+    """The newest message of those that wait, its information, and how many there were."""
+    newest, info, count, handle = None, {}, 0, subscription.handle
+    with handle:
+        while count < QUEUE and (taken := handle.take_message(subscription.msg_type, True)) is not None:
+            (newest, info), count = taken, count + 1
+    return newest, info, count

@@ -19,7 +19,8 @@ from diag_dynamics.nodes.support.descriptions import Descriptions
 from diag_dynamics.nodes.support.diagnostics import shortened
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.names import NODES
-from diag_dynamics.nodes.view.reading import SECOND, Reader
+from diag_dynamics.nodes.view.reading import QUEUE, SECOND, Reader, drained
+from diag_dynamics.nodes.view.touching import JUDGED, ContactReader
 from diag_dynamics.page.frames import Seen, States, Told
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
@@ -29,9 +30,6 @@ from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 
 ASKED = ("use_sim_time", "robot_description", "friction_velocity", *SHARED)
 """Parameters of a monitor that make its model, and whose time its stamps are of."""
-
-QUEUE = 64
-"""Messages that wait to be taken, of each topic: where more have come, the oldest are gone, and all are not counted."""
 
 APART = 0.1
 """How far an external torque may be from a state to be of it [s]."""
@@ -71,13 +69,16 @@ class WatchedRobot:
         self.monitor, self.namespace = monitor, monitor.rpartition("/")[0] or "/"
         self._node, self._aside, self._folders = node, aside, folders
         usual = monitor.rpartition("/")[2] == NODES["monitor"]
-        self.show = Show(self.namespace if usual else monitor, self._take)
+        self.show = Show(
+            self.namespace if usual else monitor, self._take, lambda dynamics: self._contact.take(dynamics)
+        )
         self._states, self._torques = Reader(DiagonalizedState), Reader(ExternalTorque)
         newest = QoSProfile(depth=QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._inputs = [
             aside.create_subscription(kind, f"{monitor}/{topic}", lambda _: None, newest, raw=True)
             for kind, topic in ((DiagonalizedState, "state"), (ExternalTorque, "external_torque"))
         ]
+        self._contact = ContactReader(node, aside, monitor)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         topic = f"{self.namespace.rstrip('/')}/robot_description"
         self._topic = node.create_subscription(String, topic, self._take_description, latched)
@@ -124,6 +125,8 @@ class WatchedRobot:
     def tell(self, statuses):
         """Take entries of diagnostics of this robot's nodes."""
         for status in statuses:
+            if status.name == f"{self.monitor.lstrip('/')}: {JUDGED}":
+                self._contact.listen()
             self._diagnostics[status.name] = {
                 "level": status.level[0],
                 "name": status.name,
@@ -137,6 +140,7 @@ class WatchedRobot:
         self._loads.drop()
         self._node.destroy_client(self._parameters)
         self._node.destroy_subscription(self._topic)
+        self._contact.destroy()
         for subscription in self._inputs:
             self._aside.destroy_subscription(subscription)
 
@@ -210,8 +214,8 @@ class WatchedRobot:
         return taken
 
     def _newest(self, dynamics):
-        raw, info, count = _drained(self._inputs[0])
-        torque, _, _ = _drained(self._inputs[1])
+        raw, info, count = drained(self._inputs[0])
+        torque, _, _ = drained(self._inputs[1])
         if torque is not None:
             self._torque = torque
         if raw is None:
@@ -258,15 +262,6 @@ class WatchedRobot:
         if any(row is None for row in arrays):
             return None, limits
         return Seen([True], *arrays, np.array([torque.number("norm")]), [torque.number("collision")]), limits
-
-
-def _drained(subscription):
-    """The newest message of those that wait, its information, and how many there were."""
-    newest, info, count, handle = None, {}, 0, subscription.handle
-    with handle:
-        while count < QUEUE and (taken := handle.take_message(subscription.msg_type, True)) is not None:
-            (newest, info), count = taken, count + 1
-    return newest, info, count
 
 
 def folders_of(entries):

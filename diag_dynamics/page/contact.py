@@ -1,0 +1,70 @@
+"""What a touch would cost, point by point, for the page, beside what half of the robot's mass would say."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from diag_dynamics.arrays import Array
+from diag_dynamics.contact import simplified_mass
+from diag_dynamics.model import RobotModel
+from diag_dynamics.page.layout import finite
+
+
+class Touch(NamedTuple):
+    """Contact at some points of a robot, at one state."""
+
+    t: float
+    """Stamp of the state [s]."""
+    names: list[str]
+    """Of the points, (n,)."""
+    links: list[str]
+    """That they are on, (n,)."""
+    position: Array
+    """In the root link's axes [m], shape (n, 3)."""
+    speed: Array
+    """Along the point's motion [m/s], shape (n,)."""
+    mass: Array
+    """Reflected mass along it [kg], shape (n,); 0 where the point rests."""
+    energy: Array
+    """Transferable energy [J], shape (n,)."""
+    allowed: Array
+    """Allowed speed [m/s], shape (n,); inf without a limit."""
+    worst: int
+    """Index of the worst point; -1: none."""
+    estimated: bool
+    """Whether a velocity was estimated."""
+
+
+def mass_of_half(model: RobotModel) -> float:
+    """M/2 + m_L [kg]: half the mass of the links that move, and all payloads on these; ISO/TS 15066's simplified mass."""
+    # Body 0 is the root link's, which a fixed base keeps where it is.
+    moving = {name for name in model.link_names if model.floating_base or model.placement_in_body(name)[0] > 0}
+    links = [model.link_names[index] for index in model.links["index"]]
+    total = sum(float(mass) for name, mass in zip(links, model.links["mass"], strict=True) if name in moving)
+    carried = sum(float(payload.mass) for name, payload in model.payloads.items() if name in moving)
+    return simplified_mass(total - carried, carried)
+
+
+def told(touch: Touch, model: RobotModel) -> bytes:
+    """A :class:`Touch` as JSON: ``t``, ``half`` (mass_of_half), ``worst``, ``estimated``, ``points``.
+
+    A point has name, link, position, speed, mass, energy, allowed (null without a limit) and margin (allowed less speed).
+    """
+    with np.errstate(invalid="ignore"):
+        margin = finite(touch.allowed - touch.speed)
+    numbers = [finite(row) for row in (touch.speed, touch.mass, touch.energy, touch.allowed)]
+    rows = zip(touch.names, touch.links, np.asarray(touch.position).reshape(-1, 3), *numbers, margin, strict=True)
+    points = [
+        {
+            "name": name,
+            "link": link,
+            "position": finite(position),
+            **dict(zip(("speed", "mass", "energy", "allowed", "margin"), values, strict=True)),
+        }
+        for name, link, position, *values in rows
+    ]
+    said: dict[str, Any] = {"t": touch.t, "half": mass_of_half(model), "worst": int(touch.worst)}
+    return json.dumps(said | {"estimated": bool(touch.estimated), "points": points}, allow_nan=False).encode()
