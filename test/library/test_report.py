@@ -14,6 +14,7 @@ from browser import Tab, browser
 from diag_dynamics.cli.main import main
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.page.contact import mass_of_half
 from diag_dynamics.page.packing import LEVELS, pack, pack_mesh, pack_meshes
 from diag_dynamics.page.report import write_report
 from diag_dynamics.recordings.outputs import report as output
@@ -181,7 +182,8 @@ def simulated(tmp_path_factory):
     table = np.column_stack([t, q, qd, tau])
     path = folder / "swing.csv"
     np.savetxt(path, table, delimiter=",", header=",".join(["t", *names]), comments="", fmt="%.17g")
-    html = folder / "report.html"
+    html, limits = folder / "report.html", folder / "limits.yaml"
+    limits.write_text("regions: {nobody: {mass: 3.0, stiffness: 20000, force: 60}}", encoding="utf-8")
     arguments = [
         "analyse",
         str(path),
@@ -190,9 +192,10 @@ def simulated(tmp_path_factory):
         "--set",
         "external_torque.threshold=20",
         "external_torque.gain=25.0",
+        f"contact.limits_file={limits}",
         "--quiet",
     ]
-    assert main([*arguments, "--report", str(html)]) in (0, 1)
+    assert main([*arguments, "--report", str(html), "--json", str(folder / "summary.json")]) in (0, 1)
     return html, t, q, qd, tau, model
 
 
@@ -274,6 +277,23 @@ def test_tells_what_happened(tab, simulated):
     tab.until("diag.state.window[1] - diag.state.window[0] < 6")
     tab.page.keyboard.press("0")
     tab.until(f"diag.state.window[1] - diag.state.window[0] > {LENGTH - 0.1}")
+
+
+def test_tells_what_a_touch_would_have_cost(tab, simulated):
+    """How long limits were exceeded and by which points, the worst moments, and what half of the mass would have said."""
+    html, _, _, _, _, model = simulated
+    contact = json.loads((html.parent / "summary.json").read_text(encoding="utf-8"))["contact"]
+    worst = contact["worst"][0]
+    words = " ".join(tab.page.locator("#touches").inner_text().split())
+    assert 1.0 < contact["above"] < 10.0
+    assert f"exceeded for {contact['above']:.2f} s of 14.0 s" in words
+    assert f"{worst['at']:.3f} s" in words
+    assert worst["point"] in words.replace("\u200b", "")
+    assert f"{worst['speed']:.3g} m/s" in words
+    half = mass_of_half(model)
+    assert f"{half:.2f} kg: {0.5 * half * worst['speed'] ** 2:.3g} J" in words
+    tab.page.locator("#touches button").first.click()
+    tab.until(f"Math.abs(diag.state.now - {worst['at']}) < 2e-2")
 
 
 def test_panels_of_text_say_that_there_is_more(tab):

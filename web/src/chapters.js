@@ -5,7 +5,7 @@ import { number, percent, span, UNKNOWN } from "./format.js";
 
 // act: go(t) shows a moment, see(t0, t1, t) a time and a moment in it; both in seconds after the beginning.
 export function chapters(told, act) {
-  return [overall(told, act), contacts(told, act), quality(told), parameters(told)];
+  return [overall(told, act), contacts(told, act), ...(told.summary.contact ? [touches(told, act)] : []), quality(told), parameters(told)];
 }
 
 const card = (id, title, ...children) => el("section", { class: "card words", id }, el("header", {}, el("h2", { text: title })), scrolling(el("div", { class: "text" }, el("div", {}, ...children))));
@@ -51,6 +51,23 @@ function contacts({ summary, begin, without_full_rate: without }, act) {
   const words = judged === null ? "No thresholds were given, so that no contact is told: diag-dynamics calibrate makes them." : `By ${judged}; observer of gain ${number(observer.gain)}/s.`;
   const lost = without ? [el("p", { text: `There was no room for every state around ${without} of the weakest.` })] : [];
   return card("contacts", collisions.length ? `${collisions.length} contact${collisions.length === 1 ? "" : "s"}` : "Contacts", el("p", { text: judged !== null && !rows.length ? `None. ${words}` : words }), ...lost, el("dl", {}, ...rows));
+}
+
+// What a touch would have cost, where limits were given: how long they were exceeded, and the worst moments.
+function touches({ summary, begin, half }, act) {
+  const { contact } = summary;
+  const points = Object.entries(contact.above_by_point).sort((a, b) => b[1] - a[1]);
+  const moments = contact.worst.map((one) =>
+    line(
+      at(one.at - begin, act),
+      ...breakable(one.point),
+      ` at ${percent(one.usage)} of the speed allowed by ${one.region}: ${number(one.speed)} m/s, ${number(one.reflected_mass)} kg, `,
+      `${number(one.energy)} J (by M/2 + payload, ${number(half)} kg: ${number(0.5 * half * one.speed ** 2)} J), ${number(one.force)} N`,
+    ),
+  );
+  const words = `Limits exceeded for ${span(contact.above)} of ${span(contact.of)}. Advisory: rigid bodies, no safety function.`;
+  const by = points.map(([name, seconds]) => line(name, span(seconds)));
+  return card("touches", "If it had touched", el("p", { text: words }), el("dl", {}, ...by, ...moments));
 }
 
 function quality({ summary }) {

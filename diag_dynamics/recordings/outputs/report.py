@@ -7,6 +7,7 @@ import numpy as np
 import diag_dynamics
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.page.contact import mass_of_half
 from diag_dynamics.page.frames import FrameMaker, Seen, States, Told
 from diag_dynamics.page.layout import finite
 from diag_dynamics.page.meshes import MeshLibrary
@@ -84,6 +85,7 @@ class ReportOutput:
             "parameters": self._parameters(),
             "begin": (self._first - self._reading.offset) * 1e-9,
             "without_full_rate": self._dropped,
+            "half": mass_of_half(self._reading.model),
             "version": diag_dynamics.__version__,
         }
         write_report(self._part.name, told, tracks, meshes)
