@@ -33,6 +33,12 @@ def without_ros():
     return None
 
 
+def pytest_configure():
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        # A shell's background job ignores Ctrl-C, and so would the processes under test.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 LONGEST = (
     "test_benchmarks.py",
     "test_page_browser.py",
@@ -122,9 +128,6 @@ def ros_domain(request, tmp_path_factory, compiled):
     """
     from nodes import Process
 
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-        # A shell's background job ignores Ctrl-C, and so would the processes under test.
-        signal.signal(signal.SIGINT, signal.default_int_handler)
     domain, lock = lock_domain()
     with pytest.MonkeyPatch.context() as environment:
         environment.setenv("ROS_DOMAIN_ID", str(domain))

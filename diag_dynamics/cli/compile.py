@@ -26,6 +26,8 @@ UNITS = {
     "wire.joint_states": 4,
     "wire.many": 4,
     "sweeps.factors": 3,
+    "sweeps.contacts": 3,
+    "sweeps.mobilities": 3,
     "sweeps.classical": 3,
     "nodes.encoded.encoding": 2,
     "sweeps.kinematics": 2,

@@ -9,7 +9,13 @@ from contextlib import contextmanager, suppress
 logger = logging.getLogger("diag_dynamics")
 
 PATIENCE = 2.0
-"""Time [s] for which compiling says nothing."""
+"""Time [s] for which compiling says nothing, of kernels one after the other as of a single one."""
+
+LEAST = 0.3
+"""Time [s] for which a single kernel says nothing, whatever went before: one that is in the cache takes less."""
+
+PAUSE = 1.0
+"""Time [s] without a kernel after which patience begins anew."""
 
 EVERY = 5.0
 """Least time [s] between two lines."""
@@ -54,7 +60,20 @@ class _Teller:
         return EVERY
 
 
-_teller = _Teller()
+class _Row:
+    """Kernels that are compiled one after the other."""
+
+    def __init__(self):
+        self._begun, self.ended = 0.0, -PAUSE
+
+    def before(self, now):
+        """For how long [s] this has been going on."""
+        if now - self.ended >= PAUSE:
+            self._begun = now
+        return now - self._begun
+
+
+_teller, _row = _Teller(), _Row()
 
 
 def tell_by(say):
@@ -77,15 +96,16 @@ def told(name):
     """While something is compiled: lines if it takes long, see :func:`tell_by`; afterwards one in the log."""
     start, over = time.perf_counter(), threading.Event()
     what = name + getattr(_steps, "far", "")
-    threading.Thread(target=_tell, args=(what, start, over), name="compiling", daemon=True).start()
+    wait = max(LEAST, PATIENCE - _row.before(start))
+    threading.Thread(target=_tell, args=(what, start, over, wait), name="compiling", daemon=True).start()
     try:
         yield
     finally:
         over.set()
+        _row.ended = time.perf_counter()
         logger.info("%s was compiled, or loaded, in %.1f s", name, time.perf_counter() - start)
 
 
-def _tell(what, start, over):
-    wait = PATIENCE
+def _tell(what, start, over, wait):
     while not over.wait(wait):
         wait = _teller.line(what, start)

@@ -366,6 +366,7 @@ class Said(list):
 def said(monkeypatch):
     """Lines that are said while something is compiled, in hundredths of the time that it takes else."""
     monkeypatch.setattr(progress, "PATIENCE", 0.02)
+    monkeypatch.setattr(progress, "LEAST", 0.02)
     monkeypatch.setattr(progress, "EVERY", 0.05)
     monkeypatch.setattr(progress, "_teller", progress._Teller())
     lines = Said()

@@ -317,7 +317,7 @@ def test_launch(ros_domain, tmp_path):
             "both nodes to be ready",
         )
         names = {"/launched/diag_dynamics", "/launched/diag_dynamics_simulator"}
-        assert any(names <= set(said("node", "list").split()) for _ in range(3))  # a busy machine may be late with one
+        assert any(names <= set(said("node", "list").split()) for _ in range(10))  # a busy machine may be late with one
         nodes = launched.children()
         assert len(nodes) == 2
         launched.stop()

@@ -45,14 +45,15 @@ class Robot:
         """Publish a state and what is seen of external torque."""
         now = self.peer.node.get_clock().now().to_msg()
         nu = np.array(nu)
-        state = DiagonalizedState(dof_names=NAMES, nu=nu, effort=effort, effort_valid=True, power=-1.5)
-        state.velocity, state.coriolis, state.articulated_inertia = 0.5 * nu, 0.1 * nu[::-1], np.ones(3)
+        state = DiagonalizedState(dof_names=NAMES, nu=nu.tolist(), effort=list(effort), effort_valid=True, power=-1.5)
+        state.velocity, state.coriolis = (0.5 * nu).tolist(), (0.1 * nu[::-1]).tolist()
+        state.articulated_inertia = [1.0] * 3
         state.kinetic_energy = float(0.5 * nu @ nu)
-        thresholds = np.array([20.0, 10.0, 5.0])
-        seen = ExternalTorque(dof_names=NAMES, valid=True, external_torque=external, torque_threshold=thresholds)
+        thresholds = [20.0, 10.0, 5.0]
+        seen = ExternalTorque(dof_names=NAMES, valid=True, external_torque=list(external), torque_threshold=thresholds)
         seen.norm, seen.threshold = 0.5, math.inf
         seen.torque_norm, seen.torque_norm_threshold = float(np.linalg.norm(external)), 30.0
-        seen.joint_collision = [bool(x) for x in np.abs(external) > thresholds]
+        seen.joint_collision = [bool(x) for x in np.abs(external) > np.array(thresholds)]
         seen.collision = any(seen.joint_collision)
         for publisher, message in zip(self.publishers, (seen, state), strict=True):
             message.header.stamp = now

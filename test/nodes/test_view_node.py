@@ -133,6 +133,9 @@ def test_what_comes_with_it(graph, peer):
 def test_it_only_reads(graph, peer):
     """On the graph it publishes nothing but what every node does and its diagnostics, and calls for parameters alone."""
     node = peer.node
+    peer.wait_until(
+        lambda: ("diag_dynamics_view", "/") in node.get_node_names_and_namespaces(), "the view's name", START
+    )
     published = {name for name, _ in node.get_publisher_names_and_types_by_node("diag_dynamics_view", "/")}
     assert published == {"/rosout", "/parameter_events", "/diagnostics", f"{VIEW}/transition_event"}
     asks = {name for name, _ in node.get_client_names_and_types_by_node("diag_dynamics_view", "/")}

@@ -238,7 +238,7 @@ run.main()
         assert timed == received
         assert earliest > 0.0
     sizes = found["sizes"]
-    assert len(sizes["floor"]) == 7
+    assert len(sizes["floor"]) == 8
     assert sizes["floor"] == sizes["template"] == sizes["rclpy"]
     page = (tmp_path / "results" / "nodes.md").read_text("utf-8")
     check_nodes(page)

@@ -103,10 +103,10 @@ class Session:
             raise InputError(f"{error} {more}") from None
         return types[name][0]
 
-    def publishers(self, topic):
-        """QoS of a topic's publishers. A topic that is listened to is known before those that publish it."""
+    def publishers(self, topic, patience=PATIENCE):
+        """QoS of a topic's publishers, waited for so long [s]: a topic that is listened to is known before those that publish it."""
         begun, found = time.monotonic(), []
-        while not found and time.monotonic() - begun < PATIENCE:
+        while not found and time.monotonic() - begun < patience:
             rclpy.spin_once(self.node, timeout_sec=0.05)
             found = [one.qos_profile for one in self.node.get_publishers_info_by_topic(topic)]
         return found

@@ -154,7 +154,7 @@ def subscribe(graph, topic, type_name, take, raw=False):
     topic = graph.absolute(topic)
     if type_name is None:
         type_name = graph.kind_of(topic, graph.node.get_topic_names_and_types, "topic", DISCOVERY)
-    offered = graph.publishers(topic)
+    offered = graph.publishers(topic, DISCOVERY)
     reliable = offered and all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
     latched = offered and all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
     profile = QoSProfile(
