@@ -943,7 +943,7 @@ def test_settings_reach_their_options():
     assert settings.thresholds == Thresholds(1.0, 2.0, {"elbow": 3.0}, {"elbow": 4.0, "*": 5.0})
 
 
-LISTS = [name for name, spec in PARAMETERS.items() if spec.default == [""] and name != "contact.links"]  # that has names alone
+LISTS = [name for name, spec in PARAMETERS.items() if spec.default == [""] and name != "contact.links"]  # names alone
 NUMBERS = [name for name, spec in PARAMETERS.items() if isinstance(spec.default, float)]
 CHOICES = [name for name, spec in PARAMETERS.items() if spec.choices]
 

@@ -104,7 +104,7 @@ class Session:
         return types[name][0]
 
     def publishers(self, topic, patience=PATIENCE):
-        """QoS of a topic's publishers, waited for so long [s]: a topic that is listened to is known before those that publish it."""
+        """QoS of a topic's publishers, waited for so long [s]: one that is listened to is known before who publishes it."""
         begun, found = time.monotonic(), []
         while not found and time.monotonic() - begun < patience:
             rclpy.spin_once(self.node, timeout_sec=0.05)
