@@ -14,6 +14,7 @@ export class Cards {
   constructor(shared) {
     this.shared = shared;
     this.plots = [];
+    this.pointer = null; // the time below the pointer: a function, or null
     this.said = el("div", {}, el("p", { class: "none", text: "nothing has been said yet" }));
     this.list = scrolling(el("div", { class: "diagnostics" }, this.said));
     this.pulse = el("p", { class: "pulse" });
@@ -44,6 +45,7 @@ export class Cards {
 
   setLayout(layout) {
     for (const plot of this.plots) plot.remove();
+    this.pointer = null;
     this.plots = plotsOf(layout).map((spec) => new Plot(spec, this.shared));
     const touch = this.contact.newest ? [this.contact.node] : [];
     this.node.replaceChildren(...touch, ...this.told, ...this.plots.map((plot) => plot.node), ...(this.told.length ? [] : [this.words]));
@@ -52,6 +54,9 @@ export class Cards {
 
   draw() {
     for (const plot of this.plots) plot.draw();
+    if (!this.pointer) return;
+    this.shared.view.point(this.pointer()); // time has gone on below it
+    this.place();
   }
 
   place() {
@@ -68,8 +73,8 @@ export class Cards {
     const { over } = plot.plot;
     const brush = el("div", { class: "brush", hidden: true });
     over.append(brush);
-    const at = (event) => {
-      const x = event.clientX - over.getBoundingClientRect().left;
+    const at = ({ clientX }) => {
+      const x = clientX - over.getBoundingClientRect().left;
       return plot.base + plot.plot.posToVal(x, "x");
     };
     let begun = null;
@@ -79,6 +84,8 @@ export class Cards {
       over.setPointerCapture(event.pointerId);
     });
     over.addEventListener("pointermove", (event) => {
+      const { clientX } = event;
+      this.pointer = () => (over.isConnected ? at({ clientX }) : null);
       view.point(at(event));
       if (!begun || event.pointerType === "touch") return;
       const [x0, x1] = [begun.x, event.clientX - over.getBoundingClientRect().left].sort((a, b) => a - b);
@@ -97,7 +104,10 @@ export class Cards {
       brush.hidden = true;
       begun = null;
     });
-    over.addEventListener("pointerleave", () => view.point(null));
+    over.addEventListener("pointerleave", () => {
+      this.pointer = null;
+      view.point(null);
+    });
     over.addEventListener(
       "wheel",
       (event) => {
