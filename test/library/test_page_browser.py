@@ -192,8 +192,8 @@ def test_a_phone_has_a_head_of_two_lines_and_the_picture_room_for_words(chromium
     tab = Tab(chromium, (360, 740), "light")
     try:
         tab.open(one.address)
-        head, worst = tab.page.locator(".bar").bounding_box(), tab.page.locator(".worst").bounding_box()
-        button = tab.page.locator(".bar button:last-child").bounding_box()
+        head, worst = tab.page.locator("body > .bar").bounding_box(), tab.page.locator(".worst").bounding_box()
+        button = tab.page.locator("body > .bar button:last-child").bounding_box()
         assert button["y"] < worst["y"] < head["height"]
         assert worst["height"] + button["height"] + 20 > head["height"], "a third line"
         words = tab.page.locator(".headline").bounding_box()

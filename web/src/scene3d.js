@@ -12,7 +12,7 @@ import { Robot } from "./robot.js";
 const SLOW = 60; // [ms] between two pictures, from which on less is drawn
 const LONGEST = 200;
 const FROM = new Vector3(1, -1.25, 0.55).normalize(); // the camera, as seen from the robot
-const ROOM = 0.82; // part of the picture that the robot takes
+const ROOM = 0.9; // part of the picture that the robot takes
 const HEAD = 4; // [rem] above it, where words stand
 const GROWN = 500; // [ms] between two looks whether it has gone out of the picture
 
