@@ -238,6 +238,7 @@ def test_contact_is_shown_where_limits_are_judged(graph, peer, tmp_path):
     graph.monitor = monitor_process(**{"contact.limits_file": str(limits)})
     touches = peer.topic(Contact, f"{MONITOR}/contact", MANY)
     peer.wait_until(lambda: peer.node.count_subscribers(f"{MONITOR}/contact") == 2, "the view to listen", START)
+    peer.wait_until(lambda: touches.messages, "the first message", START)
     found = []
     with graph.stream() as stream:
         thread = threading.Thread(target=lambda: found.extend(stream.next(CONTACT) for _ in range(4)))
@@ -245,7 +246,7 @@ def test_contact_is_shown_where_limits_are_judged(graph, peer, tmp_path):
         peer.wait_until(lambda: not thread.is_alive(), "contact in the stream", START)
 
     def both():
-        """One of them and its message: the first ones may have gone before this listened, and a time is a double."""
+        """One of them and its message; times are doubles."""
         for told in found:
             for message in touches.messages:
                 if abs(nanoseconds(message.header.stamp) / S - told["t"]) < 1e-6:
