@@ -33,22 +33,19 @@ RITES = 0.5
 
 
 class _Stop:
-    """Whether the process has been asked to end, and what to call when it is.
+    """Whether the process has been asked to end.
 
     Python hears a signal between two of its own steps, and the compiler does one that takes ten seconds. So a thread hears
     it, too: from a section that :meth:`may_be_left` it ends the process itself.
     """
 
     asked = False
-    callback = None
 
     def __init__(self):
         self._lock, self._sections, self._heard, self._begun = threading.Lock(), [], None, threading.Event()
 
     def __call__(self, *_):
         self.asked = True
-        if self.callback:
-            self.callback()
 
     def listen(self):
         """Have a thread hear signals."""
