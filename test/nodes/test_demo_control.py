@@ -11,6 +11,8 @@ from test_demo import check_picture, ended
 
 from nodes import START, Process
 
+pytestmark = pytest.mark.kills
+
 DEMO = Path(__file__).resolve().parents[2] / "scripts" / "demo_control"
 
 

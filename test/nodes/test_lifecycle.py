@@ -20,6 +20,7 @@ from nodes import (
     START,
     UR5,
     Monitor,
+    Process,
     Truth,
     nanoseconds,
     node_process,
@@ -303,6 +304,35 @@ def test_signal_in_every_state(peer, panda):
     finally:
         for monitor in monitors.values():
             monitor.process.popen.kill()
+
+
+BUSY = """
+import sys, threading, time
+from rclpy.node import Node
+from diag_dynamics.nodes.support.runner import run
+
+class Busy(Node):
+    def __init__(self):
+        super().__init__("busy")
+        for _ in range(2):
+            self.create_timer(0.001, self.work)
+        print("begins", flush=True)
+
+    def work(self):
+        end = time.perf_counter() + 0.004
+        while time.perf_counter() < end:
+            pass
+
+sys.exit(run(Busy))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_that_is_never_idle(ros_domain, number):
+    """More callbacks wait than it has time for: EventsExecutor looks at no time-out then."""
+    with Process([sys.executable, "-c", BUSY]) as process:
+        process.wait_for_text("begins")
+        process.stop(number)
 
 
 def test_autostart_with_a_robot_that_is_none():

@@ -44,7 +44,9 @@ def run(make_node, args=None):
         node.settled = settle
         settle()
         done = getattr(node, "finished", None) or Future()
-        spin(node, done)
+        stop.callback = lambda: done.done() or done.set_result(None)
+        if not stop.asked:
+            spin(node, done)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (DiagDynamicsError, ParameterException, *ARGUMENTS_MAKE_NO_SENSE) as error:
@@ -71,14 +73,13 @@ def settle():
 
 
 def spin(node, until):
-    """Serve the node's callbacks until it is asked to stop, the future `until` is done, or the context is shut down."""
+    """Serve the node's callbacks until the future `until` is done or the context is shut down."""
     executor = Executor()
     executor.add_node(node)
     try:
-        # EventsExecutor.spin() serves no timers in some releases; waiting for a future does. It ends by itself now and
-        # then, because a signal that arrives while it waits is noticed no sooner. The signal sets no future done: its
-        # handler runs between any two steps of Python, and a future's lock that is held then would never be had.
-        while rclpy.ok() and not (until.done() or stop.asked):
+        # EventsExecutor.spin() serves no timers in some releases; waiting for a future does. Its time-out is for a context
+        # that was shut down: it holds only where nothing is left to do, so a busy node is ended by the future alone.
+        while rclpy.ok() and not until.done():
             executor.spin_until_future_complete(until, timeout_sec=0.2)
     finally:
         executor.remove_node(node)

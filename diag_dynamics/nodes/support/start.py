@@ -33,13 +33,15 @@ RITES = 0.5
 
 
 class _Stop:
-    """Whether the process has been asked to end.
+    """Whether the process has been asked to end, and what a thread calls when it is.
 
     Python hears a signal between two of its own steps, and the compiler does one that takes ten seconds. So a thread hears
-    it, too: from a section that :meth:`may_be_left` it ends the process itself.
+    it, too: from a section that :meth:`may_be_left` it ends the process itself. A signal's handler would run in the middle
+    of whatever the main thread does, and wait for ever for a lock that this holds; the thread may wait.
     """
 
     asked = False
+    callback = None
 
     def __init__(self):
         self._lock, self._sections, self._heard, self._begun = threading.Lock(), [], None, threading.Event()
@@ -71,7 +73,11 @@ class _Stop:
                 self._sections.pop()
 
     def _watch(self):
-        os.read(self._heard, 1)
+        while os.read(self._heard, 1)[0] not in _SIGNALS:  # a terminal tells of its size by one, too
+            pass
+        self.asked = True
+        if self.callback:
+            self.callback()
         while not self._begun.wait(PATIENCE):
             with self._lock:
                 if self._sections:
