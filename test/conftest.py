@@ -22,6 +22,9 @@ NODES = Path(__file__).parent / "nodes"
 
 REQUIRED = os.environ.get("DIAG_DYNAMICS_REQUIRE_ROS") == "1"
 
+BY_RCLPY = os.environ.get("DIAG_DYNAMICS_TEST_RCLPY", "").split()
+"""Names of the files whose monitors take messages by rclpy, whatever the others do."""
+
 
 def without_ros():
     """Why the tests with ROS 2 cannot run, or None."""
@@ -42,17 +45,26 @@ def pytest_configure():
 
 LONGEST = (
     "test_benchmarks.py",
-    "test_page_browser.py",
-    "test_site.py",
-    "test_tutorial.py",
-    "test_packaging.py",
-    "test_report.py",
+    "test_tools.py",
     "test_kernel.py",
+    "test_simulator_commands.py",
+    "test_mimic.py",
+    "test_page_browser.py",
     "test_physics.py",
+    "test_controller_safety.py",
+    "test_tutorial.py",
+    "test_report.py",
+    "test_faults_input.py",
     "test_simulation.py",
+    "test_restarts.py",
+    "test_derivatives.py",
+    "test_view_node.py",
+    "test_site.py",
+    "test_demo.py",
+    "test_packaging.py",
     "test_demo_control.py",
 )
-"""Files that take a minute or more, the first to be handed out: begun last, one of them would keep all others waiting."""
+"""Files that take half a minute or more, the first to be handed out: begun last, one of them would keep all others waiting."""
 
 
 def pytest_collection_modifyitems(items):
@@ -77,7 +89,15 @@ class RosFile(pytest.Module):
             raise self.CollectError(f"{reason}; DIAG_DYNAMICS_REQUIRE_ROS=1 makes this a failure")
         if reason:
             pytest.skip(reason, allow_module_level=True)
-        return super().collect()
+        with pytest.MonkeyPatch.context() as environment:
+            choose_serialization(environment, self.path)
+            return super().collect()
+
+
+def choose_serialization(environment, path):
+    """Have monitors of a test file take messages as :data:`BY_RCLPY` says."""
+    if path.name in BY_RCLPY:
+        environment.setenv("DIAG_DYNAMICS_TEST_SERIALIZATION", "rclpy")
 
 
 def pytest_pycollect_makemodule(module_path, parent):
@@ -135,6 +155,7 @@ def ros_domain(request, tmp_path_factory, compiled):
         environment.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         environment.setenv("ROS_PYTHON_CHECK_FIELDS", "1")
         environment.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
+        choose_serialization(environment, request.path)
         if request.node.get_closest_marker("kills"):
             environment.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
         yield domain
