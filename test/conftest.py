@@ -64,7 +64,7 @@ LONGEST = (
     "test_packaging.py",
     "test_demo_control.py",
 )
-"""Files that take half a minute or more, the first to be handed out: begun last, one of them would keep all others waiting."""
+"""Files that take half a minute or more, handed out first: begun last, one of them would keep all others waiting."""
 
 
 def pytest_collection_modifyitems(items):
@@ -120,12 +120,17 @@ def pytest_xdist_setupnodes(config):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item):
-    """Show what the nodes have said where a test with nodes fails."""
+    """Show what the nodes have said, and what those that go on are at, where a test with nodes fails."""
     report = yield
     if report.failed and item.get_closest_marker("ros"):
+        import stacks
         from nodes import Process
 
-        report.sections += [(f"output of {process}", process.tail()) for process in Process.started[-4:]]
+        for process in Process.started[-4:]:
+            report.sections.append((f"output of {process}", process.tail()))
+            if process.popen.poll() is None:
+                known = "\n".join(map(stacks.known_of, stacks.family(process.popen.pid)))
+                report.sections.append((f"what {process} is at", known))
     return report
 
 

@@ -21,7 +21,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.plain_options import as_ros_arguments
 from diag_dynamics.nodes.tools import topic_commands
 from diag_dynamics.nodes.tools.yaml_messages import as_values, as_yaml, field, filled, type_of
-from nodes import Process
+from nodes import SLOW, Process
 from robots import robot_path
 
 # --- options
@@ -320,7 +320,7 @@ def test_launch(ros_domain, tmp_path):
         assert any(names <= set(said("node", "list").split()) for _ in range(10))  # a busy machine may be late with one
         nodes = launched.children()
         assert len(nodes) == 2
-        launched.stop()
+        launched.stop(timeout=SLOW)
     assert not [node for node in nodes if node.is_running()]
 
 

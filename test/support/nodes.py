@@ -33,6 +33,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 import described
+import stacks
 from described import MS as MS
 from described import PANDA as PANDA
 from described import TALOS as TALOS
@@ -44,6 +45,8 @@ START = 120.0
 """Longest time for a node to start [s]; on a slow disk the imports alone take long."""
 TIMEOUT = 60.0
 """Longest time for anything else [s]. Only a failing test waits so long."""
+SLOW = 8.0
+"""Time [s] after which an end is overdue whose launcher would kill what hangs before :data:`TIMEOUT`, stacks and all."""
 
 OUTPUTS = {
     "total_joint_rates": TotalJointRates,
@@ -59,6 +62,9 @@ OUTPUTS = {
 
 SERIALIZATION = "DIAG_DYNAMICS_TEST_SERIALIZATION"
 """Environment variable by which every monitor of a test run takes this path from messages to numbers and back."""
+
+ASKED = "\n--- asked for stacks:\n"
+"""Parts what a process has said from what it is at."""
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 MANY = QoSProfile(depth=1000)
@@ -76,6 +82,7 @@ class Process(contextlib.AbstractContextManager):
         """Start it, in a session of its own: a Ctrl-C at the test run does not reach it."""
         self.command = [str(part) for part in command]
         options = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT} | options
+        options["env"] = (options.get("env") or os.environ) | stacks.ENVIRONMENT
         self.popen = subprocess.Popen(self.command, start_new_session=True, **options)
         self._said = b""
         self._changed = threading.Condition(threading.RLock())
@@ -114,13 +121,16 @@ class Process(contextlib.AbstractContextManager):
 
     def tail(self, lines=60):
         """The last of what it has said."""
-        return "".join(self.output.splitlines(keepends=True)[-lines:]) or "(nothing)"
+        said, asked, known = self.output.partition(ASKED)
+        return ("".join(said.splitlines(keepends=True)[-lines:]) + asked + known) or "(nothing)"
 
     def wait_for(self, condition, what, timeout=START):
         """Wait until a condition on the output holds."""
         with self._changed:
             self._changed.wait_for(lambda: self._descriptor is None or condition(self.output), timeout)
-        assert condition(self.output), f"{self}: waited in vain for {what}"
+        if not condition(self.output):
+            self.tell_stacks()
+            raise AssertionError(f"{self}: waited in vain for {what}")
 
     def wait_for_text(self, text):
         """Wait until this has been said."""
@@ -135,16 +145,32 @@ class Process(contextlib.AbstractContextManager):
         self.popen.send_signal(number)
 
     def wait(self, timeout=TIMEOUT):
-        """Wait for its end, and return its status."""
-        status = self.popen.wait(timeout)
+        """Wait for its end, and return its status; where it does not end, it and what it has started say what they are at."""
+        try:
+            status = self.popen.wait(timeout)
+        except subprocess.TimeoutExpired:
+            self.tell_stacks()
+            raise
         self._reader.join(timeout)
         return status
 
-    def stop(self, *signals):
+    def tell_stacks(self):
+        """Have it and what it has started say what they are at, which ends them; the report of the failure shows it."""
+        with self._changed:
+            self._said += ASKED.encode()
+        known = stacks.asked_for(self.popen.pid)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.popen.wait(SLOW)
+        if self._reader.ident:
+            self._reader.join(SLOW)
+        with self._changed:
+            self._said += f"\n{known}\n".encode()
+
+    def stop(self, *signals, timeout=TIMEOUT):
         """End it by signals, SIGINT if none is given; it must end with status 0."""
         for number in signals or (signal.SIGINT,):
             self.signal(number)
-        status = self.wait()
+        status = self.wait(timeout)
         assert status == 0, f"{self} ended with status {status}"
         assert "Traceback" not in self.output
 
@@ -152,6 +178,8 @@ class Process(contextlib.AbstractContextManager):
         try:
             if self.popen.poll() is None and kind is None:
                 self.stop()
+            elif self.popen.poll() is None and issubclass(kind, Exception):
+                self.tell_stacks()
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self.popen.pid, signal.SIGKILL)
