@@ -7,11 +7,21 @@ from fnmatch import fnmatch
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Parameters
+from diag_dynamics.parameters import controller, simulator, view
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.yaml_files import parsed_yaml, read_yaml
 
 MONITOR = "diag_dynamics"
 """Name of the node, whose sections of a file count."""
+
+QOS = "qos_overrides."
+"""Begins the names of parameters that every publisher and subscription has: how it is connected."""
+
+OF_ANY_NODE = {"use_sim_time", "start_type_description_service"}
+"""Parameters that rclpy gives every node: of its clock and of a service, which a recording has not."""
+
+OF_OTHERS = {*controller.PARAMETERS, controller.COMPENSATES, *simulator.PARAMETERS, *view.PARAMETERS} - {*PARAMETERS}
+"""Parameters that only other nodes of this package have, which may share a section (``/**``) with the monitor."""
 
 
 def parameters_of(files=(), assignments=()):
@@ -20,10 +30,14 @@ def parameters_of(files=(), assignments=()):
     Parameters
     ----------
     files : sequence of str or Path
-        As ROS 2 has them: ``/**: {ros__parameters: {…}}``. Sections of other nodes count for nothing. A file of the robot's
-        own parameters (:class:`Parameters`) is the value of `parameters_file`.
+        As ROS 2 has them: ``/**: {ros__parameters: {…}}``. Sections of other nodes count for nothing, nor do parameters of
+        this package's other nodes in a section that they share. A file of the robot's own parameters (:class:`Parameters`)
+        is the value of `parameters_file`.
     assignments : sequence of str
         Each ``parameter=value``, the value in YAML.
+
+    What every ROS node has (``qos_overrides.…``, `use_sim_time`) is taken and has no effect: it says how a node is connected
+    and what its clock is, and changes nothing that is computed of a state.
 
     Raises
     ------
@@ -33,12 +47,12 @@ def parameters_of(files=(), assignments=()):
     values = {}
     for path in files:
         for name, value in _of_file(path).items():
-            values[name] = _checked(name, value, f"'{path}'")
+            values |= _checked(name, value, f"'{path}'")
     for entry in assignments:
         name, equals, value = entry.partition("=")
         if not equals:
             raise InputError(f"'{entry}' sets nothing, expected parameter=value.")
-        values[name] = _checked(name, parsed_yaml(value, f"'{entry}'"), f"'{entry}'")
+        values |= _checked(name, parsed_yaml(value, f"'{entry}'"), f"'{entry}'")
     return values
 
 
@@ -53,8 +67,10 @@ def _of_file(path):
     for node, section in content.items():
         if not isinstance(section, Mapping) or not isinstance(section.get("ros__parameters"), Mapping):
             raise InputError(f"'{path}': section '{node}' has no ros__parameters.")
-        if fnmatch(MONITOR, str(node).split("/")[-1]):
-            found |= dict(_flat(section["ros__parameters"], ""))
+        own = str(node).split("/")[-1]
+        if fnmatch(MONITOR, own):
+            passed = OF_OTHERS if own != MONITOR else ()
+            found |= {name: value for name, value in _flat(section["ros__parameters"], "") if name not in passed}
     return found
 
 
@@ -68,7 +84,9 @@ def _flat(section, prefix):
 
 
 def _checked(name, value, source):
-    """The value, of the type of the parameter."""
+    """The value by its name, of the type of the parameter; nothing of what any node has."""
+    if name in OF_ANY_NODE or name.startswith(QOS):
+        return {}
     if name not in PARAMETERS:
         near = get_close_matches(name, PARAMETERS, n=1)
         raise InputError(f"{source}: the monitor has no parameter '{name}'.{f' Is {near[0]!r} meant?' if near else ''}")
@@ -84,7 +102,7 @@ def _checked(name, value, source):
         wrong = None if type(value) is kind else value
     if wrong is not None:
         raise InputError(f"{source}: parameter '{name}' has {wrong!r}, expected {kind.__name__}.")
-    return value
+    return {name: value}
 
 
 def _entries(value):

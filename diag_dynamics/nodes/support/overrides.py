@@ -8,7 +8,7 @@ from rclpy.parameter import Parameter
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.names import nearest
 
-TABLES = ("monitor", "simulator", "controller")
+TABLES = ("monitor", "simulator", "view", "controller")
 """Modules with the tables of all nodes, which may share a section of a file."""
 
 QOS = "qos_overrides."
