@@ -12,7 +12,9 @@ GAIN = {"external_torque": {"gain": 30.0}}
 def written(folder, sections):
     """The path of a file with parameters by section."""
     path = folder / "monitor.yaml"
-    path.write_text(yaml.safe_dump({name: {"ros__parameters": own} for name, own in sections.items()}), encoding="utf-8")
+    path.write_text(
+        yaml.safe_dump({name: {"ros__parameters": own} for name, own in sections.items()}), encoding="utf-8"
+    )
     return path
 
 
@@ -45,7 +47,9 @@ def test_sections_that_nodes_share(tmp_path):
 
 
 @pytest.mark.parametrize("section", ["/**", "diag_dynamics"])
-@pytest.mark.parametrize("name", ["qos_override./joint_states.subscription.depth", "external_torque.gian", "use_sim_tim"])
+@pytest.mark.parametrize(
+    "name", ["qos_override./joint_states.subscription.depth", "external_torque.gian", "use_sim_tim"]
+)
 def test_what_nobody_has_is_refused(tmp_path, section, name):
     with pytest.raises(dd.InputError, match=f"no parameter '{name}'"):
         parameters_of([written(tmp_path, {section: {name: 1}})])
