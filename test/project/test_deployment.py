@@ -24,9 +24,22 @@ def test_systemd_takes_the_unit(unit):
     assert done.returncode == 0 and not done.stderr.strip(), done.stderr
     said = dict(re.findall(r"^(\w+)=(.*)$", unit.read_text(encoding="utf-8"), re.M))
     assert {"MemoryMax", "TasksMax", "StartLimitBurst", "NoNewPrivileges", "TimeoutStopSec"} <= set(said)
-    (node,) = re.findall(r"lib/diag_dynamics/(\w+)\"", said["ExecStart"])
-    assert (ROOT / "scripts" / node).is_file() and node in unit.name
+    (node,) = re.findall(r"exec diag-dynamics (\w+) --ros-args", said["ExecStart"])
+    assert node in COMMANDS and node in unit.name
     assert said["Restart"] == ("no" if node == "controller" else "on-failure")
+    assert ("CPUQuota" in said) == (node != "controller")  # an arm does not go without commands for want of a share
+
+
+@pytest.mark.parametrize("unit", UNITS, ids=lambda path: path.stem)
+def test_systemd_finds_little_exposed(unit):
+    """By its own measure, whose threshold is 20 tenths; units that say nothing have more than 90."""
+    if not shutil.which("systemd-analyze"):
+        pytest.skip("systemd-analyze is not installed")
+    command = ["systemd-analyze", "security", "--offline=true", "--threshold=20", unit]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    if "unrecognized option" in done.stderr:
+        pytest.skip("systemd is older than 250")
+    assert done.returncode == 0, done.stdout[-200:]
 
 
 def test_systemd_can_refuse(tmp_path):
@@ -57,5 +70,15 @@ def test_the_image_copies_what_there_is():
     for source in re.findall(r"^COPY (\S+) ", text, re.M):
         assert (ROOT / source).exists(), source
     assert "NOT RUN" in text.splitlines()[0] and "NOT RUN" in (DEPLOY / "compose.yaml").read_text().splitlines()[0]
+    left_out = (ROOT / ".dockerignore").read_text(encoding="utf-8").split()
+    built = re.findall(r"^install\(DIRECTORY (.*)$", (ROOT / "CMakeLists.txt").read_text(encoding="utf-8"), re.M)
+    needed = {name.strip("/") for names in built for name in names.split()} | {
+        "deploy",
+        "cmake",
+        "msg",
+        "srv",
+        "scripts",
+    }
+    assert {"build", ".git"} <= set(left_out) and not needed & set(left_out)
     subprocess.run(["bash", "-n", DEPLOY / "entrypoint.sh"], check=True)
     assert (DEPLOY / "entrypoint.sh").stat().st_mode & 0o111

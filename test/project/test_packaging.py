@@ -100,7 +100,18 @@ def test_names_and_versions_agree():
     (maintainer,) = project["maintainers"]
     assert (package.findtext("maintainer"), package.find("maintainer").get("email")) == tuple(maintainer.values())
     assert package.findtext("author") == project["authors"][0]["name"] == citation["authors"][0]["name"]
+    addresses = [url.text for url in package.iterfind("url")]
+    assert sorted(addresses) == sorted(project["urls"].values()) and all(re.match("https://", url) for url in addresses)
     assert {"cff-version", "message", "title"} <= set(citation)
+
+
+def test_package_xml_is_valid():
+    """By the validator of catkin_pkg, which colcon, rosdep and bloom read it with; without a warning."""
+    packages = pytest.importorskip("catkin_pkg.package", reason="catkin_pkg is not installed")
+    warnings = []
+    package = packages.parse_package(str(ROOT / "package.xml"), warnings=warnings)
+    package.validate(warnings=warnings)
+    assert warnings == [] and package.urls and package.authors and package.get_build_type() == "ament_cmake"
 
 
 def test_licences_are_declared():
@@ -120,6 +131,9 @@ def test_workflows_name_what_is_there(path):
     """They parse, say that they were not run, and call targets of the Makefile and files that exist."""
     text = path.read_text(encoding="utf-8")
     assert text.startswith("# NOT RUN HERE")
+    uses = re.findall(r"uses: (.*)", text)
+    assert uses and all(re.fullmatch(r"[\w/-]+@[0-9a-f]{40}  # v\d+\.\d+\.\d+", use) for use in uses), uses
+    assert yaml.safe_load(text)["permissions"] == {"contents": "read"}  # more is a job's own
     jobs = yaml.safe_load(text)["jobs"]
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
     for name, job in jobs.items():
