@@ -10,30 +10,22 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification import result
-from diag_dynamics.identification.equations import Equations
 from diag_dynamics.identification.fit import (
     LEAST_VARIANCE,
     SHORT,
     SHORT_WEIGHT,
     WEIGHT,
     Free,
-    Layout,
-    Rows,
     fitted,
 )
 from diag_dynamics.identification.found import Identification
+from diag_dynamics.identification.gathered import Gathered
 from diag_dynamics.identification.judgement import judged
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
 from diag_dynamics.identification.segments import duration
 from diag_dynamics.identification.suitability import excited
 from diag_dynamics.model import Parameters
 from diag_dynamics.recordings.recording import Recording
-
-RATE = 2.0 * np.pi
-"""λ of the filter [1/s]: 1 Hz. At 3 Hz the noise of velocities biases the columns."""
-
-HELD_OUT = 1.0 / 3.0
-"""Part of the recordings that a fit is judged by."""
 
 GAIN = 0.1
 """What a further step has to take off the residual of rows that it was not fitted to, or it is not taken."""
@@ -46,6 +38,9 @@ CHANGED = 0.2
 
 STEPS = "friction", "rotors", "inertias"
 """What can be identified beside payloads, in the order that it is tried in."""
+
+BY_JOINT = "friction", "rotors"
+"""Those of them that are taken for each joint by itself."""
 
 
 class Prepared(NamedTuple):
@@ -83,73 +78,42 @@ class Attempt:
             self._moving = excited(everything, model, self._findings)
             if not self._moving.any() and not self._payload:
                 raise InputError(f"no joint moves enough: {self._findings[-1].text}.")
-        self._split()
-        self._layout, self._fitted_rows, self._held_rows, self._all_rows = self._rows()
+        self._own = {step: self._moving.copy() for step in BY_JOINT}
+        self._kept = {step: {} for step in BY_JOINT}
+        self._gathered = Gathered(model, payload, [one.segments for one in loaded], [one.segments for one in unloaded])
+        self._layout, self._blocks = self._gathered.layout, self._gathered.blocks
 
-    def _split(self):
-        """Where the part held out begins: of the last recording, a third of all time, or the whole of it if that is less."""
-        last = self._loaded[-1].segments
-        total = sum(duration(one.segments) for one in self._loaded)
-        held = min(HELD_OUT * total, duration(last) if len(self._loaded) > 1 else total)
-        remaining = held
-        for segment in reversed(last):
-            length = segment.t[-1] - segment.t[0]
-            if length >= remaining:
-                self._begin = float(segment.t[-1] - remaining)
-                break
-            remaining -= length
-        else:
-            self._begin = float(last[0].t[0])
-        self._held = [part for segment in last if len((part := segment.part(segment.t >= self._begin)).t) > 1]
-
-    def _rows(self):
-        """The layout; rows that are fitted first, that are held out, and all."""
-        carrier = [self._payload.body] if self._payload else []
-        equations = Equations(self._model, RATE, self._model.friction_velocity, carrier)
-        layout = Layout(self._model, equations, self._payload)
-        for one in self._loaded[:-1]:
-            for segment in one.segments:
-                equations.take(segment)
-        anew = True
-        last = self._loaded[-1].segments
-        for segment in last:
-            early = segment.part(segment.t < self._begin)
-            if len(early.t):
-                equations.take(early)
-                anew = len(early.t) == len(segment.t)
-        before = equations.sums()
-        for segment in last:
-            late = segment.part(segment.t >= self._begin)
-            if len(late.t):
-                equations.take(late, anew)
-                anew = True
-        whole = equations.sums()
-        carries = self._payload is not None
-        fitted_rows, held, all_rows = [Rows(before, carries)], [Rows(whole - before, carries)], [Rows(whole, carries)]
-        if self._unloaded:
-            alone = Equations(self._model, RATE, self._model.friction_velocity, carrier)
-            for one in self._unloaded:
-                for segment in one.segments:
-                    alone.take(segment)
-            beside = Rows(alone.sums(), False)
-            fitted_rows, all_rows = [*fitted_rows, beside], [*all_rows, beside]
-        return layout, fitted_rows, held, all_rows
-
-    def _free(self, steps):
+    def _free(self, steps, **joints):
+        """What is fitted in steps; `joints` are others than those that were found to pay, by step."""
         nobody = np.zeros(self._model.nv, dtype=bool)
-        return Free(
-            self._moving if "friction" in steps else nobody,
-            self._moving if "rotors" in steps else nobody,
-            "inertias" in steps or bool(self._unloaded),
-            self._payload,
-        )
+        own = {step: joints.get(step, self._own[step]) if step in steps else nobody for step in BY_JOINT}
+        return Free(own["friction"], own["rotors"], "inertias" in steps or bool(self._unloaded), self._payload)
+
+    def _fitted(self, steps):
+        """The fit to rows that are not held out."""
+        return fitted(self._layout, [self._blocks.rows, *self._gathered.beside], self._free(steps), self._weight)
+
+    def _choose(self, step, taken):
+        """Find for which joints a step pays, by blocks of the fitted rows that are left out in turn."""
+        again = step in taken
+        before = self._own[step] if again else np.zeros(self._model.nv, dtype=bool)
+        steps = [*taken, step]
+        free, without = self._free(steps, **{step: self._moving}), self._free(steps, **{step: before})
+        worth = self._blocks.worth(self._layout, self._gathered.beside, free, without, self._weight)
+        if worth is None:
+            self._own[step] = self._moving.copy()
+            return
+        self._own[step] = before | (self._moving & worth.pays(GAIN if again else 0.0))
+        self._kept[step] = {
+            self._model.dof_names[k]: [float(worth.without[k]), float(worth.fitted[k])]
+            for k in np.flatnonzero(self._moving & ~self._own[step])
+        }
 
     def ladder(self):
         """Steps that are taken, the fit of them to the first part, and what was tried."""
-        layout = self._layout
         taken: list[str] = []
-        fit = fitted(layout, self._fitted_rows, self._free(taken), self._weight) if self._payload else None
-        score = self._score(layout.known if fit is None else fit.x)
+        fit = self._fitted(taken) if self._payload else None
+        score = self._score(self._layout.known if fit is None else fit.x)
         rungs = [{"steps": self._named([]), "score": score, "taken": True}]
         left = [step for step in self._steps if step == "inertias" or self._moving.any()]
         refused: dict[str, str] = {}
@@ -157,20 +121,33 @@ class Attempt:
         while ahead:
             step = ahead.pop(0)
             steps = [one for one in STEPS if one in taken or one == step]
-            found = fitted(layout, self._fitted_rows, self._free(steps), self._weight)
+            if step in BY_JOINT:
+                self._choose(step, taken)
+            found = self._fitted(steps)
             told = self._effective(found).sum() if step == "inertias" else LEAST_EFFECTIVE
             reached = self._score(found.x)
             better = bool(reached <= (1.0 - GAIN) * score and told >= LEAST_EFFECTIVE)
             rungs.append({"steps": self._named(steps), "score": reached, "taken": better})
             if better:
-                taken, score, fit = steps, reached, found
+                taken = steps
+                fit = self._fitted(taken) if self._chosen_anew(taken, step) else found
+                score = self._score(fit.x)
                 left.remove(step)
                 refused.pop(step, None)
                 ahead = list(left)  # what a larger error has hidden may pay now that it is gone
             else:
                 refused[step] = _refusal(step, told, 1.0 - reached / score if score > 0.0 else 0.0)
         self._warnings += refused.values()
+        self._kept = {step: self._kept[step] for step in BY_JOINT if step in taken and self._kept[step]}
         return taken, fit, rungs
+
+    def _chosen_anew(self, taken, latest):
+        """Whether further joints have their own numbers in steps that were taken before the latest one."""
+        before = {step: self._own[step].sum() for step in BY_JOINT}
+        for step in BY_JOINT:
+            if step in taken and step != latest and self._kept[step]:
+                self._choose(step, taken)
+        return any(self._own[step].sum() > before[step] for step in BY_JOINT)
 
     def payload_mass(self, fit):
         """Mass of the payload by a fit [kg]."""
@@ -181,8 +158,8 @@ class Attempt:
 
     def _score(self, x):
         """Geometric mean over joints of the residual of rows held out."""
-        squares = self._layout.mean_squares(self._held_rows, x)
-        efforts = sum(sums.effort / np.maximum(sums.weight, 1e-300) for sums, _ in self._held_rows)
+        squares = self._layout.mean_squares(self._gathered.held_rows, x)
+        efforts = sum(sums.effort / np.maximum(sums.weight, 1e-300) for sums, _ in self._gathered.held_rows)
         least = max(
             LEAST_VARIANCE * float(np.mean(efforts)), 1e-300
         )  # a joint of which nothing is left is no better still
@@ -203,13 +180,13 @@ class Attempt:
         taken, early, rungs = self.ladder()
         free = self._free(taken)
         nothing = early is None
-        last = early if nothing else fitted(layout, self._all_rows, free, self._weight)
+        last = early if nothing else fitted(layout, self._gathered.all_rows, free, self._weight)
         x = layout.known if nothing else early.x
-        before = judged(self._model, result.friction_of(layout, layout.known, velocity), self._held)
+        before = judged(self._model, result.friction_of(layout, layout.known, velocity), self._gathered.held)
         after = before
         if not nothing:
             model = result.model_of(layout, x, carries)
-            after = judged(model, result.friction_of(layout, x, velocity), self._held)
+            after = judged(model, result.friction_of(layout, x, velocity), self._gathered.held)
         quality = self._quality(taken, rungs, before, after, x)
         if last is not None:
             self._tell(last, free, quality)
@@ -223,12 +200,12 @@ class Attempt:
 
     def _quality(self, taken, rungs, before, after, x):
         names, layout = self._model.dof_names, self._layout
-        rows = [np.sqrt(layout.mean_squares(self._held_rows, y)) for y in (layout.known, x)]
+        rows = [np.sqrt(layout.mean_squares(self._gathered.held_rows, y)) for y in (layout.known, x)]
         last = self._loaded[-1]
         first = float(last.recording.t[0]) + int(last.segments[0].stamp[0] - last.recording.stamp[0]) * 1e-9
         first -= float(last.segments[0].t[0])
         return {
-            "held_out": [first + self._begin, first + float(last.segments[-1].t[-1])],
+            "held_out": [first + self._gathered.begin, first + float(last.segments[-1].t[-1])],
             "torque_rms": _pairs(names, before.torque, after.torque),
             "explained": [before.explained, after.explained],
             "explained_total": [before.explained_total, after.explained_total],
@@ -236,6 +213,7 @@ class Attempt:
             "observer_spread": _pairs(names, before.spread, after.spread),
             "kinetic_energy": [before.kinetic, after.kinetic],
             "taken": self._named(taken),
+            "kept": self._kept,
             "ladder": rungs,
             "velocity_delay": [one.delay for one in self._loaded],
             "effective_parameters": {},
@@ -273,6 +251,8 @@ class Attempt:
                     f"what is left of the effort of joint '{name}' is {then:.3g}, more than with the model, {first:.3g}: on "
                     "what was held out it behaves otherwise"
                 )
+        for step, joints in self._kept.items():
+            self._warnings += [_kept(step, name, *pair) for name, pair in joints.items()]
         shares = quality["explained"]
         if None not in shares and shares[1] < shares[0]:
             self._warnings.append(f"the efforts explain less of dK/dt than before: {shares[1]:.2f} of {shares[0]:.2f}")
@@ -306,6 +286,15 @@ def _refusal(step, told, gain):
         f"{step} stay as the model has them: the residual of what was held out would be {max(0.0, gain):.1%} smaller, "
         f"expected {GAIN:.0%} at least"
     )
+
+
+def _kept(step, joint, without, own):
+    """Why a joint has no numbers of its own, in words."""
+    text = (
+        f"{step} of joint '{joint}': as the model has it. In blocks of the recording that were left out of the fit in turn, "
+        f"{own:.3g} would be left of the effort, and without {without:.3g}"
+    )
+    return text if own >= without else f"{text}: less than the {GAIN:.0%} that is asked of what was refused before"
 
 
 def _pairs(names, before, after):

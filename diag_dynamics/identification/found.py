@@ -27,9 +27,10 @@ class Identification:
         * ``kinetic_energy``: mean [J]
 
         And of the fit: ``taken``, the steps that were; ``ladder``, each step that was tried, its score (geometric mean of
-        the joints' row residuals) and whether it was taken; ``velocity_delay`` of each recording [s];
-        ``effective_parameters`` by link, of ten each, that the rows tell; ``payload`` with standard deviations; ``warnings``
-        and ``findings``, texts.
+        the joints' row residuals) and whether it was taken; ``kept``, by step and joint that keeps the model's numbers, what
+        is left of blocks of the fitted rows that were left out in turn, with these and with its own [N m, N];
+        ``velocity_delay`` of each recording [s]; ``effective_parameters`` by link, of ten each, that the rows tell;
+        ``payload`` with standard deviations; ``warnings`` and ``findings``, texts.
     """
 
     def __init__(self, model: RobotModel, parameters: Parameters, quality: dict[str, Any]) -> None:

@@ -37,8 +37,9 @@ def identify(
     The momentum's balance through a low-pass of 1 Hz, which needs no accelerations, is fitted with each joint's rows weighted
     by their residual's variance; inertias stay physical and near the model's where the motion does not tell, friction and
     rotor inertias stay positive. Each step beyond the model is taken only if it makes the residual of rows that it was not
-    fitted to a tenth smaller; then everything is fitted to all rows. Columns as of Gautier and Khalil, the prior as of Lee,
-    Wensing and Park (IEEE T-RO 36(2), 2020). See docs/identify.md.
+    fitted to a tenth smaller, friction and rotors for those joints only whose residual in cross-validation they make smaller;
+    then everything is fitted to all rows. Columns as of Gautier and Khalil, the prior as of Lee, Wensing and Park (IEEE T-RO
+    36(2), 2020). See docs/identify.md.
 
     Parameters
     ----------

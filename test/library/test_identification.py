@@ -9,6 +9,9 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.identification import inertias
+from diag_dynamics.identification.cross_validation import Blocks
+from diag_dynamics.identification.equations import Equations
+from diag_dynamics.identification.fit import Free, Layout
 from diag_dynamics.identification.segments import segments_of
 from diag_dynamics.identification.solver import Body, Problem, solved
 from motions import efforts, fourier, recorded
@@ -415,6 +418,60 @@ def test_a_joint_that_does_not_move_keeps_its_friction(panda, noisy):
     still = recorded(model, t, np.tile(q[:1], (len(t), 1)), 0.0 * qd, noisy.tau[: len(t)])
     with pytest.raises(dd.InputError, match="no joint moves enough"):
         dd.identify(still, model, "friction")
+
+
+@pytest.fixture(scope="module")
+def drifting(panda, noisy):
+    """A joint without friction whose sensor drifts: what was fitted to one time is wrong at any other."""
+    model, _ = panda
+    tau = noisy.tau.copy()
+    tau[:, 6] += np.interp(noisy.t, [0.0, 2.0 / 3.0 * noisy.t[-1]], [-1.0, 1.0]) - friction(noisy.qd)[:, 6]
+    return changed(model, noisy, tau=tau)
+
+
+def test_a_joint_keeps_its_friction_where_blocks_left_out_speak_against_another(panda, drifting):
+    model, _ = panda
+    found = dd.identify(drifting, model, "friction")
+    ((joint, (without, own)),) = found.quality["kept"]["friction"].items()
+    assert joint == "panda_joint7" and without <= own
+    assert set(found.parameters.joints) == set(model.dof_names[:6])
+    assert found.model.friction[6] == found.model.effort_offset[6] == 0.0
+    before, after = found.quality["row_residual"]["panda_joint7"]
+    assert after == pytest.approx(before)
+    assert any("friction of joint 'panda_joint7': as the model has it" in text for text in found.quality["warnings"])
+
+
+def test_what_the_part_held_out_says_changes_no_joint(panda, drifting):
+    """The joint is chosen by the part that is fitted alone: the judge has no hand in it."""
+    model, _ = panda
+    tau = drifting.tau.copy()
+    late = drifting.t > 0.67 * drifting.t[-1]
+    tau[late, 6] = drifting.tau[late, 6] + 3.0 * np.sign(drifting.qd[late, 6])
+    found = dd.identify(changed(model, drifting, tau=tau), model, "friction")
+    assert found.quality["kept"] == dd.identify(drifting, model, "friction").quality["kept"]
+
+
+def test_blocks_add_up_to_the_rows(panda, drifting):
+    """Over several segments, too; and the fewest seconds make no blocks."""
+    model, _ = panda
+    (segment,) = segments_of(drifting, model, [])
+    parts = [segment.part(slice(0, 1100)), segment.part(slice(1100, 1103)), segment.part(slice(1200, 5000))]
+    whole = Equations(model, 2.0 * np.pi, V0)
+    for part in parts:
+        whole.take(part)
+    equations = Equations(model, 2.0 * np.pi, V0)
+    blocks = Blocks(equations, parts, False)
+    np.testing.assert_allclose(blocks.sums.weight, whole.sums().weight, rtol=1e-12)
+    for mine, its in zip(blocks.sums.square, whole.sums().square, strict=True):
+        np.testing.assert_allclose(mine, its, rtol=1e-9, atol=1e-9 * np.abs(its).max())
+    layout = Layout(model, equations)
+    free = Free(np.ones(model.nv, bool), np.zeros(model.nv, bool), False, None)
+    without = free._replace(friction=free.rotors)
+    worth = blocks.worth(layout, [], free, without, 10.0)
+    np.testing.assert_allclose(worth.without, np.sqrt(layout.mean_squares([blocks.rows], layout.known)), rtol=1e-9)
+    np.testing.assert_array_equal(worth.pays(), np.arange(7) < 6)
+    short = Blocks(Equations(model, 2.0 * np.pi, V0), [segment.part(slice(0, 740))], False)
+    assert short.worth(layout, [], free, without, 10.0) is None
 
 
 def test_what_is_left_out_is_told(panda, noisy):

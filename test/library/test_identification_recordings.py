@@ -131,6 +131,18 @@ def test_second_half_by_the_first(request, arm, middle, urdf, friction, inertias
     assert 5.0 < sum(found.quality["effective_parameters"].values()) < 10.0 * model.nv
 
 
+@pytest.mark.parametrize("what", ["friction", ("friction", "inertias")], ids=["friction", "inertias"])
+def test_the_wrist_whose_torque_goes_with_its_posture(kuka, what):
+    """Its error is a curve over its position, which friction of its own would take for an offset: 0.155 to 0.28 N m."""
+    model, read = kuka
+    found = dd.identify(read(None, None), model, what)
+    assert list(found.quality["kept"]["friction"]) == ["lwr_6_joint"]
+    assert "lwr_6_joint" not in found.parameters.joints
+    before, after = np.transpose(list(found.quality["torque_rms"].values()))
+    assert (after <= 1.1 * before).all() and after.mean() < (0.6 if what == "friction" else 0.29)
+    assert sum("friction of joint 'lwr_6_joint': as the model has it" in one for one in found.quality["warnings"]) == 1
+
+
 def test_the_hand_that_the_panda_lacks(measured):
     """A payload of minus the hand's mass: the efforts then explain the change of energy, and with friction nearly all."""
     model = dd.load_robot("panda", locked_joints=HELD)
