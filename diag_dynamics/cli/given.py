@@ -4,6 +4,7 @@ from pathlib import Path
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.named import robot_path
+from diag_dynamics.recordings.account import without_states
 from diag_dynamics.recordings.recording import Reading, read_recording
 
 
@@ -69,7 +70,7 @@ def recordings_of(chosen, paths, parameters, robot, most=None):
             most=most,
         )
         if not len(one):
-            raise _without_states(path, one.findings)
+            raise without_states(path, one.findings)
         recordings.append(one)
     return recordings
 
@@ -99,7 +100,7 @@ class Streamed:
             self.findings, states = piece.findings, states + len(piece)
             yield piece
         if not states:
-            raise _without_states(self.path, self.findings)
+            raise without_states(self.path, self.findings)
 
 
 def streamed(chosen, paths, parameters, robot):
@@ -124,11 +125,6 @@ def streamed(chosen, paths, parameters, robot):
         )
         found.append(Streamed(path, reading))
     return found
-
-
-def _without_states(path, findings):
-    told = "; ".join(map(str, findings[:3])) or "it has no messages"
-    return InputError(f"'{path}' has not a single state: {told}.")
 
 
 def refuse_outputs(read, written):

@@ -17,6 +17,7 @@ from diag_dynamics.model import RobotModel
 from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.recordings.account import Finding
 from diag_dynamics.recordings.recording import Recording
+from diag_dynamics.recordings.refused_units import refuse_units
 
 PAYS = 0.3
 """What a payload that nobody asked for would have to take off the residual of rows held out to be told of."""
@@ -156,6 +157,7 @@ def _prepared(name, recordings, model, tolerant):
             raise InputError(
                 f"{name}[{k}] is of robot '{recording.model.name}', whose degrees of freedom are not those of the model."
             )
+        refuse_units(recording.findings)
         findings: list[Finding] = []
         segments = segments_of(recording, model, findings)
         if recording.every > 1:

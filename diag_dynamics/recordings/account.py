@@ -4,7 +4,8 @@ from collections import Counter
 from typing import NamedTuple
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.intake import LOST
+from diag_dynamics.recordings.intake import ABSURD, LOST
+from diag_dynamics.recordings.refused_units import MOST, UNITS
 
 NOTE = "note"
 """Cause of findings about how a file was understood, of which nothing is wrong."""
@@ -52,6 +53,13 @@ def without_efforts(counts):
     return "the recording has no efforts, or in no state one of every joint"
 
 
+def without_states(path, findings):
+    """The error about a recording without a single state: it says what became of its messages."""
+    found = sorted((one for one in findings if one.cause != NOTE), key=lambda one: -one.count)
+    told = "; ".join(map(str, found[:3])) or "it has no messages"
+    return InputError(f"'{path}' has not a single state: {told.removesuffix('.')}.")
+
+
 class Account:
     """Counts and texts, which those of the next piece can be added to.
 
@@ -70,7 +78,7 @@ class Account:
         self._counts, self._gaps = intake.counts, intake.assembler.gaps
         self._counts.pop(LOST, None)  # these are of the gaps, which go on
         self._first, self._last, self._frozen = {}, intake.last_texts, Counter(intake.frozen.told)
-        self._missing = intake.assembler.missing
+        self._missing, self._units = intake.assembler.missing, intake.units.text()
         for rejection in intake.rejections:
             self._first.setdefault(rejection.cause, rejection.text)
         self._unread, self._notes, self.misplaced = list(unread), list(notes), misplaced
@@ -88,6 +96,7 @@ class Account:
         self._last |= {what: text for what, text in other._last.items() if other._counts[what]}
         self._frozen += other._frozen
         self._missing = [name for name in self._missing if name in other._missing]
+        self._units = self._units or other._units
         self._unread += [one for one in other._unread if one not in self._unread]
         self._notes += [one for one in other._notes if one not in self._notes]
         self.misplaced = self.misplaced or other.misplaced
@@ -95,7 +104,10 @@ class Account:
     def findings(self):
         """What is worth knowing: a list of Finding, losses first, and how the file was understood last."""
         counts = self.counts
-        found = [Finding("unread", 1, f"{one.file}, {one.where}: {one.what}") for one in self._unread]
+        found, refused = [], counts[f"rejected: {ABSURD}"]
+        if self._units and refused > MOST * counts["received"]:
+            found.append(Finding(UNITS, refused, self._units))
+        found += [Finding("unread", 1, f"{one.file}, {one.where}: {one.what}") for one in self._unread]
         found += [Finding(cause, counts[cause], text) for cause, text in self._first.items()]
         for cause, text in TEXTS.items():
             if counts[cause]:
@@ -107,10 +119,8 @@ class Account:
         return found + [Finding(NOTE, 1, note) for note in self._notes]
 
     def without_states(self, path):
-        """The error about a recording without a single state: it says what became of its messages."""
-        found = sorted((one for one in self.findings() if one.cause != NOTE), key=lambda one: -one.count)
-        told = "; ".join(map(str, found[:3])) or "it has no messages"
-        return InputError(f"'{path}' has not a single state: {told.removesuffix('.')}.")
+        """The error about a recording without a single state."""
+        return without_states(path, self.findings())
 
     def _text(self, cause):
         if cause != "incomplete":

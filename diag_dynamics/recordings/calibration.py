@@ -17,10 +17,12 @@ from diag_dynamics.arrays import Array
 from diag_dynamics.checks import instance, positive
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.account import Finding
 from diag_dynamics.recordings.calibration_result import Calibration as Calibration
 from diag_dynamics.recordings.calibration_result import per_time as per_time
 from diag_dynamics.recordings.observed import Observer, require_efforts, require_same_robot
 from diag_dynamics.recordings.recording import Recording
+from diag_dynamics.recordings.refused_units import refuse_units
 from diag_dynamics.recordings.residuals import Piece, Residuals
 
 PARTS = 5
@@ -99,12 +101,15 @@ def calibrate(
         observer = Observer(dynamics, gain, friction=friction, max_gap=max_gap, threads=threads)
         with_states = with_efforts = False
         counts: Counter[str] = Counter()
+        findings: list[Finding] = []
         for piece in [one] if isinstance(one, Recording) else one:
             require_same_robot(dynamics, piece)
             with_states, with_efforts = with_states or len(piece) > 0, with_efforts or piece.tau is not None
             counts.update(piece.counts)
+            findings = piece.findings
             for stamps, (residual, torque, _, valid, _) in observer.observed(piece.states):
                 seen.take(stamps, residual, torque, valid)
+        refuse_units(findings)
         if not with_efforts:
             require_efforts(with_states, counts)
     return calibrated(seen, model.dof_names, gain, false_alarms, ends, friction=friction)

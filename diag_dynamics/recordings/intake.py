@@ -13,6 +13,7 @@ from diag_dynamics.assembly.rejected import RejectedError, cause_of
 from diag_dynamics.assembly.whole import WithBase
 from diag_dynamics.bags.messages import Messages
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.recordings.refused_units import RefusedUnits
 from diag_dynamics.recordings.seams import LoggedGaps
 from diag_dynamics.wire.definitions import read_message
 from diag_dynamics.wire.joint_states import KnownJointStates
@@ -20,6 +21,9 @@ from diag_dynamics.wire.many import Run
 from diag_dynamics.wire.odometry import odometry_of
 
 JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
+
+ABSURD = "absurd value"
+"""Cause of messages that are refused for what they say of a joint."""
 
 LOST = "lost by gaps in stamps"
 """Name of the count of states that never came."""
@@ -100,6 +104,7 @@ class Intake:
     assembler : JointStateAssembler
     rejections : list of Rejection
         The first :data:`MOST_TOLD` of each cause.
+    units : RefusedUnits
     """
 
     def __init__(self, model, settings):
@@ -117,6 +122,7 @@ class Intake:
             self._with_base = WithBase(self._base, self.assembler)
         self._counts, self._before = Counter(), Counter()  # the latter: all that was counted until `anew`
         self.rejections, self._texts = [], Counter()
+        self.units = RefusedUnits(model)
         self._moved = 0  # jumps of positions that the last state knows of
 
     @property
@@ -135,6 +141,7 @@ class Intake:
         self._before = self._all_counts()
         self.rejections, self._texts = [], Counter()
         self.frozen.told = Counter()
+        self.units.forget()
         self.assembler.gaps = LoggedGaps()
 
     def memory(self):
@@ -235,7 +242,13 @@ class Intake:
         """The state that one message makes."""
         at, size = int(messages.at[k]), int(messages.size[k])
         now = int(messages.log_time[k])
-        state = self._joint_states.update(messages.data[at : at + size].tobytes(), now)
+        raw = messages.data[at : at + size].tobytes()
+        try:
+            state = self._joint_states.update(raw, now)
+        except RejectedError as error:
+            if error.cause == ABSURD and not self.units.full:
+                self.units.take(read_message(raw, JOINT_STATE))
+            raise
         if state is None:
             return None
         if self._with_base:
