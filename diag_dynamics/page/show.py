@@ -23,7 +23,7 @@ COUNTED = 0.5
 TOUCHED = 0.1
 """Time between two looks at what a touch would cost [s]."""
 
-NOTHING_YET = "waiting for a robot"
+NOTHING_YET, NO_STATE = "waiting for a robot", "waiting for the first state"
 
 
 class Taken(NamedTuple):
@@ -91,6 +91,7 @@ class Show:
         self._chosen: dict[str, bytes] = {}
         self._rate = _Rate()
         self._diagnostics: tuple[int, bytes] = (0, b"[]")
+        self._worst = ""
 
     # --- What there is to show ---
 
@@ -111,8 +112,9 @@ class Show:
 
     def tell(self, diagnostics: Sequence[Mapping[str, Any]]) -> None:
         """Take the newest diagnostics: dicts of level, name, message and values."""
-        text = json.dumps(list(diagnostics)).encode()
+        text, worst = json.dumps(list(diagnostics)).encode(), worst_of(diagnostics)
         with self._lock:
+            self._worst = worst
             if text != self._diagnostics[1]:
                 self._diagnostics = self._diagnostics[0] + 1, text
 
@@ -159,17 +161,18 @@ class Show:
             return self._touch
 
     def about(self) -> dict[str, Any]:
-        """Who it is, whether it lives, and how old its last state is, for JSON."""
+        """Who it is, whether it lives, and how old its last state is, for JSON; and why there is none, in words."""
         with self._lock:
             self._refresh()
             age = time.monotonic() - self._last.received if self._last else None
+            alive = age is not None and age < STALE
             return {
                 "name": self.name,
                 "robot": self._dynamics.model.name if self._dynamics else None,
-                "alive": age is not None and age < STALE,
+                "alive": alive,
                 "age": age,
                 "rate": self._rate.value,
-                "waiting": self._waiting,
+                "waiting": self._waiting or ("" if alive else self._worst or (NO_STATE if age is None else "")),
             }
 
     # --- Below, with the lock ---
@@ -229,6 +232,14 @@ class Show:
 def nothing(layout: Layout) -> bytes:
     """Numbers of the chosen link where none is."""
     return b"\x00\x00\xc0\x7f" * (layout.size - layout.common)
+
+
+def worst_of(diagnostics: Sequence[Mapping[str, Any]]) -> str:
+    """The worst of some diagnostics in words, without the name of its node; empty while all are well."""
+    worst = max(diagnostics, key=lambda one: one["level"], default=None)
+    if worst is None or not worst["level"]:
+        return ""
+    return ": ".join(part for part in (worst["name"].partition(": ")[2] or worst["name"], worst["message"]) if part)
 
 
 class _Rate:

@@ -253,6 +253,53 @@ def test_what_a_touch_would_cost(chromium):
         one.stop()
 
 
+def test_what_a_touch_would_have_cost(chromium):
+    """While somebody looks back: table and worst point of that moment, to a tenth of a second; of none, that it is not told."""
+    text = chain(["one", "two"])
+    model = dd.load_urdf(text)
+    robot, begun = Robot(model), time.time()
+    told, names = {}, ["link1", "link2"]
+
+    def take(_):
+        t = time.time()
+        speed = np.array([0.1, 0.2]) * (t - begun)  # so that each moment has its own
+        places = np.array([[0.0, 0.0, 0.1 * (t - begun)], [0.0, 0.0, 0.3]])
+        told[t] = speed, places
+        return Touch(t, names, names, places, speed, np.ones(2), 0.5 * speed**2, np.array([0.5, np.inf]), 0, False)
+
+    show = Show("/touched", robot.take, take)
+    show.use(dd.DiagonalDynamics(model), scene_of(model, text), None)
+    one = PageServer(lambda: [show])
+    one.start()
+    tab = Tab(chromium, (1280, 720), "dark")
+    try:
+        tab.open(one.address)
+        tab.until("diag.contact && diag.state.last - diag.state.first > 2.0")
+        assert "now" in tab.page.locator("#contact h2").inner_text()
+        tab.page.keyboard.press("Space")
+        first, last = tab.ask("[diag.state.first, diag.state.last]")
+        for moment in (first + 0.5, first + 1.5, last):
+            tab.ask(f"diag.go({moment!r})")
+            tab.until(f"Math.abs(diag.state.now - {moment!r}) < 0.03 && Math.abs(diag.contact.shown.t - {moment!r}) < 0.4")
+            seen = tab.ask("diag.contact.shown")
+            at = min(told, key=lambda t: abs(t - moment))
+            between = np.median(np.diff(sorted(told)))
+            assert abs(seen["t"] - moment) <= abs(at - moment) + 2.0 * between  # not every one has been sent
+            speed, places = told[seen["t"]]
+            np.testing.assert_allclose([point["speed"] for point in seen["points"]], speed, rtol=1e-6)
+            np.testing.assert_allclose(tab.ask("diag.contact.drawn"), places[0], rtol=1e-6, atol=1e-6)
+            assert seen["points"][1]["margin"] is None
+            row = tab.page.locator(".touch tbody tr").first.inner_text().split()
+            assert read(row[2]) == pytest.approx(speed[0], rel=6e-3, abs=6e-4)
+        assert "then" in tab.page.locator("#contact h2").inner_text()
+        tab.page.keyboard.press("l")
+        tab.until("!diag.state.paused && diag.contact.shown && diag.contact.shown.t === diag.contact.t")
+        assert tab.said == []
+    finally:
+        tab.close()
+        one.stop()
+
+
 def test_the_worst_status_stands_where_it_is_seen_at_once(chromium):
     """In the head, at 1280 × 720, and under what the page says of itself: why no state comes, or no longer."""
     text, refused = chain(["one", "two"]), "robot_description refused: parameter 'alarm.joints' names 'elbow'"

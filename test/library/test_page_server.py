@@ -179,6 +179,12 @@ def test_a_robot_that_is_not_there_yet(server, shows):
         assert kind == HEARTBEAT
         assert beat["waiting"] == "waiting for robot_description of /other"
         assert not beat["alive"]
+    told = [(0, "model", "fits"), (1, "joint states", "rejected: no joint 'elbow'"), (0, "rates", "well")]
+    statuses = [{"level": level, "name": f"arm/diag_dynamics: {name}", "message": m} for level, name, m in told]
+    shows[1].wait_for("")
+    assert shows[1].about()["waiting"] == "waiting for the first state"
+    shows[1].tell(statuses)  # that no state has come is no reason: what the robot's nodes say is
+    assert shows[1].about()["waiting"] == "joint states: rejected: no joint 'elbow'"
 
 
 # --- Rates, and many readers ---

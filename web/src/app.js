@@ -190,10 +190,7 @@ export class App {
   }
 
   async picture() {
-    const blob = await picture(() => {
-      this.stage.dirty();
-      this.stage.render();
-    });
+    const blob = await picture(() => this.stage.render(true));
     download(`${this.#file()}.png`, blob);
     return blob;
   }
@@ -216,6 +213,7 @@ export class App {
 
   #moved(what) {
     this.rows.held = this.view.paused && !this.report;
+    this.cards.contact.hold(this.rows.held);
     if (what === "window") this.#want("plots", "strip");
     if (what === "pointer") this.wanted.place = true;
     else this.#want("numbers", "robot", "place");
@@ -259,8 +257,8 @@ export class App {
     if (turn("numbers", NUMBERS)) {
       this.table.draw(rows, i);
       this.details.draw(rows, i);
-      this.cards.contact.draw();
-      this.stage.touched(this.view.following ? this.cards.contact.worst : null);
+      this.cards.contact.draw(this.view.following ? null : this.view.now());
+      this.stage.touched(this.cards.contact.worst);
       this.touch();
     }
     if (turn("strip", STRIP)) this.timeline.draw();

@@ -2,7 +2,7 @@
 
 import { el, resized, say, scrolling } from "./dom.js";
 import { ContactCard } from "./contact.js";
-import { number, span, UNKNOWN } from "./format.js";
+import { number, span, statusName, UNKNOWN } from "./format.js";
 import { Plot } from "./plot.js";
 import { plotsOf } from "./quantities.js";
 
@@ -136,7 +136,7 @@ export class Cards {
     const order = [...list].sort((a, b) => b.level - a.level);
     const rows = order.map(({ level, name, message, values }) => {
       const detail = Object.entries(values ?? {});
-      const head = el("summary", {}, el("i", { class: `dot ${LEVELS[level] ?? "bad"}` }), el("b", { text: name }), el("span", { text: message }));
+      const head = el("summary", {}, el("i", { class: `dot ${LEVELS[level] ?? "bad"}` }), el("b", { text: statusName(name), title: name }), el("span", { text: message }));
       const body = el("dl", {}, ...detail.map(([key, value]) => el("div", {}, el("dt", { text: key }), el("dd", { text: String(value) }))));
       return el("details", { open: this.open?.has(name) ?? false, ontoggle: (event) => this.#keep(name, event.target.open) }, head, body);
     });

@@ -2,8 +2,13 @@
 
 import { breakable, el, say, scrolling, toggle } from "./dom.js";
 import { number, shortNames } from "./format.js";
+import { Touches } from "./touches.js";
 
 const OLD = 2000; // [ms] after which what was told last is no longer shown
+const KEPT = 300; // [s] that can be scrubbed back
+const RATE = 10; // [Hz] at which it is told at most
+const SORTED = 1000; // [ms] after which rows may change their places, so that one can be read and clicked
+const POINTER = matchMedia("(hover: hover)"); // on a phone what was touched last counts as pointed at
 const COLUMNS = [
   ["margin", "m/s", "allowed speed less speed: below zero a limit is exceeded"],
   ["speed", "m/s", "along the point's motion"],
@@ -16,7 +21,9 @@ export class ContactCard {
   constructor(select) {
     this.select = select;
     this.newest = null; // {t, half, worst, points} as the server tells it
-    this.arrived = -Infinity;
+    this.shown = null; // likewise, of the moment that is looked at
+    this.arrived = this.sortedAt = -Infinity;
+    this.stored = new Touches(KEPT, RATE);
     this.says = el("p", { class: "none" });
     this.body = el("tbody");
     const heads = COLUMNS.map(([name, unit, help]) => el("th", { title: help }, `${name} `, el("small", { text: unit })));
@@ -24,7 +31,7 @@ export class ContactCard {
     this.node = el(
       "section",
       { class: "card words", id: "contact", title: "Rigid bodies; no safety function: see docs/contact.md" },
-      el("header", {}, el("h2", { text: "If it touched now (advisory)" })),
+      el("header", {}, (this.title = el("h2"))),
       this.says,
       scrolling(el("div", { class: "text" }, table)),
     );
@@ -34,36 +41,62 @@ export class ContactCard {
   take(json) {
     this.newest = json;
     this.arrived = performance.now();
+    this.stored.take(json);
   }
 
   forget() {
-    this.newest = null;
+    this.newest = this.shown = null;
+    this.stored.forget();
+  }
+
+  // While somebody looks at what is stored, nothing of it is dropped.
+  hold(held) {
+    this.stored.rows.held = held;
   }
 
   get fresh() {
     return this.newest !== null && performance.now() - this.arrived < OLD;
   }
 
-  // The worst point: {position, above}, or null.
+  // The worst point of the moment that is looked at: {position, above}, or null.
   get worst() {
-    const { points, worst } = this.newest ?? {};
-    return this.fresh && points[worst] ? { position: points[worst].position, above: points[worst].margin < 0 } : null;
+    const { points, worst } = this.shown ?? {};
+    return points?.[worst] ? { position: points[worst].position, above: points[worst].margin < 0 } : null;
   }
 
-  draw() {
-    toggle(this.node, "old", !this.fresh);
-    if (!this.newest || this.newest === this.drawn) return;
-    this.drawn = this.newest;
-    const { points, half, worst, estimated } = this.newest;
-    const short = shortNames(points.map((point) => point.name));
-    const order = points.map((_, k) => k).sort((a, b) => (points[a].margin ?? Infinity) - (points[b].margin ?? Infinity) || points[b].energy - points[a].energy);
-    while (this.rows.length < points.length) this.rows.push(this.#row());
-    this.rows.length = points.length;
-    order.forEach((k, place) => this.#fill(this.rows[place], points[k], short[k], half, k === worst));
-    if (this.body.childElementCount !== points.length) this.body.replaceChildren(...this.rows.map((row) => row.node));
+  // moment: that is looked at; null: now.
+  draw(moment) {
+    if (!this.newest) return;
+    const told = moment === null ? this.newest : this.stored.at(moment);
+    this.shown = moment === null && !this.fresh ? null : told;
+    say(this.title, moment === null ? "If it touched now (advisory)" : "If it had touched then (advisory)");
+    toggle(this.node, "old", !this.shown);
+    if (!told) say(this.says, "nothing was told at this moment");
+    if (!told || (told.t === this.drawn?.t && told.points.length === this.drawn.points.length)) {
+      if (told) say(this.says, this.drawn.said);
+      return;
+    }
+    const { points, half, worst, estimated } = told;
     const least = points[worst];
     const what = least ? (least.margin === null ? "no limits" : `least margin: ${least.name}, ${number(least.margin)} m/s`) : "at rest";
-    say(this.says, `${what} · M/2 + payload: ${number(half)} kg${estimated ? " · velocities estimated" : ""}`);
+    this.drawn = { ...told, said: `${what} · M/2 + payload: ${number(half)} kg${estimated ? " · velocities estimated" : ""}` };
+    say(this.says, this.drawn.said);
+    const short = shortNames(points.map((point) => point.name));
+    this.#sort(points, moment !== null);
+    while (this.rows.length < points.length) this.rows.push(this.#row());
+    this.rows.length = points.length;
+    this.order.forEach((k, place) => this.#fill(this.rows[place], points[k], short[k], half, k === worst));
+    if (this.body.childElementCount !== points.length) this.body.replaceChildren(...this.rows.map((row) => row.node));
+  }
+
+  // Those with the least margin first; as they were while somebody points at one, and for a time.
+  #sort(points, atOnce) {
+    const now = performance.now();
+    const same = this.order?.length === points.length;
+    if (same && !atOnce && (now - this.sortedAt < SORTED || (POINTER.matches && this.body.matches(":hover")))) return;
+    this.sortedAt = now;
+    const margin = (k) => points[k].margin ?? Infinity;
+    this.order = points.map((_, k) => k).sort((a, b) => margin(a) - margin(b) || points[b].energy - points[a].energy);
   }
 
   #row() {
@@ -74,8 +107,8 @@ export class ContactCard {
 
   #fill(row, { name, link, margin, speed, mass, energy }, short, half, worst) {
     row.link = link;
-    if (row.shown !== name) row.name.replaceChildren(...breakable(short));
-    row.shown = row.node.title = name;
+    if (row.named !== name) row.name.replaceChildren(...breakable(short));
+    row.named = row.node.title = name;
     toggle(row.node, "above", margin !== null && margin < 0);
     toggle(row.node, "chosen", worst);
     [margin, speed, mass, energy, 0.5 * half * speed * speed].forEach((value, k) => say(row.cells[k], number(value)));

@@ -62,11 +62,12 @@ export function readOnly(app, errors) {
     get marks() {
       return app.stage.told ? { ...app.stage.told } : null;
     },
-    // What a touch would cost, as it was told last, and where the worst point is drawn.
+    // What a touch would cost, as it was told last, what is shown of it, and where the worst point is drawn.
     get contact() {
       const { contact } = app.cards;
       const { point } = app.stage.scene ?? {};
-      return contact.newest && { ...contact.newest, fresh: contact.fresh, drawn: point?.visible ? point.position.toArray() : null };
+      const drawn = point?.visible ? point.position.toArray() : null;
+      return contact.newest && { ...contact.newest, fresh: contact.fresh, shown: contact.shown, bytes: contact.stored.bytes, drawn };
     },
     get names() {
       return app.layout ? shortFields(app.layout).map(({ name }) => name) : [];

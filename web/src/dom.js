@@ -33,8 +33,12 @@ export function breakable(name) {
 }
 
 // A box that scrolls has the class "more" while there is something below what is seen of it: scroll bars may be hidden.
+// How high what is in it would be, its style can have as --content.
 export function scrolling(box) {
-  const look = () => toggle(box, "more", box.scrollHeight - box.clientHeight - box.scrollTop > 2);
+  const look = () => {
+    toggle(box, "more", box.scrollHeight - box.clientHeight - box.scrollTop > 2);
+    box.style.setProperty("--content", `${[...box.children].reduce((sum, child) => sum + child.offsetHeight, 0)}px`);
+  };
   box.addEventListener("scroll", look, { passive: true });
   resized(box, look);
   for (const child of box.children) resized(child, look);

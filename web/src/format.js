@@ -15,6 +15,13 @@ function precise(x, size, digits) {
   return x.toFixed(Math.min(decimals, digits + 1));
 }
 
+// Name of a status by its node's kind and not by its full name, which all of a robot have in common; of the monitor, none.
+export function statusName(name) {
+  const [, node, rest] = /^(.*?): (.*)$/s.exec(name) ?? [null, null, name];
+  const kind = node?.split("/").at(-1).replace(/^diag_dynamics_?/, "");
+  return kind ? `${kind}: ${rest}` : rest;
+}
+
 // For axes: as few digits as tell neighbours apart.
 export function tick(x, step) {
   if (x === 0) return "0";

@@ -35,9 +35,14 @@ function paint(ctx, node, clip) {
     };
   }
   if (node.tagName === "SELECT") word(ctx, node.selectedOptions[0]?.textContent ?? "", rect, style);
-  else for (const child of node.childNodes) paint(ctx, child, inner);
+  else for (const child of node.childNodes) if (isOpen(node, child)) paint(ctx, child, inner);
   ctx.restore();
   return undefined;
+}
+
+// What is folded away has its place, but is not seen.
+function isOpen(node, child) {
+  return node.tagName !== "DETAILS" || node.open || child.tagName === "SUMMARY";
 }
 
 function box(ctx, rect, style) {
@@ -62,7 +67,7 @@ function box(ctx, rect, style) {
 }
 
 function word(ctx, content, rect, style) {
-  ctx.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
+  ctx.font = `${style.fontStyle} ${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
   ctx.fillStyle = style.color;
   ctx.textBaseline = "middle";
   ctx.fillText(content, rect.left + (parseFloat(style.paddingLeft) || 0), (rect.top + rect.bottom) / 2);
@@ -72,7 +77,7 @@ function word(ctx, content, rect, style) {
 function text(ctx, node) {
   if (!node.data.trim()) return;
   const style = getComputedStyle(node.parentElement);
-  ctx.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
+  ctx.font = `${style.fontStyle} ${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
   ctx.fillStyle = style.color;
   ctx.textBaseline = "middle";
   const range = document.createRange();

@@ -67,6 +67,10 @@ export class Plot {
     for (let k = 0; k < sample[0].length; k++) sample[0][k] -= this.base;
     this.limits = [t0 - this.base, t1 - this.base];
     this.plot.setData(sample, true);
+    if (view.following !== this.following) {
+      this.following = view.following;
+      this.plot.redraw(false, true); // the last of the times is "now", or is not
+    }
     this.place();
   }
 
@@ -185,7 +189,8 @@ export class Plot {
         {
           ...axis,
           size: Math.round(3.4 * size),
-          space: 2.1 * size,
+          // A low plot has closer numbers: with zero alone nobody knows its scale.
+          space: (u, k, low, high, room) => Math.min(2.1 * size, Math.max(size, room / 5)),
           ...(spec.log ? { filter: (u, splits) => splits, grid: { ...axis.grid, filter: (u, splits) => splits.map((x) => (powerOfTen(x) ? x : null)) } } : {}),
           values: spec.log ? (u, splits) => splits.map(logLabel(u)) : (u, splits) => splits.map((x) => tick(x, splits[1] - splits[0] || 1)),
         },

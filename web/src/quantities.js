@@ -131,7 +131,7 @@ export function plotsOf(layout) {
     },
     {
       id: "work",
-      title: "Coriolis does no work: |νᵀC| / (|ν||C|)",
+      title: "Coriolis does no work",
       unit: "",
       log: true,
       points: true,

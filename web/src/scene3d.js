@@ -255,9 +255,10 @@ export class Scene3D {
     return this.renderer.shadowMap.enabled;
   }
 
-  render() {
+  // atOnce: for a picture, which what is drawn stays for no longer than until the page is shown anew.
+  render(atOnce = false) {
     const now = performance.now();
-    if (!this.dirty || now - this.last < this.pause) return false;
+    if (!atOnce && (!this.dirty || now - this.last < this.pause)) return false;
     this.dirty = false;
     this.renderer.render(this.scene, this.camera);
     this.#judge(now);

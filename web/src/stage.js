@@ -172,7 +172,7 @@ export class Stage {
     this.banner.className = `banner ${level}`;
     if (!dim) return;
     say(this.state, says ? `${word}: ${says}` : word);
-    say(this.why, worst ? worst.text : "");
+    say(this.why, worst && !says.includes(worst.text) ? worst.text : "");
   }
 
   // worst: of the points of contact, {position, above}; null hides it.
@@ -180,11 +180,7 @@ export class Stage {
     this.scene?.touch(worst);
   }
 
-  dirty() {
-    if (this.scene) this.scene.dirty = true;
-  }
-
-  render() {
-    this.scene?.render();
+  render(atOnce = false) {
+    this.scene?.render(atOnce);
   }
 }

@@ -1,0 +1,66 @@
+// What touches would have cost lately: numbers of every point at each moment that was told, in order of time.
+
+import { Rows } from "./rows.js";
+
+const HEAD = ["half", "worst", "estimated"]; // of all points
+const NUMBERS = ["speed", "mass", "energy", "allowed", "margin"]; // of a point, behind its position
+const WIDTH = 3 + NUMBERS.length;
+const NEAR = 0.5; // [s] from a moment, within which something has to have been told of it
+
+export class Touches {
+  // seconds that are kept; rate [Hz] at which they are told at most
+  constructor(seconds, rate) {
+    this.capacity = Math.ceil(seconds * rate);
+    this.forget();
+  }
+
+  forget() {
+    this.names = "";
+    this.points = [];
+    this.rows = new Rows(HEAD.length, 2);
+  }
+
+  get bytes() {
+    return this.rows.bytes;
+  }
+
+  // json: as the server tells it. Of other points than before, it begins anew.
+  take(json) {
+    const points = json.points.map(({ name, link }) => ({ name, link }));
+    const names = JSON.stringify(points);
+    if (names !== this.names) {
+      const { held } = this.rows;
+      [this.names, this.points] = [names, points];
+      this.rows = new Rows(HEAD.length + WIDTH * points.length, this.capacity);
+      this.rows.held = held;
+    }
+    const row = HEAD.map((name) => Number(json[name]));
+    for (const point of json.points) row.push(...point.position.map(known), ...NUMBERS.map((name) => known(point[name])));
+    this.rows.push(json.t, row);
+  }
+
+  // What was told at a moment, as the server told it; null where nothing was.
+  at(t) {
+    const { rows } = this;
+    if (!rows.length) return null;
+    const i = rows.nearest(t);
+    if (!(Math.abs(rows.time(i) - t) <= NEAR)) return null;
+    let k = rows.base(i);
+    const next = () => {
+      const value = rows.data[k++];
+      return Number.isNaN(value) ? null : value;
+    };
+    const json = { t: rows.time(i), ...Object.fromEntries(HEAD.map((name) => [name, next()])) };
+    json.estimated = Boolean(json.estimated);
+    json.points = this.points.map((point) => ({
+      ...point,
+      position: [next(), next(), next()],
+      ...Object.fromEntries(NUMBERS.map((name) => [name, next()])),
+    }));
+    return json;
+  }
+}
+
+function known(value) {
+  return value ?? NaN;
+}
