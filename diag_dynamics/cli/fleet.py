@@ -6,10 +6,10 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.fleet.running import PIECE, analyse_fleet
 from diag_dynamics.recordings.fleet.table import text_of
 
-ALONE = "mcap", "topics", "parquet", "csv", "json", "threads", "start", "end"
+ALONE = "mcap", "topics", "parquet", "csv", "report", "json", "threads", "start", "end"
 """Options of a single recording."""
 
-TOGETHER = "out", "scheduler", "workers", "piece", "no_parquet"
+TOGETHER = "out", "scheduler", "workers", "piece", "no_parquet", "reports"
 """Options of many."""
 
 
@@ -17,7 +17,9 @@ def add_arguments(parser):
     """Declare the options of a fleet."""
     group = parser.add_argument_group("many recordings")
     group.add_argument("--fleet", metavar="PATTERN", nargs="*", help="recordings: paths or patterns, ** is any folders")
-    group.add_argument("--out", metavar="DIR", help="folder for a summary and a Parquet file of each, and fleet.json")
+    group.add_argument(
+        "--out", metavar="DIR", help="folder for a summary and a Parquet file of each, fleet.json and fleet.html"
+    )
     group.add_argument(
         "--scheduler", metavar="tcp://HOST:PORT", help="of a Dask cluster (default: processes of this machine)"
     )
@@ -26,6 +28,7 @@ def add_arguments(parser):
         "--piece", type=float, metavar="SECONDS", help=f"long ones are cut into these (default: {PIECE:g})"
     )
     group.add_argument("--no-parquet", action="store_true", help="summaries alone")
+    group.add_argument("--reports", action="store_true", help="a report of each, too, to which fleet.html leads")
 
 
 def refuse(chosen):
@@ -58,6 +61,7 @@ def analyse(chosen, parameters, model):
             workers=chosen.workers,
             piece=PIECE if chosen.piece is None else chosen.piece,
             parquet=not chosen.no_parquet,
+            reports=chosen.reports,
             progress=progress,
         )
     if not chosen.quiet:

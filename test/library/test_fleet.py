@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -263,6 +264,34 @@ def test_command(tmp_path, archive, capsys):
     ):
         assert main(wrong) == 2
         assert what in capsys.readouterr().err
+
+
+def test_reports_and_the_page_that_leads_to_them(tmp_path, archive, expected, capsys):
+    """Each recording has its report; the page has a row for each, whose links are there, and what is wrong with others."""
+    chosen = [str(archive / name) for name in (GOOD[0], GOOD[1], BAD[1])]
+    command = ["analyse", "--fleet", *chosen, "--out", str(tmp_path), "--no-parquet", "--piece", "4", "--workers", "2"]
+    assert main([*command, "--reports"]) == 1  # there is a bad one
+    page = (tmp_path / "fleet.html").read_text(encoding="utf-8")
+    links = re.findall('href="([^"]*[.](?:html|json))"', page)
+    assert len(links) == 4
+    assert all((tmp_path / link).exists() for link in links)
+    reports = {path for path in map(tmp_path.joinpath, links) if path.suffix == ".html"}
+    assert reports == set(tmp_path.glob("*.html")) - {tmp_path / "fleet.html"}
+    for path in reports:
+        (text,) = re.findall(r'id="report">(.*)</script>', path.read_text(encoding="utf-8"))
+        told = json.loads(text)["summary"]
+        whole = json.loads(json.dumps(expected[told["recording"]]))
+        compare(unordered({key: told[key] for key in whole}), unordered(whole))
+    rows = [re.findall('data-value="([^"]*)"', row) for row in page.split("<tr>")[2:]]
+    assert [row[0] for row in rows] == chosen[:2]
+    assert [int(row[3]) for row in rows] == [expected[name]["states"] for name in chosen[:2]]
+    assert [float(row[4]) for row in rows] == [expected[name]["kinetic_energy"]["max"] for name in chosen[:2]]
+    assert f"<li>{chosen[2]}: " in page
+    capsys.readouterr()
+    assert main([*command, "--reports"]) == 1
+    assert "0 recordings analysed, 2 had been" in capsys.readouterr().out
+    assert main([*command, "--report", "x.html"]) == 2
+    assert "--report is of a single recording" in capsys.readouterr().err
 
 
 def test_part_by_the_command(tmp_path, archive):

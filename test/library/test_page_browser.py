@@ -254,7 +254,7 @@ def test_what_a_touch_would_cost(chromium):
 
 
 def test_what_a_touch_would_have_cost(chromium):
-    """While somebody looks back: table and worst point of that moment, to a tenth of a second; of none, that it is not told."""
+    """While somebody looks back: table and worst point of that moment, to a tenth of a second."""
     text = chain(["one", "two"])
     model = dd.load_urdf(text)
     robot, begun = Robot(model), time.time()
@@ -280,7 +280,9 @@ def test_what_a_touch_would_have_cost(chromium):
         first, last = tab.ask("[diag.state.first, diag.state.last]")
         for moment in (first + 0.5, first + 1.5, last):
             tab.ask(f"diag.go({moment!r})")
-            tab.until(f"Math.abs(diag.state.now - {moment!r}) < 0.03 && Math.abs(diag.contact.shown.t - {moment!r}) < 0.4")
+            tab.until(
+                f"Math.abs(diag.state.now - {moment!r}) < 0.03 && Math.abs(diag.contact.shown.t - {moment!r}) < 0.4"
+            )
             seen = tab.ask("diag.contact.shown")
             at = min(told, key=lambda t: abs(t - moment))
             between = np.median(np.diff(sorted(told)))

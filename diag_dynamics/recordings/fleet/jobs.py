@@ -18,7 +18,7 @@ from diag_dynamics.recordings.recording import Reading
 UNFINISHED = ".unfinished"
 """Folder within that of the outputs, of files that are being written."""
 
-OWN = "fleet.json", "fleet.parquet"
+OWN = "fleet.json", "fleet.parquet", "fleet.html"
 """Files of the outputs' folder that are of no single recording."""
 
 
@@ -35,6 +35,8 @@ class Options(NamedTuple):
     """Of the observer [1/s]."""
     parquet: bool
     """Whether there is to be a Parquet file of each recording."""
+    reports: bool
+    """Whether there is to be a report of each recording."""
     piece: float
     """Length of the pieces of long recordings [s]."""
 
@@ -51,6 +53,7 @@ class Options(NamedTuple):
             "parameters": self.parameters,
             "gain": self.gain,
             "parquet": self.parquet,
+            "reports": self.reports,
         }
         return json.loads(json.dumps(about, default=str))
 
@@ -78,6 +81,16 @@ class Job(NamedTuple):
         return Path(self.out) / f"{self.name}.parquet"
 
     @property
+    def html(self):
+        """Path of the report."""
+        return Path(self.out) / f"{self.name}.html"
+
+    @property
+    def outputs(self):
+        """Names of those files of one recording that people open: its report, if there is one, and its summary."""
+        return [path.name for path in (self.html, self.json) if path.exists()]
+
+    @property
     def unfinished(self):
         """Folder of files that are being written."""
         return Path(self.out) / UNFINISHED
@@ -95,7 +108,7 @@ class Job(NamedTuple):
             summary = json.loads(self.json.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
-        there = not self.options.parquet or self.parquet.exists()
+        there = (not self.options.parquet or self.parquet.exists()) and (not self.options.reports or self.html.exists())
         return summary if there and summary.get("fingerprint") == self.fingerprint else None
 
 

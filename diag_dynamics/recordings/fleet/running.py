@@ -20,6 +20,7 @@ from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.robots import model_of, require_as_made
 from diag_dynamics.recordings.fleet import tasks
 from diag_dynamics.recordings.fleet.jobs import OWN, Options, jobs_of
+from diag_dynamics.recordings.fleet.page import page_of
 from diag_dynamics.recordings.fleet.table import report_of, rows_of
 from diag_dynamics.recordings.outputs.part import Part
 
@@ -42,6 +43,7 @@ def analyse_fleet(
     workers: int | None = None,
     piece: float = PIECE,
     parquet: bool = True,
+    reports: bool = False,
     progress: Callable[[int, int, str], object] | None = None,
 ) -> dict[str, Any]:
     """Analyse many recordings, each by a task of its own, long ones in pieces; what has been done already stays.
@@ -55,7 +57,7 @@ def analyse_fleet(
         Paths of recordings, or patterns as of a shell; ``**`` is any number of folders.
     out : str or Path
         Folder for the outputs, which all workers share: of each recording a summary in JSON and its columns in Parquet; and
-        fleet.json and fleet.parquet, the table of all. No two runs may write into one folder at the same time.
+        fleet.json, fleet.parquet and fleet.html, the table of all. No two runs may write into one folder at the same time.
     model, columns, topic, parameters
         As of :func:`read_recording`.
     gain : float
@@ -69,6 +71,8 @@ def analyse_fleet(
         Length of the pieces of recordings that are longer [s]; their results are those of one piece.
     parquet : bool
         Whether columns are written, and not only summaries.
+    reports : bool
+        Whether a report of each recording is written, too, as :class:`ReportOutput` has it: then none is cut into pieces.
     progress : callable, optional
         Called with the number of recordings that are done, that of all, and the path of the last one.
 
@@ -87,7 +91,7 @@ def analyse_fleet(
     """
     if isinstance(patterns, str | os.PathLike):
         raise InputError(f"patterns is {patterns!r}, expected a list of paths and patterns.")
-    options = _options(model, columns, topic, parameters, gain, piece, parquet)
+    options = _options(model, columns, topic, parameters, gain, piece, parquet, reports)
     out = Path(out).expanduser()
     out.mkdir(parents=True, exist_ok=True)
     jobs = jobs_of(patterns, out, options)
@@ -113,11 +117,11 @@ def analyse_fleet(
         "computed": len(summaries) - kept,
         "kept": kept,
     }
-    _write(report, out, parquet)
+    _write(report, out, parquet, {job.path: job.outputs for job in jobs})
     return report
 
 
-def _options(model, columns, topic, parameters, gain, piece, parquet):
+def _options(model, columns, topic, parameters, gain, piece, parquet, reports):
     parameters = dict(parameters or {})
     unknown = set(parameters) - set(PARAMETERS)
     if unknown:
@@ -130,7 +134,7 @@ def _options(model, columns, topic, parameters, gain, piece, parquet):
     if isinstance(columns, str | os.PathLike):
         columns = str(Path(columns).expanduser().resolve())
     gain, piece = positive("gain", gain, "[1/s]"), positive("piece", piece, "[s]")
-    return Options(model, columns, topic, parameters, gain, parquet, piece)
+    return Options(model, columns, topic, parameters, gain, parquet, reports, piece)
 
 
 def _results(jobs, scheduler, workers):
@@ -169,6 +173,7 @@ class _Tasks:
         )  # job of each future that is waited for, by key; futures of pieces, by name and span
         for job in jobs:
             job.json.unlink(missing_ok=True)
+            job.html.unlink(missing_ok=True)
             _remove(job.parquet)
             self._wait(job, tasks.begin, job)
 
@@ -209,11 +214,13 @@ def _remove(path):
         path.unlink(missing_ok=True)
 
 
-def _write(report, out, parquet):
-    """Write fleet.json and fleet.parquet, each of which has a temporary name until it is whole."""
-    part = Part(out / OWN[0])
-    Path(part.name).write_text(json.dumps(report, indent=1, allow_nan=False), encoding="utf-8")
-    part.keep()
+def _write(report, out, parquet, outputs):
+    """Write fleet.json, fleet.html and fleet.parquet, each of which has a temporary name until it is whole."""
+    texts = {OWN[0]: json.dumps(report, indent=1, allow_nan=False), OWN[2]: page_of(report, outputs)}
+    for name, text in texts.items():
+        part = Part(out / name)
+        Path(part.name).write_text(text, encoding="utf-8", errors="backslashreplace")
+        part.keep()
     if not parquet:
         return
     try:

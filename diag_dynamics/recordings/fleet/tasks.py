@@ -8,6 +8,7 @@ from uuid import uuid4
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.outputs.parquet import ParquetOutput
+from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.pieces import WHOLE, repaired, seams, settling_time, together
 from diag_dynamics.recordings.summary import summary_of
 
@@ -55,10 +56,28 @@ def _attempted(action, *arguments):
 
 def _begin(job):
     reading = job.reading()
+    if job.options.reports:
+        return _reported(job, reading)
     pieces = seams(reading, job.options.piece)
     if len(pieces) > 1:
         return Cut(pieces)
     return _finish(job, [WHOLE], [_analysed(job, reading, WHOLE)])
+
+
+def _reported(job, reading):
+    """Analyse a recording in one piece, from which alone there can be a report, and write that, too."""
+    written = job.unfinished / f"{uuid4().hex}.html"
+    report = ReportOutput(written, reading)
+    try:
+        outcome = _analysed(job, reading, WHOLE, [report])
+        if not outcome.states:
+            raise outcome.account.without_states(job.path)
+        report.close(summary_of(outcome) | {"recording": job.path})
+    except BaseException:
+        report.drop()
+        raise
+    os.replace(written, job.html)
+    return _finish(job, [WHOLE], [outcome])
 
 
 def _piece(job, span):
@@ -67,15 +86,15 @@ def _piece(job, span):
     return _analysed(job, reading, span)
 
 
-def _analysed(job, reading, span):
+def _analysed(job, reading, span, others=()):
     analysis = Analysis(reading, gain=job.options.gain, threads=1)
     if not job.options.parquet:
-        analysis.run()
+        analysis.run(others)
         return analysis.outcome
     written = job.unfinished / f"{uuid4().hex}.parquet"  # of this attempt: another worker may be at the same task
     output = ParquetOutput(written, reading, analysis.friction)
     try:
-        analysis.run([output])
+        analysis.run([output, *others])
         if analysis.states:
             output.close()
         else:
