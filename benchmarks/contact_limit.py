@@ -1,20 +1,16 @@
 """What bounding contacts costs in tracking, beside a bound on all of the kinetic energy that keeps the same limits.
 
-`python benchmarks/contact_limit.py` in the sourced environment writes contact_limit.md into results. Everything is simulated,
-from a fixed seed; only the time of a cycle depends on the machine.
+`python benchmarks/run.py --only contact` in the sourced environment writes contact_limit.md into results. Everything is
+simulated, from a fixed seed; only the time of a cycle depends on the machine.
 """
 
-import argparse
 import time
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 import diag_dynamics as dd
 from diag_dynamics.model.example_robots import find_urdf
-
-RESULTS = Path(__file__).resolve().parent / "results"
 
 PERIOD, DURATION, RATE = 1e-3, 3.0, 30.0  # [s], [s], [1/s]
 FINGERS = dict.fromkeys(("panda_finger_joint1", "panda_finger_joint2"), 0.0)
@@ -27,6 +23,9 @@ class Case(NamedTuple):
     robot: str
     limit: dict
     locked_joints: dict
+
+    def __hash__(self):
+        return hash(self.what)
 
 
 CASES = (
@@ -52,9 +51,10 @@ class Outcome(NamedTuple):
 
 
 class Motions:
-    """Swings of all joints of a robot, tracked, at paces that break the limit in parts of them."""
+    """Swings of all joints of a robot for some time [s], tracked, at paces that break the limit in parts of them."""
 
-    def __init__(self, case):
+    def __init__(self, case, duration=DURATION):
+        self.duration = duration
         path = find_urdf(case.robot)
         self.model = dd.load_urdf(path, locked_joints=case.locked_joints)
         self.dyn = dd.DiagonalDynamics(self.model)
@@ -84,7 +84,7 @@ class Motions:
             q, qd, _ = goal(0.0)
             options = {"step": PERIOD, "limits": False, "effort_limits": False, "damping": nothing, "friction": nothing}
             plant = dd.Simulation(self.model, q, 0.1 * qd, **options)
-            for k in range(int(DURATION / PERIOD)):
+            for k in range(int(self.duration / PERIOD)):
                 q, qd = plant.q, plant.qd
                 command = asked = law.command(q, qd, *goal(k * PERIOD))
                 begun = time.perf_counter()
@@ -112,9 +112,16 @@ class Motions:
         return low
 
 
-def measure(case, count):
-    """Outcomes by what limits, and the bound on K."""
-    motions, seeds = Motions(case), range(count)
+def compare(short):
+    """Outcomes of each case, by what limits; short: of one case, one motion of a tenth of the time."""
+    if short:
+        return {CASES[0]: measure(CASES[0], 1, 0.1 * DURATION)}
+    return {case: measure(case, 4) for case in CASES}
+
+
+def measure(case, count, duration=DURATION):
+    """Outcomes of one case, and the bound on K."""
+    motions, seeds = Motions(case, duration), range(count)
     bound = motions.bound_of_all(seeds)
     return {
         "nothing": motions.run(seeds, "none"),
@@ -123,40 +130,28 @@ def measure(case, count):
     }
 
 
-def table(case, found):
+def table(found):
     """The results as lines of text."""
-    lines = [
-        f"## {case.what}",
-        "",
-        "| bounded by | largest part of the allowed speed | error, rms | largest | change of efforts, rms | time a cycle |",
-        "|---|---|---|---|---|---|",
-    ]
-    for name, one in found.items():
-        cells = (
-            name,
-            f"{one.usage:.3f}",
-            f"{one.late:.3f} rad",
-            f"{one.largest:.2f} rad",
-            f"{one.torque:.1f} N m",
-            f"{1e6 * one.cycle:.0f} µs",
-        )
-        lines.append(f"| {' | '.join(cells)} |")
+    lines = [f"All joints swing, tracked at {1 / PERIOD:g} Hz; contact at the frames of all links.", ""]
+    for case, outcomes in found.items():
+        lines += [
+            f"## {case.what}",
+            "",
+            "| bounded by | largest part of the allowed speed | error, rms | largest | change of efforts, rms | a cycle |",
+            "|---|---|---|---|---|---|",
+            *(_row(name, one) for name, one in outcomes.items()),
+            "",
+        ]
     return lines
 
 
-def main():
-    """Simulate, and write the table."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("folder", nargs="?", type=Path, default=RESULTS)
-    options.add_argument("--short", action="store_true", help="one motion, for a look at whether it works")
-    chosen = options.parse_args()
-    lines = [f"All joints swing, tracked at {1 / PERIOD:g} Hz; contact at the frames of all links.", ""]
-    for case in CASES:
-        lines += [*table(case, measure(case, 1 if chosen.short else 4)), ""]
-    print("\n".join(lines))
-    chosen.folder.mkdir(parents=True, exist_ok=True)
-    (chosen.folder / "contact_limit.md").write_text("\n".join(["# Contacts bounded", "", *lines, ""]), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()
+def _row(name, one):
+    cells = (
+        name,
+        f"{one.usage:.3f}",
+        f"{one.late:.3f} rad",
+        f"{one.largest:.2f} rad",
+        f"{one.torque:.1f} N m",
+        f"{1e6 * one.cycle:.0f} µs",
+    )
+    return f"| {' | '.join(cells)} |"

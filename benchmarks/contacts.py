@@ -1,9 +1,8 @@
 """What mobilities and contact cost beside `evaluate`, at one state, in turns.
 
-`python benchmarks/contacts.py` in the sourced environment prints the table.
+`python benchmarks/run.py --only contact` in the sourced environment writes contacts.md into results.
 """
 
-import argparse
 from functools import partial
 from typing import NamedTuple
 
@@ -28,6 +27,11 @@ class Costs(NamedTuple):
     mobilities: Ratio
     frames: Ratio
     hulls: Ratio
+
+
+def compare(short):
+    """Costs of each robot; short: of two rounds of one."""
+    return {name: measure(name, 2 if short else 51) for name in (ROBOTS[-1:] if short else ROBOTS)}
 
 
 def measure(name, rounds):
@@ -76,15 +80,3 @@ def table(found):
     worst = found["talos_reduced"].mobilities.median
     lines += ["", f"Target of Talos' mobilities: × {TARGET:g}, {'met' if worst <= TARGET else 'missed'}."]
     return lines
-
-
-def main():
-    """Measure and print."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--rounds", type=int, default=51)
-    rounds = options.parse_args().rounds
-    print("\n".join(table({name: measure(name, rounds) for name in ROBOTS})))
-
-
-if __name__ == "__main__":
-    main()

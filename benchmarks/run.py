@@ -14,6 +14,8 @@ try:
     import agreement
     import alarms
     import cold
+    import contact_limit
+    import contacts
     import growth
     import identification
     import memory
@@ -79,7 +81,7 @@ SHORT = Plan(
 )
 
 
-PARTS = ("library", "starts", "recordings", "identification", "observer", "alarms", "nodes", "top")
+PARTS = ("library", "starts", "recordings", "identification", "observer", "alarms", "contact", "nodes", "top")
 
 
 def main():
@@ -108,6 +110,7 @@ def main():
         "identification": identifications,
         "observer": disturbances,
         "alarms": calibrations,
+        "contact": touches,
         "nodes": nodes,
         "top": terminals,
     }
@@ -182,6 +185,20 @@ def calibrations(short, folder, _):
     print(alarms.table(found))
     if folder:
         alarms.write(found, folder)
+
+
+def touches(short, folder, _):
+    """Measure what contact takes beside `evaluate`, and what a limit of it costs in tracking."""
+    _say("measures contact")
+    costs = contacts.table(contacts.compare(short))
+    _say("bounds contacts")
+    bounded = contact_limit.table(contact_limit.compare(short))
+    print("\n".join([*costs, "", *bounded]))
+    if folder:
+        machine = report.machine(("numpy", "numba"))
+        for name, title, lines in (("contacts", "Contact", costs), ("contact_limit", "Contacts bounded", bounded)):
+            page = "\n".join([f"# {title}", "", *lines, "", machine, ""])
+            (folder / f"{name}.md").write_text(page, encoding="utf-8")
 
 
 def terminals(short, folder, _):

@@ -20,10 +20,12 @@ def contact_points(model, description, wanted):
     Raises
     ------
     InputError
-        Parameters name a link that the robot lacks, or meshes cannot be read for want of trimesh.
+        Parameters name a link that the robot lacks, or none that moves, or meshes cannot be read for want of trimesh.
     """
     if unknown := [link for link in wanted.links if link not in model.link_names]:
         raise InputError(f"parameter 'contact.links' names '{unknown[0]}', which is no link of robot '{model.name}'.")
+    if wanted.links and all(model.placement_in_body(link)[0] == 0 for link in wanted.links):
+        raise InputError(f"parameter 'contact.links' names no link that moves: '{wanted.links[0]}' does not.")
     found = link_geometry(model, description, wanted.geometry)
     own = [point for point in found.points if not wanted.links or point.link in wanted.links]
     more = (*wanted.points, *(wanted.limits.contact_points() if wanted.limits else ()))

@@ -18,6 +18,9 @@ pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
 ENTRY = "contact"
 
+TYPE = "expected 'Type.STRING_ARRAY'"
+"""What rclpy says of a value of another type; it names no parameter."""
+
 LIMITS = """
 regions:
   nobody: {mass: 3.0, stiffness: 20000, force: 60}
@@ -103,6 +106,38 @@ def test_points_and_links_that_are_configured(monitor, panda):
         assert list(message.point_names) == ["panda_link4", "tip"]
         assert list(message.link_names) == ["panda_link4", "panda_hand"]
     assert len(feed(monitor, panda.samples[0].q, panda.samples[0].qd).point_names) > 6
+
+
+@pytest.mark.parametrize(
+    ("links", "reason"),
+    [
+        (["nowhere"], "parameter 'contact.links' names 'nowhere', which is no link of robot 'panda'"),
+        (["panda_link4", "Panda_link4"], "'Panda_link4', which is no link"),
+        (["panda_link0"], "parameter 'contact.links' names no link that moves: 'panda_link0'"),
+        ("panda_link4", TYPE),
+        (4, TYPE),
+        ([4.0], TYPE),
+    ],
+)
+def test_links_that_are_refused(monitor, panda, links, reason):
+    """With whatever else is set, and why; what was in force goes on."""
+    with monitor.having(**{"contact.links": ["panda_link4"], "contact.geometry": "frames"}):
+        result = monitor.set_parameters({"contact.links": links, "contact.geometry": "primitives"})
+        assert not result.successful
+        assert reason in result.reason
+        left = monitor.peer.get_parameters(monitor.name, ["contact.links", "contact.geometry"])
+        assert left == {"contact.links": ["panda_link4"], "contact.geometry": "frames"}
+        message = feed(monitor, panda.samples[0].q, panda.samples[0].qd)
+        assert list(message.point_names) == ["panda_link4"]
+
+
+def test_no_links_are_all_that_move(monitor, panda):
+    """An empty list is what the default is."""
+    _, points = points_of(panda)
+    with monitor.having(**{"contact.links": ["panda_link4"]}):
+        assert monitor.set_parameters({"contact.links": []}).successful
+        message = feed(monitor, panda.samples[0].q, panda.samples[0].qd)
+        assert list(message.point_names) == list(points.names)
 
 
 def test_a_limit_that_is_exceeded(monitor, panda, limits):

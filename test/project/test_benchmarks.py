@@ -111,6 +111,20 @@ def test_short_form_of_alarms(tmp_path, compiled):
         assert int(row[6].split(" of ")[0]) >= 9 and row[6].endswith(" of 10")
 
 
+def test_short_form_of_contact(tmp_path, compiled):
+    """What contact takes of an evaluation, and that both limiters keep the limit which is broken without them."""
+    done = run(tmp_path, BENCHMARKS / "run.py", "--short", "--only", "contact", "--output", tmp_path / "results")
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "results" / "contacts.md").read_text(encoding="utf-8")
+    (row,) = (line for line in text.splitlines() if line.startswith("| talos_reduced"))
+    assert all(float(part) > 0.0 for part in re.findall(r"× ([\d.]+)", row))
+    assert "Target of Talos' mobilities: × 2" in text
+    text = (tmp_path / "results" / "contact_limit.md").read_text(encoding="utf-8")
+    nothing, contact, energy = (float(row[1]) for row in cells(text.split("## Panda")[1].split("\n\n")[1]))
+    assert contact <= 1.0 < nothing
+    assert energy <= 1.0
+
+
 def test_short_form_of_the_observer(tmp_path, compiled):
     """Two arms, right and wrong model, two gains, five detectors: every row is there, and the picture."""
     done = run(tmp_path, BENCHMARKS / "run.py", "--short", "--only", "observer", "--output", tmp_path / "results")

@@ -351,7 +351,7 @@ def parameter_value(value):
         (str, ParameterType.PARAMETER_STRING, "string_value"),
         (list, ParameterType.PARAMETER_DOUBLE_ARRAY, "double_array_value"),
     ):
-        if isinstance(value, list) and isinstance(value[0], str):
+        if isinstance(value, list) and all(isinstance(one, str) for one in value):
             return ParameterValue(type=ParameterType.PARAMETER_STRING_ARRAY, string_array_value=value)
         if isinstance(value, kind):
             return ParameterValue(type=number, **{field: value})
