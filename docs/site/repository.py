@@ -1,5 +1,6 @@
-"""What a page needs before it is one of the site: links to folders, docstrings, and a first page at the top."""
+"""What a page needs to be one of the site: links to folders, docstrings, long names in tables, a first page at the top."""
 
+import re
 from pathlib import Path
 
 FOLDERS = {"](../config)": "](configuration.md)", "](../examples)": "](examples.md)"}
@@ -24,6 +25,18 @@ def keep_bars(_app, _what, _name, _object, _options, lines):
     lines[:] = [line.replace("|", r"\|") for line in lines]
 
 
+def break_names(_app, _page, _template, context, _doctree):
+    """Let long names in tables, as of tests, be broken behind a sign: else their column takes the place of all others."""
+
+    def broken(cell):
+        return re.sub(
+            r'(?<=<span class="pre">)[^<]{20,}', lambda name: re.sub(r"(::|[_./])(?=\w)", r"\1<wbr>", name[0]), cell[0]
+        )
+
+    if "body" in context:
+        context["body"] = re.sub(r"<td>.*?</td>", broken, context["body"], flags=re.S)
+
+
 def write_first_page(app, error):
     """Whoever opens the folder lands on the first page."""
     if not error and app.builder.format == "html":
@@ -34,5 +47,6 @@ def setup(app):
     """Take part in the build."""
     app.connect("source-read", link_pages)
     app.connect("autodoc-process-docstring", keep_bars)
+    app.connect("html-page-context", break_names)
     app.connect("build-finished", write_first_page)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
