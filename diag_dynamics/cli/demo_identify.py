@@ -32,6 +32,7 @@ def run(name, arguments):
             Path(folder).mkdir(parents=True, exist_ok=True)
             stories = []
             for one in names:
+                print(f"{one}: recordings are computed, identified and judged, some twenty seconds …", file=sys.stderr)
                 stories.append(story_of(one, folder, off=chosen.off, seed=chosen.seed))
                 print("\n".join(map(plain, text_of(stories[-1]))), flush=True)
     except (DiagDynamicsError, OSError) as error:

@@ -1,10 +1,17 @@
 """What a page needs to be one of the site: links to folders, docstrings, long names in tables, a first page at the top."""
 
 import re
+import shutil
 from pathlib import Path
+
+from docutils import nodes
+from sphinx.addnodes import download_reference
 
 FOLDERS = {"](../config)": "](configuration.md)", "](../examples)": "](examples.md)"}
 """Links to folders, which GitHub lists, and the pages that show what is in them."""
+
+LIVE = ("docs/report_panda.html",)
+"""Pages that are made elsewhere: they are opened where they lie, not downloaded."""
 
 FIRST = """<!doctype html>
 <meta charset="utf-8">
@@ -18,6 +25,13 @@ def link_pages(_app, _name, source):
     """Lead to the page in place of the folder."""
     for folder, page in FOLDERS.items():
         source[0] = source[0].replace(folder, page)
+
+
+def open_live_pages(_app, doctree):
+    """Have a link to a live page open it."""
+    for link in list(doctree.findall(download_reference)):
+        if f"docs/{link['reftarget']}" in LIVE:
+            link.replace_self(nodes.reference("", "", *link.children, refuri=link["reftarget"], internal=True))
 
 
 def keep_bars(_app, _what, _name, _object, _options, lines):
@@ -37,16 +51,19 @@ def break_names(_app, _page, _template, context, _doctree):
         context["body"] = re.sub(r"<td>.*?</td>", broken, context["body"], flags=re.S)
 
 
-def write_first_page(app, error):
-    """Whoever opens the folder lands on the first page."""
+def complete(app, error):
+    """Add live pages; and whoever opens the folder lands on the first page."""
     if not error and app.builder.format == "html":
+        for page in LIVE:
+            shutil.copyfile(Path(app.srcdir, page), Path(app.outdir, page))
         Path(app.outdir, "index.html").write_text(FIRST, encoding="utf-8")
 
 
 def setup(app):
     """Take part in the build."""
     app.connect("source-read", link_pages)
+    app.connect("doctree-read", open_live_pages, priority=100)  # before downloads are collected
     app.connect("autodoc-process-docstring", keep_bars)
     app.connect("html-page-context", break_names)
-    app.connect("build-finished", write_first_page)
+    app.connect("build-finished", complete)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

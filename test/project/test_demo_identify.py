@@ -12,7 +12,8 @@ def test_an_arm_from_a_wrong_model_to_alarms(tmp_path, capsys):
     """Ten pushes, of which nine are seen with what was identified; and every file of it can be used."""
     picture, kept = tmp_path / "before_and_after.svg", tmp_path / "kept"
     assert main(["demo-identify", "--robots", "ur5_robot", "--picture", str(picture), "--keep", str(kept)]) == 0
-    out = capsys.readouterr().out
+    out, err = capsys.readouterr()
+    assert err.startswith("ur5_robot: ")  # it says at once what it does
     seen = re.findall(r"(with the URDF|identified): (\d+) of 10 pushes seen", out)
     assert [what for what, _ in seen] == ["with the URDF", "identified"]
     before, after = (int(number) for _, number in seen)

@@ -143,6 +143,9 @@ def test_a_browser_asks_nobody_else(served):
             assert (name != "concepts") or len(heights) >= 15
             wide = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
             assert wide <= 0, f"{name} is wider than the window"
+        page.goto(f"{served}/docs/gallery.html")
+        page.get_by_role("link", name="the report of a recorded run", exact=True).click()
+        page.wait_for_selector("canvas")  # the run itself, not a download of it
         page.goto(f"{served}/search.html?q=reflected_mass")
         page.wait_for_selector("#search-results li a")
         browser.close()

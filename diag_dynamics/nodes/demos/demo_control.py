@@ -273,6 +273,7 @@ def main(args=None):
     try:
         urdf = find_urdf("panda")
         prepared(urdf, _compile_control)
+        print("an arm, its controller and the monitor start; the push comes within ten seconds", flush=True)
         processes.start("simulator", robot_description=urdf, **SIMULATOR)
         processes.start("controller", robot_description=urdf, **CONTROLLER)
         processes.start("monitor", robot_description=urdf, **MONITOR)
