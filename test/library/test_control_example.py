@@ -12,7 +12,7 @@ from robots import robot_path
 def test_documented_example_runs(tmp_path, monkeypatch):
     """Twenty lines that reach their target, K within its bound all the way, and no false alarm."""
     text = (Path(__file__).parents[2] / "docs" / "control.md").read_text(encoding="utf-8")
-    (program,) = re.findall(r"<!-- test: the block below is run -->\n```python\n(.*?)```", text, re.S)
+    (program,) = re.findall(r"<!-- test: run -->\n```python\n(.*?)```", text, re.S)
     assert len([line for line in program.splitlines() if line.strip()]) == 20
     (tmp_path / "panda.urdf").write_text(robot_path("panda_description/urdf/panda.urdf").read_text())
     monkeypatch.chdir(tmp_path)

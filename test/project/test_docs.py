@@ -23,8 +23,8 @@ from pages import blocks_of
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted(DOCS.rglob("*.md"))]
-RUN = [DOCS / "tutorial.md", DOCS / "quickstart.md", *sorted((DOCS / "howto").glob("*.md"))]
-"""Pages of which every block says whether it is run; the tutorial's are run by test_tutorial.py."""
+RUN = [*(DOCS / f"{name}.md" for name in ("index", "quickstart", "simulation")), *sorted((DOCS / "howto").glob("*.md"))]
+"""Pages whose blocks are run by this file; others' are by test_tutorial.py and test_snippets.py, as their comments say."""
 
 
 def node_parameters(node):
@@ -306,17 +306,29 @@ def test_architecture_draws_the_floors():
     assert drawn == [sorted(floor.split()) for floor in reversed(FLOORS)]
 
 
-@pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks_of(page)], ids=lambda page: page.stem)
 def test_blocks_say_whether_they_are_run(page):
     """By one of the ways that test/support/pages.py knows; who is not run has a reason."""
-    ways = {"run", "run until", "run in the background", "end", "not run", "parameters of monitor"}
+    named = {"run until", "run in the background", "end", "not run"}
+    ways = named | {"run", "run in a folder of recordings", "parameters of monitor", "columns of a table"}
     for block in blocks_of(page):
+        if block.language == "text":
+            continue
         assert block.how in ways, f"{page.name}, line {block.line}"
-        assert bool(block.what) == (block.how in ways - {"run", "parameters of monitor"}), f"line {block.line}"
-    assert page.name == "index.md" or blocks_of(page)
+        assert bool(block.what) == (block.how in named), f"line {block.line}"
+        for name in re.findall(r"test_\w+\.py", block.what):
+            assert list((ROOT / "test").rglob(name)), f"{page.name}, line {block.line}: no {name}"
 
 
-@pytest.mark.parametrize("page", RUN[1:], ids=lambda page: page.stem)
+def test_commands_stand_in_blocks_that_say_so():
+    """Lines that are merely indented would be run by nothing; those for a container daemon or systemd are."""
+    for page in sorted(DOCS.rglob("*.md")):
+        text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
+        found = re.findall(r"^    (?:diag-dynamics|ros2|pip|make|import) .*", text, re.M)
+        assert found == [], page.name
+
+
+@pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
 def test_blocks_run(page, tmp_path, monkeypatch, capfd):
     """One after the other in an empty folder; of parameters the monitor takes every name and value."""
     monkeypatch.chdir(tmp_path)

@@ -480,7 +480,7 @@ def test_installs_without_ros(tmp_path):
 def test_readme_program_runs(tmp_path):
     """The program in the README, as it stands there, in a folder without anything."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    (program,) = re.findall(r"<!-- test: the block below is run -->\n```python\n(.*?)```", text, re.S)
+    (program,) = re.findall(r"<!-- test: run -->\n```python\n(.*?)```", text, re.S)
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=tmp_path, env=None, capture_output=True, text=True, timeout=300
     )

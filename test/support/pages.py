@@ -8,6 +8,10 @@
     What somebody starts in a terminal of its own, and ends by Ctrl-C; what follows waits until the texts were printed.
 ``<!-- test: parameters of NODE -->``
     A parameter file: every name and value is one that the node takes.
+``<!-- test: run in a folder of recordings -->``
+    By test_snippets.py; of bash each line is a command of diag-dynamics, which ends with 0 or 1.
+``<!-- test: columns of a table -->``
+    A map, by which test_snippets.py reads one.
 ``<!-- test: not run: REASON -->``
 """
 
