@@ -34,6 +34,13 @@ def run(make_node, args=None):
     running, or take the context away from it. A node that ends by itself has a future `finished`; one that loads much
     after it was made calls `settled`.
     """
+    try:
+        return _run(make_node, args)
+    finally:
+        let_go()
+
+
+def _run(make_node, args):
     listen()
     node = None
     try:
@@ -70,6 +77,16 @@ def settle():
     """
     gc.collect()
     gc.freeze()
+
+
+def let_go():
+    """Have a node that is over leave the graph now, while all is there that this takes.
+
+    rclpy's lifecycle nodes refer to themselves, and what has settled no collector looks at: the node's participant would
+    live on, threads and all, until the process exits and the middleware is torn down from below it.
+    """
+    gc.unfreeze()
+    gc.collect()
 
 
 def spin(node, until):

@@ -1,0 +1,40 @@
+"""A node that is over has left the graph before its process ends: the middleware has no thread for it any more."""
+
+import subprocess
+import sys
+
+import pytest
+
+from described import UR5
+from nodes import START
+from robots import robot_path
+
+PROGRAM = """
+import os, signal, sys, threading
+from pathlib import Path
+from diag_dynamics.nodes.{0}.{0} import {1}
+from diag_dynamics.nodes.support.runner import run
+
+def of_participant():
+    names = [path.read_text().strip() for path in Path("/proc/self/task").glob("*/comm")]
+    return sum(name.startswith(("dds.ev", "dds.udp")) for name in names)
+
+class Node({1}):
+    def on_activate(self, state):
+        threading.Timer(0.2, lambda: (print(of_participant(), flush=True), os.kill(os.getpid(), signal.SIGTERM))).start()
+        return super().on_activate(state)
+
+status = run(Node, ["node", "--ros-args", "-p", "robot_description:=" + sys.argv[1]])
+print(of_participant())
+sys.exit(status)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads are told apart by Linux")
+@pytest.mark.parametrize("node", [("simulator", "SimulatorNode"), ("monitor", "MonitorNode")], ids=lambda node: node[0])
+def test_no_participant_outlives_its_node(ros_domain, node):
+    command = [sys.executable, "-c", PROGRAM.format(*node), str(robot_path(UR5))]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=START)
+    assert done.returncode == 0, done.stderr
+    running, after = map(int, [line for line in done.stdout.splitlines() if line.isdigit()])
+    assert running > 0 and after == 0
