@@ -202,10 +202,10 @@ class Attempt:
         names, layout = self._model.dof_names, self._layout
         rows = [np.sqrt(layout.mean_squares(self._gathered.held_rows, y)) for y in (layout.known, x)]
         last = self._loaded[-1]
-        first = float(last.recording.t[0]) + int(last.segments[0].stamp[0] - last.recording.stamp[0]) * 1e-9
-        first -= float(last.segments[0].t[0])
+        start, zero = float(last.recording.t[0]), int(last.recording.stamp[0])
+        held_out = [self._gathered.held[0].stamp[0], last.segments[-1].stamp[-1]]
         return {
-            "held_out": [first + self._gathered.begin, first + float(last.segments[-1].t[-1])],
+            "held_out": [start + (int(stamp) - zero) * 1e-9 for stamp in held_out],
             "torque_rms": _pairs(names, before.torque, after.torque),
             "explained": [before.explained, after.explained],
             "explained_total": [before.explained_total, after.explained_total],

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.account import Finding, without_efforts
 
@@ -29,7 +30,7 @@ class Segment(NamedTuple):
     stamp: np.ndarray
     """[ns], int64, shape (T,), rising."""
     t: np.ndarray
-    """[s], from the first state of the recording."""
+    """[s], from the first state of the recording; rising over all its segments, though stamps began anew in between."""
     q: np.ndarray
     """[rad, m], shape (T, nq)."""
     qd: np.ndarray
@@ -58,8 +59,10 @@ def segments_of(recording, model, findings):
         finite &= np.isfinite(columns).all(axis=1)
     if not finite.any():
         raise InputError("no state of the recording is whole: positions, velocities and efforts of all joints.")
-    latest = np.maximum.accumulate(np.where(finite, stamp, np.iinfo(np.int64).min))
-    forward = np.r_[True, stamp[1:] > latest[:-1]] & finite
+    begins = _beginnings(stamp)
+    forward = np.concatenate(
+        [_forward(*pair) for pair in zip(np.split(stamp, begins), np.split(finite, begins), strict=True)]
+    )
     fast = _too_fast(recording.qd, model, forward)
     kept = np.flatnonzero(forward & ~fast)
     for count, cause, text in (
@@ -71,24 +74,54 @@ def segments_of(recording, model, findings):
             findings.append(Finding(cause, count, f"{text}, left out"))
     if len(kept) < SHORTEST:
         raise InputError(f"the recording has {len(kept)} states to identify from, expected {SHORTEST} at least.")
-    interval = np.diff(stamp[kept]) * 1e-9
+    run = np.searchsorted(begins, kept, side="right")
+    interval, anew = np.diff(stamp[kept]) * 1e-9, np.diff(run) > 0
     gap = max(LEAST_GAP, GAPS * float(np.median(interval)))
+    if anew.any():
+        text = "stamps went back and on from there, as of a robot that was started again: what follows is fitted, too"
+        findings.append(Finding("time began anew", int(anew.sum()), text))
     moved = np.concatenate([[0], np.cumsum(recording.states.moved)])
     jumped = moved[kept[1:] + 1] > moved[kept[:-1] + 1]
-    parts = np.split(kept, np.flatnonzero((interval > gap) | jumped) + 1)
+    parts = np.split(kept, np.flatnonzero((interval > gap) | jumped | anew) + 1)
     lost = sum(len(part) for part in parts if len(part) < SHORTEST)
     if lost:
         findings.append(Finding("scattered", lost, f"states in runs of fewer than {SHORTEST}, left out"))
-    first = stamp[kept[0]]
+    put_off = np.zeros(len(stamp), dtype=np.int64)
+    put_off[kept[1:]] = np.cumsum(_overlaps(stamp[kept], anew, gap))
+    first = stamp[kept[0]] - put_off
     return [
         Segment(
             stamp[part],
-            (stamp[part] - first) * 1e-9,
+            (stamp[part] - first[part]) * 1e-9,
             *(np.ascontiguousarray(columns[part]) for columns in (recording.q, recording.qd, recording.tau)),
         )
         for part in parts
         if len(part) >= SHORTEST
     ]
+
+
+def _beginnings(stamp):
+    """Rows from which time has begun anew: stamps go back, and rise from there, short of what they had been."""
+    found: list[int] = []
+    latest, before = stamp[0], 0
+    for k in (np.flatnonzero(np.diff(stamp) < 0) + 1).tolist():
+        latest, before = max(latest, stamp[before:k].max()), k
+        ahead = stamp[k : k + SHORTEST]
+        if len(ahead) == SHORTEST and (np.diff(ahead) >= 0).all() and ahead[-1] < latest:
+            found.append(k)
+            latest = stamp[k]
+    return np.array(found, dtype=int)
+
+
+def _forward(stamp, finite):
+    """Which rows are whole, and later than all before that are."""
+    latest = np.maximum.accumulate(np.where(finite, stamp, np.iinfo(np.int64).min))
+    return np.r_[True, stamp[1:] > latest[:-1]] & finite
+
+
+def _overlaps(stamp, anew, gap):
+    """By how much times are to be put off at each row but the first, so that they rise where stamps begin anew [ns]."""
+    return np.where(anew, stamp[:-1] - stamp[1:] + round(2.0 * gap * SECOND), 0)
 
 
 def _too_fast(qd, model, rows):

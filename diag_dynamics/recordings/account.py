@@ -36,7 +36,7 @@ TEXTS = {
     "mimic disagreement": None,
     "absurd effort": "efforts beyond what can be, taken as unknown (absurd.effort)",
     "before odometry": "joint states before the base was known",
-    "time jumped back": "stamps went back, and all joints were forgotten",
+    "time jumped back": "stamps went back: all joints were forgotten, and what follows is a stretch of its own",
     "awaiting velocity": "states before a velocity could be estimated",
 }
 """What is told of, though no message was rejected, by the name of its count; without a text, that of the last time."""

@@ -104,6 +104,7 @@ class Quality:
         self._count = self._without_effort = self._estimated = 0
         self._sample, self._sampled = [np.zeros((0, width)) for _ in FIELDS], np.zeros(0, dtype=int)  # and their stamps
         self.begin = self.end = None
+        self._elapsed = 0
         prepare(compare_neighbours)
 
     def anew(self):
@@ -116,6 +117,7 @@ class Quality:
         other._count = other._without_effort = other._estimated = 0
         other._sample, other._sampled = [x[:0] for x in self._sample], self._sampled[:0]
         other.begin = other.end = None
+        other._elapsed = 0
         return other
 
     def memory(self):
@@ -142,6 +144,7 @@ class Quality:
         if other._longest > self._longest:
             self._longest, self._longest_at = other._longest, other._longest_at
         self._count += other._count
+        self._elapsed += other._elapsed
         self._without_effort += other._without_effort
         self._estimated += other._estimated
         self._sample = [np.concatenate(pair)[:SAMPLE] for pair in zip(self._sample, other._sample, strict=True)]
@@ -191,8 +194,15 @@ class Quality:
         skip = self._skip
         return states.newest, states.position[:, skip + self._at :], states.velocity[:, skip:], states.effort[:, skip:]
 
+    @property
+    def duration(self):
+        """Time from the first state to the last one, without what stamps have gone back [s]."""
+        return self._elapsed * 1e-9
+
     def _take_intervals(self, stamps):
-        elapsed = np.diff(stamps) * 1e-9
+        steps = np.diff(stamps)
+        self._elapsed += int(steps[steps > 0].sum())
+        elapsed = steps * 1e-9
         forward = elapsed[elapsed > 0.0]
         if not len(forward):
             return
@@ -325,7 +335,7 @@ class Quality:
                 f"states are {1.0 / rate:.3g} s apart: over more than {LONGEST:g} s nothing is integrated, so that there is "
                 "neither a balance of power nor an external torque"
             )
-        windows = 0.0 if self.begin is None else max((self.end - self.begin) * 1e-9 / LENGTH, 1.0)
+        windows = 0.0 if self.begin is None else max(self.duration / LENGTH, 1.0)
         still = np.sqrt(self._sums[TRAVEL] / windows) < SLOW if windows else np.ones(len(self._joints), dtype=bool)
         for rests, (name, of) in zip(still, report["joints"].items(), strict=True):
             error, delay, left = (of[x] for x in ("velocity_error", "velocity_delay", "velocity_error_without_delay"))

@@ -53,7 +53,7 @@ def summary_of(outcome):
         "robot": outcome.robot,
         "degrees_of_freedom": list(names),
         "states": outcome.states,
-        "duration": 0.0 if begin is None else (end - begin) * 1e-9,
+        "duration": quality.duration,
         "begin": time(begin),
         "end": time(end),
         "counts": dict(sorted(counts.items())),

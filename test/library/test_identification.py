@@ -12,8 +12,9 @@ from diag_dynamics.identification import inertias
 from diag_dynamics.identification.cross_validation import Blocks
 from diag_dynamics.identification.equations import Equations
 from diag_dynamics.identification.fit import Free, Layout
-from diag_dynamics.identification.segments import segments_of
+from diag_dynamics.identification.segments import _beginnings, segments_of
 from diag_dynamics.identification.solver import Body, Problem, solved
+from diag_dynamics.recordings.quality import Quality
 from motions import efforts, fourier, recorded
 from oracles import Oracle
 from robots import description, joint, link, robot
@@ -501,6 +502,49 @@ def test_segments_end_at_gaps_and_jumps(panda, noisy):
     assert [finding.cause for finding in findings] == ["scattered"] and findings[0].count == 1
     np.testing.assert_allclose(segments[1].t, noisy.t[1100:3100], atol=1e-9)
     np.testing.assert_array_equal(segments[2].q, noisy.q[3101:])
+
+
+def test_what_follows_after_stamps_went_back_is_fitted_too(panda, tmp_path):
+    """A file of two runs of 7 s, the second one from the first one's stamps on: as a robot that was started again."""
+    model, oracle = panda
+    runs = [recording(model, oracle, seed, 7.0, noise=True) for seed in (21, 22)]
+    columns = [np.concatenate(pair) for pair in zip(*((one.t, one.q, one.qd, one.tau) for one in runs), strict=True)]
+    names = ["t", *(f"{kind}_{name}" for kind in ("q", "qd", "tau") for name in model.dof_names)]
+    path = tmp_path / "two_runs.csv"
+    np.savetxt(path, np.column_stack(columns), delimiter=",", comments="", fmt="%.17g", header=",".join(names))
+    data = dd.read_recording(path, model)
+    assert data.counts["time jumped back"] == 1 and len(data) == 2 * len(runs[0]) - 1
+    findings = []
+    segments = segments_of(data, model, findings)
+    assert [len(segment.t) for segment in segments] == [len(runs[0]), len(runs[1]) - 1]
+    assert [finding.cause for finding in findings] == ["time began anew"] and findings[0].count == 1
+    assert segments[1].t[0] > segments[0].t[-1] and segments[1].stamp[0] < segments[0].stamp[-1]
+    np.testing.assert_allclose(np.diff(segments[1].t), np.diff(runs[1].t[1:]), atol=1e-9)
+    found = dd.identify(data, model, "friction")
+    begin, end = found.quality["held_out"]
+    assert end == pytest.approx(runs[1].t[-1], abs=1e-6) and begin == pytest.approx(end - 14.0 / 3.0, abs=0.02)
+    assert (
+        residual(found.model, model, oracle)[0]
+        < residual(dd.identify(runs[0], model, "friction").model, model, oracle)[0]
+    )
+    quality = Quality(model)
+    quality.take(data.states)
+    assert quality.duration == pytest.approx(14.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("stamps", "begins"),
+    [
+        (range(40), []),
+        ([*range(20), 18, *range(20, 40)], []),  # one late row
+        ([*range(20), *range(12, 40)], []),  # a stretch that was written twice
+        ([*range(20), *range(20)], [20]),
+        ([*range(20), *range(5)], []),  # too short to tell
+        ([*range(100, 120), *range(50, 70), *range(15)], [20, 40]),
+    ],
+)
+def test_time_begins_anew_where_stamps_go_on_from_before(stamps, begins):
+    assert _beginnings(np.array(stamps)).tolist() == begins
 
 
 def test_arguments_are_checked(panda, noisy):
