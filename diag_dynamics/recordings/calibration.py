@@ -116,7 +116,7 @@ def calibrate(
 
 
 def calibrated(
-    seen: Residuals,
+    seen: Residuals | Sequence[Piece],
     names: Sequence[str],
     gain: float,
     false_alarms: float,
@@ -129,7 +129,8 @@ def calibrated(
 
     Parameters
     ----------
-    seen : Residuals
+    seen : Residuals or sequence of Piece
+        It, or its pieces, which stay as they are while it takes in more.
     names : sequence of str
         Degrees of freedom.
     gain, false_alarms, friction
@@ -145,7 +146,7 @@ def calibrated(
         The rate is wrong, or there is too little for any threshold.
     """
     rate = positive("false_alarms", false_alarms, "[1/s]")
-    pieces = seen.pieces()
+    pieces = seen.pieces() if isinstance(seen, Residuals) else list(seen)
     duration = sum(piece.duration for piece in pieces)
     if duration <= 0.0:
         raise InputError("there is no external torque to be seen: no efforts, or states too far apart.")

@@ -1,6 +1,7 @@
 """Calibration of alarms on the running monitor: what it proposes is what dd.calibrate makes of the same states."""
 
 import math
+import threading
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,10 +11,13 @@ from diag_dynamics.srv import Calibrate
 from test_external_torque import ENTRY, GAIN, Motion, feed, listening
 
 import diag_dynamics as dd
+from diag_dynamics.nodes.monitor import calibrating
 from diag_dynamics.nodes.monitor.calibrating import CalibrationRun
 from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
+from diag_dynamics.nodes.support.managed import ACTIVE
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Observation
+from diag_dynamics.recordings.calibration import calibrated
 from nodes import BELIEVING, MS, PANDA, Monitor, S, robot
 
 EVERY = 20 * MS
@@ -198,6 +202,81 @@ def test_what_is_asked_wrongly(monitor):
     assert "forgotten" in ask(monitor, CANCEL).message
     with monitor.having(**{"external_torque.gain": 0.0}):
         assert "set it first" in ask(monitor, START).message
+
+
+@pytest.fixture
+def held_up(peer, panda, monkeypatch):
+    """The service on a node of this process, which has a run; thresholds are not found before `allowed` is set."""
+    node, allowed, begun = peer.extra_node("held_up", "/held_up"), threading.Event(), threading.Event()
+    model = dd.load_urdf(panda.path)
+    torque = TorqueWatch(dd.DiagonalDynamics(model), Observation(GAIN, math.inf, math.inf, False, 0.1))
+    values = {"alarm.release": 0.7, "alarm.hold_off": 0.5, "alarm.standing": 2.0, "parameters_file": ""}
+    robot_ = SimpleNamespace(model=model, torque=torque, settings=SimpleNamespace(values=values))
+
+    def find(*arguments, **options):
+        begun.set()
+        assert allowed.wait(60.0)
+        return calibrated(*arguments, **options)
+
+    monkeypatch.setattr(calibrating, "calibrated", find)
+    node.phase = ACTIVE
+    service = calibrating.CalibrationService(node, lambda: robot_)
+    client = peer.node.create_client(Calibrate, "/held_up/held_up/calibrate")
+    peer.wait_until(client.service_is_ready, "the service")
+
+    def send(action):
+        return client.call_async(Calibrate.Request(action=action, false_alarms=1.0))
+
+    def answer(future):
+        peer.wait_until(future.done, "an answer")
+        return future.result()
+
+    assert answer(send(START)).success
+    residual = np.random.default_rng(5).normal(size=(4000, model.nv))
+    torque.run.seen.take(np.arange(4000) * EVERY + S, residual, residual, np.ones(4000, dtype=bool))
+    torque.run.first, torque.run.last = S, S + 3999 * EVERY
+    yield SimpleNamespace(
+        node=node, service=service, send=send, answer=answer, robot=robot_, allowed=allowed, begun=begun
+    )
+    allowed.set()
+    service.destroy()
+    peer.node.destroy_client(client)
+    peer.drop_node(node)
+
+
+def test_the_node_is_at_work_while_thresholds_are_found(peer, held_up):
+    """Timers and requests are served in the time; a second END is refused, and the first one has its answer."""
+    ticks, end = [], held_up.send(END)
+    peer.wait_until(held_up.begun.is_set, "the thread")
+    held_up.node.create_timer(0.001, lambda: ticks.append(1))
+    peer.wait_until(lambda: len(ticks) >= 20, "ticks")
+    assert "being found already" in held_up.answer(held_up.send(END)).message
+    status = held_up.answer(held_up.send(STATUS))
+    assert status.success and status.running and not end.done()
+    held_up.robot.torque.run.seen.add(S + 4000 * EVERY, np.zeros(8), np.zeros(8))
+    held_up.allowed.set()
+    found = held_up.answer(end)
+    assert (
+        found.success and not found.running and found.states == 4000 and (np.array(found.joint_thresholds) > 1.0).all()
+    )
+    assert "79.98 s, 4000 states" in found.message and "external_torque" in found.parameters
+    assert held_up.robot.torque.run is None
+
+
+@pytest.mark.parametrize("by", ["cancel", "another robot", "the end of the node"])
+def test_what_is_forgotten_while_thresholds_are_found(peer, held_up, by):
+    end = held_up.send(END)
+    peer.wait_until(held_up.begun.is_set, "the thread")
+    if by == "cancel":
+        assert "forgotten" in held_up.answer(held_up.send(CANCEL)).message
+    elif by == "another robot":
+        held_up.robot.torque.run.end("another robot_description is in force")
+        held_up.allowed.set()
+    else:
+        held_up.service._stop()
+    refused = held_up.answer(end)
+    assert not refused.success and not refused.parameters and not refused.running
+    assert ("another robot_description" if by == "another robot" else "forgotten while") in refused.message
 
 
 def test_without_a_run_nothing_is_kept(panda):

@@ -2,11 +2,15 @@
 
 import math
 from collections import Counter
+from functools import partial
+from typing import NamedTuple
 
 from diag_dynamics.alarms.thresholds import AlarmThresholds
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.support.descriptions import Descriptions
 from diag_dynamics.nodes.support.diagnostics import FEW, steady
-from diag_dynamics.nodes.support.guard import answered
+from diag_dynamics.nodes.support.guard import LATER, Fault, answered, attempt, settled
+from diag_dynamics.nodes.support.late_answers import LateAnswers
 from diag_dynamics.nodes.support.managed import ACTIVE, PATIENT
 from diag_dynamics.nodes.support.messages import doubles
 from diag_dynamics.recordings.calibration import calibrated, per_time, time_needed
@@ -68,18 +72,16 @@ class CalibrationRun:
         """It is over."""
         self.ended = self.ended or why
 
-    def proposed(self, false_alarms):
-        """The Calibration.
+    def proposal(self, false_alarms):
+        """A function that finds the Calibration of what was seen until now, in whichever thread.
 
-        Raises
-        ------
-        InputError
-            It is too short for any threshold.
+        It raises InputError if that is too short for any threshold.
         """
         values = self.robot.settings.values
         release, hold_off, standing = (values[f"alarm.{name}"] for name in ("release", "hold_off", "standing"))
-        return calibrated(
-            self.seen,
+        return partial(
+            calibrated,
+            self.seen.pieces(),
             self.robot.model.dof_names,
             self.observation.gain,
             false_alarms,
@@ -112,6 +114,19 @@ class CalibrationRun:
         return told
 
 
+KEPT = "running", "duration", "states", "dof_names", "gain"
+"""Fields of a response that says what is wrong."""
+
+
+class _Told(NamedTuple):
+    """What is said of a run as it was when it was to end."""
+
+    size: str
+    first: int
+    last: int
+    notes: list
+
+
 class CalibrationService:
     """Offers calibrate on a node. A run costs nothing while there is none.
 
@@ -130,8 +145,10 @@ class CalibrationService:
             Calibrate.Request.END: self._end,
             Calibrate.Request.CANCEL: self._cancel,
         }
-        callback = answered(node, Calibrate, self._answer, keep=("running", "duration", "states", "dof_names", "gain"))
+        callback = answered(node, Calibrate, self._answer, keep=KEPT)
         self._service = node.create_service(Calibrate, "~/calibrate", callback, qos_profile=PATIENT)
+        self._late = LateAnswers(self._service)
+        self._finding = Descriptions(node, lambda find, *_: find(), self._take_found)
 
     def destroy(self):
         """Take the service off the graph; a run is over."""
@@ -145,16 +162,20 @@ class CalibrationService:
         rate = request.false_alarms
         if not 0.0 <= rate < math.inf:
             raise InputError(f"false_alarms is {rate!r}, expected a rate > 0 [1/s], or 0 for one a minute.")
-        run = self._run
-        if run and run.robot is not self._current():
-            run.end("another robot_description is in force, or none")
-        elif run and run.watch is not run.robot.torque:
-            run.end("external_torque.gain was set to 0, and nothing is observed")
+        self._look_after()
         self._describe(response)
         try:
             return action(rate, response)
         finally:
             self._describe(response)
+
+    def _look_after(self):
+        """End a run whose robot or observer is no more."""
+        run = self._run
+        if run and run.robot is not self._current():
+            run.end("another robot_description is in force, or none")
+        elif run and run.watch is not run.robot.torque:
+            run.end("external_torque.gain was set to 0, and nothing is observed")
 
     def _describe(self, response):
         """How far the run is."""
@@ -197,23 +218,49 @@ class CalibrationService:
         return "; ".join([self._told(run), enough, *run.warnings(), *run.notes()])
 
     def _end(self, rate, response):
+        """Have thresholds found in a thread, so that states are served meanwhile; see :meth:`_take_found`."""
         run = self._wanted()
-        try:
-            found = run.proposed(rate or run.false_alarms)
-        except InputError as error:
-            raise InputError("; ".join([f"{str(error).rstrip('.')}; the run goes on", *run.notes()])) from error
-        name, first, last = self._node.get_fully_qualified_name(), run.first * 1e-9, run.last * 1e-9
-        notes = [f"From a run of '{name}', stamps {first:.3f} to {last:.3f} s.", *run.notes()]
+        if self._late.awaited:
+            raise InputError("thresholds of this run are being found already.")
+        told = _Told(self._told(run), run.first, run.last, run.notes())
+        self._finding.load(run.proposal(rate or run.false_alarms), run, told)
+        self._late.put_off(response)
+        return LATER
+
+    def _take_found(self, found, _, run, told):
+        """Answer END, with the Calibration or the exception that has come of it."""
+        response = self._late.awaited
+        message, fault = attempt(self._propose, response, found, run, told)
+        self._answer_late(response, message, fault)
+
+    def _answer_late(self, response, message, fault):
+        answer = settled(self._node, Calibrate, response, message, fault, keep=KEPT)
+        _, unsent = attempt(self._late.send, answer)
+        if unsent:
+            self._node.get_logger().warning(f"calibrate: nobody takes the answer: {unsent.text}")
+
+    def _propose(self, response, found, run, told):
+        """Fill in a response; returns its message."""
+        if isinstance(found, InputError):
+            raise InputError("; ".join([f"{str(found).rstrip('.')}; the run goes on", *told.notes])) from found
+        if isinstance(found, Exception):
+            raise found
+        self._look_after()
+        if run.ended:
+            response.running = False
+            raise InputError(f"the run is over, and proposes nothing: {run.ended}.")
+        name = self._node.get_fully_qualified_name()
+        notes = [f"From a run of '{name}', stamps {told.first * 1e-9:.3f} to {told.last * 1e-9:.3f} s.", *told.notes]
         if run.robot.settings.values["parameters_file"]:
             notes.append(f"By parameters_file {run.robot.settings.values['parameters_file']!r}.")
         response.joint_thresholds = doubles([found.joints.get(name, 0.0) for name in response.dof_names])
         response.torque_norm_threshold, response.threshold = found.external_torque, found.norm
         response.parameters = found.yaml(notes)
-        told = self._told(run)
-        self._stop()
+        self._forget()
+        response.running = False
         low, high = found.rate_interval
         held_out = f"held out by parts {found.held_out} alarms, {per_time(low)} to {per_time(high)}"
-        return "; ".join([f"{told}, for {per_time(found.asked)}", held_out, *found.warnings, *run.notes()])
+        return "; ".join([f"{told.size}, for {per_time(found.asked)}", held_out, *found.warnings, *told.notes])
 
     def _cancel(self, *_):
         told = self._told(self._wanted())
@@ -234,6 +281,16 @@ class CalibrationService:
         return f"{run.seen.duration:.4g} s, {run.seen.states} states"
 
     def _stop(self):
+        """Forget the run, and whoever waits for its thresholds is told so."""
+        self._finding.drop()
+        self._forget()
+        if response := self._late.awaited:
+            self._describe(response)
+            self._answer_late(
+                response, None, Fault(InputError("the run was forgotten while its thresholds were found."))
+            )
+
+    def _forget(self):
         run, self._run = self._run, None
         if run:
             run.watch.run = None
