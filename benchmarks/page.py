@@ -1,6 +1,6 @@
 """What the view costs: CPU-seconds of its process for each second of a page at 50 Hz, and of the monitor beside it.
 
-`python benchmarks/page.py` in the sourced environment takes three minutes and writes benchmarks/results/view.md.
+`python benchmarks/page.py` in the sourced environment takes five minutes and writes benchmarks/results/view.md.
 """
 
 import argparse
@@ -10,6 +10,7 @@ import signal
 import statistics
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from pathlib import Path
@@ -21,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support")]
 
 from diag_dynamics.model.example_robots import find_urdf  # noqa: E402
-from streams import FRAME, HEARTBEAT, Stream, get_json  # noqa: E402
+from streams import CONTACT, FRAME, HEARTBEAT, Stream, get_json  # noqa: E402
 
 HZ = 50.0
 """Frames per second that a tab asks for."""
@@ -29,8 +30,31 @@ HZ = 50.0
 START = 180.0
 """Longest time for all to run [s]: the first start compiles."""
 
-CASES = (("panda", 50.0, 6.0), ("talos_reduced", 50.0, 9.0), ("panda", 500.0, 10.0))
-"""Robots, states per second, and the most that one tab may cost [% of a core]."""
+LIMITS = "regions: {nobody: {mass: 3.0, stiffness: 20000, force: 60}}\n"
+"""By which contact is judged where it is shown: the monitor computes it for itself then."""
+
+
+class Case(NamedTuple):
+    """A robot, states per second, the most that one tab may cost [% of a core], and whether contact is shown."""
+
+    robot: str
+    rate: float
+    most: float
+    contact: bool = False
+
+    @property
+    def name(self):
+        """In the table."""
+        return f"{self.robot}, with contact" if self.contact else self.robot
+
+
+CASES = (
+    Case("panda", 50.0, 6.0),
+    Case("panda", 50.0, 6.0, contact=True),
+    Case("talos_reduced", 50.0, 9.0),
+    Case("talos_reduced", 50.0, 9.0, contact=True),
+    Case("panda", 500.0, 10.0),
+)
 
 RAW = """
 from rclpy.node import Node
@@ -94,11 +118,11 @@ def ended(*processes):
 class Tab:
     """A stream that is read as fast as it comes, in a thread."""
 
-    def __init__(self, address):
+    def __init__(self, address, contact):
         self.frames, self._open = 0, True
         link = get_json(address, "/layout?robot=/arm")["links"][-1]
         self._stream = Stream(address, robot="/arm", hz=HZ, link=link, timeout=30.0).__enter__()
-        self._stream.next(HEARTBEAT)
+        self._stream.next(CONTACT if contact else HEARTBEAT)
         self._thread = threading.Thread(target=self._read, daemon=True)
         self._thread.start()
 
@@ -140,13 +164,18 @@ def eventually(condition):
     sys.exit("The processes do not come up.")
 
 
-def measure(robot, rate, seconds, rounds):
+def measure(case, seconds, rounds, folder):
     """One case: idle, one tab and two in turns; then without the view."""
-    port = 18490
+    port, robot, rate = 18490, case.robot, case.rate
+    observed = {"external_torque.gain": 25.0}
+    if case.contact:
+        limits = Path(folder) / "limits.yaml"
+        limits.write_text(LIMITS, encoding="utf-8")
+        observed |= {"contact.limits_file": limits, "contact.geometry": "meshes", "robot_description": find_urdf(robot)}
     simulator = started(
         "simulator", "-r", "__ns:=/arm", robot_description=find_urdf(robot), motion="wave", rate=rate, order=1
     )
-    monitor = started("monitor", "-r", "__ns:=/arm", **{"external_torque.gain": 25.0})
+    monitor = started("monitor", "-r", "__ns:=/arm", **observed)
     view = started("view", port=port)
     address = f"http://127.0.0.1:{port}/"
     raw = popen([sys.executable, "-c", RAW])
@@ -155,11 +184,11 @@ def measure(robot, rate, seconds, rounds):
         found = {name: [] for name in Costs._fields}
         for _ in range(rounds):
             idle, raw_share = share([view, raw], seconds)
-            tabs = [Tab(address)]
+            tabs = [Tab(address, case.contact)]
             before = tabs[0].frames
             one, watched = share([view, monitor], seconds)
             frames = (tabs[0].frames - before) / seconds
-            tabs.append(Tab(address))
+            tabs.append(Tab(address, case.contact))
             (two,) = share([view], seconds)
             for tab in tabs:
                 tab.close()
@@ -182,17 +211,17 @@ def page(found):
         f"tab, with one and with two that take {HZ:g} frames per second with a link's ellipsoid. Beside it a node that",
         "subscribes to the bytes of states and does nothing with them, and the monitor, which observes external torque,",
         "without a view and with one. Whatever else a machine does makes these larger. Where it is too busy for all frames,",
-        "the bound is compared with what as many as were asked for would cost.",
+        "the bound is compared with what as many as were asked for would cost. With contact the monitor judges all links by",
+        "their meshes against limits, and a tab is told of each link ten times a second.",
         "",
         "| robot | states/s | no tab | one tab | two tabs | frames/s | at most | raw subscription | monitor, watched |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
-    for (robot, rate, most), one in found.items():
-        verdict = f"{most:g} %, {'met' if one.one * HZ / one.frames <= most else 'missed'}"
-        lines.append(
-            f"| {robot} | {rate:g} | {one.idle:.1f} % | {one.one:.1f} % | {one.two:.1f} % | {one.frames:.1f} | {verdict} "
-            f"| {one.raw:.1f} % | {one.monitor:.1f} %, {one.monitor_watched:.1f} % |"
-        )
+    for case, one in found.items():
+        verdict = f"{case.most:g} %, {'met' if one.one * HZ / one.frames <= case.most else 'missed'}"
+        shares = f"{one.idle:.1f} % | {one.one:.1f} % | {one.two:.1f} % | {one.frames:.1f} | {verdict}"
+        monitor = f"{one.raw:.1f} % | {one.monitor:.1f} %, {one.monitor_watched:.1f} %"
+        lines.append(f"| {case.name} | {case.rate:g} | {shares} | {monitor} |")
     return [*lines, ""]
 
 
@@ -201,11 +230,15 @@ def main():
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--seconds", type=float, default=6.0, help="of each measurement (default %(default)s)")
     options.add_argument("--rounds", type=int, default=3)
+    options.add_argument("--contact", action="store_true", help="robots with contact, and the same without it, alone")
     options.add_argument("--output", type=Path, default=ROOT / "benchmarks" / "results" / "view.md")
     chosen = options.parse_args()
     os.environ.setdefault("ROS_DOMAIN_ID", "120")  # beyond those of tests
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    text = "\n".join(page({case: measure(*case[:2], chosen.seconds, chosen.rounds) for case in CASES}))
+    wanted = [case for case in CASES if case.rate == CASES[0].rate or not chosen.contact]
+    with tempfile.TemporaryDirectory() as folder:
+        found = {case: measure(case, chosen.seconds, chosen.rounds, folder) for case in wanted}
+    text = "\n".join(page(found))
     print(text)
     chosen.output.write_text(text, encoding="utf-8")
 

@@ -56,12 +56,14 @@ def told(touch: Touch, model: RobotModel) -> bytes:
     with np.errstate(invalid="ignore"):
         margin = finite(touch.allowed - touch.speed)
     numbers = [finite(row) for row in (touch.speed, touch.mass, touch.energy, touch.allowed)]
-    rows = zip(touch.names, touch.links, np.asarray(touch.position).reshape(-1, 3), *numbers, margin, strict=True)
+    place = finite(np.ravel(touch.position))
+    places = zip(place[0::3], place[1::3], place[2::3], strict=True)
+    rows = zip(touch.names, touch.links, places, *numbers, margin, strict=True)
     points = [
         {
             "name": name,
             "link": link,
-            "position": finite(position),
+            "position": position,
             **dict(zip(("speed", "mass", "energy", "allowed", "margin"), values, strict=True)),
         }
         for name, link, position, *values in rows

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
@@ -153,4 +154,4 @@ def none_of(nv: int) -> dict[str, Any]:
 
 def finite(values: Iterable[float]) -> list[float | None]:
     """Numbers for JSON, which knows no infinity and no NaN: None instead."""
-    return [float(value) if np.isfinite(value) else None for value in values]
+    return [value if math.isfinite(value) else None for value in map(float, values)]
