@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.model import RobotModel
+from diag_dynamics.page.hand import hand_of
 from diag_dynamics.sweeps.spatial import ANGULAR_X
 
 VERSION = 1
@@ -144,6 +145,7 @@ class Layout:
             "thresholds": dict(thresholds) if thresholds else none_of(model.nv),
             "causes": CAUSES,
             "scene": scene,
+            "hand": hand_of(model, scene),
         }
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.page.layout import Layout
+from diag_dynamics.page.layout import CHOSEN, Layout
 from diag_dynamics.page.packing import LEVELS, pack, pack_times
 
 STATIC = Path(__file__).parent / "static"
@@ -21,7 +21,7 @@ STATIC = Path(__file__).parent / "static"
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 """What a report may load: nothing that is not in it."""
 
-SLOW = "pose", "link_energy"
+SLOW = "pose", "link_energy", *CHOSEN
 """Fields that change slowly enough to be kept less often where states are kept at their full rate."""
 
 LOGARITHMIC = ("coriolis_work",)

@@ -247,6 +247,29 @@ def test_numbers_in_the_page_are_those_of_the_recording(tab, simulated):
             assert (np.abs(values[name] - column[k]) <= spans / 16_000 + 1e-6 * np.abs(column).max() + 1e-9).all(), name
 
 
+def test_ellipsoid_and_velocity_of_the_hand(tab, simulated):
+    """J M⁻¹Jᵀ and J q̇ of the link that the page chooses; at full rate they are of every 20th state, and even in between."""
+    _, _, q, qd, _, model = simulated
+    dyn = dd.DiagonalDynamics(model)
+    for moment in (1.0, 4.2, 13.0):
+        values = go(tab, moment)
+        k = round(values["t"] * RATE)
+        factor = dyn.wrench_factor(q[k], "wrist_3_link", frame="world")
+        mobility, twist = factor.T @ factor, dyn.link_velocity(q[k], qd[k], "wrist_3_link", frame="world")
+        np.testing.assert_allclose(values["mobility"], mobility[np.triu_indices(6)], rtol=0, atol=1e-3 * mobility.max())
+        np.testing.assert_allclose(values["twist"], twist, rtol=0, atol=2e-3 * np.abs(twist).max())
+        tab.until("diag.marks && diag.marks.link === 'wrist_3_link'")
+        speed = np.linalg.norm(twist[:3])
+        u = twist[:3] / speed
+        marks = tab.ask("diag.marks")
+        assert marks["speed"] == pytest.approx(speed, rel=5e-3)
+        assert marks["mass"] == pytest.approx(1.0 / (u @ mobility[:3, :3] @ u), rel=1e-2)
+    tab.page.keyboard.press("e")
+    tab.until("diag.marks === null")
+    tab.page.keyboard.press("e")
+    tab.until("diag.marks !== null")
+
+
 def test_every_state_around_the_contact(tab):
     """Steps are a millisecond there, and coarser elsewhere if the recording is long."""
     contact = tab.ask(

@@ -2,10 +2,6 @@
 
 import { shortNames } from "./format.js";
 
-// Parts of the robot's mass: up to which what a hand moves are fingers, and below which a link is the end of nothing.
-const FINGER = 0.03;
-const LEAST = 0.003;
-
 // Bits of the field flags.
 export const FLAGS = {
   estimated: 1,
@@ -80,26 +76,9 @@ export class Layout {
     return this.fields.get(name)?.size ?? 0;
   }
 
-  // What a person would call the hand: the last link of the longest chain that moves and has some share of the mass, or,
-  // where that is a finger, the link that all fingers are on, whatever is attached to it.
+  // The link that ellipsoid and arrow begin with.
   get tip() {
-    const parent = new Map(this.scene.joints.map((joint) => [joint.child, joint.parent]));
-    const above = (name) => {
-      const chain = [];
-      for (let at = name; at !== undefined && chain.length <= parent.size; at = parent.get(at)) chain.push(at);
-      return chain;
-    };
-    const moved = this.links.filter((name) => this.dofOfLink(name) >= 0);
-    const candidates = moved.length ? moved : this.links;
-    const last = candidates.reduce((best, name) => (above(name).length > above(best).length ? name : best), candidates[0]);
-    const mass = new Map(this.scene.links.map(({ name, inertia }) => [name, inertia?.mass ?? 0]));
-    const carried = new Map();
-    for (const name of this.links) for (const at of above(name)) carried.set(at, (carried.get(at) ?? 0) + (mass.get(name) ?? 0));
-    const total = [...mass.values()].reduce((a, b) => a + b, 0);
-    const moving = (name) => this.scene.joints.filter((joint) => joint.parent === name && joint.dof !== null);
-    const hasFingers = (joints) => joints.length > 1 && joints.every(({ child }) => carried.get(child) <= FINGER * total);
-    const hands = above(last).filter((name) => hasFingers(moving(name)));
-    return hands.at(-1) ?? above(last).find((name) => carried.get(name) >= LEAST * total && candidates.includes(name)) ?? last;
+    return this.json.hand;
   }
 }
 

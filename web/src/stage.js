@@ -75,7 +75,7 @@ export class Stage {
 
   setLayout(layout) {
     this.layout = layout;
-    this.marked = layout.tip;
+    this.marked = layout.tip; // in a report the one link of which there is something
     this.ends = {};
     this.scene?.setLayout(layout);
     this.#getters();

@@ -9,10 +9,11 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.page.contact import mass_of_half
 from diag_dynamics.page.frames import FrameMaker, Seen, States, Told
+from diag_dynamics.page.hand import hand_of
 from diag_dynamics.page.layout import finite
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.packing import pack_meshes
-from diag_dynamics.page.report import as_text, full_rate, overview, page_of, write_report
+from diag_dynamics.page.report import EVERY, as_text, full_rate, overview, page_of, write_report
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.outputs.part import Part
@@ -52,8 +53,9 @@ class ReportOutput:
 
     def __init__(self, path, reading):
         self._part, self._reading = Part(path), reading
-        self._maker = FrameMaker(DiagonalDynamics(reading.model), live=False)
-        self._layout = self._maker.layout
+        self._maker = FrameMaker(DiagonalDynamics(reading.model))
+        self._layout, self._drawn = self._maker.layout, self._scene()
+        self._hand = hand_of(reading.model, self._drawn[0])
         self._overview, self._contacts = Overview(max(200, OVERVIEW // (2 * self._layout.size))), Contacts()
         self._works, self._runs, self._dropped, self._first = Works(), [], 0, None
 
@@ -74,7 +76,8 @@ class ReportOutput:
             self._keep(run)
         rows, numbers = self._overview.all()
         self._put_powers(numbers, rows)
-        whole, (scene, meshes) = overview(self._layout, rows.t, numbers), self._scene()
+        self._put_hand(numbers, rows)
+        whole, (scene, meshes) = overview(self._layout, rows.t, numbers), self._drawn
         meshes = pack_meshes(meshes, MESHES)
         page = sum(len(part.encode()) for part in page_of())
         self._fit(LARGEST - page - as_text(whole.size + sum(map(len, meshes.values()))))
@@ -123,10 +126,16 @@ class ReportOutput:
         for k, name in enumerate(("p_effort", "p_gravity", "p_friction", "p_external", "dK")):
             numbers[:, self._layout.place(name).start] = powers[:, k]
 
+    def _put_hand(self, numbers, rows, every=1):
+        """Mobility and velocity of the hand, of some states."""
+        for k in range(0, len(numbers), every):
+            numbers[k, self._layout.common :] = self._maker.chosen(rows.q[k], rows.nu[k], self._hand)
+
     def _keep(self, rows):
         """Keep a run at full rate."""
         numbers = self._numbers(rows)
         self._put_powers(numbers, rows)
+        self._put_hand(numbers, rows, EVERY)
         norm = float(np.nanmax(rows.norm, initial=0.0))
         self._runs.append(_Run(float(rows.t[0]), norm, full_rate(self._layout, rows.t, numbers)))
         self._fit(LARGEST)
