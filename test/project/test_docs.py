@@ -309,7 +309,7 @@ def test_architecture_draws_the_floors():
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks_of(page)], ids=lambda page: page.stem)
 def test_blocks_say_whether_they_are_run(page):
     """By one of the ways that test/support/pages.py knows; who is not run has a reason."""
-    named = {"run until", "run in the background", "end", "not run"}
+    named = {"run until", "run in the background", "hear", "end", "not run"}
     ways = named | {"run", "run in a folder of recordings", "parameters of monitor", "columns of a table"}
     for block in blocks_of(page):
         if block.language == "text":

@@ -88,6 +88,9 @@ def test_the_path_of_a_stranger(ros_domain, tmp_path, monkeypatch):
             elif block.how == "end":
                 for name in block.what.split(", "):
                     running.pop(name).interrupt()
+            elif block.how == "hear":
+                name, text = block.what.split(", ")
+                running[name].wait_for(text)
             elif block.language == "python":
                 assert block.how == "run"
                 exec(compile("\n" * block.line + block.code, "docs/tutorial.md", "exec"), names)

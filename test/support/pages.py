@@ -6,6 +6,8 @@
     Until the text has been printed; then it is interrupted, if it has not ended.
 ``<!-- test: run in the background: NAME, until TEXT, and TEXT -->`` and ``<!-- test: end: NAME, NAME -->``
     What somebody starts in a terminal of its own, and ends by Ctrl-C; what follows waits until the texts were printed.
+``<!-- test: hear: NAME, TEXT -->``
+    Waits until what runs in the background has printed the text.
 ``<!-- test: parameters of NODE -->``
     A parameter file: every name and value is one that the node takes.
 ``<!-- test: run in a folder of recordings -->``
@@ -20,13 +22,13 @@ from typing import NamedTuple
 
 FENCE = re.compile(
     r"(?:<!-- test: (?P<how>[^>]*?) -->\n)?^(?P<fence>```)(?P<language>\w+)\n(?P<code>.*?)^```$"
-    r"|^<!-- test: end: (?P<ends>[^>]*?) -->$",
+    r"|^<!-- test: (?P<only>end|hear): (?P<names>[^>]*?) -->$",
     re.S | re.M,
 )
 
 
 class Block(NamedTuple):
-    """One block; of an end only `how` and `line`."""
+    """One block; of an end or what is heard no code."""
 
     language: str
     how: str
@@ -41,8 +43,8 @@ def blocks_of(path):
     found = []
     for match in FENCE.finditer(text):
         line = text.count("\n", 0, match.start()) + 1
-        if match["ends"] is not None:
-            found.append(Block("", "end", match["ends"], "", line))
+        if match["only"]:
+            found.append(Block("", match["only"], match["names"], "", line))
             continue
         how, _, what = (match["how"] or "").partition(": ")
         found.append(Block(match["language"], how, what, match["code"], line))
