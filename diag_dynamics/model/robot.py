@@ -410,7 +410,8 @@ def load_urdf(
         Treatment of joints that move no inertia: raise, or lock them at zero or, where that is outside their limits,
         at the limit next to it.
     locked_joints : dict
-        Joints that are held, with their positions [rad, m].
+        Joints that are held, with their positions [rad, m]. These numbers, and those of `armature` and `payloads`, are
+        within ±1e9; those of the URDF within ±1e30.
     armature : dict or float
         Reflected rotor inertia [kg m², prismatic: kg] by joint name, or one number for all joints of one degree of
         freedom. Of a joint that is held it has no effect.
@@ -434,8 +435,6 @@ def load_urdf(
     parameters : str, os.PathLike, Parameters or dict
         Friction, offsets, rotor inertias, inertias of links and payloads beside the URDF, see :class:`Parameters`; `armature`
         and `friction_velocity` have precedence over those in it.
-
-    Numbers of `locked_joints`, `armature` and `payloads` are within ±1e9, those of the URDF within ±1e30.
 
     Returns
     -------

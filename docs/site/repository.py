@@ -10,6 +10,9 @@ from sphinx.addnodes import download_reference
 FOLDERS = {"](../config)": "](configuration.md)", "](../examples)": "](examples.md)"}
 """Links to folders, which GitHub lists, and the pages that show what is in them."""
 
+NO_SPACE = "\u200b"
+"""A place to break a line that is no space to docutils."""
+
 LIVE = ("docs/report_panda.html",)
 """Pages that are made elsewhere: they are opened where they lie, not downloaded."""
 
@@ -39,6 +42,22 @@ def keep_bars(_app, _what, _name, _object, _options, lines):
     lines[:] = [line.replace("|", r"\|") for line in lines]
 
 
+def read_plainly(_app, what, _name, _object, _options, lines):
+    """Keep napoleon from taking a property's "K = ½|ν|²: of each state" for a type, and "q, qd : …" for one of two names."""
+    if what in ("property", "attribute"):
+        lines.insert(0, "\\")  # which docutils takes for nothing, and napoleon for a first line without a colon
+    if "Attributes" in lines:
+        for k in range(lines.index("Attributes"), len(lines)):
+            names, colon, kind = lines[k].partition(" : ")
+            if colon and not names.startswith(" "):
+                lines[k] = names.replace(", ", f",{NO_SPACE}") + colon + kind
+
+
+def skip_aliases(_app, _what, _name, member, skip, _options):
+    """Leave out what a named tuple says of its fields, "Alias for field number 0": the class has said what they are."""
+    return True if (getattr(member, "__doc__", None) or "").startswith("Alias for field number") else skip
+
+
 def break_names(_app, _page, _template, context, _doctree):
     """Let long names in tables, as of tests, be broken behind a sign: else their column takes the place of all others."""
 
@@ -63,7 +82,9 @@ def setup(app):
     """Take part in the build."""
     app.connect("source-read", link_pages)
     app.connect("doctree-read", open_live_pages, priority=100)  # before downloads are collected
+    app.connect("autodoc-process-docstring", read_plainly, priority=400)  # before napoleon
     app.connect("autodoc-process-docstring", keep_bars)
+    app.connect("autodoc-skip-member", skip_aliases)
     app.connect("html-page-context", break_names)
     app.connect("build-finished", complete)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

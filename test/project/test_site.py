@@ -52,6 +52,15 @@ def test_every_public_name_is_documented(site):
         assert f"diag_dynamics.DiagonalDynamics.{method}" in methods
 
 
+def test_docstrings_are_read_as_they_were_meant(site):
+    """No sentence is taken for a type or a parameter, and named tuples do not number their fields."""
+    for page in (site / "docs" / "api").glob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        assert ">Type<" not in text and "Alias for field" not in text, page.name
+        told = re.findall(r"<li><p><strong>(.*?)</strong>", text)
+        assert [name for name in told if not re.fullmatch(r"[*\w]+(,(\s|\u200b)*[*\w]+)*", name)] == [], page.name
+
+
 class Loads(HTMLParser):
     """Addresses that a browser fetches by itself when it opens a page: not those of links to follow."""
 
