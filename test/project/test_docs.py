@@ -369,6 +369,7 @@ def test_lines_can_be_read(page):
     """They have up to 120 characters, but for tables, code, comments, pictures and addresses without a place to break."""
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
     for line in text.splitlines():
+        assert not re.match(r" *\+ ", line), f"{page.name}: a sum that is broken before its plus is a list: {line}"
         if line.startswith(("|", "    ", "<!--", "![")) or len(line) <= 120:
             continue
         assert max(map(len, line.split())) > 100, f"{page.name}: {line}"
