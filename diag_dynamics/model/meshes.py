@@ -105,7 +105,7 @@ def _read(name: str, path: Path) -> Any:
     try:
         trimesh = import_module("trimesh")
     except ImportError as error:
-        raise InputError(f"mesh '{name}' needs trimesh to be read: pip install 'diag_dynamics[urdf]'.") from error
+        raise InputError(f"mesh '{name}' needs trimesh to be read: pip install 'trimesh[easy]'.") from error
     try:
         scene = trimesh.load_scene(path)
         metres = re.fullmatch(r"([\d.eE+-]+) \* meters", str(scene.units))  # of a COLLADA file that has another unit
