@@ -47,11 +47,11 @@ def write(path, urdf, robot, old):
         text = Template(message_type("std_msgs/msg/String")(data=urdf)).encoded()
         writer.write_rows(channel, np.frombuffer(text, dtype=np.uint8)[None], np.array([START - S]))
         states = writer.channel("/joint_states", JOINT_STATE, definition_with_parts(JOINT_STATE))
+        said = old and writer.channel("/diag_dynamics/external_torque", KIND, EXTERNAL_TORQUE)
         for k in range(COUNT):
             stamp = START + k * 2 * MS
             rows = [(states, driver.good(stamp))]
             if old:
-                said = writer.channel("/diag_dynamics/external_torque", KIND, EXTERNAL_TORQUE) if not k else said
                 time = types["builtin_interfaces/msg/Time"](sec=stamp // S, nanosec=stamp % S)
                 header = types["std_msgs/msg/Header"](stamp=time, frame_id="base")
                 zeros = np.zeros(robot.nv)
