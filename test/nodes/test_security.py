@@ -12,6 +12,9 @@ from nodes import PANDA, START, node_process, robot
 
 POLICY = Path(__file__).resolve().parents[2] / "config" / "sros2_policy.xml"
 
+LIMITS = POLICY.with_name("contact_limits.example.yaml")
+"""With it the monitor judges contact, and the view listens to what it says of that."""
+
 GRAPH = {
     ("topic", "publish"): "publisher",
     ("topic", "subscribe"): "subscriber",
@@ -69,7 +72,7 @@ def three(peer):
     controller |= {"controlled_link": "panda_hand"}
     with (
         node_process("simulator", **simulator),
-        node_process("monitor", floating_base=True, use_sim_time=True),
+        node_process("monitor", floating_base=True, use_sim_time=True, **{"contact.limits_file": LIMITS}),
         node_process("controller", **controller),
         node_process("view", port=0, use_sim_time=True),
     ):
