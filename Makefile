@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 # ROS_DISTRO=jazzy (default) or kilted chooses the ROS 2; one that is sourced already is used instead.
 
 SHELL := /bin/bash

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The ROS-free library; colcon builds the ROS package by CMakeLists.txt and never runs this file."""
 
 import shutil

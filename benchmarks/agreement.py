@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Nothing is timed before its outputs agree: the library's with those of every peer."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Alarms by the observer on total joint rates beside those by the classical one on momenta: calibrated and judged alike.
 
 `python benchmarks/alarms.py` in the sourced environment writes alarms.md into results; with --short it pushes less often and

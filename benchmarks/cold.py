@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Cold and warm starts: CPU-seconds of whole processes, with nothing compiled before, and with everything."""
 
 import importlib.util

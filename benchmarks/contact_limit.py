@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What bounding contacts costs in tracking, beside a bound on all of the kinetic energy that keeps the same limits.
 
 `python benchmarks/run.py --only contact` in the sourced environment writes contact_limit.md into results. Everything is

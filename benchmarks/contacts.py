@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What mobilities and contact cost beside `evaluate`, at one state, in turns.
 
 `python benchmarks/run.py --only contact` in the sourced environment writes contacts.md into results.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How cost grows with the number of joints: chains, balanced trees, and chains with a coupled gripper of fixed size.
 
 The exponent is that of a line fitted to the logarithms of median times from 32 joints on; 1 is O(N).

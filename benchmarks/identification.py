@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Identification: CPU-seconds of a recording of seven joints, without reading it and without compiling.
 
 A Panda with its fingers held, 1 kHz, a Fourier series of 0.1 Hz, noise as of its encoders and sensors.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What compiled code allocates, and what a stream of states holds; in processes of their own, which print JSON."""
 
 import json

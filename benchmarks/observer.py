@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The disturbance observer on total joint rates beside the classical one on momenta, tuned by the same procedure.
 
 `python benchmarks/observer.py` in the sourced environment writes observer.md and observer.png into results; with --short it

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How well the simulator keeps real time: lateness of its ticks, overruns, and what it costs.
 
 ``python benchmarks/pace.py`` in the sourced environment prints the table of docs/simulation.md: each simulator in a process

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the view costs: CPU-seconds of its process for each second of a page at 50 Hz, and of the monitor beside it.
 
 `python benchmarks/page.py` in the sourced environment takes five minutes and writes benchmarks/results/view.md.

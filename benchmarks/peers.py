@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the library is measured against: Pinocchio, MuJoCo, and the dense route to the diagonalized equations.
 
 Each peer is prepared outside of what is timed: its model built, its data allocated, states in its own order and

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Analysis of recordings: CPU-seconds of reading, computing and writing, apart and in all, and memory.
 
 A million joint states of nine joints at 1 kHz, zstd in MCAP, as the issue of a robot's day has them.

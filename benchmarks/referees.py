@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Writes the figures of docs/simulation.md: energy audits over minutes, and where Pinocchio and MuJoCo say that a robot goes.
 
 python3 benchmarks/referees.py [seconds of the audits], in the sourced environment.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The lines of the table: what is measured, against what, and the target it has."""
 
 from typing import NamedTuple

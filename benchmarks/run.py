@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """All benchmarks: `make bench`, or this file in the sourced environment. See `table.md` and `nodes.md` in `results`."""
 
 import argparse

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a monitor costs its machine: CPU time per joint state, by robot, rate and what is subscribed to.
 
 ``python benchmarks/sizing.py`` in the sourced environment prints the table of docs/operations.md. The monitor, the robot

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """From nothing to the first result, in processes of their own: the library with its compiled code cached, and its imports."""
 
 import subprocess

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The simulator's compiled steps against loops in Python of the same order, with and without damping."""
 
 import numpy as np

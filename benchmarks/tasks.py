@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Ten tasks as programs, with Pinocchio's beside them: lines, and CPU-seconds of the whole process, cold and warm."""
 
 import os

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Times of calls that take turns, and ratios of them: what the machine does besides hits all of them alike."""
 
 import time

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """CPU time of the terminal view `top`, in a terminal of its own, with robots that publish states at 50 Hz."""
 
 import argparse

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Robots of any size for measuring growth, as URDF text."""
 
 INERTIAL = (

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 # Compiles the dynamics at the end of the installation, so that no node waits for that: half a minute, kept in the user's
 # cache. Off with -DDIAG_DYNAMICS_COMPILE=OFF. Never where a package is made, for there the cache is nobody's: makers of
 # Debian and RPM packages set DESTDIR, conda-build sets CONDA_BUILD, and the HOME of Nix and sbuild is not there. Nor for

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 # What ROS 2 from PyPI needs beyond a stock ROS; a no-op elsewhere. Include after rosidl_generate_interfaces().
 #
 # A *__rosidl_generator_py target exports the absolute paths of the Python and NumPy headers it was built with.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Diagonalized Lagrangian dynamics of tree-structured robots (Jain and Rodriguez, 1995)."""
 
 import typing as _typing

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Types of what the library takes and gives: arrays of float64 come out, anything that is numbers goes in."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Many states at once: cut into pieces, each evaluated by a thread of its own, without the interpreter's lock."""
 
 from __future__ import annotations

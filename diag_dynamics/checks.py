@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Arguments, checked: each wrong one is named, with its value and what was expected."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Values by name, as they are written in lists of parameters: ``joint=0.5``, ``*`` for all others."""
 
 import math

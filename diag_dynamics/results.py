@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What DiagonalDynamics hands out: everything at one state or at many, and the factors of the mass matrix."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Text that others have written, such as the names of joints, made safe to show: on terminals, in logs, in files."""
 
 import unicodedata

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """YAML read with errors that name the file. PyYAML is imported when it is needed: who reads no file need not wait for it."""
 
 from __future__ import annotations

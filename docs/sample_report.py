@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Writes docs/report_panda.html: a simulated Panda, off from its URDF by 1 %, is pushed three times; its recording's report.
 
 python docs/sample_report.py

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Write what is generated from the code: docs/parameters.md, docs/interfaces.md and config/*.yaml.
 
 ``make docs-tables`` runs it. It needs the library, and no ROS. A test says when a file is stale.
@@ -131,6 +134,7 @@ def fields_of(lines):
 def interface_page_of(path):
     """Section of one message or service: what its file says of it and of each field."""
     lines = path.read_text(encoding="utf-8").splitlines()
+    lines = lines[next(k for k, line in enumerate(lines) if line and not line.startswith("# SPDX-")) :]
     count = next(k for k, line in enumerate(lines) if not line.startswith("#"))
     about = [line[1:].removeprefix(" ") for line in lines[:count]]
     parts = [f"### {path.stem}", f"`{path.parent.name}/{path.name}`"]

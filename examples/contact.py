@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a touch of a two-link arm would cost: the worked example of docs/contact.md, which can be followed by hand."""
 
 import math

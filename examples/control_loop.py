@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """An arm that follows a moving target, in total joint rates, with its kinetic energy bounded."""
 
 import numpy as np

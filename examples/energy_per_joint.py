@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Kinetic energy of a moving arm, split by total joint rate and by link."""
 
 import diag_dynamics as dd

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The factors of the mass matrix: M = m mᵀ, its inverse ℓᵀℓ, and the diagonal form of the equations of motion."""
 
 import numpy as np

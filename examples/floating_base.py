@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A robot whose base moves freely: positions with a quaternion, the base's share of the energy."""
 
 import numpy as np

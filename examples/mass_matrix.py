@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Mass matrix, Coriolis and gravity efforts of an arm, and the accelerations that efforts give it."""
 
 import numpy as np

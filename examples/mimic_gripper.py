@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A gripper whose fingers mimic each other: one degree of freedom, exactly coupled; or two that are independent."""
 
 import diag_dynamics as dd

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """An arm on a base that drives: three joints below the root of its URDF, and what moves with the base."""
 
 import sys

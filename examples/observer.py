@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """External torque, observed while something pushes a simulated arm: no force sensor, no derivative of the mass matrix."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Your own URDF: what is in it, and what is wrong with it (python own_urdf.py my.urdf)."""
 
 import sys

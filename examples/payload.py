@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A payload in the hand: what it adds to the efforts that hold the arm, and how it is told to a running model."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Plots, one line each: the robot as a tree with D, where it gives way, its energy, balance of power and external torque."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The mass that a push meets at the hand, in each direction, and what an impact there would cost."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A robot that falls for a second, and where its energy went."""
 
 import diag_dynamics as dd

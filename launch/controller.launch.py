@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The controller: sends efforts to the robot whose joint_states it hears."""
 
 from diag_dynamics.nodes.support.launching import launched

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The simulator: moves a robot and publishes its joint_states and robot_description."""
 
 from diag_dynamics.nodes.support.launching import launched

@@ -1,4 +1,7 @@
 # shellcheck shell=bash disable=SC2034,SC2154  # variables come from and go to the script that sources this
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 # Sourced by setup and env.bash (bash or zsh): forgets what an earlier env.bash put into the environment, then chooses
 # the ROS 2 to use. Expects dd_root, the checkout; sets
 #   dd_ros     sourced, if the environment holds a working ROS 2, else pypi

@@ -1,4 +1,7 @@
 # shellcheck shell=bash disable=SC1090
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 # source scripts/env.bash (bash or zsh): a shell in which diag_dynamics, its messages and ROS 2 can be imported from any
 # directory. May be sourced again, after ROS_DISTRO was changed too.
 

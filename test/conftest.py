@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Tests with ROS 2: whether it is there, a domain for each file, compiled kernels, the nodes' output on failure."""
 
 import fcntl

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // Builds the page into diag_dynamics/page/static, or into the folder that is given: node build.js [FOLDER].
 // What comes out depends on nothing but the sources here and the versions in package-lock.json.
 import { build } from "esbuild";

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The floor and the monitor take turns: what each costs at 1 kHz, how fast it gets, and what executors make of it."""
 
 import sys

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The robot: publishes joint states in bursts, each when a line on its standard input asks for it.
 
 The message is serialized once, and only its stamp is overwritten. A feeder that was held up does not send all that it has

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Who listens: times one topic by the stamps of its messages, and merely subscribes to the others.
 
 The others belong to a node that nobody spins: DDS delivers them, and they cost this process no Python, lest it become the

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The monitor under another executor than it has by itself: ``python -m graph.monitor <executor> --ros-args …``."""
 
 import sys

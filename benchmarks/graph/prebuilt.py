@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One message of each of the monitor's topics, made by the monitor's own parts, for the relay to send again and again."""
 
 from functools import cache

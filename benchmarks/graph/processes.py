@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Processes that answer lines of JSON with lines of JSON, and end with whoever has started them."""
 
 import contextlib

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The floor: publishes, for every joint state, messages of the monitor's types and sizes, and computes nothing.
 
 As well written as rclpy allows with messages that are Python objects. Messages are prebuilt (`prebuilt.py` has the monitor's

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One node between a robot that feeds it and somebody who listens, for as many bursts of joint states as wanted."""
 
 import contextlib

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Stamps of serialized messages that begin with a header: after CDR's four bytes, seconds and nanoseconds."""
 
 import struct

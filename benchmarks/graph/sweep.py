@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The highest rate of joint states that a node serves without loss."""
 
 from typing import NamedTuple

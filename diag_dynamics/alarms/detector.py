@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The detector: alarms of what a disturbance observer says, joint by joint and by norms, live and over columns alike."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Alarms as a list: which detectors rose, how far, and from when until when."""
 
 from __future__ import annotations

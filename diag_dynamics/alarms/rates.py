@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How often something happens: Poisson's limits, and the level that peaks rise above at a wanted rate."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Thresholds of alarms: of each joint, of two norms, and how an alarm ends."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Assembler of a robot's state from JointState messages, each of which may bring only some of its joints."""
 
 import math

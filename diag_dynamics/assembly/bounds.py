@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bounds on joint values. Beyond them lie degrees sent for radians, overrun counters, broken encoders."""
 
 import numpy as np

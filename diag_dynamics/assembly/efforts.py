@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Meaning of a driver's efforts: their unit, whether gravity is in them, whether they can be used at all."""
 
 import numpy as np

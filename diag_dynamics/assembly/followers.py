@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Followers: mimic joints that are coupled to their leaders. Messages may list them, but need not."""
 
 import math

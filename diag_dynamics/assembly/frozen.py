@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Frozen values under fresh stamps: velocities without motion, and motion without velocity."""
 
 from collections import Counter

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Count of lost states, by the gaps that they leave in the stamps."""
 
 import numpy as np

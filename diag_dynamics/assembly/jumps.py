@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Jumps of positions that no motion explains: a row of garbage, a re-zeroed encoder, a simulator that was reset."""
 
 import numpy as np

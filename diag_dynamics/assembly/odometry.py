@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """State of a floating base from nav_msgs/Odometry."""
 
 import numpy as np

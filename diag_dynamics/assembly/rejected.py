@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Rejection of an input."""
 
 from diag_dynamics.exceptions import DiagDynamicsError, shown

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Judge of stamps, by this node's clock and by earlier stamps."""
 
 from diag_dynamics.assembly.rejected import RejectedError

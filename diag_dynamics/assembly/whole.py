@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """State of a robot with a floating base: that of its joints, completed by odometry."""
 
 import numpy as np

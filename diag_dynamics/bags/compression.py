@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Decompression that believes no length: what comes out is never larger than what is said to, or than what there is."""
 
 from importlib import import_module

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Files of messages, opened by what they begin with, and by their names where that says nothing."""
 
 import shutil

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Files of MCAP, read by chunks: whatever of a file can be read is handed out, and the rest is named."""
 
 import struct

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Files of MCAP, written by columns: many messages of the same size at once, in chunks, with all indexes and CRCs.
 
 A file stands by itself, as `ros2 bag play`, `ros2 bag info` and Foxglove open it: its summary says all that the metadata.yaml

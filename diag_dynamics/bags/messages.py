@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What readers of bags hand out: serialized messages in the order of their log time, and what could not be read."""
 
 from typing import NamedTuple

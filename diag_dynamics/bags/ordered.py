@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Messages of several sources in the order of their log time, with no more of them in memory than overlap in time."""
 
 import heapq

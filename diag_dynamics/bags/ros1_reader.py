@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bags of ROS 1, read by rosbags chunk by chunk, their messages turned into CDR."""
 
 from collections import defaultdict

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Files of rosbag2 in SQLite, ``.db3``, by Python's own sqlite3: a damaged one is read row by row."""
 
 import os

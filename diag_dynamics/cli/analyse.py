@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`diag-dynamics analyse`: a recording in, everything that the library says of it out."""
 
 import argparse

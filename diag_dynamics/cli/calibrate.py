@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`diag-dynamics calibrate`: recordings without contact in, thresholds of alarms for the monitor out."""
 
 import argparse

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`diag-dynamics demo-identify`: from a model that is wrong to alarms that work, on simulated robots."""
 
 import argparse

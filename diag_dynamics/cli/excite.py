@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`diag-dynamics excite`: a trajectory that moves a robot so that a recording of it tells what is to be identified."""
 
 import argparse

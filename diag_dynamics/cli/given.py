@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What several commands are given alike: recordings, a robot, parameters; and files that are to be written."""
 
 from pathlib import Path

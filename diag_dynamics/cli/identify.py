@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`diag-dynamics identify`: friction, rotor inertias, payloads and inertias of a robot, from recordings without contact."""
 
 import argparse

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Commands that are ended while they write: no half of a file stays, and what is not written is said."""
 
 import signal

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`diag-dynamics layout`: a layout of a viewer for one robot, with its joints' names."""
 
 import argparse

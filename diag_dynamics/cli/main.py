@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """All commands by name, and the way to each: nothing else is imported before it is known which one is wanted."""
 
 import os

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The mark that all was compiled: a small file beside the compiled code, which goes where that goes."""
 
 import hashlib

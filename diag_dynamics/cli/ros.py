@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Commands that need a ROS 2: executables of nodes, and a look at the graph."""
 
 import argparse

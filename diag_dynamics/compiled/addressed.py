@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Arrays at an address, or of another one's numbers in a row, made without a call to numba's own; and addresses of arrays."""
 
 import numba

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Arrays where kernels find them: at an address, or all of another one's numbers in a row; and where they lie."""
 
 from diag_dynamics.compiled.switch import PLAIN

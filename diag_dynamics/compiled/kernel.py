@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The decorators that compile the physics, and the types that kernels are compiled for."""
 
 from diag_dynamics.compiled.switch import PLAIN

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Numbers side by side: eight in a vector register, or a single one where all is compiled plainly."""
 
 from diag_dynamics.compiled.switch import PLAIN

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Arrays that are taken from Python at half the cost: those that a kernel reads, and those that it fills."""
 
 import numba

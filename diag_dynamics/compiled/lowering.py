@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What numba lowers kernels to, with three instructions in place of ten: there is as much less to write, read and optimize.
 
 numba keeps variables and parts of arrays in memory, takes arrays apart for each call and puts them together again, looks

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Kernels compiled with what numba keeps to itself: each once, and called in half the time."""
 
 import functools

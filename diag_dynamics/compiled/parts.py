@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How kernels become machine code: parts are only lowered; an entry links all parts below it, and is optimized once.
 
 numba's own way is to link, optimize and emit every function for itself, with all functions below it: of a step of the

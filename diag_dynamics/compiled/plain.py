@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Kernels compiled by numba's documented interface alone: what is in its place should a numba have changed inside.
 
 Files of compiled code have no digest here: numba reads and writes them, and has no documented place for one. It looks at

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What is said while kernels are compiled: to whom, how far it is, and how long it takes as a rule."""
 
 import logging

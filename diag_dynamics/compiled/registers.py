@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Numbers side by side in a vector register, calculated with as if they were one.
 
 A kernel that is written for numbers works on :data:`EIGHT` unchanged. Arithmetic acts on each lane, and a number among

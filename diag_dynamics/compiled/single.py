@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What kernels for lanes need where a lane is all that there is: the interface of registers, for a single number."""
 
 import numba

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """numba's cache of compiled functions, in a folder of ours, with a digest, and never in the way."""
 
 import hashlib

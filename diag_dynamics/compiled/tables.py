@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Tables of numbers and arrays that a kernel is told of by one number, which costs less than an argument for each."""
 
 from collections import namedtuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Sine and cosine together, of a number or of lanes, with the same bits: a third of the time of placing a body was theirs.
 
 The angle less the nearest multiple of π/2, which is taken off in two parts (Cody and Waite 1980), then the polynomials of

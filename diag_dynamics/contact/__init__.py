@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Contact: points of links, what a touch there could transfer, limits of body regions, impacts. Advisory, not safety-rated.
 
 points: what is looked at. geometry: points of a link's shapes. limits: body regions and what they bear, as the user enters

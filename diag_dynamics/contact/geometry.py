@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Points whose convex hull holds a link, and points of its surface in between; or its frames alone."""
 
 from __future__ import annotations

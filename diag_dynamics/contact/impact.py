@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """ν before and after an impact along one direction at one point."""
 
 from __future__ import annotations

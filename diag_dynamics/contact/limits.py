@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Body regions and what they bear, and which of them a link may meet. The user enters all numbers: none is built in."""
 
 from __future__ import annotations

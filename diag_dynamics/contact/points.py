@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Points of links at which contact is looked at, as sweeps take them."""
 
 from __future__ import annotations

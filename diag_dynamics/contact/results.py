@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What contact at the points of a robot could transfer, at one state or many."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The transient contact of two masses and a spring: the model of ISO/TS 15066, now in ISO 10218-2, on numbers or arrays.
 
 A robot of the reflected mass m_u comes with the speed v along u to a body region of the mass m_H, free to move, which feels

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Control in (ν, ε): laws, and what their commands pass through on the way to the robot. No ROS.
 
 A law takes a state to a :class:`Command`; filters take commands to commands. Put together in this order: law, soft position

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Numbers and orders of a robot's joints from lists of parameters."""
 
 from diag_dynamics.checks import per_name

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A bound on what a contact at the worst point of a robot could take out of it, or on the force it would have."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Laws without a target: the robot is braked, or only held against gravity."""
 
 from __future__ import annotations

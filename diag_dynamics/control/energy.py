@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A bound on the kinetic energy that a law may put into the robot."""
 
 from __future__ import annotations

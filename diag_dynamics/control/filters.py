@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """From what a law asks for to what is sent: filters in their order, for robots that carry themselves or do not."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What all laws share: a robot with a motor at every joint, gains, and the way from ε to efforts."""
 
 from __future__ import annotations

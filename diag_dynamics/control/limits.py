@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a robot can bear: efforts, how fast they change, and joint ranges."""
 
 from __future__ import annotations

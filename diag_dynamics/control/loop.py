@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One cycle of control after the other: from a state, or the want of one, to efforts."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The modes of a control loop: each is a law, with what it takes for a target, its command and its measured rate."""
 
 import numpy as np

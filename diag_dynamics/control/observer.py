@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """External torque without differentiating M: a disturbance observer on total joint rates."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Regulation of the pose of a frame of the robot."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Where the robot should be at a time, on its way to a set-point or a pose."""
 
 from typing import NamedTuple

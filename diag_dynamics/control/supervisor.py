@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Whether the law may act: what becomes of the command while the state of the robot is not known."""
 
 import time

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Where poses are that are given in the axes of a link, and which positions a robot can have."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Tracking of a joint trajectory, with an error that decays at the same rate in every configuration."""
 
 from __future__ import annotations

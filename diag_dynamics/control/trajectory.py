@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Joint trajectories, interpolated as ros2_control's joint trajectory controller does."""
 
 from typing import NamedTuple

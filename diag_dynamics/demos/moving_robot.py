@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A robot that moves by itself, for the page without ROS: ``python3 -m diag_dynamics.demos.moving_robot panda``.
 
 Every joint follows a sine, by the efforts that this takes; now and then something pushes the last link.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A simulated robot whose model is wrong: it follows a motion, is pushed, and is recorded as a driver would."""
 
 from __future__ import annotations

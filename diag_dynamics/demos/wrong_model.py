@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """From a model that is wrong to alarms that work: identify, calibrate, and see pushes, on simulated robots."""
 
 from __future__ import annotations

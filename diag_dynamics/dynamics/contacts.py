@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Mobilities of links, and what contact at their points could transfer."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """DiagonalDynamics: the dynamics of one robot, as users call it."""
 
 from __future__ import annotations

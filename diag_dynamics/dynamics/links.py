@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Links: their placements, Jacobians and motions, and what wrenches on them do."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Everything at one state: diagonalized and classical dynamics."""
 
 from __future__ import annotations

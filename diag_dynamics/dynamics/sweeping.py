@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What all methods of DiagonalDynamics share: the robot, memory for sweeps, checked arguments, errors of sweeps."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One identification: rows that are fitted, rows that are held out, and steps that are taken where they pay."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Cross-validation by joint: blocks of the fitted rows, left out in turn, tell which joints a step pays for."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Normal equations of a model's parameters, and what a recording adds to them."""
 
 from __future__ import annotations

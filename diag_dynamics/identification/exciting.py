@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Trajectories that move a robot so that a recording of it tells what is to be identified."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A fit: which parameters are free, the rows that they are fitted to, and what comes out, as plain numbers."""
 
 from __future__ import annotations

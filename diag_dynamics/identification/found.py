@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What an identification has found, and how far it can be trusted."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Rows of an identification: those that are fitted, by blocks, and those that are held out to judge the fit."""
 
 from __future__ import annotations

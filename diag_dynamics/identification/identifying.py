@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``identify``: from recordings to a model whose numbers explain them."""
 
 from __future__ import annotations

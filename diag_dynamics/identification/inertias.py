@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Inertial parameters of a body: ten numbers, its 4x4 pseudo-inertia, and what of them belongs to which link."""
 
 import numpy as np

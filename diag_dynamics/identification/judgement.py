@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How well parameters explain states that they were not fitted to."""
 
 from typing import NamedTuple

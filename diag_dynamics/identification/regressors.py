@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Regressors of a model at states: its momentum, gravity and energies, linear in the inertias of its bodies."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What comes of a fit: parameters by the names of joints and links, and the model that has them."""
 
 from dataclasses import replace

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Runs of states that a filter can go through: what of a recording is fitted, and what is left out."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Least squares over inertias that can be and friction that brakes: a convex problem, solved along its central path.
 
     min ½ xᵀA x − bᵀx + γ Σ [tr(J₀⁻¹J) − ln det J] − γ' Σ ln x_k

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a recording must be before anything is fitted to it: units, delays and gravity right, and the motion rich enough."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Errors of efforts over time, by inverse dynamics: what a fit is judged by, in no way what it is fitted by."""
 
 import numpy as np

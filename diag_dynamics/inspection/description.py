@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A robot as its XML alone has it, whatever the library makes of it: a part that is wrong leaves the rest to be read."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Checks of what the robot does in motion: against its effort and velocity limits, and against the numbers' precision."""
 
 from __future__ import annotations

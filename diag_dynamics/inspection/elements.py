@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Checks of what the XML says of joints and files: limits, axes, mimics, meshes, elements that stand twice."""
 
 from __future__ import annotations

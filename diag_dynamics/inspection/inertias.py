@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Checks of masses and inertias: against what any rigid body can be, and against the links' geometry."""
 
 from __future__ import annotations

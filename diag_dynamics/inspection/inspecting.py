@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """All checks of a robot, in order, and the facts beside them."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a robot's model says of its motion, measured in random poses within its limits."""
 
 from __future__ import annotations

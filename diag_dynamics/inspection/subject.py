@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What is inspected: a robot's text, and where the library accepts it, its model and how that moves."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A layout of Foxglove, or of Lichtblick, which has grown out of it: JSON with all panels by id, and a tree of splits."""
 
 import json

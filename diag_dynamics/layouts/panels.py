@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What every layout shows: which field of which topic, entry by entry, under the joint's name."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A layout of PlotJuggler: XML with a tab of energies and one of the rest, each curve under its joint's name.
 
 What ~/named has goes by name as it comes. An entry of an array is a curve such as coriolis[3] there; a function of one line

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A configuration of RViz 2: markers with the root link as fixed frame, so that no tf is needed."""
 
 from diag_dynamics.layouts.panels import MARKERS

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Robot models: what a URDF becomes."""
 
 from diag_dynamics.model.mimic import Mimic

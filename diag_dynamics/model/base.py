@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """State of a floating base from the pose and twist of another frame on it."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Configurations of a robot: random ones, those reached along a velocity, and what lies between two."""
 
 import math

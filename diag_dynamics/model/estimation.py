@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Inertias of links that have none, estimated from their geometry and written into the URDF."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Search for a URDF by the name of a robot in the `example-robot-data` wheel."""
 
 import os

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Visual and collision geometry of links: what a URDF says of it, and what it encloses."""
 
 from __future__ import annotations

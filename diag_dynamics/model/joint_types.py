@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Types of joints that a URDF may have, and what each is: the one table of them."""
 
 from typing import NamedTuple

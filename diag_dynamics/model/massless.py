@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Joints that move no inertia and make the mass matrix singular: the recursion finds them, they are named or locked."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Meshes that a URDF names: where their files are, and what is in them. trimesh reads them, if it is installed."""
 
 from __future__ import annotations

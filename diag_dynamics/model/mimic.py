@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Mimic joints: the independent joint that each follows in the end, and those that are locked."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Models from MJCF, through MuJoCo's own parser and compiler: what that has made of the file is written as a URDF."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Options of load_urdf, checked; an error names the argument and its value."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a URDF does not know of a robot, or knows wrongly: a file of numbers beside it, mostly identified from recordings."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Links and joints from checked XML, where yourdfpy is not installed: it brings 250 MB for meshes that nobody here looks at.
 
 What it gives has the attributes of yourdfpy's objects that are read here, and the same bits.

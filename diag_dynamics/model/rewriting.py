@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A URDF written anew with parameters in it; all else in the file stays, comments too."""
 
 from __future__ import annotations

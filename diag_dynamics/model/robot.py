@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """RobotModel, and the way from a URDF to it."""
 
 from __future__ import annotations

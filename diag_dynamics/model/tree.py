@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Tree of a checked URDF as arrays: walked from its root; links that move as one are merged."""
 
 import numpy as np

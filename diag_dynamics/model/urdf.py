@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Description of links and joints, checked, from the text of a URDF. XML and yourdfpy stay behind this door.
 
 The text may come from a topic, so it is not trusted: no entities, no network, no files, bounded size and depth.

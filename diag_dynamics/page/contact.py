@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a touch would cost, point by point, for the page, beside what half of the robot's mass would say."""
 
 from __future__ import annotations

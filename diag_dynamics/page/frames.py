@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Frames: all that a page shows of a state, as one row of float32, of one state or of many in the same way."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What stands where in a frame: the one list of fields that server, page and report go by."""
 
 from __future__ import annotations

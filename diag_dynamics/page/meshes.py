@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Meshes as bytes that a page draws: each once, by the hash of what is in it."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Numbers and meshes made small for a page that is a file: 16 bits each, differences, gzip."""
 
 from __future__ import annotations

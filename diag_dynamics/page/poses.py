@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Placements of all links at once, at one state or at many: what a drawing of the robot needs."""
 
 from __future__ import annotations

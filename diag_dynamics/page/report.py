@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The report of a recording: the page, and all that it shows, in one HTML file that needs no server and no network."""
 
 from __future__ import annotations

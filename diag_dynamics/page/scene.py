@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A robot as a scene: what is drawn of each link, as JSON; of a link without geometry, bones and its inertia's ellipsoid."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The page's server: the page, what it draws, and one endless stream of frames for each tab. It reads, and changes nothing.
 
 By Python's own HTTP server, a thread for each connection. Whoever reads slowly makes nobody wait: a frame is made of the

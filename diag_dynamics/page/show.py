@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What is shown of one robot: made of its newest state when somebody asks for it, and of no other."""
 
 from __future__ import annotations

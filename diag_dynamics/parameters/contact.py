@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters of contact, shared by monitor and controller: what is looked at, and limits."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Points of a robot's contact as parameters ask for them."""
 
 from diag_dynamics.contact.geometry import link_geometry

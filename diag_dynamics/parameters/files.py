@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters of the monitor without a monitor: from its YAML files, and from a command line."""
 
 from collections.abc import Mapping

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters of the monitor, and the checks on values that belong together."""
 
 from collections.abc import Mapping

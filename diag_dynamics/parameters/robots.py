@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The model that parameters make of a description."""
 
 from diag_dynamics.entries import assignments

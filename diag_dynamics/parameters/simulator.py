@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters of the simulator, all in one table."""
 
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED_PARAMETERS

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Spec of a parameter: default, description, range, when it may change; and the check of a value."""
 
 import math

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters of the view, all in one table."""
 
 from diag_dynamics.parameters.spec import Spec

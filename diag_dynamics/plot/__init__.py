@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Plots of a robot's dynamics, one line each: ``dd.plot.energy(recording)``.
 
 Each returns what it has drawn, an Axes or, where there are several panels, a Figure; matplotlib is imported when the first

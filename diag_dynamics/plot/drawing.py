@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What all plots have in common: matplotlib, colours, axes with units, and curves of more states than there are pixels."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Where a link gives way: the ellipsoid of JM⁻¹Jᵀ, drawn on the robot as it stands."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Kinetic energy: when it is, and which total joint rates have it."""
 
 from __future__ import annotations

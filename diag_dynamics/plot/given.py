@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What plots are given: a recording, results of one state or of many; what they draw of it: numbers by joint."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Balance of power: how much of the change of energy the model and the efforts explain, and when they do not."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """External torque of each joint over time, with the thresholds of its alarms."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The robot as a tree of joints, and the articulated inertia D that each of them feels."""
 
 from __future__ import annotations

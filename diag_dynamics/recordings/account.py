@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What became of the messages of a recording, or of a piece of it."""
 
 from collections import Counter

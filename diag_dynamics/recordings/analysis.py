@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Everything of a recording, piece by piece: evaluated, observed, balanced, judged, and handed on to whoever writes it."""
 
 import queue

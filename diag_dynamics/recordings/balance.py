@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Balance of power as a judgement: how much of the change of energy the model and the efforts explain."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Thresholds of alarms from recordings without contact, or from a run of the monitor: ``calibrate``."""
 
 from __future__ import annotations

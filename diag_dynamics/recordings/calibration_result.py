@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Thresholds of alarms that were found, and how far they can be trusted."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Collisions of a recording: runs of states at which the observer told of one."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Explained share of the change of energy, and what it says in words: of recordings, and of a monitor's last minute."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How often a quantity was how large, in bins that are the same for all recordings."""
 
 from collections import Counter

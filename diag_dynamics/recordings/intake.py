@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the monitor makes of the messages it receives, in columns: states, and counts of what made none."""
 
 from collections import Counter

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """External torque over a recording: the disturbance observer in columns."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What is left of an analysis when it is over: it can be sent to another process, and that of the next piece added to it."""
 
 from diag_dynamics.recordings.balance import Balance

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A long recording in pieces that are analysed apart, and put together to what one piece would be."""
 
 from copy import deepcopy

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Quality of recorded data: rate, gaps, repeated and clipped values, velocities that are not those of the positions."""
 
 from copy import copy

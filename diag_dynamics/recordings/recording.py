@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A recording as columns of numbers: ``read_recording`` and ``stream_recording``."""
 
 from __future__ import annotations

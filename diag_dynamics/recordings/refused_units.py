@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Units of values that were refused: whether positions or velocities beyond what can be are degrees."""
 
 import math

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What an observer has seen over any time, in bounded memory: what thresholds of alarms are found from."""
 
 from __future__ import annotations

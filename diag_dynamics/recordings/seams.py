@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Seams between pieces of a recording that are analysed apart: what crosses them.
 
 A piece begins some time before its seam, so that whatever it knows there is what the piece before knows at its end. That is

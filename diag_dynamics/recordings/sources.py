@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A file or folder as pieces of messages about one robot, whatever its format is."""
 
 import os

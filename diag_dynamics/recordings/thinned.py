@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """States of a recording of any length in bounded memory: every one, or every second, or every fourth, and so on."""
 
 import numpy as np

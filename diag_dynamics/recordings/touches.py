@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a touch would have cost over a recording: time above the limits of contact, and the worst moments."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Audit of energy: the work of each force, and the change of what is stored."""
 
 from __future__ import annotations

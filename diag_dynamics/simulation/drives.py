@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Drives: they hold an effort command until it times out, then let go or brake."""
 
 from collections import Counter

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Friction and limits: which joints slide, stick, rest at a stop or lean on a spring, and when that ends.
 
 A joint of Coulomb friction f slides where it moves, with a torque of −f sign(q̇), and where it does not move sticks as long as

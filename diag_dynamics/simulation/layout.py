@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Records and memory of a simulation, and how compiled steps find them: by name, from one address."""
 
 from collections import namedtuple

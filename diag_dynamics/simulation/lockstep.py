@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Lockstep: account of which command answers which joint state, and of when to publish a state again."""
 
 import math

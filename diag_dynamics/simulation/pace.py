@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Pace of simulated time by a clock, and a record of how well it is kept."""
 
 import math

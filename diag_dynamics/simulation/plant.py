@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Plant: a simulated robot with drives, sensors and external wrenches. It imports no ROS."""
 
 import math

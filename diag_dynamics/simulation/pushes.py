@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """External wrenches: on which link each acts, and for how long."""
 
 from collections import Counter

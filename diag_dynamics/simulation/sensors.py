@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Sensors: noise, resolution, delay and loss between a state and what a driver publishes."""
 
 from collections import deque

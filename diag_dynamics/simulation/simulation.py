@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Simulation: a robot, its state, and what acts on it."""
 
 from __future__ import annotations

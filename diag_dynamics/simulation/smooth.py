@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One step in which no joint begins or ends to slide, to stick or to touch a limit: the equations are smooth."""
 
 import math

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """ARK4(3)6L[2]SA, a pair of Runge–Kutta methods of order 4 with one set of weights (Kennedy and Carpenter 2003).
 
 One is explicit, the other implicit, L-stable and stiffly accurate. Applied Numerical Mathematics 44.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Wave: every joint follows a sine, and the efforts that drive it there."""
 
 import numpy as np

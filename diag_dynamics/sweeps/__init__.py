@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The recursions over the links: the only place with the physics, compiled by numba.
 
 Names are those of Jain and Rodriguez (1995), written in body frames and base-to-tip order. There is one body for each

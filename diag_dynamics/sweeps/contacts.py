@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What contact at points of links could transfer: speed, reflected mass and energy along a direction, from Υ of their bodies.
 
 Of a point r of a body and a unit direction u, h = (u, r × u) is the unit force there as a wrench, and

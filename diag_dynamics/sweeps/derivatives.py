@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Rates of M and its factors along a motion: Ṁ, ṁᵀx, the bracket B(q, ν)x, Ḋ."""
 
 import math

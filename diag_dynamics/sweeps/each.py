@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Sweeps over many states, one after the other: each entry returns the first of which the sweep fails, or the end."""
 
 from diag_dynamics.compiled.kernel import (

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Everything of the diagonalized equations of motion at one state: an outward and an inward sweep."""
 
 import math

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The factorization M = [I + HφK] D [I + HφK]ᵀ, and the factors applied without being formed (Tables 1 and 2)."""
 
 import math

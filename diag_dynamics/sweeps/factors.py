@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The factors of the mass matrix, filled row by row in one inward sweep, eight columns side by side."""
 
 import math

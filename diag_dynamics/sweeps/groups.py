@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Degrees of freedom that are eliminated together: those coupled by mimic joints, and those of one joint.
 
 A group is all bodies from the one that carries it (A, exclusive) down to its members, seen as a single aggregate body

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Articulated inertias, filtered at their joint and handed on to the parent: P alone, or P and Ṗ together.
 
 Most of a sweep's arithmetic is here, and done in vector registers. A stack is a 3x3 matrix of lanes: entries of the blocks

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Steps at a joint that several sweeps share: place, move and weigh a body, take its inertia out or pass it on."""
 
 import math

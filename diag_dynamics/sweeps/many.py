@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Many states at once: as many as there are lanes side by side, in the same sweep as a single one."""
 
 from diag_dynamics.compiled.kernel import COUNT, FILLED_MATRIX, FILLED_STATES, FLAG, MATRIX, ROBOT, entry_kernel, kernel

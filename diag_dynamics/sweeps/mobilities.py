@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Mobilities of bodies and links, Υ = J M⁻¹Jᵀ, by one outward sweep behind the factorization.
 
 ν has the unit matrix for its mass matrix, so that Υ of a body is the sum of what each ν_k moves it by, times its transpose.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Motions of positions along a twist, what moves one configuration to another, and joints that are held.
 
 Positions of a joint of several degrees of freedom lie on a manifold. Around positions q₀ they have coordinates u, a twist

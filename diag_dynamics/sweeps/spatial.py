@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Spatial (6-D) vector algebra on tuples of scalars, which numba turns into straight-line code.
 
 Conventions: the linear part comes first. A 3-vector is a tuple of three floats, a 3x3 matrix a tuple of three

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """An articulated inertia filtered and handed on in vector registers: a stack is a 3x3 matrix of lanes, see inertias."""
 
 from diag_dynamics.compiled.kernel import kernel

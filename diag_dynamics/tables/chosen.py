@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The columns of one table that are read: as its map says, and by their names where it says nothing."""
 
 import re

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The map of columns: which of them hold time, positions, velocities and efforts, as a user writes it down."""
 
 import math

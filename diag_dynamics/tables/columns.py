@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What readers of tables hand out: rows of joints' values in pieces, in SI units."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Rows of text by pyarrow, many times as fast as line by line: blocks in which every line is a row of numbers."""
 
 from importlib import import_module

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The beginning of a text with a row on each line: what separates its columns, what they are called, where the rows begin."""
 
 import csv

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Rows of text line by line: every line that is none, and every field that is no number, by its place."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Text with a row on each line: CSV, TSV and the like, packed or not."""
 
 from diag_dynamics.tables.chosen import choose

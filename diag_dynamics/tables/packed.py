@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Files of text, packed or not, in chunks: what can be read of them, and why it ends."""
 
 import bz2

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parquet, by pyarrow: columns of numbers, lists of them, and structs of either."""
 
 from importlib import import_module

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What could not be read of a table: counted by cause, so that a damaged day takes no more memory than a damaged second."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Kinetic energy over time: collected while a robot moves, summed up and drawn afterwards."""
 
 from array import array

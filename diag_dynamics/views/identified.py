@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What an identification has changed, on a page: each joint's unexplained effort before and after, and in numbers."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A push on an arm: what of it was seen, and how the kinetic energy was held meanwhile, summed up and drawn."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A robot in space: the shapes of its links and where they are, which link its ellipsoid is drawn at, and how large."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The terminal view of kinetic energy, drawn with rich."""
 
 import numpy as np

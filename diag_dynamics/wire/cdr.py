@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Messages as the bytes that DDS carries, laid out once and written anew by their numbers alone.
 
 Little-endian plain CDR (DDS-XTypes 1.3, 7.4.1, version 1): four bytes that say so, then every primitive aligned to its own

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Messages without a ROS: types made of their definitions, as ``.msg`` files have them, and read from plain CDR."""
 
 from functools import cache

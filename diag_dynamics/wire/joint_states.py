@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Joint states as bytes: those of a text that is known are read without making Python objects of them.
 
 What a driver sends again and again differs in stamp and numbers alone. Once a message has been taken in the ordinary way, its

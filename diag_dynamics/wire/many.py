@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Joint states of a recording as bytes: runs of plainly good ones are taken in by one call."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Odometry as bytes."""
 
 from diag_dynamics.assembly.rejected import RejectedError

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Definitions of this package's messages: beside the package, where it was built, or in it, as pip installs them."""
 
 import os

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Serialized joint states that promise more than they hold, told before rosidl meets them."""
 
 import struct

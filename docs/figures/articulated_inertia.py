@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a joint feels of the arm beyond it: all of it where that is rigid, less where that is free to give way."""
 
 import numpy as np

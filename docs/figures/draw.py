@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Draw the figures of docs/concepts.md: `python docs/figures/draw.py` writes an SVG beside each of the modules."""
 
 import sys

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Kinetic energy of an arm on which nothing acts: the sum stays, the shares do not."""
 
 import numpy as np

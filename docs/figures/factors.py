@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The mass matrix of a humanoid and its factor: m has an entry only where one joint carries the other."""
 
 import numpy as np

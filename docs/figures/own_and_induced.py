@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Own rate and induced rate: an arm whose shoulder turns, and what its free joints would do by themselves."""
 
 import numpy as np

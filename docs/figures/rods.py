@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The arm of the figures: three uniform rods that turn in a plane, so that each number can be checked by hand."""
 
 import numpy as np

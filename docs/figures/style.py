@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How figures look: no background, and colours that can be read on white and on black."""
 
 from matplotlib.figure import Figure

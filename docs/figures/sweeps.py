@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The sweeps as a drawing: what goes from link to link on the way out, and what on the way back."""
 
 from itertools import pairwise

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Build the site: `python docs/site/build.py FOLDER`; a warning is an error, but all of them are told."""
 
 import sys

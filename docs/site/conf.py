@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The site: the pages of this repository by Sphinx, with nothing that a browser would fetch from elsewhere.
 
 `make docs` builds it. The source folder is the repository itself, so links between pages are those that GitHub follows.

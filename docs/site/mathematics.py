@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Formulas as MathML, which browsers draw by themselves: neither a script nor a font has to be fetched.
 
 Sphinx's own way is MathJax from another server; a copy of it would be 2 MB of scripts and fonts.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a page needs to be one of the site: links to folders, docstrings, long names in tables, a first page at the top."""
 
 import re

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The detector of alarms: what it says of residuals, live and over columns, and of torques that stand."""
 
 import numpy as np

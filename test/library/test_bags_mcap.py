@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Files of MCAP are read as the library mcap reads them; of damaged ones all that is whole, and the rest is named."""
 
 import struct

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bags of rosbag2 and of ROS 1, written by rosbags, are read as rosbags reads them; damaged ones as far as they go."""
 
 import shutil

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Files of MCAP that are written by columns are read by mcap and rosbags, message for message, and by time."""
 
 import os

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Many states at once: the numbers of single calls, whatever the number of threads, in bounded memory."""
 
 import dataclasses

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Calibration of alarms: the rate that was asked for, jerks, short recordings, files, the command."""
 
 import json

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Arguments that are wrong are refused by name and value; those that are right come back as plain numbers."""
 
 import numpy as np

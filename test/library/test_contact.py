@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Contact: mobilities, transferable energy and impacts against Pinocchio and MuJoCo, and the laws that define them."""
 
 import math

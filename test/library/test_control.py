@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The laws against a dense computation from Pinocchio, and their Lyapunov functions along Pinocchio's and our motions.
 
 Robots: Panda with its coupled fingers, UR5, a geared tree of 12 degrees of freedom.

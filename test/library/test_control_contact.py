@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The contact limiter: energy and force along the motion of the worst point stay below their limits, whatever is asked."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The parts of the controller, each by itself: settings, safety, and the loop they make up."""
 
 import re

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What commands pass through: energy limiter, effort and rate limits, soft position limits."""
 
 from functools import cache

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The controller's loop closed by a simulated arm, without a process: what its defaults do to it."""
 
 import re

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Rates of change and operational space: ṁᵀx, B, dM/dt, C_s, Ḋ, ln det M, ℓJᵀ. Each against Pinocchio, or by its law.
 
 A law is a function of a `Case`; robots of the wheel and made-up ones, coupled robots, and trees that hypothesis draws

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Inertias estimated from geometry: against closed forms, points thrown at random, and Pinocchio reading what was written."""
 
 import pickle

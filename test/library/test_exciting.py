@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Trajectories that excite a robot: within every limit, from rest to rest, and telling what they are to tell."""
 
 import json

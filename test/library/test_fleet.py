@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A fleet's archive: a task for each recording, on real schedulers and workers, restarted, and killed midway."""
 
 import json

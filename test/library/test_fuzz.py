@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Whatever the loader is given, it gives a model that works, or one of our exceptions: never another one, never a hang.
 
 Hypothesis takes real and made-up URDFs apart: elements deleted, doubled, moved and renamed, attributes replaced by

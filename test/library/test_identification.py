@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Identification on simulated motions whose efforts are Pinocchio's: what is found, what is refused, what is told."""
 
 import json

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Identification on recordings of real arms: the errors of effort that are left on what was not fitted."""
 
 import gzip

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Regressors of identification: Pinocchio's, on regular robots, with followers, and with a floating base."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A model is immutable: payloads, gravity and locks give a new one, the old one stays as it was, byte for byte."""
 
 import copy

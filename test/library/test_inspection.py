@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the library makes of a robot: every check on an arm with the mistake and on one without, and on real robots."""
 
 import json

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The disk cache of compiled code: used, invalidated by any kernel source, and never in the way."""
 
 import hashlib

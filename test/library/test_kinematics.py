@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Jacobians, motions of links and configurations: against Pinocchio, and by the properties that define them."""
 
 import math

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Numbers side by side: every lane gets what a number would get alone, to the last bit."""
 
 import math

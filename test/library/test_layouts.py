@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Layouts of viewers: every topic in them is the monitor's, every field its message's, every index a joint's."""
 
 import json

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """While a robot is loaded or compiled: states, services and diagnostics go on, and a signal ends the process."""
 
 import gc

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One quantity of many states: each row is what the single call gives; and batches as sequences and tables."""
 
 import copy

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Joints that move no inertia: who is named, what cures it, and that nobody else is."""
 
 import numpy as np

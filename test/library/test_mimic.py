@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Coupled joints (mimic="embed"): the laws of test_physics.py in independent coordinates, and what is theirs alone."""
 
 import ast

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """MuJoCo as a second oracle, with another algorithm and another reader of URDFs: M = LᵀDL, ν = √D L q̇, ε = √D⁻¹ L⁻ᵀ τ."""
 
 import os

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Robots by their names, and joints by theirs: what is given by name is never taken by position."""
 
 import sys

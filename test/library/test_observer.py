@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The disturbance observer against what Pinocchio says was pushed.
 
 Motions are prescribed, efforts are Pinocchio's inverse dynamics less a known external torque: no integration, and no code of

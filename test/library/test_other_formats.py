@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Xacro and MJCF, each compared with its own tool; open files, and what is refused by name."""
 
 import io

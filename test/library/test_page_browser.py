@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The page in a real Chromium: what it shows are the numbers of the states, wherever it is looked at, whatever happens."""
 
 import colorsys

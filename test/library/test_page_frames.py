@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Frames of the page: numbers are those of the evaluation, poses and mobility are Pinocchio's, one state is as many are."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The scene of a robot: what its URDF draws, where its meshes are, and ellipsoids where they are not."""
 
 import json

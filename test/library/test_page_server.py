@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The page's server over real connections: what it serves, to whom, and that nobody's slowness costs anything."""
 
 import resource

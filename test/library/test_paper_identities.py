@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The numbered statements of Jain and Rodriguez (1995) that are operator identities, or laws along a motion.
 
 `Operators` builds the paper's stacked operators, as dense matrices, from Pinocchio's placements, inertias and motion

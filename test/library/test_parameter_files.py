@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters of a monitor without a monitor: files that a node would take are taken, and what is not known is refused."""
 
 import pytest

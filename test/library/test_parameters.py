@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters beside a URDF: against the same numbers written into the URDF, against Pinocchio, and in every error."""
 
 import math

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The laws of diagonalized dynamics, one test each, over every robot, fixed and floating, against Pinocchio.
 
 Errors are measured in the units of ν (√J), in which all dofs weigh alike: rates times √M_kk, torques over it.

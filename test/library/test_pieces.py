@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recordings in pieces: cut anywhere and put together, they are what one piece is."""
 
 import math

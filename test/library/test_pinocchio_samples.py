@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Pinocchio's own sample models, written out as URDF: a manipulator and humanoids on a free-flyer."""
 
 import numpy as np

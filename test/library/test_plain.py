@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The switch DIAG_DYNAMICS_PLAIN: numba's documented interface alone, and the same numbers."""
 
 import os

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Plots show the numbers that the library computes, with units and names, and no peak gets lost."""
 
 import re

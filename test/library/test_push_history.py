@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What is said of a push: delays, bounds and spans as they are, and every reason why a demonstration has failed."""
 
 import matplotlib.image

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Random trees of every kind of joint against Pinocchio: hypothesis draws the shape, a seed the numbers.
 
 To look at many more: see examples.py.

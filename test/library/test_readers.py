@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Both readers of URDFs, yourdfpy and the one for where it is not installed, give the same models and errors."""
 
 import random

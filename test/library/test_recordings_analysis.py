@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What is said of a recording: against the library's own single calls, sums by NumPy, and motions whose truth is known."""
 
 import json

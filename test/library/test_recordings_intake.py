@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recordings are taken in as the monitor takes in messages: what columns make of them is what one after the other makes."""
 
 from collections import Counter

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recordings of 0.1, in which a topic of this package has another definition, are read as those without it."""
 
 import json

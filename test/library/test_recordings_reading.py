@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recordings from files: bags of every kind, tables of every kind, real ones; and what is written is read again."""
 
 import json

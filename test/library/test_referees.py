@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Where Pinocchio and MuJoCo say that a robot goes: the same efforts, damping, push and payload, integrated by each."""
 
 from typing import NamedTuple

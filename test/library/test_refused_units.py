@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recordings in degrees: refused by their values, and told of as degrees, by every command that takes recordings."""
 
 import numpy as np

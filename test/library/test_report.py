@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Reports: one file, without a network, in which the numbers of the recording are."""
 
 import gzip

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Results: plain and read-only, or written again and again where the caller asks for that."""
 
 import copy

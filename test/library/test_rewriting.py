@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """URDFs with parameters written into them: Pinocchio and our own reader find the numbers, and all else is as it was."""
 
 import numpy as np

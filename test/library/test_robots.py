@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Each excluded robot deserves it, and is treated as its reason says; every other robot is really tested."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The simulation against closed forms, a fine integration of Pinocchio's aba, and its own energy."""
 
 import copy

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Simulation of joints of several degrees of freedom and floating bases, against fine integrations by Pinocchio."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What acts on a simulated robot: friction, limits, efforts, wrenches, payloads; and the energy that each of them moves."""
 
 from itertools import pairwise

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Tables that kernels are told of by one number: Python and kernels agree on names and types, or somebody says so."""
 
 import numpy as np

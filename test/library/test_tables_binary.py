@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parquet and npz: what pandas, pyarrow and numpy write is read back, and whatever is wrong with a file is counted."""
 
 import contextlib

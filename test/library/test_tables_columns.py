@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Which columns of a table hold what: by a map, by the rules for names, or not at all. Nothing is guessed."""
 
 import sys

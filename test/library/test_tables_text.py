@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Text with a row on each line: whatever pandas writes is read back, and whatever is wrong with a file is counted.
 
 Everything is read twice, with pyarrow and without it: the same rows, and the same losses.

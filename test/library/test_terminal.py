@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The terminal view at any width: no line wraps, so that the last joint and the hint are always seen."""
 
 import html

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Names that others have written: wherever they are shown, nothing of them acts on a terminal, a log or a picture."""
 
 import io

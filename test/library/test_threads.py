@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One DiagonalDynamics in several threads: each gets the numbers of its own state."""
 
 import sys

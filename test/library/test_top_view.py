@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The terminal view `top` without a terminal: what is remembered, drawn, and chosen by keys."""
 
 import math

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a URDF becomes, and what is said of one that cannot become a model."""
 
 import ctypes

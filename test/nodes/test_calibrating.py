@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Calibration of alarms on the running monitor: what it proposes is what dd.calibrate makes of the same states."""
 
 import math

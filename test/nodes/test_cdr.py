@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Messages as bytes: of whatever contents, they are what rclpy makes of them, and stay so when numbers are written anew."""
 
 import math

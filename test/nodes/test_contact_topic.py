@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The monitor's topic ~/contact: what the library says, only where somebody listens; limits that hold, told of at once."""
 
 import math

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the controller reads in messages: trajectories, set-points and poses."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The contact limiter on the graph, in lockstep with the simulator: the bound is kept, a push is told of, and it scales."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The controller in real time at 1 kHz: stalls, and what becomes of the robot when it is killed."""
 
 import signal

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The controller in lockstep with the simulator: what it sends, and what becomes of the robot."""
 
 import numpy as np

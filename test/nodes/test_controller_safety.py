@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The controller by itself, with the clock in the test's hands: what it refuses, when it stops, and what it sends then."""
 
 import contextlib

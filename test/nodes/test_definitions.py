@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Messages without a ROS: read from any bytes as rclpy reads them, and defined as ROS has them."""
 
 from collections import Counter

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The demo as people start it: what it says, shows and leaves behind, and that it ends when it should."""
 
 import fcntl

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The demo of control as people start it: a push that is seen, an energy that is bounded, and what it says of both."""
 
 import os

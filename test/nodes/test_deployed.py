@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Files of deploy/ and config/robots with real nodes: what units and the container start, and parameters of each robot."""
 
 import os

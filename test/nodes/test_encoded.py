@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the monitor sends as bytes: of any sequence of states, each is the message that is made of it in the ordinary way."""
 
 from functools import cache

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The terminal view by itself: it finds a monitor, says what it waits for, and shows the topic it is told to."""
 
 import contextlib

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The monitor's disturbance observer on a real graph: what it tells is Pinocchio's, or nothing."""
 
 import contextlib

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What /diagnostics say: every key with its right value, energies that are too high at once, and counters that add up."""
 
 import itertools

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Publishers and quality of service that fit and that do not: what arrives, and what /diagnostics say of the rest."""
 
 import pytest

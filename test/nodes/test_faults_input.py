@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Faults of the inputs, injected into a monitor on a real graph: each counted, named, kept from the outputs, and over."""
 
 import contextlib

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Descriptions, payloads, gravity and all other parameters, changed and mistaken while a monitor runs."""
 
 import math

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Names of joints, links and robots that would act on a terminal or forge lines of a log, in real nodes."""
 
 import math

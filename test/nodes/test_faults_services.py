@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Services under load and under malformed requests: every answer is right or names its fault, and states go on."""
 
 import math

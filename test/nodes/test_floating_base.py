@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The monitor of a robot with a floating base: joint_states and odom in, Pinocchio's free-flyer dynamics out."""
 
 import contextlib

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The parts that judge inputs and watch energies, each by itself: closed forms, decision tables, slow models."""
 
 import math

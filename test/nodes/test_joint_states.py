@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Assembling a robot's state from JointState messages: every way a message can be, and any sequence of them."""
 
 import math

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Joint states as bytes: whatever comes, all is as if each had been deserialized and taken in by an assembler."""
 
 import contextlib

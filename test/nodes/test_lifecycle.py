@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The monitor as a managed node: every transition, what each state offers, a thousand changes, and every end."""
 
 import signal

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Markers: each link where Pinocchio has it, tinted by its share, and everything else by the numbers that it stands for."""
 
 import numpy as np

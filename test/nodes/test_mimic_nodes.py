@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Mimic joints on the graph, coupled to their leaders: listed or not, right or wrong, and moved by efforts of their own."""
 
 import math

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The monitor as a process on a real graph: what it publishes is Pinocchio's, whatever comes in and in which shape."""
 
 import itertools

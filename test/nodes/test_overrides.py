@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a node is given as parameters, in a node of the test's own: other types of the same value, and unknown names."""
 
 import array

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """From bytes to bytes in one pass: two monitors, one that works by templates and one by messages, never say another thing."""
 
 import time

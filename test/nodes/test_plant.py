@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The parts of the simulator, each by itself: drives, sensors, pace, pushes, and the plant they make up."""
 
 import math

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A recording fed to the running monitor in lockstep, and the same one processed: the same states, the same counters.
 
 Lockstep: the time of a message is on /clock and taken before the message is sent, and the message is served before the time

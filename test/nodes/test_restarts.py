@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Nodes that die and come back, in every order; and many monitors in one graph, or in one process."""
 
 import contextlib

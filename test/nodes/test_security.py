@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The policy for SROS 2: it allows each node all that it has on the graph, or it would not start, and nothing besides."""
 
 import contextlib

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The dynamics services: Pinocchio's numbers for good requests, for bad ones a message that names the fault."""
 
 import math

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The simulator under command on a real graph: efforts, wrenches, services, lockstep, and what is wrong with them."""
 
 import itertools

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The simulator as a process on a real graph: its joint states obey Pinocchio's dynamics."""
 
 import itertools

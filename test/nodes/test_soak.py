@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A short soak: what goes in, what is refused and what comes out add up, all of it is right, and nothing grows.
 
 DIAG_DYNAMICS_SOAK_SECONDS makes it as long as wanted, DIAG_DYNAMICS_SOAK_SEED another one.

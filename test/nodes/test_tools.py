@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`diag-dynamics` on a graph: nodes started with plain options, and a look at them without ros2cli."""
 
 import os

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`top` in a real terminal, tmux: what a robot on the graph does is on the screen, and keys change it."""
 
 import contextlib

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The robot on one host, the monitor on another, and a wire between them that is cut, loses, delays and reorders."""
 
 import contextlib

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Two robots under control side by side, their nodes started as control.launch.py starts them, in namespaces of their own."""
 
 import contextlib

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The view on a real graph: simulator, monitor and view in processes of their own, read over a real connection."""
 
 import signal

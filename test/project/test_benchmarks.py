@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The benchmarks in their short form: outputs are compared, every ratio is computed. Never a time."""
 
 import json

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The command line without ROS: what it lists, what it refuses, and compiling ahead."""
 
 import os

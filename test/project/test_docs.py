@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The pages: what is generated is fresh and holds what the code does, links lead somewhere, and lines can be read."""
 
 import importlib.util

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """docs/faults.md names tests that exist, every fault has one, and every test of faults is named there."""
 
 import ast

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The figures of docs/concepts.md: drawn anew they are the ones that are there, and they show what the page says."""
 
 import importlib

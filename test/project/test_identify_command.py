@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`diag-dynamics identify` and what it writes, on a simulated arm whose truth is known."""
 
 import json

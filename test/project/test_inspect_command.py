@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`diag-dynamics inspect`: its exit status, what it prints for people and for machines, and the file that it writes."""
 
 import json

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The package as a whole: what is declared in several places agrees, and what is promised is there."""
 
 import ast

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Building and finding things: what scripts, CMake and the demo's robot say where something is different or absent."""
 
 import os

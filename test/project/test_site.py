@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The site: built without a warning, complete, and without a request to anybody else, in a browser too."""
 
 import http.server

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Programs and commands of the pages on recordings, identification, alarms, inspection, contact and plots, as they stand.
 
 Their files are a robot and its recordings: a UR5, two of whose names are those of the pages, with friction and rotors that

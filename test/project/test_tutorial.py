@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The path of a stranger: every block of docs/tutorial.md, in its order, in an empty folder."""
 
 import os

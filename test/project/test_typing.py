@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What type checkers and editors know of the library: they find a user's mistakes, and none where there is none."""
 
 import ast

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How exact is exact: the tolerance of every comparison with an oracle, stated once."""
 
 import numpy as np

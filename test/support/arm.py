@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A UR5: its states, and the commands that it should be given by Pinocchio alone."""
 
 import numpy as np

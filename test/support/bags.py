@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bags to read: messages written by the libraries that others read and write bags with."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A controller in a process of its own, as tests see it, and its commands by Pinocchio alone."""
 
 import contextlib

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Coupled joints (URDF mimic tags) without the library: their structure, an oracle, named robots and random ones.
 
 `Coupling` reads the tags and says who follows whom and which joints form one aggregate. `Coupled` is an oracle with

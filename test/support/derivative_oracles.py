@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Oracles, from Pinocchio, of what goes with rates of change: ∂M/∂q, B, frame Jacobians, coupled joints.
 
 Imports nothing of diag_dynamics. What `oracles.State` has already (ṁ, Ḋ, C_s, all exact) is not repeated here.

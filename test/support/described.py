@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Robots of the wheel with their oracles and states, and units of time: what tests with and without ROS 2 share."""
 
 import copy

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How much tests try: by default always the same few cases, so that a run is short and repeatable.
 
 `make test-all` runs all cases and the full times. To have hypothesis look at a hundred times as many examples, and at others

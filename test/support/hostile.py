@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recordings in which much goes wrong: joint states as bytes, with times of reception."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Motions that excite a robot, what Pinocchio says that they need, and recordings of them."""
 
 import numpy as np

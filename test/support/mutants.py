@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Mutants of the rules for joint states: whether the tests notice when a rule is wrong.
 
 As a program: ``python test/support/mutants.py`` copies the package once for each mutant, changes one line of the copy and

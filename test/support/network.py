@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Two hosts and the wire between them, on one machine: Linux network namespaces, and frames carried by hand.
 
 Each host has interfaces, sockets and a /dev/shm of its own, so whatever goes from one to the other goes over the wire.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Nodes in processes of their own, a node to talk to them, and what their messages have to say."""
 
 import contextlib

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Independent answers, from Pinocchio, for what diag_dynamics computes. Imports nothing of diag_dynamics.
 
 `Oracle` is a robot, `State` one (q, q̇, τ) of it. Vectors and matrices are in the caller's order of dofs: they

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Blocks of code in the pages, and what is to be done with each: it stands in a comment above.
 
 ``<!-- test: run -->``

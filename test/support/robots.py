@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The URDFs of the `example-robot-data` wheel, and which of them have no diagonalized dynamics to check.
 
 A robot is *regular* when the mass matrix of its fixed-base model, every joint independent (`mimic="free"`),

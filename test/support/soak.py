@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A soak of the monitor: a stream of states at a high rate with faults among them, and whether all of it is accounted for.
 
 As a test, for seconds: test_soak.py. As a program, for hours: ``python test/support/soak.py --seconds 3600``.

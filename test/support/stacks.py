@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a process that hangs is at: the Python of all its threads, and where there is gdb, what is below that."""
 
 import os

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A reader of the page's stream, and of whatever else its server has: over a real connection."""
 
 import contextlib

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The page: what it consists of, who hears of what, and when what is drawn anew.
 
 import { Bar } from "./bar.js";

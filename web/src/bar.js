@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The head of the page: robot, state, window, and what one can do; and the buttons beside the strip of time.
 
 import { el, say } from "./dom.js";

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The right of the page: cards of plots, of diagnostics, and of what a report tells; one cursor common to all.
 
 import { el, resized, say, scrolling } from "./dom.js";

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // What a report tells in words and numbers: cards before the plots.
 
 import { breakable, el, scrolling } from "./dom.js";

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // Colours of joints, the ramp of links, and the theme.
 
 // The first colours are those that the terminal and the plots give to joints.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // What a touch would cost, point by point: a card that is there once a monitor tells of it. Advisory, and says so.
 
 import { breakable, el, say, scrolling, toggle } from "./dom.js";

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The states of the window that is seen, a column for each quantity and joint.
 
 import { shortFields } from "./layout.js";

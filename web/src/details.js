@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // All quantities of the joint or link that was chosen.
 
 import { el, say } from "./dom.js";

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // What tests may look at, and nobody may change: window.diag.
 
 import { shortFields } from "./layout.js";

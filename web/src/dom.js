@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // Elements. Text is always text: names come from robots, and nothing of them is ever read as HTML.
 
 export function el(tag, attributes = {}, ...children) {

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The linear part of J M⁻¹ Jᵀ: its axes, and the mass that somebody feels who pushes along a direction.
 
 // Places of the linear 3×3 block in the upper triangle of a symmetric 6×6 matrix, row by row.

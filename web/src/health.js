@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // Whether what is shown can be believed, in a word and a colour.
 
 import { FLAGS } from "./layout.js";

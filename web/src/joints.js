@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The table of joints: a row for each, with bars of what it has, gives, bears and is pushed by.
 
 import { jointColour, OTHERS } from "./colours.js";

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // What a frame consists of: the time as a double, then fields of floats, in the order that the layout says.
 
 import { shortNames } from "./format.js";

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The source of what is live: robots, their streams, meshes.
 
 import { Layout } from "./layout.js";

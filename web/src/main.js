@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // Begins: with the recording that is in this file, or with what the server streams.
 
 import { App } from "./app.js";

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The ellipsoid of J M⁻¹ Jᵀ at a link, and the link's velocity: in the same scale, metres for metres per second.
 
 import {

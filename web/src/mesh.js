@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // Meshes as the server sends them: numbers of vertices and triangles (u32), positions (float32), indices (u32).
 
 import { BufferAttribute, BufferGeometry } from "three";

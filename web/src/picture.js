@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // A picture of what is seen: boxes, canvases and texts of the page, painted where they are.
 
 export async function picture(before) {

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // One plot over time: a card with a title, a legend whose numbers are those at the cursor, and lines by uPlot.
 
 import uPlot from "uplot";

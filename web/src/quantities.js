@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // What is shown of a state: the plots' lines, the columns of the table of joints, and what links are coloured by.
 // A getter takes the store's floats and where a row begins in them.
 

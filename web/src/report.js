@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The source of a report: the recording that is in this file, and what was found in it.
 
 import { Layout } from "./layout.js";

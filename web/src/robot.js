@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The robot as three.js has it: a group for each link, in the link's frame, with all that is seen of it.
 
 import {

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // States in order of time: a bounded store from which the oldest go first, each a row of floats as its frame has them.
 
 const BEGINNING = 256; // rows

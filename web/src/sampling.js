@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // Lines of at most so many points, none of whose peaks is missing.
 
 const GAP = 8; // times the usual distance, from which no line goes over

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The left of the page: the robot, what its colours mean, and what is told of the marked link.
 
 import { COLOURINGS, K, roundUp } from "./quantities.js";

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The endless answer of the server, packet by packet; comes back by itself after whatever has ended it.
 
 const SHORTEST = 250;

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The strip below: all that is stored, as K over time, with contacts, the window, and the moment; to be scrubbed.
 
 import { faded } from "./colours.js";

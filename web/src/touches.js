@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // What touches would have cost lately: numbers of every point at each moment that was told, in order of time.
 
 import { Rows } from "./rows.js";

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The states of a report in one store: those of the whole recording, and, around contacts, all there were.
 
 import { Rows } from "./rows.js";

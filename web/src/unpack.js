@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // What packing.py has packed: columns of numbers, times, meshes.
 
 export async function bytesOf(id) {

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // Which time is seen: the window of all plots, and the one moment at which numbers and robot are shown.
 
 import { clock, decimalsOf } from "./format.js";

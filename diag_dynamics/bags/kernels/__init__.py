@@ -1,1 +1,4 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiled passes over the bytes of a file of messages."""

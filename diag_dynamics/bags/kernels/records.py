@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Records of MCAP: found in bytes, and written from columns.
 
 A record is a byte that says its kind, its length in eight bytes, and so many bytes of content.

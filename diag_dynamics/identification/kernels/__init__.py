@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Regressors of momentum and gravity, their filter and normal equations, over the states of a recording in one pass."""
 
 from diag_dynamics.compiled.kernel import ready

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Filtered momentum regressor and its normal equations, state by state, in one pass."""
 
 import math

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The controller, by ``python3 -m diag_dynamics.nodes.controller``."""
 
 import sys

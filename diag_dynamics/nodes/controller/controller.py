@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The controller node: joint_states and targets in, efforts out, by laws in total joint rates."""
 
 from array import array

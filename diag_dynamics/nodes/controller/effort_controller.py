@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Asking the effort controller for the order of its joints: once before anything is sent, and again and again after that."""
 
 import time

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Targets as they arrive in messages: their form is checked, and joints are put into the robot's order."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the controller says on /diagnostics of the law in force, of its commands and of what it is told."""
 
 from collections import Counter

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the controller says with every command, as a message."""
 
 from diag_dynamics.control import PoseError

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The demo: a simulated robot, the monitor, and a live view of its kinetic energy, on a real ROS 2 graph."""
 
 import argparse

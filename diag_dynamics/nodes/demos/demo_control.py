@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The demo of control: somebody pushes an arm, the monitor sees it, and the controller bounds the kinetic energy.
 
 Simulator, controller and monitor are processes of their own on a real ROS 2 graph, in lockstep: simulated time goes on by the

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A live terminal view of the monitor's kinetic energy; at the end a summary and a picture."""
 
 import argparse

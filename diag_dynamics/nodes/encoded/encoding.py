@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What MessageMaker makes, as the bytes that are sent: laid out once, then only the numbers are written anew."""
 
 import math

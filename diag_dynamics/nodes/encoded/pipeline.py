@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """From the bytes of a joint state to the bytes of all messages about it, in one compiled pass."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Powers of gravity and of the model's friction at a state, which no message holds: the balance of power wants them."""
 
 import math

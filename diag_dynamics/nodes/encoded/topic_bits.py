@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The monitor's topics about a state as numbers: a bit for each, where several of them are told of at once.
 
 Kernels take bits as arguments. One that had them compiled in would go stale when the list of topics changes.

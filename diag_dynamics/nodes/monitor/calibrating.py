@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Thresholds of alarms from the running monitor: a service that begins a run without contact, ends it, and proposes them."""
 
 import math

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a touch would cost at the monitor's states: limits that are kept or not, and what diagnostics say of it."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A robot as the monitor keeps it: the model in force, what has arrived of its state, and its energies."""
 
 from contextlib import suppress

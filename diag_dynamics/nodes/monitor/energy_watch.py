@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What is watched over all states: energies against their thresholds, the balance of power, and the numbers' health."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Balance of power of the last minute, as a recording's is judged: over windows, from a few numbers of each state."""
 
 import numpy as np

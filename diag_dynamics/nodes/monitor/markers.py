@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A robot as markers: links tinted by energy share, the ellipsoid of JM⁻¹Jᵀ, a velocity, a text, and a contact."""
 
 import math

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The monitor node: joint_states and robot_description in, diagonalized dynamics out."""
 
 import contextlib

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the monitor publishes: each topic's message, made only where somebody listens, and no more often than wanted."""
 
 import time

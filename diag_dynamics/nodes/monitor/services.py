@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The dynamics services: each answers with numbers, or with success = false and a message that names the fault."""
 
 import re

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """External torque over all states: the disturbance observer at the monitor's states, and what diagnostics say of it."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The simulator, by ``python3 -m diag_dynamics.nodes.simulator``."""
 
 import sys

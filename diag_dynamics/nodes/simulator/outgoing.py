@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the simulator publishes, as messages."""
 
 from nav_msgs.msg import Odometry

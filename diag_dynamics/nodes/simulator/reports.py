@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the simulator says on /diagnostics of its robot, its pace and those who command it."""
 
 from collections import Counter

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The simulator node: a robot that moves under its own dynamics, takes effort commands and publishes what a driver would."""
 
 import time

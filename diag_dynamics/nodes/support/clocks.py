@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Who publishes simulated time, which has to be one node."""
 
 from diag_dynamics.nodes.support.diagnostics import counted

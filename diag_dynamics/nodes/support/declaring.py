@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters of a node by a table: declared with type, default, description and range, and judged when they are set."""
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult

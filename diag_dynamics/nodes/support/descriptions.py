@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Robots of descriptions that come while a node is at work: made in a thread beside it, handed over between two callbacks."""
 
 import codecs

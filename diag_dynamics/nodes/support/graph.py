@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Who publishes on a topic, and whether anything of it can arrive; where messages of a type are."""
 
 from rclpy.qos import QoSCompatibility, qos_check_compatible

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What has arrived, done in such a way that nothing that goes wrong ends the node."""
 
 from typing import NamedTuple

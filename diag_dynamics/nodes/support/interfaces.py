@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Topics and services of each node: the one table behind `--help` and docs/interfaces.md. No ROS."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the launch files start: their arguments, and what each node is given by these. ``launching`` has `launch` do it."""
 
 import os

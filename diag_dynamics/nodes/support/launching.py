@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the launch files do with `launch`, for which only they are: see :mod:`~diag_dynamics.nodes.support.launches`."""
 
 from launch import LaunchDescription

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Which robot a node works with: the parameters that say so, and the model they make of a description."""
 
 from functools import cache

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A logger that shows what others have written as it is, and lets nothing of it act on a terminal or in a file."""
 
 import os

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A managed node that can bring itself up, and that no transition, however wrong, brings down."""
 
 from functools import cached_property

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """From results to messages and from requests to vectors. Dense numbers go through array('d'), the fast legal way."""
 
 import math

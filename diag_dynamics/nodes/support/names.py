@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Names: those of this package's nodes, the same however they are started, and the one that a misspelt name means."""
 
 from difflib import get_close_matches

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a node is given as parameters: made what its table wants, where that is plain; told of, where it is not known."""
 
 from importlib import import_module

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Plain options of a node (``--rate 500 --namespace /arm``) as ROS arguments (``-p rate:=500.0 -r __ns:=/arm``)."""
 
 import json

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Publishers and subscriptions whose QoS parameters may override; and how often something is published."""
 
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind

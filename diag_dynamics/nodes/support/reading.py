@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Joint states and odometry as rclpy reads them."""
 
 from nav_msgs.msg import Odometry

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """From requests of services to vectors in the model's order, each wrong entry named."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Starting an executable so that a Ctrl-C is heard from the first moment on.
 
 The libraries below import for a second, and some of them swallow a KeyboardInterrupt meanwhile. So the signals are

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The monitor's own topics: the list that publishers, messages as bytes, `--help` and docs/interfaces.md go by. No ROS."""
 
 from typing import NamedTuple

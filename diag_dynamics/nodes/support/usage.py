@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What `--help` of a node says: its topics, its services and its parameters; and which of these are options."""
 
 import argparse

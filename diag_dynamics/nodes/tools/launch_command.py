@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`diag-dynamics launch`: the launch files of this package without `launch`, which PyPI lacks."""
 
 import argparse

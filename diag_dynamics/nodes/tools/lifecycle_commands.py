@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`diag-dynamics lifecycle`: states of managed nodes, and transitions."""
 
 from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState

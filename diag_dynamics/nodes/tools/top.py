@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Robots on the graph in this terminal: their joints by energy, torque or velocity, with peaks, limits and alarms."""
 
 import argparse

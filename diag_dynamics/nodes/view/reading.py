@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Messages by their bytes: what was laid out once is read without rclpy, number by number."""
 
 import numpy as np

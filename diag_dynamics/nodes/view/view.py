@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The view node: a page in the browser that shows the robots of monitors, live. It commands nothing."""
 
 from diagnostic_msgs.msg import DiagnosticArray

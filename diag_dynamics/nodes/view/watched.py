@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One monitor as the view watches it: its messages as bytes, and the model that it has, as its parameters make it."""
 
 import json

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The table of a fleet as a page: fleet.html, which leads to the report and the summary of each recording."""
 
 import html

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The analysis of a fleet's archive: tasks are handed to Dask, and what comes back is told of in one table."""
 
 from __future__ import annotations

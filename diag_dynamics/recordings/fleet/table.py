@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The table of a fleet: a row for each recording, and all of them together for each robot."""
 
 from collections import Counter

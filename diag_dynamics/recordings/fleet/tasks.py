@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Tasks about one recording, as they are sent to workers: whatever they hand over is small, and they may be run again."""
 
 import json

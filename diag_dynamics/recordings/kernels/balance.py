@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Balance of power over windows of time, in one pass over the states."""
 
 from diag_dynamics.compiled.kernel import COUNT, NUMBER, entry_kernel

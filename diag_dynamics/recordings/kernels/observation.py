@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The disturbance observer over many states: its recursion, with everything but the states themselves carried on."""
 
 import numpy as np

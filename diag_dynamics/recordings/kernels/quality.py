@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What neighbouring states of a recording say of its data, in one pass over them."""
 
 from diag_dynamics.compiled.kernel import COUNT, NUMBER, entry_kernel

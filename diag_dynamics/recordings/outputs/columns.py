@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The columns of a piece: a quantity of each joint or link, by name, with its unit."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """MCAP: the monitor's messages about every state, as ``ros2 bag play`` plays them."""
 
 import os

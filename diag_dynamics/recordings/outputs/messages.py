@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Pieces as serialized messages of the monitor, a row of bytes each."""
 
 from functools import cache

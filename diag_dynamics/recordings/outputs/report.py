@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The report of a recording: what the page of a live robot shows, in one HTML file."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What Parquet and CSV have in common: columns that pyarrow writes, piece by piece."""
 
 import os

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Which states of a recording a report keeps: some of all of it, none of whose peaks is missing, and all around contacts."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What somebody at the keys of `top` has chosen."""
 
 from diag_dynamics.views.top.history import LONGEST

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Lines of text that show numbers: sparklines of blocks, charts of braille; of plain letters where there is no Unicode."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What `top` remembers of one robot: the last minute in slots, and peaks of all states."""
 
 import numpy as np

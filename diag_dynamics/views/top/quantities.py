@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Quantities of joints that `top` shows: what each is, and the row that it has in a history."""
 
 from typing import NamedTuple

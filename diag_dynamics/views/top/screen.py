@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The terminal that `top` has for itself: a screen of its own, keys without Enter, and all as it was afterwards."""
 
 import codecs
