@@ -177,6 +177,7 @@ INTERFACES = {
     "view": (
         Interface(IN, "diag_dynamics/state", "DiagonalizedState", "of each monitor that is found, whatever its name"),
         Interface(IN, "diag_dynamics/external_torque", "ExternalTorque", "likewise"),
+        Interface(IN, "diag_dynamics/contact", "Contact", "of every monitor that judges contact by limits"),
         Interface(IN, "robot_description", "std_msgs/String", "URDF, in the namespace of each monitor"),
         Interface(IN, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "what each robot's nodes say"),
         CLOCK,
