@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a person would call the hand of a robot: the link that a page's ellipsoid begins with."""
 
 from __future__ import annotations

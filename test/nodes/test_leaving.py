@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A node that is over has left the graph before its process ends: the middleware has no thread for it any more."""
 
 import subprocess

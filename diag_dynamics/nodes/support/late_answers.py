@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Answers of a service that are sent after its callback is over: rclpy's EventsExecutor takes no coroutines for callbacks."""
 
 
