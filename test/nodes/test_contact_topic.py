@@ -21,7 +21,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
 ENTRY = "contact"
 
-TYPE = "expected 'Type.STRING_ARRAY'"
+TYPE = "Wrong parameter type"
 """What rclpy says of a value of another type; it names no parameter."""
 
 LIMITS = """
