@@ -28,7 +28,7 @@ class ByArrow:
         self.arrow, self.choice, self.decimal = arrow, choice, decimal
         csv, used = arrow.csv, choice.used()
         names = [str(k) for k in range(len(head.columns))]  # those in the file may be there twice
-        # With Arrow's threads six of 148 processes were aborted at their end, without them none of 220; a block takes as long.
+        # With Arrow's threads six of 148 processes were aborted at their end, without none of 220; a block takes as long.
         self._read = csv.ReadOptions(column_names=names, block_size=1 << 26, use_threads=False)
         self._parse = csv.ParseOptions(delimiter=head.delimiter)
         self._convert = csv.ConvertOptions(

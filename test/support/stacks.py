@@ -7,6 +7,7 @@ import os
 import shutil
 import signal
 import subprocess
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -59,14 +60,22 @@ def known_of(process):
     return ""
 
 
+def _wait_for_end(process, longest=5.0):
+    """Wait until a process is over, for a time [s]: one that is stopped in the kernel says nothing."""
+    end = time.monotonic() + longest
+    while process.status() != psutil.STATUS_ZOMBIE and time.monotonic() < end:
+        time.sleep(0.01)  # nothing tells of another's child
+
+
 def asked_for(pid):
     """Have a process and those it has started say where they are, which ends them; and return what is known besides.
 
-    Their own words go to where their errors go.
+    Their own words go to where their errors go, one after the other: two at once would be mixed letter by letter.
     """
     processes = family(pid)
     found = [known_of(process) for process in processes]
     for process in processes:
         with suppress(psutil.NoSuchProcess):
             process.send_signal(DUMP)
+            _wait_for_end(process)
     return "\n".join(found)
