@@ -24,6 +24,7 @@ import psutil
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support")]
 
+# E402: `streams` is in test/support and found by the line above alone.
 from diag_dynamics.model.example_robots import find_urdf  # noqa: E402
 from streams import CONTACT, FRAME, HEARTBEAT, Stream, get_json  # noqa: E402
 
