@@ -7,6 +7,7 @@ import argparse
 import sys
 from importlib import import_module, util
 
+from diag_dynamics.cli.interrupted import terminable
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.text import plain
 
@@ -56,7 +57,8 @@ def run_tool(name, arguments):
     getattr(import_module(f"diag_dynamics.nodes.tools.{module}"), function)(parser)
     chosen = parser.parse_args(arguments)
     try:
-        chosen.run(chosen)
+        with terminable():
+            chosen.run(chosen)
     except DiagDynamicsError as error:
         print(plain(f"diag-dynamics {name}: {error}"), file=sys.stderr)
         return 1

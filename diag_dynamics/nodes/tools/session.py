@@ -9,8 +9,9 @@ import time
 from contextlib import contextmanager
 
 import rclpy
+from rcl_interfaces.srv import GetParameterTypes
 from rclpy.exceptions import InvalidServiceNameException, InvalidTopicNameException
-from rclpy.executors import ExternalShutdownException
+from rclpy.signals import SignalHandlerOptions
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.names import nearest
@@ -23,6 +24,9 @@ QUIET = 1.0
 
 LONGEST = 5.0
 """Time [s] for which the graph is looked at, at most."""
+
+AGAIN = 0.5
+"""Time [s] after which an answer that has not come is asked for again, where asking changes nothing."""
 
 HIDDEN = "_"
 """Begins the names of nodes that lists leave out."""
@@ -125,25 +129,52 @@ class Session:
         client = self.node.create_client(kind, service)
         try:
             self.until(client.service_is_ready, f"service {service}", timeout)
+            self._become_known(service.rpartition("/")[0], timeout)
             future = client.call_async(request)
             self.until(future.done, f"an answer of {service}", timeout)
             return future.result()
         finally:
             self.node.destroy_client(client)
 
+    def _become_known(self, node, timeout):
+        """Wait until a node knows of the clients made here so far, where it has parameters.
+
+        A client may know a service before the service knows the client, and then Fast DDS throws the answer away after
+        100 ms: on a busy machine the request is acted on, and nobody hears of it. A node hears of clients in the order in
+        which they were made, so an answer to one made now, asked for until it comes, tells that those before it are known.
+        """
+        service = f"{node}/get_parameter_types"
+        if service not in dict(self.node.get_service_names_and_types()):
+            return
+        client = self.node.create_client(GetParameterTypes, service)
+        asked, due = [], 0.0
+
+        def is_answered():
+            nonlocal due
+            if client.service_is_ready() and time.monotonic() >= due:
+                asked.append(client.call_async(GetParameterTypes.Request()))
+                due = time.monotonic() + AGAIN
+            return any(future.done() for future in asked)
+
+        try:
+            self.until(is_answered, f"an answer of {node}", timeout)
+        finally:
+            self.node.destroy_client(client)
+
 
 @contextmanager
 def session():
-    """Session of one command; a Ctrl-C ends it quietly."""
-    rclpy.init(args=[])
+    """Session of one command, which whoever runs it may end by an exception from a signal.
+
+    rclpy's own handlers of signals would shut it down from another thread, and where both do so at once one of them fails.
+    """
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node(
             f"{HIDDEN}diag_dynamics_{os.getpid()}", enable_rosout=False, start_parameter_services=False
         )
         yield Session(node)
         node.destroy_node()
-    except ExternalShutdownException:
-        pass
     except (InvalidServiceNameException, InvalidTopicNameException) as error:
         raise InputError(f"{' '.join(str(error).split())}.") from error
     finally:
