@@ -7,12 +7,10 @@ A file stands by itself, as `ros2 bag play`, `ros2 bag info` and Foxglove open i
 of a folder would, so none is written.
 """
 
-import os
 import struct
 import zlib
 from collections import Counter
 from contextlib import suppress
-from pathlib import Path
 
 import numpy as np
 
@@ -35,6 +33,7 @@ from diag_dynamics.bags.kernels.records import (
     lay,
 )
 from diag_dynamics.bags.mcap_reader import MAGIC
+from diag_dynamics.bags.part import Part
 from diag_dynamics.exceptions import InputError
 
 _ENTRY = np.dtype([("log_time", "<u8"), ("at", "<u8")])  # of a message index
@@ -60,15 +59,16 @@ class McapWriter:
     """
 
     def __init__(self, path, compression="zstd", level=1, chunk_size=1 << 20):
-        self.path, self._part = Path(path), Path(f"{path}.part")
         self._compression, self._compress = compression, _compressor(compression, level)
+        self._part = Part(path)
+        self.path = self._part.path
         self._chunk_size, self._size, self._crc = chunk_size, 0, 0
         self._schemas, self._channels, self._counts = {}, [], Counter()
         self._declarations = {SCHEMA: [], CHANNEL: []}
         self._chunk_indexes, self._span = [], _Span()
         self._begin_chunk()
         try:
-            self._file = open(self._part, "wb")  # noqa: SIM115 (it is open as long as this object)
+            self._file = open(self._part.name, "wb")  # noqa: SIM115 (it is open as long as this object)
         except OSError as error:
             raise self._failure(error) from error
         version = f"diag_dynamics {diag_dynamics.__version__}"
@@ -165,7 +165,7 @@ class McapWriter:
             self._put(_record(DATA_END, struct.pack("<I", self._crc)))
             self._put_summary()
             self._file.close()
-            os.replace(self._part, self.path)
+            self._part.keep()
         except OSError as error:
             self.abort()
             raise self._failure(error) from error
@@ -177,7 +177,7 @@ class McapWriter:
         """Remove what has been written."""
         with suppress(OSError):  # what was still to be written is not wanted
             self._file.close()
-        self._part.unlink(missing_ok=True)
+        self._part.drop()
 
     def _checked(self, channel, rows, log_time):
         if not 1 <= channel <= len(self._channels):

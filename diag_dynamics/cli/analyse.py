@@ -11,6 +11,7 @@ import time
 from functools import partial
 from pathlib import Path
 
+from diag_dynamics.bags.part import Part
 from diag_dynamics.cli import fleet, given
 from diag_dynamics.cli.interrupted import orderly
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
@@ -22,7 +23,6 @@ from diag_dynamics.recordings.outputs.csv import CsvOutput
 from diag_dynamics.recordings.outputs.mcap import WRITTEN, McapOutput
 from diag_dynamics.recordings.outputs.messages import TOPICS
 from diag_dynamics.recordings.outputs.parquet import ParquetOutput
-from diag_dynamics.recordings.outputs.part import Part
 from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import WIDTH, summary_of, text_of

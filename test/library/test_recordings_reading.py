@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -332,6 +333,35 @@ def written(tmp_path_factory, panda, raws):
     assert status == 0
     assert not list(folder.glob("*.part"))
     return folder
+
+
+@pytest.mark.parametrize("name", ["out.mcap", "out.csv", "out.json"])
+def test_what_is_no_file_is_written_itself(written, tmp_path, name):
+    """A named pipe stays one, as /dev/null has to, and carries what the file has; behind a link stands the file."""
+    pipe, link, target = tmp_path / "pipe", tmp_path / "link", tmp_path / "elsewhere" / "target"
+    os.mkfifo(pipe)
+    target.parent.mkdir()
+    link.symlink_to(target)
+    option, command = f"--{name.partition('.')[2]}", ["analyse", str(written / "in.mcap"), "--urdf", "panda", "--quiet"]
+    with ThreadPoolExecutor(1) as pool:
+        read = pool.submit(pipe.read_bytes)
+        assert main([*command, option, str(pipe)]) == 0
+        assert read.result(timeout=60) == (written / name).read_bytes()
+    assert pipe.is_fifo()
+    for _ in range(2):  # it is not there, and it is
+        assert main([*command, option, str(link)]) == 0
+        assert link.is_symlink() and target.read_bytes() == (written / name).read_bytes()
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["elsewhere", "link", "pipe", "target"]
+
+
+def test_parquet_into_a_pipe_is_refused(written, tmp_path, capsys):
+    """Its writer asks where in the file it is. The pipe stays."""
+    os.mkfifo(tmp_path / "pipe")
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit((tmp_path / "pipe").read_bytes)
+        assert main(["analyse", str(written / "in.mcap"), "--urdf", "panda", "--parquet", str(tmp_path / "pipe")]) == 2
+    assert f"'{tmp_path}/pipe' cannot be written: lseek failed" in capsys.readouterr().err
+    assert (tmp_path / "pipe").is_fifo()
 
 
 @pytest.fixture(scope="module")

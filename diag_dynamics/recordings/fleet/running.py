@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
+from diag_dynamics.bags.part import Part
 from diag_dynamics.batch import cores
 from diag_dynamics.checks import positive
 from diag_dynamics.exceptions import InputError
@@ -25,7 +26,6 @@ from diag_dynamics.recordings.fleet import tasks
 from diag_dynamics.recordings.fleet.jobs import OWN, Options, jobs_of
 from diag_dynamics.recordings.fleet.page import page_of
 from diag_dynamics.recordings.fleet.table import report_of, rows_of
-from diag_dynamics.recordings.outputs.part import Part
 
 PIECE = 600.0
 """Length of the pieces of long recordings [s]: the time to settle is less than a hundredth of it."""

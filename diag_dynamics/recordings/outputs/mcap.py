@@ -3,8 +3,6 @@
 
 """MCAP: the monitor's messages about every state, as ``ros2 bag play`` plays them."""
 
-import os
-
 from diag_dynamics.bags.mcap_writer import McapWriter
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.recordings.outputs.messages import MessageRows
@@ -42,7 +40,7 @@ class McapOutput:
         alarms = wanted.alarms if wanted else None
         limits = alarms.limits(reading.model.dof_names) if alarms else None
         rows = [MessageRows(topic, dynamics, friction, thresholds, limits) for topic in topics]
-        self._writer, definitions = McapWriter(os.path.expanduser(os.fspath(path))), our_definitions()
+        self._writer, definitions = McapWriter(path), our_definitions()
         self._rows = [
             (self._writer.channel(f"{NODE}/{one.topic}", one.type, definition_with_parts(one.type, definitions)), one)
             for one in rows

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 import diag_dynamics
+from diag_dynamics.bags.part import Part
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.page.contact import mass_of_half
@@ -19,7 +20,6 @@ from diag_dynamics.page.packing import pack_meshes
 from diag_dynamics.page.report import EVERY, as_text, full_rate, overview, page_of, write_report
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.parameters.monitor import PARAMETERS
-from diag_dynamics.recordings.outputs.part import Part
 from diag_dynamics.recordings.outputs.telling import Contacts, Overview, Rows, Works, mean_powers
 
 OVERVIEW = 6_500_000

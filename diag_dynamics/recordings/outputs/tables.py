@@ -7,9 +7,9 @@ import os
 from contextlib import suppress
 from importlib import import_module
 
+from diag_dynamics.bags.part import Part
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.outputs.columns import Columns
-from diag_dynamics.recordings.outputs.part import Part
 
 
 class TableOutput:
@@ -51,10 +51,13 @@ class TableOutput:
         if self._columns is None:
             self._columns = Columns(self.model, self._reading.offset, self._friction)
         table = self.table(self._columns.units, self._columns.values(piece))
-        if self._writer is None:
-            self._file = self.arrow.OSFile(os.fsencode(self._part.name), "w")  # bytes: a name may be no UTF-8
-            self._writer = self.opened(self._file, table)
-        self._writer.write_table(table)
+        try:
+            if self._writer is None:
+                self._file = self.arrow.OSFile(os.fsencode(self._part.name), "w")  # bytes: a name may be no UTF-8
+                self._writer = self.opened(self._file, table)
+            self._writer.write_table(table)
+        except OSError as error:  # "lseek failed", of Parquet into a pipe: pyarrow does not say where
+            raise InputError(f"'{self._part.path}' cannot be written: {error}.") from error
 
     def close(self):
         """Have the file be whole; without a single state there is none."""

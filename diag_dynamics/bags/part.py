@@ -13,12 +13,17 @@ from diag_dynamics.exceptions import InputError
 class Part:
     """A file that is being written, beside the path that it will have.
 
+    Behind a link the file that it leads to is replaced, not the link. What is no file, such as /dev/null or a named pipe,
+    is written itself: another file in its place would take it away from everybody.
+
     Parameters
     ----------
     path : str or Path
 
     Attributes
     ----------
+    path : Path
+        As it was given.
     name : str
         Of the file for now: it is there, with nothing in it.
 
@@ -30,11 +35,15 @@ class Part:
 
     def __init__(self, path):
         self.path = Path(os.path.expanduser(os.fspath(path)))
-        if not self.path.parent.is_dir():
-            raise InputError(f"'{self.path}' cannot be written: there is no folder '{self.path.parent}'.")
+        self._target = Path(os.path.realpath(self.path)) if self.path.is_symlink() else self.path
+        self._is_direct = self.path.exists() and not self.path.is_file()
+        if not self._is_direct and not self._target.parent.is_dir():
+            raise InputError(f"'{self.path}' cannot be written: there is no folder '{self._target.parent}'.")
         if self.path.is_dir():
             raise InputError(f"'{self.path}' cannot be written: it is a folder.")
-        self.name = f"{self.path}.part"
+        self.name = str(self.path) if self._is_direct else f"{self._target}.part"
+        if self._is_direct:  # not opened: whoever reads a pipe would take its closing for the end
+            return
         try:
             open(self.name, "wb").close()
         except OSError as error:
@@ -42,9 +51,11 @@ class Part:
 
     def keep(self):
         """Give the file its name."""
-        os.replace(self.name, self.path)
+        if not self._is_direct:
+            os.replace(self.name, self._target)
 
     def drop(self):
         """Delete what has been written."""
-        with suppress(OSError):
-            os.remove(self.name)
+        if not self._is_direct:
+            with suppress(OSError):
+                os.remove(self.name)
