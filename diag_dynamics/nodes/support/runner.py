@@ -80,6 +80,7 @@ def settle():
     """
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 def let_go():
