@@ -388,6 +388,17 @@ def test_parquet_has_every_quantity(written, panda, driven, evaluated):
     assert table.schema.metadata[b"robot"] == b"panda"
 
 
+def test_parquet_tells_where_a_time_or_a_peak_is(written, driven, evaluated):
+    """What is no joint's or link's, so that who looks for it can skip the rest of a day."""
+    import pyarrow.parquet
+
+    group = pyarrow.parquet.ParquetFile(written / "out.parquet").metadata.row_group(0)
+    told = {one.path_in_schema: one.statistics for one in map(group.column, range(group.num_columns))}
+    for name, expected in (("stamp", driven[1]), ("kinetic_energy", evaluated.kinetic_energy)):
+        assert (told[name].min, told[name].max) == (expected.min(), expected.max())
+    assert told["nu.panda_joint1"] is None
+
+
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
 def test_tables_of_ours_are_recordings(written, panda, driven, kind):
     _, stamps, position, velocity, effort = driven

@@ -25,8 +25,13 @@ class ParquetOutput(TableOutput):
         return arrow.Table.from_arrays(arrays, schema=arrow.schema(fields, metadata=about))
 
     def opened(self, file, table):
-        """Writer whose floating columns are split by bytes, which makes them a fifth smaller."""
+        """Writer whose floating columns are split by bytes, which makes them a fifth smaller.
+
+        Who looks for a time or a peak can skip what has none: of what is no joint's or link's each group of rows tells its
+        least and largest value. To have that of all columns takes a tenth longer.
+        """
         split = [field.name for field in table.schema if self.arrow.types.is_floating(field.type)]
+        told = [name for name in table.schema.names if "." not in name]
         return import_module("pyarrow.parquet").ParquetWriter(
-            file, table.schema, use_byte_stream_split=split, **COMPRESSION
+            file, table.schema, use_byte_stream_split=split, write_statistics=told, **COMPRESSION
         )
