@@ -85,6 +85,7 @@ def test_ends_by_itself(tmp_path):
     with demo(tmp_path, "--duration", "3") as process:
         assert process.wait(120) == 0
         check_summary(process, tmp_path, "panda")
+        assert process.output.startswith("a simulated robot, panda, ")
         assert re.search(r"1 s +K = .* J", process.output)
         assert "panda_joint" in process.output
         assert "\x1b" not in process.output  # no colours into a file

@@ -122,6 +122,7 @@ def main(args=None):
         parser.error(f"argument --rate: {chosen.rate} is not between 1 and 10000")
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")  # a demo is nobody else's business
     listen()
+    print(f"a simulated robot, {chosen.robot}, its monitor and a page start", flush=True)
     processes = Processes()
     try:
         urdf = find_urdf(chosen.robot)
