@@ -301,6 +301,14 @@ class Settings(NamedTuple):
     observation: Observation | None
     contact: Wanted
 
+    @property
+    def unjudged_without(self):
+        """Parameters for want of which no collision is told of; none where collisions are."""
+        if self.observation and self.observation.alarms:
+            return ()
+        wanted = ("external_torque.gain", "external_torque.threshold")
+        return tuple(name for name in wanted if not self.values[name])
+
     @classmethod
     def of(cls, values):
         """Settings of parameters by name, judged one by one and together.

@@ -75,7 +75,7 @@ class Analysis:
             threads=threads,
         )
         self._windows = WindowSums(model.nv, self.friction)
-        self._observing = gain, threshold
+        self._observing = gain, threshold, settings.unjudged_without
         alarms = wanted.alarms if wanted else None
         self._detector = AlarmDetector(model.dof_names, alarms) if alarms else None
         self._points, self._newest = self._contact_points(reading, settings.contact), None  # and the last stamp [ns]
@@ -184,6 +184,7 @@ class Analysis:
         """Evaluate states, take note of all that is told of them in the end, and return the :class:`Piece`."""
         states, s = self._evaluated(states)
         observed, judged = self._observer.take(states, s), None
+        self.outcome.observed += int(observed[3].sum())
         if self._detector:
             judged = self._detector.judge(states.newest, observed[0], observed[1], observed[3], states.moved)
             observed = *observed[:4], judged.alarm

@@ -18,6 +18,8 @@ class Outcome:
     quality : Quality
     gain, threshold : float
         Of the observer.
+    missing : tuple of str
+        Parameters for want of which no collision is told of.
     collisions : Collisions or Alarms
         What gathers them.
     touches : Touches, optional
@@ -34,7 +36,8 @@ class Outcome:
     touches : Touches or None
     histogram : Histogram
         Of the kinetic energy [J].
-    states : int
+    states, observed : int
+        How many there were, and of how many the observer has a result.
     account : Account
         Of the messages; set when the analysis is over, as the next three are.
     offset : int
@@ -43,11 +46,12 @@ class Outcome:
         What was known at the first message and after the last one; see :mod:`diag_dynamics.recordings.seams`.
     """
 
-    def __init__(self, model, quality, gain, threshold, collisions, touches=None):
+    def __init__(self, model, quality, gain, threshold, missing, collisions, touches=None):
         self.robot, self.names, self.gain, self.threshold = model.name, tuple(model.dof_names), gain, threshold
+        self.missing = tuple(missing)
         self.balance, self.quality, self.peaks = Balance(self.names), quality, Peaks()
         self.collisions, self.histogram, self.touches = collisions, Histogram(), touches
-        self.states, self._kinetic = 0, 0.0
+        self.states, self.observed, self._kinetic = 0, 0, 0.0
         self.account = self.begin = self.end = None
         self.offset = 0
 
@@ -75,5 +79,6 @@ class Outcome:
         if not self.states:
             self.offset = other.offset
         self.states += other.states
+        self.observed += other.observed
         self._kinetic += other._kinetic
         self.end = other.end

@@ -7,7 +7,7 @@ import re
 import textwrap
 
 from diag_dynamics.alarms.found import Alarm
-from diag_dynamics.recordings.account import NOTE, Finding
+from diag_dynamics.recordings.account import NOTE, Finding, without_efforts
 from diag_dynamics.recordings.balance import WINDOW
 from diag_dynamics.recordings.explained import PART
 
@@ -37,7 +37,8 @@ def summary_of(outcome):
         `robot`, `degrees_of_freedom`; `states`, `duration`, `begin`, `end` [s]; `counts` of messages by what became of them,
         and `rejected` by cause; `kinetic_energy`: `mean`, `max` [J], `at` [s], `share`, the largest of each joint, and
         `histogram`: `from`, `to` [J], `states`; `peaks`; `explained`, `explained_with_potential`, `residual_power` [W]: None
-        without efforts; `balance`, `observer`; `collisions`: `start`, `end`, `joints`, `norm`, and where thresholds of alarms
+        without efforts; `balance`; `observer`, with `missing`, parameters without which no collision is told of, `observed`, the
+        number of states of which the observer has a result, and `says`, what is not known therefore; `collisions`: `start`, `end`, `joints`, `norm`, and where thresholds of alarms
         were given `first`, `exceeded` and `told`; `contact`, with limits of it: `above`, how long any point was above its
         limit, `of`, both [s], `above_by_point`, and `worst`, moments by `usage`, the part of the allowed speed; `quality`;
         `warnings`; `findings`: `cause`, `count`, `text`.
@@ -90,6 +91,9 @@ def summary_of(outcome):
             "gain": outcome.gain,
             "threshold": None if outcome.threshold == float("inf") else outcome.threshold,
             "judged": list(outcome.collisions.judged),
+            "missing": list(outcome.missing),
+            "observed": outcome.observed,
+            "says": _says_of_contacts(outcome, report["without_effort"]),
         },
         "collisions": [
             {"start": time(one.start), "end": time(one.end), "joints": list(one.joints), "norm": one.norm}
@@ -101,6 +105,24 @@ def summary_of(outcome):
         "warnings": quality.warnings(),
         "findings": [{"cause": one.cause, "count": one.count, "text": one.text} for one in outcome.account.findings()],
     }
+
+
+def _says_of_contacts(outcome, without_effort):
+    """What is not known of contacts, and for want of what; empty where all is."""
+    said, missing, states = [], outcome.missing, outcome.states
+    unknown = states - outcome.observed
+    if not outcome.observed:
+        why = without_efforts(outcome.account.counts) if without_effort == states else "the observer has no result at any state"
+        said.append(f"Nothing is known of contacts: {why}.")
+    elif unknown > 1:  # the first one never has a result
+        said.append(f"Of {unknown} of {states} states nothing is known: the observer has no result there.")
+    if missing:
+        lacks = f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not set"
+        if outcome.observed:
+            lacks = f"Nothing is known of contacts: {lacks}"
+        useless = ", without which external_torque.threshold does not count" if missing == ("external_torque.gain",) else ""
+        said.append(f"{lacks}{useless}. diag-dynamics calibrate finds thresholds, and writes them with their gain for --alarms.")
+    return " ".join(said)
 
 
 def _exceeded(alarm):
@@ -216,8 +238,9 @@ def _about_balance(summary):
 
 def _about_collisions(summary):
     observer, peaks = summary["observer"], summary["peaks"]
+    says = [f"  {observer['says']}"] if observer["says"] else []
     if "residual_norm" not in peaks:
-        return []
+        return ["", "External torque", *says]
     norm, torque = peaks["residual_norm"], peaks["external_torque"]
     lines = [
         "",
@@ -229,7 +252,7 @@ def _about_collisions(summary):
     if observer["judged"]:
         lines.append(f"  {count}, by thresholds of {', '.join(observer['judged'])}")
     elif observer["threshold"] is None:
-        return [*lines, "  no thresholds, so no collisions (diag-dynamics calibrate, and --alarms)"]
+        return [*lines, *says]
     else:
         lines.append(f"  {count} above {observer['threshold']:g} J^0.5/s")
     told = [
@@ -237,7 +260,7 @@ def _about_collisions(summary):
         + (one.get("told") or f"|r| {one['norm']:.3g}, {', '.join(one['joints'])}")
         for one in found
     ]
-    return [*lines, *_some(told, "more")]
+    return [*lines, *says, *_some(told, "more")]
 
 
 def _some(texts, more):

@@ -766,7 +766,8 @@ def test_command_takes_the_monitors_file(tmp_path, raws, capsys):
     file.write_text("/**:\n  ros__parameters:\n    external_torque: {gain: 10, threshold: 0.5}\n    max_age: 2\n")
     main(["analyse", str(path), "--urdf", "panda", "--parameters", str(file), "--json", "-"])
     summary = json.loads(capsys.readouterr().out)
-    assert summary["observer"] == {"gain": 10.0, "threshold": 0.5, "judged": []}
+    known = {"gain": 10.0, "threshold": 0.5, "judged": [], "missing": [], "observed": COUNT - 1, "says": ""}
+    assert summary["observer"] == known
     assert summary["collisions"]
     file.write_text("/**:\n  ros__parameters: {nonsense: 1}\n")
     assert main(["analyse", str(path), "--urdf", "panda", "--parameters", str(file)]) == 2

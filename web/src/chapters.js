@@ -50,10 +50,13 @@ function contacts({ summary, begin, without_full_rate: without }, act) {
       ...breakable(one.told ?? `|r| ${number(one.norm)} √J/s at ${one.joints.join(", ")}`),
     );
   });
-  const judged = observer.judged.length ? `thresholds of ${observer.judged.length} detectors` : observer.threshold === null ? null : `|r| above ${number(observer.threshold)} √J/s`;
-  const words = judged === null ? "No thresholds were given, so that no contact is told: diag-dynamics calibrate makes them." : `By ${judged}; observer of gain ${number(observer.gain)}/s.`;
-  const lost = without ? [el("p", { text: `There was no room for every state around ${without} of the weakest.` })] : [];
-  return card("contacts", collisions.length ? `${collisions.length} contact${collisions.length === 1 ? "" : "s"}` : "Contacts", el("p", { text: judged !== null && !rows.length ? `None. ${words}` : words }), ...lost, el("dl", {}, ...rows));
+  const known = !observer.missing.length && observer.observed > 0;
+  const judged = observer.judged.length ? `thresholds of ${observer.judged.length} detectors` : `|r| above ${number(observer.threshold)} √J/s`;
+  const texts = known ? [`By ${judged}; observer of gain ${number(observer.gain)}/s.`] : [];
+  if (observer.says) texts.push(observer.says);
+  if (without) texts.push(`There was no room for every state around ${without} of the weakest.`);
+  const count = collisions.length === 1 ? "1 contact" : `${collisions.length || "No"} contacts`;
+  return card("contacts", known ? count : "Contacts: nothing known", ...texts.map((text) => el("p", {}, ...breakable(text))), el("dl", {}, ...rows));
 }
 
 // What a touch would have cost, where limits were given: how long they were exceeded, and the worst moments.
