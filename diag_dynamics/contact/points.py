@@ -52,6 +52,8 @@ class ContactPoints:
         In the link's axes [m].
     limited : ndarray of bool
         Whether an entry has a limit.
+    directed : ndarray of bool
+        Whether an entry has a direction of its own: the others have that of their motion.
 
     Raises
     ------
@@ -98,7 +100,8 @@ class ContactPoints:
         self._region_names = tuple(name for names in self.regions for name in names)
         known = {} if limits is None else limits.regions
         self.limited = np.array([any(known[name].is_limited for name in names) for names in self.regions], dtype=bool)
-        self.limited.flags.writeable = False
+        self.directed = np.array([kind != sweeps.ALONG_MOTION for *_, kind, _ in entries], dtype=bool)
+        self.limited.flags.writeable = self.directed.flags.writeable = False
         base, _ = model.placement_in_body(model.root_link)  # whose axes are the root link's
         tables = {
             "entries": np.array(entries, dtype=sweeps.CONTACT_ENTRY),

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.contact import simplified_mass
+from diag_dynamics.contact import Contact, ContactPoints, simplified_mass
 from diag_dynamics.model import RobotModel
 from diag_dynamics.page.layout import finite
 
@@ -73,3 +73,27 @@ def told(touch: Touch, model: RobotModel) -> bytes:
     ]
     said: dict[str, Any] = {"t": touch.t, "half": mass_of_half(model), "worst": int(touch.worst)}
     return json.dumps(said | {"estimated": bool(touch.estimated), "points": points}, allow_nan=False).encode()
+
+
+def kept_of(contact: Contact) -> Array:
+    """Contact at T states as a report keeps it, shape (T, 4 + 2n + number of entries with a limit).
+
+    The worst entry, where its worst point is [m], speeds [m/s], and the logarithms to the base 10 of reflected masses [kg]
+    and of the allowed speeds [m/s] of entries that have one. What is zero or infinite of these is not known then.
+    """
+    worst, states = contact.worst, np.arange(len(contact.nu))
+    place = np.where(worst[:, None] < 0, np.nan, contact.position[states, worst])
+    with np.errstate(divide="ignore"):
+        logarithms = np.log10(contact.reflected_mass), np.log10(contact.allowed_speed[:, contact.points.limited])
+    return np.concatenate([worst[:, None], place, contact.speed, *logarithms], axis=1)
+
+
+def kept_width(points: ContactPoints) -> int:
+    """Numbers that :func:`kept_of` gives of a state."""
+    return 4 + 2 * len(points) + int(points.limited.sum())
+
+
+def kept_about(points: ContactPoints) -> list[dict[str, Any]]:
+    """Whose numbers :func:`kept_of` gives, for JSON: ``name``, ``link``, and whether entries are ``limited``, ``directed``."""
+    entries = zip(points.names, points.links, points.limited.tolist(), points.directed.tolist(), strict=True)
+    return [dict(zip(("name", "link", "limited", "directed"), entry, strict=True)) for entry in entries]

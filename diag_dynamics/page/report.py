@@ -49,8 +49,11 @@ class Track(NamedTuple):
         return sum(map(len, self.blocks))
 
 
-def overview(layout: Layout, t: Array, numbers: Any) -> Track:
-    """States that stand for the whole recording; times in seconds after its beginning."""
+def overview(layout: Layout, t: Array, numbers: Any, contact: Any = None) -> Track:
+    """States that stand for the whole recording; times in seconds after its beginning.
+
+    `contact` has what :func:`~diag_dynamics.page.contact.kept_of` gives of them.
+    """
     packed = pack(_scaled(layout, numbers))
     about = {
         "kind": "overview",
@@ -58,11 +61,11 @@ def overview(layout: Layout, t: Array, numbers: Any) -> Track:
         "logarithmic": LOGARITHMIC,
         "parts": [{"fields": None, "every": 1, "columns": packed.columns}],
     }
-    return Track(about, [pack_times(t), packed.data])
+    return _with_contact(Track(about, [pack_times(t), packed.data]), contact)
 
 
-def full_rate(layout: Layout, t: Array, numbers: Any) -> Track:
-    """All states of some seconds; the fields :data:`SLOW` of every :data:`EVERY`-th."""
+def full_rate(layout: Layout, t: Array, numbers: Any, contact: Any = None) -> Track:
+    """All states of some seconds; the fields :data:`SLOW` of every :data:`EVERY`-th. `contact` as of :func:`overview`."""
     numbers, slow = _scaled(layout, numbers), np.zeros(layout.size, dtype=bool)
     for name in SLOW:
         slow[layout.place(name)] = True
@@ -77,7 +80,15 @@ def full_rate(layout: Layout, t: Array, numbers: Any) -> Track:
             {"fields": [name for name in names if name in SLOW], "every": EVERY, "columns": few.columns},
         ],
     }
-    return Track(about, [pack_times(t), fast.data, few.data])
+    return _with_contact(Track(about, [pack_times(t), fast.data, few.data]), contact, FULL_RATE_LEVELS, OF_NOISE)
+
+
+def _with_contact(track: Track, contact: Any, *packing: Any) -> Track:
+    """A track with contact at each of its states, if there is any."""
+    if contact is None:
+        return track
+    packed = pack(contact, *packing)
+    return Track(track.about | {"contact": packed.columns}, [*track.blocks, packed.data])
 
 
 def _scaled(layout: Layout, numbers: Any) -> Any:

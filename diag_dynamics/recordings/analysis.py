@@ -13,8 +13,7 @@ import numpy as np
 from diag_dynamics.alarms.detector import AlarmDetector, Judged
 from diag_dynamics.alarms.found import Alarms
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.parameters.contact_points import contact_points
+from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.recordings.balance import Windows, WindowSums
 from diag_dynamics.recordings.collisions import Collisions
 from diag_dynamics.recordings.intake import States
@@ -78,17 +77,14 @@ class Analysis:
         self._observing = gain, threshold, settings.unjudged_without
         alarms = wanted.alarms if wanted else None
         self._detector = AlarmDetector(model.dof_names, alarms) if alarms else None
-        self._points, self._newest = self._contact_points(reading, settings.contact), None  # and the last stamp [ns]
+        self._points, self._newest = self._limited_points(), None  # and the last stamp [ns]
         self.outcome = Outcome(model, Quality(model), *self._observing, self._collisions(), self._touches())
 
-    @staticmethod
-    def _contact_points(reading, wanted):
+    def _limited_points(self):
         """ContactPoints, where limits are wanted."""
-        if wanted.limits is None:
+        if self.reading.settings.contact.limits is None:
             return None
-        if reading.described is None:
-            raise InputError("contact.limits_file needs the robot's description: a model is made already.")
-        points, _ = contact_points(reading.model, reading.described, wanted)
+        points, _ = self.reading.contact_points
         return points if points.limited.any() else None
 
     def _touches(self):

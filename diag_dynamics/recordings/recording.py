@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from itertools import chain
 from typing import Any
 
@@ -18,6 +19,7 @@ from diag_dynamics.bags.messages import Messages
 from diag_dynamics.checks import whole as whole_number
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
+from diag_dynamics.parameters.contact_points import contact_points
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.robots import model_of, require_as_made, require_single_joints
 from diag_dynamics.recordings.account import Account, Finding
@@ -217,6 +219,21 @@ class Reading:
         if self._after != (None, None) and self._source.start is not None:
             begin, end = self._times(self._source.start)
             self.limit(begin, end)
+
+    @cached_property
+    def contact_points(self):
+        """ContactPoints that the parameters ask for, and why shapes of links do not count, by link.
+
+        Raises
+        ------
+        InputError
+            There is no description to find them in, or parameters name what it lacks.
+        UrdfError
+            The description cannot be read for shapes.
+        """
+        if self.described is None:
+            raise InputError("contact.limits_file needs the robot's description: a model is made already.")
+        return contact_points(self.model, self.described, self.settings.contact)
 
     @property
     def offset(self):

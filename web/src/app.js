@@ -200,7 +200,7 @@ export class App {
 
   csv() {
     if (!this.layout) return;
-    download(`${this.#file()}.csv`, csv(this.layout, this.rows, this.view.window()));
+    download(`${this.#file()}.csv`, csv(this.layout, this.rows, this.view.window(), this.cards.contact.kept));
   }
 
   #file() {
@@ -260,7 +260,7 @@ export class App {
     if (turn("numbers", NUMBERS)) {
       this.table.draw(rows, i);
       this.details.draw(rows, i);
-      this.cards.contact.draw(this.view.following ? null : this.view.now());
+      this.cards.contact.draw(this.view.following ? null : rows.time(i), this.source.playing);
       this.stage.touched(this.cards.contact.worst);
       this.touch();
     }

@@ -50,8 +50,9 @@ export class Cards {
     for (const plot of this.plots) plot.remove();
     this.pointer = null;
     this.plots = plotsOf(layout).map((spec) => new Plot(spec, this.shared));
-    const touch = this.contact.newest ? [this.contact.node] : [];
-    this.node.replaceChildren(...touch, ...this.told, ...this.plots.map((plot) => plot.node), ...(this.told.length ? [] : [this.words]));
+    const touch = this.contact.told ? [this.contact.node] : [];
+    const [first, ...others] = this.told; // what happened, before all else
+    this.node.replaceChildren(...(first ? [first] : []), ...touch, ...others, ...this.plots.map((plot) => plot.node), ...(this.told.length ? [] : [this.words]));
     this.#arrange();
   }
 

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// What a touch would cost, point by point: a card that is there once a monitor tells of it. Advisory, and says so.
+// What a touch would cost, point by point: a card that is there once a monitor tells of it, and in a report. Advisory, and
+// says so.
 
 import { breakable, el, say, scrolling, toggle } from "./dom.js";
 import { number, shortNames } from "./format.js";
@@ -26,7 +27,7 @@ export class ContactCard {
     this.newest = null; // {t, half, worst, points} as the server tells it
     this.shown = null; // likewise, of the moment that is looked at
     this.arrived = this.sortedAt = -Infinity;
-    this.stored = new Touches(KEPT, RATE);
+    this.stored = new Touches(KEPT, RATE); // of a report, Kept
     this.says = el("p", { class: "none" });
     this.body = el("tbody");
     const heads = COLUMNS.map(([name, unit, help]) => el("th", { title: help }, `${name} `, el("small", { text: unit })));
@@ -47,6 +48,16 @@ export class ContactCard {
     this.stored.take(json);
   }
 
+  // Of a report: nothing comes, all is there.
+  keep(kept) {
+    this.stored = this.kept = kept;
+  }
+
+  // Whether there is anything to be shown.
+  get told() {
+    return Boolean(this.newest ?? this.kept);
+  }
+
   forget() {
     this.newest = this.shown = null;
     this.stored.forget();
@@ -54,7 +65,7 @@ export class ContactCard {
 
   // While somebody looks at what is stored, nothing of it is dropped.
   hold(held) {
-    this.stored.rows.held = held;
+    if (!this.kept) this.stored.rows.held = held;
   }
 
   get fresh() {
@@ -67,9 +78,9 @@ export class ContactCard {
     return points?.[worst] ? { position: points[worst].position, above: points[worst].margin < 0 } : null;
   }
 
-  // moment: that is looked at; null: now.
-  draw(moment) {
-    if (!this.newest) return;
+  // moment: that is looked at; null: now. moves: whether it goes on by itself.
+  draw(moment, moves) {
+    if (!this.told) return;
     const told = moment === null ? this.newest : this.stored.at(moment);
     this.shown = moment === null && !this.fresh ? null : told;
     say(this.title, moment === null ? "If it touched now (advisory)" : "If it had touched then (advisory)");
@@ -81,15 +92,22 @@ export class ContactCard {
     }
     const { points, half, worst, estimated } = told;
     const least = points[worst];
-    const what = least ? (least.margin === null ? "no limits" : `least margin: ${least.name}, ${number(least.margin)} m/s`) : "at rest";
-    this.drawn = { ...told, said: `${what} · M/2 + payload: ${number(half)} kg${estimated ? " · velocities estimated" : ""}` };
+    const free = points.every((point) => point.allowed === null);
+    toggle(this.node, "free", free);
+    this.drawn = { ...told, said: [leastOf(least, free), `M/2 + payload: ${number(half)} kg`, ...this.#notes(estimated)].join(" · ") };
     say(this.says, this.drawn.said);
     const short = shortNames(points.map((point) => point.name));
-    this.#sort(points, moment !== null);
+    this.#sort(points, moment !== null && !moves);
     while (this.rows.length < points.length) this.rows.push(this.#row());
     this.rows.length = points.length;
     this.order.forEach((k, place) => this.#fill(this.rows[place], points[k], short[k], half, k === worst));
     if (this.body.childElementCount !== points.length) this.body.replaceChildren(...this.rows.map((row) => row.node));
+  }
+
+  #notes(estimated) {
+    const links = this.kept?.leftOut;
+    const frames = links ? [`of ${links === 1 ? "a link" : `${links} links`} joints' origins only (contact.geometry)`] : [];
+    return estimated ? ["velocities estimated", ...frames] : frames;
   }
 
   // Those with the least margin first; as they were while somebody points at one, and for a time.
@@ -116,4 +134,11 @@ export class ContactCard {
     toggle(row.node, "chosen", worst);
     [margin, speed, mass, energy, 0.5 * half * speed * speed].forEach((value, k) => say(row.cells[k], number(value)));
   }
+}
+
+// The worst point in words.
+function leastOf(least, free) {
+  if (!least) return free ? "at rest; no limits (contact.limits_file)" : "at rest";
+  if (least.margin !== null) return `least margin: ${least.name}, ${number(least.margin)} m/s`;
+  return `most energy: ${least.name}, ${number(least.energy)} J; no limits${free ? " (contact.limits_file)" : ""}`;
 }

@@ -1,15 +1,21 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The states of the window that is seen, a column for each quantity and joint.
+// The states of the window that is seen, a column for each quantity and joint; in a report also of each point of contact.
 
 import { shortFields } from "./layout.js";
 
 const quoted = (text) => (/[",\n\r]/.test(text) || /^[=+\-@\t]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
 
-export function csv(layout, rows, [t0, t1]) {
+// Of a point of contact, by what its number is called elsewhere.
+const CONTACT = { speed: "contact_speed", mass: "contact_mass", energy: "contact_energy", allowed: "contact_allowed_speed", margin: "contact_margin" };
+
+// kept: contact at the same rows; null where nothing is told of it.
+export function csv(layout, rows, [t0, t1], kept = null) {
   const columns = shortFields(layout);
-  const parts = [["t [s]", ...columns.map((column) => column.name)].map(quoted).join(",") + "\n"];
+  const points = (kept?.points ?? []).flatMap(({ name }) => Object.values(CONTACT).map((quantity) => `${quantity}.${name}`));
+  const names = ["t [s]", ...columns.map((column) => column.name), ...(kept ? ["contact_worst", ...points] : [])];
+  const parts = [names.map(quoted).join(",") + "\n"];
   for (let i = rows.indexAt(t0); i < rows.length && rows.time(i) <= t1; i++) {
     if (rows.time(i) < t0) continue;
     const base = rows.base(i);
@@ -17,7 +23,13 @@ export function csv(layout, rows, [t0, t1]) {
       const value = rows.data[base + at];
       return Number.isFinite(value) ? String(value) : "";
     });
+    if (kept) cells.push(...ofContact(kept.row(i)));
     parts.push(`${rows.time(i)},${cells.join(",")}\n`);
   }
   return new Blob(parts, { type: "text/csv" });
+}
+
+function ofContact({ points, worst }) {
+  const numbers = points.flatMap((point) => Object.keys(CONTACT).map((name) => (point[name] === null ? "" : String(point[name]))));
+  return [quoted(points[worst]?.name ?? ""), ...numbers];
 }

@@ -70,7 +70,7 @@ export function readOnly(app, errors) {
       const { contact } = app.cards;
       const { point } = app.stage.scene ?? {};
       const drawn = point?.visible ? point.position.toArray() : null;
-      return contact.newest && { ...contact.newest, fresh: contact.fresh, shown: contact.shown, bytes: contact.stored.bytes, drawn };
+      return contact.told ? { ...contact.newest, fresh: contact.fresh, shown: contact.shown, bytes: contact.stored.bytes, drawn } : null;
     },
     get names() {
       return app.layout ? shortFields(app.layout).map(({ name }) => name) : [];

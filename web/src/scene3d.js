@@ -76,6 +76,7 @@ export class Scene3D {
     this.framed = this.floored = false;
     this.posed = false;
     this.root = null;
+    this.touch(null);
     this.robot = new Robot(layout, this.load, () => {
       if (!this.robot.pending) {
         this.frame(!this.framed);
@@ -96,6 +97,7 @@ export class Scene3D {
       if (!this.framed) this.frame();
     }
     this.#follow();
+    this.#ball();
     this.#grow();
     this.dirty = true;
   }
@@ -215,13 +217,20 @@ export class Scene3D {
   // The point at which a touch would be worst: a ball that is seen through the robot; null hides it.
   touch(worst) {
     this.dirty ||= Boolean(worst) || this.point.visible;
+    this.worst = worst;
     this.point.visible = Boolean(worst);
     if (!worst) return;
-    this.point.position.set(...worst.position);
+    this.point.material.color.set(worst.above ? this.bad : this.warn);
+    this.#ball();
+  }
+
+  // Goes with the root link.
+  #ball() {
+    if (!this.worst) return;
+    this.point.position.set(...this.worst.position);
     const root = this.robot?.byName.get(this.layout.links[0]); // in whose axes it is told
     if (root) this.point.position.applyMatrix4(root.matrixWorld);
     this.point.scale.setScalar(0.03 * this.size);
-    this.point.material.color.set(worst.above ? this.bad : this.warn);
   }
 
   // The link at a place of the canvas [CSS pixels], or null.

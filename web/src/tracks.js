@@ -1,19 +1,27 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The states of a report in one store: those of the whole recording, and, around contacts, all there were.
+// The states of a report in one store: those of the whole recording, and, around contacts, all there were. Contact at these
+// states has a store of its own.
 
 import { Rows } from "./rows.js";
 import { bytesOf, columnsOf, timesOf } from "./unpack.js";
 
 const QUATERNION = 3; // place of a rotation in a pose
 
+// Rows of states, and of contact; these are null where nothing is told of it.
 export async function rowsOf(layout, tracks) {
   const parts = [];
   for (const track of tracks) parts.push(await read(layout, track));
+  const touches = parts.map(({ times, contact }) => ({ times, columns: contact }));
+  return [together(parts), touches.every(({ columns }) => columns) ? together(touches) : null];
+}
+
+function together(parts) {
   const total = parts.reduce((sum, part) => sum + part.times.length, 0);
-  const rows = new Rows(layout.width, total);
-  [rows.room, rows.times, rows.data] = [total, new Float64Array(total), new Float32Array(total * layout.width)];
+  const width = parts[0].columns.length;
+  const rows = new Rows(width, total);
+  [rows.room, rows.times, rows.data] = [total, new Float64Array(total), new Float32Array(total * width)];
   const [overview, ...full] = parts;
   full.sort((a, b) => a.times[0] - b.times[0]);
   let next = 0;
@@ -55,7 +63,8 @@ async function read(layout, track) {
       own.forEach((column, n) => (columns[offset + n] = every === 1 ? column : stretched(column, every, track.rows)));
     }
   }
-  return { times, columns };
+  const contact = track.contact ? columnsOf(await bytesOf(others.at(-1)), track.rows, track.contact) : null;
+  return { times, columns, contact };
 }
 
 // A quaternion and its negative are one rotation: none may change its sign between two that lie next to each other.

@@ -11,7 +11,7 @@ import diag_dynamics
 from diag_dynamics.bags.part import Part
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UrdfError
-from diag_dynamics.page.contact import mass_of_half
+from diag_dynamics.page.contact import kept_about, kept_of, kept_width, mass_of_half
 from diag_dynamics.page.frames import FrameMaker, Seen, States, Told
 from diag_dynamics.page.hand import hand_of
 from diag_dynamics.page.layout import finite
@@ -56,10 +56,13 @@ class ReportOutput:
 
     def __init__(self, path, reading):
         self._part, self._reading = Part(path), reading
-        self._maker = FrameMaker(DiagonalDynamics(reading.model))
+        self._dynamics = DiagonalDynamics(reading.model)
+        self._maker = FrameMaker(self._dynamics)
         self._layout, self._drawn = self._maker.layout, self._scene()
         self._hand = hand_of(reading.model, self._drawn[0])
-        self._overview, self._contacts = Overview(max(200, OVERVIEW // (2 * self._layout.size))), Contacts()
+        self._points, self._left_out = self._contact_points()
+        width = self._layout.size + (kept_width(self._points) if self._points else 0)
+        self._overview, self._contacts = Overview(max(200, OVERVIEW // (2 * width))), Contacts()
         self._works, self._runs, self._dropped, self._first = Works(), [], 0, None
 
     def write(self, piece):
@@ -80,7 +83,7 @@ class ReportOutput:
         rows, numbers = self._overview.all()
         self._put_powers(numbers, rows)
         self._put_hand(numbers, rows)
-        whole, (scene, meshes) = overview(self._layout, rows.t, numbers), self._drawn
+        whole, (scene, meshes) = overview(self._layout, rows.t, numbers, self._touch(rows)), self._drawn
         meshes = pack_meshes(meshes, MESHES)
         page = sum(len(part.encode()) for part in page_of())
         self._fit(LARGEST - page - as_text(whole.size + sum(map(len, meshes.values()))))
@@ -92,6 +95,8 @@ class ReportOutput:
             "begin": (self._first - self._reading.offset) * 1e-9,
             "without_full_rate": self._dropped,
             "half": mass_of_half(self._reading.model),
+            "contact": kept_about(self._points) if self._points else [],
+            "left_out": self._left_out,
             "version": diag_dynamics.__version__,
         }
         write_report(self._part.name, told, tracks, meshes)
@@ -134,13 +139,19 @@ class ReportOutput:
         for k in range(0, len(numbers), every):
             numbers[k, self._layout.common :] = self._maker.chosen(rows.q[k], rows.nu[k], self._hand)
 
+    def _touch(self, rows):
+        """What a touch would have cost at some states; None where nothing is looked at."""
+        if not self._points:
+            return None
+        return kept_of(self._dynamics.contact_batch(rows.q, rows.qd, self._points))
+
     def _keep(self, rows):
         """Keep a run at full rate."""
         numbers = self._numbers(rows)
         self._put_powers(numbers, rows)
         self._put_hand(numbers, rows, EVERY)
         norm = float(np.nanmax(rows.norm, initial=0.0))
-        self._runs.append(_Run(float(rows.t[0]), norm, full_rate(self._layout, rows.t, numbers)))
+        self._runs.append(_Run(float(rows.t[0]), norm, full_rate(self._layout, rows.t, numbers, self._touch(rows))))
         self._fit(LARGEST)
 
     def _fit(self, room):
@@ -164,6 +175,16 @@ class ReportOutput:
             return None, {}
         wanted = {visual["mesh"] for link in scene["links"] for visual in link["visuals"] if visual["mesh"]}
         return scene, {sha: library.data(sha) for sha in sorted(wanted)}
+
+    def _contact_points(self):
+        """ContactPoints, and of how many links no shape counts; None of a robot without description, or that nothing moves."""
+        if self._reading.described is None:
+            return None, 0
+        try:
+            points, left_out = self._reading.contact_points
+        except UrdfError:
+            return None, 0
+        return (points, len(left_out)) if len(points) else (None, 0)
 
     def _thresholds(self):
         """Thresholds of alarms, or of the observer; None where nothing is judged."""
