@@ -106,7 +106,7 @@ export class ContactCard {
 
   #notes(estimated) {
     const links = this.kept?.leftOut;
-    const frames = links ? [`of ${links === 1 ? "a link" : `${links} links`} joints' origins only (contact.geometry)`] : [];
+    const frames = links ? [`shapes of ${links === 1 ? "a link" : `${links} links`} not looked at (contact.geometry)`] : [];
     return estimated ? ["velocities estimated", ...frames] : frames;
   }
 

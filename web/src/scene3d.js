@@ -48,9 +48,14 @@ export class Scene3D {
     this.fill = new DirectionalLight(0xffffff, 0.5);
     this.scene.add(this.sky, this.sun, this.sun.target, this.fill);
     this.marks = new Marks();
-    this.point = new Mesh(new SphereGeometry(1, 24, 16), new MeshBasicMaterial({ transparent: true, opacity: 0.75, depthTest: false, fog: false }));
+    // The worst point of contact: a ball with a rim, which are seen through the robot and before whatever is behind them.
+    const [ball, seen] = [new SphereGeometry(1, 24, 16), { transparent: true, depthTest: false, fog: false }];
+    this.point = new Mesh(ball, new MeshBasicMaterial(seen));
+    this.rim = new Mesh(ball, new MeshBasicMaterial(seen));
+    this.rim.scale.setScalar(1.3);
+    [this.rim.renderOrder, this.point.renderOrder] = [2, 3];
+    this.point.add(this.rim);
     this.point.visible = false;
-    this.point.renderOrder = 2;
     this.scene.add(this.marks, this.point);
     this.ray = new Raycaster();
     resized(box, () => this.#resize());
@@ -61,7 +66,8 @@ export class Scene3D {
     this.scene.fog = new Fog(new Color(colours.view || colours.page), 1, 100);
     this.sky.intensity = dark ? 2.1 : 2.0;
     this.marks.paint(colours.accent, colours.warn);
-    [this.warn, this.bad] = [colours.warn, colours.bad];
+    [this.panel, this.bad] = [colours.panel, colours.bad];
+    this.rim.material.color.set(colours.text);
     this.gridColour = colours.grid3d || colours.line;
     if (this.size) this.#floor();
     this.dirty = true;
@@ -220,7 +226,7 @@ export class Scene3D {
     this.worst = worst;
     this.point.visible = Boolean(worst);
     if (!worst) return;
-    this.point.material.color.set(worst.above ? this.bad : this.warn);
+    this.point.material.color.set(worst.above ? this.bad : this.panel);
     this.#ball();
   }
 
@@ -230,7 +236,7 @@ export class Scene3D {
     this.point.position.set(...this.worst.position);
     const root = this.robot?.byName.get(this.layout.links[0]); // in whose axes it is told
     if (root) this.point.position.applyMatrix4(root.matrixWorld);
-    this.point.scale.setScalar(0.03 * this.size);
+    this.point.scale.setScalar(0.024 * this.size);
   }
 
   // The link at a place of the canvas [CSS pixels], or null.
