@@ -94,6 +94,6 @@ def kept_width(points: ContactPoints) -> int:
 
 
 def kept_about(points: ContactPoints) -> list[dict[str, Any]]:
-    """Whose numbers :func:`kept_of` gives, for JSON: ``name``, ``link``, and whether entries are ``limited``, ``directed``."""
+    """Whose numbers :func:`kept_of` gives, for JSON: ``name``, ``link``, and whether they are ``limited``, ``directed``."""
     entries = zip(points.names, points.links, points.limited.tolist(), points.directed.tolist(), strict=True)
     return [dict(zip(("name", "link", "limited", "directed"), entry, strict=True)) for entry in entries]

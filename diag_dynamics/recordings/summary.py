@@ -37,11 +37,12 @@ def summary_of(outcome):
         `robot`, `degrees_of_freedom`; `states`, `duration`, `begin`, `end` [s]; `counts` of messages by what became of them,
         and `rejected` by cause; `kinetic_energy`: `mean`, `max` [J], `at` [s], `share`, the largest of each joint, and
         `histogram`: `from`, `to` [J], `states`; `peaks`; `explained`, `explained_with_potential`, `residual_power` [W]: None
-        without efforts; `balance`; `observer`, with `missing`, parameters without which no collision is told of, `observed`, the
-        number of states of which the observer has a result, and `says`, what is not known therefore; `collisions`: `start`, `end`, `joints`, `norm`, and where thresholds of alarms
-        were given `first`, `exceeded` and `told`; `contact`, with limits of it: `above`, how long any point was above its
-        limit, `of`, both [s], `above_by_point`, and `worst`, moments by `usage`, the part of the allowed speed; `quality`;
-        `warnings`; `findings`: `cause`, `count`, `text`.
+        without efforts; `balance`; `observer`, with `missing`, parameters without which no collision is told of,
+        `observed`, the number of states of which the observer has a result, and `says`, what is not known therefore;
+        `collisions`: `start`, `end`, `joints`, `norm`, and where thresholds of alarms were given `first`, `exceeded` and
+        `told`; `contact`, with limits of it: `above`, how long any point was above its limit, `of`, both [s],
+        `above_by_point`, and `worst`, moments by `usage`, the part of the allowed speed; `quality`; `warnings`;
+        `findings`: `cause`, `count`, `text`.
     """
     quality, balance, peaks, names = outcome.quality, outcome.balance, outcome.peaks, outcome.names
     offset, counts = outcome.offset, outcome.account.counts
@@ -112,7 +113,11 @@ def _says_of_contacts(outcome, without_effort):
     said, missing, states = [], outcome.missing, outcome.states
     unknown = states - outcome.observed
     if not outcome.observed:
-        why = without_efforts(outcome.account.counts) if without_effort == states else "the observer has no result at any state"
+        why = (
+            without_efforts(outcome.account.counts)
+            if without_effort == states
+            else "the observer has no result at any state"
+        )
         said.append(f"Nothing is known of contacts: {why}.")
     elif unknown > 1:  # the first one never has a result
         said.append(f"Of {unknown} of {states} states nothing is known: the observer has no result there.")
@@ -120,8 +125,12 @@ def _says_of_contacts(outcome, without_effort):
         lacks = f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not set"
         if outcome.observed:
             lacks = f"Nothing is known of contacts: {lacks}"
-        useless = ", without which external_torque.threshold does not count" if missing == ("external_torque.gain",) else ""
-        said.append(f"{lacks}{useless}. diag-dynamics calibrate finds thresholds, and writes them with their gain for --alarms.")
+        useless = (
+            ", without which external_torque.threshold does not count" if missing == ("external_torque.gain",) else ""
+        )
+        said.append(
+            f"{lacks}{useless}. diag-dynamics calibrate finds thresholds, and writes them with their gain for --alarms."
+        )
     return " ".join(said)
 
 

@@ -9,18 +9,16 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from mcap.writer import Writer
-from rosbags.typesys import Stores, get_typestore
 
 import diag_dynamics as dd
-from bags import Told, write_mcap
+from bags import Told, odometry, write_floating, write_mcap
 from diag_dynamics.recordings.analysis import Analysis
-from diag_dynamics.recordings.intake import ODOMETRY
 from diag_dynamics.recordings.pieces import repaired, seams, settling_time, spans, together
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import summary_of
-from hostile import JOINT_STATE, MS, START, Driver, S, hostile
+from hostile import MS, START, Driver, S, hostile
 
+AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 SOME = {
     "defaults": {},
     "collisions": {"external_torque.gain": 25.0, "external_torque.threshold": 2.0},
@@ -129,43 +127,16 @@ def test_too_short_an_overlap_is_found(tmp_path, panda):
     assert check(path, panda, {}, spans([START + 3 * S]), settle=100 * MS) == 1
 
 
-def odometry(stamp, link, speed):
-    """Bytes of an odometry of a base that goes straight on, by rosbags."""
-    store, no = get_typestore(Stores.ROS2_JAZZY), np.zeros(36)
-
-    def of(name, *fields):
-        return store.types[name](*fields)
-
-    def vector(x):
-        return of("geometry_msgs/msg/Vector3", x, 0.0, 0.0)
-
-    header = of("std_msgs/msg/Header", of("builtin_interfaces/msg/Time", *divmod(stamp, S)), "odom")
-    turn = of("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0)
-    pose = of("geometry_msgs/msg/Pose", of("geometry_msgs/msg/Point", 0.0, 0.0, 0.0), turn)
-    twist = of("geometry_msgs/msg/Twist", vector(speed), vector(0.0))
-    covered = (
-        of("geometry_msgs/msg/PoseWithCovariance", pose, no),
-        of("geometry_msgs/msg/TwistWithCovariance", twist, no),
-    )
-    return bytes(store.serialize_cdr(of(ODOMETRY, header, link, *covered), ODOMETRY))
-
-
 def test_floating_base(tmp_path):
     """What is known of odometry crosses seams, too."""
     model = dd.load_robot("panda", floating_base=True)
     path, joints = tmp_path / "base.mcap", good(model, 14.0)
-    with open(path, "wb") as file:
-        writer = Writer(file, chunk_size=20_000)
-        writer.start(profile="ros2")
-        channels = [
-            writer.register_channel(topic, "cdr", writer.register_schema(kind, "ros2msg", b""))
-            for topic, kind in (("/joint_states", JOINT_STATE), ("/odom", ODOMETRY))
-        ]
-        for k, (raw, now) in enumerate(joints):
-            if k % 5 == 0 and k % 1000 < 900:  # without it for a while, until it is stale
-                writer.add_message(channels[1], now, odometry(now, model.root_link, 1e-3 * k), now)
-            writer.add_message(channels[0], now, raw, now)
-        writer.finish()
+    bases = [
+        (now, odometry(now, model.root_link, AT_REST, (1e-3 * k, 0.0, 0.0, 0.0, 0.0, 0.0)))
+        for k, (_, now) in enumerate(joints)
+        if k % 5 == 0 and k % 1000 < 900  # without it for a while, until it is stale
+    ]
+    write_floating(path, joints, bases)
     pieces = seams(Reading(path, model), 4.0)
     assert len(pieces) == 4
     assert check(path, model, {"odom_timeout": 0.1}, pieces) == 4

@@ -3,6 +3,7 @@
 
 """Reports: one file, without a network, in which the numbers of the recording are."""
 
+import csv
 import gzip
 import json
 import os
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
+from bags import odometry, write_floating
 from browser import Tab, browser
 from diag_dynamics.cli.main import main
 from diag_dynamics.exceptions import InputError
@@ -23,6 +25,7 @@ from diag_dynamics.page.report import write_report
 from diag_dynamics.recordings.outputs import report as output
 from diag_dynamics.recordings.outputs.telling import AROUND, Contacts, Overview, Rows, Works, mean_powers, telling
 from diag_dynamics.recordings.recording import Reading
+from hostile import START, Driver
 
 pytest.importorskip("yourdfpy")
 RECORDINGS = Path(
@@ -322,6 +325,104 @@ def test_tells_what_a_touch_would_have_cost(tab, simulated):
     tab.until(f"Math.abs(diag.state.now - {worst['at']}) < 2e-2")
 
 
+def shown_contact(tab, t):
+    """What the page shows of contact at a moment, once it does."""
+    at = go(tab, t)["t"]
+    tab.until(f"diag.contact.shown && Math.abs(diag.contact.shown.t - {at!r}) < 1e-9")
+    return tab.ask("diag.contact")
+
+
+def steps_of(html):
+    """Half of the largest step by which a report's contact is packed: place, speed, and decimal logarithms of the rest."""
+    told, _ = parts_of(html)
+    steps = 0.51 * np.array([[step for _, step, _ in track["contact"]] for track in told["tracks"]]).max(axis=0)
+    points = len(told["contact"])
+    return steps[1:4].max(), *(steps[4 + points * k : 4 + points * (k + 1)].max() for k in range(3))
+
+
+def require_contact(shown, c, half, steps):
+    """Have what is shown be the library's contact of the state, to half a step of the packing and the rounding of floats."""
+    place, speed, mass, allowed = steps
+    assert max(place, speed) < 1e-4
+    assert max(mass, allowed) < 3e-4
+    points = shown["shown"]["points"]
+    assert shown["shown"]["worst"] == c.worst
+    assert shown["shown"]["half"] == pytest.approx(half)
+    assert tuple(point["name"] for point in points) == c.names
+    for k, point in enumerate(points):
+        assert point["speed"] == pytest.approx(c.speed[k], rel=1e-6, abs=speed)
+        assert point["mass"] == pytest.approx(c.reflected_mass[k], rel=2.4 * mass + 1e-6)
+        if c.points.limited[k]:
+            assert point["allowed"] == pytest.approx(c.allowed_speed[k], rel=2.4 * allowed + 1e-6)
+            assert point["margin"] == pytest.approx(c.margin[k], abs=3e-4 * c.allowed_speed[k] + 2 * speed)
+        else:
+            assert point["allowed"] is point["margin"] is None
+        largest = 2.4 * mass * c.energy[k] + 2.0 * c.reflected_mass[k] * max(c.speed[k], speed) * speed
+        assert point["energy"] == pytest.approx(c.energy[k], rel=1e-6, abs=1.1 * largest)
+    np.testing.assert_allclose(points[c.worst]["position"], c.position[c.worst], rtol=1e-6, atol=place)
+
+
+def test_contact_is_that_of_the_state_that_is_seen(tab, simulated):
+    """Of every point, in the overview and at full rate, and the card and the ball have it."""
+    html, _, q, qd, _, model = simulated
+    limits = dd.ContactLimits.load(html.parent / "limits.yaml")
+    points = dd.ContactPoints(model, dd.link_geometry(model, find_urdf("ur5")).points, limits, "limit")
+    dyn, half = dd.DiagonalDynamics(model), mass_of_half(model)
+    worst = set()
+    for moment in (1.0, 3.1, 3.117, 4.2, 4.2013, 9.7, 13.0):
+        shown = shown_contact(tab, moment)
+        k = round(shown["shown"]["t"] * RATE)
+        c = dyn.contact(q[k], qd[k], points)
+        require_contact(shown, c, half, steps_of(html))
+        np.testing.assert_allclose(shown["drawn"], c.position[c.worst], rtol=1e-6, atol=steps_of(html)[0])
+        worst.add(int(c.worst))
+        first = tab.page.locator(".touch tbody tr").first
+        k = c.names.index(first.get_attribute("title"))
+        assert c.margin[k] == pytest.approx(c.margin.min(), abs=1e-3)
+        numbers = [number_of(text) for text in first.inner_text().split()[1:]]
+        told = [c.margin[k], c.speed[k], c.reflected_mass[k], c.energy[k], 0.5 * half * c.speed[k] ** 2]
+        np.testing.assert_allclose(numbers, told, rtol=8e-3, atol=1e-3)
+    assert len(worst) > 1
+    assert "then" in tab.page.locator("#contact h2").inner_text()
+    assert tab.page.locator(".touch tr.above").count() == int((c.margin < 0).sum())
+
+
+def number_of(text):
+    return float(text.replace("−", "-"))
+
+
+def test_numbers_of_contact_are_among_those_that_are_downloaded(tab, simulated):
+    html, _, q, qd, _, model = simulated
+    tab.page.locator("#contacts button").first.click()
+    tab.until("diag.state.window[1] - diag.state.window[0] < 6")
+    with tab.page.expect_download() as file:
+        tab.page.keyboard.press("c")
+    tab.page.keyboard.press("0")
+    with open(file.value.path(), encoding="utf-8", newline="") as text:
+        header, *rows = csv.reader(text)
+    limits = dd.ContactLimits.load(html.parent / "limits.yaml")
+    points = dd.ContactPoints(model, dd.link_geometry(model, find_urdf("ur5")).points, limits, "limit")
+    assert len(rows) > 4.0 * RATE
+    _, speed, mass, allowed = steps_of(html)
+    which = np.array([round(float(row[0]) * RATE) for row in rows])
+    c = dd.DiagonalDynamics(model).contact_batch(q[which], qd[which], points)
+    assert [row[header.index("contact_worst")] for row in rows] == [c.names[k] for k in c.worst]
+    wanted = {
+        "contact_speed": (c.speed, 0.0, speed),
+        "contact_mass": (c.reflected_mass, 2.4 * mass, 0.0),
+        "contact_energy": (c.energy, 2.4 * mass, 10.0 * speed),
+        "contact_allowed_speed": (c.allowed_speed, 2.4 * allowed, 0.0),
+        "contact_margin": (c.margin, 0.0, 3e-4 * c.allowed_speed.max()),
+    }
+    for quantity, (column, relative, absolute) in wanted.items():
+        for k, name in enumerate(c.names):
+            at = header.index(f"{quantity}.{name}")
+            seen = [float(row[at]) for row in rows]
+            np.testing.assert_allclose(
+                seen, column[:, k], rtol=relative + 1e-6, atol=absolute + 1e-12, err_msg=quantity
+            )
+
+
 def test_panels_of_text_say_that_there_is_more(tab):
     """A faded edge until one has scrolled to the end; plots stay within their panels."""
     assert tab.out_of_panels() == []
@@ -387,6 +488,142 @@ def test_report_of_real_arms(chromium, tmp_path):
         tab.close()
 
 
+# --- What is not known ---
+
+
+@pytest.mark.parametrize(
+    "given, efforts, missing, words",
+    [
+        ([], True, ["external_torque.gain", "external_torque.threshold"], ["external_torque.gain and", "calibrate"]),
+        (["external_torque.threshold=20"], True, ["external_torque.gain"], ["gain is not set, without", "calibrate"]),
+        (["external_torque.gain=25.0"], True, ["external_torque.threshold"], ["threshold is not set", "calibrate"]),
+        (watched(20), False, [], ["no efforts"]),
+    ],
+    ids=["neither", "no gain", "no threshold", "no efforts"],
+)
+def test_contacts_of_which_nothing_is_known(chromium, simulated, tmp_path, capsys, given, efforts, missing, words):
+    """Summary, text and page say so, and which parameter is missing; no word of there having been none."""
+    _, t, q, qd, tau, _ = simulated
+    path, report, told = tmp_path / "part.npz", tmp_path / "part.html", tmp_path / "part.json"
+    part = slice(3500, 5000)  # the push is in it
+    columns = {"t": t[part], "q": q[part], "qd": qd[part]} | ({"tau": tau[part]} if efforts else {})
+    np.savez(path, **columns)
+    arguments = ["--urdf", "ur5", "--report", str(report), "--json", str(told)]
+    assert main(["analyse", str(path), *arguments, *(["--set", *given] if given else [])]) in (0, 1)
+    summary = json.loads(told.read_text(encoding="utf-8"))
+    observer = summary["observer"]
+    assert observer["missing"] == missing
+    assert observer["observed"] == (len(t[part]) - 1 if efforts else 0)
+    assert summary["collisions"] == []
+    said = " ".join(capsys.readouterr().out.split())
+    assert "0 collisions" not in said
+    tab = Tab(chromium, (1280, 720), "light")
+    try:
+        tab.open(report.as_uri())
+        assert "nothing known" in tab.page.locator("#contacts h2").inner_text()
+        seen = " ".join(tab.page.locator("#contacts").inner_text().replace("\u200b", "").split())
+        for text in (said, seen):
+            assert "Nothing is known of contacts" in text
+            assert all(word in text for word in words), text
+        assert tab.cut_off() == []
+    finally:
+        tab.close()
+
+
+def test_states_of_which_the_observer_has_no_result_are_counted(simulated, tmp_path):
+    """Contacts are told of the others, and of how many nothing is known."""
+    _, t, q, qd, tau, _ = simulated
+    part = slice(3500, 5500)
+    missing = tau[part].copy()
+    missing[1500:1700] = np.nan
+    path, told = tmp_path / "gap.npz", tmp_path / "gap.json"
+    np.savez(path, t=t[part], q=q[part], qd=qd[part], tau=missing)
+    assert main(["analyse", str(path), "--urdf", "ur5", "--quiet", "--json", str(told), "--set", *watched(20)]) in (
+        0,
+        1,
+    )
+    summary = json.loads(told.read_text(encoding="utf-8"))
+    unknown = summary["states"] - summary["observer"]["observed"]
+    assert 201 <= unknown <= 202
+    assert f"Of {unknown} of 2000 states nothing is known" in summary["observer"]["says"]
+    assert len(summary["collisions"]) == 1
+
+
+# --- Contact of other robots ---
+
+
+def test_without_limits_there_is_no_margin_and_at_rest_no_worst_point(chromium, tmp_path):
+    """The card is there all the same: the worst is the point with most energy, and there is no ball while nothing moves."""
+    model = dd.load_urdf(str(find_urdf("ur5")))
+    path, html = tmp_path / "swing.npz", tmp_path / "swing.html"
+    columns = motion(model, 4.0)
+    still = columns["t"] < 1.0
+    columns["q"][still], columns["qd"][still] = columns["q"][still][0], 0.0
+    np.savez(path, **columns)
+    assert main(["analyse", str(path), "--urdf", "ur5", "--quiet", "--report", str(html)]) in (0, 1)
+    told, _ = parts_of(html)
+    assert len(told["tracks"]) == 1
+    assert told["summary"]["contact"] is None
+    points = dd.ContactPoints(model, dd.link_geometry(model, find_urdf("ur5")).points)
+    dyn = dd.DiagonalDynamics(model)
+    tab = Tab(chromium, (1280, 720), "dark")
+    try:
+        tab.open(html.as_uri())
+        for moment in (1.7, 3.2):
+            shown = shown_contact(tab, moment)["shown"]
+            k = round(shown["t"] * RATE)
+            c = dyn.contact(columns["q"][k], columns["qd"][k], points)
+            assert shown["worst"] == c.worst
+            assert all(point["margin"] is point["allowed"] is None for point in shown["points"])
+            words = tab.page.locator("#contact p").inner_text()
+            assert f"most energy: {c.names[c.worst]}" in words
+            assert "no limits" in words
+        assert "margin" not in tab.page.locator("#contact thead").inner_text()
+        assert tab.cut_off() == []
+        rest = shown_contact(tab, 0.5)
+        assert rest["drawn"] is None
+        assert rest["shown"]["worst"] == -1
+        assert [point["mass"] for point in rest["shown"]["points"]] == [0] * len(points)
+        assert "at rest" in tab.page.locator("#contact p").inner_text()
+        assert tab.said == []
+    finally:
+        tab.close()
+
+
+def test_the_ball_goes_with_a_floating_base(chromium, tmp_path):
+    """The worst point is told in the root link's axes, and drawn where these are at that moment, not at the one before."""
+    model = dd.load_robot("panda", floating_base=True)
+    driver, count = Driver(dd.load_robot("panda"), 1), 1000
+    joints, bases = [], []
+    for k in range(count):
+        now = START + k * 2 * 10**6
+        turn = 0.5 * 1.3 * k / count
+        pose = (4.0 * k / count, np.sin(5.0 * k / count), 0.8, 0.0, 0.0, np.sin(turn), np.cos(turn))
+        bases.append((now, odometry(now, model.root_link, pose, (1.2, 0.3, 0.0, 0.0, 0.0, 0.4))))
+        joints.append((driver.good(now), now))
+    path, html = write_floating(tmp_path / "base.mcap", joints, bases), tmp_path / "base.html"
+    assert main(
+        ["analyse", str(path), "--urdf", "panda", "--quiet", "--set", "floating_base=true", "--report", str(html)]
+    ) in (0, 1)
+    rec = dd.read_recording(path, str(find_urdf("panda")), parameters={"floating_base": True})
+    dyn = dd.DiagonalDynamics(rec.model)
+    points = dd.ContactPoints(rec.model, dd.link_geometry(rec.model, find_urdf("panda")).points)
+    tab = Tab(chromium, (1280, 720), "light")
+    try:
+        tab.open(html.as_uri())
+        for moment in (0.2, 1.8, 0.4, 1.1):
+            shown = shown_contact(tab, moment)
+            k = int(np.argmin(np.abs(rec.t - rec.t[0] - shown["shown"]["t"])))
+            c = dyn.contact(rec.q[k], rec.qd[k], points)
+            assert shown["shown"]["worst"] == c.worst
+            root = dyn.placement(rec.q[k], rec.model.root_link)
+            place = root[:3, :3] @ c.position[c.worst] + root[:3, 3]
+            np.testing.assert_allclose(shown["drawn"], place, atol=3e-4)
+        assert tab.said == []
+    finally:
+        tab.close()
+
+
 # --- Its size, and what goes wrong ---
 
 
@@ -402,7 +639,8 @@ def test_an_hour_takes_less_than_15_mb(tmp_path):
     assert main(["analyse", str(path), *robot, "--quiet", "--report", str(html)]) in (0, 1)
     told, blocks = parts_of(html)
     size = html.stat().st_size
-    most = output.OVERVIEW // (2 * sum(field["size"] for field in told["layout"]["fields"]))
+    width = sum(field["size"] for field in told["layout"]["fields"]) + len(told["tracks"][0]["contact"])
+    most = output.OVERVIEW // (2 * width)
     kept, *full = told["tracks"]
     assert most / 5 < kept["rows"] <= most
     assert len(full) == 2

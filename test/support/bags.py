@@ -7,8 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 from mcap.writer import CompressionType, IndexType, Writer
+from rosbags.typesys import Stores, get_typestore
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
+ODOMETRY = "nav_msgs/msg/Odometry"
 TEXT = "std_msgs/Header header\nstring[] name\nfloat64[] position\n"
 
 
@@ -70,3 +72,43 @@ def write_mcap(path, messages, compression="zstd", chunk_size=400, **options):
 
 
 ALL, NO_MESSAGES, NO_CHUNKS, NO_INDEX = IndexType.ALL, IndexType.CHUNK, IndexType.MESSAGE, IndexType.NONE
+
+
+def odometry(stamp, link, pose, twist):
+    """Bytes of an odometry, by rosbags: x y z qx qy qz qw, and linear and angular velocity in the link's axes."""
+    store, no = get_typestore(Stores.ROS2_JAZZY), np.zeros(36)
+
+    def of(name, *fields):
+        return store.types[name](*fields)
+
+    def vector(numbers):
+        return of("geometry_msgs/msg/Vector3", *map(float, numbers))
+
+    header = of("std_msgs/msg/Header", of("builtin_interfaces/msg/Time", *divmod(stamp, 10**9)), "odom")
+    point = of("geometry_msgs/msg/Point", *map(float, pose[:3]))
+    placed = of("geometry_msgs/msg/Pose", point, of("geometry_msgs/msg/Quaternion", *map(float, pose[3:])))
+    covered = (
+        of("geometry_msgs/msg/PoseWithCovariance", placed, no),
+        of(
+            "geometry_msgs/msg/TwistWithCovariance",
+            of("geometry_msgs/msg/Twist", *map(vector, (twist[:3], twist[3:]))),
+            no,
+        ),
+    )
+    return bytes(store.serialize_cdr(of(ODOMETRY, header, link, *covered), ODOMETRY))
+
+
+def write_floating(path, joints, bases):
+    """Write joint states, pairs of bytes and log times, and odometries, pairs of log times and bytes; returns the path."""
+    told = [(now, 1, raw) for now, raw in bases] + [(now, 0, raw) for raw, now in joints]
+    with open(path, "wb") as file:
+        writer = Writer(file, chunk_size=20_000)
+        writer.start(profile="ros2")
+        channels = [
+            writer.register_channel(topic, "cdr", writer.register_schema(kind, "ros2msg", b""))
+            for topic, kind in (("/joint_states", JOINT_STATE), ("/odom", ODOMETRY))
+        ]
+        for now, kind, raw in sorted(told, key=lambda one: (one[0], -one[1])):
+            writer.add_message(channels[kind], now, raw, now)
+        writer.finish()
+    return path

@@ -73,7 +73,7 @@ function touches({ summary, begin, half }, act) {
   );
   const words = `Limits exceeded for ${span(contact.above)} of ${span(contact.of)}. Advisory: rigid bodies, no safety function.`;
   const by = points.map(([name, seconds]) => line(name, span(seconds)));
-  return card("touches", "If it had touched", el("p", { text: words }), el("dl", {}, ...by, ...moments));
+  return card("touches", "Limits of contact", el("p", { text: words }), el("dl", {}, ...by, ...moments));
 }
 
 function quality({ summary }) {

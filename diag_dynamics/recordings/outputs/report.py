@@ -22,7 +22,7 @@ from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.outputs.telling import Contacts, Overview, Rows, Works, mean_powers
 
-OVERVIEW = 6_500_000
+OVERVIEW = 5_200_000
 """Bytes of the states that stand for the whole recording, before they are made small."""
 
 LARGEST = 14_500_000
@@ -177,7 +177,7 @@ class ReportOutput:
         return scene, {sha: library.data(sha) for sha in sorted(wanted)}
 
     def _contact_points(self):
-        """ContactPoints, and of how many links no shape counts; None of a robot without description, or that nothing moves."""
+        """ContactPoints, and of how many links no shape counts; None without a description, or where nothing moves."""
         if self._reading.described is None:
             return None, 0
         try:
