@@ -40,6 +40,7 @@ export class ContactCard {
       scrolling(el("div", { class: "text" }, table)),
     );
     this.rows = [];
+    this.labels = new Map();
   }
 
   take(json) {
@@ -121,14 +122,20 @@ export class ContactCard {
   }
 
   #row() {
-    const row = { name: el("span"), cells: COLUMNS.map(() => el("td")) };
-    row.node = el("tr", { onclick: () => this.select(row.link) }, el("th", { scope: "row" }, row.name), ...row.cells);
+    const row = { name: el("th", { scope: "row" }), cells: COLUMNS.map(() => el("td")) };
+    row.node = el("tr", { onclick: () => this.select(row.link) }, row.name, ...row.cells);
     return row;
+  }
+
+  // A point's name, which goes from row to row with it: making it anew takes more time than all numbers.
+  #label(name, short) {
+    if (this.labels.get(name)?.textContent !== short) this.labels.set(name, el("span", {}, ...breakable(short)));
+    return this.labels.get(name);
   }
 
   #fill(row, { name, link, margin, speed, mass, energy }, short, half, worst) {
     row.link = link;
-    if (row.named !== name) row.name.replaceChildren(...breakable(short));
+    if (row.named !== name) row.name.replaceChildren(this.#label(name, short));
     row.named = row.node.title = name;
     toggle(row.node, "above", margin !== null && margin < 0);
     toggle(row.node, "chosen", worst);
