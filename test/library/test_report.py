@@ -22,9 +22,11 @@ from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.page.contact import mass_of_half
 from diag_dynamics.page.packing import LEVELS, pack, pack_mesh, pack_meshes
 from diag_dynamics.page.report import write_report
+from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.outputs import report as output
 from diag_dynamics.recordings.outputs.telling import AROUND, Contacts, Overview, Rows, Works, mean_powers, telling
 from diag_dynamics.recordings.recording import Reading
+from diag_dynamics.recordings.summary import summary_of
 from hostile import START, Driver
 
 pytest.importorskip("yourdfpy")
@@ -588,6 +590,18 @@ def test_without_limits_there_is_no_margin_and_at_rest_no_worst_point(chromium, 
         assert tab.said == []
     finally:
         tab.close()
+
+
+def test_a_model_that_was_made_before_has_no_contact(simulated, tmp_path):
+    """There is no description in which points could be found: the report is made all the same."""
+    html = tmp_path / "made.html"
+    reading = Reading(simulated[0].parent / "swing.csv", simulated[5], end=2.0)
+    analysis, report = Analysis(reading), output.ReportOutput(html, reading)
+    analysis.run([report])
+    report.close(summary_of(analysis.outcome) | {"recording": "swing.csv"})
+    told, _ = parts_of(html)
+    assert told["contact"] == []
+    assert all("contact" not in track for track in told["tracks"])
 
 
 def test_the_ball_goes_with_a_floating_base(chromium, tmp_path):
