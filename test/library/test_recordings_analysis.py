@@ -17,7 +17,7 @@ from diag_dynamics.recordings.balance import Moments, WindowSums
 from diag_dynamics.recordings.intake import Intake, States
 from diag_dynamics.recordings.observed import Observer
 from diag_dynamics.recordings.quality import Quality
-from diag_dynamics.recordings.recording import Recording
+from diag_dynamics.recordings.recording import Reading, Recording
 from diag_dynamics.recordings.summary import summary_of, text_of
 
 DEFAULTS = {name: spec.default for name, spec in PARAMETERS.items()}
@@ -36,6 +36,8 @@ def states_of(t, q, qd, tau=None, moved=None):
 
 class Given:
     """A reading of states that are there already."""
+
+    contact_points = Reading.contact_points
 
     def __init__(self, model, states, **parameters):
         self.model, self.settings, self._states = model, Settings.of(DEFAULTS | parameters), states
