@@ -70,7 +70,7 @@ def _calibrate(chosen):
     recordings = given.streamed(chosen, chosen.recording, parameters, given.robot_of(chosen.urdf))
     model = recordings[0].model
     found = calibrate(
-        recordings,
+        [one.pieces() for one in recordings],
         DiagonalDynamics(model),
         chosen.gain,
         rate,

@@ -8,7 +8,7 @@ from pathlib import Path
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.named import robot_path
 from diag_dynamics.recordings.account import without_states
-from diag_dynamics.recordings.recording import Reading, read_recording
+from diag_dynamics.recordings.recording import Reading
 
 
 def add_arguments(parser):
@@ -40,7 +40,7 @@ def add_parameters(parser):
         nargs="+",
         action="extend",
         default=[],
-        help="parameters of the monitor (docs/parameters.md), as effort_scale=*=0.5",
+        help="parameters of the monitor (docs/parameters.md), as effort_scale='*=0.5'",
     )
 
 
@@ -51,40 +51,16 @@ def robot_of(urdf):
     return str(robot_path(urdf))  # the parameters shape it, as they do a file
 
 
-def recordings_of(chosen, paths, parameters, robot, most=None):
-    """Recordings, each with states, `most` at most; all of the robot of the first one, where none is given.
-
-    Raises
-    ------
-    InputError
-        One cannot be read, or has not a single state.
-    """
-    recordings = []
-    for path in paths:
-        described = robot is None and recordings
-        one = read_recording(
-            path,
-            recordings[0].model if described else robot,
-            chosen.columns,
-            topic=chosen.topic,
-            parameters=None if described else parameters,
-            start=chosen.start,
-            end=chosen.end,
-            most=most,
-        )
-        if not len(one):
-            raise without_states(path, one.findings)
-        recordings.append(one)
-    return recordings
-
-
 class Streamed:
-    """Pieces of a recording, read when they are wanted, in bounded memory.
+    """A recording that is read piece by piece whenever its pieces are wanted, in bounded memory.
 
     Parameters
     ----------
     path : str
-    reading : Reading
+    robot : RobotModel, str or None
+        As of :class:`Reading`.
+    how : dict
+        Further arguments of it.
 
     Attributes
     ----------
@@ -94,12 +70,20 @@ class Streamed:
         Of all that has been read.
     """
 
-    def __init__(self, path, reading):
-        self.path, self.model, self.findings, self._reading = path, reading.model, [], reading
+    def __init__(self, path, robot, how):
+        self.path, self.findings, self._how = path, [], how
+        self.model = Reading(path, robot, **how).model
 
-    def __iter__(self):
+    def pieces(self):
+        """Yield the pieces, each a Recording.
+
+        Raises
+        ------
+        InputError
+            There is not a single state in them.
+        """
         states = 0
-        for piece in self._reading.pieces():
+        for piece in Reading(self.path, self.model, **self._how).pieces():
             self.findings, states = piece.findings, states + len(piece)
             yield piece
         if not states:
@@ -107,26 +91,17 @@ class Streamed:
 
 
 def streamed(chosen, paths, parameters, robot):
-    """The same as :func:`recordings_of`, to be read piece by piece: whether there are states is known then.
+    """Recordings that were given, each Streamed, and all of the robot of the first one.
 
     Raises
     ------
     InputError
         One cannot be read.
     """
+    how = {"columns": chosen.columns, "topic": chosen.topic, "start": chosen.start, "end": chosen.end}
     found = []
     for path in paths:
-        described = robot is None and found
-        reading = Reading(
-            path,
-            found[0].model if described else robot,
-            chosen.columns,
-            topic=chosen.topic,
-            parameters=None if described else parameters,
-            start=chosen.start,
-            end=chosen.end,
-        )
-        found.append(Streamed(path, reading))
+        found.append(Streamed(path, found[0].model if found else robot, how | {"parameters": parameters}))
     return found
 
 

@@ -10,24 +10,19 @@ from pathlib import Path
 
 from diag_dynamics.cli import given
 from diag_dynamics.cli.interrupted import orderly
-from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, UnsupportedError
 from diag_dynamics.identification.identifying import identify
+from diag_dynamics.identification.unexplained import unexplained
 from diag_dynamics.model import urdf_text
 from diag_dynamics.model.rewriting import urdf_with
 from diag_dynamics.model.xacro_files import expanded
 from diag_dynamics.parameters.files import parameters_of
-from diag_dynamics.recordings.observed import observe
 from diag_dynamics.recordings.sources import source_of
 from diag_dynamics.text import plain
 from diag_dynamics.views.identified import picture
 
 GAIN = 25.0
 """Of the observer on the page of plots [1/s]."""
-
-MOST = 500_000
-"""States of all recordings that are kept, and of all references: an hour at 125 Hz. Filtered to 1 Hz, more of them tell
-little more."""
 
 DONE, DOUBTFUL, FAILED = range(3)
 """Exit statuses: identified; nothing was gained; it could not be identified."""
@@ -84,10 +79,11 @@ def _identify(chosen):
         raise UnsupportedError(
             "floating_base is true: a floating base is not identified, for nothing measures its support."
         )
-    recordings = given.recordings_of(chosen, chosen.recording, parameters, robot, MOST // len(chosen.recording))
+    recordings = given.streamed(chosen, chosen.recording, parameters, robot)
     model = recordings[0].model
-    reference = given.recordings_of(chosen, chosen.reference, {}, model, MOST)
-    found = identify(recordings, model, chosen.what.split(","), reference=reference or None)
+    reference = given.streamed(chosen, chosen.reference, parameters, model)
+    loaded, unloaded = ([one.pieces for one in some] for some in (recordings, reference))
+    found = identify(loaded, model, chosen.what.split(","), reference=unloaded or None)
     if chosen.output:
         found.save(chosen.output)
     if chosen.write_urdf:
@@ -101,7 +97,7 @@ def _identify(chosen):
     elif chosen.json:
         Path(chosen.json).write_text(json.dumps(found.quality, indent=1, allow_nan=False), encoding="utf-8")
     if not chosen.quiet and chosen.json != "-":
-        print(plain_lines(summary(found, recordings[-1].t[0])))
+        print(plain_lines(summary(found, found.parameters.origin["recordings"][len(recordings) - 1]["start"])))
         for what, path in (
             ("parameters", chosen.output),
             ("URDF", chosen.write_urdf),
@@ -123,10 +119,9 @@ def _draw(path, recording, model, found):
         f"the observer at {GAIN:g}/s; shaded: held out.\n"
         f"Of d(K + U)/dt the efforts explain {shares[0]} before, {shares[1]} after."
     )
-    torques = [observe(DiagonalDynamics(one), recording, GAIN).external_torque for one in (model, found.model)]
-    first = recording.t[0]
-    held_out = [time - first for time in found.quality["held_out"]]
-    picture(path, title, recording.t - first, torques, found.quality["torque_rms"], held_out)
+    time, torques = unexplained((model, found.model), recording.pieces(), GAIN)
+    held_out = time[-1] - found.quality["held_out_duration"], time[-1]
+    picture(path, title, time, torques, found.quality["torque_rms"], held_out)
 
 
 def plain_lines(text):
@@ -139,7 +134,8 @@ def summary(found, first):
     quality, model = found.quality, found.model
     lines = [f"{model.name}: {', '.join(quality['taken']) or 'nothing of it makes the model better'}"]
     begin, end = (time - first for time in quality["held_out"])
-    lines += ["", f"From {begin:.1f} to {end:.1f} s, which this was not fitted to, before and after:", ""]
+    lasts = quality["held_out_duration"]
+    lines += ["", f"From {begin:.1f} to {end:.1f} s, {lasts:.1f} s that this was not fitted to, before and after:", ""]
     wide = max(len(name) for name in ("joint", *quality["torque_rms"]))
     lines.append(
         f"  {'joint':{wide}}  {'effort, rms':>17}  {'observer, spread':>17}   damping  friction    offset  armature"

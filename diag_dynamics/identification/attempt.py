@@ -7,28 +7,26 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification import result
+from diag_dynamics.identification.cross_validation import Blocks
 from diag_dynamics.identification.fit import (
     LEAST_VARIANCE,
     SHORT,
     SHORT_WEIGHT,
     WEIGHT,
     Free,
+    Layout,
+    Rows,
     fitted,
 )
 from diag_dynamics.identification.found import Identification
-from diag_dynamics.identification.gathered import Gathered
-from diag_dynamics.identification.judgement import judged
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
-from diag_dynamics.identification.segments import duration
-from diag_dynamics.identification.suitability import excited
 from diag_dynamics.model import Parameters
-from diag_dynamics.recordings.recording import Recording
 
 GAIN = 0.1
 """What a further step has to take off the residual of rows that it was not fitted to, or it is not taken."""
@@ -46,16 +44,6 @@ BY_JOINT = "friction", "rotors"
 """Those of them that are taken for each joint by itself."""
 
 
-class Prepared(NamedTuple):
-    """A recording, ready to be fitted."""
-
-    recording: Recording
-    segments: list
-    delay: float
-    """Of velocities, that was taken out; 0 if it is less than a sample [s]."""
-    findings: list
-
-
 class Attempt:
     """One identification, from rows to an outcome.
 
@@ -65,26 +53,29 @@ class Attempt:
     steps : list of str
         Some of :data:`STEPS`, in their order.
     payload : Payload or None
-    loaded, unloaded : list of Prepared
-        Recordings with the payload, if there is one; and without it.
+    gathered : Gathered
+        Rows of the recordings; its last payload's body is among the carriers.
     """
 
-    def __init__(self, model, steps, payload, loaded, unloaded):
-        self._model, self._payload, self._loaded, self._unloaded = model, payload, loaded, unloaded
-        self._findings = [finding for one in (*loaded, *unloaded) for finding in one.findings]
+    def __init__(self, model, steps, payload, gathered):
+        self._model, self._payload, self._gathered = model, payload, gathered
+        self._loaded, self._unloaded = gathered.loaded, gathered.unloaded
+        self._findings = gathered.findings()
         self._warnings = []
-        everything = [segment for one in (*loaded, *unloaded) for segment in one.segments]
-        self._weight = WEIGHT if duration(everything) >= SHORT else SHORT_WEIGHT
+        everything = sum(one.duration for one in (*self._loaded, *self._unloaded))
+        self._weight = WEIGHT if everything >= SHORT else SHORT_WEIGHT
         self._steps = steps
         self._moving = np.zeros(model.nv, dtype=bool)
         if steps:
-            self._moving = excited(everything, model, self._findings)
+            self._moving = gathered.excitation.enough(self._findings)
             if not self._moving.any() and not self._payload:
                 raise InputError(f"no joint moves enough: {self._findings[-1].text}.")
         self._own = {step: self._moving.copy() for step in BY_JOINT}
         self._kept = {step: {} for step in BY_JOINT}
-        self._gathered = Gathered(model, payload, [one.segments for one in loaded], [one.segments for one in unloaded])
-        self._layout, self._blocks = self._gathered.layout, self._gathered.blocks
+        carries = payload is not None
+        self._layout, self._blocks = Layout(model, gathered.equations, payload), Blocks(gathered.bounds, carries)
+        self._beside = [Rows(gathered.beside, False)] if gathered.beside else []
+        self._held, self._whole = [Rows(gathered.held, carries)], [Rows(gathered.whole, carries), *self._beside]
 
     def _free(self, steps, **joints):
         """What is fitted in steps; `joints` are others than those that were found to pay, by step."""
@@ -94,7 +85,7 @@ class Attempt:
 
     def _fitted(self, steps):
         """The fit to rows that are not held out."""
-        return fitted(self._layout, [self._blocks.rows, *self._gathered.beside], self._free(steps), self._weight)
+        return fitted(self._layout, [self._blocks.rows, *self._beside], self._free(steps), self._weight)
 
     def _choose(self, step, taken):
         """Find for which joints a step pays, by blocks of the fitted rows that are left out in turn."""
@@ -102,7 +93,7 @@ class Attempt:
         before = self._own[step] if again else np.zeros(self._model.nv, dtype=bool)
         steps = [*taken, step]
         free, without = self._free(steps, **{step: self._moving}), self._free(steps, **{step: before})
-        worth = self._blocks.worth(self._layout, self._gathered.beside, free, without, self._weight)
+        worth = self._blocks.worth(self._layout, self._beside, free, without, self._weight)
         if worth is None:
             self._own[step] = self._moving.copy()
             return
@@ -161,8 +152,8 @@ class Attempt:
 
     def _score(self, x):
         """Geometric mean over joints of the residual of rows held out."""
-        squares = self._layout.mean_squares(self._gathered.held_rows, x)
-        efforts = sum(sums.effort / np.maximum(sums.weight, 1e-300) for sums, _ in self._gathered.held_rows)
+        squares = self._layout.mean_squares(self._held, x)
+        efforts = sum(sums.effort / np.maximum(sums.weight, 1e-300) for sums, _ in self._held)
         least = max(
             LEAST_VARIANCE * float(np.mean(efforts)), 1e-300
         )  # a joint of which nothing is left is no better still
@@ -183,14 +174,14 @@ class Attempt:
         taken, early, rungs = self.ladder()
         free = self._free(taken)
         nothing = early is None
-        last = early if nothing else fitted(layout, self._gathered.all_rows, free, self._weight)
+        last = early if nothing else fitted(layout, self._whole, free, self._weight)
         x = layout.known if nothing else early.x
-        before = judged(self._model, result.friction_of(layout, layout.known, velocity), self._gathered.held)
-        after = before
+        subjects = [(self._model, result.friction_of(layout, layout.known, velocity))]
         if not nothing:
-            model = result.model_of(layout, x, carries)
-            after = judged(model, result.friction_of(layout, x, velocity), self._gathered.held)
-        quality = self._quality(taken, rungs, before, after, x)
+            subjects.append((result.model_of(layout, x, carries), result.friction_of(layout, x, velocity)))
+        held_out = self._gathered.judged(subjects)
+        before, after = held_out.verdicts[0], held_out.verdicts[-1]
+        quality = self._quality(taken, rungs, held_out, x)
         if last is not None:
             self._tell(last, free, quality)
         self._warn(quality, before, after)
@@ -201,14 +192,13 @@ class Attempt:
             parameters = result.parameters_of(layout, last, free, velocity, origin)
         return Identification(self._model.with_parameters(parameters), parameters, quality)
 
-    def _quality(self, taken, rungs, before, after, x):
-        names, layout = self._model.dof_names, self._layout
-        rows = [np.sqrt(layout.mean_squares(self._gathered.held_rows, y)) for y in (layout.known, x)]
-        last = self._loaded[-1]
-        start, zero = float(last.recording.t[0]), int(last.recording.stamp[0])
-        held_out = [self._gathered.held[0].stamp[0], last.segments[-1].stamp[-1]]
+    def _quality(self, taken, rungs, held_out, x):
+        names, layout, last = self._model.dof_names, self._layout, self._loaded[-1]
+        before, after = held_out.verdicts[0], held_out.verdicts[-1]
+        rows = [np.sqrt(layout.mean_squares(self._held, y)) for y in (layout.known, x)]
         return {
-            "held_out": [start + (int(stamp) - zero) * 1e-9 for stamp in held_out],
+            "held_out": [last.start + (stamp - last.zero) * 1e-9 for stamp in held_out.stamps],
+            "held_out_duration": held_out.duration,
             "torque_rms": _pairs(names, before.torque, after.torque),
             "explained": [before.explained, after.explained],
             "explained_total": [before.explained_total, after.explained_total],
@@ -229,9 +219,12 @@ class Attempt:
         """What the rows have told of inertias."""
         model = self._model
         if free.inertias:
-            names = [model.link_names[model.bodies["link"][body]] for body in self._layout.bodies]
-            told = self._effective(fit)
-            quality["effective_parameters"] = {name: float(one) for name, one in zip(names, told, strict=True)}
+            links, masses = (model.bodies[key][self._layout.bodies] for key in ("link", "mass"))
+            quality["effective_parameters"] = {
+                model.link_names[link]: float(told)
+                for link, mass, told in zip(links, masses, self._effective(fit), strict=True)
+                if mass > 0.0
+            }
             self._warnings.append(
                 "masses and inertias of single links are not determined by any motion: only what they do together is"
             )
@@ -264,11 +257,11 @@ class Attempt:
         return {
             "recordings": [
                 {
-                    "path": one.recording.path,
-                    "robot": one.recording.model.name,
-                    "states": len(one.recording),
-                    "start": float(one.recording.t[0]),
-                    "end": float(one.recording.t[-1]),
+                    "path": one.path,
+                    "robot": one.robot,
+                    "states": one.states,
+                    "start": one.start,
+                    "end": one.end,
                 }
                 for one in (*self._loaded, *self._unloaded)
             ],

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.identification.fit import Rows, fitted
-from diag_dynamics.identification.segments import duration
 
 MOST, FEWEST = 8, 3
 """Blocks that are left out in turn; of fewer nothing is concluded."""
@@ -33,15 +32,51 @@ class Worth(NamedTuple):
         return self.fitted < (1.0 - gain) * self.without
 
 
+class Cut:
+    """Cuts portions into blocks of time that follow one another, and the part that is held out.
+
+    Parameters
+    ----------
+    length : float
+        Of all blocks together [s].
+
+    Attributes
+    ----------
+    held_out : int
+        Number of the part that is held out: it comes after all blocks.
+    """
+
+    def __init__(self, length):
+        self.held_out = int(np.clip(length // SHORTEST, 1, MOST))
+        self._length = length / self.held_out
+        self._elapsed = self._begin = self._last = 0.0  # time before the segment; its first and latest time
+
+    def take(self, states, begins, held_from):
+        """Yield the number of a block, states of a Portion that are in it, and whether a segment begins with these.
+
+        Those from the time `held_from` on [s] are in the part that is held out.
+        """
+        if begins:
+            self._elapsed += self._last - self._begin
+            self._begin = states.t[0]
+        self._last = states.t[-1]
+        at = self._elapsed + states.t - self._begin
+        number = np.zeros(len(at), dtype=int)
+        if self._length > 0.0:
+            number = np.minimum(at // self._length, self.held_out - 1).astype(int)
+        number[states.t >= held_from] = self.held_out
+        bounds = np.flatnonzero(np.diff(number)) + 1
+        for part in np.split(np.arange(len(at)), bounds):
+            yield int(number[part[0]]), states.part(slice(part[0], part[-1] + 1)), begins and part[0] == 0
+
+
 class Blocks:
     """Sums over rows, of all of them and of blocks of time that follow one another.
 
     Parameters
     ----------
-    equations : Equations
-        Takes the rows in; nothing has been taken in before.
-    segments : list of Segment
-        In the order of time.
+    bounds : list of Sums
+        Of all rows before each block, and of all.
     loaded : bool
         Whether the robot carries the payload in them.
 
@@ -51,18 +86,8 @@ class Blocks:
         Of all rows.
     """
 
-    def __init__(self, equations, segments, loaded):
-        self._loaded = loaded
-        count = int(np.clip(duration(segments) // SHORTEST, 1, MOST))
-        taken = [equations.sums()]
-        block = 0
-        for number, part, anew in _cut(segments, count):
-            if number != block:
-                taken.append(equations.sums())
-                block = number
-            equations.take(part, anew)
-        self.sums = equations.sums()
-        bounds = [*taken, self.sums]
+    def __init__(self, bounds, loaded):
+        self._loaded, self.sums = loaded, bounds[-1]
         self._blocks = [after - before for before, after in pairwise(bounds)]
 
     @property
@@ -96,15 +121,3 @@ class Blocks:
             for total, one in zip(squares, (without, free), strict=True):
                 total += layout.mean_squares(out, fitted(layout, rest, one, weight).x) * block.weight
         return Worth(*np.sqrt(squares / np.maximum(self.sums.weight, 1e-300)))
-
-
-def _cut(segments, count):
-    """Yield the number of a block, consecutive states of it, and whether the filter begins anew with these."""
-    length, elapsed = duration(segments) / count, 0.0
-    for segment in segments:
-        at = elapsed + segment.t - segment.t[0]
-        number = np.minimum(at // length, count - 1).astype(int) if length > 0.0 else np.zeros(len(at), int)
-        bounds = np.flatnonzero(np.diff(number)) + 1
-        for states in np.split(np.arange(len(at)), bounds):
-            yield int(number[states[0]]), segment.part(slice(states[0], states[-1] + 1)), states[0] == 0
-        elapsed += segment.t[-1] - segment.t[0]

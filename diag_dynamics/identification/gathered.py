@@ -5,12 +5,14 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from diag_dynamics.identification.cross_validation import Blocks
+from diag_dynamics.identification.cross_validation import Cut
 from diag_dynamics.identification.equations import Equations
-from diag_dynamics.identification.fit import Layout, Rows
-from diag_dynamics.identification.segments import duration
+from diag_dynamics.identification.judgement import Judge
+from diag_dynamics.identification.suitability import Efforts, Excitation
 
 RATE = 2.0 * np.pi
 """λ of the filter [1/s]: 1 Hz. At 3 Hz the noise of velocities biases the columns."""
@@ -19,71 +21,119 @@ HELD_OUT = 1.0 / 3.0
 """Part of the recordings that a fit is judged by."""
 
 
+class HeldOut(NamedTuple):
+    """What the part held out says."""
+
+    verdicts: list
+    """Of each model that was judged: a Verdict."""
+    stamps: tuple
+    """Of its first and of its last state [ns]."""
+    duration: float
+    """From the one to the other, where stamps went back one behind the other [s]."""
+
+
 class Gathered:
-    """Sums over rows of recordings.
+    """Sums over rows of recordings, each of which is read once for them.
 
     Parameters
     ----------
     model : RobotModel
-    payload : Payload or None
-    loaded, unloaded : list of list of Segment
-        Of each recording with the payload, if there is one; and without it.
+    carriers : sequence of int
+        Bodies that may have a payload.
+    loaded, unloaded : list of Prepared
+        Recordings with the payload, if there is one; and without it.
+    tolerant : bool
+        Whether the robot of the loaded ones may carry what the model does not.
 
     Attributes
     ----------
-    layout : Layout
+    equations : Equations
+    loaded, unloaded : list of Prepared
+    bounds : list of Sums
+        Of the rows that are fitted first: before each block, and of all of them.
+    held, whole : Sums
+        Of the part held out; and of all rows of the loaded recordings.
+    beside : Sums or None
+        Of the unloaded ones.
+    excitation : Excitation
+        Of all recordings.
     begin : float
         Where the part held out begins, in times of the last loaded recording: of that a third of all time, or the whole of it
         if that is less [s].
-    held : list of Segment
-        States of the part held out.
-    blocks : Blocks
-        Of the rows that are fitted first, but those of `beside`.
-    beside, held_rows, all_rows : list of Rows
-        Of the recordings without the payload; of the part held out; and of everything.
+
+    Raises
+    ------
+    InputError
+        Efforts of a recording cannot be in SI units, or hold no gravity.
     """
 
-    def __init__(self, model, payload, loaded, unloaded):
-        self._split(loaded)
-        carrier = [payload.body] if payload else []
-        equations = Equations(model, RATE, model.friction_velocity, carrier)
-        self.layout = Layout(model, equations, payload)
-        early = [segment for segments in loaded[:-1] for segment in segments]
-        anew = True
-        for segment in loaded[-1]:
-            part = segment.part(segment.t < self.begin)
-            if len(part.t):
-                early.append(part)
-                anew = len(part.t) == len(segment.t)
-        carries = payload is not None
-        self.blocks = Blocks(equations, early, carries)
-        for segment in loaded[-1]:
-            late = segment.part(segment.t >= self.begin)
-            if len(late.t):
-                equations.take(late, anew)
-                anew = True
-        whole = equations.sums()
-        self.beside = []
+    def __init__(self, model, carriers, loaded, unloaded, tolerant):
+        self._model, self.loaded, self.unloaded = model, loaded, unloaded
+        self.excitation = Excitation(model)
+        self.begin, early = self._split()
+        self.equations = Equations(model, RATE, model.friction_velocity, carriers)
+        cut, self.bounds, block = Cut(early), [self.equations.sums()], 0
+        for one in loaded:
+            held_from = self.begin if one is loaded[-1] else np.inf
+            for states, begins in self._suitable(one, tolerant):
+                for number, part, anew in cut.take(states, begins, held_from):
+                    if number != block:
+                        self.bounds.append(self.equations.sums())
+                        block = number
+                    self.equations.take(part, anew)
+        self.whole = self.equations.sums()
+        if block != cut.held_out:
+            self.bounds.append(self.whole)
+        self.held = self.whole - self.bounds[-1]
+        self.beside = None
         if unloaded:
-            alone = Equations(model, RATE, model.friction_velocity, carrier)
-            for segments in unloaded:
-                for segment in segments:
-                    alone.take(segment)
-            self.beside = [Rows(alone.sums(), False)]
-        self.held_rows = [Rows(whole - self.blocks.sums, carries)]
-        self.all_rows = [Rows(whole, carries), *self.beside]
+            alone = Equations(model, RATE, model.friction_velocity, carriers)
+            for one in unloaded:
+                for states, begins in self._suitable(one, False):
+                    alone.take(states, begins)
+            self.beside = alone.sums()
 
-    def _split(self, loaded):
-        last = loaded[-1]
-        total = sum(duration(segments) for segments in loaded)
-        held = min(HELD_OUT * total, duration(last) if len(loaded) > 1 else total)
+    def _suitable(self, one, tolerant):
+        """Yield portions of a recording; efforts and motion are judged in passing, and the efforts refused at the end."""
+        efforts = Efforts(self._model)
+        for states, begins in one.portions():
+            efforts.take(states)
+            self.excitation.take(states, begins)
+            yield states, begins
+        efforts.judge(tolerant, one.findings)
+
+    def _split(self):
+        """Where the part held out begins, and the time before it [s]."""
+        last = self.loaded[-1]
+        total = sum(one.duration for one in self.loaded)
+        held = min(HELD_OUT * total, last.duration if len(self.loaded) > 1 else total)
         remaining = held
-        for segment in reversed(last):
-            length = segment.t[-1] - segment.t[0]
-            if length >= remaining:
-                self.begin = float(segment.t[-1] - remaining)
-                break
-            remaining -= length
-        else:
-            self.begin = float(last[0].t[0])
-        self.held = [part for segment in last if len((part := segment.part(segment.t >= self.begin)).t) > 1]
+        for begin, end in reversed(last.spans):
+            if end - begin >= remaining:
+                return end - remaining, total - held
+            remaining -= end - begin
+        return last.spans[0][0], total - held
+
+    def findings(self):
+        """Of all recordings."""
+        return [finding for one in (*self.loaded, *self.unloaded) for finding in one.findings]
+
+    def judged(self, subjects):
+        """Judge models by the part held out, which is read once more for that.
+
+        Parameters
+        ----------
+        subjects : list of tuple
+            Model and friction of each, see :class:`Judge`.
+
+        Returns
+        -------
+        HeldOut
+        """
+        judges, first, last = [Judge(*one) for one in subjects], None, None
+        for states, begins in self.loaded[-1].portions(self.begin):
+            first, last = first or (states.stamp[0], states.t[0]), (states.stamp[-1], states.t[-1])
+            for judge in judges:
+                judge.take(states, begins)
+        stamps = int(first[0]), int(last[0])
+        return HeldOut([judge.verdict() for judge in judges], stamps, float(last[1] - first[1]))

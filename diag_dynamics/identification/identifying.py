@@ -5,22 +5,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
 from diag_dynamics.checks import instance
 from diag_dynamics.exceptions import InputError, UnsupportedError
-from diag_dynamics.identification.attempt import STEPS, Attempt, Prepared
+from diag_dynamics.identification.attempt import STEPS, Attempt
 from diag_dynamics.identification.fit import Payload
 from diag_dynamics.identification.found import Identification
-from diag_dynamics.identification.segments import segments_of
-from diag_dynamics.identification.suitability import judge_efforts, judged_velocities, without_delay
+from diag_dynamics.identification.gathered import Gathered
+from diag_dynamics.identification.prepared import Prepared, several
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.single_joints import single_joints
-from diag_dynamics.recordings.account import Finding
 from diag_dynamics.recordings.recording import Recording
-from diag_dynamics.recordings.refused_units import refuse_units
+
+Given: TypeAlias = Recording | Callable[[], Iterable[Recording]]
+"""A recording: in memory, or what yields its pieces whenever it is called."""
 
 PAYS = 0.3
 """What a payload that nobody asked for would have to take off the residual of rows held out to be told of."""
@@ -30,11 +32,11 @@ TIPS = 3
 
 
 def identify(
-    recordings: Recording | Iterable[Recording],
+    recordings: Given | Iterable[Given],
     model: RobotModel,
     what: str | Sequence[str] = ("friction", "rotors"),
     *,
-    reference: Recording | Iterable[Recording] | None = None,
+    reference: Given | Iterable[Given] | None = None,
 ) -> Identification:
     """Identify what the URDF does not know of a robot, from recordings without contact.
 
@@ -74,32 +76,38 @@ def identify(
     instance("model", model, RobotModel)
     steps, payload = _what(what, model, reference)
     refuse_unsupported(model)
-    loaded = _prepared("recordings", recordings, model, payload is not None)
-    unloaded = _prepared("reference", reference, model, False) if reference is not None else []
-    attempt = Attempt(model, steps, payload, loaded, unloaded)
-    found = attempt.outcome()
+    loaded = _prepared("recordings", recordings, model)
+    unloaded = _prepared("reference", reference, model) if reference is not None else []
+    tips = _tips(model)
+    carriers = [one.body for one in ([payload] if payload else tips)]
+    gathered = Gathered(model, carriers, loaded, unloaded, payload is not None)
+    found = Attempt(model, steps, payload, gathered).outcome()
     if payload is None and "inertias" not in found.quality["taken"]:
-        found.quality["warnings"] += _untold_payload(model, steps, loaded, found.quality["ladder"])
+        found.quality["warnings"] += _untold_payload(model, steps, tips, gathered, found.quality["ladder"])
     return found
 
 
-def _untold_payload(model, steps, loaded, ladder):
-    """A payload at an end of the robot that would explain much of what is left, in words: of one that nobody told of."""
+def _tips(model):
+    """Payloads at ends of the robot, that nobody told of."""
     bodies = model.bodies
     tips = np.setdiff1d(np.arange(1, len(bodies)), bodies["parent"])[-TIPS:]
+    return [Payload.of(model, model.link_names[bodies["link"][tip]]) for tip in tips]
+
+
+def _untold_payload(model, steps, tips, gathered, ladder):
+    """A payload at an end of the robot that would explain much of what is left, in words: of one that nobody told of."""
     left = min(rung["score"] for rung in ladder if rung["taken"])
     best, told = (1.0 - PAYS) * left, []
-    for tip in tips:
-        link = model.link_names[bodies["link"][tip]]
-        attempt = Attempt(model, steps, Payload.of(model, link), loaded, [])
+    for payload in tips:
+        attempt = Attempt(model, steps, payload, gathered)
         _, fit, rungs = attempt.ladder()
         score = min(rung["score"] for rung in rungs if rung["taken"])
         if score < best:
             best, mass = score, attempt.payload_mass(fit)
             told = [
-                f"a payload of {mass:+.2g} kg at '{link}' would make the residual of what was held out "
+                f"a payload of {mass:+.2g} kg at '{payload.link}' would make the residual of what was held out "
                 f"{1.0 - score / left:.0%} smaller: if the robot carries, or lacks, something there, ask for "
-                f"payload:{link}, too; else for inertias"
+                f"payload:{payload.link}, too; else for inertias"
             ]
     return told
 
@@ -149,34 +157,5 @@ def refuse_unsupported(model: RobotModel) -> None:
         raise UnsupportedError(f"joint '{several}' has several degrees of freedom, which is not supported here.")
 
 
-def _prepared(name, recordings, model, tolerant):
-    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
-    if not given:
-        raise InputError(f"{name} is empty, expected one recording or more.")
-    prepared = []
-    for k, recording in enumerate(given):
-        instance(f"{name}[{k}]", recording, Recording)
-        if recording.model.dof_names != model.dof_names:
-            raise InputError(
-                f"{name}[{k}] is of robot '{recording.model.name}', whose degrees of freedom are not those of the model."
-            )
-        refuse_units(recording.findings)
-        findings: list[Finding] = []
-        segments = segments_of(recording, model, findings)
-        if recording.every > 1:
-            text = f"of the recording every {recording.every}th state is used: it is longer than tells more"
-            findings.append(Finding("thinned", len(recording), text))
-        if estimated := int(recording.states.estimated.sum()):
-            text = "velocities were estimated from positions: those of the driver would be better"
-            findings.append(Finding("velocity estimated", estimated, text))
-        found = judged_velocities(segments, model)
-        sample = float(np.median(np.concatenate([np.diff(segment.t) for segment in segments]))) / recording.every
-        delay = found if abs(found) > sample else 0.0
-        if delay:
-            segments = without_delay(segments, delay)
-            late = "late" if delay > 0.0 else "early"
-            text = f"velocities are {abs(delay) * 1e3:.1f} ms {late} against positions, which was taken out"
-            findings.append(Finding("velocity delay", 1, text))
-        judge_efforts(segments, model, model.friction_velocity, tolerant, findings)
-        prepared.append(Prepared(recording, segments, delay, findings))
-    return prepared
+def _prepared(name, recordings, model):
+    return [Prepared(f"{name}[{k}]", one, model) for k, one in enumerate(several(name, recordings))]

@@ -8,17 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.identification.segments import parts_of
 from diag_dynamics.identification.torques import smoothed
-from diag_dynamics.recordings.balance import Balance, WindowSums
+from diag_dynamics.recordings.balance import Balance, Moments, WindowSums
 from diag_dynamics.recordings.observed import Observer
-from diag_dynamics.recordings.recording import SIZE
 
 GAIN = 25.0
 """Of the observer whose spread is told [1/s]: the monitor's default."""
 
 SMOOTHED = 1.0
-"""Shortest segment whose errors of effort are looked at [s]: a filter of 5 Hz has no more to say of a shorter one."""
+"""Shortest portion whose errors of effort are looked at [s]: a filter of 5 Hz has no more to say of a shorter one."""
 
 
 class Verdict(NamedTuple):
@@ -36,7 +34,7 @@ class Verdict(NamedTuple):
     """Mean of K [J]."""
 
 
-class _States(NamedTuple):
+class States(NamedTuple):
     """The columns of recordings.intake.States that balance and observer ask for."""
 
     newest: np.ndarray
@@ -45,8 +43,15 @@ class _States(NamedTuple):
     position: np.ndarray
 
 
-def judged(model, friction, segments):
-    """Judge parameters by segments.
+def states_of(segment, begins):
+    """Columns of a Portion that balance and observer ask for."""
+    moved = np.zeros(len(segment.t), dtype=bool)
+    moved[0] = begins
+    return States(segment.stamp, np.ones(len(segment.t), dtype=bool), moved, segment.q)
+
+
+class Judge:
+    """Judges parameters by states, portion by portion.
 
     Parameters
     ----------
@@ -54,42 +59,41 @@ def judged(model, friction, segments):
         With the inertias, payload and rotors in question; its own friction is not looked at.
     friction : callable
         Friction and offset at rates, (T, nv) to (T, nv).
-    segments : list of Segment
-
-    Returns
-    -------
-    Verdict
     """
-    dynamics = DiagonalDynamics(model)
-    sums, balance, observer = WindowSums(model.nv), Balance(model.dof_names), Observer(dynamics, GAIN)
-    squares, count, kinetic, number, torques = np.zeros(model.nv), 0, 0.0, 0, []
-    for segment in segments:
-        for first in range(0, len(segment.t), SIZE):
-            part = segment.part(slice(first, first + SIZE))
-            s = dynamics.evaluate_batch(part.q, part.qd, part.tau - friction(part.qd))
-            moved = np.zeros(len(part.t), dtype=bool)
-            moved[0] = first == 0
-            states = _States(part.stamp, np.ones(len(part.t), dtype=bool), moved, part.q)
-            balance.take(sums.take(states, s))
-            _, torque, _, valid, _ = observer.take(states, s)
-            torques.append(torque[valid])
-            kinetic, number = kinetic + float(s.kinetic_energy.sum()), number + len(part.t)
+
+    def __init__(self, model, friction):
+        self._dynamics, self._friction = DiagonalDynamics(model), friction
+        self._sums, self._balance = WindowSums(model.nv), Balance(model.dof_names)
+        self._observer = Observer(self._dynamics, GAIN)
+        self._torque, self._errors, self._kinetic = Moments(model.nv), Moments(model.nv), Moments()
+
+    def take(self, segment, begins):
+        """Take in a Portion."""
+        tau = segment.tau - self._friction(segment.qd)
+        s, states = self._dynamics.evaluate_batch(segment.q, segment.qd, tau), states_of(segment, begins)
+        self._balance.take(self._sums.take(states, s))
+        _, torque, _, valid, _ = self._observer.take(states, s)
+        self._torque.take(torque[valid])
+        self._kinetic.take(s.kinetic_energy)
         if segment.t[-1] - segment.t[0] >= SMOOTHED:
-            for part in parts_of(segment):
-                error = torque_errors(dynamics, friction, part)
-                squares, count = squares + (error**2).sum(axis=0), count + len(error)
-    spread = np.concatenate(torques).std(axis=0) if torques else np.full(model.nv, np.nan)
-    torque = np.sqrt(squares / count) if count else np.full(model.nv, np.nan)
-    return Verdict(torque, balance.explained, balance.explained_total, spread, kinetic / max(number, 1))
+            self._errors.take(self._error(segment, tau))
 
+    def _error(self, segment, tau):
+        """Effort less friction and that of inverse dynamics, all below 5 Hz and at even times, (T, nv) [N m, N].
 
-def torque_errors(dynamics, friction, segment):
-    """Effort less friction and that of inverse dynamics, all below 5 Hz and at even times, (T, nv) [N m, N].
+        Friction is that of rates as they are: that of filtered ones turns round later.
+        """
+        q, qd, tau, qdd = smoothed(segment, tau)
+        return tau - self._dynamics.inverse_dynamics_batch(q, qd, qdd)
 
-    Friction is that of rates as they are: that of filtered ones turns round later.
-    """
-    nq, nv = segment.q.shape[1], segment.qd.shape[1]
-    _, columns, rates = smoothed(segment.t, np.hstack([segment.q, segment.qd, segment.tau - friction(segment.qd)]))
-    q, qd, tau = np.split(columns, [nq, nq + nv], axis=1)
-    qdd = rates[:, nq : nq + nv]
-    return tau - dynamics.inverse_dynamics_batch(*map(np.ascontiguousarray, (q, qd, qdd)))
+    def verdict(self):
+        """The :class:`Verdict` on all that was taken in."""
+        unknown = np.full(len(self._errors.mean), np.nan)
+        errors, spread = np.sqrt(self._errors.square), np.sqrt(self._torque.variance)
+        return Verdict(
+            errors if self._errors.count else unknown,
+            self._balance.explained,
+            self._balance.explained_total,
+            spread if self._torque.count else unknown,
+            float(self._kinetic.mean),
+        )

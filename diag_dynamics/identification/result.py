@@ -78,6 +78,8 @@ def _links(layout, x):
     """Inertias of the links, their own without payloads: those of a body are changed alike, so that each stays physical."""
     model, found = layout.model, {}
     for k, body in enumerate(layout.bodies.tolist()):
+        if not model.bodies["mass"][body] > 0.0:
+            continue  # it may carry a payload, and was not fitted
         whole, names, parts, places = x[layout.block(k)].copy(), [], [], []
         for record in model.links[model.links["body"] == body]:
             link = model.link_names[record["index"]]

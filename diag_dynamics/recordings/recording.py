@@ -16,7 +16,6 @@ import numpy as np
 from diag_dynamics.arrays import Array
 from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.bags.messages import Messages
-from diag_dynamics.checks import whole as whole_number
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.parameters.contact_points import contact_points
@@ -25,7 +24,6 @@ from diag_dynamics.parameters.robots import model_of, require_as_made, require_s
 from diag_dynamics.recordings.account import Account, Finding
 from diag_dynamics.recordings.intake import Intake, States
 from diag_dynamics.recordings.sources import source_of
-from diag_dynamics.recordings.thinned import Thinned
 
 SIZE = 20_000
 """States of a piece: more are no faster, and take more memory than the processor's cache has."""
@@ -57,8 +55,6 @@ class Recording:
         What could not be read, and what was not believed.
     path : str or None
         File or folder that it was read from.
-    every : int
-        One of so many states is here; more than 1 if it was read with a limit.
     """
 
     def __init__(
@@ -69,7 +65,6 @@ class Recording:
         counts: Mapping[str, int],
         findings: list[Finding],
         path: str | None = None,
-        every: int = 1,
     ) -> None:
         self.model, self.states, self.offset = model, states, offset
         self.stamp: Array = states.newest
@@ -77,7 +72,7 @@ class Recording:
         self.q: Array = states.position
         self.qd: Array = states.velocity
         self.tau: Array | None = states.effort if states.with_effort.any() else None
-        self.counts, self.findings, self.path, self.every = dict(counts), findings, path, every
+        self.counts, self.findings, self.path = dict(counts), findings, path
 
     def __len__(self) -> int:
         return len(self.t)
@@ -100,7 +95,6 @@ def read_recording(
     parameters: Mapping[str, Any] | None = None,
     start: float | None = None,
     end: float | None = None,
-    most: int | None = None,
 ) -> Recording:
     """Read a recording, whole: see :func:`stream_recording` for one that is too large for that.
 
@@ -120,8 +114,6 @@ def read_recording(
     start, end : float, optional
         Part of the recording that is wanted, in seconds after the beginning of the file, by the times at which messages were
         recorded. Nothing is known of what was before: the first states are those from which all joints have come.
-    most : int, optional
-        States that are kept: of more, every second, every fourth … one, over the whole recording.
 
     Returns
     -------
@@ -136,16 +128,9 @@ def read_recording(
         The robot's description is refused.
     """
     stream = stream_recording(path, model, columns, topic=topic, parameters=parameters, start=start, end=end)
-    if most is None:
-        pieces = list(stream)
-        last, every = pieces[-1], 1
-        whole = States.together([piece.states for piece in pieces])
-    else:
-        thinned = Thinned(whole_number("most", most))
-        for last in stream:
-            thinned.add(last.states)
-        whole, every = thinned.states() or last.states, thinned.every
-    return Recording(last.model, whole, last.offset, last.counts, last.findings, last.path, every)
+    pieces = list(stream)
+    whole, last = States.together([piece.states for piece in pieces]), pieces[-1]
+    return Recording(last.model, whole, last.offset, last.counts, last.findings, last.path)
 
 
 def stream_recording(

@@ -12,10 +12,11 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.identification import inertias
-from diag_dynamics.identification.cross_validation import Blocks
+from diag_dynamics.identification.cross_validation import Blocks, Cut
 from diag_dynamics.identification.equations import Equations
 from diag_dynamics.identification.fit import Free, Layout
-from diag_dynamics.identification.segments import _beginnings, segments_of
+from diag_dynamics.identification.segments import Segment, in_portions, since, without_delay
+from diag_dynamics.identification.sifting import Beginnings, Sifter
 from diag_dynamics.identification.solver import Body, Problem, solved
 from diag_dynamics.recordings.quality import Quality
 from motions import efforts, fourier, recorded
@@ -366,6 +367,28 @@ def noisy(panda):
     return recording(model, oracle, 6, noise=True)
 
 
+def sifted(data, *changes, size=None):
+    """Segments of a recording that comes in pieces of a size; changed by functions of portions; and its Sifter."""
+    sifter, found = Sifter(data.model), []
+    portions = sifter.sifted(piece.states for piece in in_pieces(data, size or len(data))())
+    for change in changes:
+        portions = change(portions)
+    for states, begins in portions:
+        found = [*found, states] if begins else [*found[:-1], Segment.together([found[-1], states])]
+    return found, sifter
+
+
+def in_pieces(data, size):
+    """What yields the pieces of a recording whenever it is called."""
+
+    def pieces():
+        for first in range(0, len(data), size):
+            states = data.states.part(slice(first, first + size))
+            yield dd.Recording(data.model, states, data.offset, data.counts, data.findings, data.path)
+
+    return pieces
+
+
 def changed(model, data, **columns):
     return recorded(model, data.t, *(columns.get(name, getattr(data, name)) for name in ("q", "qd", "tau")))
 
@@ -455,16 +478,28 @@ def test_what_the_part_held_out_says_changes_no_joint(panda, drifting):
     assert found.quality["kept"] == dd.identify(drifting, model, "friction").quality["kept"]
 
 
+def in_blocks(model, segments):
+    """Equations of segments, none of which is held out, and their Blocks."""
+    equations = Equations(model, 2.0 * np.pi, V0)
+    cut, bounds, block = Cut(sum(one.t[-1] - one.t[0] for one in segments)), [equations.sums()], 0
+    for one in segments:
+        for number, part, begins in cut.take(one, True, np.inf):
+            if number != block:
+                bounds.append(equations.sums())
+                block = number
+            equations.take(part, begins)
+    return equations, Blocks([*bounds, equations.sums()], False)
+
+
 def test_blocks_add_up_to_the_rows(panda, drifting):
     """Over several segments, too; and the fewest seconds make no blocks."""
     model, _ = panda
-    (segment,) = segments_of(drifting, model, [])
+    ((segment,), _) = sifted(drifting)
     parts = [segment.part(slice(0, 1100)), segment.part(slice(1100, 1103)), segment.part(slice(1200, 5000))]
     whole = Equations(model, 2.0 * np.pi, V0)
     for part in parts:
         whole.take(part)
-    equations = Equations(model, 2.0 * np.pi, V0)
-    blocks = Blocks(equations, parts, False)
+    equations, blocks = in_blocks(model, parts)
     np.testing.assert_allclose(blocks.sums.weight, whole.sums().weight, rtol=1e-12)
     for mine, its in zip(blocks.sums.square, whole.sums().square, strict=True):
         np.testing.assert_allclose(mine, its, rtol=1e-9, atol=1e-9 * np.abs(its).max())
@@ -474,7 +509,7 @@ def test_blocks_add_up_to_the_rows(panda, drifting):
     worth = blocks.worth(layout, [], free, without, 10.0)
     np.testing.assert_allclose(worth.without, np.sqrt(layout.mean_squares([blocks.rows], layout.known)), rtol=1e-9)
     np.testing.assert_array_equal(worth.pays(), np.arange(7) < 6)
-    short = Blocks(Equations(model, 2.0 * np.pi, V0), [segment.part(slice(0, 740))], False)
+    _, short = in_blocks(model, [segment.part(slice(0, 740))])
     assert short.worth(layout, [], free, without, 10.0) is None
 
 
@@ -499,8 +534,8 @@ def test_segments_end_at_gaps_and_jumps(panda, noisy):
     moved = np.zeros(len(kept), dtype=bool)
     moved[[3000, 3001]] = True
     data = dd.Recording(model, data.states._replace(moved=moved), data.offset, {}, [])
-    findings = []
-    segments = segments_of(data, model, findings)
+    segments, sifter = sifted(data)
+    findings = sifter.findings()
     assert [len(segment.t) for segment in segments] == [1000, 2000, len(kept) - 3001]
     assert [finding.cause for finding in findings] == ["scattered"] and findings[0].count == 1
     np.testing.assert_allclose(segments[1].t, noisy.t[1100:3100], atol=1e-9)
@@ -517,8 +552,8 @@ def test_what_follows_after_stamps_went_back_is_fitted_too(panda, tmp_path):
     np.savetxt(path, np.column_stack(columns), delimiter=",", comments="", fmt="%.17g", header=",".join(names))
     data = dd.read_recording(path, model)
     assert data.counts["time jumped back"] == 1 and len(data) == 2 * len(runs[0]) - 1
-    findings = []
-    segments = segments_of(data, model, findings)
+    segments, sifter = sifted(data)
+    findings = sifter.findings()
     assert [len(segment.t) for segment in segments] == [len(runs[0]), len(runs[1]) - 1]
     assert [finding.cause for finding in findings] == ["time began anew"] and findings[0].count == 1
     assert segments[1].t[0] > segments[0].t[-1] and segments[1].stamp[0] < segments[0].stamp[-1]
@@ -547,7 +582,10 @@ def test_what_follows_after_stamps_went_back_is_fitted_too(panda, tmp_path):
     ],
 )
 def test_time_begins_anew_where_stamps_go_on_from_before(stamps, begins):
-    assert _beginnings(np.array(stamps)).tolist() == begins
+    stamps = np.array(stamps)
+    assert Beginnings().among(stamps, len(stamps)) == begins
+    one_by_one = Beginnings()
+    assert [k for k in range(len(stamps)) if one_by_one.among(stamps[k:], 1)] == begins
 
 
 def test_arguments_are_checked(panda, noisy):
@@ -572,6 +610,94 @@ def test_arguments_are_checked(panda, noisy):
         dd.identify(recorded(model, noisy.t, noisy.q, noisy.qd, None), model)
     with pytest.raises(dd.UnsupportedError, match="floating base"):
         dd.identify(noisy, dd.load_urdf(PANDA, floating_base=True))
+
+
+# --- Of any length ---
+
+
+@pytest.fixture(scope="module")
+def eventful(panda):
+    """Two runs of 45 s at 1 kHz: late velocities, garbage, states without effort, stamps that go back, gaps, jumps."""
+    model, oracle = panda
+    t, q, qd, qdd = motion(model, 31, 45.0, 100.0)
+    columns = [q, qd, efforts(oracle, q, qd, qdd) + friction(qd)]
+    fine = np.arange(0.0, 44.9, 1e-3)
+    rng = np.random.default_rng(31)
+    q, qd, tau = (np.column_stack([np.interp(fine, t, one) for one in column.T]) for column in columns)
+    qd = np.column_stack([np.interp(fine - 0.012, fine, one) for one in qd.T]) + 1e-2 * rng.normal(size=qd.shape)
+    tau = tau + NOISE * rng.normal(size=qd.shape)
+    qd[7000], tau[9000:9003] = 25.0, np.nan
+    fine[500] = fine[498]
+    rows = np.r_[0:12_000, 12_100:20_005, 20_300 : len(fine), 0 : len(fine) - 3000]
+    data = recorded(model, *(column[rows] for column in (fine, q, qd, tau)))
+    moved = np.zeros(len(rows), dtype=bool)
+    moved[[30_000, 30_004, 60_000]] = True
+    return dd.Recording(model, data.states._replace(moved=moved), data.offset, {}, [])
+
+
+@pytest.mark.parametrize("size", [411, 20_000, 33_333])
+def test_pieces_of_any_size_give_what_the_whole_does(panda, eventful, size):
+    """Bit for bit: the state of the filter, of the segments and of every judgement is carried over the seams."""
+    model, _ = panda
+    whole = dd.identify(eventful, model, "friction")
+    texts = " ".join(whole.quality["findings"])
+    assert all(
+        f"{cause}" in texts for cause in ("too fast", "not whole", "time did not go on", "began anew", "scattered")
+    )
+    assert whole.quality["velocity_delay"][0] == pytest.approx(0.012, abs=1e-3)
+    pieces = dd.identify(in_pieces(eventful, size), model, "friction")
+    assert pieces.quality == whole.quality
+    for name in ("damping", "friction", "effort_offset"):
+        np.testing.assert_array_equal(getattr(pieces.model, name), getattr(whole.model, name))
+    assert pieces.parameters.origin["recordings"] == whole.parameters.origin["recordings"]
+
+
+@pytest.mark.parametrize("size", [97, 20_000])
+def test_portions_do_not_depend_on_pieces(eventful, size):
+    """Nor do they lose, double or mix states; and velocities are put right as over the whole segment."""
+    whole, pieces = sifted(eventful)[0], sifted(eventful, size=size)[0]
+    cut = sifted(eventful, lambda portions: in_portions(portions, 700), size=size)[0]
+    for one, other, third in zip(whole, pieces, cut, strict=True):
+        for column, again, once_more in zip(one, other, third, strict=True):
+            np.testing.assert_array_equal(column, again)
+            np.testing.assert_array_equal(column, once_more)
+    for delay in (0.012, -0.008):
+        late = sifted(eventful, lambda portions: without_delay(portions, delay), size=size)[0]  # noqa: B023
+        for segment, put_right in zip(whole, late, strict=True):
+            at = segment.t + delay
+            within = (at >= segment.t[0]) & (at <= segment.t[-1])
+            np.testing.assert_array_equal(put_right.t, segment.t[within])
+            expected = np.column_stack([np.interp(at[within], segment.t, column) for column in segment.qd.T])
+            np.testing.assert_array_equal(put_right.qd, expected)
+
+
+@pytest.mark.parametrize("size", [1, 3, 100])
+def test_portions_are_even(size):
+    """About as many states in each, whatever they came in: none is shorter than half of that but a whole segment."""
+    none = np.zeros((1000, 1))
+    segment = Segment(np.arange(1000), np.arange(1000.0), none, none, none)
+    given = [(segment.part(slice(k, min(k + size, 740))), k == 0) for k in range(0, 740, size)]
+    given += [(segment.part(slice(740, 743)), True), (segment.part(slice(743, 1000)), True)]
+    found = [(len(states.t), begins) for states, begins in in_portions(given, 100)]
+    assert found == [(100, True), *[(100, False)] * 5, (140, False), (3, True), (100, True), (100, False), (57, False)]
+    assert sum(number for number, _ in found) == 1000 and all(50 <= number < 150 or number == 3 for number, _ in found)
+    assert [begins for _, begins in found].count(True) == 3
+    late = [(states.t[0], begins) for states, begins in in_portions(since(given, 601.0), 100)]
+    assert late[0] == (601.0, True) and [begins for _, begins in late].count(True) == 3
+
+
+def test_what_can_be_read_once_is_refused(panda, noisy):
+    model, _ = panda
+    once = in_pieces(noisy, 1000)()
+    for given, name in ((once, "recordings"), ([noisy, once], r"recordings\[1\]")):
+        with pytest.raises(dd.InputError, match=name + " is <generator .*read once.*lambda: dd.stream_recording"):
+            dd.identify(given, model)
+    with pytest.raises(dd.InputError, match="has 0 states when it is read again, and had 5000: give a function"):
+        dd.identify(lambda: once, model)
+    with pytest.raises(dd.InputError, match=r"recordings\[0\] returns 7, expected pieces"):
+        dd.identify(lambda: 7, model)
+    with pytest.raises(dd.InputError, match=r"a piece of recordings\[0\] is 'my_bag', expected a Recording"):
+        dd.identify(lambda: ["my_bag"], model)
 
 
 # --- What comes out ---

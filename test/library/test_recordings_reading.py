@@ -17,8 +17,6 @@ import diag_dynamics as dd
 from diag_dynamics.bags.mcap_writer import McapWriter
 from diag_dynamics.cli.main import main
 from diag_dynamics.model.example_robots import find_urdf
-from diag_dynamics.recordings.intake import States
-from diag_dynamics.recordings.thinned import Thinned
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import definition_with_parts, message_type
 from hostile import JOINT_STATE, START, Driver, S
@@ -138,40 +136,6 @@ def test_pieces_are_the_whole(tmp_path, panda, raws):
     np.testing.assert_array_equal(np.concatenate([piece.q for piece in pieces]), whole.q)
     assert pieces[-1].counts == whole.counts
     assert "400 states" in repr(whole)
-
-
-def test_a_recording_with_a_limit(tmp_path, panda, raws):
-    """Of more states than that every second, fourth … one, whatever the pieces they come in; none if they fit."""
-    write_mcap(tmp_path / "a.mcap", raws)
-    whole = dd.read_recording(tmp_path / "a.mcap", panda)
-    assert whole.every == 1
-    for most in (len(whole), len(whole) // 2 + 1, len(whole) // 5, 7, 1):
-        few = dd.read_recording(tmp_path / "a.mcap", panda, most=most)
-        every = few.every
-        assert len(few) <= most and (len(few) > most // 2 or most == 1)
-        for one, other in zip(few.states[:-1], whole.states[:-1], strict=True):
-            np.testing.assert_array_equal(one, other[::every])
-        assert few.findings == whole.findings and few.counts == whole.counts
-    with pytest.raises(dd.InputError, match="most is 0"):
-        dd.read_recording(tmp_path / "a.mcap", panda, most=0)
-
-
-def test_thinned_states_keep_that_positions_jumped(panda):
-    """A jump at a state that is left out is one at the next that is kept, in pieces of any size."""
-    number, rng = 1000, np.random.default_rng(3)
-    states = States(
-        *np.arange(3 * number).reshape(3, number), np.zeros((number, panda.nq)), *np.zeros((2, number, panda.nv)),
-        *np.zeros((3, number), dtype=bool), rng.random(number) < 0.01,
-    )  # fmt: skip
-    for size in (1, 7, 100, number):
-        thinned = Thinned(100)
-        for first in range(0, number, size):
-            thinned.add(states.part(slice(first, first + size)))
-        kept = thinned.states()
-        assert thinned.every == 16 and kept.newest.tolist() == list(range(0, number, 16))
-        jumps = np.flatnonzero(states.moved)
-        expected = {-(-int(k) // 16) for k in jumps} - {kept.number}
-        assert set(np.flatnonzero(kept.moved).tolist()) == expected
 
 
 @pytest.mark.parametrize("cut", [0.3, 0.7, 0.999])
