@@ -54,7 +54,7 @@ class Attempt:
         Some of :data:`STEPS`, in their order.
     payload : Payload or None
     gathered : Gathered
-        Rows of the recordings; its last payload's body is among the carriers.
+        Rows of the recordings; the payload's body is among its carriers.
     """
 
     def __init__(self, model, steps, payload, gathered):

@@ -23,6 +23,7 @@ class Identification:
         Plain values, in SI units. Pairs are before and after, on the part held out, for parameters fitted to the rest:
 
         * ``held_out``: begin and end of that part, in times of the last recording [s]
+        * ``held_out_duration``: from the one to the other, where stamps went back one run behind the other [s]
         * ``torque_rms``: by joint, root mean square of the effort's error below 5 Hz [N m, N]
         * ``explained``, ``explained_total``: explained shares of dK/dt and of d(K + U)/dt, None of less than two seconds
         * ``row_residual``: by joint, of the filtered rows that were fitted [N m, N]

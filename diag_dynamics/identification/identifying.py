@@ -21,8 +21,8 @@ from diag_dynamics.model import RobotModel
 from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.recordings.recording import Recording
 
-Given: TypeAlias = Recording | Callable[[], Iterable[Recording]]
-"""A recording: in memory, or what yields its pieces whenever it is called."""
+Readable: TypeAlias = Recording | Callable[[], Iterable[Recording]]
+"""A recording: in memory, or a function that yields its pieces whenever it is called."""
 
 PAYS = 0.3
 """What a payload that nobody asked for would have to take off the residual of rows held out to be told of."""
@@ -32,11 +32,11 @@ TIPS = 3
 
 
 def identify(
-    recordings: Given | Iterable[Given],
+    recordings: Readable | Sequence[Readable],
     model: RobotModel,
     what: str | Sequence[str] = ("friction", "rotors"),
     *,
-    reference: Given | Iterable[Given] | None = None,
+    reference: Readable | Sequence[Readable] | None = None,
 ) -> Identification:
     """Identify what the URDF does not know of a robot, from recordings without contact.
 
@@ -47,17 +47,20 @@ def identify(
     then everything is fitted to all rows. Columns as of Gautier and Khalil, the prior as of Lee, Wensing and Park (IEEE T-RO
     36(2), 2020). See docs/identify.md.
 
+    A recording is read three times, in portions: its length takes time and no memory, but for what holds it.
+
     Parameters
     ----------
-    recordings : Recording or sequence of Recording
-        Without contact, with efforts that hold gravity [N m, N].
+    recordings : Recording, callable, or sequence of these
+        Without contact, with efforts that hold gravity [N m, N]. A callable yields the pieces of one recording anew whenever
+        it is called, as ``lambda: dd.stream_recording(path, model)`` does.
     model : RobotModel
         What it is identified against. Its base is fixed, and its joints have one degree of freedom each.
     what : str or sequence of str
         ``"friction"`` (damping, Coulomb friction and offset of each joint that moves enough), ``"rotors"`` (reflected inertia
         of motors, for efforts measured by current), ``"payload:<link>"`` (what a link carries beside the model, or lacks),
         ``"inertias"`` (of all links).
-    reference : Recording or sequence of Recording, optional
+    reference : Recording, callable, or sequence of these, optional
         Of the same robot without the payload: its links are then fitted along, so that their errors are not taken for the
         payload's.
 
@@ -68,8 +71,9 @@ def identify(
     Raises
     ------
     InputError
-        An argument has a wrong value; or a recording is of another robot, has no efforts, or has velocities or efforts that
-        cannot be in SI units, or no joint moves enough. The joint and, where it can be guessed, the unit are named.
+        An argument has a wrong value, or can be read only once; or a recording is of another robot, has no efforts, or has
+        velocities or efforts that cannot be in SI units, or no joint moves enough, or it has other states when it is read
+        again. The joint and, where it can be guessed, the unit are named. Efforts are judged last, by all states.
     UnsupportedError
         The robot has a floating base, or a joint of several degrees of freedom.
     """

@@ -11,7 +11,7 @@ from diag_dynamics.checks import instance
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.segments import SIZE, in_portions, since, without_delay
 from diag_dynamics.identification.sifting import Sifter
-from diag_dynamics.identification.suitability import Velocities
+from diag_dynamics.identification.velocities import Velocities
 from diag_dynamics.recordings.account import Finding, without_efforts
 from diag_dynamics.recordings.recording import Recording
 from diag_dynamics.recordings.refused_units import refuse_units

@@ -5,6 +5,8 @@
 
 import json
 import re
+import tracemalloc
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +20,7 @@ from diag_dynamics.identification.fit import Free, Layout
 from diag_dynamics.identification.segments import Segment, in_portions, since, without_delay
 from diag_dynamics.identification.sifting import Beginnings, Sifter
 from diag_dynamics.identification.solver import Body, Problem, solved
+from diag_dynamics.identification.unexplained import MOST, Curves
 from diag_dynamics.recordings.quality import Quality
 from motions import efforts, fourier, recorded
 from oracles import Oracle
@@ -684,6 +687,51 @@ def test_portions_are_even(size):
     assert [begins for _, begins in found].count(True) == 3
     late = [(states.t[0], begins) for states, begins in in_portions(since(given, 601.0), 100)]
     assert late[0] == (601.0, True) and [begins for _, begins in late].count(True) == 3
+
+
+@pytest.mark.parametrize("size", [997, 20_000, 200_000])
+def test_curves_of_any_length_are_some_steps_and_all_peaks(size):
+    """Whatever the rows come in; gaps stay gaps."""
+    number, rng = 200_000, np.random.default_rng(0)
+    time, values = np.arange(float(number)), rng.normal(size=(number, 2))
+    values[123_456, 0], values[77, 1] = 50.0, -60.0
+    time[150_000:] += 1e5
+    curves = Curves()
+    bounds = sorted({*range(0, number, size), 150_000, number})
+    for first, end in pairwise(bounds):
+        curves.take(time[first:end], values[first:end], first in (0, 150_000))
+    drawn, lines = curves.drawn()
+    assert len(drawn) == len(lines) <= 2 * MOST + 1 and (np.diff(drawn) >= 0.0).all()
+    assert np.nanmax(lines[:, 0]) == 50.0 and np.nanmin(lines[:, 1]) == -60.0
+    ((gap,),) = np.nonzero(np.isnan(lines[:, 0]))
+    assert drawn[gap - 1] < 150_000 and drawn[gap] == drawn[gap + 1] == 250_000
+    few = Curves()
+    few.take(time[:900], values[:900], True)
+    np.testing.assert_array_equal(few.drawn()[1], values[:900])
+
+
+def test_memory_does_not_grow_with_the_length(panda):
+    """Of four times as long a recording, which comes in pieces that are made when they are asked for."""
+    model, oracle = panda
+    one = recording(model, oracle, 6, rate=500.0, noise=True)
+    period = one.stamp[-1] - one.stamp[0] + 10**9
+
+    def pieces(times):
+        for k in range(times):
+            stamp = one.stamp + k * period
+            states = one.states._replace(newest=stamp, oldest=stamp, log_time=stamp)
+            yield dd.Recording(model, states, one.offset, {}, [])
+
+    def peak(times):
+        tracemalloc.start()
+        try:
+            dd.identify(lambda: pieces(times), model, "friction")
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    peak(4)
+    assert peak(16) < 1.05 * peak(4)
 
 
 def test_what_can_be_read_once_is_refused(panda, noisy):

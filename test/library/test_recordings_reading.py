@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+from argparse import Namespace
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.bags.mcap_writer import McapWriter
+from diag_dynamics.cli import given
 from diag_dynamics.cli.main import main
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.wire.cdr import Template
@@ -136,6 +138,20 @@ def test_pieces_are_the_whole(tmp_path, panda, raws):
     np.testing.assert_array_equal(np.concatenate([piece.q for piece in pieces]), whole.q)
     assert pieces[-1].counts == whole.counts
     assert "400 states" in repr(whole)
+
+
+def test_every_recording_of_a_command_is_read_by_the_same_parameters(tmp_path, driven, raws):
+    """The later ones, too, whose robot is that of the first one's description; and as often as it is wanted."""
+    paths = [str(tmp_path / name) for name in ("a.mcap", "b.mcap")]
+    for path in paths:
+        write_mcap(path, raws, Path(find_urdf("panda")).read_text(encoding="utf-8"))
+    chosen = Namespace(columns=None, topic=None, start=None, end=None)
+    recordings = given.streamed(chosen, paths, {"effort_scale": ["*=0.5"]}, None)
+    efforts = driven[4][:, [driven[0].index(name) for name in recordings[0].model.dof_names]]
+    for _ in range(2):
+        for one in recordings:
+            assert one.model is recordings[0].model
+            np.testing.assert_array_equal(np.concatenate([piece.tau for piece in one.pieces()]), 0.5 * efforts)
 
 
 @pytest.mark.parametrize("cut", [0.3, 0.7, 0.999])

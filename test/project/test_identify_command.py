@@ -125,6 +125,42 @@ def test_tells_why_there_are_no_efforts(recording, tmp_path, factor, message, ca
         assert re.search(message, capsys.readouterr().err)
 
 
+def table_of(path):
+    """Names and columns of a CSV, (T, n)."""
+    return path.read_text().splitlines()[0], np.loadtxt(path, delimiter=",", skiprows=1)
+
+
+def test_a_reference_is_read_by_the_same_parameters(recording, tmp_path, capsys):
+    """Efforts of both in half N m: without --set the units of the reference alone would be refused."""
+    names, columns = table_of(recording)
+    columns[:, [k for k, name in enumerate(names.split(",")) if name.startswith("tau_")]] *= 2.0
+    doubled = tmp_path / "doubled.csv"
+    np.savetxt(doubled, columns, delimiter=",", header=names, comments="")
+    options = ["--what", "payload:ee_link", "--set", "effort_scale=*=0.5", "--json", "-"]
+    command = ["identify", str(doubled), "--urdf", "ur5_robot", *options, "--reference", str(doubled)]
+    assert main(command) == 0
+    assert abs(json.loads(capsys.readouterr().out)["payload"]["mass"]) < 0.05
+
+
+def test_plots_of_two_runs_are_one_behind_the_other(recording, tmp_path, monkeypatch):
+    """A file whose stamps begin anew in the middle: no curve goes back, and what is held out is its end."""
+    figures = []
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *_, **__: figures.append(figure))
+    names, columns = table_of(recording)
+    twice = tmp_path / "twice.csv"
+    np.savetxt(twice, np.vstack([columns, columns]), delimiter=",", header=names, comments="", fmt="%.17g")
+    assert main(["identify", str(twice), "--urdf", "ur5_robot", "--plots", str(tmp_path / "x.png"), "--quiet"]) == 0
+    whole = 2.0 * (columns[-1, 0] - columns[0, 0])
+    for axes in figures[0].axes[:6]:
+        (held_out,) = axes.patches
+        assert held_out.get_x() == pytest.approx(2.0 / 3.0 * whole, rel=0.02)
+        for line in axes.lines[:2]:
+            time, values = line.get_data()
+            assert (np.diff(time) >= 0.0).all() and time[-1] == pytest.approx(whole, rel=0.02)
+            assert np.isnan(values).sum() < 10
+            assert held_out.get_x() + held_out.get_width() == pytest.approx(time[-1])
+
+
 def test_every_column_of_plots_has_its_times_and_a_unit(tmp_path, monkeypatch):
     """Of an odd number of joints, too, where the right column ends a row earlier."""
     figures = []
