@@ -37,7 +37,8 @@ def parameters_of(files=(), assignments=()):
         this package's other nodes in a section that they share. A file of the robot's own parameters (:class:`Parameters`)
         is the value of `parameters_file`.
     assignments : sequence of str
-        Each ``parameter=value``, the value in YAML.
+        Each ``parameter=value``, the value in YAML, but for a text that begins with ``*``, as ``effort_scale=*=0.5``: YAML
+        would look for something of that name.
 
     What every ROS node has (``qos_overrides.…``, `use_sim_time`) is taken and has no effect: it says how a node is connected
     and what its clock is, and changes nothing that is computed of a state.
@@ -55,7 +56,8 @@ def parameters_of(files=(), assignments=()):
         name, equals, value = entry.partition("=")
         if not equals:
             raise InputError(f"'{entry}' sets nothing, expected parameter=value.")
-        values |= _checked(name, parsed_yaml(value, f"'{entry}'"), f"'{entry}'")
+        given = value if value.startswith("*") else parsed_yaml(value, f"'{entry}'")
+        values |= _checked(name, given, f"'{entry}'")
     return values
 
 
