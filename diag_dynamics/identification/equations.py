@@ -9,7 +9,7 @@ import numpy as np
 
 from diag_dynamics.compiled.tables import Addresses
 from diag_dynamics.identification.kernels import prepare
-from diag_dynamics.identification.kernels.normal_equations import NORMAL_EQUATIONS, OWN, take_many
+from diag_dynamics.identification.kernels.normal_equations import NORMAL_EQUATIONS, OWN, TOGETHER, take_many
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
 from diag_dynamics.sweeps import Workspace
 
@@ -68,6 +68,7 @@ class Equations:
             corner[k + 1] = corner[k] + len(self.columns[k]) ** 2
         self._first, self._corner = first, corner
         self._square, self._right, self._numbers = np.zeros(corner[-1]), np.zeros(first[-1]), np.zeros((2, nv))
+        self._waiting, self._count = np.zeros((TOGETHER, first[-1])), np.zeros(1, int)
         self._workspace = Workspace(bodies, model.gravity)
         self._table = Addresses(
             NORMAL_EQUATIONS,
@@ -77,6 +78,8 @@ class Equations:
             columns=np.zeros((len(bodies), len(bodies), 12)),
             **{name: np.zeros(first[-1]) for name in ("momentum", "before", "now", "filtered")},
             effort=np.zeros((2, nv)),
+            waiting=self._waiting,
+            count=self._count,
             square=self._square,
             right=self._right,
             numbers=self._numbers,
@@ -109,7 +112,9 @@ class Equations:
         nv, squares, rights = self._numbers.shape[1], [], []
         for k in range(nv):
             size = self._first[k + 1] - self._first[k]
-            lower = np.tril(self._square[self._corner[k] : self._corner[k + 1]].reshape(size, size))
+            waiting = self._waiting[: self._count[0], self._first[k] : self._first[k + 1]]
+            square = self._square[self._corner[k] : self._corner[k + 1]].reshape(size, size)
+            lower = np.tril(square + waiting.T @ waiting)
             squares.append(lower + np.tril(lower, -1).T)
             rights.append(self._right[self._first[k] : self._first[k + 1]].copy())
         return Sums(self.columns, squares, rights, *self._numbers.copy())

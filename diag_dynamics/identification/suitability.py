@@ -36,7 +36,7 @@ class Efforts:
     def __init__(self, model):
         self._model, self._dynamics = model, DiagonalDynamics(model)
         self._gravity = Moments(model.nv)
-        self._triangles = np.zeros((model.nv, COLUMNS, COLUMNS))
+        self._products = np.zeros((model.nv, COLUMNS, COLUMNS))  # of columns with one another, by degree of freedom
 
     def take(self, states):
         """Take in states one after the other."""
@@ -47,9 +47,8 @@ class Efforts:
         self._gravity.take(gravity)
         turned = np.tanh(qd / max(self._model.friction_velocity, 1e-9))
         # The acceleration is a column, for in a swing it goes with gravity: a rotor's inertia would be taken for less weight.
-        for k, triangle in enumerate(self._triangles):
-            columns = gravity[:, k], qd[:, k], turned[:, k], np.ones(len(q)), qdd[:, k], tau[:, k]
-            self._triangles[k] = np.linalg.qr(np.vstack([triangle, np.column_stack(columns)]), mode="r")
+        columns = np.stack([gravity.T, qd.T, turned.T, np.ones_like(qd.T), qdd.T, tau.T], axis=1)
+        self._products += columns @ columns.transpose(0, 2, 1)
 
     def judge(self, tolerant, findings):
         """Judge all that was taken in; what cannot be judged is added to the findings.
@@ -79,8 +78,8 @@ class Efforts:
             return
         slopes = {}
         for k in heavy.tolist():
-            triangle = self._triangles[k]
-            slopes[k] = float(np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=None)[0][0])
+            square, right = self._products[k, :-1, :-1], self._products[k, :-1, -1]
+            slopes[k] = float(np.linalg.lstsq(square, right, rcond=None)[0][0])
         if all(abs(slope) < 0.35 for slope in slopes.values()):
             k = max(slopes, key=lambda k: spread[k])
             raise InputError(

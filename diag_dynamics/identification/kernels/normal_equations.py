@@ -23,6 +23,8 @@ NORMAL_EQUATIONS = Table(
     now=array(float),
     filtered=array(float),
     effort=array(float, 2),  # of the state before, and filtered
+    waiting=array(float, 2),  # rows that are in no sum yet, times the root of their weight
+    count=array(int),  # how many there are
     square=array(float),  # sums that are kept: AᵀA of each degree of freedom, row-major
     right=array(float),  # Aᵀb
     numbers=array(float, 2),  # bᵀb of each degree of freedom, and the sum of weights
@@ -32,6 +34,9 @@ NORMAL_EQUATIONS = Table(
 
 OWN = 4
 """Columns of a degree of freedom: damping, Coulomb friction, offset, rotor."""
+
+TOGETHER = 4
+"""Rows that are added to AᵀA at once: it is larger than the fastest memory, through which it goes each time."""
 
 _equations_at = NORMAL_EQUATIONS.opened
 
@@ -68,6 +73,21 @@ def _rows(bodies, gravity, q, qd, rate, friction_velocity, work, of, y):
         of.momentum[at + 3] = rate * qd[k]
 
 
+@kernel
+def _add_squares(of):
+    """Add AᵀA of the rows that wait, its lower triangles."""
+    a, b, c, d = of.waiting[0], of.waiting[1], of.waiting[2], of.waiting[3]
+    for k in range(len(of.corner) - 1):
+        first = of.first[k]
+        size = of.first[k + 1] - first
+        for j in range(size):
+            at, p = of.corner[k] + j * size, first + j
+            ap, bp, cp, dp = a[p], b[p], c[p], d[p]
+            for i in range(j + 1):
+                of.square[at + i] += ap * a[first + i] + bp * b[first + i] + cp * c[first + i] + dp * d[first + i]
+    of.count[0] = 0
+
+
 @entry_kernel(ROBOT, COUNT, MATRIX, MATRIX, MATRIX, VECTOR, FLAG, NUMBER, NUMBER, nogil=True)
 def take_many(robot, equations, Q, QD, TAU, t, anew, rate, friction_velocity):
     """Add the rows of states to the normal equations: one of Q, QD, TAU and t [s] each, the times rising.
@@ -99,20 +119,20 @@ def take_many(robot, equations, Q, QD, TAU, t, anew, rate, friction_velocity):
             for k in range(nv):
                 of.effort[1, k] = decay * of.effort[1, k] + old * of.effort[0, k] + new * tau[k]
             weight = min(1.0, 0.5 * step)
+            root = math.sqrt(weight)
+            row, scaled = of.momentum, of.waiting[of.count[0]]
+            for j in range(len(row)):
+                row[j] += of.filtered[j]
+                scaled[j] = root * row[j]
             for k in range(nv):
-                first, end, corner = of.first[k], of.first[k + 1], of.corner[k]
-                size, effort = end - first, of.effort[1, k]
-                row = of.momentum[first:end]
-                for j in range(size):
-                    row[j] += of.filtered[first + j]
-                for j in range(size):
-                    scaled = weight * row[j]
-                    of.right[first + j] += scaled * effort
-                    at = corner + j * size
-                    for i in range(j + 1):
-                        of.square[at + i] += scaled * row[i]
+                effort = of.effort[1, k]
+                for j in range(of.first[k], of.first[k + 1]):
+                    of.right[j] += weight * effort * row[j]
                 of.numbers[0, k] += weight * effort * effort
                 of.numbers[1, k] += weight
+            of.count[0] += 1
+            if of.count[0] == TOGETHER:
+                _add_squares(of)
         of.time[0] = t[s]
         for j in range(len(of.now)):
             of.before[j] = of.now[j]
