@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from diag_dynamics.msg import DiagonalizedState
-from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameterTypes
 from rclpy.serialization import serialize_message
@@ -33,7 +32,7 @@ from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Intake
 from hostile import MS, Driver, S, hostile, messages_of
 from hostile import START as BEGIN
-from nodes import MANY, PANDA, START, nanoseconds, node_process, report_of
+from nodes import PANDA, START, Reports, nanoseconds, node_process
 from robots import robot_path
 
 SOLO = "solo_description/robots/solo12.urdf"
@@ -179,15 +178,10 @@ class Live:
         if model.floating_base:
             self.inputs[ODOMETRY] = peer.publisher(Odometry, f"{namespace}/odom")
         self.states = peer.topic(DiagonalizedState, f"{self.name}/state")
-        self.reports = []
-        peer.node.create_subscription(DiagnosticArray, "/diagnostics", self._take, MANY)
+        self.reports = Reports(peer.node, peer.wait_until, self.name)
         names = ["-r", f"__ns:={namespace}", "-r", f"/clock:={namespace}/clock"]
         parameters = {"use_sim_time": True, "serialization": "template"} | parameters  # as recordings are read: bytes
         self.process = node_process("monitor", *names, **parameters)
-
-    def _take(self, array):
-        if report := report_of(array, self.name):
-            self.reports.append(report)
 
     def connect(self):
         """Wait until both sides know all topics of the other.
@@ -227,7 +221,7 @@ class Live:
     def counts(self):
         """All that it has counted of what it was sent until now."""
         begin = len(self.reports)
-        self.peer.wait_until(lambda: len(self.reports) > begin, "diagnostics")
+        self.peer.wait_until(lambda: len(self.reports) > begin + 1, "diagnostics")  # the next may have been on its way
         values = {pair.key: pair.value for pair in self.reports[-1].entries["joint states"].values}
         counts = {key: int(value) for key, value in values.items() if value.isdecimal() and "[" not in key}  # no unit
         return {key: count for key, count in counts.items() if count and key not in OF_THE_MOMENT}

@@ -7,12 +7,11 @@ import contextlib
 from pathlib import Path
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 
 from diag_dynamics.nodes.support.launches import LAUNCHES, arguments_of, started
-from nodes import START, UR5, node_process, report_of, robot
+from nodes import START, UR5, Reports, node_process, robot
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 
@@ -23,10 +22,10 @@ class Launched(contextlib.AbstractContextManager):
     def __init__(self, peer, namespace, **arguments):
         launch = LAUNCHES["control"]
         values = {name: default for name, (default, _) in arguments_of(launch).items()}
-        self.peer, self.namespace, self.reports = peer, namespace, []
+        self.namespace = namespace
         self.name = f"{namespace}/diag_dynamics_controller"
+        self.reports = Reports(peer.node, peer.wait_until, self.name)
         self.commands = peer.topic(Float64MultiArray, f"{namespace}/effort_controller/commands")
-        peer.node.create_subscription(DiagnosticArray, "/diagnostics", self._take, 100)
         self.processes = {}
         for node in started(launch, values | arguments | {"namespace": namespace}):
             if node.executable != "monitor":
@@ -38,10 +37,6 @@ class Launched(contextlib.AbstractContextManager):
                 given = {name: text for name, (_, text) in node.parameters.items()}
                 self.processes[node.executable] = node_process(node.executable, *options, **given)
 
-    def _take(self, array):
-        if report := report_of(array, self.name):
-            self.reports.append(report)
-
     def __exit__(self, *error):
         with contextlib.ExitStack() as stack:
             for process in self.processes.values():
@@ -49,8 +44,7 @@ class Launched(contextlib.AbstractContextManager):
 
     def wait_for_report(self, condition, what):
         """Return the first report from now on for which a condition holds."""
-        begin = len(self.reports)
-        return self.peer.wait_until(lambda: next(filter(condition, self.reports[begin:]), None), what, START)
+        return self.reports.wait_for(condition, what, timeout=START)
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,6 @@ import numpy as np
 import pinocchio as pin
 from diag_dynamics.msg import ControllerStatus
 from diag_dynamics.srv import SetState
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -20,7 +19,7 @@ from trajectory_msgs.msg import JointTrajectory
 from arm import gravity_of as gravity_of
 from arm import pinocchio_command
 from arm import pose_of as pose_of
-from nodes import MANY, START, Topic, joint_state, nanoseconds, node_process, report_of
+from nodes import MANY, START, Reports, Topic, joint_state, nanoseconds, node_process
 
 NODE = "diag_dynamics_controller"
 ACTIVE, HOLDING, RAMPING_DOWN = (
@@ -46,8 +45,7 @@ class Controller:
         self.target = peer.publisher(PoseStamped, f"{namespace}/target")
         self.trajectory = peer.publisher(JointTrajectory, f"{namespace}/trajectory")
         self.set_point = peer.publisher(JointState, f"{namespace}/set_point")
-        self.reports = []
-        peer.node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, MANY)
+        self.reports = Reports(peer.node, peer.wait_until, self.name)
         self._arguments = ("-r", f"effort_controller/commands:={commands}", *arguments)
         self._parameters = {"check_time": 0.0} | parameters
         self.start()
@@ -72,23 +70,18 @@ class Controller:
         self.peer.wait_until(lambda: self.status.messages, f"status of {self.name}", START)
         return self
 
-    def _take_diagnostics(self, array):
-        if report := report_of(array, self.name):
-            self.reports.append(report)
+    def wait_for_report(self, condition, what, begin=None):
+        """Return the first report for which a condition holds: see :meth:`Reports.wait_for`."""
+        return self.reports.wait_for(condition, what, begin)
 
-    def wait_for_report(self, condition, what):
-        """Return the first report from now on for which a condition holds."""
-        begin = len(self.reports)
-        return self.peer.wait_until(lambda: next((r for r in self.reports[begin:] if condition(r)), None), what)
-
-    def wait_until_told(self, entry, text, level=None):
-        """Return the first report from now on of which one entry has this text, and this level."""
+    def wait_until_told(self, entry, text, level=None, begin=None):
+        """Return the first report of which one entry has this text, and this level."""
 
         def told(report):
-            status = report.entries[entry]
-            return text in status.message and level in (None, status.level)
+            status = report.entries.get(entry)
+            return status and text in status.message and level in (None, status.level)
 
-        return self.wait_for_report(told, f"{entry}: {text}")
+        return self.wait_for_report(told, f"{entry}: {text}", begin)
 
     def wait_for(self, condition, what, timeout=60.0, since=None):
         """Return the first status, from now on or from the one of a number, for which a condition holds."""
@@ -125,7 +118,7 @@ class Controller:
         def told(report):
             return "refused: " in report.entries["inputs"].message and said in report.values["last refusal"]
 
-        self.peer.wait_until(lambda: any(map(told, self.reports[begin:])), f"refusal: {said}")
+        self.wait_for_report(told, f"refusal: {said}", begin)
 
 
 @contextlib.contextmanager

@@ -27,12 +27,11 @@ from collections import Counter
 
 import numpy as np
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message, serialize_message
 
-from nodes import MANY, OUTPUTS, START, TIMEOUT, Process, Topic, Truth, as_asked, nanoseconds, report_of
+from nodes import MANY, OUTPUTS, START, TIMEOUT, Process, Reports, Topic, Truth, as_asked, nanoseconds
 
 TUN = "/dev/net/tun"
 TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x0002, 0x1000  # linux/if_tun.h
@@ -424,24 +423,11 @@ class Watch:
     def __init__(self, node, wait_until, name):
         self.name, self.wait_until = name, wait_until
         self.topics = {topic: Topic(node, kind, f"{name}/{topic}", MANY) for topic, kind in OUTPUTS.items()}
-        self.reports = []
-        node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, MANY)
+        self.reports = Reports(node, wait_until, name)
 
-    def _take_diagnostics(self, array):
-        if report := report_of(array, self.name):
-            self.reports.append(report)
-
-    def wait_for_report(self, condition, what, timeout=TIMEOUT):
-        """Wait for the first report from now on that fulfils a condition, and return it."""
-        begin = len(self.reports)
-        try:
-            return self.wait_until(
-                lambda: next(filter(condition, self.reports[begin:]), None),
-                f"a report of {what} by {self.name}",
-                timeout,
-            )
-        except AssertionError as error:
-            raise AssertionError(f"{error}; the last reports: {self.reports[begin:][-3:]}") from None
+    def wait_for_report(self, condition, what, begin=None, timeout=TIMEOUT):
+        """Wait for a report that fulfils a condition, and return it: see :meth:`Reports.wait_for`."""
+        return self.reports.wait_for(condition, what, begin, timeout)
 
     def wait_for_states(self, count, since, inputs, timeout=TIMEOUT):
         """Wait for so many states newer than a stamp whose inputs were heard, too, and for something on every topic."""

@@ -63,6 +63,9 @@ OUTPUTS = {
 }
 """What a monitor publishes under its name."""
 
+MAX_AGE = 60.0
+"""How old states may be whose stamps are judged by the clock [s]: a busy machine is late by more than the default, 1 s."""
+
 SERIALIZATION = "DIAG_DYNAMICS_TEST_SERIALIZATION"
 """Environment variable by which every monitor of a test run takes this path from messages to numbers and back."""
 
@@ -438,6 +441,42 @@ def report_of(array, name):
     return Report(nanoseconds(array.header.stamp), worst.level, worst.message, values, entries)
 
 
+class Reports(list):
+    """All that a node has said of itself on /diagnostics, in its order: see :class:`Report`.
+
+    What happens is told of once, and with the next report that is over. So who makes it happen notes before, by `len`, with
+    which report to begin: the one that tells of it may have come by the time that it is waited for.
+    """
+
+    def __init__(self, node, wait_until, name):
+        """Listen to the node `name`; `wait_until` is that of a `Peer` or a `Network`."""
+        super().__init__()
+        self._wait_until, self._name = wait_until, name
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._take, MANY)
+
+    def _take(self, array):
+        if report := report_of(array, self._name):
+            self.append(report)
+
+    def wait_for(self, condition, what, begin=None, timeout=TIMEOUT):
+        """Wait for the first report, from number `begin` or else from now on, that fulfils a condition, and return it."""
+        begin = len(self) if begin is None else begin
+        try:
+            return self._wait_until(
+                lambda: next(filter(condition, self[begin:]), None), f"a report of {what} by {self._name}", timeout
+            )
+        except AssertionError as error:
+            raise AssertionError(f"{error}; the last reports: {self[begin:][-3:]}") from None
+
+    def next(self):
+        """Wait for a report of all entries that is made from now on, and return it.
+
+        Which one that is its stamp tells: the next to come may have been on its way. A node by simulated time has no such.
+        """
+        now = time.time_ns()
+        return self.wait_for(lambda report: report.stamp > now and len(report.entries) > 1, "anything")
+
+
 BELIEVING = {f"absurd.{bound}": 0.0 for bound in ("beyond_velocity", "beyond_effort", "jump")} | {"frozen_timeout": 0.0}
 """Parameters of a monitor that takes states drawn at random, up to 90 times as fast as the URDF allows and no motion."""
 
@@ -446,23 +485,32 @@ class Monitor(contextlib.AbstractContextManager):
     """A monitor in a process of its own, seen from outside: all its inputs and outputs.
 
     Stamps are the test's own: `tick` advances them by so much that every rate limit lets the next state through. With
-    `live`, they are those of the clock instead, and no topic has a highest rate.
+    `live`, they are those of the clock instead, no topic has a highest rate, and states may be :data:`MAX_AGE` old.
     """
 
     def __init__(
-        self, peer, namespace, *arguments, joint_states="joint_states", name="diag_dynamics", live=False, **parameters
+        self,
+        peer,
+        namespace,
+        *arguments,
+        joint_states="joint_states",
+        name="diag_dynamics",
+        live=False,
+        reliable=True,
+        **parameters,
     ):
-        """Start it in a namespace."""
+        """Start it in a namespace; `reliable`: it asks again for an input that gets lost, which by default it does not."""
         self.peer = peer
         self.live = live
         self.name = f"{namespace}/{name}"
         self.now = 1000 * S
         self.feeder = peer.publisher(JointState, f"{namespace}/{joint_states}")
         self.topics = {topic: peer.topic(kind, f"{self.name}/{topic}") for topic, kind in OUTPUTS.items()}
-        self.reports = []
-        peer.node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, MANY)
-        defaults = {f"max_rate.{topic}": 0.0 for topic in OUTPUTS} if live else {"max_age": 0.0}
+        self.reports = Reports(peer.node, peer.wait_until, self.name)
+        defaults = {f"max_rate.{topic}": 0.0 for topic in OUTPUTS} | {"max_age": MAX_AGE} if live else {"max_age": 0.0}
         defaults |= BELIEVING
+        for topic in (joint_states, "odom") if reliable else ():
+            defaults[f"qos_overrides.{namespace}/{topic}.subscription.reliability"] = "reliable"
         self.process = node_process("monitor", "-r", f"__ns:={namespace}", *arguments, **(defaults | parameters))
 
     def __exit__(self, *error):
@@ -520,20 +568,13 @@ class Monitor(contextlib.AbstractContextManager):
             topic.forget()
         del self.reports[:-1]
 
-    def _take_diagnostics(self, array):
-        if report := report_of(array, self.name):
-            self.reports.append(report)
-
-    def wait_for_report(self, condition, what):
-        """Wait for the first report from now on that fulfils a condition, and return it."""
-        begin = len(self.reports)
-        return self.peer.wait_until(
-            lambda: next(filter(condition, self.reports[begin:]), None), f"a report of {what} by {self.name}"
-        )
+    def wait_for_report(self, condition, what, begin=None):
+        """Wait for a report that fulfils a condition, and return it: see :meth:`Reports.wait_for`."""
+        return self.reports.wait_for(condition, what, begin)
 
     def next_report(self):
-        """Wait for the next report and return it."""
-        return self.wait_for_report(lambda _: True, "anything")
+        """Wait for a report that is made from now on, and return it: see :meth:`Reports.next`."""
+        return self.reports.next()
 
     def call(self, kind, service, request):
         """Call one of its services."""
