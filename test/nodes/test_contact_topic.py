@@ -149,11 +149,12 @@ def test_a_limit_that_is_exceeded(monitor, panda, limits):
     q, qd = panda.samples[0].q, panda.samples[0].qd
     allowed = 1.0 / dynamics.contact(q, qd, points).usage.max()  # part of qd at which the first limit is reached
     with monitor.having(**{"contact.limits_file": limits}):
+        begin = len(monitor.reports)
         message = feed(monitor, q, 0.5 * allowed * qd)
         check(message, dynamics.contact(q, 0.5 * allowed * qd, points), points)
         assert any(message.limited) and not all(message.limited) and min(message.margin) > 0.0
         monitor.wait_for_report(
-            lambda r: r.entries.get(ENTRY) and r.entries[ENTRY].message.startswith("within limits; "), "peace"
+            lambda r: r.entries.get(ENTRY) and r.entries[ENTRY].message.startswith("within limits; "), "peace", begin
         )
         begin = len(monitor.reports)
         message = feed(monitor, q, 1.05 * allowed * qd)
@@ -162,8 +163,7 @@ def test_a_limit_that_is_exceeded(monitor, panda, limits):
         def told(report):
             return ENTRY in report.entries and report.entries[ENTRY].level == ERROR
 
-        monitor.peer.wait_until(lambda: any(map(told, monitor.reports[begin:])), "the alarm")
-        at_once = next(filter(told, monitor.reports[begin:]))
+        at_once = monitor.wait_for_report(told, "the alarm", begin)
         assert set(at_once.entries) == {ENTRY} and at_once.count("limits exceeded") >= 1
         name = message.point_names[message.worst]
         assert f"'{name}'" in at_once.entries[ENTRY].message and "'nobody'" in at_once.entries[ENTRY].message
