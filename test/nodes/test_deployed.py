@@ -30,6 +30,13 @@ def at_hand(command, places):
     return command
 
 
+def nothing(folder):
+    """An empty file, to be sourced."""
+    path = folder / "nothing.bash"
+    path.touch()
+    return path
+
+
 # --- systemd
 
 
@@ -54,7 +61,7 @@ def test_units_start_nodes(ros_domain, tmp_path, unit):
     if isinstance(settings, dict):
         settings = tmp_path / "node.yaml"
         settings.write_text(yaml.safe_dump({"/**": {"ros__parameters": SETTINGS[node]}}), encoding="utf-8")
-    places = {"/opt/ros/jazzy/setup.bash": "/dev/null", "/home/ros/ws/install/setup.bash": "/dev/null"}
+    places = dict.fromkeys(("/opt/ros/jazzy/setup.bash", "/home/ros/ws/install/setup.bash"), nothing(tmp_path))
     command = at_hand(command, places | {f"/etc/diag_dynamics/{node}.yaml": settings})
     with Process((shell, option, command), env=os.environ | {"ROS_LOG_DIR": str(tmp_path)}) as process:
         process.wait_for_text(AT_WORK[node])
@@ -72,10 +79,8 @@ def test_services_start_nodes(ros_domain, tmp_path):
     compose = yaml.safe_load((ROOT / "deploy" / "compose.yaml").read_text(encoding="utf-8"))["services"]
     entrypoint = tmp_path / "entrypoint.sh"
     text = (ROOT / "deploy" / "entrypoint.sh").read_text(encoding="utf-8")
-    places = {
-        '"/opt/ros/${ROS_DISTRO:?is set by the image}/setup.bash"': "/dev/null",
-        "/ws/install/setup.bash": "/dev/null",
-    }
+    set_up = '"/opt/ros/${ROS_DISTRO:?is set by the image}/setup.bash"', "/ws/install/setup.bash"
+    places = dict.fromkeys(set_up, nothing(tmp_path))
     entrypoint.write_text(at_hand(text, places), encoding="utf-8")
     mounted = {"/robot/robot.urdf": robot_path(PANDA), "/robot/monitor.yaml": ROOT / "config" / "robots" / "xarm.yaml"}
 

@@ -67,7 +67,9 @@ class Terminal(contextlib.AbstractContextManager):
     """tmux with `top` in it."""
 
     def __init__(self, folder, width, height, *arguments, term="tmux-256color"):
-        self._tmux = ["tmux", "-S", str(folder / "socket"), "-f", "/dev/null"]
+        nothing = folder / "tmux.conf"
+        nothing.touch()
+        self._tmux = ["tmux", "-S", str(folder / "socket"), "-f", str(nothing)]
         command = f"trap : INT; env TERM={term} {sys.executable} {TOP} {' '.join(arguments)}; echo status $?; exec cat"
         environment = os.environ | {"LANG": "C.UTF-8", "LC_ALL": "C.UTF-8", "SHELL": "/bin/sh"}
         self._run("new-session", "-d", "-x", str(width), "-y", str(height), command, env=environment)
@@ -113,7 +115,6 @@ def until(screen, robots, condition, what, **said):
         assert time.monotonic() < deadline, f"waited in vain for {what}:\n{shown}"
         for robot in robots:
             robot.say(**said)
-        robots[0].peer.wait_until(lambda: True, "")
         time.sleep(0.02)  # 50 Hz
     return shown
 
@@ -169,27 +170,31 @@ def test_pause_peaks_and_silence(peer, terminal):
         robot.say(nu=(1.0, 0.0, 0.0))
         time.sleep(0.02)
     assert "K 7.000 J" in view.screen() and "0.500 J" not in view.screen()
-    view.type("Space", "r")
-    shows("peak 0.5 J", nu=(1.0, 0.0, 0.0))
-    silent = until(view.screen, [robot], lambda shown: "no state for" in shown or time.sleep(1.2), "silence")
-    assert "no state for" in silent
+    view.type("Space")
+
+    def anew(shown):  # again where a state of before was under way yet
+        return "peak 0.5 J" in shown or view.type("r")
+
+    until(view.screen, [robot], anew, "peaks that have begun anew", nu=(1.0, 0.0, 0.0))
+    until(view.screen, [], lambda shown: "no state for" in shown, "silence")
 
 
 def test_several_robots(peer, terminal):
     """One after the other by Tab, all of them by `o`; each with its own."""
     robots = [Robot(peer, f"/{name}") for name in ("left", "right")]
     view = terminal(120, 40)
-    until(view.screen, robots, lambda shown: "1/" in shown and "K 7.000 J" in shown, "the first")
-    shown, seen = view.screen(), set()
+
+    def name(shown):
+        return next(iter(shown.split()), "")
+
+    shown, seen = until(view.screen, robots, lambda shown: "1/" in shown and "K 7.000 J" in shown, "the first"), set()
     for _ in range(8):
-        seen |= {name for name in ("/left", "/right") if name in shown.splitlines()[0]}
+        seen |= {name(shown)} & {"/left", "/right"}
         if len(seen) == 2:
             break
         view.type("Tab")
-        before = shown.splitlines()[0].split()[0]
-        shown = until(
-            view.screen, robots, lambda now, before=before: now.splitlines()[0].split()[0] != before, "another"
-        )
+        before = name(shown)
+        shown = until(view.screen, robots, lambda now, before=before: name(now) not in ("", before), "another")
     assert seen == {"/left", "/right"}
     view.type("o")
     shown = until(view.screen, robots, lambda shown: "robot " in shown and "/right" in shown, "all")
@@ -217,14 +222,9 @@ def test_messages_that_make_no_sense(peer, terminal):
 
 def test_nobody_yet(peer, terminal):
     view = terminal(80, 24, "--state", "/nobody/state")
-    shown = ""
-    while "waiting for states on /nobody/state" not in shown:
-        shown = view.screen()
-        time.sleep(0.1)
+    until(view.screen, [], lambda shown: "waiting for states on /nobody/state" in shown, "what it waits for")
     view.type("C-c")
-    while "status" not in shown:
-        shown = view.screen()
-        time.sleep(0.1)
+    shown = until(view.screen, [], lambda shown: "status" in shown, "the end")
     assert "status 0" in shown and "Traceback" not in shown
 
 
