@@ -186,6 +186,7 @@ def test_unusable_message(monitor, panda, case):
     """Nothing is published for it; it is counted and named on /diagnostics; the next good one is served."""
     values, delay, cause, named = unusable(panda)[case]
     before = monitor.reports[-1] if monitor.reports else monitor.next_report()
+    begin = len(monitor.reports)
     good(monitor, panda)
     first = monitor.now
     monitor.feeder.publish(joint_state(*values, stamp=first + delay))
@@ -193,7 +194,7 @@ def test_unusable_message(monitor, panda, case):
     for topic in monitor.topics.values():
         assert topic.stamps == [first, monitor.now]
 
-    report = monitor.wait_for_report(lambda report: rejections(report) > rejections(before), "a rejection")
+    report = monitor.wait_for_report(lambda report: rejections(report) > rejections(before), "a rejection", begin)
     assert rejections(report) == rejections(before) + 1
     assert report.level == WARN
     assert named in report.values["last rejection"]
@@ -251,8 +252,9 @@ def test_without_stamp(monitor, panda):
 
 def test_report_when_all_is_well(monitor, panda):
     """The entry on /diagnostics: OK while states come, with the model in force, then STALE."""
+    begin = len(monitor.reports)
     good(monitor, panda)
-    values = monitor.wait_for_report(lambda report: report.level == OK, "states").values
+    values = monitor.wait_for_report(lambda report: report.level == OK, "states", begin).values
     assert values["robot"] == "panda"
     assert values["degrees of freedom"] == "8"
     assert values["mimic joints"] == "1: panda_finger_joint2"
@@ -492,9 +494,9 @@ def test_refusal_is_over(by_topic, id):
     by_topic.peer.descriptions.publish(description("<robot"))
     by_topic.wait_for_report(lambda report: report.level == ERROR, "the refusal")
     describe(by_topic, robot(id))
-    by_topic.next_report()
+    before, begin = by_topic.next_report(), len(by_topic.reports)
     good(by_topic, robot(id))
-    report = by_topic.next_report()
+    report = by_topic.wait_for_report(lambda r: r.count("published") > before.count("published"), "a state", begin)
     assert (report.level, report.message) == (OK, "publishing")
 
 
@@ -532,8 +534,12 @@ def test_circular_mimics_are_refused_by_name(peer):
         assert "'panda_finger_joint1' mimics itself" in report.message
         assert "panda_finger_joint2" in report.message
         peer.wait_until(monitor.feeder.get_subscription_count, "the subscription to joint_states")
-        monitor.feeder.publish(panda.message(monitor.tick(), panda.samples[0]))
-        monitor.wait_for_report(lambda report: report.count("before the model") == 1, "a state without a model")
+
+        def counted(report):
+            monitor.feeder.publish(panda.message(monitor.tick(), panda.samples[0]))
+            return report.count("before the model")
+
+        monitor.wait_for_report(counted, "a state without a model")
         assert not monitor.topics["state"].messages
         monitor.process.stop(signal.SIGINT, signal.SIGINT)
 
