@@ -193,10 +193,10 @@ class Cluster:
         self._folder, self._stack = folder, stack
         self._scheduler = folder / "scheduler.json"
         self._start("scheduler", "--port", "0", "--no-dashboard", "--host", "127.0.0.1")
-        self.workers = [
-            self._start("worker", "--nthreads", "1", "--no-nanny", "--no-dashboard", "--name", name)
+        self.workers = {
+            name: self._start("worker", "--nthreads", "1", "--no-nanny", "--no-dashboard", "--name", name)
             for name in ("first", "second")
-        ]
+        }
         self.client = stack.enter_context(distributed.Client(scheduler_file=str(self._scheduler), timeout=120))
         self.client.wait_for_workers(2, timeout=120)
         self.address = self.client.scheduler.address
@@ -209,16 +209,18 @@ class Cluster:
         self._stack.callback(process.kill)
         return process
 
-    def kill_while_it_works(self):
-        """Kill the worker `first` in the midst of a task; returns what it was at."""
-        address = next(one for one, of in self.client.scheduler_info()["workers"].items() if of["name"] == "first")
+    def kill_one_at_work(self):
+        """Kill a worker in the midst of a task; returns its process, and what it was at."""
+        names = {address: of["name"] for address, of in self.client.scheduler_info()["workers"].items()}
         again = threading.Event()
         for _ in range(600):
-            if working := self.client.processing()[address]:
-                os.kill(self.workers[0].pid, signal.SIGKILL)
-                return working
+            for address, working in self.client.processing().items():
+                if working:
+                    process = self.workers[names[address]]
+                    process.send_signal(signal.SIGKILL)
+                    return process, working
             again.wait(0.05)
-        raise AssertionError("the worker has nothing to do")
+        raise AssertionError("no worker has anything to do")
 
 
 def test_killed_worker(tmp_path, archive, expected):
@@ -228,7 +230,7 @@ def test_killed_worker(tmp_path, archive, expected):
 
         def progress(done, count, path):
             if not killed:
-                killed.append(cluster.kill_while_it_works())
+                killed.extend(cluster.kill_one_at_work())
 
         report = dd.analyse_fleet(
             [str(archive / "**" / "*.mcap")],
@@ -237,8 +239,7 @@ def test_killed_worker(tmp_path, archive, expected):
             piece=PIECE,
             progress=progress,
         )
-        assert killed[0]
-        assert cluster.workers[0].wait(60) == -signal.SIGKILL
+        assert killed[0].wait(60) == -signal.SIGKILL and killed[1]
         assert len(cluster.client.scheduler_info()["workers"]) == 1
     check(report, tmp_path / "out", expected, archive)
 

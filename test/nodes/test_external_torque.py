@@ -31,7 +31,7 @@ from diag_dynamics.nodes.monitor.monitor import MonitorNode
 from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
 from diag_dynamics.parameters.monitor import PARAMETERS, Observation, Settings
 from diag_dynamics.recordings.calibration import Calibration
-from nodes import BELIEVING, MS, PANDA, START, UR5, Monitor, S, joint_state, nanoseconds, node_process, robot
+from nodes import BELIEVING, MAX_AGE, MS, PANDA, START, UR5, Monitor, S, joint_state, nanoseconds, node_process, robot
 
 OK, WARN = b"\x00", b"\x01"
 GAIN, STEP = 40.0, 2 * MS
@@ -159,7 +159,7 @@ def test_a_push_on_a_simulated_arm(peer):
     parameters = {"compensates_gravity": True, "wrench_axes": "world", "wrench_timeout": 0.0, "rate": 250.0}
     with Simulator(peer, "/plant", UR5, **parameters) as arm:
         said = peer.topic(ExternalTorque, "/plant/diag_dynamics/external_torque")
-        options = {"external_torque.gain": 200.0, "external_torque.friction": True}
+        options = {"external_torque.gain": 200.0, "external_torque.friction": True, "max_age": MAX_AGE}
         with node_process("monitor", "-r", "__ns:=/plant", robot_description=arm.robot.path, **options):
             peer.wait_until(lambda: said.messages and said.messages[-1].valid, "a result", START)
             assert said.messages[-1].norm < 0.1
@@ -189,8 +189,9 @@ def test_collision_and_release(monitor, standing, panda):
     high, low = round(0.6 * level, 3), round(0.2 * level, 3)
     bounds = {"external_torque.threshold": high, "external_torque.release_threshold": low}
     with monitor.having(**bounds):
+        begin = len(monitor.reports)
         feed(monitor, [free(0)] * 3)
-        before = monitor.wait_for_report(lambda r: r.entries[ENTRY].level == OK, "peace").count("collisions")
+        before = monitor.wait_for_report(lambda r: r.entries[ENTRY].level == OK, "peace", begin).count("collisions")
         begin = len(monitor.reports)
         pushed = feed(monitor, [standing(0)] * 60)
         after = feed(monitor, [free(0)] * 120)
@@ -205,8 +206,7 @@ def test_collision_and_release(monitor, standing, panda):
         def told(report):
             return report.entries[ENTRY].level == WARN
 
-        monitor.peer.wait_until(lambda: any(map(told, monitor.reports[begin:])), "the collision")
-        first = next(filter(told, monitor.reports[begin:]))
+        first = monitor.wait_for_report(told, "the collision", begin)
         assert set(first.entries) == {ENTRY}  # it did not wait for the others
         assert f"threshold = {high:g}" in first.entries[ENTRY].message
         assert first.count("collisions") == before + 1
@@ -452,11 +452,10 @@ def test_alarms_joint_by_joint(monitor, panda):
     values = {"alarm.joints": ["panda_joint2=20", "*=40"], "alarm.external_torque": 25.0, "alarm.norm": 50.0}
     with monitor.having(**values):
         anew(monitor)
-        feed(monitor, [free(0)] * 3)
-        before = monitor.wait_for_report(lambda r: r.entries[ENTRY].message == "no collision", "peace").count(
-            "collisions"
-        )
         begin = len(monitor.reports)
+        feed(monitor, [free(0)] * 3)
+        quiet = monitor.wait_for_report(lambda r: r.entries[ENTRY].message == "no collision", "peace", begin)
+        before, begin = quiet.count("collisions"), len(monitor.reports)
         said = feed(monitor, [free(0)] * 5 + [pushed(0)] * 60 + [free(0)] * 120)
         assert all((m.threshold, m.release_threshold) == (50.0, pytest.approx(35.0)) for m in said)
         thresholds = AlarmThresholds({"panda_joint2": 20.0, "*": 40.0}, 25.0, 50.0)
@@ -473,8 +472,7 @@ def test_alarms_joint_by_joint(monitor, panda):
         def told(report):
             return report.entries[ENTRY].level == WARN
 
-        monitor.peer.wait_until(lambda: any(map(told, monitor.reports[begin:])), "the alarm")
-        at_once = next(filter(told, monitor.reports[begin:]))
+        at_once = monitor.wait_for_report(told, "the alarm", begin)
         assert set(at_once.entries) == {ENTRY} and at_once.count("collisions") == before + 1
         assert at_once.entries[ENTRY].message == f"collision: panda_joint2 {first.external_torque[1]:.3g} N m > 20"
 
@@ -628,7 +626,7 @@ def test_off_by_default(peer, standing, panda):
             quiet.set_parameter("external_torque.gain", GAIN)
             quiet.feed(panda.message(quiet.tick(), panda.samples[0]))
             assert feed(quiet, [standing(0)] * 2)[-1].valid
-            assert ENTRY in quiet.wait_for_report(lambda r: len(r.entries) > 1, "the next").entries
+            assert ENTRY in quiet.next_report().entries
             quiet.set_parameter("external_torque.gain", 0.0)
         assert quiet.torque.messages and not set(off) & set(quiet.torque.stamps)
         quiet.serves(panda)
