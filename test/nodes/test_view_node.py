@@ -3,10 +3,10 @@
 
 """The view on a real graph: simulator, monitor and view in processes of their own, read over a real connection."""
 
+import contextlib
 import signal
 import socket
 import threading
-from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -14,7 +14,8 @@ from diag_dynamics.msg import Contact, DiagonalizedState, ExternalTorque
 from diag_dynamics.srv import SetPayload
 
 import diag_dynamics as dd
-from nodes import MANY, PANDA, START, UR5, Process, S, nanoseconds, node_process, robot
+from diag_dynamics.nodes.view.watched import APART
+from nodes import MANY, MAX_AGE, PANDA, START, UR5, Process, S, nanoseconds, node_process, robot
 from streams import CONTACT, DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get_json, wait_for_robot
 
 MONITOR, VIEW = "/arm/diag_dynamics", "/diag_dynamics_view"
@@ -28,7 +29,7 @@ def free_port(domain):
     One that the system hands out might go to anybody meanwhile; this one is the ROS domain's, below those.
     """
     for port in range(21000 + domain, 31000, 200):
-        with socket.socket() as probe, suppress(OSError):
+        with socket.socket() as probe, contextlib.suppress(OSError):
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind(("127.0.0.1", port))
             return port
@@ -36,8 +37,12 @@ def free_port(domain):
 
 
 def monitor_process(**parameters):
-    observed = {"external_torque.gain": 25.0, "external_torque.threshold": 1e6}
-    return node_process("monitor", *IN_ARM, "-r", "/clock:=/arm/clock", **observed, **parameters)
+    """Start the monitor; a test that is late hears all that it says nonetheless."""
+    observed = {"external_torque.gain": 25.0, "external_torque.threshold": 1e6, "max_age": MAX_AGE}
+    deep = {
+        f"qos_overrides.{MONITOR}/{topic}.publisher.depth": 1000 for topic in ("state", "external_torque", "contact")
+    }
+    return node_process("monitor", *IN_ARM, "-r", "/clock:=/arm/clock", **observed, **deep, **parameters)
 
 
 def simulator_process(id, **parameters):
@@ -79,27 +84,34 @@ def graph(ros_domain):
         graph.stop()
 
 
-def read_while(peer, stream, count, timeout=60.0):
-    """Read frames of a stream in a thread while the test's node is served."""
-    frames = []
-    thread = threading.Thread(target=lambda: frames.extend(stream.frames(count)))
+def read_while(peer, read):
+    """Call what reads a stream in a thread while the test's node is served; return what it returns."""
+    found = []
+    thread = threading.Thread(target=lambda: found.append(read()))
     thread.start()
-    peer.wait_until(lambda: not thread.is_alive(), f"{count} frames", timeout)
-    return frames
+    peer.wait_until(lambda: not thread.is_alive(), "what is read of a stream", START)
+    return found[0]
 
 
 def test_numbers_are_those_of_the_messages(graph, peer):
-    """Each frame is the state, and the external torque, of its stamp, as float32; and of no other."""
+    """Each frame is the state of its stamp, with an external torque of about then, as float32; and of no other."""
     states = peer.topic(DiagonalizedState, f"{MONITOR}/state", MANY)
     torques = peer.topic(ExternalTorque, f"{MONITOR}/external_torque", MANY)
     peer.wait_until(lambda: states.messages and torques.messages, "states")
     with graph.stream(link="panda_hand") as stream:
-        frames = read_while(peer, stream, 60)
+
+        def read():
+            """60 frames, and until 30 have an external torque: on a busy machine its messages may be late."""
+            frames = stream.frames(60)
+            while sum("no_external_torque" not in frame.flags for frame in frames) < 30:
+                frames += stream.frames(1)
+            return frames
+
+        frames = read_while(peer, read)
     peer.wait_until(lambda: states.stamps[-1] / S > frames[-1].t, "the last state")
     by_time = {nanoseconds(m.header.stamp) / S: m for m in states.messages}
-    torque_at = {nanoseconds(m.header.stamp) / S: m for m in torques.messages}
+    by_norm = {np.float32(m.norm): m for m in torques.messages if m.valid}
     dyn = dd.DiagonalDynamics(dd.load_urdf(robot(PANDA).path))
-    compared = with_torque = 0
     for frame in frames[1:]:  # the first one may have been on its way before the test listened
         message = by_time.get(frame.t)
         assert message is not None, f"no state has the stamp {frame.t}"
@@ -114,15 +126,12 @@ def test_numbers_are_those_of_the_messages(graph, peer):
         place = dyn.placement(message.position, "panda_hand")[:3, 3]
         k = stream.layout["links"].index("panda_hand")
         np.testing.assert_allclose(frame["pose"].reshape(-1, 7)[k, :3], place, atol=1e-6)
-        torque = torque_at.get(frame.t)
-        if torque is not None and torque.valid and frame["norm"] == np.float32(torque.norm):
+        if "no_external_torque" not in frame.flags and frame.t - APART > torques.stamps[0] / S:
+            torque = by_norm[np.float32(frame["norm"])]
+            assert abs(nanoseconds(torque.header.stamp) / S - frame.t) <= APART
             np.testing.assert_array_equal(frame["residual"], np.array(torque.residual, dtype=np.float32))
             np.testing.assert_array_equal(frame["external_torque"], np.array(torque.external_torque, dtype=np.float32))
-            with_torque += 1
-        assert frame.flags <= {"no_external_torque"}
-        compared += 1
-    assert compared == 59
-    assert with_torque > 30  # a torque may come after the state that it is of has been taken
+        assert frame.flags <= {"no_external_torque", "late"}  # how late is the machine's business
     times = [frame.t for frame in frames]
     assert sorted(set(times)) == times
 
@@ -148,10 +157,17 @@ def test_it_only_reads(graph, peer):
     peer.wait_until(
         lambda: ("diag_dynamics_view", "/") in node.get_node_names_and_namespaces(), "the view's name", START
     )
-    published = {name for name, _ in node.get_publisher_names_and_types_by_node("diag_dynamics_view", "/")}
-    assert published == {"/rosout", "/parameter_events", "/diagnostics", f"{VIEW}/transition_event"}
-    asks = {name for name, _ in node.get_client_names_and_types_by_node("diag_dynamics_view", "/")}
-    assert {name.rpartition("/")[2] for name in asks} == {"get_parameters"}
+    expected = {"/rosout", "/parameter_events", "/diagnostics", f"{VIEW}/transition_event"}, {"get_parameters"}
+
+    def seen():
+        """What it publishes, and calls: a node may be known before all that it has."""
+        published = node.get_publisher_names_and_types_by_node("diag_dynamics_view", "/")
+        asks = node.get_client_names_and_types_by_node("diag_dynamics_view", "/")
+        return {name for name, _ in published}, {name.rpartition("/")[2] for name, _ in asks}
+
+    with contextlib.suppress(AssertionError):
+        peer.wait_until(lambda: seen() == expected, "all that it has")
+    assert seen() == expected
 
 
 def test_a_payload_of_the_monitor_is_one_of_the_page(graph, peer):
@@ -169,6 +185,7 @@ def test_a_payload_of_the_monitor_is_one_of_the_page(graph, peer):
             ),
         )
         assert heavy["robot"] == "panda"
+        stream.next(FRAME, lambda frame: "other_model" not in frame.flags)  # a state of before may come yet
         for frame in stream.frames(5):
             assert frame["link_energy"].sum() == pytest.approx(frame["K"], rel=1e-4)
             assert "other_model" not in frame.flags
@@ -183,7 +200,7 @@ def test_other_robots_are_found(graph, peer):
         wait_for_robot(graph.address, lambda one: (one["name"], one["robot"]) == ("/other", "ur5"))
         robots = {one["name"]: one for one in get_json(graph.address, "/robots")}
         assert not robots["/other"]["alive"]
-        assert robots["/arm"]["alive"]
+        wait_for_robot(graph.address, lambda one: one["name"] == "/arm" and one["alive"])  # it may be late for a second
         assert get_json(graph.address, "/layout?robot=/other")["robot"] == "ur5"
 
 
@@ -251,11 +268,8 @@ def test_contact_is_shown_where_limits_are_judged(graph, peer, tmp_path):
     touches = peer.topic(Contact, f"{MONITOR}/contact", MANY)
     peer.wait_until(lambda: peer.node.count_subscribers(f"{MONITOR}/contact") == 2, "the view to listen", START)
     peer.wait_until(lambda: touches.messages, "the first message", START)
-    found = []
     with graph.stream() as stream:
-        thread = threading.Thread(target=lambda: found.extend(stream.next(CONTACT) for _ in range(4)))
-        thread.start()
-        peer.wait_until(lambda: not thread.is_alive(), "contact in the stream", START)
+        found = read_while(peer, lambda: [stream.next(CONTACT) for _ in range(4)])
 
     def both():
         """One of them and its message; times are doubles."""
