@@ -16,7 +16,7 @@ from diag_dynamics.demos.moving_robot import MovingRobot, show_of
 from diag_dynamics.page.server import HEADERS, Limits, PageServer
 from diag_dynamics.page.show import Show
 from robots import robot_path
-from streams import DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get, get_json
+from streams import DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, PATIENCE, Stream, get, get_json
 
 PANDA = robot_path("panda_description/urdf/panda.urdf")
 
@@ -47,7 +47,7 @@ def server(shows, page):
     server.stop()
 
 
-def eventually(condition, timeout=20.0):
+def eventually(condition, timeout=PATIENCE):
     end = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < end, "it never became so"
@@ -194,31 +194,27 @@ def test_a_robot_that_is_not_there_yet(server, shows):
 
 
 def test_clients_at_other_rates_get_their_own(server):
-    """Two tabs, 10 Hz and 50 Hz of 200 states a second: both see the newest state; what is left out is counted."""
+    """Two tabs, 10 Hz and 50 Hz of 200 states a second: by its frames' stamps each has what it asks for, and never more."""
     with Stream(server.address, robot="/arm", hz=50) as fast, Stream(server.address, robot="/arm", hz=10) as slow:
-        for stream, hz in ((fast, 50), (slow, 10)):
-            reader = threading.Thread(target=lambda stream=stream: stream.next(FRAME))
-            reader.start()
-            reader.join()
-            stream.hz = hz
-        readers = [threading.Thread(target=read_for, args=(stream, 3.0)) for stream in (fast, slow)]
+        found = {}
+        asked = {50: fast, 10: slow}
+        readers = [threading.Thread(target=lambda hz=hz: found.update({hz: read(asked[hz], hz)})) for hz in asked]
         for reader in readers:
             reader.start()
         for reader in readers:
             reader.join()
-    assert 20 < fast.count <= 3.2 * 50  # a busy machine may give less, and never more
-    assert 10 < slow.count <= 3.2 * 10 + 2
-    assert slow.count < fast.count
-    assert max(fast.lag, slow.lag) < 1.0
+    assert found.keys() == asked.keys()  # nobody has waited in vain
+    for hz, stamps in found.items():
+        assert (len(stamps) - 2) / hz <= stamps[-1] - stamps[0] + 2 / 200
 
 
-def read_for(stream, seconds):
-    """Count frames, and note the largest lag of those [s]."""
-    stream.count, stream.lag, end = 0, 0.0, time.monotonic() + seconds
-    while time.monotonic() < end:
-        frame = stream.next(FRAME)
-        stream.count += 1
-        stream.lag = max(stream.lag, time.time() - frame.t)
+def read(stream, hz, window=10):
+    """Read frames until some in a row come at more than half the rate, the last of them soon; a busy machine may be late."""
+    stamps = [stream.next(FRAME).t]
+    while len(stamps) < 3 * window or stamps[-1] - stamps[-window] > 2 * window / hz or time.time() - stamps[-1] > 0.5:
+        stamps.append(stream.next(FRAME).t)
+        assert len(stamps) < 100 * window, "never at its rate"
+    return stamps
 
 
 def test_a_slow_reader_gets_the_newest_frame(server):
@@ -234,20 +230,21 @@ def test_a_slow_reader_gets_the_newest_frame(server):
         assert beat["served"] < 200
 
 
-def test_nobody_waits_for_a_reader_who_never_reads(server):
-    """Eight who read nothing: memory stays as it is, robots and requests go on, and one of them may go."""
+def test_nobody_waits_for_a_reader_who_never_reads(server, monkeypatch):
+    """Seven who read nothing: memory stays as it is, robots and requests go on, and one of them may go.
+
+    The server has patience with them for so long that who waited for them would wait in vain.
+    """
+    monkeypatch.setattr("diag_dynamics.page.server.PATIENCE", 10.0 * PATIENCE)
     idle = [Stream(server.address, robot="/arm", hz=60, room=4096) for _ in range(7)]
     try:
         eventually(lambda: server.streams == 7)
         with Stream(server.address, robot="/arm", hz=50) as stream:
             stream.frames(10)
             before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-            begin = time.monotonic()
             stream.frames(60)
-            assert time.monotonic() - begin < 15.0
-            begin = time.monotonic()
             get_json(server.address, "/robots")
-            assert time.monotonic() - begin < 5.0
+            assert server.streams == 8
             grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
             assert grown < 4096, f"grown by {grown} kB"
             status, _, body = get(server.address, "/stream?robot=/arm")  # the ninth
@@ -263,8 +260,8 @@ def test_nobody_waits_for_a_reader_who_never_reads(server):
 
 def test_who_never_reads_is_let_go(server, monkeypatch):
     monkeypatch.setattr("diag_dynamics.page.server.PATIENCE", 0.5)
-    with Stream(server.address, robot="/arm", hz=60, room=4096):
-        eventually(lambda: server.streams == 1)
+    with Stream(server.address, robot="/arm", hz=60, room=4096) as stream:
+        assert "200 OK" in stream.head  # by then it is one of them
         eventually(lambda: server.streams == 0)
 
 
@@ -284,7 +281,7 @@ def test_connections_that_ask_for_nothing_are_few(server):
     try:
         eventually(lambda: threading.active_count() > 30)
         assert threading.active_count() < 60
-        idle[-1].settimeout(10.0)
+        idle[-1].settimeout(PATIENCE)
         assert idle[-1].recv(1) == b""
     finally:
         for one in idle:
@@ -385,7 +382,7 @@ def test_requests_that_are_none(server):
         b"GET /robots HTTP/1.1\r\nContent-Length: 99999999\r\nHost: localhost\r\n\r\n",
     ]
     for data in nonsense:
-        with socket.create_connection((host, port), timeout=10) as one:
+        with socket.create_connection((host, port), timeout=PATIENCE) as one:
             try:
                 one.sendall(data)
                 one.shutdown(socket.SHUT_WR)

@@ -15,11 +15,14 @@ import numpy as np
 
 LAYOUT, FRAME, DIAGNOSTICS, HEARTBEAT, CONTACT = range(5)
 
+PATIENCE = 120.0
+"""Longest time for anything [s]. Only a failing test waits so long."""
+
 
 def get(address, path, method="GET", **headers):
     """Ask once; return status, headers and body."""
     url = urlsplit(address)
-    connection = http.client.HTTPConnection(url.hostname, url.port, timeout=20)
+    connection = http.client.HTTPConnection(url.hostname, url.port, timeout=PATIENCE)
     try:
         connection.request(method, path, headers=headers)
         answer = connection.getresponse()
@@ -35,7 +38,7 @@ def get_json(address, path):
     return json.loads(body)
 
 
-def wait_for_robot(address, accept=lambda _: True, timeout=120.0):
+def wait_for_robot(address, accept=lambda _: True, timeout=PATIENCE):
     """Return what is said of the first robot that is accepted; the server may have to come up first."""
     end, said = time.monotonic() + timeout, "nothing"
     while time.monotonic() < end:
@@ -50,7 +53,7 @@ def wait_for_robot(address, accept=lambda _: True, timeout=120.0):
 class Stream:
     """A stream that is being read, or not."""
 
-    def __init__(self, address, timeout=20.0, room=None, **query):
+    def __init__(self, address, timeout=PATIENCE, room=None, **query):
         """Ask for it; `room`: of the receiving buffer [bytes]."""
         url = urlsplit(address)
         self.socket = socket.socket()
@@ -93,7 +96,7 @@ class Stream:
             self.layout = told
         return kind, told
 
-    def next(self, kind, accept=lambda _: True, timeout=30.0):
+    def next(self, kind, accept=lambda _: True, timeout=PATIENCE):
         """Return the next packet of a kind that is accepted."""
         end = time.monotonic() + timeout
         while time.monotonic() < end:
