@@ -75,14 +75,10 @@ def test_every_entry(monitor, panda, sample):
     """All keys are there; health, smallest D and energies are Pinocchio's, the model's numbers the robot's."""
     q, qd, tau, _ = panda.samples[sample]
     truth = Truth(panda, q, qd, tau)
-
-    def told(report):
-        monitor.serves(panda, sample)
-        return report.level == OK
-
-    monitor.wait_for_report(told, "states")
+    monitor.next_report()  # of all states before this one
+    begin = len(monitor.reports)
     monitor.serves(panda, sample)
-    report = monitor.wait_for_report(told, "states")
+    report = monitor.wait_for_report(lambda report: report.level == OK, "a state", begin)
     assert set(report.entries) == set(KEYS)
     for name, keys in KEYS.items():
         assert keys <= set(values(report, name)), name
@@ -151,14 +147,15 @@ def alarm(monitor, panda, sample, level):
     out of turn. A machine that stalls for longer may hide that, so there are several attempts.
     """
     for _ in range(5):
-        quiet = monitor.wait_for_report(lambda report: report.entries["energy"].level == OK, "rest")
+        begin = len(monitor.reports)
+        rest(monitor, panda)
+        quiet = monitor.wait_for_report(lambda report: report.entries["energy"].level == OK, "rest", begin)
         assert quiet.entries["energy"].message == "within thresholds"
         begin = len(monitor.reports)
         monitor.serves(panda, sample)
         at = first_at(monitor, begin, level)
         monitor.peer.wait_until(lambda at=at: len(monitor.reports) > at + 1, "the report after that")
         first, report, third = monitor.reports[at - 1 : at + 2]
-        rest(monitor, panda)
         if third.stamp - first.stamp < 1.5 * S:
             return report
     raise AssertionError("no report came before its second was over")
@@ -191,13 +188,13 @@ def test_energy_too_high(monitor, panda, word, level):
     most = round(0.5 * (K + slow), 2)
     assert slow < most < K
     with monitor.having(**{f"{word}_energy": most}):
-        rest(monitor, panda)
         report = alarm(monitor, panda, 2, level)
         energy = report.entries["energy"]
         assert energy.message == f"kinetic energy > {word}_energy = {most:g} J"
         assert float(values(report, "energy")["largest kinetic energy [J]"]) == pytest.approx(K, rel=1e-5)
+        begin = len(monitor.reports)
         monitor.serves(panda, 1)  # below the threshold, if not at rest
-        over = monitor.wait_for_report(lambda report: report.entries["energy"].level == OK, "its end")
+        over = monitor.wait_for_report(lambda report: report.entries["energy"].level == OK, "its end", begin)
         assert over.entries["energy"].message == "within thresholds"
 
 
@@ -211,21 +208,22 @@ def test_energy_share_too_high(monitor, panda, word, level, by):
     if by != "its own":
         entries = [f"*={most}", *(f"{other}=1e9" for other in panda.names if other != name)]
     with monitor.having(**{f"{word}_energy_share": entries}):
-        rest(monitor, panda)
         report = alarm(monitor, panda, 2, level)
         message = report.entries["energy"].message
         assert message == f"energy share of joint '{name}' > {word}_energy_share = {most:g} J"
         assert values(report, "energy")[f"largest energy share of '{name}' [J]"] == f"{share[k]:.6g}"
+        begin = len(monitor.reports)
         rest(monitor, panda)
-        monitor.wait_for_report(lambda report: report.entries["energy"].level == OK, "its end")
+        monitor.wait_for_report(lambda report: report.entries["energy"].level == OK, "its end", begin)
 
 
 def test_warning_becomes_error(monitor, panda):
     """An error is reported at once where a warning has been reported already."""
     slow, fast = (Truth(panda, *panda.samples[k][:3]).state.kinetic_energy for k in (1, 2))
     with monitor.having(warn_energy=round(0.5 * slow, 4), error_energy=round(0.5 * (slow + fast), 4)):
+        begin = len(monitor.reports)
         rest(monitor, panda)
-        monitor.wait_for_report(lambda report: report.entries["energy"].level == OK, "rest")
+        monitor.wait_for_report(lambda report: report.entries["energy"].level == OK, "rest", begin)
         for sample, level, word in ((1, WARN, "warn_energy"), (2, ERROR, "error_energy")):
             begin = len(monitor.reports)
             monitor.serves(panda, sample)
@@ -279,13 +277,15 @@ def test_balance_of_the_last_minute(monitor, panda, scale):
     """Right efforts explain all of it, half of them do not, and the words say so; neither is a warning."""
     motion = swing(panda, lambda qd: 0.0)
     monitor.tick(100 * S)
-    for k in range(1250):
+    before, begin, count = monitor.next_report(), len(monitor.reports), 1250
+    for k in range(count):
         monitor.now += 2 * MS
         q, qd, tau = motion(2e-3 * k)
         monitor.feeder.publish(joint_state(panda.names, q, qd, scale * tau, monitor.now))
         if k % 4 == 3:  # no more under way than the node's queue holds
             monitor._all_at(monitor.now, ["state"])
-    report = monitor.next_report()
+    whole = lambda report: report.count("received") >= before.count("received") + count  # noqa: E731
+    report = monitor.wait_for_report(whole, "all of it", begin)
     assert report.entries["energy"].level == OK
     share = float(values(report, "energy")["explained share of dK/dt (last minute)"])
     words = values(report, "energy")["balance of power (last minute)"]

@@ -55,7 +55,9 @@ def by_topic(peer):
 
 def model_report(monitor, condition, what):
     """Wait for a report whose entry on the model fulfils a condition; return the report and that entry."""
-    report = monitor.wait_for_report(lambda report: condition(report.entries["model"]), what)
+    report = monitor.wait_for_report(
+        lambda report: "model" in report.entries and condition(report.entries["model"]), what
+    )
     return report, report.entries["model"]
 
 

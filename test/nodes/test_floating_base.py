@@ -15,7 +15,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from nodes import BELIEVING, LATCHED, MANY, S, description, joint_state, nanoseconds, node_process
+from nodes import BELIEVING, LATCHED, MANY, START, S, description, joint_state, nanoseconds, node_process
 from robots import robot_path
 
 SOLO = "solo_description/robots/solo12.urdf"
@@ -40,6 +40,8 @@ class Rig:
         self.name = node
         if description:
             parameters["robot_description"] = robot_path(description)
+        for topic in ("joint_states", "odom"):
+            parameters[f"qos_overrides.{namespace}/{topic}.subscription.reliability"] = "reliable"
         self.process = node_process("monitor", "-r", f"__ns:={namespace}", floating_base=True, **BELIEVING | parameters)
         rng = np.random.default_rng(3)
         self.q = pin.neutral(self.model)
@@ -84,7 +86,7 @@ class Rig:
         overtake odom.
         """
         inputs = (self.feeder, self.odom)
-        self.peer.wait_until(lambda: all(p.get_subscription_count() for p in inputs), f"{self.name} to listen", 60)
+        self.peer.wait_until(lambda: all(p.get_subscription_count() for p in inputs), f"{self.name} to listen", START)
         for _ in range(60):
             self.feed(**odometry)
             with contextlib.suppress(AssertionError):
@@ -139,7 +141,7 @@ def test_wrong_frame_is_named_and_nothing_comes_of_it(rig):
         rig.reports.clear()
         rig.odom.publish(rig.odometry(rig.now + S, child=child))
         rig.peer.wait_until(
-            lambda child=child: any((child or "empty") in r.message for r in rig.reports), f"a report of {child}", 30
+            lambda child=child: any((child or "empty") in r.message for r in rig.reports), f"a report of {child}"
         )
     check(rig, *rig.answer())
 
@@ -169,7 +171,7 @@ def test_robot_that_is_all_base(peer):
     message.twist.twist.linear.x = 2.0
     drone = robot_path("hector_description/robots/quadrotor_base.urdf")
     with node_process("monitor", "-r", "__ns:=/drone", robot_description=drone, floating_base=True):
-        peer.wait_until(odom.get_subscription_count, "the subscription to odom", 60)
+        peer.wait_until(odom.get_subscription_count, "the subscription to odom", START)
         for _ in range(60):
             odom.publish(message)
             with contextlib.suppress(AssertionError):

@@ -102,13 +102,13 @@ def fan(monitor):
 def test_listed_or_not(monitor, id):
     """The same numbers, Pinocchio's GᵀM G and so on; each robot replaces one with other mimic joints."""
     found = use(monitor, id)
-    before = monitor.next_report()
+    before, begin = monitor.next_report(), len(monitor.reports)
     for sample in range(3):
         whole = Whole(found, sample)
         for names in (whole.names, found.names):
             stamp = monitor.tick()
             whole.truth.check(monitor.feed(whole.message(stamp, names)), stamp)
-    report = monitor.wait_for_report(lambda report: report.level == OK, "states")
+    report = monitor.wait_for_report(lambda report: report.level == OK, "states", begin)
     assert not report.count("mimic disagreement")
     assert report.count("foreign") == before.count("foreign")
     mimics = found.oracle.coupling.mimics
@@ -187,12 +187,14 @@ def test_disagreement(monitor, fan, apart):
 
 def test_disagreement_between_messages(monitor, fan):
     """A follower on its own is compared with where its leader was, unless that is too long ago."""
-    before = monitor.next_report().count("mimic disagreement")
+    before, begin = monitor.next_report().count("mimic disagreement"), len(monitor.reports)
     for delay in (100 * MS, 600 * MS):
         monitor.feeder.publish(fan.message(monitor.now + delay, [FOLLOWER], f2=50.0))
     monitor.feeder.publish(fan.message(monitor.now + 100 * MS, [FOLLOWER]))
     monitor.feed(fan.message(monitor.tick()))
-    report = monitor.wait_for_report(lambda report: report.count("mimic disagreement") > before, "the disagreement")
+    report = monitor.wait_for_report(
+        lambda report: report.count("mimic disagreement") > before, "the disagreement", begin
+    )
     assert report.count("mimic disagreement") == before + 1
     assert report.level == WARN
     assert "'f2' is 50," in report.values["last mimic disagreement"]
@@ -217,13 +219,13 @@ def test_tolerance_at_run_time(monitor, fan):
 
 def test_follower_without_position(monitor, fan):
     """NaN is not compared, nor is what is not listed; velocities of followers do not matter."""
-    before = monitor.next_report().count("mimic disagreement")
+    before, begin = monitor.next_report().count("mimic disagreement"), len(monitor.reports)
     message = fan.message(monitor.tick(), f2=math.nan, f3=math.nan)
     for name, velocity in ((FOLLOWER, math.nan), ("g1", 1e3)):
         message.velocity[message.name.index(name)] = velocity
     fan.truth.check(monitor.feed(message), monitor.now)
     fan.truth.check(monitor.feed(fan.message(monitor.tick(), (*fan.robot.names, "g1"))), monitor.now)
-    report = monitor.wait_for_report(lambda report: report.level == OK, "states")
+    report = monitor.wait_for_report(lambda report: report.level == OK, "states", begin)
     assert report.count("mimic disagreement") == before
 
 
