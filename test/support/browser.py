@@ -16,8 +16,8 @@ OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshad
 
 REQUIRED = os.environ.get("DIAG_DYNAMICS_REQUIRE_BROWSER") == "1"
 
-PATIENCE = 30.0
-"""How long a page may take to get somewhere [s]: machines that test are slow."""
+PATIENCE = 120.0
+"""How long a page may take to get somewhere [s]: machines that test are slow. Only a failing test waits so long."""
 
 
 def require():
@@ -95,14 +95,14 @@ class Tab:
             self.page.wait_for_timeout(20)
         return value
 
-    def cut_off(self, patience=5.0):
+    def cut_off(self, patience=PATIENCE):
         """Texts of which a part can neither be seen nor be scrolled to, once the page is laid out."""
         end = time.monotonic() + patience
         while (found := self.ask(f"({CUT_OFF})()")) and time.monotonic() < end:
             self.page.wait_for_timeout(50)
         return found
 
-    def out_of_panels(self, patience=5.0):
+    def out_of_panels(self, patience=PATIENCE):
         """Plots that reach out of their panels, and legends of more than two lines, once the page is laid out."""
         end = time.monotonic() + patience
         while (found := self.ask(f"({OUT_OF_PANELS})()")) and time.monotonic() < end:
