@@ -21,7 +21,7 @@ import psutil
 import pytest
 
 import robots
-from nodes import PANDA, START, UR5, Process, robot
+from nodes import PANDA, START, TIMEOUT, UR5, Process, robot
 from streams import FRAME, Stream, wait_for_robot
 
 DEMO = Path(__file__).resolve().parents[2] / "scripts" / "demo"
@@ -47,7 +47,7 @@ def demo(folder, *arguments, **environment):
 def ended(process, children):
     """Wait for the end of the demo and of the nodes it has started; return its exit status."""
     status = process.wait()
-    _, alive = psutil.wait_procs(children, timeout=10)
+    _, alive = psutil.wait_procs(children, timeout=TIMEOUT)
     assert not alive, process.tail()
     assert "Traceback" not in process.output
     return status
@@ -58,7 +58,7 @@ def check_summary(process, folder, name):
     said = process.output
     count, hertz = map(int, re.search(r"(\d+) states in [\d.]+ s \((\d+) Hz\)", said).groups())
     assert count > 10
-    assert 10 < hertz <= 550  # 500 Hz, or what the machine can do
+    assert 0 < hertz <= 550  # by their stamps: 500 Hz, less what a busy machine lets go
     least, most = map(float, re.search(r"kinetic energy (\S+) … (\S+) J", said).groups())
     assert 0 <= least < most < 1000
     assert float(re.search(r"νᵀC\S* .*: (\S+)", said)[1]) < 1e-9

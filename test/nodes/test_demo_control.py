@@ -12,9 +12,13 @@ from pathlib import Path
 import pytest
 from test_demo import check_picture, ended
 
+from diag_dynamics.nodes.demos.demo_control import PUSH, REST, SIMULATOR
 from nodes import START, Process
 
 pytestmark = pytest.mark.kills
+
+STEP = 1.0 / SIMULATOR["rate"]
+"""Of simulated time from state to state [s]."""
 
 DEMO = Path(__file__).resolve().parents[2] / "scripts" / "demo_control"
 
@@ -38,12 +42,13 @@ def test_a_push_is_seen_and_its_energy_bounded(tmp_path):
         story = ("holds its hand", "somebody pushes", "sees a collision", "the push ends", "no collision any more")
         told = [next(line for line in said.splitlines() if text in line) for text in story]
         times = [float(line.split(" s ")[0]) for line in told]
-        assert times == sorted(times) and 0.9 < times[1] < 1.2
+        assert times == sorted(times) and times[1] >= REST - STEP  # a busy machine may push later, and for longer
         assert said.index("the limiter takes power out") > said.index("somebody pushes")
         delay = number(r"collision seen after (\d+) ms", said)
         assert delay == pytest.approx(1e3 * (times[2] - times[1]), abs=4)
         assert 0 < delay < 50
-        assert 0.9 < number(r"push of 40 N for ([\d.]+) s", said) < 1.3
+        lasted = number(r"push of 40 N for ([\d.]+) s", said)
+        assert lasted >= PUSH and lasted == pytest.approx(times[3] - times[1], abs=0.01)
         largest, bound = number(r"K at most ([\d.]+) J", said), number(r"its bound ([\d.]+) J \(", said)
         assert 0.9 * bound < largest < 1.05 * bound
         assert number(r"acted on (\d+) %", said) > 5

@@ -19,7 +19,7 @@ from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.nodes.demos.energy_view import STATE, EnergyView, checked, options
 from diag_dynamics.nodes.support.loading import COMPILED
 from diag_dynamics.nodes.support.runner import run
-from diag_dynamics.nodes.support.start import listen, stop
+from diag_dynamics.nodes.support.start import KINDLY, listen, stop
 from diag_dynamics.parameters.view import PARAMETERS
 from diag_dynamics.simulation import Simulation
 
@@ -66,7 +66,7 @@ class Processes:
                 process.send_signal(signal.SIGINT)
         for process, said in self._running.values():
             try:
-                process.wait(timeout=5.0)
+                process.wait(timeout=KINDLY)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()

@@ -27,6 +27,9 @@ EXECUTABLES = {
 }
 """Where in diag_dynamics.nodes the main function of each executable is."""
 
+KINDLY = 20.0
+"""Time [s] that nodes have to end before who has started them kills them: on a busy machine they take theirs."""
+
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 PATIENCE = 0.5

@@ -16,9 +16,7 @@ from queue import Empty, SimpleQueue
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.launches import LAUNCHES, arguments_of, misspelt, started
-
-KINDLY = 10.0
-"""Time [s] that nodes have to end before they are killed."""
+from diag_dynamics.nodes.support.start import KINDLY
 
 LAST_WORDS = 1.0
 """Time [s] for what a node has said at last to be passed on."""
