@@ -108,7 +108,7 @@ def test_a_push_is_told_of(arm):
     def told(report):
         return f"contact energy above its bound at '{above.contact_link}'" in report.entries["commands"].message
 
-    arm.peer.wait_until(lambda: any(map(told, arm.reports[begin:])), "the diagnostics")
+    arm.wait_for_report(told, "the diagnostics", begin)
     arm.simulator.push("tool0", 0, 0, 0, 0, 0, 0)
     arm.wait_for(lambda s: s.contact_energy < 0.99 * BOUND, "the bound")
 

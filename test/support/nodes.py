@@ -466,7 +466,7 @@ class Reports(list):
                 lambda: next(filter(condition, self[begin:]), None), f"a report of {what} by {self._name}", timeout
             )
         except AssertionError as error:
-            raise AssertionError(f"{error}; the last reports: {self[begin:][-3:]}") from None
+            raise AssertionError(f"{error}; the last reports: {self[begin:][-3:]}") from error
 
     def next(self):
         """Wait for a report of all entries that is made from now on, and return it.
