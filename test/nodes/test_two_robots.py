@@ -51,9 +51,8 @@ class Launched(contextlib.AbstractContextManager):
 def two(peer, tmp_path_factory):
     """Two robots, of which the second one's time begins later."""
     file = tmp_path_factory.mktemp("parameters") / "robot.yaml"
-    file.write_text(
-        "/**:\n  ros__parameters:\n    rate: 100.0\n    max_state_age: 0.2\n"
-    )  # slow: a test shares its machine
+    slow = "rate: 100.0", "max_state_age: 1.0", "hold_time: 2.0", "resume_after_ramp: true"  # a test shares its machine
+    file.write_text("\n    ".join(["/**:\n  ros__parameters:", *slow]) + "\n")
     arguments = {"urdf": str(robot(UR5).path), "params_file": str(file)}
     with Launched(peer, "/left", **arguments) as left:
         peer.wait_until(lambda: left.commands.messages, "commands on the left", START)
