@@ -113,6 +113,16 @@ def integrate(oracle, q, qd, tau, damping, span, steps):
     return x
 
 
+def recorded(simulator, enough):
+    """Return the messages recorded, or as many later ones, where a busy machine has let go too much to compare."""
+    messages = simulator.recorded
+    for _ in range(30):
+        if enough(messages):
+            return messages
+        messages = simulator.collect(len(messages))
+    raise AssertionError("it never keeps to its rate for long enough")
+
+
 # --- what it publishes
 
 
@@ -138,8 +148,11 @@ def test_stamps(simulator):
 def test_rate(simulator):
     """As many messages as the parameter says, less those that a busy machine lets go."""
     period = STEP if simulator.namespace == "/wave" else 10 * MS
-    stamps = [nanoseconds(message.header.stamp) for message in simulator.recorded]
-    assert abs(np.median(np.diff(stamps)) - period) <= MS
+
+    def in_time(messages):
+        return abs(np.median(np.diff([nanoseconds(message.header.stamp) for message in messages])) - period) <= MS
+
+    stamps = [nanoseconds(message.header.stamp) for message in recorded(simulator, in_time)]
     assert (len(stamps) - 2) * period <= stamps[-1] - stamps[0]
 
 
@@ -206,12 +219,15 @@ def test_wave_obeys_the_dynamics(wave):
     Only pairs one step apart, as the effort is held between them. Without the damping, every joint would be off by a
     hundred times the tolerance and more.
     """
-    pairs = [
-        (before, after)
-        for before, after in itertools.pairwise(wave.recorded)
-        if abs(nanoseconds(after.header.stamp) - nanoseconds(before.header.stamp) - STEP) <= 2
-    ]
-    assert len(pairs) >= 100
+
+    def pairs_of(messages):
+        return [
+            (before, after)
+            for before, after in itertools.pairwise(messages)
+            if abs(nanoseconds(after.header.stamp) - nanoseconds(before.header.stamp) - STEP) <= 2
+        ]
+
+    pairs = pairs_of(recorded(wave, lambda messages: len(pairs_of(messages)) >= 100))
     # Fourth order at 2 ms against the fastest time constants, those of the fingers (0.015 kg, 0.3 N s/m: 50 ms): 1e-7.
     assert predictions(wave, damping(wave.robot), pairs).max() < 1e-6
     assert predictions(wave, 0.0, pairs)[1].min() > 1e-4
@@ -258,7 +274,8 @@ def test_monitor_of_a_simulator(wave):
         report = monitor.next_report()
         assert report.values["mimic joints"] == "1: panda_finger_joint2"
         assert not report.count("mimic disagreement")
-        assert len(topics["mass_matrix_factors"].messages) < len(topics["state"].messages)
+        factors = topics["mass_matrix_factors"].stamps  # at 50 Hz, or at what a busy machine simulates, if that is less
+        assert len(factors) - 1.05 <= (factors[-1] - factors[0]) / (20 * MS)
 
 
 def test_simulated_time(peer):
