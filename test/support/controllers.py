@@ -19,7 +19,7 @@ from trajectory_msgs.msg import JointTrajectory
 from arm import gravity_of as gravity_of
 from arm import pinocchio_command
 from arm import pose_of as pose_of
-from nodes import MANY, START, Reports, Topic, joint_state, nanoseconds, node_process
+from nodes import MANY, START, Reports, S, Topic, joint_state, nanoseconds, node_process
 
 NODE = "diag_dynamics_controller"
 ACTIVE, HOLDING, RAMPING_DOWN = (
@@ -84,20 +84,20 @@ class Controller:
         return self.wait_for_report(told, f"{entry}: {text}", begin)
 
     def wait_for(self, condition, what, timeout=60.0, since=None):
-        """Return the first status, from now on or from the one of a number, for which a condition holds."""
-        at = len(self.status.messages) if since is None else since
+        """Return the first status, from now on or from the one of a number, for which a condition holds.
 
-        def found():
-            nonlocal at
+        The time [s] for it is that of the stamps: in lockstep, it takes a busy machine long to simulate a second.
+        """
+        at, begun, told = len(self.status.messages) if since is None else since, None, None
+        while begun is None or nanoseconds(told.header.stamp) - begun < timeout * S:
+            self.peer.wait_until(lambda at=at: len(self.status.messages) > at, f"a status, and {what}", START)
             new, at = self.status.messages[at:], len(self.status.messages)
-            return next((status for status in new if condition(status)), None)
-
-        try:
-            return self.peer.wait_until(found, what, timeout)
-        except AssertionError as error:
-            last = self.status.messages[-1] if self.status.messages else None
-            said = last and f"phase {last.phase}, mode {last.mode}, K {last.energy:g}, {last.message}"
-            raise AssertionError(f"{error}; last status: {said}") from None
+            if status := next(filter(condition, new), None):
+                return status
+            told = new[-1]
+            begun = nanoseconds(new[0].header.stamp) if begun is None else begun
+        said = f"phase {told.phase}, mode {told.mode}, K {told.energy:g}, {told.message}"
+        raise AssertionError(f"waited {timeout:g} s by the stamps in vain for {what}; last status: {said}")
 
     def ask(self, mode):
         """Ask for a law."""
