@@ -366,6 +366,7 @@ def test_parquet_has_every_quantity(written, panda, driven, evaluated):
     np.testing.assert_array_equal(table["stamp"].to_numpy(), driven[1])
     assert table.schema.field("nu.panda_joint1").metadata[b"unit"] == b"J^0.5"
     assert table.schema.metadata[b"robot"] == b"panda"
+    assert not any(field.nullable for field in table.schema)
 
 
 def test_parquet_tells_where_a_time_or_a_peak_is(written, driven, evaluated):
