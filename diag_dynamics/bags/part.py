@@ -5,6 +5,7 @@
 
 import os
 from contextlib import suppress
+from itertools import chain, count
 from pathlib import Path
 
 from diag_dynamics.exceptions import InputError
@@ -41,13 +42,18 @@ class Part:
             raise InputError(f"'{self.path}' cannot be written: there is no folder '{self._target.parent}'.")
         if self.path.is_dir():
             raise InputError(f"'{self.path}' cannot be written: it is a folder.")
-        self.name = str(self.path) if self._is_direct else f"{self._target}.part"
         if self._is_direct:  # not opened: whoever reads a pipe would take its closing for the end
+            self.name = str(self.path)
             return
-        try:
-            open(self.name, "wb").close()
-        except OSError as error:
-            raise InputError(f"'{self.path}' cannot be written: {error.strerror or error}.") from error
+        for name in chain([f"{self._target}.part"], (f"{self._target}.{k}.part" for k in count(1))):
+            try:
+                open(name, "xb").close()
+            except FileExistsError:  # somebody's, or of another process that writes the same
+                continue
+            except OSError as error:
+                raise InputError(f"'{self.path}' cannot be written: {error.strerror or error}.") from error
+            self.name = name
+            return
 
     def keep(self):
         """Give the file its name."""

@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from diag_dynamics.checks import instance
-from diag_dynamics.exceptions import InputError, UnsupportedError
+from diag_dynamics.exceptions import DiagDynamicsError, InputError, UnsupportedError
 from diag_dynamics.identification.attempt import STEPS, Attempt
 from diag_dynamics.identification.fit import Payload
 from diag_dynamics.identification.found import Identification
@@ -104,7 +104,10 @@ def _untold_payload(model, steps, tips, gathered, ladder):
     best, told = (1.0 - PAYS) * left, []
     for payload in tips:
         attempt = Attempt(model, steps, payload, gathered)
-        _, fit, rungs = attempt.ladder()
+        try:
+            _, fit, rungs = attempt.ladder()
+        except DiagDynamicsError:  # nobody asked for this payload: what was identified stays
+            continue
         score = min(rung["score"] for rung in rungs if rung["taken"])
         if score < best:
             best, mass = score, attempt.payload_mass(fit)

@@ -334,6 +334,17 @@ def test_what_is_no_file_is_written_itself(written, tmp_path, name):
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["elsewhere", "link", "pipe", "target"]
 
 
+@pytest.mark.parametrize("name", ["out.mcap", "out.csv", "out.json"])
+def test_a_file_with_the_temporary_name_stays(written, tmp_path, name):
+    """It is somebody's, or of another process that writes the same."""
+    other = tmp_path / f"{name}.part"
+    other.write_text("mine")
+    command = ["analyse", str(written / "in.mcap"), "--urdf", "panda", "--quiet"]
+    assert main([*command, f"--{name.partition('.')[2]}", str(tmp_path / name)]) == 0
+    assert other.read_text() == "mine" and (tmp_path / name).read_bytes() == (written / name).read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == [name, other.name]
+
+
 def test_parquet_into_a_pipe_is_refused(written, tmp_path, capsys):
     """Its writer asks where in the file it is. The pipe stays."""
     os.mkfifo(tmp_path / "pipe")
