@@ -56,6 +56,8 @@ class TableOutput:
                 self._file = self.arrow.OSFile(os.fsencode(self._part.name), "w")  # bytes: a name may be no UTF-8
                 self._writer = self.opened(self._file, table)
             self._writer.write_table(table)
+        except BrokenPipeError:  # | head
+            raise
         except OSError as error:  # "lseek failed", of Parquet into a pipe: pyarrow does not say where
             raise InputError(f"'{self._part.path}' cannot be written: {error}.") from error
 
