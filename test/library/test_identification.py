@@ -6,6 +6,7 @@
 import json
 import re
 import tracemalloc
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -665,7 +666,7 @@ def test_portions_do_not_depend_on_pieces(eventful, size):
             np.testing.assert_array_equal(column, again)
             np.testing.assert_array_equal(column, once_more)
     for delay in (0.012, -0.008):
-        late = sifted(eventful, lambda portions: without_delay(portions, delay), size=size)[0]  # noqa: B023
+        late = sifted(eventful, partial(without_delay, delay=delay), size=size)[0]
         for segment, put_right in zip(whole, late, strict=True):
             at = segment.t + delay
             within = (at >= segment.t[0]) & (at <= segment.t[-1])

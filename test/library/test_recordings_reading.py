@@ -582,13 +582,14 @@ def test_a_bag_of_nothing_says_why(tmp_path):
         dd.read_recording(path)
 
 
-def test_who_stops_listening_is_no_fault(tmp_path, raws):
+@pytest.mark.parametrize("output", [("--json", "-"), ("--csv", "/dev/stdout")], ids=["json", "csv"])
+def test_who_stops_listening_is_no_fault(tmp_path, raws, output):
     """As `… --json - | head -3` does."""
     path = tmp_path / "in.mcap"
     write_mcap(path, raws)
     listening, said = os.pipe()
     os.close(listening)
-    command = [sys.executable, "-m", "diag_dynamics", "analyse", str(path), "--urdf", "panda", "--json", "-"]
+    command = [sys.executable, "-m", "diag_dynamics", "analyse", str(path), "--urdf", "panda", *output]
     done = subprocess.run(command, stdout=said, stderr=subprocess.PIPE, text=True, timeout=300)
     os.close(said)
     assert "Broken pipe" not in done.stderr

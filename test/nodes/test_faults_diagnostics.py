@@ -284,8 +284,8 @@ def test_balance_of_the_last_minute(monitor, panda, scale):
         monitor.feeder.publish(joint_state(panda.names, q, qd, scale * tau, monitor.now))
         if k % 4 == 3:  # no more under way than the node's queue holds
             monitor._all_at(monitor.now, ["state"])
-    whole = lambda report: report.count("received") >= before.count("received") + count  # noqa: E731
-    report = monitor.wait_for_report(whole, "all of it", begin)
+    end = before.count("received") + count
+    report = monitor.wait_for_report(lambda r: r.count("received") >= end, "all of it", begin)
     assert report.entries["energy"].level == OK
     share = float(values(report, "energy")["explained share of dK/dt (last minute)"])
     words = values(report, "energy")["balance of power (last minute)"]

@@ -480,8 +480,8 @@ def test_impossible(monitor, panda):
     for topic in monitor.topics.values():
         assert topic.stamps == good
     count = 2 * len(IMPOSSIBLE)
-    whole = lambda report: report.count("received") >= before.count("received") + count  # noqa: E731
-    report = monitor.wait_for_report(whole, "all", begin)
+    end = before.count("received") + count
+    report = monitor.wait_for_report(lambda r: r.count("received") >= end, "all", begin)
     expected = Counter(f"rejected: {cause}" for _, cause, _ in IMPOSSIBLE)
     assert report.since(before) == expected | {"received": count, "published": len(good)}
     told = rising(monitor, begin, "rejected: ")

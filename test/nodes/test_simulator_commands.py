@@ -321,8 +321,9 @@ def test_lifecycle_and_stall(arm):
     stop = time.monotonic()
     arm.peer.wait_until(lambda: time.monotonic() > stop + 0.5, "the stall to be over")
     arm.process.signal(signal.SIGCONT)
-    late = lambda r: float(r.values.get("late, largest [s]", 0.0)) > 0.3  # noqa: E731 (the next may be of before)
-    report = arm.wait_for_report(late, "the stall")
+    report = arm.wait_for_report(  # the next one may be of before
+        lambda r: float(r.values.get("late, largest [s]", 0.0)) > 0.3, "the stall"
+    )
     assert "overran" in said(report, "pace")
     assert number(report, "overruns") >= number(before, "overruns") + 50
     assert float(report.values["time let go [s]"]) > float(before.values["time let go [s]"]) + 0.2
