@@ -226,10 +226,9 @@ def tab(chromium, simulated):
 
 def go(tab, t):
     """Show a moment; returns what is shown."""
+    tab.until("diag.values")
     tab.ask(f"diag.go({t!r})")
-    tab.until(f"Math.abs(diag.values.t - {t!r}) < 0.05 && diag.values.t === diag.state.now || diag.values.t")
-    tab.page.wait_for_timeout(50)
-    tab.until("Math.abs(diag.values.t - diag.state.now) < 0.05")
+    tab.drawn()
     return tab.ask("diag.values")
 
 

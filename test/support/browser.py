@@ -82,6 +82,10 @@ class Tab:
         """The value of an expression in the page."""
         return self.page.evaluate(expression)
 
+    def drawn(self):
+        """Wait until the page has drawn what it was told to show, which it does in its next frame."""
+        self.ask("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
     def until(self, expression, patience=PATIENCE):
         """Wait until an expression is true in the page; returns its value.
 
