@@ -17,7 +17,7 @@ from diag_dynamics.cli.interrupted import orderly
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
-from diag_dynamics.recordings.explained import LEAST, WINDOW
+from diag_dynamics.recordings.explained import LEAST, PART, WINDOW
 from diag_dynamics.recordings.fleet.table import robots_of, table_of
 from diag_dynamics.recordings.outputs.csv import CsvOutput
 from diag_dynamics.recordings.outputs.mcap import WRITTEN, McapOutput
@@ -55,8 +55,8 @@ def run(name, arguments):
     parser.add_argument(
         "--gain",
         type=float,
-        default=25.0,
-        help="of the disturbance observer [1/s], where the parameter external_torque.gain is not set (default: 25)",
+        help="of the disturbance observer [1/s], where the parameter external_torque.gain is not set (default: "
+        f"{given.GAIN:g})",
     )
     parser.add_argument("-o", "--mcap", metavar="OUT.mcap", help="messages of the monitor, for ros2 bag play")
     parser.add_argument(
@@ -97,6 +97,7 @@ def _analyse(chosen):
         if report:
             report.drop()
         raise
+    wrong = _wrongs(summary)
     if _speaks(chosen):
         print(text_of(summary, _width()))
         ratio = summary["duration"] / max(time.perf_counter() - begun, 1e-9)
@@ -105,7 +106,9 @@ def _analyse(chosen):
         for path in (*_outputs(chosen).values(), chosen.json):
             if path:
                 print(f"Wrote {_shown(path)}.", file=sys.stderr)
-    return WORTH_KNOWING if _is_wrong(summary) else DONE
+        if wrong:
+            print(f"Worth a look, so the exit status is {WORTH_KNOWING}: {'; '.join(wrong)}.", file=sys.stderr)
+    return WORTH_KNOWING if wrong else DONE
 
 
 def _analyse_several(chosen):
@@ -140,7 +143,7 @@ def _analyse_several(chosen):
         print(_shown(table_of(summaries, failed)))
     if not summaries:
         return FAILED
-    return WORTH_KNOWING if failed or any(map(_is_wrong, summaries)) else DONE
+    return WORTH_KNOWING if failed or any(map(_wrongs, summaries)) else DONE
 
 
 def _common(chosen):
@@ -160,7 +163,7 @@ def _summary(chosen, recording, parameters, robot):
     )
     messages = partial(McapOutput, topics=WRITTEN if chosen.topics is None else chosen.topics.split(","))
     kinds = (chosen.mcap, messages), (chosen.parquet, ParquetOutput), (chosen.csv, CsvOutput)
-    analysis, outputs = Analysis(reading, gain=chosen.gain, threads=chosen.threads), []
+    analysis, outputs = Analysis(reading, gain=given.gain_of(chosen), threads=chosen.threads), []
     report = None
     try:
         for path, kind in kinds:
@@ -240,7 +243,10 @@ def _parameters(chosen):
             f"--alarms: '{_shown(chosen.alarms)}' has no thresholds, expected one of {', '.join(sorted(THRESHOLDS))}, as "
             "diag-dynamics calibrate writes them; other parameters are for --parameters."
         )
-    return parameters_of([*chosen.parameters, *([chosen.alarms] if chosen.alarms else [])], chosen.set)
+    parameters = parameters_of([*chosen.parameters, *([chosen.alarms] if chosen.alarms else [])], chosen.set)
+    if chosen.gain is not None and "external_torque.threshold" in parameters:  # which counts only with a gain
+        parameters.setdefault("external_torque.gain", chosen.gain)
+    return parameters
 
 
 def _refuse_outputs(chosen):
@@ -248,9 +254,19 @@ def _refuse_outputs(chosen):
     given.refuse_outputs(read, {f"--{option}": getattr(chosen, option) for option in OUTPUTS})
 
 
-def _is_wrong(summary):
-    unread = any(one["cause"] == "unread" for one in summary["findings"])
-    return bool(unread or summary["rejected"] or _is_little(summary["explained"]) or _is_unjudged(summary))
+def _wrongs(summary):
+    """What is not right about a recording, or about its robot, in words."""
+    rejected = sum(summary["rejected"].values())
+    return [
+        text
+        for text, is_so in (
+            ("part of it could not be read", any(one["cause"] == "unread" for one in summary["findings"])),
+            (f"{rejected} message{' was' if rejected == 1 else 's were'} rejected", rejected > 0),
+            (f"the balance of power explains less than {100 * PART:.0f} %", _is_little(summary["explained"])),
+            ("there are efforts, but no balance of power", _is_unjudged(summary)),
+        )
+        if is_so
+    ]
 
 
 def _is_unjudged(summary):
@@ -262,7 +278,7 @@ def _is_unjudged(summary):
 
 
 def _is_little(explained):
-    return explained is not None and explained < 0.8
+    return explained is not None and explained < PART
 
 
 class _Progress:

@@ -5,6 +5,7 @@
 
 import sys
 
+from diag_dynamics.cli.given import gain_of
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.fleet.running import PIECE, analyse_fleet
 from diag_dynamics.recordings.fleet.table import text_of
@@ -59,7 +60,7 @@ def analyse(chosen, parameters, model):
             chosen.columns,
             topic=chosen.topic,
             parameters=parameters,
-            gain=chosen.gain,
+            gain=gain_of(chosen),
             scheduler=chosen.scheduler,
             workers=chosen.workers,
             piece=PIECE if chosen.piece is None else chosen.piece,

@@ -10,6 +10,9 @@ from diag_dynamics.model.named import robot_path
 from diag_dynamics.recordings.account import without_states
 from diag_dynamics.recordings.recording import Reading
 
+GAIN = 25.0
+"""Of the disturbance observer where no other is given [1/s]."""
+
 
 def add_arguments(parser):
     """Arguments that say which robot a recording is of, and how it is read."""
@@ -49,6 +52,11 @@ def robot_of(urdf):
     if urdf is None or Path(urdf).expanduser().is_file() or "/" in urdf or "." in urdf:
         return urdf
     return str(robot_path(urdf))  # the parameters shape it, as they do a file
+
+
+def gain_of(chosen):
+    """The disturbance observer's gain where the parameter external_torque.gain is not set [1/s]."""
+    return GAIN if chosen.gain is None else chosen.gain
 
 
 class Streamed:
@@ -120,14 +128,24 @@ def refuse_outputs(read, written):
     InputError
         It names the option.
     """
-    taken = {Path(path).expanduser().resolve(): f"'{path}' is read" for path in read if path}
+    taken = {_place(path): f"'{path}' is read" for path in read if path}
     for option, path in written.items():
         if path in (None, "-"):
             continue
-        full = Path(path).expanduser().resolve()
+        full = _place(path, option)
+        if full.exists() and not full.is_file() and not full.is_dir():  # a pipe, or /dev/null: one may have several outputs
+            continue
         for other, what in taken.items():  # of a folder, its files too
             if full == other or other in full.parents:
                 raise InputError(f"{option} '{path}': {what}, so nothing is written there.")
         if not full.parent.is_dir():
             raise InputError(f"{option} '{path}': there is no folder '{full.parent}'.")
         taken[full] = f"{option} is written into it"
+
+
+def _place(path, option=None):
+    """Where a path leads to."""
+    try:
+        return Path(path).expanduser().resolve()
+    except (OSError, RuntimeError, ValueError) as error:  # a link that leads to itself, no home, a NUL
+        raise InputError(f"{option + ' ' if option else ''}'{path}': {error}.") from None

@@ -135,7 +135,8 @@ def summary(found, first):
     lines = [f"{model.name}: {', '.join(quality['taken']) or 'nothing of it makes the model better'}"]
     begin, end = (time - first for time in quality["held_out"])
     lasts = quality["held_out_duration"]
-    lines += ["", f"From {begin:.1f} to {end:.1f} s, {lasts:.1f} s that this was not fitted to, before and after:", ""]
+    until = f"{end:.1f} s" if end >= begin else f"{end:.1f} s of the run after it"  # its stamps begin anew
+    lines += ["", f"From {begin:.1f} to {until}, {lasts:.1f} s that this was not fitted to, before and after:", ""]
     wide = max(len(name) for name in ("joint", *quality["torque_rms"]))
     lines.append(
         f"  {'joint':{wide}}  {'effort, rms':>17}  {'observer, spread':>17}   damping  friction    offset  armature"

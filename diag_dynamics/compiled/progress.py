@@ -59,7 +59,8 @@ class _Teller:
             if not first and now - self._last < EVERY:
                 return self._last + EVERY - now
             self._last = now
-        self.say(f"compiling {what} {RULE}" if first else f"compiling {what} for {now - start:.0f} s")
+        since = f", for {now - start:.0f} s by now" if now - start >= 1.0 else ""
+        self.say(f"compiling {what} {RULE}" if first else f"compiling {what}{since}")
         return EVERY
 
 

@@ -12,7 +12,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.segments import SIZE, in_portions, since, without_delay
 from diag_dynamics.identification.sifting import Sifter
 from diag_dynamics.identification.velocities import Velocities
-from diag_dynamics.recordings.account import Finding, without_efforts
+from diag_dynamics.recordings.account import Finding, without_efforts, without_states
 from diag_dynamics.recordings.recording import Recording
 from diag_dynamics.recordings.refused_units import refuse_units
 
@@ -87,6 +87,8 @@ class Prepared:
                 spans.append([states.t[0], states.t[-1]])
             spans[-1][1] = states.t[-1]
         refuse_units(self._refused)
+        if not self.states:
+            raise without_states(self._name, self._refused)
         if not self._with_efforts:
             raise InputError(f"{without_efforts(self._counts)}, without which nothing can be identified.")
         self.findings = sifter.findings()
@@ -158,8 +160,9 @@ class Prepared:
             yield from _small(piece.states)
         if number != self.states:
             raise InputError(
-                f"{self._name} has {number} states when it is read again, and had {self.states}: give a function that begins "
-                "anew whenever it is called, as lambda: dd.stream_recording(path, model)."
+                f"{self._name} has {number} states when it is read again, and had {self.states}: a file must be written to "
+                "its end before it is read, and a function must begin anew whenever it is called, as lambda: "
+                "dd.stream_recording(path, model) does."
             )
 
 

@@ -54,7 +54,9 @@ def find_urdf(robot):
     if len(part) == 1:
         return next(iter(part.values()))
     if part:
-        raise InputError(f"robot '{robot}' could be any of: {', '.join(part)}.")
+        known = list(stems.values())
+        short = (stems[key] if known.count(stems[key]) == 1 else key for key in part)
+        raise InputError(f"robot '{robot}' could be any of: {', '.join(short)}.")
     if not urdfs:
         raise InputError(
             f"robot '{robot}' is no file, and the package example-robot-data, whose robots have names, is absent."

@@ -119,7 +119,7 @@ def _says_of_contacts(outcome, without_effort):
             else "the observer has no result at any state"
         )
         said.append(f"Nothing is known of contacts: {why}.")
-    elif unknown > 1:  # the first one never has a result
+    elif unknown > 1 and not missing:  # the first one never has a result
         said.append(f"Of {unknown} of {states} states nothing is known: the observer has no result there.")
     if missing:
         lacks = f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not set"

@@ -27,6 +27,7 @@ import diag_dynamics as dd
 from bags import TEXT
 from diag_dynamics.cli.main import main
 from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.recordings.fleet.table import text_of
 from diag_dynamics.recordings.histogram import Histogram
 from diag_dynamics.recordings.summary import summary_of
 from diag_dynamics.wire.cdr import Template
@@ -140,6 +141,10 @@ def test_robots_are_told_of_together(analysed_once, expected):
         cause: sum(one["rejected"].get(cause, 0) for one in of) for one in of for cause in one["rejected"]
     }
     assert sum(panda["rejected"].values()) > 10
+    assert [robot["collisions"] for robot in report["robots"]] == [None, None]  # there are no thresholds
+    assert [robot["unjudged"] for robot in report["robots"]] == [3, 1]
+    assert {row["collisions"] for row in report["recordings"]} == {None}
+    assert text_of(report | {"computed": 4, "kept": 0, "failed": {}}).count("nothing is known of collisions") == 2
     variance = {name: variance_of([one["balance"]["moments"][name] for one in of]) for name in ("kinetic", "residual")}
     assert panda["explained"] == pytest.approx(1.0 - variance["residual"] / variance["kinetic"], rel=1e-9)
     assert ur5["explained"] == pytest.approx(next(x for x in expected.values() if x["robot"] == "ur5")["explained"])
@@ -290,6 +295,8 @@ def test_reports_and_the_page_that_leads_to_them(tmp_path, archive, expected, ca
     assert [row[0] for row in rows] == chosen[:2]
     assert [int(row[3]) for row in rows] == [expected[name]["states"] for name in chosen[:2]]
     assert [float(row[4]) for row in rows] == [expected[name]["kinetic_energy"]["max"] for name in chosen[:2]]
+    assert [row[8] for row in rows] == ["", ""]
+    assert "nothing is known of contacts" in page and "0 contacts" not in page
     assert f"<li>{chosen[2]}: " in page
     capsys.readouterr()
     assert main([*command, "--reports"]) == 1

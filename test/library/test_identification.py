@@ -740,8 +740,10 @@ def test_what_can_be_read_once_is_refused(panda, noisy):
     for given, name in ((once, "recordings"), ([noisy, once], r"recordings\[1\]")):
         with pytest.raises(dd.InputError, match=name + " is <generator .*read once.*lambda: dd.stream_recording"):
             dd.identify(given, model)
-    with pytest.raises(dd.InputError, match="has 0 states when it is read again, and had 5000: give a function"):
+    with pytest.raises(dd.InputError, match="has 0 states when it is read again, and had 5000: a file must be written"):
         dd.identify(lambda: once, model)
+    with pytest.raises(dd.InputError, match=r"'recordings\[0\]' has not a single state: it has no messages"):
+        dd.identify(list, model)
     with pytest.raises(dd.InputError, match=r"recordings\[0\] returns 7, expected pieces"):
         dd.identify(lambda: 7, model)
     with pytest.raises(dd.InputError, match=r"a piece of recordings\[0\] is 'my_bag', expected a Recording"):

@@ -634,6 +634,34 @@ def test_two_outputs_at_one_path_are_refused(tmp_path, table, capsys):
     assert not list(tmp_path.glob("out*"))
 
 
+def test_what_is_no_file_may_be_given_twice(tmp_path, table):
+    """As /dev/null, for which a pipe of our own stands here."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        given.refuse_outputs([str(table)], {"--csv": str(pipe), "--json": str(pipe)})
+    finally:
+        os.close(reader)
+
+
+def test_a_link_that_leads_to_itself_is_named(tmp_path, table, capsys):
+    path = tmp_path / "round"
+    path.symlink_to(path)
+    assert main(["analyse", str(table), "--urdf", "panda", "--csv", str(path), "--quiet"]) == 2
+    said = capsys.readouterr().err
+    assert f"--csv '{path}'" in said
+    assert "Traceback" not in said
+
+
+def test_why_the_exit_status_is_1_is_said(table, capsys):
+    *rows, last = table.read_text().splitlines()
+    time, _, rest = last.split(",", 2)
+    table.write_text("\n".join([*rows, f"{time},1e9,{rest}"]))
+    assert main(["analyse", str(table), "--urdf", "panda"]) == 1
+    assert "the exit status is 1: 1 message was rejected" in capsys.readouterr().err
+
+
 def test_no_messages_are_written_into_the_bag(tmp_path, raws, capsys):
     (tmp_path / "bag").mkdir()
     write_mcap(tmp_path / "bag" / "bag_0.mcap", raws)

@@ -548,6 +548,25 @@ def test_states_of_which_the_observer_has_no_result_are_counted(simulated, tmp_p
     assert 201 <= unknown <= 202
     assert f"Of {unknown} of 2000 states nothing is known" in summary["observer"]["says"]
     assert len(summary["collisions"]) == 1
+    assert main(["analyse", str(path), "--urdf", "ur5", "--quiet", "--json", str(told)]) in (0, 1)
+    says = json.loads(told.read_text(encoding="utf-8"))["observer"]["says"]
+    assert says.startswith("Nothing is known of contacts")  # that of some states nothing is known goes without saying
+    assert "nothing is known" not in says
+
+
+def test_the_gain_that_is_given_is_that_of_a_threshold(simulated, tmp_path):
+    """By --gain as by the parameter; where both are given the parameter counts."""
+    _, t, q, qd, tau, _ = simulated
+    part = slice(3500, 5500)
+    path, told = tmp_path / "push.npz", tmp_path / "push.json"
+    np.savez(path, t=t[part], q=q[part], qd=qd[part], tau=tau[part])
+    for options, gain in (([], 50.0), (["external_torque.gain=30.0"], 30.0)):
+        given = ["--gain", "50", "--set", "external_torque.threshold=20.0", *options]
+        assert main(["analyse", str(path), "--urdf", "ur5", "--quiet", "--json", str(told), *given]) in (0, 1)
+        summary = json.loads(told.read_text(encoding="utf-8"))
+        assert summary["observer"]["gain"] == gain
+        assert summary["observer"]["missing"] == []
+        assert len(summary["collisions"]) == 1
 
 
 # --- Contact of other robots ---

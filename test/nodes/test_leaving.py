@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A node that is over has left the graph before its process ends: the middleware has no thread for it any more."""
+"""A node that is over has left the graph before its process ends, and its exit status says whether all was written."""
 
 import subprocess
 import sys
@@ -41,3 +41,13 @@ def test_no_participant_outlives_its_node(ros_domain, node):
     assert done.returncode == 0, done.stderr
     running, after = map(int, [line for line in done.stdout.splitlines() if line.isdigit()])
     assert running > 0 and after == 0
+
+
+@pytest.mark.parametrize(("status", "room", "ends"), [("None", "unlimited", 0), ("0", "0", 120), ("3", "0", 3)])
+def test_what_cannot_be_written_at_the_end_is_told_by_the_status(tmp_path, status, room, ends):
+    """As of any Python program; by the limit of a shell, for no full disk is at hand."""
+    program = f"from diag_dynamics.nodes.support.start import leave; print('last words'); leave({status})"
+    command = f'ulimit -f {room}; unset PYTHONUNBUFFERED; exec "$0" -c "$1" > said'
+    done = subprocess.run(["sh", "-c", command, sys.executable, program], cwd=tmp_path, timeout=START)
+    assert done.returncode == ends
+    assert (tmp_path / "said").read_text() == ("last words\n" if room == "unlimited" else "")

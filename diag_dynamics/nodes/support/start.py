@@ -12,7 +12,7 @@ import os
 import signal
 import sys
 import threading
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from importlib import import_module
 
 EXECUTABLES = {
@@ -29,6 +29,9 @@ EXECUTABLES = {
 
 KINDLY = 20.0
 """Time [s] that nodes have to end before who has started them kills them: on a busy machine they take theirs."""
+
+UNSAID = 120
+"""Status where all went well, but not all that was said could be written, as to a full disk: it is Python's own."""
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -103,10 +106,15 @@ stop = _Stop()
 
 
 def leave(status):
-    """End the process where it stands, all that was said being written out."""
+    """End the process where it stands, all that was said being written out; None is success, as to :func:`sys.exit`."""
+    status = status or 0
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError):  # nobody reads it any more
+        try:
             stream.flush()
+        except (BrokenPipeError, ValueError):
+            continue  # nobody reads it any more
+        except OSError:
+            status = status or UNSAID
     os._exit(status)
 
 

@@ -8,6 +8,8 @@ import json
 from pathlib import Path
 from urllib.parse import quote
 
+from diag_dynamics.recordings.fleet.table import collisions_of
+
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:"
 """What the page may load: nothing."""
 
@@ -123,7 +125,7 @@ def _robot(robot, start):
         f"{hours:.4g} h" if hours >= 1.0 else f"{60.0 * hours:.3g} min",
         f"K at most {energy['max']:.4g} J in {_shown(energy['recording'], start)}",
         *([] if explained is None else [f"the balance explains {_percent(explained)} %"]),
-        f"{robot['collisions']} contacts",
+        collisions_of(robot, "contacts"),
     ]
     return f"<p><b>{html.escape(robot['robot'])}</b>: {html.escape(', '.join(said))}</p>"
 

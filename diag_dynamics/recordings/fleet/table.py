@@ -30,10 +30,11 @@ def report_of(summaries):
     dict
         `recordings`: of each one `recording`, `robot`, `states`, `hours`, `kinetic_energy_max` [J],
         `kinetic_energy_max_at` [s], `kinetic_energy_mean` [J], `explained`, `explained_with_potential`, `residual_power` [W],
-        `external_torque_max` [N m, N], numbers of `collisions`, `rejected` messages, `unread` parts and `warnings`, and
-        `pieces`. `robots`: of each one `robot`, `recordings` (their number), `states`, `hours`, `kinetic_energy`: `max`,
+        `external_torque_max` [N m, N], numbers of `collisions` (None where nothing is known of them), `rejected` messages,
+        `unread` parts and `warnings`, and `pieces`. `robots`: of each one `robot`, `recordings` (their number), `states`, `hours`, `kinetic_energy`: `max`,
         `recording`, `at`, `mean`, `histogram`; `explained`, `explained_with_potential`, `residual_power` over all windows;
-        `collisions`; `rejected` and `findings`: numbers by cause; `warnings`.
+        `collisions`, and `unjudged`, the number of recordings in which nothing is known of any; `rejected` and `findings`:
+        numbers by cause; `warnings`.
     """
     return {"recordings": [_row(summary) for summary in summaries], "robots": robots_of(summaries)}
 
@@ -66,7 +67,7 @@ def _row(summary):
         "explained_with_potential": summary["explained_with_potential"],
         "residual_power": summary["residual_power"],
         "external_torque_max": None if torque is None else torque["value"],
-        "collisions": len(summary["collisions"]),
+        "collisions": _collisions(summary),
         "rejected": sum(summary["rejected"].values()),
         "unread": sum(one["cause"] == "unread" for one in summary["findings"]),
         "warnings": len(summary["warnings"]),
@@ -74,11 +75,18 @@ def _row(summary):
     }
 
 
+def _collisions(summary):
+    """How many there are; None where nothing is known of them, as for want of a threshold."""
+    observer = summary["observer"]
+    return len(summary["collisions"]) if observer["observed"] and not observer["missing"] else None
+
+
 def _robot(name, summaries):
     states = sum(one["states"] for one in summaries)
     highest = max(summaries, key=lambda one: one["kinetic_energy"]["max"])
     histogram, balance = Histogram(), Balance(())
     rejected, findings = Counter(), Counter()
+    known = [number for one in summaries if (number := _collisions(one)) is not None]
     for one in summaries:
         histogram.add(Histogram.of(one["kinetic_energy"]["histogram"]))
         for moments in MOMENTS:
@@ -101,7 +109,8 @@ def _robot(name, summaries):
         "explained": balance.explained,
         "explained_with_potential": balance.explained_total,
         "residual_power": balance.residual_power,
-        "collisions": sum(len(one["collisions"]) for one in summaries),
+        "collisions": sum(known) if known else None,
+        "unjudged": len(summaries) - len(known),
         "rejected": dict(rejected),
         "findings": dict(findings),
         "warnings": sum(len(one["warnings"]) for one in summaries),
@@ -153,6 +162,14 @@ def table_of(summaries, failed):
     return "\n".join([*lines, *(f"failed: {path}" for path in failed)])
 
 
+def collisions_of(robot, what="collisions"):
+    """How many a robot had, and in how many of its recordings nothing is known of them, in words."""
+    unjudged = robot["unjudged"]
+    if robot["collisions"] is None:
+        return f"nothing is known of {what}: their thresholds are not set, or there are no efforts"
+    return f"{robot['collisions']} {what}" + (f", nothing known in {unjudged} recordings" if unjudged else "")
+
+
 def _about(robot):
     energy = robot["kinetic_energy"]
     below = ", ".join(f"{part:.0%} of states below {_quantile(energy['histogram'], part):.3g} J" for part in QUANTILES)
@@ -166,7 +183,9 @@ def _about(robot):
         also = "" if total is None else f" (with potential energy {total:.3f})"
         rest = f"residual {robot['residual_power']:.3g} W rms"
         lines.append(f"  balance of power: explained {robot['explained']:.3f}{also}, {rest}")
-    if robot["collisions"]:
+    if robot["unjudged"]:
+        lines.append(f"  {collisions_of(robot)}")
+    elif robot["collisions"]:
         lines.append(f"  {robot['collisions']} collisions")
     for what, counts in (("rejected", robot["rejected"]), ("worth knowing", robot["findings"])):
         some = sorted(counts.items(), key=lambda one: -one[1])[:FEW]
