@@ -4,6 +4,7 @@
 """The page in a real Chromium: what it shows are the numbers of the states, wherever it is looked at, whatever happens."""
 
 import colorsys
+import csv
 import io
 import itertools
 import json
@@ -296,6 +297,21 @@ def test_what_a_touch_would_have_cost(chromium):
             row = tab.page.locator(".touch tbody tr").first.inner_text().split()
             assert read(row[2]) == pytest.approx(speed[0], rel=6e-3, abs=6e-4)
         assert "then" in tab.page.locator("#contact h2").inner_text()
+        with tab.page.expect_download() as file:
+            tab.page.keyboard.press("c")
+        rows = list(csv.DictReader(file.value.path().read_text(encoding="utf-8").splitlines()))
+        times = [float(row["contact_t [s]"]) for row in rows if row["contact_t [s]"]]
+        assert set(times) <= set(told)
+        assert len(set(times)) > 2
+        for row in rows:
+            if row["contact_t [s]"]:
+                t = float(row["contact_t [s]"])
+                assert abs(t - float(row["t [s]"])) <= 0.5
+                speed = told[t][0]
+                np.testing.assert_allclose([float(row[f"contact_speed.{name}"]) for name in names], speed, rtol=1e-6)
+                assert float(row["contact_margin.link1"]) == pytest.approx(0.5 - speed[0], abs=1e-6)
+                assert row["contact_margin.link2"] == ""
+                assert row["contact_worst"] == "link1"
         tab.page.keyboard.press("l")
         tab.until("!diag.state.paused && diag.contact.shown && diag.contact.shown.t === diag.contact.t")
         assert tab.said == []
@@ -516,9 +532,9 @@ def test_links_have_the_colours_of_their_numbers(live, panda, key, by):
 
 def numbers_seen(page):
     """Header and rows of the CSV of what is seen."""
-    with page.expect_download() as csv:
+    with page.expect_download() as file:
         page.keyboard.press("c")
-    lines = csv.value.path().read_text(encoding="utf-8").splitlines()
+    lines = file.value.path().read_text(encoding="utf-8").splitlines()
     return lines[0].split(","), np.array([[float(cell or "nan") for cell in line.split(",")] for line in lines[1:]])
 
 

@@ -200,7 +200,8 @@ export class App {
 
   csv() {
     if (!this.layout) return;
-    download(`${this.#file()}.csv`, csv(this.layout, this.rows, this.view.window(), this.cards.contact.kept));
+    const { contact } = this.cards;
+    download(`${this.#file()}.csv`, csv(this.layout, this.rows, this.view.window(), contact.told ? contact.stored : null));
   }
 
   #file() {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The states of the window that is seen, a column for each quantity and joint; in a report also of each point of contact.
+// The states of the window that is seen, a column for each quantity and joint, and for each point of contact.
 
 import { shortFields } from "./layout.js";
 
@@ -10,11 +10,11 @@ const quoted = (text) => (/[",\n\r]/.test(text) || /^[=+\-@\t]/.test(text) ? `"$
 // Of a point of contact, by what its number is called elsewhere.
 const CONTACT = { speed: "contact_speed", mass: "contact_mass", energy: "contact_energy", allowed: "contact_allowed_speed", margin: "contact_margin" };
 
-// kept: contact at the same rows; null where nothing is told of it.
-export function csv(layout, rows, [t0, t1], kept = null) {
+// contact: what was told of it at a time, which on a live page is less often than states come; null where nothing is told.
+export function csv(layout, rows, [t0, t1], contact = null) {
   const columns = shortFields(layout);
-  const points = (kept?.points ?? []).flatMap(({ name }) => Object.values(CONTACT).map((quantity) => `${quantity}.${name}`));
-  const names = ["t [s]", ...columns.map((column) => column.name), ...(kept ? ["contact_worst", ...points] : [])];
+  const points = (contact?.points ?? []).flatMap(({ name }) => Object.values(CONTACT).map((quantity) => `${quantity}.${name}`));
+  const names = ["t [s]", ...columns.map((column) => column.name), ...(contact ? ["contact_t [s]", "contact_worst", ...points] : [])];
   const parts = [names.map(quoted).join(",") + "\n"];
   for (let i = rows.indexAt(t0); i < rows.length && rows.time(i) <= t1; i++) {
     if (rows.time(i) < t0) continue;
@@ -23,13 +23,15 @@ export function csv(layout, rows, [t0, t1], kept = null) {
       const value = rows.data[base + at];
       return Number.isFinite(value) ? String(value) : "";
     });
-    if (kept) cells.push(...ofContact(kept.row(i)));
+    if (contact) cells.push(...ofContact(contact.at(rows.time(i)), points.length));
     parts.push(`${rows.time(i)},${cells.join(",")}\n`);
   }
   return new Blob(parts, { type: "text/csv" });
 }
 
-function ofContact({ points, worst }) {
+function ofContact(told, width) {
+  if (!told) return Array(2 + width).fill("");
+  const { t, points, worst } = told;
   const numbers = points.flatMap((point) => Object.keys(CONTACT).map((name) => (point[name] === null ? "" : String(point[name]))));
-  return [quoted(points[worst]?.name ?? ""), ...numbers];
+  return [String(t), quoted(points[worst]?.name ?? ""), ...numbers];
 }

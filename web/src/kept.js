@@ -23,11 +23,8 @@ export class Kept {
 
   // Of the state nearest to a moment, as a server would tell it; of positions, that of the worst point.
   at(t) {
-    return this.row(this.rows.nearest(t));
-  }
-
-  row(i) {
     const { rows, states } = this;
+    const i = rows.nearest(t);
     const d = rows.data.subarray(rows.base(i), rows.base(i) + rows.width);
     const place = [...d.subarray(1, HEAD)];
     return {
