@@ -129,6 +129,7 @@ def refuse_outputs(read, written):
         It names the option.
     """
     taken = {_place(path): f"'{path}' is read" for path in read if path}
+    outputs = {}
     for option, path in written.items():
         if path in (None, "-"):
             continue
@@ -141,6 +142,10 @@ def refuse_outputs(read, written):
         if not full.parent.is_dir():
             raise InputError(f"{option} '{path}': there is no folder '{full.parent}'.")
         taken[full] = f"{option} is written into it"
+        outputs[full] = option
+    for full, option in outputs.items():
+        if (other := outputs.get(full.with_name(f"{full.name}.part"))) is not None:  # see Part
+            raise InputError(f"{option} '{written[option]}' has the name that {other} was given while it is written.")
 
 
 def _place(path, option=None):

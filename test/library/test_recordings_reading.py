@@ -662,6 +662,15 @@ def test_why_the_exit_status_is_1_is_said(table, capsys):
     assert "the exit status is 1: 1 message was rejected" in capsys.readouterr().err
 
 
+def test_an_output_by_the_temporary_name_of_another_is_refused(tmp_path, table, capsys):
+    path = str(tmp_path / "out")
+    for first, second in (("--csv", "--json"), ("--json", "--csv")):
+        given = [first, path, second, f"{path}.part", "--quiet"]
+        assert main(["analyse", str(table), "--urdf", "panda", *given]) == 2
+        assert f"{first} '{path}' has the name that {second} was given" in capsys.readouterr().err
+    assert not list(tmp_path.glob("out*"))
+
+
 def test_no_messages_are_written_into_the_bag(tmp_path, raws, capsys):
     (tmp_path / "bag").mkdir()
     write_mcap(tmp_path / "bag" / "bag_0.mcap", raws)
