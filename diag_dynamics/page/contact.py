@@ -54,10 +54,11 @@ def mass_of_half(model: RobotModel) -> float:
 def told(touch: Touch, model: RobotModel) -> bytes:
     """A :class:`Touch` as JSON: ``t``, ``half`` (mass_of_half), ``worst``, ``estimated``, ``points``.
 
-    A point has name, link, position, speed, mass, energy, allowed (null without a limit) and margin (allowed less speed).
+    A point has name, link, position, speed, mass, energy, allowed (null without a limit) and margin, as of
+    :class:`Contact`.
     """
     with np.errstate(invalid="ignore"):
-        margin = finite(touch.allowed - touch.speed)
+        margin = finite(touch.allowed - np.maximum(touch.speed, 0.0))
     numbers = [finite(row) for row in (touch.speed, touch.mass, touch.energy, touch.allowed)]
     place = finite(np.ravel(touch.position))
     places = zip(place[0::3], place[1::3], place[2::3], strict=True)

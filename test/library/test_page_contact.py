@@ -47,6 +47,8 @@ def test_told_without_infinities():
     assert first["margin"] == pytest.approx(-0.1)
     assert first["position"] == [0.0, 1.0, 2.0]
     assert second["margin"] is second["allowed"] is None
+    away = touch()._replace(speed=np.array([-0.2, 0.0]))  # a point that moves against a direction that is given
+    assert json.loads(told(away, arm()))["points"][0]["margin"] == pytest.approx(0.4)
     assert (second["name"], second["link"], second["energy"]) == ("b", "lower", 0.0)
 
 
