@@ -81,7 +81,7 @@ class EnergyHistory:
         """What to remember of all this, as text lines."""
         samples = self.samples()
         if len(samples) < 2:
-            return ["No joint states arrived."]
+            return [f"{'A single state' if self.count else 'No state'} arrived: there is nothing to sum up."]
         time, power, work_rate, latency = samples[:, :4].T
         shares = samples[:, 4:]
         total = shares.sum(axis=1)

@@ -50,3 +50,12 @@ def test_the_picture_in_the_readme_shows_this_view():
     expected = [word for word in words if word[:1] in ("k", "p", "|", "s")]
     assert len(expected) == 4 and [word for word in expected if word not in shown] == []
     assert "Coriolis does no work" in shown and "Ctrl-C ends" in shown
+
+
+@pytest.mark.parametrize(("count", "said"), [(0, "No state arrived"), (1, "A single state arrived")])
+def test_what_cannot_be_summed_up_is_said(count, said):
+    history = EnergyHistory(["shoulder", "elbow"])
+    for _ in range(count):
+        history.add(1.0, [1.0, 2.0], np.nan, 0.0, 0.001)
+    (line,) = history.summary()
+    assert line.startswith(said)

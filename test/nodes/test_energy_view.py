@@ -21,7 +21,7 @@ def test_a_monitor_in_a_namespace_is_found(peer, panda, tmp_path):
     """
     with contextlib.ExitStack() as stack:
         open_view = lambda *options: stack.enter_context(  # noqa: E731
-            Process([sys.executable, VIEW, "--duration", "1", *options], cwd=tmp_path)
+            Process([sys.executable, VIEW, "--duration", "5", *options], cwd=tmp_path)
         )
         view, told = open_view(), open_view("--state", "/nowhere/state")
         view.wait_for_text("waiting for states on /diag_dynamics/state, published by nobody yet")
