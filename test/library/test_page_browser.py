@@ -407,7 +407,9 @@ def paused(tab, robot):
     tab.until(f"diag.values.t > {before!r} + 0.5")
     tab.page.keyboard.press(" ")
     tab.until("diag.state.paused && diag.values.t === diag.state.now")
+    tab.drawn()  # plots and table, which are drawn less often than the robot, may be of a state before it until then
     values = tab.ask("diag.values")
+    assert values["t"] == tab.ask("diag.state.now")
     q, qd, tau, external = robot.state(values["t"] - robot._first_stamp)
     return values, (q, qd, tau, external), dd.DiagonalDynamics(robot.model).evaluate(q, qd, tau)
 
