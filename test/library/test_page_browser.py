@@ -336,9 +336,9 @@ def test_the_worst_status_stands_where_it_is_seen_at_once(chromium):
             )
             box = tab.page.locator(place).bounding_box()
             assert box["y"] + box["height"] < 720 / 4
-        assert not tab.page.locator(".banner").is_visible()
+        tab.until("diag.state.word === 'Live' && document.querySelector('.banner').hidden")
         robot.silent.set()
-        tab.until("diag.state.word === 'Stale'")
+        tab.until("diag.state.word === 'Stale' && !document.querySelector('.banner').hidden")
         assert refused in tab.page.locator(".banner").inner_text()
         assert tab.cut_off() == []
         show.tell([{"level": 0, "name": f"{own}model", "message": "as expected", "values": {}}])
