@@ -913,7 +913,7 @@ def test_ten_megabytes(peer, panda):
         before = monitor.next_report()
 
         monitor.feeder.publish(huge)
-        peer.wait_until(lambda: monitor.reports[-1].since(before).get("foreign"), "ten megabytes")
+        peer.wait_until(lambda: monitor.reports[-1].since(before).get("foreign"), "ten megabytes", START)
         assert monitor.reports[-1].since(before)["received"] == 1
         monitor.serves(panda, 1)
 
