@@ -36,7 +36,7 @@ PERIOD, LOOK = 2 * MS, 5 * MS
 """Of states, and of looking whether one has come."""
 MOST = 500
 """States until efforts have gone anywhere at their rate, and more."""
-MOST_TIME = 5.0 * TIMEOUT
+MOST_TIME = 3.0 * TIMEOUT
 """Longest time for a status that takes many of them [s]."""
 EFFORT_RATE = 800.0
 HOLD = 0.4
