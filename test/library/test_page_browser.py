@@ -469,7 +469,7 @@ def test_mobility_and_effective_mass_of_the_link(live, panda):
     live.page.mouse.click(place["x"], place["y"])
     live.page.keyboard.press(" ")
     live.until("diag.state.selected.link === 'panda_link6' && diag.marks && diag.marks.link === 'panda_link6'")
-    # States that are on their way are of the link before. With those of this one comes a layout, and with it a new table.
+    # States on their way are of the link before. With those of this one comes a layout, and with it a new table.
     live.until("!document.querySelector('.joints').dataset.before")
     live.until("diag.values.twist[0] === diag.values.twist[0]")
     _, (q, qd, _, _), _ = paused(live, robot)

@@ -109,7 +109,7 @@ def terminal(tmp_path):
 
 
 def until(screen, robots, condition, what, **said):
-    """Have robots go on until something is on a screen; returns that. All that belongs to it: half a frame may be seen."""
+    """Have robots go on until all of something is on a screen, for half a frame may be seen; returns that."""
     deadline = time.monotonic() + START
     while not condition(shown := screen()):
         assert time.monotonic() < deadline, f"waited in vain for {what}:\n{shown}"

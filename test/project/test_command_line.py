@@ -159,7 +159,7 @@ def compiled_kernels(folder):
 
 @pytest.mark.parametrize("everybody", [True, False])
 def test_ctrl_c_ends_compiling(everybody, compiling_of, tmp_path):
-    """In a terminal all processes get it; a launcher may send it to the first alone. What is under way is left undone."""
+    """In a terminal all processes get it; a launcher may send it to the first alone. What is under way is left."""
     process = compiling_of(LONG, "--jobs", "2")
     said = ""
     while "sweeps.motions" not in said:
