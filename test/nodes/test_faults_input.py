@@ -149,14 +149,16 @@ class Base:
 
     def wait_for_state(self, sample):
         """Publish odometry and joints of one stamp until a state comes of both, and return it."""
-        monitor, states = self.monitor, self.monitor.topics["state"]
+        monitor, states, patience = self.monitor, self.monitor.topics["state"], 0.3
 
         def both():
+            nonlocal patience
+            patience *= 1.1  # it may be slow, too
             stamp = monitor.tick(100 * MS)
             self.publisher.publish(self.message(stamp))
             monitor.feeder.publish(self.panda.message(stamp, sample))
             with contextlib.suppress(AssertionError):  # the joints have overtaken odometry
-                monitor.peer.wait_until(lambda: stamp in states.stamps, "a state", 0.3)
+                monitor.peer.wait_until(lambda: stamp in states.stamps, "a state", patience)
             found = states.messages[-1] if stamp in states.stamps else None
             return found if found and nanoseconds(found.oldest_stamp) == stamp else None
 
@@ -913,7 +915,7 @@ def test_ten_megabytes(peer, panda):
         before = monitor.next_report()
 
         monitor.feeder.publish(huge)
-        peer.wait_until(lambda: monitor.reports[-1].since(before).get("foreign"), "ten megabytes")
+        peer.wait_until(lambda: monitor.reports[-1].since(before).get("foreign"), "ten megabytes", START)
         assert monitor.reports[-1].since(before)["received"] == 1
         monitor.serves(panda, 1)
 

@@ -14,7 +14,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.qos import QoSProfile
 
-from nodes import MS, PANDA, Monitor, Truth, assert_close, joint_state, robot
+from nodes import MS, PANDA, START, Monitor, Truth, assert_close, joint_state, robot
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
@@ -136,11 +136,11 @@ def test_many_transitions_at_once(peer, panda):
         labels = ["configure", *["activate", "deactivate"] * 99, "cleanup"]
         asked = [client.call_async(ChangeState.Request(transition=Transition(label=label))) for label in labels]
         try:
-            peer.wait_until(lambda: all(answer.done() for answer in asked), f"{len(asked)} answers")
+            peer.wait_until(lambda: all(answer.done() for answer in asked), f"{len(asked)} answers", 2 * START)
             assert all(answer.result().success for answer in asked)  # in order, or many of them would be wrong
             assert peer.phase(monitor.name) == "unconfigured"
             asked = [client.call_async(ChangeState.Request(transition=Transition(label="configure"))) for _ in labels]
-            peer.wait_until(lambda: all(answer.done() for answer in asked), f"{len(asked)} answers")
+            peer.wait_until(lambda: all(answer.done() for answer in asked), f"{len(asked)} answers", 2 * START)
             assert [answer.result().success for answer in asked] == [True] + [False] * (len(labels) - 1)
         finally:
             peer.node.destroy_client(client)

@@ -15,7 +15,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from nodes import BELIEVING, LATCHED, MANY, START, S, description, joint_state, nanoseconds, node_process
+from nodes import BELIEVING, LATCHED, MANY, START, TIMEOUT, S, description, joint_state, nanoseconds, node_process
 from robots import robot_path
 
 SOLO = "solo_description/robots/solo12.urdf"
@@ -87,12 +87,14 @@ class Rig:
         """
         inputs = (self.feeder, self.odom)
         self.peer.wait_until(lambda: all(p.get_subscription_count() for p in inputs), f"{self.name} to listen", START)
-        for _ in range(60):
+        patience = 0.5
+        while patience < TIMEOUT:
             self.feed(**odometry)
             with contextlib.suppress(AssertionError):
-                self.peer.wait_until(self._complete, "an answer", 0.5)
+                self.peer.wait_until(self._complete, "an answer", patience)
                 return self.state.at(self.now), self.energy.at(self.now)
-        raise AssertionError(f"no answer of {self.name} to 60 states")
+            patience *= 1.1  # it may be slow, too
+        raise AssertionError(f"no answer of {self.name} to any state")
 
     def _complete(self):
         state = self.state.at(self.now)
@@ -172,7 +174,7 @@ def test_robot_that_is_all_base(peer):
     drone = robot_path("hector_description/robots/quadrotor_base.urdf")
     with node_process("monitor", "-r", "__ns:=/drone", robot_description=drone, floating_base=True):
         peer.wait_until(odom.get_subscription_count, "the subscription to odom", START)
-        for _ in range(60):
+        for _ in range(240):
             odom.publish(message)
             with contextlib.suppress(AssertionError):
                 peer.wait_until(lambda: states.messages, "a state", 0.5)

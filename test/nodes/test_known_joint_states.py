@@ -746,7 +746,7 @@ def test_damaged_bytes(damage, tmp_path):
         env=os.environ | {"PYTHONPATH": path},
         capture_output=True,
         text=True,
-        timeout=200,
+        timeout=1200,
     )
     assert done.returncode == 0, f"{trace.read_text()}\n{done.stderr[-4000:]}"
     assert "malformed" in done.stdout or damage in ("with_more_after_it", "with_odd_texts"), done.stdout

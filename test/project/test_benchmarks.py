@@ -48,7 +48,7 @@ def run(folder, *arguments):
     path = os.pathsep.join(filter(None, (str(ROOT), str(BENCHMARKS), os.environ.get("PYTHONPATH"))))
     command = [sys.executable, *map(str, arguments)]
     return subprocess.run(
-        command, cwd=folder, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=600
+        command, cwd=folder, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=1800
     )
 
 

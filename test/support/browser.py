@@ -62,6 +62,7 @@ class Tab:
         self._context = browser.new_context(
             viewport={"width": width, "height": height}, color_scheme=scheme, accept_downloads=True
         )
+        self._context.set_default_timeout(1000.0 * PATIENCE)
         self.page = self._context.new_page()
         self.said, self.asked = [], set()
         self.page.on("console", lambda message: self._take(message))

@@ -44,9 +44,9 @@ from described import UR5 as UR5
 from described import S
 from oracles import EARTH
 
-START = 120.0
+START = 240.0
 """Longest time for a node to start [s]; on a slow disk the imports alone take long."""
-TIMEOUT = 60.0
+TIMEOUT = 120.0
 """Longest time for anything else [s]. Only a failing test waits so long."""
 SLOW = 18.0
 """Time [s] after which an end is overdue whose launcher would kill what hangs before :data:`TIMEOUT`, stacks and all."""
