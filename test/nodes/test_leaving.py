@@ -51,3 +51,31 @@ def test_what_cannot_be_written_at_the_end_is_told_by_the_status(tmp_path, statu
     done = subprocess.run(["sh", "-c", command, sys.executable, program], cwd=tmp_path, timeout=START)
     assert done.returncode == ends
     assert (tmp_path / "said").read_text() == ("last words\n" if room == "unlimited" else "")
+
+
+STUCK = """
+import ctypes, os, signal, sys, threading
+from diag_dynamics.nodes.simulator.simulator import SimulatorNode
+from diag_dynamics.nodes.support import runner
+
+runner.LEAVING = 1.0
+
+class Node(SimulatorNode):
+    def on_activate(self, state):
+        threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGTERM)).start()
+        return super().on_activate(state)
+
+    def destroy_node(self):
+        ctypes.PyDLL(None).pause()  # as rclpy does, with the interpreter's lock
+
+runner.run(Node, ["node", "--ros-args", "-p", "robot_description:=" + sys.argv[1]])
+"""
+
+
+def test_a_middleware_that_waits_for_itself_keeps_no_process(ros_domain):
+    """Where a node cannot leave the graph its process ends all the same, and says what it was at."""
+    command = [sys.executable, "-c", STUCK, str(robot_path(UR5))]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=START)
+    assert done.returncode == 1, done.stderr
+    assert "Timeout (" in done.stderr
+    assert "in destroy_node" in done.stderr

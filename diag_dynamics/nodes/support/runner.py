@@ -3,6 +3,7 @@
 
 """How every node of this package starts, spins and ends."""
 
+import faulthandler
 import gc
 import sys
 from contextlib import suppress
@@ -30,6 +31,11 @@ ARGUMENTS_MAKE_NO_SENSE = (RCLError, UnknownROSArgsError)
 """What rclpy raises of arguments, remappings and files of parameters that it cannot read; it has no public name for them."""
 
 
+LEAVING = 15.0
+"""Time [s] in which a node has to leave the graph: the middleware may wait for itself for ever, and no signal is heard any
+more. Less than :data:`start.KINDLY`."""
+
+
 def run(make_node, args=None):
     """Create a node, spin it until shutdown or a signal, and leave without a trace. Returns the exit status.
 
@@ -41,6 +47,7 @@ def run(make_node, args=None):
         return _run(make_node, args)
     finally:
         let_go()
+        faulthandler.cancel_dump_traceback_later()
 
 
 def _run(make_node, args):
@@ -65,6 +72,8 @@ def _run(make_node, args):
         return 1
     finally:
         deafen()
+        # Its thread needs no lock of Python's, which a publisher that waits for the middleware has. It says where that was.
+        faulthandler.dump_traceback_later(LEAVING, exit=True, file=2)
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
