@@ -262,7 +262,7 @@ def _wrongs(summary):
         for text, is_so in (
             ("part of it could not be read", any(one["cause"] == "unread" for one in summary["findings"])),
             (f"{rejected} message{' was' if rejected == 1 else 's were'} rejected", rejected > 0),
-            (f"the balance of power explains less than {100 * PART:.0f} %", _is_little(summary["explained"])),
+            (f"the balance of power explains less than {100 * PART:.0f} % of dK/dt", _is_little(summary["explained"])),
             ("there are efforts, but no balance of power", _is_unjudged(summary)),
         )
         if is_so

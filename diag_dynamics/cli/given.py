@@ -134,7 +134,9 @@ def refuse_outputs(read, written):
         if path in (None, "-"):
             continue
         full = _place(path, option)
-        if full.exists() and not full.is_file() and not full.is_dir():  # a pipe, or /dev/null: one may have several outputs
+        if (
+            full.exists() and not full.is_file() and not full.is_dir()
+        ):  # a pipe, or /dev/null: one may have several outputs
             continue
         for other, what in taken.items():  # of a folder, its files too
             if full == other or other in full.parents:

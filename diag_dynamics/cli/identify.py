@@ -12,6 +12,7 @@ from diag_dynamics.cli import given
 from diag_dynamics.cli.interrupted import orderly
 from diag_dynamics.exceptions import DiagDynamicsError, UnsupportedError
 from diag_dynamics.identification.identifying import identify
+from diag_dynamics.identification.result import without_impossible_links
 from diag_dynamics.identification.unexplained import unexplained
 from diag_dynamics.model import urdf_text
 from diag_dynamics.model.rewriting import urdf_with
@@ -82,13 +83,15 @@ def _identify(chosen):
     recordings = given.streamed(chosen, chosen.recording, parameters, robot)
     model = recordings[0].model
     reference = given.streamed(chosen, chosen.reference, parameters, model)
+    shared = []
     loaded, unloaded = ([one.pieces for one in some] for some in (recordings, reference))
     found = identify(loaded, model, chosen.what.split(","), reference=unloaded or None)
     if chosen.output:
         found.save(chosen.output)
     if chosen.write_urdf:
         text = source_of(chosen.recording[0], chosen.columns, chosen.topic).description() if robot is None else robot
-        written = urdf_with(urdf_text(expanded(text, None)), found.parameters)
+        parameters, shared = without_impossible_links(found.model, found.parameters)
+        written = urdf_with(urdf_text(expanded(text, None)), parameters)
         Path(chosen.write_urdf).write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{written}\n', encoding="utf-8")
     if chosen.plots:
         _draw(chosen.plots, recordings[-1], model, found)
@@ -106,6 +109,14 @@ def _identify(chosen):
         ):
             if path:
                 print(plain(f"Wrote {path}: {what}."), file=sys.stderr)
+        if shared:
+            print(
+                plain(
+                    f"In {chosen.write_urdf} {', '.join(shared)} share what is left of them together: no link by itself has "
+                    "what the payload takes off."
+                ),
+                file=sys.stderr,
+            )
         if not chosen.output:
             print("Nothing is kept: -o arm.yaml would write the parameters.", file=sys.stderr)
     return DONE if found.quality["taken"] else DOUBTFUL

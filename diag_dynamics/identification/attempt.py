@@ -254,7 +254,8 @@ class Attempt:
             self._warnings.append(f"the efforts explain less of dK/dt than before: {shares[1]:.2f} of {shares[0]:.2f}")
 
     def _origin(self, taken, quality) -> Mapping[str, Any]:
-        return {
+        locked = {name: float(value) for name, value in self._model.locked_joints.items()}
+        return ({"locked_joints": locked} if locked else {}) | {
             "recordings": [
                 {
                     "path": one.path,

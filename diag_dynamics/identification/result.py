@@ -75,31 +75,72 @@ def _joints(layout, x, free):
 
 
 def _links(layout, x):
-    """Inertias of the links, their own without payloads: those of a body are changed alike, so that each stays physical."""
+    """Inertias of the links, their own without payloads."""
     model, found = layout.model, {}
     for k, body in enumerate(layout.bodies.tolist()):
-        if not model.bodies["mass"][body] > 0.0:
-            continue  # it may carry a payload, and was not fitted
-        whole, names, parts, places = x[layout.block(k)].copy(), [], [], []
-        for record in model.links[model.links["body"] == body]:
-            link = model.link_names[record["index"]]
-            _, placement = model.placement_in_body(link)
-            own = inertias.parameters_of_record(record)
-            if link in model.payloads:
-                mass, centre, about_centre = model.payloads[link]
-                carried = inertias.moved(inertias.of_body(mass, centre, np.asarray(about_centre)), placement)
-                own, whole = own - carried, whole - carried
-            if own[0] > 0.0:
-                names.append(link)
-                parts.append(inertias.floored(own))
-                places.append(np.linalg.inv(placement))
-            elif np.any(own):  # inertia without mass: it goes to the others
-                found[link] = Payload(0.0, np.zeros(3), np.zeros((3, 3)))
-        if names:
-            shares = inertias.shared_out(parts, inertias.pseudo_inertia(whole))
-            for link, share, place in zip(names, shares, places, strict=True):
-                found[link] = Payload(*inertias.about_centre(inertias.parameters_of_pseudo(place @ share @ place.T)))
+        if model.bodies["mass"][body] > 0.0:  # else it may carry a payload, and was not fitted
+            found |= _shared_out(model, body, x[layout.block(k)])
     return found
+
+
+def _shared_out(model, body, whole, written=None):
+    """Inertias of a body's links, which are changed alike, so that each stays physical.
+
+    `whole` has payloads in it: those of the model stay apart from the links; `written`, by link, become part of them.
+    """
+    found, names, parts, places = {}, [], [], []
+    for record in model.links[model.links["body"] == body]:
+        link = model.link_names[record["index"]]
+        _, placement = model.placement_in_body(link)
+        own = inertias.parameters_of_record(record)
+        if link in model.payloads:
+            carried = _carried(model.payloads[link], placement)
+            own, whole = own - carried, whole - carried
+        if written and link in written:
+            own = own - _carried(written[link], placement)
+        if own[0] > 0.0:
+            names.append(link)
+            parts.append(inertias.floored(own))
+            places.append(np.linalg.inv(placement))
+        elif np.any(own):  # inertia without mass: it goes to the others
+            found[link] = Payload(0.0, np.zeros(3), np.zeros((3, 3)))
+    if names:
+        shares = inertias.shared_out(parts, inertias.pseudo_inertia(whole))
+        for link, share, place in zip(names, shares, places, strict=True):
+            found[link] = Payload(*inertias.about_centre(inertias.parameters_of_pseudo(place @ share @ place.T)))
+    return found
+
+
+def _carried(payload, placement):
+    """Ten parameters of a payload, in the frame that its link's placement is in."""
+    mass, centre, about_centre = payload
+    return inertias.moved(inertias.of_body(mass, centre, np.asarray(about_centre)), placement)
+
+
+def without_impossible_links(model, parameters):
+    """Parameters of a model as a URDF can have them: each link is a body by itself.
+
+    A payload may take off more than its link has, as of a hand that is fixed to it and is not there. The links that are
+    fixed to each other then share what is left of them together. Returns the parameters, and the names of those links.
+    """
+    records = {model.link_names[record["index"]]: record for record in model.links}
+    links, payloads, shared = dict(parameters.links), dict(parameters.payloads), []
+    for link in parameters.payloads:
+        record = records.get(link)
+        if record is None:  # it has no mass, nor what it carries
+            continue
+        own = inertias.parameters_of_record(record)
+        if link in model.payloads:
+            own = own - _carried(model.payloads[link], model.placement_in_body(link)[1])
+        if link not in payloads or inertias.is_physical(own):
+            continue
+        body = record["body"]
+        whole = sum(inertias.parameters_of_record(one) for one in records.values() if one["body"] == body)
+        found = _shared_out(model, body, whole, payloads)
+        links |= found
+        shared += found
+        payloads = {name: one for name, one in payloads.items() if records[name]["body"] != body}
+    return replace(parameters, links=links, payloads=payloads), shared
 
 
 def payload_in_link(layout, x, payload):

@@ -69,7 +69,8 @@ class Parameters:
     friction_velocity : float or None
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s].
     origin : mapping
-        Where the numbers come from, as plain values of YAML: recordings, date, method, quality.
+        Where the numbers come from, as plain values of YAML: recordings, date, method, quality, and
+        `locked_joints`, with which they were found and belong.
     """
 
     joints: Mapping[str, JointParameters] = field(default_factory=_nothing)
@@ -314,8 +315,8 @@ NOTHING = 1e-9
 """Part of a mass that is nothing but rounding."""
 
 
-def refuse_too_light(tree: Tree, names: Iterable[str]) -> None:
-    """Refuse bodies of a tree that are no rigid ones, of those that something was taken off.
+def refuse_too_light(tree: Tree, names: Iterable[str], origin: Mapping[str, Any]) -> None:
+    """Refuse bodies of a tree that are no rigid ones, of those that something was taken off; `origin` of Parameters.
 
     Raises
     ------
@@ -338,8 +339,16 @@ def refuse_too_light(tree: Tree, names: Iterable[str]) -> None:
         if reason:
             raise InputError(
                 f"parameters: a payload of negative mass is on link '{name}', {reason}: more is taken off than moves with "
-                "that link."
+                f"that link.{_locked_then(origin)}"
             )
+
+
+def _locked_then(origin: Mapping[str, Any]) -> str:
+    """Which joints were locked when parameters were identified, in words: what is behind them moved with their link."""
+    locked = origin.get("locked_joints")
+    if not isinstance(locked, Mapping) or not locked:
+        return ""
+    return f" It was identified with locked_joints {', '.join(f'{name}={value}' for name, value in locked.items())}."
 
 
 def perturbed_links(robot: Any, part: float, rng: np.random.Generator) -> dict[str, Payload]:

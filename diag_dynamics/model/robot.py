@@ -504,7 +504,7 @@ def _model_beside(robot: Any, root: str, options: Options, given: Parameters) ->
     """Model of a robot that has parameters already; what they take off must be there, links behind locked joints included."""
     lighter = _lighter(given)
     if lighter:
-        refuse_too_light(_tree(robot, root, options, options.held or {}), lighter)
+        refuse_too_light(_tree(robot, root, options, options.held or {}), lighter, given.origin)
     return _model(robot, root, options)
 
 

@@ -18,10 +18,12 @@ from diag_dynamics.identification import inertias
 from diag_dynamics.identification.cross_validation import Blocks, Cut
 from diag_dynamics.identification.equations import Equations
 from diag_dynamics.identification.fit import Free, Layout
+from diag_dynamics.identification.result import without_impossible_links
 from diag_dynamics.identification.segments import Segment, in_portions, since, without_delay
 from diag_dynamics.identification.sifting import Beginnings, Sifter
 from diag_dynamics.identification.solver import Body, Problem, solved
 from diag_dynamics.identification.unexplained import MOST, Curves
+from diag_dynamics.model.rewriting import urdf_with
 from diag_dynamics.recordings.quality import Quality
 from motions import efforts, fourier, recorded
 from oracles import Oracle
@@ -360,6 +362,27 @@ def test_payload_that_is_less_than_nothing(panda):
     assert found.quality["payload"]["mass"] == pytest.approx(-missing, abs=0.02)
     refuse_unphysical(found.model)
     assert found.quality["explained"][1] > found.quality["explained"][0]
+    assert found.parameters.origin["locked_joints"] == HELD
+    parameters, shared = without_impossible_links(found.model, found.parameters)
+    assert set(shared) == {"panda_link7", "panda_hand", "panda_leftfinger", "panda_rightfinger"}
+    assert parameters.payloads == {}
+    assert all(inertias.is_physical(inertias.of_body(*parameters.links[name])) for name in shared)
+    written = dd.load_urdf(urdf_with(PANDA, parameters), locked_joints=HELD)
+    q = model.random(np.random.default_rng(3))
+    masses = [dd.DiagonalDynamics(one).mass_matrix(q) for one in (written, found.model)]
+    np.testing.assert_allclose(*masses, atol=1e-12)
+    np.testing.assert_allclose(
+        *(dd.DiagonalDynamics(one).gravity_torque(q) for one in (written, found.model)), atol=1e-12
+    )
+
+
+def test_payloads_that_their_links_can_carry_stay(panda):
+    model, _ = panda
+    parameters = dd.Parameters(payloads={"panda_hand": dd.Payload(0.4, (0.0, 0.0, 0.1), 1e-3 * np.eye(3))})
+    same, shared = without_impossible_links(model.with_parameters(parameters), parameters)
+    assert shared == []
+    assert same.payloads == parameters.payloads
+    assert same.links == {}
 
 
 # --- What a recording must be ---

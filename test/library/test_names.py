@@ -35,8 +35,13 @@ def test_robots_by_name():
 
 @pytest.mark.parametrize(
     ("name", "text"),
-    [("pnada", "did you mean panda"), ("ur", "could be any of"),
-        ("pand", "could be any of: panda, panda_collision"), ("", "expected the name"), (3, "expected the name")],
+    [
+        ("pnada", "did you mean panda"),
+        ("ur", "could be any of"),
+        ("pand", "could be any of: panda, panda_collision"),
+        ("", "expected the name"),
+        (3, "expected the name"),
+    ],
 )
 def test_a_name_that_is_none(name, text):
     with pytest.raises(dd.InputError, match=text):

@@ -295,6 +295,10 @@ def test_what_is_locked_can_be_taken_off_with_its_link():
             {"payloads": {"panda_hand": {"mass": -0.7, "com": [0, 0, 1]}}},
             "on link 'panda_hand', which leaves .* principal moments",
         ),
+        (
+            {"payloads": {"panda_hand": {"mass": -3.0}}, "origin": {"locked_joints": {"panda_finger_joint1": 0.04}}},
+            "more is taken off .* It was identified with locked_joints panda_finger_joint1=0.04[.]",
+        ),
         ({"friction_velocity": -1.0}, "friction_velocity is -1.0"),
         ({"origin": 3}, "origin: 3 stands there"),
         ([], r"parameters: \[\] stands there, expected joints, links"),

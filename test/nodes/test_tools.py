@@ -4,6 +4,7 @@
 """`diag-dynamics` on a graph: nodes started with plain options, and a look at them without ros2cli."""
 
 import os
+import re
 import select
 import signal
 import subprocess
@@ -28,6 +29,7 @@ from described import PANDA
 from diag_dynamics.cli.main import main
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.plain_options import as_ros_arguments
+from diag_dynamics.nodes.tools import session as sessions
 from diag_dynamics.nodes.tools import topic_commands
 from diag_dynamics.nodes.tools.session import Session
 from diag_dynamics.nodes.tools.yaml_messages import as_values, as_yaml, field, filled, type_of
@@ -313,6 +315,27 @@ def test_signals(robot, number):
         echo.wait_for_text("---")
         echo.signal(number)
         assert echo.wait() == 128 + number and "Traceback" not in echo.output
+
+
+@pytest.mark.parametrize(
+    ("name", "there", "says"),
+    [
+        ("/diag_dynamics/state", ["/demo_7/diag_dynamics/state", "/state"], "Is /demo_7/diag_dynamics/state meant[?]"),
+        (
+            "/arm/controller/mode/damping",
+            ["/arm/controller/get_state"],
+            "/arm/controller may not be active: lifecycle get",
+        ),
+        ("/arm/controler/status", ["/arm/controller/status"], "Is /arm/controller/status meant[?]"),
+    ],
+)
+def test_what_is_not_there_is_looked_for_elsewhere(monkeypatch, capsys, name, there, says):
+    """While it is waited for, and when that is over."""
+    monkeypatch.setattr(sessions, "PATIENCE", -1.0)
+    monkeypatch.setattr(sessions, "rclpy", SimpleNamespace(spin_once=lambda *_, **__: None))
+    with pytest.raises(InputError, match=says):
+        sessions.Session(None).kind_of(name, lambda: {key: ["Type"] for key in there}, "what", 0.0)
+    assert re.search(f"Waiting for what {name} … {says}", capsys.readouterr().err)
 
 
 def test_answer_that_is_lost(monkeypatch):

@@ -43,8 +43,8 @@ class Session:
     def __init__(self, node):
         self.node = node
 
-    def until(self, condition, what, timeout=None):
-        """Serve the node until a condition holds.
+    def until(self, condition, what, timeout=None, hint=lambda: ""):
+        """Serve the node until a condition holds; where that takes long, what is waited for is said, and a hint.
 
         Raises
         ------
@@ -56,7 +56,7 @@ class Session:
             rclpy.spin_once(self.node, timeout_sec=0.05)
             waited = time.monotonic() - begun
             if waited > PATIENCE and not told:
-                print(f"Waiting for {what} …", file=sys.stderr, flush=True)
+                print(f"Waiting for {what} … {hint()}".rstrip(), file=sys.stderr, flush=True)
                 told = True
             if timeout is not None and waited > timeout:
                 raise InputError(f"waited {timeout:g} s in vain for {what}.")
@@ -93,7 +93,7 @@ class Session:
         Raises
         ------
         InputError
-            There is none of that name; one with a similar name is named.
+            There is none of that name; one with a similar name is named, or one of another namespace.
         """
         name = self.absolute(name)
         types = {}
@@ -102,11 +102,14 @@ class Session:
             types.update(found())
             return name in types
 
+        def hint():
+            near = ", ".join(_namesakes(name, types)) or nearest(name, types)
+            return f"Is {near} meant?" if near else _asleep(name, types)
+
         try:
-            self.until(is_there, f"{what} {name}", timeout)
+            self.until(is_there, f"{what} {name}", timeout, hint)
         except InputError as error:
-            near = nearest(name, types)
-            more = f"Is {near} meant?" if near else f"Is what offers it running? Try: {what} list"
+            more = hint() or f"Is what offers it running? Try: {what} list"
             raise InputError(f"{error} {more}") from None
         return types[name][0]
 
@@ -160,6 +163,22 @@ class Session:
             self.until(is_answered, f"an answer of {node}", timeout)
         finally:
             self.node.destroy_client(client)
+
+
+def _namesakes(name, names):
+    """Names of the same node's topic or service in other namespaces."""
+    end = name.split("/")[-2:]
+    return [other for other in sorted(names) if len(end) > 1 and end[0] and other.split("/")[-2:] == end]
+
+
+def _asleep(name, services):
+    """That the node of a service has phases, and may not be in the one in which it offers it; else nothing."""
+    parts = name.split("/")
+    for k in range(len(parts) - 1, 1, -1):
+        node = "/".join(parts[:k])
+        if f"{node}/get_state" in services:
+            return f"{node} may not be active: lifecycle get {node}"
+    return ""
 
 
 @contextmanager

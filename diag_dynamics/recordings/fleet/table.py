@@ -31,8 +31,9 @@ def report_of(summaries):
         `recordings`: of each one `recording`, `robot`, `states`, `hours`, `kinetic_energy_max` [J],
         `kinetic_energy_max_at` [s], `kinetic_energy_mean` [J], `explained`, `explained_with_potential`, `residual_power` [W],
         `external_torque_max` [N m, N], numbers of `collisions` (None where nothing is known of them), `rejected` messages,
-        `unread` parts and `warnings`, and `pieces`. `robots`: of each one `robot`, `recordings` (their number), `states`, `hours`, `kinetic_energy`: `max`,
-        `recording`, `at`, `mean`, `histogram`; `explained`, `explained_with_potential`, `residual_power` over all windows;
+        `unread` parts and `warnings`, and `pieces`. `robots`: of each one `robot`, `recordings` (their number), `states`,
+        `hours`, `kinetic_energy`: `max`, `recording`, `at`, `mean`, `histogram`; `explained`, `explained_with_potential`,
+        `residual_power` over all windows;
         `collisions`, and `unjudged`, the number of recordings in which nothing is known of any; `rejected` and `findings`:
         numbers by cause; `warnings`.
     """
