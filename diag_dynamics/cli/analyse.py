@@ -17,7 +17,6 @@ from diag_dynamics.cli.interrupted import orderly
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
-from diag_dynamics.recordings.explained import LEAST, PART, WINDOW
 from diag_dynamics.recordings.fleet.table import robots_of, table_of
 from diag_dynamics.recordings.outputs.csv import CsvOutput
 from diag_dynamics.recordings.outputs.mcap import WRITTEN, McapOutput
@@ -25,7 +24,7 @@ from diag_dynamics.recordings.outputs.messages import TOPICS
 from diag_dynamics.recordings.outputs.parquet import ParquetOutput
 from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.recording import Reading
-from diag_dynamics.recordings.summary import WIDTH, summary_of, text_of
+from diag_dynamics.recordings.summary import WIDTH, summary_of, text_of, wrongs_of
 
 DONE, WORTH_KNOWING, FAILED = range(3)
 """Exit statuses: all is well; the recording has been analysed, but something about it is not right; it could not be."""
@@ -97,7 +96,7 @@ def _analyse(chosen):
         if report:
             report.drop()
         raise
-    wrong = _wrongs(summary)
+    wrong = wrongs_of(summary)
     if _speaks(chosen):
         print(text_of(summary, _width()))
         ratio = summary["duration"] / max(time.perf_counter() - begun, 1e-9)
@@ -143,7 +142,7 @@ def _analyse_several(chosen):
         print(_shown(table_of(summaries, failed)))
     if not summaries:
         return FAILED
-    return WORTH_KNOWING if failed or any(map(_wrongs, summaries)) else DONE
+    return WORTH_KNOWING if failed or any(map(wrongs_of, summaries)) else DONE
 
 
 def _common(chosen):
@@ -231,9 +230,7 @@ def _analyse_fleet(chosen):
     report = fleet.analyse(chosen, parameters, given.robot_of(chosen.urdf))
     if not report["recordings"]:
         return FAILED
-    rows = report["recordings"]
-    wrong = any(row["unread"] or row["rejected"] or _is_little(row["explained"]) for row in rows)
-    return WORTH_KNOWING if wrong or report["failed"] else DONE
+    return WORTH_KNOWING if report["failed"] or any(row["wrong"] for row in report["recordings"]) else DONE
 
 
 def _parameters(chosen):
@@ -244,41 +241,14 @@ def _parameters(chosen):
             "diag-dynamics calibrate writes them; other parameters are for --parameters."
         )
     parameters = parameters_of([*chosen.parameters, *([chosen.alarms] if chosen.alarms else [])], chosen.set)
-    if chosen.gain is not None and "external_torque.threshold" in parameters:  # which counts only with a gain
-        parameters.setdefault("external_torque.gain", chosen.gain)
+    if chosen.gain is not None and parameters.get("external_torque.threshold"):  # which counts only with a gain
+        parameters["external_torque.gain"] = parameters.get("external_torque.gain") or chosen.gain  # 0 is none
     return parameters
 
 
 def _refuse_outputs(chosen):
     read = [*chosen.recording, chosen.urdf, chosen.columns, chosen.alarms, *chosen.parameters]
     given.refuse_outputs(read, {f"--{option}": getattr(chosen, option) for option in OUTPUTS})
-
-
-def _wrongs(summary):
-    """What is not right about a recording, or about its robot, in words."""
-    rejected = sum(summary["rejected"].values())
-    return [
-        text
-        for text, is_so in (
-            ("part of it could not be read", any(one["cause"] == "unread" for one in summary["findings"])),
-            (f"{rejected} message{' was' if rejected == 1 else 's were'} rejected", rejected > 0),
-            (f"the balance of power explains less than {100 * PART:.0f} % of dK/dt", _is_little(summary["explained"])),
-            ("there are efforts, but no balance of power", _is_unjudged(summary)),
-        )
-        if is_so
-    ]
-
-
-def _is_unjudged(summary):
-    """Whether efforts are there for so long that there should be a balance, but states are too far apart."""
-    quality = summary["quality"]
-    if quality["rate"] is None or summary["balance"]["windows"] >= LEAST:
-        return False
-    return (summary["states"] - quality["without_effort"]) / quality["rate"] > 2.0 * LEAST * WINDOW
-
-
-def _is_little(explained):
-    return explained is not None and explained < PART
 
 
 class _Progress:

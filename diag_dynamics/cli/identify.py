@@ -14,7 +14,7 @@ from diag_dynamics.exceptions import DiagDynamicsError, UnsupportedError
 from diag_dynamics.identification.identifying import identify
 from diag_dynamics.identification.result import without_impossible_links
 from diag_dynamics.identification.unexplained import unexplained
-from diag_dynamics.model import urdf_text
+from diag_dynamics.model import Parameters, urdf_text
 from diag_dynamics.model.rewriting import urdf_with
 from diag_dynamics.model.xacro_files import expanded
 from diag_dynamics.parameters.files import parameters_of
@@ -86,19 +86,23 @@ def _identify(chosen):
     shared = []
     loaded, unloaded = ([one.pieces for one in some] for some in (recordings, reference))
     found = identify(loaded, model, chosen.what.split(","), reference=unloaded or None)
+    everything, earlier = found.parameters, parameters.get("parameters_file")
+    if earlier:  # which the model has, and what is found stands beside it
+        everything = Parameters.load(earlier).followed_by(everything)
     if chosen.output:
-        found.save(chosen.output)
+        everything.save(chosen.output)
     if chosen.write_urdf:
         text = source_of(chosen.recording[0], chosen.columns, chosen.topic).description() if robot is None else robot
-        parameters, shared = without_impossible_links(found.model, found.parameters)
-        written = urdf_with(urdf_text(expanded(text, None)), parameters)
+        possible, shared = without_impossible_links(found.model, everything)
+        written = urdf_with(urdf_text(expanded(text, None)), possible)
         Path(chosen.write_urdf).write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{written}\n', encoding="utf-8")
     if chosen.plots:
         _draw(chosen.plots, recordings[-1], model, found)
+    told = json.dumps(found.quality | {"shared": shared}, indent=1, allow_nan=False)
     if chosen.json == "-":
-        print(json.dumps(found.quality, indent=1, allow_nan=False))
+        print(told)
     elif chosen.json:
-        Path(chosen.json).write_text(json.dumps(found.quality, indent=1, allow_nan=False), encoding="utf-8")
+        Path(chosen.json).write_text(told, encoding="utf-8")
     if not chosen.quiet and chosen.json != "-":
         print(plain_lines(summary(found, found.parameters.origin["recordings"][len(recordings) - 1]["start"])))
         for what, path in (

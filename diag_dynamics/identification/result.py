@@ -120,8 +120,9 @@ def _carried(payload, placement):
 def without_impossible_links(model, parameters):
     """Parameters of a model as a URDF can have them: each link is a body by itself.
 
-    A payload may take off more than its link has, as of a hand that is fixed to it and is not there. The links that are
-    fixed to each other then share what is left of them together. Returns the parameters, and the names of those links.
+    A payload may take off more than its link has, as of a hand that is fixed to it and is not there. The links that move
+    with each other, locked joints between them included, then share what is left of them together. A link that was none
+    before stays as it is. Returns the parameters, and the names of those links.
     """
     records = {model.link_names[record["index"]]: record for record in model.links}
     links, payloads, shared = dict(parameters.links), dict(parameters.payloads), []
@@ -132,10 +133,13 @@ def without_impossible_links(model, parameters):
         own = inertias.parameters_of_record(record)
         if link in model.payloads:
             own = own - _carried(model.payloads[link], model.placement_in_body(link)[1])
-        if link not in payloads or inertias.is_physical(own):
+        before = own - _carried(parameters.payloads[link], model.placement_in_body(link)[1])
+        if link not in payloads or inertias.is_physical(own) or not inertias.is_physical(before):
             continue
         body = record["body"]
         whole = sum(inertias.parameters_of_record(one) for one in records.values() if one["body"] == body)
+        if not inertias.is_physical(whole):
+            continue
         found = _shared_out(model, body, whole, payloads)
         links |= found
         shared += found

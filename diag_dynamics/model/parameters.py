@@ -144,6 +144,34 @@ class Parameters:
         content["origin"] = dict(self.origin)
         return {key: value for key, value in content.items() if value not in (None, {})}
 
+    def followed_by(self, later: Parameters) -> Parameters:
+        """These together with others that were found for a model which had these.
+
+        What is known of a joint later counts. A link's later inertia has in it what it carried; payloads add up.
+
+        Raises
+        ------
+        InputError
+            A later payload takes exactly the mass of an earlier one off, but is none in its place.
+        """
+        joints = dict(self.joints)
+        for name, entry in later.joints.items():
+            known = {key: value for key, value in entry._asdict().items() if value is not None}
+            joints[name] = joints.get(name, JointParameters())._replace(**known)
+        payloads = {link: payload for link, payload in self.payloads.items() if link not in later.links}
+        for link, payload in later.payloads.items():
+            both = _together(payloads[link], payload) if link in payloads else payload
+            if both is None:
+                raise InputError(f"parameters: two payloads of link '{link}' have no mass together, and so no centre.")
+            payloads[link] = both
+        return Parameters(
+            MappingProxyType(joints),
+            MappingProxyType({**self.links, **later.links}),
+            MappingProxyType(payloads),
+            friction_velocity=self.friction_velocity if later.friction_velocity is None else later.friction_velocity,
+            origin=later.origin,
+        )
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write them into a YAML file; numbers come back with the same bits.
 
@@ -293,22 +321,28 @@ def _carrying(link: Any, payload: Payload | None) -> Any:
     if own is None or own.mass is None or own.inertia is None:
         return _of_inertia(link, payload)
     place = np.eye(4) if own.origin is None else own.origin
-    parts = [
-        (own.mass, place[:3, 3], place[:3, :3] @ own.inertia @ place[:3, :3].T),
-        (payload.mass, np.asarray(payload.com, float), np.asarray(payload.inertia, float)),
-    ]
-    mass = own.mass + payload.mass
-    if abs(mass) <= NOTHING * abs(payload.mass):
+    both = _together(Payload(own.mass, place[:3, 3], place[:3, :3] @ own.inertia @ place[:3, :3].T), payload)
+    if both is None:
         raise InputError(
             f"parameters: the payload of {payload.mass:g} kg leaves link '{link.name}' without mass. Give it as links: "
             f"{link.name}: {{mass: 0}}."
         )
-    centre = sum(part[0] * part[1] for part in parts) / mass
+    return _of_inertia(link, both)
+
+
+def _together(*parts: Payload) -> Payload | None:
+    """Two bodies as one; None if that has no mass, and so no centre."""
+    masses = [part.mass for part in parts]
+    mass = sum(masses)
+    if abs(mass) <= NOTHING * abs(masses[-1]):
+        return None
+    centres = [np.asarray(part.com, float) for part in parts]
+    centre = np.dot(masses, centres) / mass
     inertia = np.zeros((3, 3))
-    for m, c, about in parts:
+    for m, c, part in zip(masses, centres, parts, strict=True):
         d = c - centre
-        inertia += about + m * (d @ d * np.eye(3) - np.outer(d, d))
-    return _of_inertia(link, Payload(mass, centre, inertia))
+        inertia += np.asarray(part.inertia, float) + m * (d @ d * np.eye(3) - np.outer(d, d))
+    return Payload(mass, centre, inertia)
 
 
 NOTHING = 1e-9

@@ -111,6 +111,9 @@ def _source(parameters: Parameters) -> str:
     if recordings:
         paths = (one.get("path") if isinstance(one, Mapping) else one for one in recordings)
         parts.append(f"from {', '.join(str(path) for path in paths if path)}")
+    locked = origin.get("locked_joints")
+    if isinstance(locked, Mapping) and locked:
+        parts.append(f"with locked joints {', '.join(f'{name}={value}' for name, value in locked.items())}")
     return ", ".join(["written by diag_dynamics", *parts])
 
 

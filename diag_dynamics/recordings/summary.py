@@ -9,7 +9,7 @@ import textwrap
 from diag_dynamics.alarms.found import Alarm
 from diag_dynamics.recordings.account import NOTE, Finding, without_efforts
 from diag_dynamics.recordings.balance import WINDOW
-from diag_dynamics.recordings.explained import PART
+from diag_dynamics.recordings.explained import LEAST, PART
 
 REJECTED = "rejected: "
 """Begins the names of counts of joint states that were rejected."""
@@ -132,6 +132,33 @@ def _says_of_contacts(outcome, without_effort):
             f"{lacks}{useless}. diag-dynamics calibrate finds thresholds, and writes them with their gain for --alarms."
         )
     return " ".join(said)
+
+
+def wrongs_of(summary):
+    """What is not right about a recording, or about its robot, in words, of a summary."""
+    rejected = sum(summary["rejected"].values())
+    explained = summary["explained"]
+    return [
+        text
+        for text, is_so in (
+            ("part of it could not be read", any(one["cause"] == "unread" for one in summary["findings"])),
+            (f"{rejected} message{' was' if rejected == 1 else 's were'} rejected", rejected > 0),
+            (
+                f"the balance of power explains less than {100 * PART:.0f} % of dK/dt",
+                explained is not None and explained < PART,
+            ),
+            ("there are efforts, but no balance of power", _is_unjudged(summary)),
+        )
+        if is_so
+    ]
+
+
+def _is_unjudged(summary):
+    """Whether efforts are there for so long that there should be a balance, but states are too far apart."""
+    quality = summary["quality"]
+    if quality["rate"] is None or summary["balance"]["windows"] >= LEAST:
+        return False
+    return (summary["states"] - quality["without_effort"]) / quality["rate"] > 2.0 * LEAST * WINDOW
 
 
 def _exceeded(alarm):

@@ -27,7 +27,7 @@ import diag_dynamics as dd
 from bags import TEXT
 from diag_dynamics.cli.main import main
 from diag_dynamics.model.example_robots import find_urdf
-from diag_dynamics.recordings.fleet.table import text_of
+from diag_dynamics.recordings.fleet.table import KINDS, text_of
 from diag_dynamics.recordings.histogram import Histogram
 from diag_dynamics.recordings.summary import summary_of
 from diag_dynamics.wire.cdr import Template
@@ -100,7 +100,13 @@ def check(report, out, expected, archive):
     assert not (out / ".unfinished").exists()
     told = json.loads((out / "fleet.json").read_text(encoding="utf-8"))
     assert told == json.loads(json.dumps(report))
-    assert parquet.read_table(out / "fleet.parquet").num_rows == len(GOOD) + len(BAD)
+    table = parquet.read_table(out / "fleet.parquet")
+    assert table.num_rows == len(GOOD) + len(BAD)
+    assert {name: str(table.schema.field(name).type) for name in KINDS} == {
+        name: kind.replace("float64", "double") for name, kind in KINDS.items()
+    }
+    for row, given in zip(table.to_pylist(), report["recordings"], strict=False):  # those that failed come behind
+        assert {name: row[name] for name in given} == given
 
 
 @pytest.fixture(scope="module")

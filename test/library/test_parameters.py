@@ -372,3 +372,43 @@ def test_parameter_of_the_nodes(tmp_path):
     model = model_of(str(PANDA), values | {"armature": ["panda_joint1=0.5"], "friction_velocity": 0.3})
     assert model.armature[[0, 6]].tolist() == [0.5, 0.04]
     assert model.friction_velocity == 0.3
+
+
+def test_parameters_that_were_found_beside_others_are_all_of_them(tmp_path):
+    """A model with these and then those has the same dynamics as one that is loaded with both at once."""
+    earlier = dd.Parameters(
+        joints={
+            "panda_joint1": dd.JointParameters(damping=0.5, armature=0.2),
+            "panda_joint3": dd.JointParameters(friction=1.0),
+        },
+        links={"panda_link2": dd.Payload(2.0, (0.0, -0.1, 0.0), 0.02 * np.eye(3))},
+        payloads={
+            "panda_link4": dd.Payload(0.5, (0.0, 0.1, 0.0), 1e-3 * np.eye(3)),
+            "panda_link7": dd.Payload(1.0, (0.0, 0.0, 0.1), 2e-3 * np.eye(3)),
+        },
+        friction_velocity=0.02,
+        origin={"date": "before"},
+    )
+    later = dd.Parameters(
+        joints={"panda_joint1": dd.JointParameters(damping=0.3)},
+        payloads={"panda_link7": dd.Payload(-0.8, (0.0, 0.02, 0.12), -1e-3 * np.eye(3))},
+        origin={"date": "after"},
+    )
+    both = earlier.followed_by(later)
+    assert both.joints["panda_joint1"] == dd.JointParameters(damping=0.3, armature=0.2)
+    assert both.payloads["panda_link7"].mass == pytest.approx(0.2)
+    assert (both.friction_velocity, both.origin) == (0.02, {"date": "after"})
+    twice, once = dd.load_urdf(PANDA, parameters=earlier).with_parameters(later), dd.load_urdf(PANDA, parameters=both)
+    q = once.random(np.random.default_rng(0))
+    masses, gravities = (
+        [getattr(dd.DiagonalDynamics(model), name)(q) for model in (twice, once)]
+        for name in ("mass_matrix", "gravity_torque")
+    )
+    np.testing.assert_allclose(*masses, atol=1e-12)
+    np.testing.assert_allclose(*gravities, atol=1e-12)
+    np.testing.assert_array_equal(twice.damping, once.damping)
+    np.testing.assert_array_equal(twice.friction, once.friction)
+    replaced = earlier.followed_by(dd.Parameters(links={"panda_link4": dd.Payload(3.0)}))
+    assert set(replaced.payloads) == {"panda_link7"}  # what a link carried is in its later inertia
+    with pytest.raises(dd.InputError, match="two payloads of link 'panda_link4' have no mass together"):
+        earlier.followed_by(dd.Parameters(payloads={"panda_link4": dd.Payload(-0.5)}))

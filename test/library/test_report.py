@@ -560,7 +560,7 @@ def test_the_gain_that_is_given_is_that_of_a_threshold(simulated, tmp_path):
     part = slice(3500, 5500)
     path, told = tmp_path / "push.npz", tmp_path / "push.json"
     np.savez(path, t=t[part], q=q[part], qd=qd[part], tau=tau[part])
-    for options, gain in (([], 50.0), (["external_torque.gain=30.0"], 30.0)):
+    for options, gain in (([], 50.0), (["external_torque.gain=0.0"], 50.0), (["external_torque.gain=30.0"], 30.0)):
         given = ["--gain", "50", "--set", "external_torque.threshold=20.0", *options]
         assert main(["analyse", str(path), "--urdf", "ur5", "--quiet", "--json", str(told), *given]) in (0, 1)
         summary = json.loads(told.read_text(encoding="utf-8"))

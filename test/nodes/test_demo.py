@@ -109,6 +109,16 @@ def test_robot_by_path(tmp_path):
         check_summary(process, tmp_path, "ur5")
 
 
+def test_killed(tmp_path):
+    """Nobody can end the nodes of a demo that was killed, so Linux does."""
+    with demo(tmp_path, "--duration", "1000") as process:
+        process.wait_for_text("states/s")
+        children = process.children()
+        assert len(children) == 3
+        process.signal(signal.SIGKILL)
+        assert ended(process, children) == -signal.SIGKILL
+
+
 def test_robot_by_name(tmp_path):
     """A robot of the wheel by part of its path; a signal to the demo alone ends its nodes, too."""
     with demo(tmp_path, "--robot", "talos_reduced.urdf", "--duration", "1000", "--picture", "there.png") as process:
@@ -148,7 +158,7 @@ def test_robots_it_cannot_show(tmp_path):
     cases = {
         "nosuchrobot": ["'nosuchrobot'", "neither a file nor one of the", "All of them: "],
         "pandaa": ["'pandaa'", "did you mean panda"],
-        "talos": ["talos", *(id.removesuffix(".urdf") for id in robots.all_robots() if "talos" in id)],
+        "talos": ["talos", *(id.removesuffix(".urdf").rsplit("/")[-1] for id in robots.all_robots() if "talos" in id)],
         "iris_simple": ["iris", "no moving joint"],
         "romeo_laas_small": ["l_gripper_joint"],
         "nowhere/panda.urdf": ["nowhere/panda.urdf"],

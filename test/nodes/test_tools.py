@@ -326,6 +326,11 @@ def test_signals(robot, number):
             ["/arm/controller/get_state"],
             "/arm/controller may not be active: lifecycle get",
         ),
+        (
+            "/arm/controller/mode/damping",  # one's own robot before another one
+            ["/arm/controller/get_state", "/other/controller/mode/damping"],
+            "/arm/controller may not be active: lifecycle get",
+        ),
         ("/arm/controler/status", ["/arm/controller/status"], "Is /arm/controller/status meant[?]"),
     ],
 )
@@ -333,8 +338,13 @@ def test_what_is_not_there_is_looked_for_elsewhere(monkeypatch, capsys, name, th
     """While it is waited for, and when that is over."""
     monkeypatch.setattr(sessions, "PATIENCE", -1.0)
     monkeypatch.setattr(sessions, "rclpy", SimpleNamespace(spin_once=lambda *_, **__: None))
+    services = [
+        (name, ["Type"]) for name in there if name.endswith("/get_state")
+    ]  # of which a topic's commands know, too
+    node = SimpleNamespace(get_service_names_and_types=lambda: services)
+    found = {key: ["Type"] for key in there if not key.endswith("/get_state")}
     with pytest.raises(InputError, match=says):
-        sessions.Session(None).kind_of(name, lambda: {key: ["Type"] for key in there}, "what", 0.0)
+        sessions.Session(node).kind_of(name, lambda: found, "what", 0.0)
     assert re.search(f"Waiting for what {name} … {says}", capsys.readouterr().err)
 
 

@@ -67,8 +67,8 @@ def test_writes_what_it_finds(recording, tmp_path, capsys):
 
 
 def test_goes_on_from_what_is_known(recording, tmp_path, capsys):
-    """With what was found as --parameters there is nothing left to take."""
-    arm = tmp_path / "arm.yaml"
+    """With what was found as --parameters there is nothing left to take, and nothing of it is lost."""
+    arm, after, urdf = tmp_path / "arm.yaml", tmp_path / "after.yaml", tmp_path / "after.urdf"
     assert main(["identify", str(recording), "--urdf", "ur5_robot", "-o", str(arm), "--quiet"]) == 0
     capsys.readouterr()
     again = [
@@ -80,11 +80,21 @@ def test_goes_on_from_what_is_known(recording, tmp_path, capsys):
         str(arm),
         "--what",
         "rotors",
+        "-o",
+        str(after),
+        "--write-urdf",
+        str(urdf),
         "--json",
         "-",
     ]
     assert main(again) == 1
-    assert json.loads(capsys.readouterr().out)["taken"] == []
+    told = json.loads(capsys.readouterr().out)
+    assert (told["taken"], told["shared"]) == ([], [])
+    before = dd.Parameters.load(arm).joints
+    assert dd.Parameters.load(after).joints == before
+    model = dd.load_urdf(urdf)
+    for name, one in before.items():
+        assert model.friction[model.dof_names.index(name)] == one.friction
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import load_urdf
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.nodes.demos.energy_view import STATE, EnergyView, checked, options
+from diag_dynamics.nodes.support.children import ends_with
 from diag_dynamics.nodes.support.loading import COMPILED
 from diag_dynamics.nodes.support.runner import run
 from diag_dynamics.nodes.support.start import KINDLY, listen, stop
@@ -48,7 +49,13 @@ class Processes:
         for name, value in parameters.items():
             command += ["-p", f"{name}:={value}"]
         said = tempfile.TemporaryFile(mode="w+")  # noqa: SIM115 (closed by stop)
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT)
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=said,
+            stderr=subprocess.STDOUT,
+            preexec_fn=ends_with(os.getpid()),
+        )
         self._running[node] = process, said
 
     def failure(self):
@@ -142,9 +149,8 @@ def main(args=None):
             return view
 
         status = run(make_view)
-        if view is not None and view.failure:
-            print(view.failure, file=sys.stderr)
-            status = 1
+        if view is not None and not status:
+            status = view.conclude()
     except DiagDynamicsError as error:
         print(f"{type(error).__name__}: {error}", file=sys.stderr)
         status = 1

@@ -105,6 +105,7 @@ class EnergyView(Node):
         if self._states:
             self.destroy_subscription(self._states)
         self._states = self.create_subscription(DiagonalizedState, topic, self._take, 100)
+        self._shown = self._states.topic_name
 
     def _look_around(self):
         """Until there is a state: find somebody who publishes some, and tell what is waited for."""
@@ -136,7 +137,7 @@ class EnergyView(Node):
 
     @property
     def _title(self):
-        return self._robot or self._states.topic_name
+        return self._robot or self._shown
 
     def _take(self, message):
         now = self.get_clock().now().nanoseconds
@@ -182,10 +183,17 @@ class EnergyView(Node):
                 )
 
     def destroy_node(self):
-        """Leave the live view, and say what there is to remember."""
+        """Leave the live view."""
         if self._live:
             self._live.stop()
-        if self._history is not None and not self.failure:
+        super().destroy_node()
+
+    def conclude(self):
+        """Say what there is to remember, and draw it, once the node is over; returns the exit status."""
+        if self.failure:
+            print(self.failure, file=sys.stderr)
+            return 1
+        if self._history is not None:
             for line in self._history.summary():
                 self._console.print(line, highlight=False, soft_wrap=not self._live, markup=False)
             if self._history.count > 1:
@@ -193,7 +201,7 @@ class EnergyView(Node):
                 path = self._picture or Path(f"kinetic_energy_{name}.png")
                 self._history.picture(path, f"{self._title}: kinetic energy of each total joint rate")
                 self._console.print(f"picture: {path.resolve()}", highlight=False, soft_wrap=True, markup=False)
-        super().destroy_node()
+        return 0
 
 
 def main(args=None):
@@ -213,10 +221,7 @@ def main(args=None):
         return view
 
     status = run(make_view, args)
-    if view is not None and view.failure:
-        print(view.failure, file=sys.stderr)
-        status = 1
-    return status
+    return status if status or view is None else view.conclude()
 
 
 if __name__ == "__main__":

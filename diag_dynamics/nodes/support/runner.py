@@ -6,7 +6,7 @@
 import faulthandler
 import gc
 import sys
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
@@ -46,8 +46,8 @@ def run(make_node, args=None):
     try:
         return _run(make_node, args)
     finally:
-        let_go()
-        faulthandler.cancel_dump_traceback_later()
+        with _deadline():
+            let_go()
 
 
 def _run(make_node, args):
@@ -72,14 +72,26 @@ def _run(make_node, args):
         return 1
     finally:
         deafen()
-        # Its thread needs no lock of Python's, which a publisher that waits for the middleware has. It says where that was.
-        faulthandler.dump_traceback_later(LEAVING, exit=True, file=2)
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
+        with _deadline():
+            if node is not None:
+                node.destroy_node()
+            rclpy.try_shutdown()
         if working():  # a thread that is torn off while it computes may take the process down with another status
             leave(0)
     return 0
+
+
+@contextmanager
+def _deadline():
+    """While the middleware is let go of: :data:`LEAVING`, after which the process ends, and says where its threads stood.
+
+    The thread that sees to it needs no lock of Python's, which a publisher that waits for the middleware has.
+    """
+    faulthandler.dump_traceback_later(LEAVING, exit=True, file=2)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
 
 
 def settle():
@@ -112,8 +124,9 @@ def spin(node, until):
         while rclpy.ok() and not until.done():
             executor.spin_until_future_complete(until, timeout_sec=0.2)
     finally:
-        executor.remove_node(node)
-        executor.shutdown()
+        with _deadline():
+            executor.remove_node(node)
+            executor.shutdown()
 
 
 def main_of(make_node, parser, defaults):

@@ -4,7 +4,6 @@
 """`diag-dynamics launch`: the launch files of this package without `launch`, which PyPI lacks."""
 
 import argparse
-import ctypes
 import os
 import signal
 import subprocess
@@ -15,6 +14,7 @@ from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.support.children import ends_with
 from diag_dynamics.nodes.support.launches import LAUNCHES, arguments_of, misspelt, started
 from diag_dynamics.nodes.support.start import KINDLY
 
@@ -23,9 +23,6 @@ LAST_WORDS = 1.0
 
 ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that end a launch: SIGHUP comes when the terminal is closed."""
-
-PR_SET_PDEATHSIG = 1
-"""Of Linux's prctl: the signal that a process gets when the one that has started it is gone."""
 
 
 def add_arguments(parser):
@@ -115,19 +112,7 @@ def _signals():
 
 
 def _process(command):
-    """A process in a session of its own, where a terminal's signals do not reach it: it is told to end by us alone.
-
-    Should we be killed, Linux tells it: no robot is moved by what nobody looks after.
-    """
-    launcher = os.getpid()
-    libc = ctypes.CDLL(None) if sys.platform == "linux" else None
-
-    def end_with_launcher():
-        if libc:
-            libc.prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-            if os.getppid() != launcher:  # it was killed before that
-                os.kill(os.getpid(), signal.SIGKILL)
-
+    """A process in a session of its own, where a terminal's signals do not reach it: it is told to end by us alone."""
     return subprocess.Popen(
         command,
         stdout=subprocess.PIPE,
@@ -135,7 +120,7 @@ def _process(command):
         encoding="utf-8",
         errors="replace",
         start_new_session=True,
-        preexec_fn=end_with_launcher,
+        preexec_fn=ends_with(os.getpid()),
     )
 
 

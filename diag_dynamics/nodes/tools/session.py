@@ -103,8 +103,9 @@ class Session:
             return name in types
 
         def hint():
+            asleep = _asleep(name, dict(self.node.get_service_names_and_types()))
             near = ", ".join(_namesakes(name, types)) or nearest(name, types)
-            return f"Is {near} meant?" if near else _asleep(name, types)
+            return asleep or (f"Is {near} meant?" if near else "")
 
         try:
             self.until(is_there, f"{what} {name}", timeout, hint)

@@ -25,7 +25,7 @@ from diag_dynamics.parameters.robots import model_of, require_as_made
 from diag_dynamics.recordings.fleet import tasks
 from diag_dynamics.recordings.fleet.jobs import OWN, Options, jobs_of
 from diag_dynamics.recordings.fleet.page import page_of
-from diag_dynamics.recordings.fleet.table import report_of, rows_of
+from diag_dynamics.recordings.fleet.table import KINDS, report_of, rows_of
 
 PIECE = 600.0
 """Length of the pieces of long recordings [s]: the time to settle is less than a hundredth of it."""
@@ -231,6 +231,6 @@ def _write(report, out, parquet, outputs):
         writer = import_module("pyarrow.parquet")
     except ImportError as error:
         raise InputError(MISSING) from error
-    part, rows = Part(out / OWN[1]), rows_of(report)
-    writer.write_table(arrow.Table.from_pylist(rows), part.name)
+    part, schema = Part(out / OWN[1]), arrow.schema([(name, getattr(arrow, kind)()) for name, kind in KINDS.items()])
+    writer.write_table(arrow.Table.from_pylist(rows_of(report), schema), part.name)
     part.keep()

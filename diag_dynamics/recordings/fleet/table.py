@@ -7,11 +7,34 @@ from collections import Counter
 
 from diag_dynamics.recordings.balance import Balance, Moments
 from diag_dynamics.recordings.histogram import Histogram
+from diag_dynamics.recordings.summary import wrongs_of
 
 MOMENTS = "kinetic", "total", "residual"
 
 FEW = 5
 """Causes, and recordings that failed, that the text tells of one by one."""
+
+KINDS = {
+    "recording": "string",
+    "robot": "string",
+    "states": "int64",
+    "hours": "float64",
+    "kinetic_energy_max": "float64",
+    "kinetic_energy_max_at": "float64",
+    "kinetic_energy_mean": "float64",
+    "explained": "float64",
+    "explained_with_potential": "float64",
+    "residual_power": "float64",
+    "external_torque_max": "float64",
+    "collisions": "int64",
+    "rejected": "int64",
+    "unread": "int64",
+    "warnings": "int64",
+    "wrong": "string",
+    "pieces": "int64",
+    "error": "string",
+}
+"""Columns of fleet.parquet with pyarrow's kinds, which no row may tell where a number is unknown in all of them."""
 
 QUANTILES = 0.5, 0.99
 """Parts of the states below whose energy they are, that the text tells of."""
@@ -31,9 +54,9 @@ def report_of(summaries):
         `recordings`: of each one `recording`, `robot`, `states`, `hours`, `kinetic_energy_max` [J],
         `kinetic_energy_max_at` [s], `kinetic_energy_mean` [J], `explained`, `explained_with_potential`, `residual_power` [W],
         `external_torque_max` [N m, N], numbers of `collisions` (None where nothing is known of them), `rejected` messages,
-        `unread` parts and `warnings`, and `pieces`. `robots`: of each one `robot`, `recordings` (their number), `states`,
-        `hours`, `kinetic_energy`: `max`, `recording`, `at`, `mean`, `histogram`; `explained`, `explained_with_potential`,
-        `residual_power` over all windows;
+        `unread` parts and `warnings`, what is `wrong` in words, and `pieces`. `robots`: of each one `robot`, `recordings`
+        (their number), `states`, `hours`, `kinetic_energy`: `max`, `recording`, `at`, `mean`, `histogram`; `explained`,
+        `explained_with_potential`, `residual_power` over all windows;
         `collisions`, and `unjudged`, the number of recordings in which nothing is known of any; `rejected` and `findings`:
         numbers by cause; `warnings`.
     """
@@ -72,6 +95,7 @@ def _row(summary):
         "rejected": sum(summary["rejected"].values()),
         "unread": sum(one["cause"] == "unread" for one in summary["findings"]),
         "warnings": len(summary["warnings"]),
+        "wrong": "; ".join(wrongs_of(summary)),
         "pieces": summary["pieces"],
     }
 
