@@ -129,7 +129,9 @@ def test_a_robot_on_the_screen(peer, terminal):
     robot, view = Robot(peer, "/one"), terminal(80, 24)
 
     def shows(*texts, condition=lambda shown: True, **said):
-        what = lambda shown: all(text in shown for text in texts) and condition(shown)  # noqa: E731
+        def what(shown):
+            return all(text in shown for text in texts) and condition(shown)
+
         return until(view.screen, [robot], what, repr(texts), **said)
 
     expected = [["shoulder", "0.500"], ["elbow", "2.000"], ["wrist", "4.500"]]
