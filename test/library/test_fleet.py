@@ -342,3 +342,19 @@ def test_histogram():
     for one in told[1:]:
         assert one["states"] == np.sum((values >= one["from"] * (1 - 1e-15)) & (values < one["to"] * (1 - 1e-15)))
     assert Histogram.of(told).told() == told
+
+
+def test_the_exit_status_is_that_of_a_recording_by_itself(tmp_path, capsys):
+    """States too far apart for a balance, with efforts: worth a look in either way."""
+    model, t = dd.load_robot("ur5"), 0.3 * np.arange(200.0)
+    q, qd = 0.3 * np.sin(t)[:, None] * np.ones(model.nv), 0.3 * np.cos(t)[:, None] * np.ones(model.nv)
+    path = tmp_path / "slow.csv"
+    names = ["t", *(f"{kind}_{name}" for kind in ("q", "qd", "tau") for name in model.dof_names)]
+    columns = np.column_stack([t, q, qd, np.ones_like(q)])
+    np.savetxt(path, columns, delimiter=",", header=",".join(names), comments="")
+    assert main(["analyse", str(path), "--urdf", "ur5"]) == 1
+    assert "there are efforts, but no balance of power" in capsys.readouterr().err
+    out = tmp_path / "out"
+    assert main(["analyse", "--fleet", str(path), "--urdf", "ur5", "--out", str(out), "--no-parquet"]) == 1
+    (row,) = json.loads((out / "fleet.json").read_text(encoding="utf-8"))["recordings"]
+    assert row["wrong"] == "there are efforts, but no balance of power"
