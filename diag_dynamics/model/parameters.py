@@ -145,14 +145,23 @@ class Parameters:
         return {key: value for key, value in content.items() if value not in (None, {})}
 
     def followed_by(self, later: Parameters) -> Parameters:
-        """These together with others that were found for a model which had these.
+        """All parameters of a robot, of these and of others that were identified with a model that had these.
 
-        What is known of a joint later counts. A link's later inertia has in it what it carried; payloads add up.
+        Parameters
+        ----------
+        later : Parameters
+            Its numbers of a joint replace earlier ones, entry by entry. Its inertia of a link replaces the earlier one and
+            the payload that the link carried, which was fitted with it. Its payloads are added to earlier ones of the link.
+
+        Returns
+        -------
+        all : Parameters
+            With the `origin` of `later`, and its `friction_velocity` if it has one.
 
         Raises
         ------
         InputError
-            A later payload takes exactly the mass of an earlier one off, but is none in its place.
+            Two payloads of a link have no mass together, and so no centre.
         """
         joints = dict(self.joints)
         for name, entry in later.joints.items():
