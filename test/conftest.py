@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 try:
-    import examples  # noqa: F401 (its profiles must be known before pytest looks for one)
+    import examples
 except ModuleNotFoundError as error:
     pytest.exit(
         f"{error}: `make setup-tests`, or pip install '.[test]', installs what tests need.", pytest.ExitCode.USAGE_ERROR
@@ -40,7 +40,14 @@ def without_ros():
     return None
 
 
-def pytest_configure():
+def pytest_addoption(parser):
+    parser.addoption(
+        "--robots", choices=("few", "all"), default="few", help="robots that the laws run over: 12 of the gate, or all"
+    )
+
+
+def pytest_configure(config):
+    examples.select_robots(config.getoption("robots"))
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         # A shell's background job ignores Ctrl-C, and so would the processes under test.
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -119,6 +126,21 @@ def pytest_xdist_setupnodes(config):
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     reporter.write_line("Compiling what tests share (two minutes, once) …")
     compiling.in_two_processes()
+
+
+MAX_CPU_TIME = 10.0
+"""CPU-seconds that a test of the gate may take, with the processes that it starts; wall time is that of the machine."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item):
+    """Fail a test of the gate that takes longer than :data:`MAX_CPU_TIME`."""
+    begin = sum(os.times()[:4])
+    result = yield
+    taken = sum(os.times()[:4]) - begin
+    if taken > MAX_CPU_TIME and not item.get_closest_marker("full"):
+        pytest.fail(f"the test took {taken:.1f} CPU-s; expected at most {MAX_CPU_TIME:g} in the gate. Mark it `full`.")
+    return result
 
 
 @pytest.hookimpl(wrapper=True)

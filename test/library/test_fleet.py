@@ -34,6 +34,8 @@ from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import message_type
 from hostile import JOINT_STATE, START, S, hostile
 
+pytestmark = [pytest.mark.full]
+
 PIECE = 4.0
 ROOT = Path(__file__).parents[2]
 

@@ -28,6 +28,8 @@ from diag_dynamics.compiled.ahead import compile_ahead
 from diag_dynamics.compiled.cache import ROOMS, hash_of
 from diag_dynamics.compiled.kernel import NUMBER, VECTOR, entry_kernel
 
+pytestmark = [pytest.mark.full]
+
 PACKAGE = Path(__file__).parents[2] / "diag_dynamics"
 
 # Prints D of a pendulum, and how many of the calls were loaded from the cache.

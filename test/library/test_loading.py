@@ -30,6 +30,8 @@ from nodes import LATCHED, PANDA, Monitor, Process, Truth, description, robot
 from robots import description as urdf_of
 from robots import joint, link
 
+pytestmark = [pytest.mark.full]
+
 LARGE = 30_000
 """Joints of a description that takes half a minute to load, and is loaded to its end in no test."""
 

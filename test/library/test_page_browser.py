@@ -29,6 +29,8 @@ from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.page.server import STATIC, PageServer
 from diag_dynamics.page.show import Show, Taken
 
+pytestmark = [pytest.mark.full, pytest.mark.browser]
+
 pytest.importorskip("yourdfpy")
 RATE = 100.0
 SIZES = (360, 740), (1280, 720), (1920, 1080), (3840, 2160)

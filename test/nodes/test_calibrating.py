@@ -23,6 +23,8 @@ from diag_dynamics.parameters.monitor import PARAMETERS, Observation
 from diag_dynamics.recordings.calibration import calibrated
 from nodes import BELIEVING, MS, PANDA, Monitor, S, robot
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 EVERY = 20 * MS
 STATUS, START, END, CANCEL = (getattr(Calibrate.Request, name) for name in ("STATUS", "START", "END", "CANCEL"))
 

@@ -17,7 +17,7 @@ from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from nodes import MS, PANDA, START, Monitor, S, joint_state, nanoseconds, robot
 
-pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
+pytestmark = [pytest.mark.full, pytest.mark.live, pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")]
 
 ENTRY = "contact"
 

@@ -29,6 +29,8 @@ from controllers import (
 )
 from nodes import LATCHED, MS, PANDA, START, TIMEOUT, UR5, Process, S, description, joint_state, nanoseconds, robot
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 Q, REST = np.array(START_AT), np.zeros(6)
 NAMES = robot(UR5).names
 MOVING = np.array([0.4, -0.3, 0.5, 0.2, -0.6, 0.3])

@@ -24,6 +24,8 @@ import robots
 from nodes import PANDA, START, TIMEOUT, UR5, Process, robot
 from streams import FRAME, Stream, wait_for_robot
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 DEMO = Path(__file__).resolve().parents[2] / "scripts" / "demo"
 
 # What a shell does for a program in the foreground: it gets the terminal, so that Ctrl-C reaches it.

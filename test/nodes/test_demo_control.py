@@ -15,7 +15,7 @@ from test_demo import check_picture, ended
 from diag_dynamics.nodes.demos.demo_control import PUSH, REST, SIMULATOR
 from nodes import START, Process
 
-pytestmark = pytest.mark.kills
+pytestmark = [pytest.mark.full, pytest.mark.live, pytest.mark.kills]
 
 STEP = 1.0 / SIMULATOR["rate"]
 """Of simulated time from state to state [s]."""

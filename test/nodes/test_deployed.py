@@ -17,6 +17,8 @@ from diag_dynamics.nodes.monitor.monitor import MonitorNode
 from nodes import PANDA, Process
 from robots import robot_path
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 ROOT = Path(__file__).resolve().parents[2]
 UNITS = sorted((ROOT / "deploy" / "systemd").glob("*.service"))
 ROBOTS = sorted((ROOT / "config" / "robots").glob("*.yaml"))

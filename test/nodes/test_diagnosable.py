@@ -10,6 +10,8 @@ import pytest
 
 from nodes import ASKED, Process
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 HANGS = """
 import signal, sys, threading
 

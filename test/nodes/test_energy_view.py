@@ -8,8 +8,12 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import pytest
+
 from diag_dynamics.nodes.support.graph import NOT_YET_KNOWN, publishing
 from nodes import START, Monitor, Process, joint_state
+
+pytestmark = [pytest.mark.full, pytest.mark.live]
 
 VIEW = Path(__file__).resolve().parents[2] / "scripts" / "energy_view"
 

@@ -33,6 +33,8 @@ from diag_dynamics.parameters.monitor import PARAMETERS, Observation, Settings
 from diag_dynamics.recordings.calibration import Calibration
 from nodes import BELIEVING, MAX_AGE, MS, PANDA, START, UR5, Monitor, S, joint_state, nanoseconds, node_process, robot
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 OK, WARN = b"\x00", b"\x01"
 GAIN, STEP = 40.0, 2 * MS
 ENTRY = "external torque"

@@ -20,6 +20,8 @@ from nodes import (
     robot,
 )
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 OK, WARN, ERROR, STALE = b"\x00", b"\x01", b"\x02", b"\x03"
 
 KEYS = {

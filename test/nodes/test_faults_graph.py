@@ -12,6 +12,8 @@ from std_msgs.msg import String
 
 from nodes import BELIEVING, LATCHED, MS, OUTPUTS, PANDA, UR5, Monitor, Peer, Truth, description, joint_state, robot
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -39,6 +39,8 @@ from nodes import (
     tolerance,
 )
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
 FINGER, MIMIC_FINGER = "panda_finger_joint1", "panda_finger_joint2"

@@ -16,6 +16,8 @@ from std_msgs.msg import String
 
 from nodes import LATCHED, MS, PANDA, SERIALIZATION, UR5, Monitor, Truth, description, nanoseconds, robot
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
 FINGER = "panda_finger_joint1"

@@ -6,6 +6,7 @@
 import math
 from types import SimpleNamespace
 
+import pytest
 from diag_dynamics.msg import DiagonalizedState
 from diag_dynamics.srv import Diagonalize, SetPayload
 from diagnostic_msgs.msg import DiagnosticArray
@@ -17,6 +18,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from diag_dynamics.nodes.support.diagnostics import LONG, Diagnostics, Status, shortened
 from diag_dynamics.nodes.support.logger import PlainLogger
 from nodes import LATCHED, MANY, START, description, joint_state, node_process
+
+pytestmark = [pytest.mark.full, pytest.mark.live]
 
 FIRE = "\n[FATAL] [0.0] [safety_controller]: fire"
 ELBOW, WRIST = f"elbow{FIRE}", "wrist\x9b31m\u202e"

@@ -16,6 +16,8 @@ from rclpy.qos import QoSProfile
 
 from nodes import MS, PANDA, START, Monitor, Truth, assert_close, joint_state, robot
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
 HAND = "panda_hand"

@@ -18,6 +18,8 @@ from std_msgs.msg import String
 from nodes import BELIEVING, LATCHED, MANY, START, TIMEOUT, S, description, joint_state, nanoseconds, node_process
 from robots import robot_path
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 SOLO = "solo_description/robots/solo12.urdf"
 NAMESPACE = "/floating"
 

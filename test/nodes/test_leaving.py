@@ -12,6 +12,8 @@ from described import UR5
 from nodes import START
 from robots import robot_path
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 PROGRAM = """
 import os, signal, sys, threading
 from pathlib import Path

@@ -30,6 +30,8 @@ from nodes import (
     robot,
 )
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
 SERVICES = {"forward_dynamics", "inverse_dynamics", "diagonalize", "set_payload"}

@@ -16,6 +16,8 @@ from diag_dynamics.nodes.monitor.markers import AHEAD, COLD, HOT, LASTING, LITTL
 from diag_dynamics.views.scene import Scene, tip_of
 from nodes import MS, PANDA, START, Monitor, S, nanoseconds, robot
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 ROBOTS = pytest.mark.parametrize(("name", "floating"), [("panda", False), ("ur5", False), ("go2", True)])
 
 

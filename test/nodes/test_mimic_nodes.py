@@ -29,6 +29,8 @@ from nodes import (
     tolerance,
 )
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
 CHAIN = "follower of a follower"

@@ -35,6 +35,8 @@ from hostile import START as BEGIN
 from nodes import PANDA, START, Reports, nanoseconds, node_process
 from robots import robot_path
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 SOLO = "solo_description/robots/solo12.urdf"
 DEFAULTS = {name: spec.default for name, spec in PARAMETERS.items()}
 KINDS = {JOINT_STATE: JointState, ODOMETRY: Odometry}

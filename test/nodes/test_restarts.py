@@ -35,7 +35,7 @@ from nodes import (
     robot,
 )
 
-pytestmark = pytest.mark.kills
+pytestmark = [pytest.mark.full, pytest.mark.live, pytest.mark.kills]
 
 OK, WARN, ERROR, STALE = b"\x00", b"\x01", b"\x02", b"\x03"
 

@@ -13,6 +13,8 @@ from rclpy.node import NodeNameNonExistentError
 from controllers import effort_controller
 from nodes import PANDA, START, node_process, robot
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 POLICY = Path(__file__).resolve().parents[2] / "config" / "sros2_policy.xml"
 
 LIMITS = POLICY.with_name("contact_limits.example.yaml")

@@ -26,6 +26,8 @@ from nodes import (
     robot,
 )
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 SERVICES = {
     "forward_dynamics": ForwardDynamics,
     "inverse_dynamics": InverseDynamics,

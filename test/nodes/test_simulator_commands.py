@@ -37,7 +37,7 @@ from nodes import (
 )
 from oracles import Oracle
 
-pytestmark = pytest.mark.kills
+pytestmark = [pytest.mark.full, pytest.mark.live, pytest.mark.kills]
 
 NODE = "diag_dynamics_simulator"
 PERIOD = 2 * MS

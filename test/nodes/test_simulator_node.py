@@ -32,6 +32,8 @@ from nodes import (
     robot,
 )
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 STEP = 2 * MS
 
 

@@ -12,6 +12,8 @@ import pytest
 
 from soak import check, soak
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 SECONDS = float(os.environ.get("DIAG_DYNAMICS_SOAK_SECONDS", "15"))
 SEED = int(os.environ.get("DIAG_DYNAMICS_SOAK_SEED", "1"))
 

@@ -36,6 +36,8 @@ from diag_dynamics.nodes.tools.yaml_messages import as_values, as_yaml, field, f
 from nodes import SLOW, START, Process
 from robots import robot_path
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 # --- options
 
 DEFAULTS = {

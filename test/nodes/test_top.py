@@ -21,6 +21,8 @@ from std_msgs.msg import String
 
 from nodes import START, Process
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 TOP = Path(__file__).resolve().parents[2] / "scripts" / "top"
 NAMES = ["shoulder", "elbow", "wrist"]
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

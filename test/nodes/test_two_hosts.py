@@ -15,6 +15,8 @@ from sensor_msgs.msg import JointState
 from network import Network, Watch, random_state, unavailable, values
 from nodes import BELIEVING, MANY, MAX_AGE, PANDA, START, TIMEOUT, UR5, Topic, joint_state, robot
 
+pytestmark = [pytest.mark.full, pytest.mark.live, pytest.mark.root]
+
 OK, WARN, ERROR, STALE = b"\x00", b"\x01", b"\x02", b"\x03"
 
 LEASE = """<?xml version="1.0" encoding="UTF-8"?>

@@ -13,6 +13,8 @@ from std_msgs.msg import Float64MultiArray
 from diag_dynamics.nodes.support.launches import LAUNCHES, arguments_of, started
 from nodes import START, UR5, Reports, node_process, robot
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 
 

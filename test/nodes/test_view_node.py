@@ -18,6 +18,8 @@ from diag_dynamics.nodes.view.watched import APART
 from nodes import MANY, MAX_AGE, PANDA, START, UR5, Process, S, nanoseconds, node_process, robot
 from streams import CONTACT, DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get_json, wait_for_robot
 
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
 MONITOR, VIEW = "/arm/diag_dynamics", "/diag_dynamics_view"
 
 IN_ARM = ("-r", "__ns:=/arm")

@@ -14,6 +14,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+pytestmark = [pytest.mark.full]
+
 if os.environ.get("DIAG_DYNAMICS_REQUIRE_ROS") != "1":  # where everything is installed, they have to be here
     pytest.importorskip("mujoco", reason="mujoco is not installed: a peer of the benchmarks is missing")
     pytest.importorskip("matplotlib", reason="matplotlib is not installed: the benchmarks cannot draw")

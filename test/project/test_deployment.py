@@ -13,6 +13,8 @@ import yaml
 
 from diag_dynamics.cli.main import COMMANDS
 
+pytestmark = [pytest.mark.full]
+
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"
 UNITS = sorted((DEPLOY / "systemd").glob("*.service"))

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+pytestmark = [pytest.mark.full]
+
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "figures"
 

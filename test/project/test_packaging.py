@@ -19,6 +19,8 @@ import yaml
 
 import diag_dynamics as dd
 
+pytestmark = [pytest.mark.full]
+
 tomllib = pytest.importorskip("tomllib", reason="Python 3.10 has no tomllib")
 
 ROOT = Path(__file__).parents[2]

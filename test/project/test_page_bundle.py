@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = [pytest.mark.full]
+
 ROOT = Path(__file__).parents[2]
 STATIC = ROOT / "diag_dynamics" / "page" / "static"
 FILES = {"index.html", "page.js", "page.css", "licences.txt"}

@@ -12,6 +12,8 @@ import pytest
 import diag_dynamics as dd
 from diag_dynamics.model.example_robots import example_urdfs, find_urdf
 
+pytestmark = [pytest.mark.full]
+
 ROOT = Path(__file__).parents[2]
 
 PROJECT = """

@@ -17,6 +17,8 @@ import pytest
 
 import diag_dynamics as dd
 
+pytestmark = [pytest.mark.full]
+
 ROOT = Path(__file__).parents[2]
 sphinx_inventory = pytest.importorskip("sphinx.util.inventory", reason="Sphinx is not installed")
 

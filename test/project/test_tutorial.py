@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 PATIENCE = 300.0
 """A command that has not said its text, or not ended, by then has failed [s]."""
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.full, pytest.mark.live, pytest.mark.ros]
 
 
 class Terminal:
