@@ -6,7 +6,7 @@
 
 import { breakable, el, say, scrolling, toggle } from "./dom.js";
 import { number, shortNames } from "./format.js";
-import { Touches } from "./touches.js";
+import { byMargin, inWords, Touches } from "./touches.js";
 
 const OLD = 2000; // [ms] after which what was told last is no longer shown
 const KEPT = 300; // [s] that can be scrubbed back
@@ -95,7 +95,7 @@ export class ContactCard {
     const least = points[worst];
     const free = points.every((point) => point.allowed === null);
     toggle(this.node, "free", free);
-    this.drawn = { ...told, said: [leastOf(least, free), `M/2 + payload: ${number(half)} kg`, ...this.#notes(estimated)].join(" · ") };
+    this.drawn = { ...told, said: [inWords(least, free), `M/2 + payload: ${number(half)} kg`, ...this.#notes(estimated)].join(" · ") };
     say(this.says, this.drawn.said);
     const short = shortNames(points.map((point) => point.name));
     this.#sort(points, moment !== null && !moves);
@@ -117,8 +117,7 @@ export class ContactCard {
     const same = this.order?.length === points.length;
     if (same && !atOnce && (now - this.sortedAt < SORTED || (POINTER.matches && this.body.matches(":hover")))) return;
     this.sortedAt = now;
-    const margin = (k) => points[k].margin ?? Infinity;
-    this.order = points.map((_, k) => k).sort((a, b) => margin(a) - margin(b) || points[b].energy - points[a].energy);
+    this.order = byMargin(points);
   }
 
   #row() {
@@ -141,11 +140,4 @@ export class ContactCard {
     toggle(row.node, "chosen", worst);
     [margin, speed, mass, energy, 0.5 * half * speed * speed].forEach((value, k) => say(row.cells[k], number(value)));
   }
-}
-
-// The worst point in words.
-function leastOf(least, free) {
-  if (!least) return free ? "at rest; no limits (contact.limits_file)" : "at rest";
-  if (least.margin !== null) return `least margin: ${least.name}, ${number(least.margin)} m/s`;
-  return `most energy: ${least.name}, ${number(least.energy)} J; no limits${free ? " (contact.limits_file)" : ""}`;
 }

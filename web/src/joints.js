@@ -6,7 +6,7 @@
 import { jointColour, OTHERS } from "./colours.js";
 import { breakable, el, say, toggle } from "./dom.js";
 import { number } from "./format.js";
-import { exchange, hasLimits, ofLimit, share } from "./quantities.js";
+import { exchange, hasLimits, largestJoints, ofLimit, share } from "./quantities.js";
 
 const ALL = 14; // joints of which all are shown
 const TOP = 10; // of more than these, so many
@@ -98,13 +98,7 @@ export class JointTable {
     if (this.shown && now - this.chosenAt < RECHOSEN) return;
     this.chosenAt = now;
     const all = this.layout.dofs.map((_, k) => k);
-    let shown = all;
-    if (!this.whole) {
-      shown = [...all].sort((a, b) => this.recent[b] - this.recent[a]).slice(0, TOP);
-      const selected = this.selected();
-      if (selected >= 0 && !shown.includes(selected)) shown[TOP - 1] = selected;
-      shown.sort((a, b) => a - b);
-    }
+    const shown = this.whole ? all : largestJoints(this.recent, TOP, this.selected());
     if (this.shown?.join() === shown.join()) return;
     this.shown = shown;
     this.others = all.filter((k) => !shown.includes(k));

@@ -4,6 +4,7 @@
 // One plot over time: a card with a title, a legend whose numbers are those at the cursor, and lines by uPlot.
 
 import uPlot from "uplot";
+import { decadeLabel, linearRange, logRange } from "./axes.js";
 import { faded } from "./colours.js";
 import { el, resized, say, scrolling, toggle } from "./dom.js";
 import { number, powerOfTen, tick } from "./format.js";
@@ -178,7 +179,7 @@ export class Plot {
       pxAlign: 0,
       scales: {
         x: { time: false, range: () => this.limits ?? [0, 1] },
-        y: spec.log ? { distr: 3, range: logRange } : { range: (u, low, high) => this.#range(low, high) },
+        y: spec.log ? { distr: 3, range: (u, low, high) => logRange(low, high) } : { range: (u, low, high) => linearRange(low, high, spec.stacked) },
         ...(extra ? { rate: { range: (u, low, high) => [0, Math.max(1, 1.15 * (high ?? 1))] } } : {}),
       },
       axes: [
@@ -195,7 +196,7 @@ export class Plot {
           // A low plot has closer numbers: with zero alone nobody knows its scale.
           space: (u, k, low, high, room) => Math.min(2.1 * size, Math.max(size, room / 5)),
           ...(spec.log ? { filter: (u, splits) => splits, grid: { ...axis.grid, filter: (u, splits) => splits.map((x) => (powerOfTen(x) ? x : null)) } } : {}),
-          values: spec.log ? (u, splits) => splits.map(logLabel(u)) : (u, splits) => splits.map((x) => tick(x, splits[1] - splits[0] || 1)),
+          values: spec.log ? (u, splits) => splits.map(labelOf(u)) : (u, splits) => splits.map((x) => tick(x, splits[1] - splits[0] || 1)),
         },
         ...(extra ? [{ ...axis, scale: "rate", side: 1, size: Math.round(2.6 * size), grid: { show: false }, space: 2.1 * size }] : []),
       ],
@@ -218,14 +219,6 @@ export class Plot {
       points: spec.points ? { show: true, size: 3, fill: line.colour, stroke: line.colour } : { show: false },
       spanGaps: false,
     };
-  }
-
-  #range(low, high) {
-    if (low === null || high === null) return this.spec.stacked ? [0, 1] : [-1, 1];
-    if (this.spec.stacked) return [0, Math.max(1e-6, 1.08 * high)];
-    const size = Math.max(Math.abs(low), Math.abs(high), 1e-6);
-    const room = 0.08 * Math.max(high - low, 0.05 * size);
-    return [Math.min(low - room, 0), Math.max(high + room, 0)];
   }
 
   #zero(u) {
@@ -278,15 +271,9 @@ export class Plot {
   }
 }
 
-function logRange(u, low, high) {
-  if (!(low > 0) || !(high > 0)) return [1e-3, 1];
-  const [from, to] = [10 ** Math.floor(Math.log10(low)), 10 ** Math.ceil(Math.log10(high))];
-  return to > from ? [from, to] : [from / 10, to * 10];
-}
+const LINE = 30; // [px] that a label of a logarithmic axis takes
 
-// All decades where there is room, else every second one, and so on.
-function logLabel(u) {
-  const decades = Math.log10(u.scales.y.max / u.scales.y.min) || 1;
-  const every = Math.max(1, Math.ceil(decades / Math.max(1, u.bbox.height / devicePixelRatio / 30)));
-  return (x) => (Math.round(Math.log10(x)) % every === 0 ? powerOfTen(x) : "");
+function labelOf(u) {
+  const { min, max } = u.scales.y;
+  return decadeLabel([min, max], u.bbox.height / devicePixelRatio / LINE);
 }

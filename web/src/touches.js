@@ -3,6 +3,7 @@
 
 // What touches would have cost lately: numbers of every point at each moment that was told, in order of time.
 
+import { number } from "./format.js";
 import { Rows } from "./rows.js";
 
 const HEAD = ["half", "worst", "estimated"]; // of all points
@@ -66,4 +67,17 @@ export class Touches {
 
 function known(value) {
   return value ?? NaN;
+}
+
+// Order of points: the least margin first, and of points without a limit the largest energy.
+export function byMargin(points) {
+  const margin = (k) => points[k].margin ?? Infinity;
+  return points.map((_, k) => k).sort((a, b) => margin(a) - margin(b) || points[b].energy - points[a].energy);
+}
+
+// The worst point in words; free: no point has a limit.
+export function inWords(worst, free) {
+  if (!worst) return free ? "at rest; no limits (contact.limits_file)" : "at rest";
+  if (worst.margin !== null) return `least margin: ${worst.name}, ${number(worst.margin)} m/s`;
+  return `most energy: ${worst.name}, ${number(worst.energy)} J; no limits${free ? " (contact.limits_file)" : ""}`;
 }
