@@ -44,7 +44,7 @@ const POWERS = ["⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹
 
 export function powerOfTen(x) {
   const exponent = Math.round(Math.log10(x));
-  if (Math.abs(Math.log10(x) - exponent) > 1e-6) return "";
+  if (!(Math.abs(Math.log10(x) - exponent) <= 1e-6)) return ""; // NaN of what has no logarithm, too
   if (exponent === 0) return "1";
   if (exponent === 1) return "10";
   return "10" + (exponent < 0 ? "⁻" : "") + [...String(Math.abs(exponent))].map((d) => POWERS[Number(d)]).join("");
