@@ -1,0 +1,110 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Data that the package writes for the page, for the page's own tests: ``python3 test/support/page_fixture.py``.
+
+web/test/frames.test.js reads the file. test_page.py checks that the package still writes it.
+
+The robot has closed forms: two links of 1 m in a horizontal plane, point masses of 2 kg and 1 kg at their ends, the elbow
+at a right angle, joint rates of 2 and −1 rad/s.
+"""
+
+import base64
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+
+import diag_dynamics as dd
+from diag_dynamics.page.contact import Touch, told
+from diag_dynamics.page.frames import FrameMaker, Seen, States, Told
+from diag_dynamics.page.packing import pack, pack_mesh, pack_times
+from diag_dynamics.page.report import full_rate, overview
+from diag_dynamics.page.scene import scene_of
+from diag_dynamics.page.show import Show, Taken
+from robots import description, joint, link
+
+PATH = Path(__file__).parents[2] / "web" / "test" / "fixture.json"
+
+NO_INERTIA = (0.0,) * 6
+ARM = description(
+    "arm",
+    link("base"),
+    link("upper", 2.0, (1.0, 0.0, 0.0), NO_INERTIA),
+    link("lower", 1.0, (1.0, 0.0, 0.0), NO_INERTIA),
+    joint("arm_shoulder", "revolute", "base", "upper"),
+    joint("arm_elbow", "revolute", "upper", "lower", xyz=(1, 0, 0)),
+)
+Q, QD, EFFORT = np.array([0.3, 0.5 * math.pi]), np.array([2.0, -1.0]), np.array([5.0, 1.0])
+EXTERNAL, T = np.array([0.5, -0.25]), 1.7e9 + 0.25
+
+
+def content():
+    """Return what the file contains."""
+    model = dd.load_urdf(ARM)
+    dyn, scene = dd.DiagonalDynamics(model), scene_of(model, ARM)
+    residual = dyn.epsilon_from_tau(Q, EXTERNAL)
+    seen = Seen([True], residual[None], EXTERNAL[None], np.array([np.linalg.norm(residual)]), [True])
+    state = States.of(T, Q, QD, EFFORT, dyn.evaluate(Q, QD, EFFORT))
+    unknown = States.of(T + 0.1, Q, QD, None, dyn.evaluate(Q, QD))
+    taken = [
+        Taken(state, seen, Told(latency=0.003), limits=(12.0, math.inf, math.inf, 8.0)),
+        Taken(unknown, None, Told(velocity_estimated=True, latency=2.0), limits=(12.0, math.inf, math.inf, 8.0)),
+    ]
+    show = Show("/arm", lambda _: taken.pop(0))
+    show.use(dyn, scene, None)
+    frames = [show.newest(name).frame for name in ("lower", "")]
+    contact = Touch(T, ["tool", "arm"], ["lower", "upper"], np.arange(6.0), *_contact(), worst=0, estimated=True)
+    return {
+        "layout": json.loads(show.layout()),
+        "frames": [_text(frame) for frame in frames],
+        "contact": json.loads(told(contact, model)),
+        "columns": _columns(),
+        "times": _text(pack_times(np.array([0.0, 0.25, 0.25, 4000.0, 4000.000001]))),
+        "mesh": _text(pack_mesh(_tetrahedron())),
+        "tracks": _tracks(dyn),
+    }
+
+
+def _contact():
+    """Return speed, mass, energy and allowed speed of two points; the second one rests and has no limit."""
+    return (np.array(row) for row in ([0.5, 0.0], [3.0, 0.0], [0.375, 0.0], [0.4, math.inf]))
+
+
+def _columns():
+    """Return a packed ramp, a parabola, a constant, and numbers with gaps."""
+    k = np.arange(6.0)
+    packed = pack(
+        np.stack([k - 3.0, 0.5 * k * k, np.full(6, 2.5), [math.nan, 1.0, math.inf, -math.inf, -1.0, 0.5]], axis=1)
+    )
+    return {"rows": packed.rows, "columns": packed.columns, "data": _text(packed.data)}
+
+
+def _tetrahedron():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 4]], dtype="<f4")
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype="<u4")
+    return np.array([4, 4], dtype="<u4").tobytes() + points.tobytes() + faces.tobytes()
+
+
+def _tracks(dyn):
+    """Return an overview, a state per second, and 0.2 s at 100 Hz; of both K is 10 t, and of all else a state's number."""
+    maker = FrameMaker(dyn)
+    state = States.of(0.0, Q, QD, EFFORT, dyn.evaluate(Q, QD, EFFORT))
+    row = maker.frames(state)["numbers"][0].astype(float)
+    blocks, tracks = [], []
+    for make, t in ((overview, np.arange(6.0)), (full_rate, 2.5 + 0.01 * np.arange(21))):
+        numbers = np.tile(row, (len(t), 1))
+        numbers[:, maker.layout.place("K")] = 10.0 * t[:, None]
+        track = make(maker.layout, t, numbers)
+        tracks.append(track.about | {"blocks": [len(blocks) + k for k in range(len(track.blocks))]})
+        blocks += track.blocks
+    return {"about": json.loads(json.dumps(tracks)), "blocks": [_text(block) for block in blocks]}
+
+
+def _text(data):
+    return base64.b64encode(data).decode()
+
+
+if __name__ == "__main__":
+    PATH.write_text(json.dumps(content(), indent=1) + "\n", encoding="utf-8")

@@ -1,0 +1,87 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { decadeLabel, linearRange, logRange } from "../src/axes.js";
+import { faded, hex, jointColour, NEUTRAL, ramp, rampGradient } from "../src/colours.js";
+import { clock, decimalsOf, number, percent, powerOfTen, span, tick } from "../src/format.js";
+import { shortened, shortNames, statusName } from "../src/format.js";
+
+function table(name, call, rows) {
+  test(name, () => {
+    for (const [expected, ...given] of rows) assert.deepEqual(call(...given), expected, `${name}(${given.map(String)})`);
+  });
+}
+
+table("number", number, [
+  ["–", NaN], ["–", Infinity], ["–", -Infinity], ["–", null], ["–", undefined], ["0", 0], ["0", -0],
+  ["1.00", 1], ["−1.00", -1], ["12.3", 12.34], ["1235", 1234.6], ["0.123", 0.12345], ["0.0012", 0.00123],
+  ["99999", 99999], ["1.0e5", 1e5], ["−1.0e300", -1e300], ["1.0e−4", 1e-4], ["4.9e−324", 5e-324], ["1.2346", 1.23456, 5],
+]);
+table("tick", tick, [["0", 0, 1], ["0", -0, 1], ["−2.5", -2.5, 2.5], ["0.25", 0.25, 0.05], ["3", 3, 1], ["2.0e5", 2e5, 1e5]]);
+table("decimalsOf", decimalsOf, [[0, 1], [0, 20], [1, 2.5], [1, 0.1], [2, 0.25], [2, 0.01]]);
+table("powerOfTen", powerOfTen, [
+  ["1", 1], ["10", 10], ["10²", 100], ["10⁻³", 1e-3], ["10¹²", 1e12], ["", 20], ["", 0],
+  ["", NaN], ["", Infinity],
+]);
+table("percent", percent, [["50.0 %", 0.5], ["−5.0 %", -0.05], ["0 %", 0], ["100 %", 1], ["–", NaN], ["–", Infinity]]);
+table("span", span, [
+  ["–", NaN], ["–", Infinity], ["0 ms", 0], ["1.0 ms", 1e-3], ["250 ms", 0.25], ["1.00 s", 1], ["90.0 s", 90],
+  ["2.00 min", 120], ["3.00 h", 10800],
+]);
+table("shortened", shortened, [["abc", "abc", 3], ["ab…", "abcd", 3], ["a…", "a bcd", 3], ["", "", 3]]);
+table("statusName", statusName, [
+  ["rates", "rates"], ["rates", "arm/diag_dynamics: rates"], ["driver: a: b", "driver: a: b"],
+  ["controller: law", "/arm/diag_dynamics_controller: law"],
+]);
+table("shortNames", shortNames, [
+  [[], []], [["panda_joint1"], ["panda_joint1"]],
+  [["shoulder", "elbow"], ["arm_shoulder", "arm_elbow"]],
+  [["joint1", "joint2"], ["panda_joint1", "panda_joint2"]],
+  [["lwr_0_joint", "lwr_1_joint"], ["lwr_0_joint", "lwr_1_joint"]], // none begins with its number
+  [["a", "b"], ["left/a", "left/b"]],
+  [["a_x", "b_y"], ["a_x", "b_y"]],
+]);
+
+test("clock: seconds of a recording, the time of day of a stamp", () => {
+  assert.equal(clock(NaN), "–");
+  assert.equal(clock(12.3456), "12.346 s");
+  const noon = new Date(2030, 5, 1, 12, 3, 4, 250);
+  assert.equal(clock(noon.getTime() / 1000), "12:03:04.250");
+});
+
+table("linearRange", linearRange, [
+  [[-1, 1], null, null], [[0, 1], null, null, true], [[0, 2.16], -5, 2, true], [[0, 1e-6], 0, 0, true],
+]);
+table("logRange", logRange, [
+  [[1e-3, 1], null, null], [[1e-3, 1], 0, 5], [[1e-3, 1], NaN, 1], [[0.1, 100], 0.2, 30], [[1, 100], 10, 10],
+]);
+
+test("a linear range contains zero and what is drawn", () => {
+  for (const [low, high] of [[2, 3], [-3, -2], [-1, 4], [0, 0], [1e300, 1e300]]) {
+    const [from, to] = linearRange(low, high);
+    assert.ok(from <= Math.min(low, 0) && to >= Math.max(high, 0) && from < to, `${low} to ${high}: ${from} to ${to}`);
+  }
+});
+
+test("labels of decades: as many as there is room for", () => {
+  const decades = [0, 1, 2, 3, 4].map((k) => 10 ** k);
+  assert.deepEqual(decades.map(decadeLabel([1, 1e4], 10)), ["1", "10", "10²", "10³", "10⁴"]);
+  assert.deepEqual(decades.map(decadeLabel([1, 1e4], 2)), ["1", "", "10²", "", "10⁴"]);
+  assert.equal(decadeLabel([1, 10], 0)(1), "1");
+});
+
+test("colours", () => {
+  assert.equal(new Set(Array.from({ length: 60 }, (_, k) => jointColour(k))).size, 60);
+  for (const k of [0, 15, 16, 59]) assert.match(jointColour(k), /^#[0-9a-f]{6}$/);
+  assert.equal(hex([0, 10, 255]), "#000aff");
+  assert.equal(faded("#4e79a7", 0.5), "#4e79a780");
+  assert.match(rampGradient(), /rgb\(70 96 128\) 0%.*rgb\(226 74 58\) 100%/);
+});
+
+table("ramp", ramp, [
+  [[70, 96, 128], 0], [[70, 96, 128], -1], [[58, 119, 143], 0.125], [[116, 186, 118], 0.5],
+  [[226, 74, 58], 1], [[226, 74, 58], 7],
+  [NEUTRAL, NaN], [NEUTRAL, Infinity], [NEUTRAL, undefined],
+]);

@@ -1,0 +1,198 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
+// The page reads what the package writes: fixture.json is by test/support/page_fixture.py. Its arm has links of 1 m, point
+// masses of 2 kg and 1 kg at their ends, the elbow at a right angle, and joint rates of 2 and −1 rad/s.
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { test } from "node:test";
+import { gunzipSync } from "node:zlib";
+import { creased } from "../src/crease.js";
+import { csv } from "../src/csv.js";
+import { axesOf, effectiveMass, linearBlock } from "../src/ellipsoid.js";
+import { FLAGS, Layout, shortFields } from "../src/layout.js";
+import { chosenLines, COLOURINGS, largestJoints, othersLine, plotsOf, roundUp } from "../src/quantities.js";
+import { exchange, K, ofLimit, share } from "../src/quantities.js";
+import { Rows } from "../src/rows.js";
+import { KIND, Packets } from "../src/stream.js";
+import { Touches } from "../src/touches.js";
+import { rowsOf } from "../src/tracks.js";
+import { columnsOf, meshOf, timesOf } from "../src/unpack.js";
+
+const fixture = JSON.parse(readFileSync(new URL("fixture.json", import.meta.url), "utf8"));
+const bytes = (text) => new Uint8Array(Buffer.from(text, "base64"));
+const unzipped = (text) => new Uint8Array(gunzipSync(Buffer.from(text, "base64")));
+const layout = new Layout(fixture.layout);
+const [known, unknown] = fixture.frames.map((text) => new Float32Array(bytes(text).slice(8).buffer));
+const time = (text) => new DataView(bytes(text).buffer).getFloat64(0, true);
+const NU = [2 * Math.sqrt(3), 1]; // K = 6.5 J: 6 J of the shoulder's total rate, 0.5 J of the elbow's
+
+function near(found, expected, tolerance = 1e-6, what = "") {
+  const [all, wanted] = [[found].flat(), [expected].flat()];
+  assert.equal(all.length, wanted.length, what);
+  const isNear = (x, k) => Math.abs(all[k] - x) <= tolerance * Math.max(1, Math.abs(x));
+  assert.ok(wanted.every(isNear), `${what}: ${all} is not ${wanted}`);
+}
+
+const field = (frame, name) => [...frame.subarray(layout.at(name), layout.at(name) + layout.size(name))];
+
+test("a frame has the numbers of the state", () => {
+  assert.deepEqual([layout.width, time(fixture.frames[0])], [known.length, 1.7e9 + 0.25]);
+  const expected = {
+    ...{ q: [0.3, Math.PI / 2], qd: [2, -1], effort: [5, 1], nu: NU, D: [3, 1], K: 6.5, link_energy: [0, 4, 2.5] },
+    ...{ p_effort: 9, p_gravity: 0, p_friction: 0, p_external: 1.25, gravity_torque: [0, 0] },
+    ...{ external_torque: [0.5, -0.25], latency: 0.003, flags: FLAGS.collision, torque_norm: Math.hypot(0.5, 0.25) },
+  };
+  for (const [name, numbers] of Object.entries(expected)) near(field(known, name), numbers, 1e-6, name);
+  near(field(known, "pose").slice(14, 17), [Math.cos(0.3), Math.sin(0.3), 0]);
+  near(field(known, "twist"), [-2 * Math.sin(0.3), 2 * Math.cos(0.3), 0, 0, 0, 1]);
+});
+
+test("what is unknown is NaN, flagged, and nowhere a number", () => {
+  assert.equal(unknown[layout.at("flags")], FLAGS.estimated + FLAGS.effortMissing + FLAGS.observerInvalid + FLAGS.late);
+  for (const name of ["effort", "p_effort", "external_torque", "norm", "mobility", "twist"]) {
+    assert.ok(field(unknown, name).every(Number.isNaN), name);
+  }
+  assert.ok(Number.isNaN(layout.at("nu", 2)) && Number.isNaN(layout.at("nothing")));
+  assert.ok(!layout.has("nothing") && layout.has("nu") && layout.size("nothing") === 0);
+});
+
+test("packets: in one piece, byte by byte, and empty", () => {
+  const sent = [[KIND.frame, fixture.frames[0]], [KIND.heartbeat, ""], [KIND.frame, fixture.frames[1]]];
+  const packet = ([kind, text]) => [...new Uint8Array(new Uint32Array([bytes(text).length]).buffer), kind, ...bytes(text)];
+  const stream = new Uint8Array(sent.flatMap(packet));
+  for (const size of [stream.length, 1, 7]) {
+    const found = [];
+    const packets = new Packets((kind, payload) => found.push([kind, Buffer.from(payload).toString("base64")]));
+    for (let at = 0; at < stream.length; at += size) packets.take(stream.slice(at, at + size));
+    assert.deepEqual(found, sent);
+  }
+});
+
+test("the layout: which joint moves which link, short names, names of numbers", () => {
+  assert.deepEqual([layout.short, layout.tip, layout.linkOfDof], [["shoulder", "elbow"], "lower", ["upper", "lower"]]);
+  assert.deepEqual(["lower", "base", "nobody"].map((link) => layout.dofOfLink(link)), [1, -1, -1]);
+  const names = shortFields(layout).map(({ name }) => name);
+  assert.equal(new Set(names).size, layout.width);
+  for (const name of ["K", "nu.arm_elbow", "link_energy.lower", "pose.lower.qw", "twist.5"]) assert.ok(names.includes(name), name);
+  assert.equal(new Layout({ dofs: [], links: ["stone"], fields: [] }).width, 0);
+});
+
+test("the layout of a floating base, and of a joint with two degrees of freedom", () => {
+  const links = ["root", "one", "tool"];
+  const joints = [
+    { name: "b", dof: 3, parent: "root", child: "one" },
+    { name: "weld", dof: null, parent: "one", child: "tool" },
+  ];
+  const scene = { links: links.map((name) => ({ name })), joints };
+  const floating = new Layout({ dofs: ["base/0", "base/1", "a", "b/0", "b/1"], links, fields: [], floating_base: true, scene });
+  assert.deepEqual(links.map((link) => floating.dofsOfLink.get(link)), [[0, 1, 2, 3, 4], [3, 4], [3, 4]]);
+  assert.deepEqual(floating.linkOfDof, ["root", "root", "root", "one", "one"]);
+});
+
+test("quantities of a frame: shares, exchange, torque in parts of the limit, colours of links", () => {
+  const of = (getter, frame = known) => getter(frame, 0);
+  near([of(share(layout, 0)), of(share(layout, 1)), of(K(layout))], [6, 0.5, 6.5]);
+  assert.ok(Math.abs(of(exchange(layout, 0)) + of(exchange(layout, 1))) < 1e-5);
+  near([of(ofLimit(layout, "effort", 0)), of(ofLimit(layout, "effort", 1))], [0.05, 0.01]);
+  const unlimited = new Layout({ ...fixture.layout, limits: {} });
+  assert.ok(Number.isNaN(of(ofLimit(unlimited, "effort", 0))));
+  assert.equal(plotsOf(unlimited).find(({ id }) => id === "torque").unit, "N m");
+  const expected = { share: [100 * 6 / 6.5, 100 * 0.5 / 6.5], energy: [4, 2.5], torque: [5, 1], external: [0.5, 0.25] };
+  for (const [id, numbers] of Object.entries(expected)) {
+    near(["upper", "lower"].map((link) => of(COLOURINGS[id].value(layout)(link))), numbers, 1e-6, id);
+  }
+  assert.ok(Number.isNaN(of(COLOURINGS.share.value(layout)("base"))));
+  assert.equal(of(COLOURINGS.share.value(layout)("upper"), new Float32Array(layout.width)), 0); // at rest
+});
+
+test("plots: a line for each joint, thresholds, and none of what a report lacks", () => {
+  const plots = Object.fromEntries(plotsOf(layout).map((plot) => [plot.id, plot]));
+  assert.deepEqual(plots.external.lines.map(({ threshold }) => threshold), [12, null]);
+  assert.equal(plots.norm.lines[0].threshold, 8);
+  near(plots.energy.lines.map(({ get }) => get(known, 0)), [6, 0.5]);
+  near(plots.power.lines.map(({ get }) => get(known, 0)).slice(0, 4), [9, 0, 0, 1.25]);
+  assert.ok(!plotsOf(new Layout({ ...fixture.layout, report: true })).some(({ id }) => id === "latency"));
+});
+
+test("of many lines the largest and the selected one, and the others' sum", () => {
+  const plot = { lines: [5, 1, NaN, 4, 3].map((x, dof) => ({ dof, get: () => x })) };
+  const sizes = plot.lines.map(({ get }) => get());
+  assert.deepEqual(chosenLines(plot, sizes, 5, -1), { shown: [0, 1, 2, 3, 4], others: [] });
+  assert.deepEqual(chosenLines(plot, sizes, 3, -1), { shown: [0, 3], others: [1, 2, 4] });
+  assert.deepEqual(chosenLines(plot, sizes, 3, 2), { shown: [0, 2], others: [1, 3, 4] });
+  const { get, name } = othersLine(plot, [1, 2, 4]);
+  assert.deepEqual([get(), name], [4, "3 others"]);
+  assert.deepEqual(largestJoints(new Float64Array([1, 9, 5, 7]), 2, -1), [1, 3]);
+  assert.deepEqual(largestJoints([1, 9, 5, 7], 2, 0), [0, 1]);
+  assert.deepEqual([0, NaN, 1, 1.0001, 1.1, 3, 7, 0.03, 2e300].map(roundUp), [1, 1, 1, 1, 2, 5, 10, 0.05, 2e300]);
+});
+
+test("mobility at the elbow: 1/3 kg⁻¹ along its motion, none across, 3 kg felt", () => {
+  const matrix = linearBlock(known, layout.at("mobility"));
+  near(axesOf(matrix).values.sort((a, b) => a - b), [0, 0, 1 / 3]);
+  near(effectiveMass(matrix, field(known, "twist").slice(0, 3)), 3, 1e-4);
+  assert.ok(Number.isNaN(effectiveMass(matrix, [0, 0, 0])) && Number.isNaN(effectiveMass(matrix, [NaN, 0, 0])));
+  const { values, vectors } = axesOf([[2, 1, 0], [1, 2, 0], [0, 0, 5]]);
+  near([...values].sort(), [1, 3, 5]);
+  near(Math.abs(vectors[0][values.findIndex((x) => x < 2)]), Math.SQRT1_2);
+});
+
+test("packed columns, times and meshes come back", () => {
+  const { rows, columns, data } = fixture.columns;
+  const [ramp, parabola, constant, gaps] = columnsOf(unzipped(data), rows, columns);
+  near([...ramp, ...constant], [-3, -2, -1, 0, 1, 2, ...Array(6).fill(2.5)], 0);
+  near([...parabola], [0, 0.5, 2, 4.5, 8, 12.5], 1e-4);
+  assert.deepEqual([...gaps].map(Number.isFinite), [false, true, false, false, true, true]);
+  near([gaps[1], gaps[4], gaps[5]], [1, -1, 0.5], 1e-4);
+  near([...timesOf(unzipped(fixture.times), 5)], [0, 0.25, 0.25, 4000, 4000.000001], 1e-12);
+  assert.deepEqual(columnsOf(new Uint8Array(0), 0, []), []);
+  const mesh = meshOf(unzipped(fixture.mesh));
+  assert.deepEqual([...new Uint32Array(mesh, 0, 2)], [4, 4]);
+  assert.deepEqual([...new Uint32Array(mesh, 8 + 48)], [0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3]);
+  near([...new Float32Array(mesh, 8, 12)], [0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 4], 1e-4);
+});
+
+test("a report's states: the overview, and all of those around a contact, in order", async () => {
+  const { blocks } = fixture.tracks;
+  globalThis.document = { getElementById: (id) => ({ textContent: blocks[Number(id.replace("block-", ""))] }) };
+  const [rows, contact] = await rowsOf(layout, fixture.tracks.about);
+  delete globalThis.document;
+  const times = [0, 1, 2, ...Array.from({ length: 21 }, (_, k) => 2.5 + 0.01 * k), 3, 4, 5];
+  near(Array.from({ length: rows.length }, (_, i) => rows.time(i)), times, 1e-9);
+  times.forEach((t, i) => near(rows.data[rows.base(i) + layout.at("K")], 10 * t, 1e-3, `K at ${t}`));
+  const middle = rows.data.subarray(rows.base(9), rows.base(10)); // what is kept of every 20th state, in between
+  for (const name of ["pose", "link_energy", "nu", "D"]) near(field(middle, name), field(rows.data, name), 1e-4, name);
+  assert.equal(contact, null);
+});
+
+test("numbers of what is seen as CSV: names are quoted, what is unknown is empty", async () => {
+  const rows = new Rows(layout.width, 9);
+  fixture.frames.forEach((text, k) => rows.push(time(text), [known, unknown][k]));
+  const touches = new Touches(10, 1);
+  const [first, second] = fixture.contact.points;
+  touches.take({ ...fixture.contact, points: [{ ...first, name: '=x,"y"' }, second] });
+  const [header, ...lines] = (await csv(layout, rows, [0, Infinity], touches).text()).trimEnd().split("\n");
+  assert.ok(header.startsWith("t [s],q.arm_shoulder") && header.includes(',"contact_speed.=x,""y"""'), header);
+  const at = header.replace(/"[^"]*(""[^"]*)*"/g, "quoted").split(",").indexOf("effort.arm_elbow");
+  assert.deepEqual(lines.map((line) => line.split(",")[at]), ["1", ""]);
+  assert.match(lines[0], /^1700000000.25,.*,1700000000.25,"=x,""y""",0.5,3,0.375,0.4000\d*,-0.\d+,0,0,0,,$/);
+  assert.equal((await csv(layout, rows, [0, 1]).text()).trimEnd().split("\n").length, 1);
+});
+
+test("contact as the package tells it comes back from the store", () => {
+  const touches = new Touches(10, 10);
+  touches.take(fixture.contact);
+  const { points, ...rest } = touches.at(fixture.contact.t);
+  assert.deepEqual(rest, { t: 1.7e9 + 0.25, half: 1.5, worst: 0, estimated: true });
+  assert.deepEqual([points[1].allowed, points[1].margin, points[0].link], [null, null, "lower"]);
+});
+
+test("normals: a flat edge is smooth, a sharp one stays sharp, a face without area has none", () => {
+  const square = creased(new Float32Array([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0]), new Uint32Array([0, 1, 2, 0, 2, 3]));
+  near([...square.normals], Array(6).fill([0, 0, 1]).flat());
+  const bent = creased(new Float32Array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1]), new Uint32Array([0, 1, 2, 0, 3, 1]));
+  near([...bent.normals], [...Array(3).fill([0, 0, 1]).flat(), ...Array(3).fill([0, 1, 0]).flat()]);
+  assert.ok([...creased(new Float32Array(9), new Uint32Array([0, 1, 2])).normals].every((x) => x === 0));
+});

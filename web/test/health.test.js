@@ -1,0 +1,62 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { Health } from "../src/health.js";
+import { FLAGS } from "../src/layout.js";
+
+const status = (level, name, message) => ({ level, name, message });
+
+function healthy() {
+  return Object.assign(new Health(), { connection: "open", arrived: performance.now() });
+}
+
+function seen(health, flags = 0, options = {}) {
+  const { level, word, says, notes } = health.judge(flags, options);
+  return [level, word, says, ...notes.map(({ text }) => text)];
+}
+
+test("before the first state", () => {
+  const health = new Health();
+  assert.deepEqual(seen(health), ["warn", "Connecting", ""]);
+  health.connection = "open";
+  assert.deepEqual(seen(health), ["warn", "Waiting", "no state has come yet"]);
+  health.robots = [];
+  assert.deepEqual(seen(health), ["warn", "Waiting", "no robot has been heard of"]);
+  health.heart = { waiting: "waiting for robot_description" };
+  assert.deepEqual(seen(health), ["warn", "Waiting", "waiting for robot_description"]);
+  Object.assign(health, { connection: "lost", why: "refused" });
+  assert.deepEqual(seen(health), ["bad", "Disconnected", "trying again (refused)"]);
+});
+
+test("live, paused, stale, and a recording", () => {
+  const health = healthy();
+  assert.deepEqual(seen(health, 0, { rate: 199.6 }), ["good", "Live", "200 Hz"]);
+  assert.deepEqual(seen(health, 0, { rate: NaN }), ["good", "Live", ""]);
+  assert.deepEqual(seen(health, 0, { paused: true }), ["paused", "Paused", ""]);
+  assert.equal(seen(health, FLAGS.late)[1], "Stale");
+  assert.deepEqual(seen(new Health(), FLAGS.estimated, { report: true }), ["told", "Recording", "", "velocities estimated"]);
+  health.arrived -= 5000;
+  assert.deepEqual(seen(health), ["bad", "Stale", "the last state is 5.00 s old"]);
+});
+
+test("notes of a state", () => {
+  const all = Object.values(FLAGS).reduce((sum, bit) => sum + bit) - FLAGS.late;
+  const words = ["contact", "velocities estimated", "no efforts", "times of reception", "links of another model"];
+  assert.deepEqual(seen(healthy(), all), ["warn", "Live", "", ...words]);
+  assert.deepEqual(seen(healthy(), FLAGS.observerInvalid), ["warn", "Live", "", "external torque not valid"]);
+  assert.deepEqual(seen(healthy(), FLAGS.collision), ["good", "Live", "", "contact"]);
+});
+
+test("the worst status colours the verdict, without the name of its node", () => {
+  const health = healthy();
+  const gap = status(1, "/arm/diag_dynamics: rates", "a gap");
+  health.told([status(0, "a", ""), gap, status(2, "diag_dynamics: model", "refused"), status(2, "b", "later")]);
+  assert.deepEqual(health.worst, { level: "bad", text: "model: refused" });
+  assert.equal(seen(health)[0], "bad");
+  health.told([status(1, "rates", "")]);
+  assert.deepEqual([health.worst, seen(health)[0]], [{ level: "warn", text: "rates" }, "warn"]);
+  health.told([status(0, "rates", "well")]);
+  assert.deepEqual([health.worst, seen(health)[0]], [null, "good"]);
+});

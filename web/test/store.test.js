@@ -1,0 +1,158 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { Kept } from "../src/kept.js";
+import { Rows } from "../src/rows.js";
+import { envelope, largest, stacked, tellingRows } from "../src/sampling.js";
+import { byMargin, inWords, Touches } from "../src/touches.js";
+import { View } from "../src/view.js";
+
+const value = (d, b) => d[b];
+
+function stored(times, numbers = times, capacity = times.length) {
+  const rows = new Rows(1, capacity);
+  times.forEach((t, k) => rows.push(t, [numbers[k]]));
+  return rows;
+}
+
+test("rows: empty, one, and the nearest of several", () => {
+  const rows = new Rows(2, 10);
+  assert.ok(Number.isNaN(rows.first) && Number.isNaN(rows.last));
+  assert.deepEqual(rows.range(0, 1), [0, 0]);
+  assert.ok(rows.push(1, [5, NaN]));
+  assert.deepEqual([rows.first, rows.last, rows.indexAt(-9), rows.nearest(9), rows.data[rows.base(0)]], [1, 1, 0, 0, 5]);
+  assert.ok(!rows.push(1, [6, 6]), "the same state again");
+  const several = stored([0, 1, 2, 4]);
+  assert.deepEqual([-1, 0, 1.4, 1.6, 2.9, 3.1, 9].map((t) => several.nearest(t)), [0, 0, 1, 2, 2, 3, 3]);
+  assert.deepEqual(several.range(1.5, 2.5), [1, 4]);
+});
+
+test("rows: the oldest go, the store grows, held it drops the newest, time that goes back begins anew", () => {
+  const rows = new Rows(1, 600);
+  for (let k = 0; k < 1000; k++) rows.push(k, [2 * k]);
+  assert.deepEqual([rows.length, rows.first, rows.last, rows.bytes], [600, 400, 999, 600 * 12]);
+  for (const i of [0, 250, 599]) assert.equal(rows.data[rows.base(i)], 2 * rows.time(i));
+  rows.held = true;
+  assert.ok(!rows.push(1000, [0]));
+  assert.equal(rows.first, 400);
+  rows.held = false;
+  assert.ok(rows.push(5, [7]));
+  assert.deepEqual([rows.length, rows.first, rows.data[rows.base(0)]], [1, 5, 7]);
+});
+
+test("an envelope has every peak, in its order", () => {
+  const numbers = Array.from({ length: 1000 }, (_, k) => Math.sin(k / 50));
+  [numbers[333], numbers[337], numbers[700]] = [99, -99, NaN];
+  const rows = stored(numbers.map((_, k) => k), numbers);
+  const [x, y] = envelope(rows, 0, 1000, 20, [value]);
+  assert.deepEqual([x.length, y.length], [40, 40]);
+  assert.deepEqual(y.slice(12, 14), [99, -99]); // the bucket of rows 300 to 349
+  assert.ok(y.every(Number.isFinite) && x.every((t, k) => k === 0 || t > x[k - 1]));
+  assert.deepEqual(envelope(stored([0, 1, 2, 3, 4, 5], Array(6).fill(NaN)), 0, 6, 2, [value])[1], [null, null, null, null]);
+});
+
+test("few states are drawn as they are, infinite ones are not, and no line goes over a gap", () => {
+  assert.deepEqual(envelope(stored([1], [3]), 0, 1, 10, [value]), [[1], [3]]);
+  assert.deepEqual(envelope(stored([1]), 0, 0, 10, [value]), [[], []]);
+  const rows = stored([0, 0.1, 0.2, 0.3, 5.3], [1, Infinity, -0, 4, 5]);
+  assert.deepEqual(envelope(rows, 0, 5, 10, [value]), [[0, 0.1, 0.2, 0.3, 2.8, 5.3], [1, null, -0, 4, null, 5]]);
+});
+
+test("a stack ends at the sum; what is not finite adds nothing", () => {
+  const rows = new Rows(2, 3);
+  [[1, 2], [NaN, 4], [Infinity, 0]].forEach((row, k) => rows.push(k, row));
+  const [x, total, own] = stacked(rows, 0, 3, 10, [value, (d, b) => d[b + 1]], value);
+  assert.deepEqual([x, total, own], [[0, 1, 2], [3, 4, 0], [2, 4, 0]]);
+});
+
+test("rows that tell: of each bucket smallest and largest", () => {
+  const rows = stored([0, 1, 2, 3, 4, 5, 6, 7], [0, 9, -9, 1, 5, 5, 5, 5]);
+  assert.deepEqual(tellingRows(rows, 0, 8, 2, value), [1, 2, 4]);
+  assert.deepEqual([...largest(rows, 0, 8, [value, () => NaN])], [9, 0]);
+});
+
+// --- contact ---
+
+const FREE = { allowed: null, margin: null };
+const POINT = { name: "tool", link: "hand", position: [1, 2, 3], speed: 0.5, mass: 4, energy: 0.5, ...FREE };
+const told = (t, point = {}) => ({ t, half: 3, worst: 0, estimated: true, points: [{ ...POINT, ...point }] });
+
+test("touches: what was told at a moment, null where nothing was", () => {
+  const touches = new Touches(300, 10);
+  assert.equal(touches.at(1), null);
+  touches.take(told(1));
+  touches.take(told(2, { speed: -0.25 }));
+  assert.deepEqual(touches.at(1.4), told(1));
+  assert.equal(touches.at(2.5).points[0].speed, -0.25);
+  assert.equal(touches.at(2.6), null);
+  touches.take(told(3, { name: "other" }));
+  assert.equal(touches.at(2), null);
+  touches.forget();
+  assert.equal(touches.at(3), null);
+});
+
+test("points by margin, and the worst in words", () => {
+  const points = [[1, null], [2, null], [0, 0.5], [0, -1]].map(([energy, margin]) => ({ energy, margin }));
+  assert.deepEqual(byMargin(points), [3, 2, 1, 0]);
+  assert.equal(inWords(undefined, false), "at rest");
+  assert.equal(inWords({ ...POINT, margin: -0.1 }, false), "least margin: tool, −0.100 m/s");
+  assert.match(inWords(POINT, true), /most energy: tool, 0.500 J; no limits \(contact.limits_file\)/);
+});
+
+test("contact of a report: energy ½mv² onward, the margin, and a point at rest", () => {
+  const points = [{ name: "a", limited: true }, { name: "b", limited: false }, { name: "c", limited: false, directed: true }];
+  const rows = new Rows(11, 2);
+  rows.push(0, [0, 1, 2, 3, 0.5, 0, -2, Math.log10(4), NaN, NaN, Math.log10(0.25)]);
+  const kept = new Kept({ points, half: 3, leftOut: 0 }, rows, stored([0], [1]), { at: () => 0 });
+  const { worst, estimated, points: [a, b, c] } = kept.at(0.2);
+  assert.deepEqual([worst, estimated, a.position, b.position], [0, true, [1, 2, 3], null]);
+  for (const [name, expected] of Object.entries({ speed: 0.5, mass: 4, energy: 0.5, allowed: 0.25, margin: -0.25 })) {
+    assert.ok(Math.abs(a[name] - expected) < 1e-6, name);
+  }
+  assert.deepEqual([b.mass, b.energy, b.allowed, b.margin], [0, 0, null, null]);
+  assert.deepEqual([c.mass, c.energy], [null, 0]); // against its direction nothing is transferred
+});
+
+// --- the window of time ---
+
+test("live: the window follows; stepping, zooming and going pause it", () => {
+  const rows = stored([100, 110, 120, 130]);
+  const view = new View(() => rows, true, () => {});
+  assert.deepEqual([view.window(), view.now(), view.base()], [[100, 130], 130, 130]);
+  view.zoom(1e9);
+  assert.equal(view.length, 3600);
+  view.zoom(10);
+  view.step(-1);
+  assert.deepEqual([view.paused, view.now(), view.window()], [true, 120, [120, 130]]);
+  view.go(0);
+  assert.deepEqual([view.now(), view.window()], [100, [100, 110]]);
+  view.zoom(5);
+  assert.deepEqual(view.window(), [100, 105]);
+  view.zoom(0);
+  assert.equal(view.length, 0.02);
+  view.point(999);
+  assert.equal(view.shown(), 130);
+  view.follow();
+  assert.deepEqual([view.following, view.shown()], [true, 130]);
+});
+
+test("a report: the whole, a part, and nothing before there is anything", () => {
+  const none = new Rows(1, 2);
+  const rows = stored([0, 5, 10]);
+  let source = none;
+  const view = new View(() => source, false, () => {});
+  view.go(3);
+  view.step(1);
+  assert.equal(view.told(3), "–");
+  source = rows;
+  view.whole();
+  assert.deepEqual([view.window(), view.now(), view.told(5)], [[0, 10], 0, "5.000 s"]);
+  view.see(4, 6);
+  assert.deepEqual(view.window(), [4, 6]);
+  view.see(9, 30);
+  assert.equal(view.window()[1], 10);
+  assert.deepEqual(view.splits(0, 0.1, 1, 0.25), [0.25, 0.5, 0.75, 1]);
+  assert.deepEqual(view.labels(0, [-0.5, 0, 0.5]), ["−0.5 s", "0 s", "0.5 s"]);
+});
