@@ -1,41 +1,36 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A real browser: Chromium as the system has it, driven by Playwright."""
+"""A browser: the system's Chromium, driven by Playwright."""
 
-import os
 import shutil
-import time
 from contextlib import contextmanager
 from urllib.parse import urlsplit
 
 import pytest
 
 OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-"""Of Chromium: in a container, and without a graphics card."""
+"""Chromium's options in a container without a graphics card."""
 
-REQUIRED = os.environ.get("DIAG_DYNAMICS_REQUIRE_BROWSER") == "1"
-
-PATIENCE = 120.0
-"""How long a page may take to get somewhere [s]: machines that test are slow. Only a failing test waits so long."""
+TIMEOUT = 100.0
+"""Time within which a page has to do what a test waits for [s]. Only a failing test waits so long."""
 
 
 def require():
-    """Playwright's sync API and the path of Chromium; skips where one of them is not there."""
+    """Return Playwright's sync API and the path of Chromium; fail where one of them is missing."""
     path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if path is None:
+        pytest.fail("Chromium is not installed. apt-get install --no-install-recommends chromium", pytrace=False)
     try:
         from playwright.sync_api import sync_playwright
     except ImportError:
-        sync_playwright = None
-    missing = [name for name, there in (("chromium", path), ("playwright", sync_playwright)) if not there]
-    if missing:
-        (pytest.fail if REQUIRED else pytest.skip)(f"not installed: {', '.join(missing)}")
+        pytest.fail("Playwright is not installed. make setup-tests", pytrace=False)
     return sync_playwright, path
 
 
 @contextmanager
 def browser():
-    """Chromium."""
+    """Start Chromium, and end it afterwards."""
     sync_playwright, path = require()
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=path, args=OPTIONS)
@@ -46,7 +41,7 @@ def browser():
 
 
 class Tab:
-    """A tab, and all that it says and asks for.
+    """A tab with a record of its console and of its requests.
 
     Attributes
     ----------
@@ -62,16 +57,28 @@ class Tab:
         self._context = browser.new_context(
             viewport={"width": width, "height": height}, color_scheme=scheme, accept_downloads=True
         )
-        self._context.set_default_timeout(1000.0 * PATIENCE)
+        self._context.set_default_timeout(1000.0 * TIMEOUT)
         self.page = self._context.new_page()
         self.said, self.asked = [], set()
-        self.page.on("console", lambda message: self._take(message))
+        self.page.on("console", self._record)
         self.page.on("pageerror", lambda error: self.said.append(str(error)))
         self.page.on("request", lambda request: self.asked.add("{0.scheme}://{0.netloc}".format(urlsplit(request.url))))
 
-    def _take(self, message):
-        ours = "GPU stall" not in message.text  # the software renderer's own
-        if message.type in ("error", "warning") and ours:
+    def __enter__(self):
+        """Return the tab."""
+        return self
+
+    def __exit__(self, *_):
+        """Close the tab."""
+        self.close()
+
+    def close(self):
+        """Close the tab."""
+        self._context.close()
+
+    def _record(self, message):
+        is_renderers = "GPU stall" in message.text  # a remark of the software renderer
+        if message.type in ("error", "warning") and not is_renderers:
             self.said.append(message.text)
 
     def open(self, url):
@@ -80,43 +87,51 @@ class Tab:
         self.until("diag.state.ready")
 
     def ask(self, expression):
-        """The value of an expression in the page."""
+        """Return the value of an expression in the page."""
         return self.page.evaluate(expression)
 
     def drawn(self):
-        """Wait until the page has drawn what it was told to show, which it does in its next frame."""
+        """Wait until the page has drawn its next frame."""
         self.ask("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
-    def until(self, expression, patience=PATIENCE):
-        """Wait until an expression is true in the page; returns its value.
+    def until(self, expression, timeout=TIMEOUT):
+        """Wait in the page until an expression is true; return its value.
 
         Playwright's own way to wait evaluates text in the page, which the page's policy forbids.
         """
-        end = time.monotonic() + patience
-        while not (value := self.ask(f"(() => {{ const diag = window.diag; return diag && ({expression}); }})()")):
-            if time.monotonic() > end:
-                state = self.ask("window.diag ? JSON.stringify(window.diag.state) : 'no page'")
-                raise AssertionError(f"waited {patience:g} s for {expression}: {state}; {self.said}")
-            self.page.wait_for_timeout(20)
-        return value
-
-    def cut_off(self, patience=PATIENCE):
-        """Texts of which a part can neither be seen nor be scrolled to, once the page is laid out."""
-        end = time.monotonic() + patience
-        while (found := self.ask(f"({CUT_OFF})()")) and time.monotonic() < end:
-            self.page.wait_for_timeout(50)
+        found, state = self.ask(
+            f"""async () => {{
+              const end = performance.now() + {1000.0 * timeout};
+              for (;;) {{
+                const diag = window.diag;
+                const value = diag && ({expression});
+                if (value) return [value, null];
+                if (performance.now() > end) return [null, diag ? JSON.stringify(diag.state) : "no page"];
+                await new Promise((again) => setTimeout(again, 20));
+              }}
+            }}"""
+        )
+        assert state is None, f"waited {timeout:g} s for {expression}: {state}; {self.said}"
         return found
 
-    def out_of_panels(self, patience=PATIENCE):
-        """Plots that reach out of their panels, and legends of more than two lines, once the page is laid out."""
-        end = time.monotonic() + patience
-        while (found := self.ask(f"({OUT_OF_PANELS})()")) and time.monotonic() < end:
-            self.page.wait_for_timeout(50)
-        return found
+    def cut_off(self):
+        """Return texts that can neither be seen whole nor be scrolled to, once the page is laid out."""
+        return self._once_empty(CUT_OFF)
 
-    def close(self):
-        """Close it."""
-        self._context.close()
+    def out_of_panels(self):
+        """Return plots that reach out of their panels, once the page is laid out."""
+        return self._once_empty(OUT_OF_PANELS)
+
+    def _once_empty(self, script):
+        return self.ask(
+            f"""async () => {{
+              const end = performance.now() + {1000.0 * TIMEOUT};
+              let found = [];
+              while ((found = ({script})()).length && performance.now() < end)
+                await new Promise((again) => setTimeout(again, 50));
+              return found;
+            }}"""
+        )
 
 
 OUT_OF_PANELS = """() => {
