@@ -1,15 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Many states at once: the numbers of single calls, whatever the number of threads, in bounded memory."""
+"""Many states at once: the numbers of single calls, on any number of threads, in bounded memory."""
 
-import dataclasses
 import os
-import signal
 import sys
 import threading
-import time
-import traceback
 import tracemalloc
 
 import numpy as np
@@ -17,39 +13,39 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics import batch
-from robots import TwoLinkArm, robot_path
+from diag_dynamics.results import NAMES
+from examples import shortened
+from robots import KINDS, SEVERAL, TwoLinkArm, random_tree, robot_path
 
-ROBOTS = {
-    "panda": ("panda_description/urdf/panda.urdf", {}),
-    "panda, free": ("panda_description/urdf/panda.urdf", {"mimic": "free"}),
-    "talos, floating": ("talos_data/robots/talos_full_v2.urdf", {"floating_base": True}),
+COUNT = 150
+"""States of a batch: several pieces for each thread."""
+
+MODELS = {
+    "panda": lambda: dd.load_robot("panda"),
+    "go2, floating": lambda: dd.load_robot("go2", floating_base=True),
+    "random tree": lambda: dd.load_urdf(random_tree(20, kinds=(*KINDS, *SEVERAL))),
 }
-ALWAYS = [
-    "nu",
-    "xi",
-    "coriolis",
-    "coriolis_unnormalized",
-    "gravity",
-    "articulated_inertia",
-    "articulated_inertia_rate",
-    "kinetic_energy",
-    "energy_share",
-    "base_energy",
-    "link_energy",
-]
-WITH_TAU = ["epsilon", "kappa", "nu_dot", "xi_dot", "power"]
+
+SUMS = ("kinetic_energy", "base_energy", "power", "effort_power")
+"""Results that are sums: a batch may add in another order."""
 
 
 @pytest.fixture(autouse=True)
 def small_pieces(monkeypatch):
-    """Threads share what one would do alone otherwise."""
+    """Let few states be enough for several threads."""
     monkeypatch.setattr(batch, "LEAST", 16)
 
 
-@pytest.fixture(scope="module", params=ROBOTS)
+def with_friction(model):
+    """Return the model with friction in each joint."""
+    entry = {"damping": 0.3, "friction": 1.5, "effort_offset": 0.1}
+    single = [name for name in model.joint_names if name in model.dof_names]
+    return model.with_parameters({"joints": dict.fromkeys(single, entry), "friction_velocity": 0.05})
+
+
+@pytest.fixture(scope="module", params=MODELS)
 def dyn(request):
-    path, options = ROBOTS[request.param]
-    return dd.DiagonalDynamics(dd.load_urdf(robot_path(path), **options))
+    return dd.DiagonalDynamics(with_friction(MODELS[request.param]()))
 
 
 @pytest.fixture(scope="module")
@@ -57,172 +53,102 @@ def two():
     return dd.DiagonalDynamics(dd.load_urdf(TwoLinkArm().urdf))
 
 
-def states(dyn, count, seed=0):
+def states(dyn, count=COUNT, seed=0):
+    """Return positions, rates, efforts and accelerations, a row for each state."""
     rng = np.random.default_rng(seed)
-    Q = np.tile(dyn.model.neutral, (count, 1))
-    Q[:, 7 * dyn.model.floating_base :] += rng.uniform(-1.0, 1.0, (count, dyn.model.nq - 7 * dyn.model.floating_base))
-    return Q, *rng.standard_normal((2, count, dyn.model.nv))
+    Q = np.array([dyn.model.random(rng) for _ in range(count)]).reshape(count, dyn.model.nq)
+    return Q, *rng.standard_normal((3, count, dyn.model.nv))
 
 
-def assert_same(many, singles, fields):
-    """To the last bit where the sweep wrote it, else but for the order of a sum."""
-    assert len(many) == len(singles)
-    for field in fields:
-        expected = np.array([getattr(s, field) for s in singles])
-        got = getattr(many, field)
-        assert got.shape == expected.shape, field
-        if field in ("kinetic_energy", "base_energy", "power"):
-            scale = [
-                max(s.kinetic_energy, np.abs(s.nu * (s.nu_dot if s.epsilon is not None else 0)).sum()) for s in singles
-            ]
-            assert (np.abs(got - expected) <= 1e-14 * len(singles[0].nu) * np.array(scale)).all(), field
-        else:
-            np.testing.assert_array_equal(got, expected, err_msg=field)
+def wrenches(dyn, count=COUNT):
+    """Return a wrench that is the same at all states, and another one for each state."""
+    rng = np.random.default_rng(3)
+    return {dyn.model.link_names[0]: rng.normal(size=6), dyn.model.link_names[-1]: rng.normal(size=(count, 6))}
+
+
+def wrenches_at(f_ext, t):
+    return {name: wrench if wrench.ndim == 1 else wrench[t] for name, wrench in f_ext.items()}
+
+
+# --- Numbers of single calls
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5, None])
-def test_batch_is_single_calls(dyn, threads):
-    Q, QD, TAU = states(dyn, 300)
-    batch = dyn.evaluate_batch(Q, QD, TAU, threads=threads)
-    singles = [dyn.evaluate(q, qd, tau) for q, qd, tau in zip(Q, QD, TAU, strict=True)]
-    assert_same(batch, singles, (*ALWAYS, *WITH_TAU))
-    assert batch.external is None and batch.friction is None
+@pytest.mark.parametrize("efforts", [False, True], ids=["without efforts", "with efforts"])
+def test_batch_equals_single_evaluations(dyn, threads, efforts):
+    Q, QD, *TAU = states(dyn)[: 2 + efforts]
+    many = dyn.evaluate_batch(Q, QD, *TAU, threads=threads, friction=True)
+    singles = [dyn.evaluate(*state, friction=True) for state in zip(Q, QD, *TAU, strict=True)]
+    for name in NAMES:
+        expected = [getattr(one, name) for one in singles]
+        found = getattr(many, name)
+        if expected[0] is None:
+            assert found is None, name
+        elif name in SUMS:
+            terms = [one.kinetic_energy + (np.abs(one.nu * one.nu_dot).sum() if efforts else 0.0) for one in singles]
+            assert (np.abs(found - expected) <= 1e-14 * dyn.model.nv * np.array(terms)).all(), name
+        else:
+            np.testing.assert_array_equal(found, expected, err_msg=name)
 
 
-def test_friction(dyn):
-    """ε_fric and all that holds it, as of single calls; with efforts or without."""
-    friction = np.linspace(1.0, 2.0, dyn.model.nv)
-    rubbing = dd.DiagonalDynamics(dataclasses.replace(dyn.model, friction=friction, damping=0.1 * friction))
-    Q, QD, TAU = states(dyn, 300)
-    QD[::2] *= 3e-3  # where friction turns round
-    batch = rubbing.evaluate_batch(Q, QD, TAU, threads=2, friction=True)
-    singles = [rubbing.evaluate(q, qd, tau, friction=True) for q, qd, tau in zip(Q, QD, TAU, strict=True)]
-    assert_same(batch, singles, ("friction", "nu_dot", "power"))
-    assert np.abs(batch.friction).max() > 1.0
-    assert np.array_equal(rubbing.evaluate_batch(Q, QD, friction=True).friction, batch.friction)
-    (streamed,) = rubbing.evaluate_stream(Q, QD, size=1000, friction=True)
-    assert np.array_equal(streamed.friction, batch.friction)
+@pytest.mark.parametrize("threads", [1, 2, None])
+def test_other_batches_equal_single_calls(dyn, threads):
+    Q, QD, TAU, QDD = states(dyn)
+    arguments = {
+        "mass_matrix": (Q,),
+        "bias": (Q, QD),
+        "gravity_torque": (Q,),
+        "forward_dynamics": (Q, QD, TAU),
+        "inverse_dynamics": (Q, QD, QDD),
+    }
+    sweeps = {"nu_from_qd": (Q, QD), "qd_from_nu": (Q, QD), "epsilon_from_tau": (Q, TAU), "tau_from_epsilon": (Q, TAU)}
+    for name, columns in (arguments | sweeps | {"friction_torque": (QD,)}).items():
+        expected = [getattr(dyn, name)(*state) for state in zip(*columns, strict=True)]
+        options = {"threads": threads} if name in arguments else {}
+        np.testing.assert_array_equal(getattr(dyn, f"{name}_batch")(*columns, **options), expected, err_msg=name)
 
 
-def test_without_efforts(dyn):
-    Q, QD, _ = states(dyn, 200)
-    batch = dyn.evaluate_batch(Q, QD)
-    assert_same(batch, [dyn.evaluate(q, qd) for q, qd in zip(Q, QD, strict=True)], ALWAYS)
-    assert all(getattr(batch, field) is None for field in WITH_TAU)
+@pytest.mark.parametrize("frame", ["link", "world"])
+def test_wrenches_and_friction(dyn, frame):
+    Q, QD, TAU, QDD = states(dyn)
+    f_ext, options = wrenches(dyn), {"frame": frame, "friction": True}
+    forward = dyn.forward_dynamics_batch(Q, QD, TAU, f_ext, **options)
+    inverse = dyn.inverse_dynamics_batch(Q, QD, QDD, f_ext, **options)
+    many = dyn.evaluate_batch(Q, QD, TAU, f_ext, **options)
+    for t in range(0, COUNT, 37):
+        wrench = wrenches_at(f_ext, t)
+        np.testing.assert_allclose(forward[t], dyn.forward_dynamics(Q[t], QD[t], TAU[t], wrench, **options), rtol=1e-11)
+        np.testing.assert_allclose(inverse[t], dyn.inverse_dynamics(Q[t], QD[t], QDD[t], wrench, **options), rtol=1e-11)
+        one = dyn.evaluate(Q[t], QD[t], TAU[t], wrench, **options)
+        for name in ("external", "friction", "nu_dot", "xi_dot", "power"):
+            np.testing.assert_allclose(getattr(many, name)[t], getattr(one, name), rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 63, 64, 129])
-def test_any_number_of_states(dyn, count):
-    Q, QD, TAU = states(dyn, count)
-    batch = dyn.evaluate_batch(Q, QD, TAU, threads=2)
-    assert batch.nu.shape == batch.energy_share.shape == (count, dyn.model.nv)
-    assert batch.kinetic_energy.shape == batch.power.shape == (count,)
-    assert batch.link_energy.shape == (count, len(dyn.model.link_names))
+def test_any_number_of_states(two, count):
+    """Batches shorter and longer than the registers and pieces of the kernels."""
+    Q, QD, TAU, _ = states(two, count)
+    many = two.evaluate_batch(Q, QD, TAU, threads=2)
+    assert len(many) == count and many.power.shape == (count,) and many.link_energy.shape == (count, 3)
     for t in range(count):
-        np.testing.assert_array_equal(batch.coriolis[t], dyn.evaluate(Q[t], QD[t], TAU[t]).coriolis)
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks here")
-@pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
-def test_a_fork_has_threads_of_its_own(two):
-    """It does not wait for those of its parent, which are not there."""
-    Q, QD, TAU = states(two, 300)
-    expected = two.evaluate_batch(Q, QD, TAU, threads=2).nu
-    child = os.fork()
-    if not child:
-        os._exit(not np.array_equal(two.evaluate_batch(Q, QD, TAU, threads=2).nu, expected))
-    assert os.waitpid(child, 0)[1] == 0
-
-
-LONG = 120.0
-"""How long anything may take [s]. Only a failing test waits so long."""
-
-
-def waits(thread, interrupted):
-    """Whether a thread waits for others, and how often that was interrupted and begun anew."""
-    names = [frame.f_code.co_name for frame, _ in traceback.walk_stack(sys._current_frames()[thread.ident])]
-    return names[0] == "wait" and names.count("_wait_for") >= interrupted
-
-
-def until(condition, meanwhile=lambda: None):
-    """Wait for a condition that nobody tells of, and do something again and again."""
-    deadline = time.monotonic() + LONG
-    while not condition():
-        assert time.monotonic() < deadline
-        meanwhile()
-        time.sleep(0.001)
-
-
-@pytest.mark.parametrize("signals", [1, 2])
-def test_no_thread_writes_after_a_ctrl_c(two, monkeypatch, signals):
-    """While the calling thread waits for the others: it goes on waiting, however often it is interrupted."""
-    Q, QD, TAU = states(two, 300)
-    out, evaluate_many = two.evaluate_batch(Q, QD, TAU, threads=2, out=two.new_batch(300)), batch.sweeps.evaluate_many
-    main, writing, shared, come = threading.main_thread(), *(threading.Event() for _ in range(3))
-    heard, ended = [], []
-
-    def interrupted(*_):
-        heard.append(True)
-        raise KeyboardInterrupt
-
-    def interrupt():
-        signal.pthread_kill(main.ident, signal.SIGINT)
-
-    def slow(*arguments):
-        if threading.current_thread() is main:
-            assert writing.wait(LONG)  # or there would be nothing left for the other one
-            done = evaluate_many(*arguments)
-            shared.set()
-            return done
-        writing.set()
-        assert shared.wait(LONG)
-        until(lambda: waits(main, 0))
-        for k in range(1, signals + 1):
-            until(
-                lambda k=k: len(heard) >= k, interrupt
-            )  # one that comes just before a thread begins to wait wakes nobody
-            until(lambda k=k: waits(main, k) or come.is_set())
-        done = evaluate_many(*arguments)
-        ended.append(come.is_set())
-        return done
-
-    monkeypatch.setattr(batch.sweeps, "evaluate_many", slow)
-    monkeypatch.setattr(batch, "PIECES", 1)
-    before = signal.signal(signal.SIGINT, interrupted)
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            two.evaluate_batch(Q, QD, TAU, threads=2, out=out)
-        come.set()
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert ended == [False]
-    assert np.isnan(out.nu).all()
-
-
-def test_arguments_of_any_kind(two):
-    Q, QD, TAU = states(two, 100)
-    expected = two.evaluate_batch(Q, QD, TAU).nu_dot
-    frozen = Q.copy()
-    frozen.flags.writeable = False
-    for other in (Q.tolist(), np.asfortranarray(Q), frozen, np.repeat(Q, 2, axis=0)[::2]):
-        np.testing.assert_array_equal(two.evaluate_batch(other, QD, TAU).nu_dot, expected)
-    whole = two.evaluate_batch(np.ones((3, 2), dtype=int), np.ones((3, 2), dtype=np.float32))
-    np.testing.assert_array_equal(whole.nu, [two.evaluate([1, 1], [1, 1]).nu] * 3)
+        np.testing.assert_array_equal(many.coriolis[t], two.evaluate(Q[t], QD[t], TAU[t]).coriolis)
+    assert two.forward_dynamics_batch(Q, QD, TAU).shape == (count, 2)
+    assert two.mass_matrix_batch(Q).shape == (count, 2, 2)
 
 
 @pytest.mark.parametrize("size", [1, 7, 100, 1000])
-def test_stream_is_the_batch(two, size):
-    Q, QD, TAU = states(two, 100)
+def test_stream_equals_batch(two, size):
+    Q, QD, TAU, _ = states(two, 100)
     pieces = list(two.evaluate_stream(Q, QD, TAU, size=size))
     assert [len(piece) for piece in pieces[:-1]] == [size] * (len(pieces) - 1)
-    np.testing.assert_array_equal(np.concatenate([p.coriolis for p in pieces]), two.evaluate_batch(Q, QD, TAU).coriolis)
+    found = np.concatenate([piece.coriolis for piece in pieces])
+    np.testing.assert_array_equal(found, two.evaluate_batch(Q, QD, TAU).coriolis)
     assert next(iter(two.evaluate_stream(Q, QD, size=size))).epsilon is None
 
 
-def test_stream_takes_bounded_memory(two, tmp_path):
-    """Twenty times the states, from files, take no more of it."""
+def test_stream_memory_does_not_grow_with_states(two, tmp_path):
     peaks = []
-    for count in (20_000, 400_000):
+    for count in (10_000, shortened(400_000, 100_000)):
         files = [np.lib.format.open_memmap(tmp_path / f"{name}_{count}.npy", "w+", shape=(count, 2)) for name in "ab"]
         Q, QD = (np.load(file.filename, mmap_mode="r") for file in files)
         tracemalloc.start()
@@ -233,44 +159,168 @@ def test_stream_takes_bounded_memory(two, tmp_path):
     assert peaks[1] < 1.1 * peaks[0] + 100_000
 
 
-@pytest.mark.parametrize("at", [0, 70, 199])
+# --- Arguments
+
+
+def test_arrays_of_any_layout(two):
+    Q, QD, TAU, _ = states(two, 100)
+    expected = two.evaluate_batch(Q, QD, TAU).nu_dot
+    read_only = Q.copy()
+    read_only.flags.writeable = False
+    for other in (Q.tolist(), np.asfortranarray(Q), read_only, np.repeat(Q, 2, axis=0)[::2]):
+        np.testing.assert_array_equal(two.evaluate_batch(other, QD, TAU).nu_dot, expected)
+    whole = two.evaluate_batch(np.ones((3, 2), dtype=int), np.ones((3, 2), dtype=np.float32))
+    np.testing.assert_array_equal(whole.nu, [two.evaluate([1, 1], [1, 1]).nu] * 3)
+
+
+@pytest.mark.parametrize("at", [0, 70, 149])
 @pytest.mark.parametrize(("which", "value"), [("q", np.nan), ("qd", np.inf), ("tau", -np.inf)])
-def test_first_failing_state_is_named(dyn, at, which, value):
-    arguments = dict(zip(("q", "qd", "tau"), states(dyn, 200), strict=True))
-    arguments[which][at, -1] = arguments[which][199, -1] = value
+def test_error_names_the_first_bad_state(dyn, at, which, value):
+    arguments = dict(zip(("q", "qd", "tau"), states(dyn), strict=False))
+    arguments[which][at, -1] = arguments[which][149, -1] = value
     name = (dyn.model.coordinate_names if which == "q" else dyn.model.dof_names)[-1]
-    with pytest.raises(dd.InputError) as caught:
-        dyn.evaluate_batch(*arguments.values(), threads=3)
-    assert str(caught.value) == f"state {at}: {which} of joint '{name}' is {value}, expected a finite number."
-    good = states(dyn, 3)
-    assert np.isfinite(dyn.evaluate_batch(*good).nu_dot).all()
+    for call in (dyn.evaluate_batch, dyn.forward_dynamics_batch):
+        with pytest.raises(dd.InputError) as caught:
+            call(*arguments.values(), threads=3)
+        assert str(caught.value).startswith(f"state {at}: {which} of joint '{name}' is {value}")
+    assert np.isfinite(dyn.evaluate_batch(*states(dyn, 3)[:3]).nu_dot).all()
 
 
-def test_singular_state_is_named():
+def test_error_names_the_singular_state():
     dyn = dd.DiagonalDynamics(dd.load_urdf(robot_path("icub_description/robots/icub.urdf"), mimic="free"))
-    Q, QD, _ = states(dyn, 130)
+    Q, QD, _, _ = states(dyn, 130)
     Q[100] = 0.0
-    with pytest.raises(dd.SingularMassMatrixError, match=r"^state 100: .*neck_roll") as caught:
+    with pytest.raises(dd.SingularMassMatrixError, match=r"^state 100:") as caught:
         dyn.evaluate_batch(Q, QD)
     assert caught.value.joint == "neck_roll"
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda d: d.evaluate_batch([0, 0], [[0, 0]]), "Q has shape (2,), expected (T, 2)"),
-        (lambda d: d.evaluate_batch([[0, 0, 0]], [[0, 0]]), "Q has shape (1, 3), expected (T, 2)"),
-        (lambda d: d.evaluate_batch([[0, 0]], [[0, 0]] * 2), "QD has shape (2, 2), expected (1, 2)"),
-        (lambda d: d.evaluate_batch([[0, 0]], [[0, 0]], [0, 0]), "TAU has shape (2,), expected (1, 2)"),
-        (lambda d: d.evaluate_batch([[0, 0], [1]], [[0, 0]]), "Q is not an array of numbers"),
-        (lambda d: d.evaluate_batch([["a", "b"]], [[0, 0]]), "Q is not an array of numbers: it has dtype"),
-        (lambda d: d.evaluate_batch([[0, 0]], [[0, 0]], threads=0), "threads is 0, expected a whole number >= 1."),
-        (lambda d: d.evaluate_batch([[0, 0]], [[0, 0]], threads=1.5), "threads is 1.5, expected a whole number >= 1."),
-        (lambda d: list(d.evaluate_stream([[0, 0]], [[0, 0]], size=0)), "size is 0, expected a whole number >= 1."),
-        (lambda d: list(d.evaluate_stream([[0, 0]], [])), "QD has 0 states, expected as many as Q, 1."),
-    ],
-)
-def test_wrong_arguments_are_named(two, call, message):
+STATE = [[0.0, 0.0]]
+NAN, LARGE = [[0.0, np.nan]], {"lower": np.full(6, 1.7e308)}
+
+WRONG = {
+    "one state": (lambda d: d.evaluate_batch([0, 0], STATE), "Q has shape (2,), expected (T, 2)"),
+    "columns": (lambda d: d.evaluate_batch([[0, 0, 0]], STATE), "Q has shape (1, 3), expected (T, 2)"),
+    "rates": (lambda d: d.evaluate_batch(STATE, STATE * 2), "QD has shape (2, 2), expected (1, 2)"),
+    "efforts": (lambda d: d.evaluate_batch(STATE, STATE, [0, 0]), "TAU has shape (2,), expected (1, 2)"),
+    "efforts of forward dynamics": (lambda d: d.forward_dynamics_batch(STATE, STATE, STATE * 2), "TAU has shape"),
+    "ragged": (lambda d: d.evaluate_batch([[0, 0], [1]], STATE), "Q is not an array of numbers"),
+    "text": (lambda d: d.evaluate_batch([["a", "b"]], STATE), "Q is not an array of numbers"),
+    "no threads": (lambda d: d.evaluate_batch(STATE, STATE, threads=0), "threads is 0"),
+    "half a thread": (lambda d: d.bias_batch(STATE, STATE, threads=1.5), "threads is 1.5"),
+    "stream of nothing": (lambda d: list(d.evaluate_stream(STATE, STATE, size=0)), "size is 0"),
+    "stream without rates": (lambda d: list(d.evaluate_stream(STATE, [])), "QD has 0 states"),
+    "link": (lambda d: d.forward_dynamics_batch(STATE, STATE, STATE, {"tip": np.zeros(6)}), "'tip' is not a link"),
+    "wrenches": (lambda d: d.evaluate_batch(STATE, STATE, STATE, {"lower": np.zeros((3, 6))}), "(1, 6)"),
+    "rates of bias": (lambda d: d.bias_batch(STATE, NAN), "state 0: qd of joint 'elbow'"),
+    "rates of friction": (lambda d: d.friction_torque_batch(NAN), "state 0: qd of joint 'elbow'"),
+    "inverse dynamics": (lambda d: d.inverse_dynamics_batch(STATE, NAN, STATE), "state 0: qd of joint 'elbow'"),
+    "large wrench": (lambda d: d.evaluate_batch(STATE, STATE, STATE, LARGE), "f_ext is too large"),
+    "large wrench, inverse": (lambda d: d.inverse_dynamics_batch(STATE, STATE, STATE, LARGE), "state 0:"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_arguments(two, case):
+    call, key = WRONG[case]
     with pytest.raises(dd.InputError) as caught:
         call(two)
-    assert message in str(caught.value)
+    assert key in str(caught.value)
+
+
+# --- Threads
+
+
+@pytest.mark.parametrize("interrupts", [1, 2])
+def test_no_thread_writes_after_ctrl_c(two, monkeypatch, interrupts):
+    """The calling thread waits for its helpers, even if Ctrl-C interrupts that wait."""
+    Q, QD, TAU, _ = states(two, 300)
+    out = two.evaluate_batch(Q, QD, TAU, out=two.new_batch(300))
+    evaluate_many, wait, main = batch.sweeps.evaluate_many, batch.wait, threading.current_thread()
+    helper_began, may_end, ended = threading.Event(), threading.Event(), []
+    waits = []
+
+    def evaluate(*arguments):
+        if threading.current_thread() is main:
+            assert helper_began.wait(10.0)
+            raise KeyboardInterrupt
+        helper_began.set()
+        assert may_end.wait(10.0)
+        ended.append(evaluate_many(*arguments))
+        return ended[-1]
+
+    def wait_for(helpers):
+        waits.append(helpers)
+        if len(waits) < interrupts:
+            raise KeyboardInterrupt
+        may_end.set()
+        return wait(helpers)
+
+    monkeypatch.setattr(batch, "PIECES", 1)
+    monkeypatch.setattr(batch, "wait", wait_for)
+    monkeypatch.setattr(batch.sweeps, "evaluate_many", evaluate)
+    with pytest.raises(KeyboardInterrupt):
+        two.evaluate_batch(Q, QD, TAU, threads=2, out=out)
+    assert len(ended) == 1 and len(waits) == interrupts
+    assert np.isnan(out.nu).all()
+
+
+@pytest.mark.full  # forks the process of the test
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
+def test_forked_process_has_threads_of_its_own(two):
+    Q, QD, TAU, _ = states(two, 300)
+    expected = two.evaluate_batch(Q, QD, TAU, threads=2).nu
+    child = os.fork()
+    if not child:
+        os._exit(not np.array_equal(two.evaluate_batch(Q, QD, TAU, threads=2).nu, expected))
+    assert os.waitpid(child, 0)[1] == 0
+
+
+@pytest.fixture
+def frequent_switches():
+    """Let threads take turns as often as Python can."""
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    yield
+    sys.setswitchinterval(interval)
+
+
+METHODS = {
+    "evaluate": lambda d, q, v, t: d.evaluate(q, v, t).rows[:9],
+    "evaluate with all": lambda d, q, v, t: d.evaluate(q, v, t, {"panda_hand": t[:6]}, friction=True).nu_dot,
+    "evaluate of lists": lambda d, q, v, t: d.evaluate(q.tolist(), v.tolist(), t.tolist()).rows[:9],
+    "forward_dynamics": lambda d, q, v, t: d.forward_dynamics(q, v, t, {"panda_hand": t[:6]}, friction=True),
+    "inverse_dynamics": lambda d, q, v, t: d.inverse_dynamics(q, v, t, {"panda_hand": t[:6]}, friction=True),
+    "mass_matrix": lambda d, q, v, t: d.mass_matrix(q),
+    "mass_matrix_rate": lambda d, q, v, t: d.mass_matrix_rate(q, v),
+    "coriolis_product": lambda d, q, v, t: d.coriolis_product(q, v, t),
+    "factors": lambda d, q, v, t: d.factors(q).l,
+    "nu_from_qd": lambda d, q, v, t: d.nu_from_qd(q.tolist(), v),
+    "jacobian": lambda d, q, v, t: d.jacobian(q, "panda_hand", frame="world"),
+    "link_acceleration": lambda d, q, v, t: d.link_acceleration(q, v, t, "panda_hand"),
+    "wrench_factor": lambda d, q, v, t: d.wrench_factor(q, "panda_hand"),
+    "forward_dynamics_batch": lambda d, q, v, t: d.forward_dynamics_batch(q[None], v[None], t[None]),
+}
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_threads_share_one_dynamics(name, frequent_switches):
+    """Two threads that call at once get the bits that each gets alone."""
+    dyn, method = dd.DiagonalDynamics(with_friction(dd.load_robot("panda", mimic="free"))), METHODS[name]
+    two_states = list(zip(*states(dyn, 2)[:3], strict=True))
+    expected = [method(dyn, *state) for state in two_states]
+    wrong, ready = [], threading.Barrier(2)
+
+    def work(k):
+        ready.wait()
+        for _ in range(shortened(1500, 300)):
+            if not (method(dyn, *two_states[k]) == expected[k]).all():
+                wrong.append(k)
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong

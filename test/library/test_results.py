@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Results: plain and read-only, or written again and again where the caller asks for that."""
+"""Results: read-only and permanent, or written again where the caller passes `out`; batches as sequences and tables."""
 
 import copy
 import pickle
@@ -12,45 +12,43 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.results import NAMES
-from robots import TwoLinkArm, robot_path
+from robots import TwoLinkArm
 
-ROBOTS = {
-    "panda": ("panda_description/urdf/panda.urdf", {}),
-    "go2, floating": ("go2_description/urdf/go2.urdf", {"floating_base": True}),
+COUNT = 20
+"""States of a batch."""
+
+MODELS = {
+    "panda": lambda: dd.load_robot("panda"),
+    "go2, floating": lambda: dd.load_robot("go2", floating_base=True),
 }
 
+COPIES = {"copy": copy.copy, "deepcopy": copy.deepcopy, "pickle": lambda value: pickle.loads(pickle.dumps(value))}
 
-@pytest.fixture(scope="module", params=ROBOTS)
+
+@pytest.fixture(scope="module", params=MODELS)
 def dyn(request):
-    path, options = ROBOTS[request.param]
-    return dd.DiagonalDynamics(dd.load_urdf(robot_path(path), **options))
-
-
-@pytest.fixture(scope="module")
-def two():
-    return dd.DiagonalDynamics(dd.load_urdf(TwoLinkArm().urdf))
+    return dd.DiagonalDynamics(MODELS[request.param]())
 
 
 def state(dyn, seed=0):
     return dyn.model.neutral, *np.random.default_rng(seed).standard_normal((2, dyn.model.nv))
 
 
-def states(dyn, count, seed=0):
-    rows = [state(dyn, seed + t) for t in range(count)]
-    return [np.array(column) for column in zip(*rows, strict=True)]
+def states(dyn, count=COUNT):
+    return [np.array(column) for column in zip(*(state(dyn, seed) for seed in range(count)), strict=True)]
 
 
-def made(dyn):
-    """Return one of every kind of result."""
+def every_kind(dyn):
+    """Return one result of each kind."""
     more = {"f_ext": {dyn.model.link_names[-1]: np.ones(6)}, "friction": True}
     q, qd, tau = state(dyn)
     return {
-        "plain": dyn.evaluate(q, qd, tau),
-        "everything": dyn.evaluate(q, qd, tau, **more),
+        "new": dyn.evaluate(q, qd, tau),
+        "new, with all": dyn.evaluate(q, qd, tau, **more),
         "reused": dyn.evaluate(q, qd, tau, out=dyn.new_evaluation()),
-        "reused, everything": dyn.evaluate(q, qd, tau, out=dyn.new_evaluation(), **more),
-        "batch": dyn.evaluate_batch(*states(dyn, 5), friction=True),
-        "reused batch": dyn.evaluate_batch(*states(dyn, 5), out=dyn.new_batch(5)),
+        "reused, with all": dyn.evaluate(q, qd, tau, out=dyn.new_evaluation(), **more),
+        "batch": dyn.evaluate_batch(*states(dyn), **more),
+        "reused batch": dyn.evaluate_batch(*states(dyn), out=dyn.new_batch(COUNT)),
     }
 
 
@@ -59,181 +57,216 @@ def assert_equal(one, other):
         np.testing.assert_array_equal(getattr(one, name), value, err_msg=name)
 
 
-def test_a_write_raises(dyn):
-    for kind, s in made(dyn).items():
+# --- Read-only values
+
+
+def test_results_are_read_only(dyn):
+    for kind, result in every_kind(dyn).items():
         for name in NAMES:
             with pytest.raises(AttributeError):
-                setattr(s, name, 1.0)
-            value = getattr(s, name)
+                setattr(result, name, 1.0)
+            value = getattr(result, name)
             if isinstance(value, np.ndarray):
-                with pytest.raises(ValueError, match="read-only"):
-                    value[...] = 1.0
                 assert not value.flags.writeable, (kind, name)
         with pytest.raises(AttributeError):
-            s.something_new = 1.0
+            result.something_new = 1.0
+    factors = dyn.factors(dyn.model.neutral)
+    assert not any(array.flags.writeable for array in factors)
+    assert factors.to_dict()["unit"] is factors.unit
 
 
 def test_repr_and_dict(dyn):
-    for s in made(dyn).values():
-        found = s.to_dict()
-        assert tuple(found) == NAMES
-        text = repr(s)
-        assert text.startswith(f"{type(s).__name__}(")
-        for name, value in found.items():
-            assert f"{name}=" in text
-            np.testing.assert_array_equal(value, getattr(s, name))
-        if isinstance(s.kinetic_energy, float):
-            assert f"kinetic_energy={s.kinetic_energy}," in text
-    f = dyn.factors(dyn.model.neutral)
-    assert f.to_dict()["unit"] is f.unit
+    for result in every_kind(dyn).values():
+        values, text = result.to_dict(), repr(result)
+        assert tuple(values) == NAMES
+        assert text.startswith(f"{type(result).__name__}(") and all(f"{name}=" in text for name in values)
+        for name, value in values.items():
+            np.testing.assert_array_equal(value, getattr(result, name))
 
 
-def test_reused_is_the_same(dyn):
-    """Whatever was in it before: with efforts and without, with wrenches, after an error."""
-    out, batch = dyn.new_evaluation(), dyn.new_batch(4)
+@pytest.mark.parametrize("way", COPIES)
+def test_copies_are_permanent(dyn, way):
+    for result in every_kind(dyn).values():
+        twin = COPIES[way](result)
+        assert type(twin) is type(result) and not twin.nu.flags.writeable
+        assert_equal(twin, result)
+    q, qd, tau = state(dyn)
+    with pytest.raises(dd.InputError, match=r"^out "):
+        dyn.evaluate(q, qd, tau, out=copy.copy(dyn.evaluate(q, qd, tau, out=dyn.new_evaluation())))
+    with pytest.raises(dd.InputError, match=r"^out "):
+        dyn.evaluate_batch(*states(dyn), out=copy.copy(dyn.evaluate_batch(*states(dyn), out=dyn.new_batch(COUNT))))
+
+
+# --- Results that are written again
+
+
+def test_out_equals_a_new_result(dyn):
+    """Whatever was in it before; NaN after an error."""
+    out, batch = dyn.new_evaluation(), dyn.new_batch(COUNT)
     assert np.isnan(out.nu).all() and np.isnan(out.kinetic_energy) and np.isnan(batch.nu).all()
     q, qd, tau = state(dyn)
     wrench = {dyn.model.link_names[-1]: np.ones(6)}
     for arguments in ((q, qd, tau), (q, qd), (q, qd, tau, wrench), (q.tolist(), qd, tau), (q, -qd, tau)):
         assert dyn.evaluate(*arguments, out=out) is out
         assert_equal(out, dyn.evaluate(*arguments))
-    Q, QD, TAU = states(dyn, 4)
+    Q, QD, TAU = states(dyn)
     for arguments in ((Q, QD, TAU), (Q, QD), (Q, -QD, TAU)):
         assert dyn.evaluate_batch(*arguments, out=batch) is batch
         assert_equal(batch, dyn.evaluate_batch(*arguments))
-    with pytest.raises(dd.InputError, match="is nan"):
-        dyn.evaluate(q, np.full_like(qd, np.nan), tau, out=out)
-    assert np.isnan(out.nu).all() and np.isnan(out.kinetic_energy)
     dyn.evaluate(q, qd, tau, wrench, friction=True, out=out)
     with pytest.raises(dd.InputError, match="is nan"):
         dyn.evaluate(q, np.full_like(qd, np.nan), tau, out=out)
+    assert np.isnan(out.nu).all() and np.isnan(out.kinetic_energy)
     assert out.external is None and out.friction is None
     QD[2, 0] = np.inf
     with pytest.raises(dd.InputError, match="state 2"):
         dyn.evaluate_batch(Q, QD, TAU, out=batch)
     assert np.isnan(batch.nu).all()
-    dyn.evaluate(q, qd, tau, out=out)
-    assert_equal(out, dyn.evaluate(q, qd, tau))
+    other = dd.DiagonalDynamics(dyn.model)
+    assert_equal(other.evaluate(q, qd, tau, out=out), dyn.evaluate(q, qd, tau))
 
 
-def test_arrays_read_before_show_the_new_results(dyn):
-    """And never those of another `out`, of a plain result, or of a copy."""
+def test_arrays_of_out_show_the_new_values(dyn):
+    """Arrays of another `out`, of a new result and of a copy do not change."""
     q, qd, tau = state(dyn)
-    out, other, stays = dyn.new_evaluation(), dyn.new_evaluation(), dyn.evaluate(q, qd, tau)
+    out, other, new = dyn.new_evaluation(), dyn.new_evaluation(), dyn.evaluate(q, qd, tau)
     nu = dyn.evaluate(q, qd, tau, out=out).nu
     dyn.evaluate(q, qd, tau, out=other)
-    kept, said = copy.copy(out), stays.to_dict()
+    copied, before = copy.copy(out), new.to_dict()
     dyn.evaluate(q, 2.0 * qd, tau, out=out)
     assert np.shares_memory(nu, out.nu)
-    np.testing.assert_allclose(nu, 2.0 * stays.nu)
-    for s in (other, kept, stays):
-        assert_equal(s, stays)
-        np.testing.assert_array_equal(s.nu, said["nu"])
-        assert not np.shares_memory(s.nu, nu)
+    np.testing.assert_allclose(nu, 2.0 * new.nu)
+    for result in (other, copied, new):
+        assert_equal(result, new)
+        np.testing.assert_array_equal(result.nu, before["nu"])
+        assert not np.shares_memory(result.nu, nu)
 
 
-@pytest.mark.parametrize("way", [copy.copy, copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))])
-def test_copies_stay(dyn, way):
-    for s in made(dyn).values():
-        twin = way(s)
-        assert type(twin) is type(s)
-        assert_equal(twin, s)
-        assert not twin.nu.flags.writeable
-        with pytest.raises(dd.InputError, match="stays as it is"):
-            evaluate = dyn.evaluate_batch if isinstance(s, dd.BatchEvaluation) else dyn.evaluate
-            rows = states(dyn, 5) if isinstance(s, dd.BatchEvaluation) else state(dyn)
-            evaluate(*rows, out=twin if twin._model is dyn.model else s.__reduce__()[0](*s.__reduce__()[1]))
+TWO = dd.DiagonalDynamics(dd.load_urdf(TwoLinkArm().urdf))
 
 
-def test_wrong_out_is_named(dyn, two):
-    q, qd, _ = state(dyn)
-    other = dd.DiagonalDynamics(dyn.model.with_gravity((0.0, 0.0, -1.62)))
-    Q, QD, TAU = states(dyn, 3)
-    calls = {
-        "out is of robot 'two_link_arm' \\(2 dof\\), expected '": lambda: dyn.evaluate(q, qd, out=two.new_evaluation()),
-        "\\(another model\\), expected": lambda: dyn.evaluate(q, qd, out=other.new_evaluation()),
-        "stays as it is": lambda: dyn.evaluate(q, qd, out=dyn.evaluate(q, qd)),
-        "out is of type ndarray": lambda: dyn.evaluate(q, qd, out=np.zeros((14, 9))),
-        "expected what new_batch\\(T\\)": lambda: dyn.evaluate_batch(Q, QD, TAU, out=dyn.new_evaluation()),
-        "out has room for 4 states, expected 3": lambda: dyn.evaluate_batch(Q, QD, TAU, out=dyn.new_batch(4)),
-        "count is -1": lambda: dyn.new_batch(-1),
-    }
-    for message, call in calls.items():
-        with pytest.raises(dd.InputError, match=message):
-            call()
+def on_the_moon(dyn):
+    return dd.DiagonalDynamics(dyn.model.with_gravity((0.0, 0.0, -1.62)))
 
 
-def test_another_dynamics_of_the_model_may_write(dyn):
-    q, qd, tau = state(dyn)
-    out = dyn.new_evaluation()
-    assert_equal(dd.DiagonalDynamics(dyn.model).evaluate(q, qd, tau, out=out), dyn.evaluate(q, qd, tau))
+WRONG_OUT = {
+    "another robot": (lambda d, x: d.evaluate(*x, out=TWO.new_evaluation()), "'two_link_arm'"),
+    "another model": (lambda d, x: d.evaluate(*x, out=on_the_moon(d).new_evaluation()), "another model"),
+    "a permanent result": (lambda d, x: d.evaluate(*x, out=d.evaluate(*x)), "out "),
+    "an array": (lambda d, x: d.evaluate(*x, out=np.zeros((14, 9))), "ndarray"),
+    "no batch": (lambda d, x: d.evaluate_batch(*np.array([x]).swapaxes(0, 1), out=d.new_evaluation()), "new_batch"),
+    "of four": (lambda d, x: d.evaluate_batch(*np.array([x]).swapaxes(0, 1), out=d.new_batch(4)), "4 states"),
+    "of none": (lambda d, x: d.new_batch(-1), "count is -1"),
+}
 
 
-def test_results_are_arguments(dyn):
-    """Compiled code takes what is read-only as it takes anything else."""
-    q, qd, tau = state(dyn)
-    s = dyn.evaluate(q, qd, tau)
-    np.testing.assert_array_equal(dyn.qd_from_nu(q, s.nu), dyn.qd_from_nu(q, s.nu.copy()))
-    np.testing.assert_array_equal(dyn.evaluate(q, s.xi, s.kappa).nu, dyn.evaluate(q, s.xi.copy(), s.kappa.copy()).nu)
-    Q, QD, TAU = states(dyn, 20)
-    b = dyn.evaluate_batch(Q, QD, TAU)
-    np.testing.assert_array_equal(dyn.evaluate_batch(Q, b.xi).nu, dyn.evaluate_batch(Q, b.xi.copy()).nu)
+@pytest.mark.parametrize("case", WRONG_OUT)
+def test_wrong_out(case):
+    call, key = WRONG_OUT[case]
+    dyn = dd.DiagonalDynamics(dd.load_robot("ur5"))
+    with pytest.raises(dd.InputError) as caught:
+        call(dyn, np.zeros((2, 6)))
+    assert key in str(caught.value)
 
 
-def test_results_are_arguments_of_what_overwrites_them(dyn):
-    """Whichever argument, whole or in part, with what else there is to evaluate; in a batch, too."""
+def test_results_are_arguments_of_the_call_that_overwrites_them(dyn):
+    """Kernels read an argument completely before they write `out`; read-only arrays are arguments, too."""
     q, qd, tau = state(dyn)
     wrench = {dyn.model.link_names[-1]: np.ones(6)}
     nq = dyn.model.nq
-    of_state = {
+    of_one = {
         "rates": lambda s: (q, s.nu, tau),
         "efforts": lambda s: (q, qd, s.kappa),
         "positions": lambda s: (s.rows[-2, :nq], qd, tau),
+        "wrenches": lambda s: (q, qd, tau, {dyn.model.link_names[-1]: s.kappa[:6]}),
         "all": lambda s: (s.rows[-2, :nq], s.nu, s.kappa, wrench),
     }
-    for what, arguments in of_state.items():
+    for case, arguments in of_one.items():
         out, apart = dyn.evaluate(q, qd, tau, out=dyn.new_evaluation()), dyn.evaluate(q, qd, tau)
-        expected = dyn.evaluate(*arguments(apart), friction=what == "all")
-        assert_equal(dyn.evaluate(*arguments(out), friction=what == "all", out=out), expected)
-    Q, QD, TAU = states(dyn, 20)
-    for arguments in (lambda b: (Q, b.nu, TAU), lambda b: (Q, QD, b.kappa), lambda b: (Q, b.xi[::-1])):
-        out, apart = dyn.evaluate_batch(Q, QD, TAU, out=dyn.new_batch(20)), dyn.evaluate_batch(Q, QD, TAU)
+        expected = dyn.evaluate(*arguments(apart), friction=case == "all")
+        assert_equal(dyn.evaluate(*arguments(out), friction=case == "all", out=out), expected)
+    Q, QD, TAU = states(dyn)
+    of_many = {
+        "rates": lambda b: (Q, b.nu, TAU),
+        "efforts": lambda b: (Q, QD, b.kappa),
+        "rates in reverse": lambda b: (Q, b.xi[::-1]),
+        "wrenches": lambda b: (Q, QD, TAU, {dyn.model.link_names[-1]: b.kappa[:, :6]}),
+    }
+    for arguments in of_many.values():
+        out, apart = dyn.evaluate_batch(Q, QD, TAU, out=dyn.new_batch(COUNT)), dyn.evaluate_batch(Q, QD, TAU)
         expected = dyn.evaluate_batch(*arguments(apart), friction=True)
         assert_equal(dyn.evaluate_batch(*arguments(out), friction=True, out=out), expected)
 
 
-def test_loops_allocate_nothing(two):
-    """Not a byte is traced while one `out` is written, whatever the number of calls."""
-    q, qd, tau = state(two)
-    out, batch, (Q, QD, TAU) = two.new_evaluation(), two.new_batch(2000), states(two, 2000)
+def test_loops_with_out_allocate_nothing():
+    """The traced memory does not grow with the number of calls."""
+    (q, qd, tau), (Q, QD, TAU) = state(TWO), states(TWO, 2000)
+    out, batch = TWO.new_evaluation(), TWO.new_batch(2000)
     for count in (10, 1000):  # the first calls make a workspace
         tracemalloc.start()
         for _ in range(count):
-            two.evaluate(q, qd, tau, out=out)
+            TWO.evaluate(q, qd, tau, out=out)
         single = tracemalloc.get_traced_memory()[1]
         tracemalloc.reset_peak()
         for _ in range(count // 10):
-            two.evaluate_batch(Q, QD, TAU, threads=1, out=batch)
+            TWO.evaluate_batch(Q, QD, TAU, threads=1, out=batch)
         many = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
     assert single < 2000
     assert many < 20_000  # of 400 kB that a batch takes
 
 
-def test_robot_that_cannot_move():
+# --- Batches as sequences and tables
+
+
+def test_indices_and_slices(dyn):
+    batch = every_kind(dyn)["batch"]
+    for t in (0, 5, -1):
+        one = batch[t]
+        assert type(one) is dd.Evaluation and not one.nu.flags.writeable
+        for name in NAMES:
+            np.testing.assert_allclose(getattr(one, name), getattr(batch, name)[t], rtol=1e-12, atol=1e-300)
+    for index in (slice(10, 19, 3), slice(3), slice(3, 3)):
+        part = batch[index]
+        assert type(part) is dd.BatchEvaluation and len(part) == len(range(COUNT)[index])
+        assert not part.nu.flags.writeable
+        for name in NAMES:
+            np.testing.assert_array_equal(getattr(part, name), getattr(batch, name)[index])
+    assert [one.kinetic_energy for one in batch] == list(batch.kinetic_energy)
+    with pytest.raises(IndexError, match=f"batch of {COUNT}"):
+        batch[COUNT]
+    with pytest.raises(dd.InputError, match="'nu'"):
+        batch["nu"]
+
+
+def test_slice_of_a_reused_batch_is_permanent(dyn):
+    Q, QD, TAU = states(dyn)
+    out = dyn.evaluate_batch(Q, QD, TAU, friction=True, out=dyn.new_batch(COUNT))
+    part, expected = out[:7], dyn.evaluate_batch(Q[:7], QD[:7], TAU[:7], friction=True)
+    dyn.evaluate_batch(Q[::-1], 2 * QD, TAU, friction=True, out=out)
+    for name in NAMES:
+        if getattr(expected, name) is not None:
+            np.testing.assert_allclose(getattr(part, name), getattr(expected, name), rtol=1e-12, atol=1e-300)
+
+
+def test_frames(dyn):
+    pandas = pytest.importorskip("pandas", reason="pandas is not installed")
+    batch = every_kind(dyn)["batch"]
+    frame, table = batch[0].to_frame(), batch.to_frame()
+    assert list(frame.index) == list(dyn.model.dof_names) and "external" in frame
+    np.testing.assert_array_equal(frame["nu"], batch.nu[0])
+    assert isinstance(table, pandas.DataFrame) and len(table) == COUNT
+    np.testing.assert_array_equal(table["nu", dyn.model.dof_names[-1]], batch.nu[:, -1])
+    np.testing.assert_array_equal(table["kinetic_energy", ""], batch.kinetic_energy)
+    np.testing.assert_array_equal(table["link_energy"], batch.link_energy)
+    assert "epsilon" not in dyn.evaluate(*state(dyn)[:2]).to_frame()
+
+
+def test_robot_without_joints():
     dyn = dd.DiagonalDynamics(dd.load_urdf('<robot name="still"><link name="base"/></robot>'))
-    for s in (dyn.evaluate([], []), dyn.evaluate([], [], out=dyn.new_evaluation())):
-        assert s.kinetic_energy == 0.0 and s.nu.shape == (0,)
+    for result in (dyn.evaluate([], [], []), dyn.evaluate([], [], out=dyn.new_evaluation())):
+        assert result.kinetic_energy == 0.0 and result.nu.shape == (0,) and result.link_energy.tolist() == [0.0]
     many = dyn.evaluate_batch(np.zeros((3, 0)), np.zeros((3, 0)))
     assert many.kinetic_energy.tolist() == [0.0] * 3 and many.nu.shape == (3, 0)
-
-
-def test_factors_are_read_only():
-    """As all results: a write raises, and the next call gives the same."""
-    dyn = dd.DiagonalDynamics(dd.load_robot("ur5"))
-    q = dyn.model.random(1)
-    f = dyn.factors(q)
-    for array in f:
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 1.0
-    assert all((a == b).all() for a, b in zip(f, dyn.factors(q.tolist()), strict=True))
+    assert dyn.factors([]).m.shape == dyn.mass_matrix([]).shape == (0, 0)
+    assert dyn.forward_dynamics([], [], []).shape == (0,)

@@ -1,0 +1,283 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A model is immutable: payloads, gravity, locks and parameters give a new one; the old one keeps every byte."""
+
+import copy
+import ctypes
+import gc
+import pickle
+
+import numpy as np
+import pytest
+
+import diag_dynamics as dd
+import robots
+from accuracy import assert_close, norm, tolerance
+from diag_dynamics import sweeps
+from oracles import Oracle
+
+PANDA = "panda_description/urdf/panda.urdf"
+PAYLOAD = {"mass": 2.0, "com": (0.05, -0.02, 0.1), "inertia": np.diag([0.02, 0.03, 0.04])}
+COPIES = {"copy": copy.copy, "deepcopy": copy.deepcopy, "pickle": lambda value: pickle.loads(pickle.dumps(value))}
+
+
+def load(**options):
+    return dd.load_urdf(robots.robot_path(PANDA), mimic="free", **options)
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return load()
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["fixed", "floating"])
+def with_all(request):
+    """Return a model with one of each option."""
+    return load(
+        floating_base=request.param,
+        gravity=(1.0, 2.0, 3.0),
+        locked_joints={"panda_joint3": 0.4},
+        armature={"panda_joint1": 0.3},
+        payloads={"panda_hand": (1.5, (0.0, 0.0, 0.1)), "panda_link2": tuple(PAYLOAD.values())},
+    )
+
+
+def fields(model) -> dict:
+    """Return every public field as something that can be compared: arrays as their bytes."""
+    found = {}
+    for name, value in vars(model).items():
+        if isinstance(value, np.ndarray):
+            found[name] = (value.dtype.descr, value.shape, value.tobytes())
+        elif name == "payloads":
+            found[name] = {link: [np.array(part).tobytes() for part in payload] for link, payload in value.items()}
+        elif not name.startswith("_"):
+            found[name] = dict(value) if name == "locked_joints" else value
+    return found
+
+
+def answers(model) -> list[bytes]:
+    """Return the results at one state, to the bit."""
+    dyn = dd.DiagonalDynamics(model)
+    qd, tau = np.random.default_rng(3).standard_normal((2, model.nv))
+    q = model.neutral + 0.2 * np.array([not name.startswith("root_joint/q") for name in model.coordinate_names])
+    s = dyn.evaluate(q, qd, tau, friction=True)
+    parts = (s.nu, s.xi, s.epsilon, s.coriolis, s.gravity, s.friction, s.link_energy, dyn.factors(q).m)
+    return [part.tobytes() for part in parts]
+
+
+def assert_same(one, other):
+    assert fields(one) == fields(other)
+    assert answers(one) == answers(other)
+
+
+CHANGES = {
+    "gravity": lambda model: model.with_gravity((0.0, 1.0, -1.62)),
+    "payload": lambda model: model.with_payload("panda_link5", **PAYLOAD),
+    "payload removed": lambda model: model.without_payload("panda_hand"),
+    "lock": lambda model: model.with_locked_joints({"panda_joint2": 0.3, "panda_joint5": -1.0}),
+    "release": lambda model: model.with_locked_joints({}),
+    "parameters": lambda model: model.with_parameters(
+        {"joints": {"panda_joint4": {"damping": 3.0, "effort_offset": 0.1, "armature": 0.2}}}
+    ),
+}
+
+LIMITS = ("lower", "upper", "velocity_limit", "effort_limit", "damping", "friction", "effort_offset")
+ARRAYS = ("gravity", *LIMITS, "bodies", "links")
+
+SHARED = {
+    "gravity": ARRAYS[1:],
+    "payload": ("gravity", *LIMITS),
+    "payload removed": ("gravity", *LIMITS),
+    "lock": ("gravity",),
+    "release": ("gravity",),
+    "parameters": ("gravity",),
+}
+"""Arrays that both models have after a change."""
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_change_gives_a_new_model(with_all, change):
+    fields_before, answers_before = fields(with_all), answers(with_all)
+    new = CHANGES[change](with_all)
+    assert fields(new) != fields_before and answers(new) != answers_before
+    assert fields(with_all) == fields_before and answers(with_all) == answers_before
+    for name in SHARED[change]:
+        assert getattr(new, name) is getattr(with_all, name), name
+
+
+@pytest.mark.parametrize("change", ["none", *CHANGES, "pickle", "deepcopy"])
+def test_arrays_are_read_only(with_all, change):
+    model = (CHANGES | COPIES | {"none": lambda model: model})[change](with_all)
+    arrays = {name: value for name, value in vars(model).items() if isinstance(value, np.ndarray)}
+    assert set(ARRAYS) <= set(arrays)
+    arrays |= {f"{link}.{i}": p for link, payload in model.payloads.items() for i, p in enumerate(payload) if i}
+    arrays["armature"] = model.armature
+    for name, array in arrays.items():
+        assert not array.flags.writeable, name
+        assert array.base is None or not array.base.flags.writeable, name
+    for mapping in (model.payloads, model.locked_joints):
+        with pytest.raises(TypeError):
+            mapping["panda_link1"] = 1.0
+    with pytest.raises(AttributeError):
+        model.gravity = np.zeros(3)
+    model.neutral[:] = 7.0  # each access makes a new array
+    assert (model.neutral != 7.0).all()
+
+
+def test_arguments_are_copied():
+    gravity, com, inertia = np.array([0.0, 0.0, -9.81]), np.array([0.1, 0.0, 0.0]), np.eye(3)
+    payloads, locked = {"panda_hand": (1.0, com, inertia)}, {"panda_joint1": 0.1}
+    armature = {"panda_joint2": 0.1}
+    model = load(gravity=gravity, payloads=payloads, locked_joints=locked, armature=armature)
+    other = model.with_gravity(gravity).with_payload("panda_link2", 1.0, com, inertia).with_locked_joints(locked)
+    before = fields(model), fields(other)
+    for array in (gravity, com, inertia):
+        array[:] = 0.5
+    for mapping in (payloads, locked, armature):
+        mapping.clear()
+    assert (fields(model), fields(other)) == before
+
+
+@pytest.mark.parametrize("way", COPIES)
+def test_copies_have_the_same_bits(with_all, way):
+    twin = COPIES[way](with_all)
+    assert_same(twin, with_all)
+    for change in CHANGES.values():
+        assert fields(change(twin)) == fields(change(with_all))
+
+
+# --- Changes and their reversal
+
+
+def test_removed_payload_leaves_no_rounding(with_all):
+    loaded = with_all.with_payload("panda_link5", 3.0, (0.1, 0.2, 0.3)).with_payload("panda_link5", 1e6)
+    assert_same(loaded.without_payload("panda_link5"), with_all)
+    other = with_all.with_payload("panda_hand", 1e3).with_payload("panda_link7", 1e-3, (0, 0, 0.1))
+    assert fields(other.without_payload("panda_link7").with_payload("panda_hand", 1.5, (0.0, 0.0, 0.1))) == fields(
+        with_all
+    )
+
+
+def test_locks_replace_earlier_locks(panda):
+    locks = {"panda_joint1": 0.2, "panda_joint4": -1.0}
+    one = panda.with_locked_joints(locks)
+    other = panda.with_locked_joints({"panda_joint6": 1.0}).with_locked_joints(dict(reversed(locks.items())))
+    assert dict(one.locked_joints) == dict(other.locked_joints) == locks
+    assert_same(one, other)
+    assert answers(one) == answers(load(locked_joints=locks))
+    assert_same(one.with_locked_joints({}), panda)
+
+
+def test_changes_commute(panda):
+    """In any order they equal the options of the loader."""
+    gravity, locks = (0.0, 3.0, 0.0), {"panda_joint2": 0.3}
+    at_once = load(gravity=gravity, locked_joints=locks, payloads={"panda_hand": tuple(PAYLOAD.values())})
+    assert_same(panda.with_payload("panda_hand", **PAYLOAD).with_gravity(gravity).with_locked_joints(locks), at_once)
+    assert_same(panda.with_locked_joints(locks).with_gravity(gravity).with_payload("panda_hand", **PAYLOAD), at_once)
+    assert_same(panda.with_gravity(gravity).with_locked_joints(locks).with_payload("panda_hand", **PAYLOAD), at_once)
+
+
+def test_released_joint_has_its_armature():
+    model = load(armature=0.2)
+    locked = model.with_locked_joints({"panda_joint1": 0.3})
+    assert locked.armature.tolist() == [0.2] * 8
+    assert fields(locked.with_locked_joints({})) == fields(model)
+
+
+# --- Payloads and locks against Pinocchio
+
+
+@pytest.mark.parametrize("floating", [False, True], ids=["fixed", "floating"])
+def test_payload_and_locks_against_pinocchio(floating):
+    """Pinocchio appends the body to the joint, and reduces its model by the locked joints."""
+    locked = {"panda_joint2": 0.7, "panda_finger_joint1": 0.02}
+    model = load(floating_base=floating, locked_joints=locked).with_payload("panda_hand", **PAYLOAD)
+    oracle = Oracle(robots.robot(PANDA).urdf, model.dof_names, floating_base=floating, locked_joints=locked)
+    oracle.append_body("panda_hand", **PAYLOAD)
+    dyn = dd.DiagonalDynamics(model)
+    assert model.locked_joints == locked
+    for q, qd, tau, qdd in robots.samples("locked", oracle):
+        t, s = oracle.at(q, qd, tau), dyn.evaluate(q, qd, tau)
+        assert_close(s.nu, t.nu, tolerance(t))
+        assert_close(s.epsilon, t.epsilon, tolerance(t))
+        assert_close(s.coriolis, t.coriolis, tolerance(t), t.coriolis_scale)
+        assert_close(s.gravity, t.gravity, tolerance(t))
+        assert_close(s.kinetic_energy, t.kinetic_energy, 1e-12)
+        tau_needed, unit = oracle.inverse_dynamics(q, qd, qdd), np.sqrt(np.diag(t.M))
+        assert_close(dyn.inverse_dynamics(q, qd, qdd) / unit, tau_needed / unit, tolerance(t))
+        without = dd.DiagonalDynamics(model.without_payload("panda_hand")).evaluate(q, qd, tau)
+        assert norm(s.nu - without.nu) > 1e-3 * norm(s.nu)
+
+
+def test_payload_on_a_fixed_root_adds_mass_alone(panda):
+    loaded = panda.with_payload("panda_link0", 5.0, (1.0, 2.0, 3.0))
+    assert loaded.total_mass == panda.total_mass + 5.0
+    assert answers(loaded) == answers(panda)
+
+
+HELD = robots.description(
+    "held",
+    robots.link("base"),
+    robots.link("arm", mass=1.0, com=(0.1, 0, 0), inertia=(0.1, 0, 0, 0.1, 0, 0.1)),
+    robots.link("tip"),
+    robots.joint("swing", "revolute", "base", "arm"),
+    robots.joint("twist", "revolute", "arm", "tip", axis=(0, 1, 0)),
+)
+
+
+def test_joints_locked_as_massless_stay_locked():
+    """A payload does not release them; `with_locked_joints` decides again."""
+    held = dd.load_urdf(HELD, massless="lock")
+    loaded = held.with_payload("tip", 1.0, (0.1, 0, 0))
+    for model in (held, loaded, *(make(loaded) for make in COPIES.values()), loaded.without_payload("tip")):
+        assert model.dof_names == ("swing",) and dict(model.locked_joints) == {"twist": 0.0}
+    assert loaded.with_locked_joints({}).dof_names == ("swing", "twist")
+
+
+def test_rounding_of_a_rotated_inertia_is_no_asymmetry():
+    model, rng = dd.load_urdf(HELD, massless="lock"), np.random.default_rng(1)
+    for _ in range(20):
+        rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        inertia = (
+            model.with_payload("tip", 1.0, inertia=rotation @ (0.1 * np.eye(3)) @ rotation.T).payloads["tip"].inertia
+        )
+        np.testing.assert_array_equal(inertia, inertia.T)
+
+
+# --- Memory of the kernels
+
+
+@pytest.mark.parametrize("way", COPIES)
+def test_copies_of_dynamics_have_their_own_memory(panda, way):
+    """A workspace lies at an address that a copy may not share."""
+    dyn = dd.DiagonalDynamics(panda)
+    q, qd = np.full(dyn.model.nq, 0.1), np.ones(dyn.model.nv)
+    expected = dyn.evaluate(q, qd).coriolis
+    twin = COPIES[way](dyn)
+    del dyn
+    gc.collect()
+    np.testing.assert_array_equal(twin.evaluate(q, qd).coriolis, expected)
+    own = sweeps.Workspace(panda.bodies, np.zeros(3))
+    other = COPIES[way](own)
+    assert other.robot != own.robot and not np.shares_memory(other.work, own.work)
+    words = (ctypes.c_int64 * (sweeps.workspace.ROBOT.dtype.itemsize // 8)).from_address(other.robot)
+    table = np.frombuffer(words, sweeps.workspace.ROBOT.dtype)[0]
+    for name in ("bodies", "gravity", "work", "table"):
+        array = getattr(other, name)
+        assert table[name].tolist() == [array.ctypes.data, *array.shape]
+
+
+def test_byte_order_and_alignment(panda):
+    """numba reads swapped bytes as plain numbers after it has seen an array that is not aligned."""
+    dyn, n = dd.DiagonalDynamics(panda), panda.nv
+    q, qd, tau = np.random.default_rng(0).uniform(-1.0, 1.0, (3, n))
+    unaligned = np.zeros(1, np.dtype([("flag", "u1"), ("q", "<f8", (n,))]))[0]["q"]
+    unaligned[:] = q
+    methods = (lambda *x: dyn.evaluate(*x).coriolis, dyn.forward_dynamics, lambda q, *_: dyn.factors(q).m)
+    for method in methods:
+        expected = method(q, qd, tau)
+        for other in (unaligned, q.astype(">f8"), list(q)):
+            np.testing.assert_array_equal(method(other, qd, tau), expected)
+        np.testing.assert_array_equal(method(*(x.astype(">f8") for x in (q, qd, tau))), expected)
+        np.testing.assert_array_equal(method(q, qd, tau.astype(">f8")), expected)
