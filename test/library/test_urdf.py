@@ -1,93 +1,114 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a URDF becomes, and what is said of one that cannot become a model."""
+"""URDFs: models of valid ones, named errors of the others, and bounds on what an untrusted one costs."""
 
 import ctypes
+import importlib.util
+import io
 import os
+import sys
 import warnings
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import diag_dynamics as dd
+from diag_dynamics.model import robot as loader
+from diag_dynamics.model import urdf
+from diag_dynamics.model.robot import MAX_COUPLED
+from diag_dynamics.model.urdf import MAX_JOINTS
 from diag_dynamics.sweeps.bodies import FLOATING, PLANAR, POSITIONS_OF, PRISMATIC, REVOLUTE
-from robots import description, joint, link, robot_path
+from examples import shortened
+from robots import KINDS, SEVERAL, all_robots, description, joint, link, random_robots, random_tree, robot_path
 
 BOX = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0.0, 0.0, 0.2, 0.0, 0.3)}
 
 
-def arm(*more, first="revolute"):
-    return description("arm", link("base"), link("upper", **BOX), joint("shoulder", first, "base", "upper"), *more)
+def arm(*more, kind="revolute"):
+    return description("arm", link("base"), link("upper", **BOX), joint("shoulder", kind, "base", "upper"), *more)
 
 
-# --- What is read ---
+ARM = arm()
+WELD = joint("weld", "fixed", "upper", "l")
 
 
-def test_path_text_and_bytes_are_the_same(tmp_path):
-    file = tmp_path / "arm ü.urdf"
-    text = '<?xml version="1.0" encoding="utf-8"?>\n' + arm()
-    file.write_text(text, encoding="utf-8")
-    models = [dd.load_urdf(source) for source in (file, str(file), text, text.encode(), "\ufeff  " + text)]
-    for model in models[1:]:
-        assert model.bodies.tobytes() == models[0].bodies.tobytes()
+def changed(old, new, text=ARM):
+    assert old in text
+    return text.replace(old, new, 1)
 
 
-def test_path_in_the_home_directory(tmp_path, monkeypatch):
-    """``~`` in a path is who reads it's own, as parameters and launch arguments have it, which no shell has expanded."""
+# --- Sources
+
+
+def test_sources(tmp_path, monkeypatch):
+    """Path, path in the home folder, text, bytes and open files give the same model."""
     monkeypatch.setenv("HOME", str(tmp_path))
-    (tmp_path / "my.urdf").write_text(description("mine", link("base")))
-    assert dd.load_urdf("~/my.urdf").name == "mine"
+    file = tmp_path / "arm ü.urdf"
+    text = '<?xml version="1.0" encoding="utf-8"?>\n' + ARM
+    file.write_text(text, encoding="utf-8")
+    expected = dd.load_urdf(ARM)
+    with file.open(encoding="utf-8") as as_text, file.open("rb") as as_bytes:
+        open_files = [as_text, as_bytes, io.StringIO(text)]
+        paths = [file, str(file), "~/arm ü.urdf", Path("~/arm ü.urdf")]
+        for source in (*paths, text, text.encode(), "\ufeff  " + text, *open_files):
+            model = dd.load_urdf(source)
+            assert model.bodies.tobytes() == expected.bodies.tobytes()
+            assert model.links.tobytes() == expected.links.tobytes()
+
+
+def test_declared_encoding(tmp_path):
+    """A declaration is that of bytes; text is text whatever it declares."""
+    text = '<?xml version="1.0" encoding="iso-8859-1"?>' + changed("shoulder", "Schläger")
+    file = tmp_path / "latin.urdf"
+    file.write_bytes(text.encode("iso-8859-1"))
+    for source in (file, text, text.encode("iso-8859-1")):
+        assert dd.load_urdf(source).dof_names == ("Schläger",)
+    assert dd.load_urdf(changed("shoulder", "関節 ä'\u200b").encode("utf-16")).dof_names == ("関節 ä'\u200b",)
 
 
 def test_no_other_file_is_opened(tmp_path):
-    """Neither meshes nor what a document type or an entity names: who sends a description reads no files by it."""
+    """Neither meshes nor the files that a document type or an entity names."""
     libc = ctypes.CDLL(None, use_errno=True)
     watch = libc.inotify_init1(os.O_NONBLOCK)
     assert watch >= 0
 
-    def opened():
+    def was_opened():
         try:
-            return os.read(watch, 4096)
+            return bool(os.read(watch, 4096))
         except BlockingIOError:
-            return b""
+            return False
 
     secret = tmp_path / "secret"
     secret.write_text("0.1", encoding="utf-8")
     assert libc.inotify_add_watch(watch, str(secret).encode(), 0x20) >= 0  # IN_OPEN
     try:
         secret.read_text(encoding="utf-8")
-        assert opened()  # the watch works
+        assert was_opened()  # the watch works
         mesh = f'<geometry><mesh filename="file://{secret}"/></geometry>'
-        seen = arm().replace(
-            '<link name="base"/>', f'<link name="base"><visual>{mesh}</visual><collision>{mesh}</collision></link>'
-        )
-        assert dd.load_urdf(seen).nv == 1
-        for kind in ("", "% "):
+        shapes = f"<visual>{mesh}</visual><collision>{mesh}</collision>"
+        assert dd.load_urdf(changed('<link name="base"/>', f'<link name="base">{shapes}</link>')).nv == 1
+        for kind, use in (("", ""), ("% ", "%x;")):
+            entity = f'<!ENTITY {kind}x SYSTEM "file://{secret}">'
             for text in (
-                f'<!DOCTYPE robot [<!ENTITY {kind}x SYSTEM "file://{secret}">]>' + arm(),
-                f'<!DOCTYPE robot SYSTEM "file://{secret}">' + arm(),
-                f'<!DOCTYPE robot [<!ENTITY {kind}x SYSTEM "file://{secret}">{"%x;" if kind else ""}]>'
-                + arm().replace("shoulder", "" if kind else "&x;", 1),
+                f"<!DOCTYPE robot [{entity}]>" + ARM,
+                f'<!DOCTYPE robot SYSTEM "file://{secret}">' + ARM,
+                f"<!DOCTYPE robot [{entity}{use}]>" + changed("shoulder", "" if kind else "&x;"),
             ):
                 with pytest.raises(dd.UrdfError):
                     dd.load_urdf(text)
-        assert not opened()
+        assert not was_opened()
     finally:
         os.close(watch)
 
 
-def test_declared_encoding(tmp_path):
-    """The bytes of a file are in the encoding they declare; text is text whatever it declares."""
-    text = '<?xml version="1.0" encoding="iso-8859-1"?>' + arm().replace("shoulder", "Schläger")
-    file = tmp_path / "latin.urdf"
-    file.write_bytes(text.encode("iso-8859-1"))
-    for source in (file, text, text.encode("iso-8859-1")):
-        assert dd.load_urdf(source).dof_names == ("Schläger",)
+# --- Models
 
 
 def test_order_limits_and_defaults():
-    """Depth first, siblings by joint name; limits and damping where the URDF has them."""
+    """Depth first, siblings by the names of their joints; limits and damping where the URDF has them."""
     model = dd.load_urdf(
         description(
             "tree",
@@ -101,403 +122,113 @@ def test_order_limits_and_defaults():
     )
     assert model.dof_names == model.joint_names == ("m", "y", "z")
     assert model.link_names == ("root", "b", "hand", "c", "a")
-    assert (model.nq, model.nv) == (3, 3)
-    assert model.root_link == "root"
-    assert model.fixed_joints == ("weld",)
-    assert model.total_mass == 10.0
+    assert (model.nq, model.nv, model.total_mass) == (3, 3, 10.0)
+    assert model.root_link == "root" and model.fixed_joints == ("weld",)
     np.testing.assert_array_equal(model.lower, [-np.inf, -1, -10])
     np.testing.assert_array_equal(model.upper, [np.inf, 2, 10])
     np.testing.assert_array_equal(model.effort_limit, [100, 3, 100])
     np.testing.assert_array_equal(model.velocity_limit, [100, 4, 100])
     np.testing.assert_array_equal(model.damping, [0, 0.5, 0])
     np.testing.assert_array_equal(model.friction, [0, 0.25, 0])
+    empty = changed('lower="-10" upper="10" effort="100" velocity="100"', 'lower="" upper=" "')
+    model = dd.load_urdf(empty)
+    assert (model.lower[0], model.upper[0], model.effort_limit[0]) == (-np.inf, np.inf, np.inf)
 
 
-def test_model_is_immutable():
-    model = dd.load_urdf(arm())
-    with pytest.raises(AttributeError):
-        model.name = "other"
-    for array in (model.gravity, model.lower, model.bodies, model.links, model.damping):
-        with pytest.raises(ValueError, match="read-only"):
-            array[...] = 0
-    moon = model.with_gravity((0, 0, -1.62))
-    assert moon.gravity[2] == -1.62 and model.gravity[2] == -9.81
-    assert moon.bodies is model.bodies
-
-
-def test_what_dynamics_does_not_need_is_not_looked_at():
-    """Meshes, broken visuals, unknown extensions and comments neither matter nor prevent loading."""
-    extras = (
-        '<link name="more"><visual><geometry><capsule radius="1"/></geometry></visual><visual><geometry>'
-        '<mesh filename="package://nowhere/nothing.stl"/></geometry></visual><collision/></link>'
-        + joint("weld", "fixed", "upper", "more")
-        + '<!-- <joint name="no"/> --><material/><transmission/><gazebo><plugin/></gazebo><unknown x="1"/>'
-    )
-    plain = dd.load_urdf(arm(link("more"), joint("weld", "fixed", "upper", "more")))
-    assert dd.load_urdf(arm(extras)).bodies.tobytes() == plain.bodies.tobytes()
-    assert dd.load_urdf(arm().replace(' name="arm"', "")).name == "robot"
-
-
-def test_motionless_robot_gives_empty_vectors():
-    model = dd.load_urdf(description("rock", link("base", **BOX)))
-    dynamics = dd.DiagonalDynamics(model)
-    s = dynamics.evaluate([], [], [])
-    assert model.nv == 0 and s.nu.shape == s.epsilon.shape == (0,)
-    assert s.kinetic_energy == 0.0 and s.link_energy.tolist() == [0.0]
-    assert dynamics.factors([]).m.shape == dynamics.mass_matrix([]).shape == (0, 0)
-    assert dynamics.forward_dynamics([], [], []).shape == (0,)
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("revolute", REVOLUTE),
+        ("continuous", REVOLUTE),
+        ("prismatic", PRISMATIC),
+        ("planar", PLANAR),
+        ("floating", FLOATING),
+    ],
+)
+def test_bodies_have_the_kind_of_their_joint(name, kind):
+    model = dd.load_urdf(arm(kind=name))
+    assert (model.bodies["kind"][1:] == kind).all() and model.nq == POSITIONS_OF[kind]
+    assert (model.bodies["dofs"][1:] == model.nv).all()
+    assert sum(component >= 0 for component in model.orientations) == 4 * (kind == FLOATING)
 
 
 def test_axes_need_no_unit_length():
-    rest = {"xyz": (0, 0, 1), "rpy": (0.3, 0.2, 0.1)}
+    pose = {"xyz": (0, 0, 1), "rpy": (0.3, 0.2, 0.1)}
     one, three = (
-        dd.DiagonalDynamics(dd.load_urdf(arm(link("l", **BOX), joint("e", "revolute", "upper", "l", axis=a, **rest))))
+        dd.DiagonalDynamics(dd.load_urdf(arm(link("l", **BOX), joint("e", "revolute", "upper", "l", axis=a, **pose))))
         for a in ((1, 2, 2), (3, 6, 6))
     )
     np.testing.assert_allclose(one.mass_matrix([0.1, 0.2]), three.mass_matrix([0.1, 0.2]), rtol=1e-15)
 
 
 TOLERATED = {
-    "capsule": (
-        "</robot>",
-        '<link name="x"><visual><geometry><capsule/></geometry></visual></link>' + "{weld}</robot>",
-    ),
-    "nameless visual": ("</link>", "<visual/><visual/></link>"),
+    "capsule": ("</robot>", '<link name="l"><visual><geometry><capsule/></geometry></visual></link>' + WELD),
+    "lost mesh": ("</link>", '<visual><geometry><mesh filename="package://no/no.stl"/></geometry></visual></link>'),
+    "nameless visual": ("</link>", "<visual/><visual/><collision/></link>"),
     "nameless robot": (' name="arm"', ""),
     "default namespace": ("<robot", '<robot xmlns="http://drake.mit.edu"'),
-    "declared prefix": ("</robot>", '<s:camera xmlns:s="urn:s"/></robot>'),
-    "undeclared prefix": ("</robot>", '<sensor:camera name="c" a:b="1"/></robot>'),
-    "undeclared prefix within": ("</link>", "<gazebo:thing><x:y/></gazebo:thing></link>"),
-    "unknown within inertial": ("</inertial>", "<density value='?'/></inertial>"),
-    "unknown within joint": ("</joint>", '<safety_controller soft="a"/><calibration/><hardwareInterface/></joint>'),
-    "broken extensions": ("</robot>", "<transmission/><gazebo reference='q'/><material/><sensor/></robot>"),
-    "infinite effort": ('effort="100.0"', 'effort="inf"'),
-    "comments": ("</robot>", '<!-- <joint name="no"/> & -->\n<?pi?></robot>'),
+    "declared prefix": ("</robot>", '<s:camera xmlns:s="urn:s"/>'),
+    "undeclared prefix": ("</robot>", '<sensor:camera name="c" a:b="1"/>'),
+    "undeclared prefix in a link": ("</link>", "<gazebo:thing><x:y/></gazebo:thing></link>"),
+    "unknown in inertial": ("</inertial>", "<density value='?'/></inertial>"),
+    "unknown in joint": ("</joint>", '<safety_controller soft="a"/><calibration/><hardwareInterface/></joint>'),
+    "broken extensions": ("</robot>", "<transmission/><gazebo reference='q'><plugin/></gazebo><material/>"),
+    "infinite effort": ('effort="100"', 'effort="inf"'),
+    "comments": ("</robot>", '<!-- <joint name="no"/> & -->\n<?pi?>'),
 }
 
 
 @pytest.mark.parametrize("case", TOLERATED)
 def test_tolerated(case):
-    """It loads, and into the very same model."""
-    before, after = TOLERATED[case]
-    text = arm().replace('effort="100"', 'effort="100.0"')
-    assert before in text
-    weld = joint("weld", "fixed", "upper", "x")
-    model = dd.load_urdf(text.replace(before, after.replace("{weld}", weld)))
-    assert model.bodies.tobytes() == dd.load_urdf(arm()).bodies.tobytes()
+    """What dynamics does not need changes nothing."""
+    old, new = TOLERATED[case]
+    model = dd.load_urdf(changed(old, new + "</robot>" if old == "</robot>" else new))
+    assert model.bodies.tobytes() == dd.load_urdf(ARM).bodies.tobytes()
 
 
-def test_empty_limits():
-    model = dd.load_urdf(arm().replace('lower="-10" upper="10" effort="100" velocity="100"', 'lower="" upper=" "'))
-    assert (model.lower[0], model.upper[0], model.effort_limit[0]) == (-np.inf, np.inf, np.inf)
-
-
-def test_unicode_names():
-    model = dd.load_urdf(arm().replace("shoulder", "関節 ä'\u200b").replace('"upper"', '"Oberarm ✓"'))
-    assert model.dof_names == ("関節 ä'\u200b",)
-    assert model.link_names == ("base", "Oberarm ✓")
+# --- Inertias
 
 
 @pytest.mark.parametrize(
-    ("inertia", "reason"),
+    ("inertia", "key"),
     [
-        ((-0.1, 0, 0, 0.2, 0, 0.3), "principal moments -0.1, 0.2, 0.3 are not all positive"),
-        ((0.1, 0, 0, 0.1, 0, 0.3), "principal moments 0.1, 0.1, 0.3 break the triangle inequality"),
-        ((0.1, 0.3, 0, 0.1, 0, 0.1), "are not all positive"),
-        ((0.1, 0, 0, 0.1, 0, 0.2005), "break the triangle inequality"),
-        ((-2e-4, 0, 0, 0.1, 0, 0.1), "are not all positive"),
+        ((-0.1, 0, 0, 0.2, 0, 0.3), "positive"),
+        ((0.1, 0, 0, 0.1, 0, 0.3), "triangle inequality"),
+        ((0.1, 0.3, 0, 0.1, 0, 0.1), "positive"),
+        ((0.1, 0, 0, 0.1, 0, 0.2005), "triangle inequality"),
+        ((-2e-4, 0, 0, 0.1, 0, 0.1), "positive"),
     ],
 )
-def test_inertia_of_no_rigid_body_loads_with_a_warning(inertia, reason):
-    text = description("r", link("a"), link("odd", mass=2.0, com=(0.5, 0, 0), inertia=inertia))
-    text = text.replace("</robot>", joint("j", "revolute", "a", "odd") + "</robot>")
+def test_inertia_of_no_rigid_body_warns(inertia, key):
+    odd = link("odd", mass=2.0, com=(0.5, 0, 0), inertia=inertia)
     with pytest.warns(dd.InertiaWarning, match="link 'odd' of robot 'r'") as caught:
-        assert dd.load_urdf(text).nv == 1
-    assert reason in str(caught[0].message)
+        assert dd.load_urdf(description("r", link("a"), odd, joint("j", "revolute", "a", "odd"))).nv == 1
+    assert key in str(caught[0].message)
 
 
 def rounded(inertia, digits):
-    """Return ixx ixy ixz iyy iyz izz as a URDF has them that gives so many digits of each."""
+    """Return ixx ixy ixz iyy iyz izz with so many digits."""
     return [float(f"{inertia[i, j]:.{digits - 1}e}") for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
 
 
-def test_rounding_makes_no_warning():
-    """Plates and rods of any size and direction are on the edge of what bodies have; four digits of them suffice."""
+def test_rounded_inertias_do_not_warn():
+    """Plates and rods are at the bound of rigid bodies; four digits of them suffice, and so does no inertia at all."""
     rng = np.random.default_rng(0)
+    inertias = [(0, 0, 0, 0, 0, 0), (0.1, 0, 0, 0.1, 0, 0.2), (1e-20, 0, 0, -1e-20, 0, 0)]
+    for digits in (4, 5, 6, 9):
+        for _ in range(shortened(50, 5)):
+            a, b = rng.uniform(0.01, 2.0, 2) ** 2 * rng.uniform(0.1, 10.0) / 12.0
+            rotation, _ = np.linalg.qr(rng.standard_normal((3, 3)))
+            for body in (np.diag([a, b, a + b]), np.diag([0.0, a, a])):
+                inertias += [rounded(body, digits), rounded(rotation @ body @ rotation.T, digits)]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for digits in (4, 5, 6, 9):
-            for _ in range(50):
-                a, b = rng.uniform(0.01, 2.0, 2) ** 2 * rng.uniform(0.1, 10.0) / 12.0
-                turn, _ = np.linalg.qr(rng.standard_normal((3, 3)))
-                for body in (np.diag([a, b, a + b]), np.diag([0.0, a, a])):
-                    for inertia in (body, turn @ body @ turn.T):
-                        text = link("a", mass=1.0, inertia=rounded(inertia, digits))
-                        dd.load_urdf(description("r", text))
+        for inertia in inertias:
+            dd.load_urdf(description("r", link("a", mass=1.0, inertia=inertia)))
 
 
-@pytest.mark.parametrize("inertia", [(0, 0, 0, 0, 0, 0), (0.1, 0, 0, 0.1, 0, 0.2), (1e-20, 0, 0, -1e-20, 0, 0)])
-def test_points_and_plates_give_no_warning(inertia):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        dd.load_urdf(description("r", link("a", mass=1.0, inertia=inertia)))
-
-
-# --- Mimic joints ---
-
-FOLLOWER = '<joint name="follower" type="revolute"><parent link="upper"/><child link="l"/><mimic joint="{}"/></joint>'
-
-
-def test_mimic_is_embedded_unless_free_or_locked():
-    urdf = arm(link("l", **BOX), FOLLOWER.format("shoulder"))
-    model = dd.load_urdf(urdf)
-    assert model.dof_names == ("shoulder",)
-    assert dict(model.mimics) == {"follower": dd.Mimic("shoulder", 1.0, 0.0)}
-    assert model.coupled_groups == (("shoulder", "follower"),)
-    assert dd.load_urdf(urdf, mimic="free").dof_names == ("shoulder", "follower")
-    assert dd.load_urdf(urdf, mimic="lock").locked_joints == {"follower": 0.0}
-
-
-def test_bodies_carry_the_kind_of_their_joint():
-    """Each body of a joint says which joint it is: neither their number nor their directions do."""
-    kinds = {
-        "revolute": REVOLUTE,
-        "continuous": REVOLUTE,
-        "prismatic": PRISMATIC,
-        "planar": PLANAR,
-        "floating": FLOATING,
-    }
-    for first, kind in kinds.items():
-        model = dd.load_urdf(arm(first=first))
-        assert (model.bodies["kind"][1:] == kind).all() and model.nq == POSITIONS_OF[kind]
-        assert (model.bodies["dofs"][1:] == model.nv).all()
-        assert sum(component >= 0 for component in model.orientations) == 4 * (kind == FLOATING)
-
-
-def test_positions_of_one_name_are_refused():
-    """A planar joint's are called <joint>/x and so on, which another joint may be called, too."""
-    urdf = description(
-        "r",
-        link("a", **BOX),
-        link("b", **BOX),
-        link("c", **BOX),
-        joint("slide", "planar", "a", "b", axis=(0, 0, 1)),
-        joint("slide/x", "revolute", "b", "c", axis=(0, 0, 1)),
-    )
-    with pytest.raises(dd.UrdfError, match="Two positions would have the name 'slide/x'"):
-        dd.load_urdf(urdf)
-
-
-def test_mimic_of_an_unknown_joint_is_refused():
-    urdf = arm(link("l", **BOX), FOLLOWER.format("nobody"))
-    with pytest.raises(dd.MimicJointError, match=r"'follower'.*mimics 'nobody'.*mimic='free'") as caught:
-        dd.load_urdf(urdf)
-    assert caught.value.joints == ("follower",)
-    assert isinstance(caught.value, dd.UrdfError)
-
-
-# --- What cannot be a model ---
-
-BROKEN = {
-    "no such file": (
-        "/nowhere/robot.urdf",
-        dd.UrdfError,
-        "Cannot read the URDF file '/nowhere/robot.urdf'",
-    ),
-    "a folder": (".", dd.UrdfError, "Cannot read the URDF file '.': it is no file."),
-    "empty": ("", dd.UrdfError, "The URDF is empty."),
-    "blank": ("<!-- nothing -->", dd.UrdfError, "The URDF is not well-formed XML"),
-    "a number": (7, dd.UrdfError, "A URDF is a path or XML text, not a int."),
-    "cut short": (arm()[:-30], dd.UrdfError, "The URDF is not well-formed XML"),
-    "not a robot": ("<sdf/>", dd.UrdfError, "The root element is <sdf>, expected <robot>."),
-    "no links": ('<robot name="r"/>', dd.UrdfError, "The URDF has no <link>."),
-    "wrong bytes": (b"<robot>\xff</robot>", dd.UrdfError, "The URDF is not utf-8 text"),
-    "doctype": (
-        '<!DOCTYPE r [<!ENTITY a "b">]><robot name="r"><link name="l"/></robot>',
-        dd.UrdfError,
-        "The URDF has a DOCTYPE, which is not accepted: entities are never expanded.",
-    ),
-    "xacro": (
-        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r"><xacro:macro name="m"/><link name="l"/></robot>',
-        dd.UrdfError,
-        "The URDF contains <xacro:macro>: it is unexpanded xacro. Run xacro on it first.",
-    ),
-    "entity bomb": (
-        '<!DOCTYPE r [<!ENTITY a "aaaaaaaa"><!ENTITY b "&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;">]><robot name="&c;"/>',
-        dd.UrdfError,
-        "The URDF has a DOCTYPE, which is not accepted: entities are never expanded.",
-    ),
-    "entity behind a decoy": (
-        '<!-- <robot --><!DOCTYPE robot [<!ENTITY m "7">]>'
-        + arm().replace('<mass value="2.0"/>', '<mass value="&m;"/>'),
-        dd.UrdfError,
-        "The URDF has a DOCTYPE, which is not accepted: entities are never expanded.",
-    ),
-    "entity as content behind a decoy": (
-        '<!-- <robot --><!DOCTYPE robot [<!ENTITY m "7">]>' + arm().replace("</robot>", "&m;</robot>"),
-        dd.UrdfError,
-        "The URDF has a DOCTYPE, which is not accepted: entities are never expanded.",
-    ),
-    "external entity": (
-        '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="r"><link name="&a;"/></robot>',
-        dd.UrdfError,
-        "The URDF has a DOCTYPE, which is not accepted: entities are never expanded.",
-    ),
-    "remote schema": (
-        '<!DOCTYPE robot SYSTEM "http://127.0.0.1:1/robot.dtd"><robot name="r"/>',
-        dd.UrdfError,
-        "The URDF has a DOCTYPE, which is not accepted: entities are never expanded.",
-    ),
-    "depth bomb": (
-        "<robot>" + "<a>" * 5000 + "</a>" * 5000 + "</robot>",
-        dd.UrdfError,
-        "not well-formed XML: Excessive depth",
-    ),
-    "too large": ("<robot>" + " " * (33 << 20) + "</robot>", dd.UrdfError, "has more than the 33554432 bytes accepted"),
-    "odd encoding": (
-        b'<?xml version="1.0" encoding="punycode"?><robot/>',
-        dd.UrdfError,
-        "The URDF declares the encoding 'punycode', expected UTF-8 or another usual one.",
-    ),
-    "undeclared entity": (
-        arm().replace("base", "&base;"),
-        dd.UrdfError,
-        "not well-formed XML: Entity 'base' not defined",
-    ),
-    "xacro without prefix declared": (
-        '<robot name="r"><xacro:include filename="x"/><link name="l"/></robot>',
-        dd.UrdfError,
-        "The URDF contains <xacro:include>: it is unexpanded xacro. Run xacro on it first.",
-    ),
-    "xacro in a name": (
-        arm().replace('"upper"', '"${side}_upper"'),
-        dd.UrdfError,
-        "The name of a <link> in line 1 is '${side}_upper', which is unexpanded xacro. Run xacro on it first.",
-    ),
-    "xacro in a type": (
-        arm(first="$(arg kind)"),
-        dd.UrdfError,
-        "joint 'shoulder': type is '$(arg kind)', which is unexpanded xacro. Run xacro on it first.",
-    ),
-    "huge number": (
-        arm().replace('xyz="0.1 0.2 0.3"', 'xyz="0.1 0.2 1e200"'),
-        dd.UrdfError,
-        "link 'upper': <origin xyz='0.1 0.2 1e200'> is beyond 1e+30.",
-    ),
-    "long number": (
-        arm().replace('<mass value="2.0"/>', f'<mass value="{"9x" * 2000}"/>'),
-        dd.UrdfError,
-        "(4002 characters)> is not a finite number.",
-    ),
-    "other digits": (
-        arm().replace('<mass value="2.0"/>', '<mass value="٢"/>'),
-        dd.UrdfError,
-        "link 'upper': <mass value='٢'> is not a finite number.",
-    ),
-    "negative damping": (
-        arm().replace("</joint>", '<dynamics damping="-1"/></joint>'),
-        dd.UrdfError,
-        "joint 'shoulder': damping -1.0 is negative.",
-    ),
-    "crossed limits": (
-        arm().replace('lower="-10"', 'lower="11"'),
-        dd.UrdfError,
-        "joint 'shoulder': lower limit 11.0 is above the upper one, 10.0.",
-    ),
-    "xacro property": (
-        arm().replace('<mass value="2.0"/>', '<mass value="${m}"/>'),
-        dd.UrdfError,
-        "link 'upper': <mass value='${m}'> is unexpanded xacro. Run xacro on it first.",
-    ),
-    "nameless link": (arm("\n<link/>"), dd.UrdfError, "A <link> in line 2 has no name."),
-    "same link twice": (arm(link("upper")), dd.UrdfError, "Two elements <link> have the name 'upper'."),
-    "same joint twice": (
-        arm(link("l"), joint("shoulder", "fixed", "upper", "l")),
-        dd.UrdfError,
-        "Two elements <joint> have the name 'shoulder'.",
-    ),
-    "unknown type": (
-        arm(first="spherical"),
-        dd.UrdfError,
-        "joint 'shoulder': unknown type 'spherical'; known are revolute, continuous, prismatic, fixed, floating, "
-        "planar.",
-    ),
-    "unknown parent": (
-        arm(link("l"), joint("elbow", "fixed", "lower", "l")),
-        dd.UrdfError,
-        "joint 'elbow': parent link 'lower' is not a link of this URDF.",
-    ),
-    "no child": (
-        description("r", link("a"), '<joint name="j" type="fixed"><parent link="a"/></joint>'),
-        dd.UrdfError,
-        "joint 'j': child link None is not a link of this URDF.",
-    ),
-    "two roots": (
-        arm(link("astray")),
-        dd.UrdfError,
-        "The URDF has 2 root links ('base', 'astray'), expected one: join them with fixed joints.",
-    ),
-    "loop": (
-        arm(link("l", **BOX), joint("elbow", "revolute", "upper", "l"), joint("back", "revolute", "base", "l")),
-        dd.UrdfError,
-        "link 'l' is the child of two joints, 'elbow' and 'back': the URDF has a loop, and only trees can be modelled. "
-        "Cut it at one of the two.",
-    ),
-    "ring": (
-        description("r", link("a"), link("b"), joint("j", "fixed", "a", "b"), joint("k", "fixed", "b", "a")),
-        dd.UrdfError,
-        "Every link is the child of a joint: the joints form a loop through 'a'.",
-    ),
-    "ring aside": (
-        arm(link("a"), link("b"), joint("j", "fixed", "a", "b"), joint("k", "fixed", "b", "a")),
-        dd.UrdfError,
-        "link 'a' is part of a loop of joints that the root 'base' does not reach.",
-    ),
-    "no mass": (
-        arm().replace('<mass value="2.0"/>', ""),
-        dd.UrdfError,
-        "link 'upper': <inertial> lacks <mass value=…>.",
-    ),
-    "no izz": (
-        arm().replace(' izz="0.3"', ""),
-        dd.UrdfError,
-        "link 'upper': <inertial> lacks <inertia izz=…>.",
-    ),
-    "negative mass": (arm().replace('"2.0"', '"-2"'), dd.UrdfError, "link 'upper': mass -2 kg is negative."),
-    "nan mass": (
-        arm().replace('<mass value="2.0"/>', '<mass value="nan"/>'),
-        dd.UrdfError,
-        "link 'upper': <mass value='nan'> is not a finite number.",
-    ),
-    "two coordinates": (
-        arm().replace('xyz="0.1 0.2 0.3"', 'xyz="0.1 0.2"'),
-        dd.UrdfError,
-        "link 'upper': <origin xyz='0.1 0.2'> is not 3 finite numbers.",
-    ),
-    "zero axis": (
-        arm().replace('<axis xyz="0.0 0.0 1.0"/>', '<axis xyz="0 0 0"/>'),
-        dd.UrdfError,
-        "joint 'shoulder': axis '0.0 0.0 0.0' has no direction.",
-    ),
-    "words for limits": (
-        arm().replace('lower="-10"', 'lower="low"'),
-        dd.UrdfError,
-        "joint 'shoulder': <limit lower='low'> is not a finite number.",
-    ),
-}
-
-
-@pytest.mark.parametrize("case", BROKEN)
-def test_broken(case):
-    source, kind, message = BROKEN[case]
-    with pytest.raises(kind) as caught:
-        dd.load_urdf(source)
-    assert isinstance(caught.value, dd.DiagDynamicsError)
-    assert message in str(caught.value)
-
-
-def test_massless_links_are_all_named_with_their_cure():
-    urdf = arm(
+def test_massless_links():
+    text = arm(
         link("wrist"),
         joint("roll", "revolute", "upper", "wrist"),
         link("rod", mass=1.0, com=(0, 0, 1), inertia=(0.1, 0, 0, 0.1, 0, 0)),
@@ -506,147 +237,316 @@ def test_massless_links_are_all_named_with_their_cure():
         joint("slide", "prismatic", "upper", "rail"),
     )
     with pytest.raises(dd.MasslessLinkError) as caught:
-        dd.load_urdf(urdf)
+        dd.load_urdf(text)
     assert caught.value.joints == ("roll", "slide", "spin")
     assert caught.value.articulated_inertia == pytest.approx((0, 0, 0), abs=1e-15)
-    message = str(caught.value)
-    for expected in (
-        "3 joint(s) that move no inertia",
-        "joint 'roll' (D = 0): link 'wrist' has no <inertial>",
-        "joint 'spin' (D = 0): link 'rod' has little inertia about that axis",
-        "armature={'roll': …}",
-    ):
-        assert expected in message
-    cured = dd.load_urdf(urdf, armature={"roll": 1e-4, "spin": 1e-4, "slide": 1e-3})
+    for key in ("link 'wrist' has no <inertial>", "link 'rod' has little inertia", "armature={'roll': …}"):
+        assert key in str(caught.value)
+    cured = dd.load_urdf(text, armature={"roll": 1e-4, "spin": 1e-4, "slide": 1e-3})
     np.testing.assert_array_equal(cured.armature, [0, 1e-4, 1e-3, 1e-4])
 
 
-def test_light_links_are_no_false_alarm():
-    """Grams and millimetres are light but not massless."""
+def test_light_links_are_not_massless():
+    """Grams and millimetres are light."""
+    speck = {"mass": 1e-6, "com": (0, 0, 1e-3), "inertia": (1e-13, 0, 0, 1e-13, 0, 1e-13)}
+    assert dd.load_urdf(arm(link("speck", **speck), joint("j", "revolute", "upper", "speck"))).nv == 2
     allegro = dd.load_urdf(robot_path("allegro_hand_description/urdf/allegro_left_hand.urdf"))
     q = np.full(allegro.nv, 0.3)
     assert dd.DiagonalDynamics(allegro).evaluate(q, q).articulated_inertia.min() < 2e-5
-    speck = {"mass": 1e-6, "com": (0, 0, 1e-3), "inertia": (1e-13, 0, 0, 1e-13, 0, 1e-13)}
-    assert dd.load_urdf(arm(link("speck", **speck), joint("j", "revolute", "upper", "speck"))).nv == 2
 
 
-@pytest.mark.parametrize(
-    ("options", "kind", "message"),
-    [
-        ({"mimic": "both"}, dd.InputError, "mimic is 'both', expected one of 'embed', 'free', 'lock'."),
-        ({"massless": "drop"}, dd.InputError, "massless is 'drop', expected one of 'error', 'lock'."),
-        ({"gravity": (0, 0)}, dd.InputError, "gravity is (0, 0), expected three finite numbers [m/s²]."),
-        ({"gravity": (0, 0, np.inf)}, dd.InputError, "expected three finite numbers"),
-        ({"gravity": (0, 1e305, 0)}, dd.InputError, "expected three finite numbers [m/s²], none beyond ±1000."),
-        ({"gravity": (0, 0, -9810.0)}, dd.InputError, "none beyond ±1000"),
-        ({"armature": {"shoulder": 1e10}}, dd.InputError, "armature of joint 'shoulder' is 10000000000.0, expected"),
-        ({"locked_joints": {"shoulder": -1e300}}, dd.InputError, "'shoulder' is -1e+300, expected a finite number"),
-        (
-            {"payloads": {"upper": (1e300,)}},
-            dd.InputError,
-            "mass on link 'upper' is 1e+300, expected a finite number >=",
-        ),
-        (
-            {"payloads": {"upper": (1.0, (0, 1e200, 0))}},
-            dd.InputError,
-            "com on link 'upper' is (0, 1e+200, 0), expected",
-        ),
-        (
-            {"payloads": {"upper": (1.0, (0, 0, 0), np.diag([1e300, 1e300, 1e300]))}},
-            dd.InputError,
-            "3 x 3 finite numbers [kg m²], none beyond ±1e+09.",
-        ),
-        (
-            {"armature": {"elbow": 1.0}},
-            dd.InputError,
-            "armature: 'elbow' is not a joint of one degree of freedom of this robot",
-        ),
-        ({"armature": -1.0}, dd.InputError, "armature of joint 'shoulder' is -1.0, expected a finite number >= 0."),
-        ({"armature": "heavy"}, dd.InputError, "armature is 'heavy', expected a finite number >= 0"),
-        ({"armature": True}, dd.InputError, "armature is True, expected a finite number >= 0"),
-        ({"gravity": "down"}, dd.InputError, "gravity is 'down', expected three finite numbers [m/s²]."),
-        ({"locked_joints": {"elbow": 0.0}}, dd.InputError, "locked_joints: 'elbow' is not a joint of robot 'arm'."),
-        ({"locked_joints": {"shoulder": np.nan}}, dd.InputError, "position of joint 'shoulder' is nan"),
-        ({"locked_joints": ["shoulder"]}, dd.InputError, "locked_joints is ['shoulder'], expected a dict by name."),
-        ({"payloads": {"hand": (1.0,)}}, dd.InputError, "payloads: 'hand' is not a link of robot 'arm'."),
-        (
-            {"payloads": {"upper": (-1.0,)}},
-            dd.InputError,
-            "mass on link 'upper' is -1.0, expected a finite number >= 0",
-        ),
-        ({"payloads": {"upper": (1.0, (0, 0))}}, dd.InputError, "com on link 'upper' is (0, 0), expected three finite"),
-        ({"payloads": {"upper": None}}, dd.InputError, "payloads: 'upper' has None, expected (mass, com, inertia)."),
-    ],
+# --- Mimic joints
+
+MIMIC = '<joint name="follower" type="revolute"><parent link="upper"/><child link="l"/><mimic joint="{}"/></joint>'
+
+
+def test_mimic_joints():
+    text = arm(link("l", **BOX), MIMIC.format("shoulder"))
+    model = dd.load_urdf(text)
+    assert model.dof_names == ("shoulder",) and model.coupled_groups == (("shoulder", "follower"),)
+    assert dict(model.mimics) == {"follower": dd.Mimic("shoulder", 1.0, 0.0)}
+    assert dd.load_urdf(text, mimic="free").dof_names == ("shoulder", "follower")
+    assert dd.load_urdf(text, mimic="lock").locked_joints == {"follower": 0.0}
+    with pytest.raises(dd.MimicJointError, match="'nobody'") as caught:
+        dd.load_urdf(arm(link("l", **BOX), MIMIC.format("nobody")))
+    assert caught.value.joints == ("follower",) and isinstance(caught.value, dd.UrdfError)
+
+
+# --- Errors
+
+ENTITY = '<!DOCTYPE robot [<!ENTITY m "7">]>'
+BOMB = '<!DOCTYPE r [<!ENTITY a "aaaaaaaa"><!ENTITY b "&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;">]><robot name="&c;"/>'
+MASS, COM, LOWER = '<mass value="2.0"/>', 'xyz="0.1 0.2 0.3"', 'lower="-10"'
+RING = (link("a"), link("b"), joint("j", "fixed", "a", "b"), joint("k", "fixed", "b", "a"))
+TWINS = (
+    *(link(name, **BOX) for name in "abc"),
+    joint("slide", "planar", "a", "b"),
+    joint("slide/x", "revolute", "b", "c"),
 )
-def test_bad_options(options, kind, message):
-    with pytest.raises(kind) as caught:
-        dd.load_urdf(arm(), **options)
-    assert message in str(caught.value)
+
+BROKEN = {
+    # sources
+    "no such file": ("/nowhere/robot.urdf", "'/nowhere/robot.urdf'"),
+    "a folder": (".", "'.': it is no file"),
+    "a folder as a path": (Path("/"), "'/': it is no file"),
+    "a number": (7, "int"),
+    "empty": ("", "is empty"),
+    "wrong bytes": (b"<robot>\xff</robot>", "not utf-8"),
+    "odd encoding": (b'<?xml version="1.0" encoding="punycode"?><robot/>', "'punycode'"),
+    "too large": ("<robot>" + " " * (33 << 20) + "</robot>", "33554432 bytes"),
+    # XML
+    "blank": ("<!-- nothing -->", "not well-formed XML"),
+    "cut short": (ARM[:-30], "not well-formed XML"),
+    "undeclared entity": (changed("base", "&base;"), "'base' not defined"),
+    "depth bomb": ("<robot>" + "<a>" * 5000 + "</a>" * 5000 + "</robot>", "Excessive depth"),
+    "entity bomb": (BOMB, "DOCTYPE"),
+    "document type": ('<!DOCTYPE r [<!ENTITY a "b">]><robot name="r"><link name="l"/></robot>', "DOCTYPE"),
+    "entity behind a decoy": ("<!-- <robot -->" + ENTITY + changed(MASS, '<mass value="&m;"/>'), "DOCTYPE"),
+    "content behind a decoy": ("<!-- <robot -->" + ENTITY + changed("</robot>", "&m;</robot>"), "DOCTYPE"),
+    "external entity": ('<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="&a;"/>', "DOCTYPE"),
+    "remote schema": ('<!DOCTYPE robot SYSTEM "http://127.0.0.1:1/robot.dtd"><robot name="r"/>', "DOCTYPE"),
+    # xacro
+    "xacro": ('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="m"/></robot>', "<xacro:macro>"),
+    "xacro, undeclared": ('<robot name="r"><xacro:include filename="x"/><link name="l"/></robot>', "<xacro:include>"),
+    "xacro in a name": (changed('"upper"', '"${side}_upper"'), "<link> in line 1 is '${side}_upper'"),
+    "xacro in a type": (arm(kind="$(arg kind)"), "joint 'shoulder': type is '$(arg kind)'"),
+    "xacro property": (changed(MASS, '<mass value="${m}"/>'), "link 'upper': <mass value='${m}'>"),
+    # tree
+    "not a robot": ("<sdf/>", "<sdf>"),
+    "no links": ('<robot name="r"/>', "no <link>"),
+    "nameless link": (arm("\n<link/>"), "<link> in line 2 has no name"),
+    "same link twice": (arm(link("upper")), "<link> have the name 'upper'"),
+    "same joint twice": (arm(link("l"), joint("shoulder", "fixed", "upper", "l")), "<joint> have the name 'shoulder'"),
+    "positions of one name": (description("r", *TWINS), "'slide/x'"),
+    "unknown type": (arm(kind="spherical"), "joint 'shoulder': unknown type 'spherical'"),
+    "unknown parent": (arm(link("l"), joint("e", "fixed", "lower", "l")), "joint 'e': parent link 'lower'"),
+    "no child": (arm('<joint name="j" type="fixed"><parent link="base"/></joint>'), "joint 'j': child link None"),
+    "two roots": (arm(link("alone")), "2 root links ('base', 'alone')"),
+    "loop": (
+        arm(link("l", **BOX), joint("e", "revolute", "upper", "l"), joint("back", "revolute", "base", "l")),
+        "two joints, 'e' and 'back'",
+    ),
+    "ring": (description("r", *RING), "loop through 'a'"),
+    "ring beside the tree": (arm(*RING), "'a' is part of a loop"),
+    # numbers
+    "no mass": (changed(MASS, ""), "link 'upper': <inertial> lacks <mass value="),
+    "no izz": (changed(' izz="0.3"', ""), "link 'upper': <inertial> lacks <inertia izz="),
+    "negative mass": (changed('"2.0"', '"-2"'), "link 'upper': mass -2 kg"),
+    "nan mass": (changed(MASS, '<mass value="nan"/>'), "link 'upper': <mass value='nan'>"),
+    "other digits": (changed(MASS, '<mass value="٢"/>'), "link 'upper': <mass value='٢'>"),
+    "long number": (changed(MASS, f'<mass value="{"9x" * 2000}"/>'), "(4002 characters)"),
+    "huge number": (changed(COM, 'xyz="0.1 0.2 1e200"'), "<origin xyz='0.1 0.2 1e200'> is beyond 1e+30"),
+    "two coordinates": (changed(COM, 'xyz="0.1 0.2"'), "<origin xyz='0.1 0.2'> is not 3"),
+    "zero axis": (changed('<axis xyz="0.0 0.0 1.0"/>', '<axis xyz="0 0 0"/>'), "joint 'shoulder': axis"),
+    "words for limits": (changed(LOWER, 'lower="low"'), "joint 'shoulder': <limit lower='low'>"),
+    "crossed limits": (changed(LOWER, 'lower="11"'), "joint 'shoulder': lower limit 11.0"),
+    "negative damping": (changed("</joint>", '<dynamics damping="-1"/></joint>'), "joint 'shoulder': damping -1.0"),
+}
 
 
-# --- Wrong arguments ---
+@pytest.mark.parametrize("case", BROKEN)
+def test_broken(case):
+    source, key = BROKEN[case]
+    with pytest.raises(dd.UrdfError) as caught:
+        dd.load_urdf(source)
+    assert isinstance(caught.value, dd.DiagDynamicsError)
+    assert key in str(caught.value) and str(caught.value).count("Cannot read") <= 1
 
 
-@pytest.fixture(scope="module")
-def two():
-    urdf = arm(link("l", **BOX), joint("elbow", "prismatic", "upper", "l"))
-    return dd.DiagonalDynamics(dd.load_urdf(urdf))
+LARGE = np.diag([1e300, 1e300, 1e300])
+
+BAD_OPTIONS = [
+    ({"mimic": "both"}, "mimic is 'both'"),
+    ({"massless": "drop"}, "massless is 'drop'"),
+    ({"gravity": (0, 0)}, "gravity is (0, 0)"),
+    ({"gravity": "down"}, "gravity is 'down'"),
+    ({"gravity": (0, 0, np.inf)}, "gravity is"),
+    ({"gravity": (0, 1e305, 0)}, "±1000"),
+    ({"gravity": (0, 0, -9810.0)}, "±1000"),
+    ({"armature": -1.0}, "armature of joint 'shoulder' is -1.0"),
+    ({"armature": "heavy"}, "armature is 'heavy'"),
+    ({"armature": True}, "armature is True"),
+    ({"armature": {"shoulder": 1e10}}, "armature of joint 'shoulder' is 10000000000.0"),
+    ({"armature": {"elbow": 1.0}}, "armature: 'elbow'"),
+    ({"locked_joints": {"elbow": 0.0}}, "locked_joints: 'elbow'"),
+    ({"locked_joints": {"shoulder": np.nan}}, "joint 'shoulder' is nan"),
+    ({"locked_joints": {"shoulder": -1e300}}, "'shoulder' is -1e+300"),
+    ({"locked_joints": ["shoulder"]}, "locked_joints is ['shoulder']"),
+    ({"payloads": {"hand": (1.0,)}}, "payloads: 'hand'"),
+    ({"payloads": {"upper": None}}, "payloads: 'upper' has None"),
+    ({"payloads": {"upper": (-1.0,)}}, "mass on link 'upper' is -1.0"),
+    ({"payloads": {"upper": (1e300,)}}, "mass on link 'upper' is 1e+300"),
+    ({"payloads": {"upper": (1.0, (0, 0))}}, "com on link 'upper' is (0, 0)"),
+    ({"payloads": {"upper": (1.0, (0, 1e200, 0))}}, "com on link 'upper' is (0, 1e+200, 0)"),
+    ({"payloads": {"upper": (1.0, (0, 0, 0), LARGE)}}, "±1e+09"),
+    *(
+        ({name: value}, f"{name} is")
+        for name in ("max_joints", "max_coupled")
+        for value in (0, 2.5, "many", None, True)
+    ),
+]
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (
-            lambda d: d.evaluate([0.0], [0, 0]),
-            "q has shape (1,), expected (2,): one entry for each of shoulder",
-        ),
-        (lambda d: d.evaluate(0.0, [0, 0]), "q has shape ()"),
-        (lambda d: d.evaluate([0, 0], [0, np.nan]), "qd of joint 'elbow' is nan, expected a finite number."),
-        (lambda d: d.evaluate([np.inf, 0], [0, 0]), "q of joint 'shoulder' is inf, expected a finite number."),
-        (lambda d: d.evaluate([0, 0], [0, 0], [0, -np.inf]), "tau of joint 'elbow' is -inf"),
-        (lambda d: d.evaluate(["a", "b"], [0, 0]), "q is not a vector of numbers"),
-        (lambda d: d.evaluate([[1], 2], [0, 0]), "q is not a vector of numbers"),
-        (lambda d: d.evaluate([1j, 2], [0, 0]), "q is not a vector of numbers"),
-        (lambda d: d.evaluate([0, 0], [1e200, 0]), "qd, tau are too large: a result overflows"),
-        (lambda d: d.evaluate([0, 0], [1e150, 0], [1e200, 0]), "qd, tau are too large: a result overflows"),  # power
-        (
-            lambda d: d.evaluate_batch([[0, 0]] * 9, [[0, 1e150]] * 9, [[0, 1e200]] * 9),
-            "state 0: q, qd, tau are too large",
-        ),
-        (lambda d: d.evaluate([0, 0], [1e150, 0], f_ext={"upper": [0, 1e200, 0, 0, 0, 1e200]}), "the power overflows"),
-        (lambda d: d.forward_dynamics([0, 0], [1e200, 0], [0, 0]), "are too large: a result overflows"),
-        (lambda d: d.inverse_dynamics([0, 0], [1e200, 0], [0, 0]), "are too large: a result overflows"),
-        (lambda d: d.evaluate([0, 0], [0, 0], f_ext={"hand": [0] * 6}), "f_ext: 'hand' is not a link of robot 'arm'."),
-        (lambda d: d.evaluate([0, 0], [0, 0], f_ext={"upper": [0] * 5}), "f_ext on link 'upper' is [0, 0, 0, 0, 0]"),
-        (lambda d: d.evaluate([0, 0], [0, 0], f_ext=np.zeros(6)), "expected a dict by name"),
-        (lambda d: d.evaluate([0, 0], [0, 0], frame="body"), "frame is 'body', expected 'link' or 'world'."),
-        (lambda d: d.factors([np.nan, 0]), "q of joint 'shoulder' is nan"),
-        (lambda d: d.forward_dynamics([0, 0], [0, 0], [np.nan, 0]), "tau of joint 'shoulder' is nan"),
-        (lambda d: d.inverse_dynamics([0, 0], [0, 0], [np.nan, 0]), "qdd of joint 'shoulder' is nan"),
-        (lambda d: d.mass_matrix([0, np.nan]), "q of joint 'elbow' is nan"),
-        (lambda d: d.bias([0, 0], [np.nan, 0]), "qd of joint 'shoulder' is nan"),
-        (lambda d: d.gravity_torque([0, np.nan]), "q of joint 'elbow' is nan"),
-        (lambda d: d.nu_from_qd([0, 0], [0, np.nan]), "qd of joint 'elbow' is nan"),
-        (lambda d: d.qd_from_nu([0, 0], [0, np.nan]), "nu of joint 'elbow' is nan"),
-        (lambda d: d.epsilon_from_tau([0, 0], [0, np.inf]), "tau of joint 'elbow' is inf"),
-        (lambda d: d.tau_from_epsilon([0, 0], [[0, 0]]), "epsilon has shape (1, 2)"),
-        (lambda d: dd.DiagonalDynamics("arm.urdf"), "DiagonalDynamics needs a RobotModel"),
-    ],
-)
-def test_wrong_arguments_are_named(two, call, message):
+@pytest.mark.parametrize(("options", "key"), BAD_OPTIONS)
+def test_bad_options(options, key):
     with pytest.raises(dd.InputError) as caught:
-        call(two)
-    assert message in str(caught.value)
-    assert two.evaluate([0.1, 0.2], [0.3, 0.4]).kinetic_energy > 0.0  # and nothing is broken afterwards
+        dd.load_urdf(ARM, **options)
+    assert key in str(caught.value)
 
 
-def test_any_kind_of_vector_is_taken(two):
-    """Lists, other dtypes, strided and read-only arrays give the same, and are not written to."""
-    q, qd = np.array([0.1, 0.2]), np.array([0.3, 0.4])
-    expected = two.evaluate(q, qd).nu
-    strided = np.array([0.1, 9.0, 0.2, 9.0])[::2]
-    frozen = q.copy()
-    frozen.flags.writeable = False
-    for other in ([0.1, 0.2], (0.1, 0.2), strided, frozen):
-        np.testing.assert_array_equal(two.evaluate(other, qd).nu, expected)
-    np.testing.assert_allclose(two.evaluate(q.astype(np.float32), qd).nu, expected, rtol=1e-6)
+# --- Size
+
+
+def grown(count, parent=lambda k: k - 1, source=lambda k: None, kind="revolute"):
+    """Return a robot of `count` joints; parent -1 is the root, and a joint whose source is None moves freely."""
+    parts = [link("l-1")]
+    for k in range(count):
+        element = joint(f"j{k}", kind, f"l{parent(k)}", f"l{k}")
+        if source(k) is not None:
+            element = changed("</joint>", f'<mimic joint="j{source(k)}" multiplier="-1"/></joint>', element)
+        parts += [link(f"l{k}", 1.0, (0.1, 0.2, 0.3), (0.1, 0, 0, 0.1, 0, 0.1)), element]
+    return description("grown", *parts)
+
+
+STAR = {"parent": lambda k: -1}
+PAIRS = {"source": lambda k: k - 1 if k % 2 else None}
+ONE_SOURCE = {"source": lambda k: 0 if k else None}
+CHAIN_OF_SOURCES = {"source": lambda k: k - 1 if k else None}
+
+SHAPES = {
+    "chain": {},
+    "chain of fixed joints": {"kind": "fixed"},
+    "star": STAR,
+    "pairs in a chain": PAIRS,
+    "pairs in a star": STAR | PAIRS,
+    "one source, in a chain": ONE_SOURCE,
+    "one source, in a star": STAR | ONE_SOURCE,
+    "chain of sources, in a chain": CHAIN_OF_SOURCES,
+    "chain of sources, in a star": STAR | CHAIN_OF_SOURCES,
+    "groups that join": {"source": lambda k: k // 2 if k else None},
+}
+
+
+def count_lines(text, **options):
+    """Count the lines of the package that loading runs, once for each turn of a loop, and calls of other functions."""
+    count = 0
+
+    def trace(frame, event, _):
+        nonlocal count
+        count += 1
+        return trace if "diag_dynamics" in frame.f_code.co_filename else None
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        dd.load_urdf(text, **options)
+    finally:
+        sys.settrace(before)
+    return count
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_loading_takes_linear_time(shape):
+    """Twice the joints, twice the lines; the compiled evaluation of a group is not counted."""
+    sizes = [shortened(60, 20) * 2**k for k in range(3)]
+    counts = [count_lines(grown(n, **SHAPES[shape]), max_coupled=sizes[-1]) for n in sizes]
+    assert all(more < 2.3 * less for less, more in pairwise(counts)), counts
+
+
+@pytest.fixture
+def forbid(monkeypatch):
+    """Return a function that makes a call of a function fail."""
+
+    def never(*_):
+        raise AssertionError("called for a description that should have been rejected before")
+
+    return lambda module, name: monkeypatch.setattr(module, name, never)
+
+
+@pytest.mark.parametrize("shape", [shape for shape in SHAPES if "source" in shape])
+def test_large_groups_are_rejected_before_their_evaluation(shape, forbid):
+    """An evaluation takes time as the cube of a group's size."""
+    forbid(loader, "massless_freedoms")
+    for bound, options in ((MAX_COUPLED, {}), (10, {"max_coupled": 10})):
+        with pytest.raises(dd.MimicJointError, match=rf"of {bound + 1} bodies.*no more than {bound} .*max_coupled"):
+            dd.load_urdf(grown(bound + 1, **SHAPES[shape]), **options)
+
+
+def test_size_of_a_group_counts_the_freedoms_within():
+    """A floating joint between two coupled ones has six."""
+    parts = [link(name, 1.0, (0.1, 0.2, 0.3), (0.1, 0, 0, 0.1, 0, 0.1)) for name in "abcd"]
+    source, free = joint("source", "revolute", "a", "b"), joint("free", "floating", "b", "c")
+    coupled = changed("</joint>", '<mimic joint="source"/></joint>', joint("coupled", "revolute", "c", "d"))
+    text = description("six", *parts, source, free, coupled)
+    assert dd.load_urdf(text, max_coupled=8).nv == 7
+    with pytest.raises(dd.MimicJointError, match="of 8 bodies"):
+        dd.load_urdf(text, max_coupled=7)
+
+
+@pytest.mark.parametrize("kind", ["revolute", "fixed"])
+def test_many_joints_are_rejected_before_they_are_read(kind, forbid):
+    forbid(urdf, "_add_links")
+    with pytest.raises(dd.UrdfError, match=rf"{MAX_JOINTS + 1} joints .*no more than {MAX_JOINTS} .*max_joints"):
+        dd.load_urdf(grown(MAX_JOINTS + 1, kind=kind))
+    with pytest.raises(dd.UrdfError, match=r"0 joints and 5 links, and no more than 3 joints"):
+        dd.load_urdf(description("scattered", *map(link, "abcde")), max_joints=3)
+
+
+def test_bounds_are_options():
+    """A model that is made of another one keeps its bounds."""
+    text = grown(MAX_COUPLED + 20, **STAR, **CHAIN_OF_SOURCES)
+    assert dd.load_urdf(text, max_coupled=MAX_COUPLED + 20).nv == 1
+    assert dd.load_urdf(grown(5), max_joints=5).nv == 5
+    with pytest.raises(dd.UrdfError, match=r"has 5 joints .* no more than 4"):
+        dd.load_urdf(grown(5), max_joints=4)
+    model = dd.load_urdf(grown(6, **PAIRS), max_coupled=2).with_locked_joints({"j0": 0.1})
+    assert model.nv == 2 and model._options.max_coupled == 2
+
+
+# --- The reader for where yourdfpy is not installed
+
+
+def read_by_both(text, monkeypatch):
+    """Return a model's fields as both readers give them, or the text of both errors."""
+    found = []
+    for reader in (urdf.yourdfpy, None):
+        with monkeypatch.context() as context:
+            context.setattr(urdf, "yourdfpy", reader)
+            try:
+                model = dd.load_urdf(text, massless="lock")
+            except dd.DiagDynamicsError as error:
+                found.append(f"{type(error).__name__}: {error}")
+                continue
+            arrays = [value.tobytes() for value in vars(model).values() if isinstance(value, np.ndarray)]
+            names = (model.name, model.coordinate_names, model.link_names, model.root_link, model.mimics)
+            found.append((arrays, names, model.placement_in_body(model.link_names[-1])[1].tobytes()))
+    return found
+
+
+READ_BY_BOTH = {
+    **{id: robot_path(id) for id in shortened(all_robots(), all_robots()[::20])},
+    **{one.id: one.urdf for one in shortened(random_robots(), random_robots()[::4])},
+    "all types": random_tree(30, kinds=(*KINDS, *SEVERAL, "fixed")),
+    **{case: source for case, (source, _) in BROKEN.items() if case in ("ring", "nan mass", "zero axis")},
+}
+
+
+@pytest.mark.parametrize("case", READ_BY_BOTH)
+@pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
+def test_both_readers_agree(case, monkeypatch):
+    pytest.importorskip("yourdfpy", reason="yourdfpy is not installed")
+    first, second = read_by_both(READ_BY_BOTH[case], monkeypatch)
+    assert first == second
+    assert isinstance(first, str) == (case in BROKEN or case.endswith("ur3.urdf"))
+
+
+def test_broken_yourdfpy_is_reported(tmp_path, monkeypatch, caplog):
+    """Its libraries may not fit the NumPy: the package reads URDFs without it."""
+    (tmp_path / "yourdfpy.py").write_text("raise AttributeError('module numpy has no attribute in1d')")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "yourdfpy", raising=False)
+    spec = importlib.util.find_spec("diag_dynamics.model.urdf")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert module.yourdfpy is None and "in1d" in caplog.text
+    assert module.read_urdf(ARM)[1] == "base"
