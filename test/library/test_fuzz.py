@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whatever the loader is given, it gives a model that works, or one of our exceptions: never another one, never a hang.
+"""Fuzzed URDFs: the loader returns a model that works or raises one of the package's exceptions; it never hangs.
 
-Hypothesis takes real and made-up URDFs apart: elements deleted, doubled, moved and renamed, attributes replaced by
-rubbish, text cut and overwritten. To try many more: see examples.py.
+Hypothesis mutates real URDFs and random ones. It removes, doubles, moves and renames elements, replaces attributes, cuts
+and overwrites text.
 """
 
 import copy
@@ -13,22 +13,23 @@ import warnings
 import xml.etree.ElementTree as ET
 
 import numpy as np
-from hypothesis import given, note
+from hypothesis import given, note, settings
 from hypothesis import strategies as st
 
 import diag_dynamics as dd
 import robots
-from examples import examples
+from examples import shortened
 
-SEEDS = tuple(  # noqa: RUF005
-    robots.robot(id).urdf
-    for id in (
-        "double_pendulum_description/urdf/double_pendulum.urdf",
-        "finger_edu_description/robots/finger_edu.urdf",
-        "panda_description/urdf/panda.urdf",
-        "ur_description/urdf/ur5_robot.urdf",
-    )
-) + (
+SEEDS = (
+    *(
+        robots.robot(id).urdf
+        for id in (
+            "double_pendulum_description/urdf/double_pendulum.urdf",
+            "finger_edu_description/robots/finger_edu.urdf",
+            "panda_description/urdf/panda.urdf",
+            "ur_description/urdf/ur5_robot.urdf",
+        )
+    ),
     robots.PENDULUM,
     robots.TwoLinkArm().urdf,
     robots.random_tree(20, 6, robots.KINDS + robots.SEVERAL),
@@ -45,45 +46,16 @@ WORDS = (
     *("é", "\u202e", "\U0001f916", "a/v_x", "root_joint", "root_joint/qw", "x" * 1000, "${name}", "\n", "{0}", "%s"),
     *("link_0", "root", "world", "panda_joint1", "panda_link0", "elbow", "upper", "lower"),
 )
-CONTROL = "".join(map(chr, (0, 1, 7, 8, 11, 27, 127, 0x85, 0xFFFE, 0xFFFF, 0xD800, 0xFEFF)))
+CONTROL = map(chr, (0, 1, 7, 8, 11, 27, 127, 0x85, 0xFFFE, 0xFFFF, 0xD800, 0xFEFF))
 BITS = (
     *("<", ">", "&", '"', "'", "&amp;", "&#0;", "&#xD800;", "&lt;", "&x;", "]]>", "<![CDATA[", "<!--", "-->", "<?x?>"),
-    *(
-        "<link>",
-        "</link>",
-        '<link name="a"/>',
-        "<joint/>",
-        "<robot>",
-        "</robot>",
-        "<x:y/>",
-        ' xmlns="u"',
-        "<a b='1' b='2'>",
-    ),
-    *(
-        "<!DOCTYPE robot>",
-        '<!DOCTYPE r [<!ENTITY x "y">]>',
-        '<?xml version="1.0" encoding="utf-16"?>',
-        "\ufeff",
-        "\r",
-        *CONTROL,
-    ),
+    *("<link>", "</link>", '<link name="a"/>', "<joint/>", "<robot>", "</robot>", "<x:y/>", ' xmlns="u"'),
+    *("<a b='1' b='2'>", "<!DOCTYPE robot>", '<!DOCTYPE r [<!ENTITY x "y">]>', "\ufeff", "\r"),
+    *('<?xml version="1.0" encoding="utf-16"?>', *CONTROL),
 )
 ENCODINGS = (
-    *(
-        "utf-8",
-        "utf-16",
-        "utf-32",
-        "latin-1",
-        "ascii",
-        "cp1252",
-        "big5",
-        "idna",
-        "punycode",
-        "hex",
-        "rot13",
-        "undefined",
-    ),
-    *("unicode_escape", "raw_unicode_escape", "zlib", "base64", "mbcs", "x" * 100, "utf-8-sig", "EBCDIC-CP-BE"),
+    *("utf-8", "utf-16", "utf-32", "latin-1", "ascii", "cp1252", "big5", "idna", "punycode", "hex", "rot13"),
+    *("undefined", "unicode_escape", "raw_unicode_escape", "zlib", "base64", "mbcs", "x" * 100, "utf-8-sig"),
 )
 
 
@@ -93,7 +65,7 @@ def mutated_tree(rng, root):
     parent_of = {child: parent for parent in elements for child in parent}
     element = rng.choice(elements)
     action = rng.randrange(10)
-    if action < 4 and element.attrib:  # an attribute becomes rubbish
+    if action < 4 and element.attrib:
         name = rng.choice(list(element.attrib))
         element.set(name, rng.choice(NUMBERS if rng.random() < 0.7 else WORDS))
     elif action == 4 and element.attrib:
@@ -102,12 +74,12 @@ def mutated_tree(rng, root):
         parent_of[element].remove(element)
     elif action == 6 and element in parent_of:  # doubled, next to itself or elsewhere
         rng.choice(elements if rng.random() < 0.3 else [parent_of[element]]).append(copy.deepcopy(element))
-    elif action == 7:  # two elements change what they hold
+    elif action == 7:  # two elements swap their attributes
         other = rng.choice(elements)
         element.attrib, other.attrib = other.attrib, element.attrib
     elif action == 8:
         element.tag = rng.choice([other.tag for other in elements])
-    else:  # a value of somewhere else
+    else:  # a value of another element
         donor = rng.choice([other for other in elements if other.attrib] or [root])
         element.attrib |= rng.sample(sorted(donor.attrib.items()), min(1, len(donor.attrib)))
 
@@ -127,7 +99,7 @@ def mutated_text(rng, text):
 
 
 def mutated_bytes(rng, data):
-    """Change some bytes, or say that they are in another encoding."""
+    """Change some bytes, or declare another encoding."""
     if rng.random() < 0.5:
         return b'<?xml version="1.0" encoding="%s"?>' % rng.choice(ENCODINGS).encode() + data
     data = bytearray(data)
@@ -138,7 +110,7 @@ def mutated_bytes(rng, data):
 
 
 def mutant(seed):
-    """Return a URDF, as text or bytes, that has suffered."""
+    """Return a mutated URDF, as text or bytes."""
     rng = random.Random(seed)
     source = rng.choice(SEEDS)
     if rng.random() < 0.8:
@@ -157,7 +129,7 @@ def mutant(seed):
 
 
 def load_and_use(source, **options):
-    """Load; evaluate what came out; anything unexpected is an exception. Return the model, or None."""
+    """Load and evaluate; return the model, or None. Whatever is unexpected is an exception."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.simplefilter("ignore", dd.InertiaWarning)
@@ -188,29 +160,23 @@ OPTIONS = st.fixed_dictionaries(
 )
 
 
-@examples(1200)
+@settings(max_examples=shortened(1200, 120))
 @given(st.integers(0, 2**64 - 1), OPTIONS)
-def test_mutants(seed, options):
-    """Real URDFs, taken apart."""
+def test_mutated_urdfs(seed, options):
     source = mutant(seed)
     note(repr(source))
     load_and_use(source, **options)
 
 
-@examples(300)
+@settings(max_examples=shortened(300, 30))
 @given(st.one_of(st.binary(max_size=200), st.text(max_size=200).map(lambda text: "<" + text)))
 def test_random_bytes(source):
-    """Bytes and characters from nowhere."""
     load_and_use(source)
 
 
-def test_mutants_are_not_all_hopeless():
-    """What is fuzzed gets through the parser, and often through the loader."""
-    rng = random.Random(1)
-    outcomes = []
-    for _ in range(150):
-        try:
-            outcomes.append(load_and_use(mutant(rng.getrandbits(64)), mimic="free") is not None)
-        except Exception:
-            outcomes.append(True)  # test_mutants is there to complain
-    assert 0.15 < np.mean(outcomes) < 0.85
+def test_mutants_reach_the_loader():
+    """Some mutants load, others do not."""
+    rng, loaded = random.Random(1), []
+    for _ in range(60):
+        loaded.append(load_and_use(mutant(rng.getrandbits(64)), mimic="free") is not None)
+    assert 0.15 < np.mean(loaded) < 0.85
