@@ -1,0 +1,590 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Robots by name, xacro and MJCF, each compared with its own tool; and URDFs with parameters written into them."""
+
+import sys
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from lxml import etree
+
+import diag_dynamics as dd
+from diag_dynamics.model.rewriting import urdf_with
+from robots import robot_path
+
+UR5 = robot_path("ur_description/urdf/ur5_robot.urdf")
+PANDA = robot_path("panda_description/urdf/panda.urdf")
+
+
+def assert_same(a, b):
+    assert a.dof_names == b.dof_names and a.link_names == b.link_names
+    assert a.bodies.tobytes() == b.bodies.tobytes() and a.links.tobytes() == b.links.tobytes()
+
+
+# --- Robots by name
+
+
+def test_example_robots():
+    """An exact name precedes those that contain it."""
+    assert_same(dd.load_robot("panda"), dd.load_urdf(PANDA))
+    assert_same(dd.load_robot("ur5"), dd.load_urdf(UR5))
+    assert dd.load_robot("panda", floating_base=True).floating_base
+
+
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [("pnada", "panda"), ("ur", "any of"), ("pand", "panda, panda_collision"), ("", "expected"), (3, "expected")],
+)
+def test_unknown_names(name, key):
+    with pytest.raises(dd.InputError, match=key):
+        dd.load_robot(name)
+
+
+@pytest.fixture
+def robot_descriptions(tmp_path, monkeypatch):
+    """Put a stand-in on the path for the package of that name, which clones from the network."""
+    urdf = tmp_path / "arm.urdf.xacro"
+    urdf.write_text(UR5.read_text())
+    has_urdf = {"arm": True, "lost": True, "bare": True, "xacro": True, "arm_mj": False}
+    entries = ", ".join(f"'{name}_description': Entry({value})" for name, value in has_urdf.items())
+    package = tmp_path / "robot_descriptions"
+    package.mkdir()
+    (package / "__init__.py").touch()  # DESCRIPTIONS is not in it in older versions
+    (package / "_descriptions.py").write_text(
+        f"class Entry:\n    def __init__(self, has_urdf): self.has_urdf = has_urdf\n\nDESCRIPTIONS = {{{entries}}}\n"
+    )
+    (package / "arm_description.py").write_text(f"URDF_PATH = {str(UR5)!r}")
+    (package / "xacro_description.py").write_text(f"XACRO_PATH = {str(urdf)!r}")
+    (package / "bare_description.py").write_text("PACKAGE_PATH = ''")
+    (package / "lost_description.py").write_text("raise ConnectionError('no route to host')")
+    monkeypatch.syspath_prepend(tmp_path)
+    yield
+    for name in [name for name in sys.modules if name.split(".")[0] == "robot_descriptions"]:
+        del sys.modules[name]
+
+
+def test_robot_descriptions(robot_descriptions, capsys):
+    assert dd.load_robot("arm_description").nv == 6
+    assert "from the net" in capsys.readouterr().err
+    for name, key in (
+        ("lost_description", "ConnectionError: no route to host"),
+        ("arm_descripton", "arm_description"),
+        ("arm_mj_description", "arm_mj"),
+        ("bare_description", "neither a URDF nor a xacro file"),
+    ):
+        with pytest.raises(dd.InputError, match=key):
+            dd.load_robot(name)
+    pytest.importorskip("xacro", reason="xacro is not installed")
+    assert dd.load_robot("xacro_description").nv == 6
+
+
+# --- xacro
+
+XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="mass" default="2"/>
+  <xacro:arg name="hand" default="false"/>
+  <xacro:macro name="part" params="name">
+    <link name="${name}"><inertial><mass value="$(arg mass)"/>
+      <inertia ixx="${0.1 * 2}" iyy="0.2" izz="0.2" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  </xacro:macro>
+  <link name="base"/>
+  <xacro:part name="upper"/>
+  <joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/></joint>
+  <xacro:if value="$(arg hand)">
+    <xacro:part name="hand"/>
+    <joint name="wrist" type="continuous"><parent link="upper"/><child link="hand"/><axis xyz="1 0 0"/></joint>
+  </xacro:if>
+</robot>"""
+
+
+@pytest.fixture
+def xacro_file(tmp_path):
+    path = tmp_path / "arm.urdf.xacro"
+    path.write_text(XACRO)
+    return path
+
+
+@pytest.mark.parametrize("arguments", [{}, {"mass": 3.5}, {"hand": True, "mass": "1"}])
+def test_xacro(xacro_file, arguments, monkeypatch, capsys):
+    """The model is that of the text that xacro's own command prints."""
+    xacro = pytest.importorskip("xacro", reason="xacro is not installed")
+    typed = [f"{name}:={str(value).lower()}" for name, value in arguments.items()]
+    monkeypatch.setattr(sys, "argv", ["xacro", str(xacro_file), *typed])
+    xacro.main()
+    expected = dd.load_urdf(capsys.readouterr().out)
+    assert_same(dd.load_urdf(xacro_file, xacro_args=arguments), expected)
+    assert_same(dd.load_urdf(str(xacro_file), xacro_args=arguments), expected)
+
+
+def test_xacro_errors(xacro_file, monkeypatch):
+    def assert_error(kind, key, source, **options):
+        with pytest.raises(kind, match=key):
+            dd.load_urdf(source, **options)
+
+    pytest.importorskip("xacro", reason="xacro is not installed")
+    assert_error(dd.UrdfError, "no such file", "nowhere.xacro")
+    assert_error(dd.InputError, "xacro_args has mass", UR5, xacro_args={"mass": 1})
+    assert_error(dd.InputError, "xacro_args is 3", xacro_file, xacro_args=3)
+    xacro_file.write_text(XACRO.replace("${0.1 * 2}", "${nothing}"))
+    assert_error(dd.UrdfError, "xacro cannot expand .*nothing", xacro_file)
+    xacro_file.write_text(XACRO.replace('<link name="base"/>', '<xacro:include filename="$(find arm)/x.xacro"/>'))
+    for name in ("ament_index_python", "ament_index_python.packages"):
+        monkeypatch.setitem(sys.modules, name, None)
+    assert_error(dd.UrdfError, "ament_index_python.* is needed", xacro_file)
+    monkeypatch.setitem(sys.modules, "xacro", None)
+    assert_error(dd.UrdfError, "pip install xacro", xacro_file)
+    assert_error(dd.UrdfError, "unexpanded xacro", XACRO)
+
+
+# --- MJCF
+
+ACTUATOR = '<motor joint="turn" gear="2" forcerange="-30 40" forcelimited="true"/>'
+
+ARM = f"""<mujoco model="arm">
+  <compiler angle="radian"/>
+  <option gravity="0.3 -0.2 -9.5"/>
+  <default><joint armature="0.02" damping="0.5"/></default>
+  <worldbody>
+    <site name="stand"/>
+    <body name="a" pos="0.1 0.2 0.3" quat="0.9 0.1 0.3 -0.2">
+      <joint name="turn" type="hinge" axis="0.2 1 0.4" pos="0.05 -0.1 0.02" ref="0.4" range="-2 2"/>
+      <inertial pos="0.1 0 0.05" quat="0.8 0.3 -0.2 0.1" mass="2.5" diaginertia="0.05 0.04 0.03"/>
+      <body name="b" pos="0 0.3 0.1" euler="0.4 -0.3 1.2">
+        <joint name="shift" type="slide" axis="1 0 0.5" pos="0.3 0 0" ref="-0.1" range="-1 1" frictionloss="0.7"/>
+        <joint name="about x" type="hinge" axis="1 0 0" pos="0 0.2 0"/>
+        <joint type="hinge" axis="0 0 1" pos="0.1 0 0.1" armature="0.3"/>
+        <geom type="capsule" size="0.04" fromto="0 0 0 0.2 0.1 0.3"/>
+        <body pos="0.2 0.1 0.3" name="tool"><site name="tip"/><geom type="box" size="0.05 0.03 0.1" mass="0.8"/></body>
+      </body>
+    </body>
+    <body name="c" pos="-0.5 0 0"><joint name="other"/><geom size="0.1"/></body>
+  </worldbody>
+  <actuator>{ACTUATOR}</actuator>
+</mujoco>"""
+
+FREE_JOINT = '<freejoint name="flight"/>'
+
+FREE = f"""<mujoco model="drone">
+  <worldbody>
+    <body name="hull" pos="1 2 3">{FREE_JOINT}<geom type="box" size="0.3 0.2 0.1"/>
+      <body name="arm" pos="0.3 0 0"><joint name="elbow" axis="0 1 0" pos="0 0 0.05"/><geom size="0.05" pos="0.2 0 0"/></body>
+    </body>
+  </worldbody>
+</mujoco>"""
+
+BALL = '<body name="ball" pos="0 0 5"><freejoint name="roll"/><geom size="0.1" pos="0.02 0 0"/></body></worldbody>'
+TWO_FREE = FREE.replace("</worldbody>", BALL)
+END = "</mujoco>"
+
+
+def changed(old, new, text=ARM):
+    assert old in text
+    return text.replace(old, new)
+
+
+def with_actuators(actuators):
+    return changed(ACTUATOR, actuators)
+
+
+def with_flags(text, *flags):
+    flags = " ".join(f'{flag}="disable"' for flag in flags)
+    return changed('-9.5"/>', f'-9.5"><flag {flags}/></option>', text)
+
+
+@pytest.fixture
+def mujoco():
+    return pytest.importorskip("mujoco", reason="mujoco is not installed")
+
+
+def needs(mujoco, attribute):
+    """Skip where the installed version of MuJoCo does not have an attribute."""
+    if not hasattr(mujoco.MjModel, attribute):
+        pytest.skip(f"models of this MuJoCo have no {attribute}")
+
+
+class Reference:
+    """A model in MuJoCo, and its quantities in the order of our rates."""
+
+    def __init__(self, mujoco, text, model):
+        self.mujoco, self.model, self.m = mujoco, model, mujoco.MjModel.from_xml_string(text)
+        self.m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        self.d = mujoco.MjData(self.m)
+
+    def set(self, q, qd):
+        """Set the state. The angular part of a free body's twist is ours; the linear part is turned to the world."""
+        model, m, d = self.model, self.m, self.d
+        at = dict(zip(model.coordinate_names, q, strict=True))
+        dof = {name: k for k, name in enumerate(model.dof_names)}
+        self.transform = np.zeros((m.nv, model.nv))  # of our rates to MuJoCo's
+        for j in range(m.njnt):
+            name = self.mujoco.mj_id2name(m, self.mujoco.mjtObj.mjOBJ_JOINT, j) or f"joint{j}"
+            p, v = m.jnt_qposadr[j], m.jnt_dofadr[j]
+            if m.jnt_type[j] != self.mujoco.mjtJoint.mjJNT_FREE:
+                d.qpos[p], self.transform[v, dof[name]] = at[name], 1.0
+                continue
+            name = "root_joint" if model.floating_base else name
+            x = [at[f"{name}/{suffix}"] for suffix in ("x", "y", "z", "qw", "qx", "qy", "qz")]
+            d.qpos[p : p + 7], R = x, np.zeros(9)
+            self.mujoco.mju_quat2Mat(R, x[3:])
+            columns = [dof[f"{name}/{suffix}"] for suffix in ("v_x", "v_y", "v_z", "w_x", "w_y", "w_z")]
+            self.transform[v : v + 3, columns[:3]] = R.reshape(3, 3)
+            self.transform[v + 3 : v + 6, columns[3:]] = np.eye(3)
+        d.qvel[:] = self.transform @ qd
+        self.mujoco.mj_forward(m, d)
+
+    def mass_matrix(self):
+        M = np.zeros((self.m.nv, self.m.nv))
+        for row, unit in zip(M, np.eye(self.m.nv), strict=True):
+            self.mujoco.mj_mulM(self.m, self.d, row, unit)
+        return self.transform.T @ M @ self.transform
+
+    def bias(self):
+        """Return c + g, which is g at rest."""
+        return self.transform.T @ self.d.qfrc_bias
+
+    def place(self, k):
+        """Return name, position and rotation of a body."""
+        name = self.mujoco.mj_id2name(self.m, self.mujoco.mjtObj.mjOBJ_BODY, k)
+        return name, self.d.xpos[k], self.d.xmat[k].reshape(3, 3)
+
+
+def compare(mujoco, text, seed=5):
+    """Compare mass matrix, damping, kinetic energy, places and gravity with MuJoCo's; return both models."""
+    model = dd.load_mjcf(text)
+    reference, dyn, rng = Reference(mujoco, text, model), dd.DiagonalDynamics(model), np.random.default_rng(seed)
+    assert model.nv == reference.m.nv
+    for _ in range(3):
+        q, qd = model.random(rng), rng.normal(size=model.nv)
+        reference.set(q, qd)
+        M = reference.mass_matrix()
+        np.testing.assert_allclose(dyn.mass_matrix(q), M, rtol=0, atol=1e-11 * np.abs(M).max())
+        assert dyn.evaluate(q, qd).kinetic_energy == pytest.approx(0.5 * qd @ M @ qd, rel=1e-11)
+        damping = reference.transform.T @ reference.d.qfrc_passive
+        np.testing.assert_allclose(-model.damping * qd, damping, rtol=0, atol=1e-12)
+        for k in range(1, reference.m.nbody):
+            name, position, rotation = reference.place(k)
+            np.testing.assert_allclose(dyn.placement(q, name)[:3, 3], position, atol=1e-12)
+            np.testing.assert_allclose(dyn.placement(q, name)[:3, :3], rotation, atol=1e-12)
+        if not any(name.endswith("/qw") for name in model.coordinate_names):  # else rates are not the same
+            np.testing.assert_allclose(dyn.bias(q, qd) + dyn.gravity_torque(q), reference.bias(), rtol=0, atol=1e-10)
+        reference.set(q, np.zeros(model.nv))
+        g = reference.bias()
+        np.testing.assert_allclose(dyn.gravity_torque(q), g, rtol=0, atol=1e-10 * max(1.0, np.abs(g).max()))
+    return reference, model
+
+
+@pytest.mark.parametrize("text", [ARM, FREE, TWO_FREE], ids=["arm", "free", "two free"])
+def test_mjcf(mujoco, text):
+    compare(mujoco, text)
+
+
+def test_mjcf_joints(mujoco):
+    model = dd.load_mjcf(ARM)
+    dof = {name: k for k, name in enumerate(model.dof_names)}
+    assert set(dof) == {"turn", "shift", "about x", "joint3", "other"}
+    k = dof["turn"]
+    assert (model.lower[k], model.upper[k], model.effort_limit[k], model.damping[k]) == (-2.0, 2.0, 80.0, 0.5)
+    assert model.friction[dof["shift"]] == 0.7 and model.armature[dof["joint3"]] == 0.3
+    assert list(model.gravity) == [0.3, -0.2, -9.5]
+    assert dd.load_mjcf(FREE).floating_base and not dd.load_mjcf(TWO_FREE).floating_base
+    equality = '<equality><joint joint1="other" joint2="turn" polycoef="0.2 -1.5 0 0 0"/></equality>'
+    coupled = dd.load_mjcf(changed(END, equality + END)).mimics["other"]
+    assert (coupled.leader, coupled.multiplier) == ("turn", -1.5)
+    assert coupled.offset == pytest.approx(0.2 + 1.5 * 0.4)  # the source's ref is 0.4
+
+
+OTHER, TENDON = '<joint name="other"/>', '<tendon><fixed name="wire"><joint joint="turn" coef="1"/></fixed></tendon>'
+TWICE = "".join(
+    f'<joint name="{name}" joint1="other" joint2="{on}"/>' for name, on in (("e1", "turn"), ("e2", "shift"))
+)
+
+UNSUPPORTED = {
+    "ball": (OTHER, '<joint name="other" type="ball"/>', "joint 'other'"),
+    "spring": (OTHER, '<joint name="other" stiffness="3"/>', "joint 'other' has a spring"),
+    "tendon": (END, TENDON + END, "tendon 'wire'"),
+    "weld": (END, '<equality><weld name="glue" body1="c"/></equality>' + END, "equality 'glue'"),
+    "one joint twice": (END, f"<equality>{TWICE}</equality>{END}", "equality 'e2'"),
+    "fluid": ("<option gravity", '<option density="1.2" gravity', "fluid"),
+    "balance": ('<body name="c"', '<body name="c" gravcomp="1"', "body 'c'"),
+    "mocap": ("</worldbody>", '<body name="hand" mocap="true"/></worldbody>', "body 'hand'"),
+}
+
+UNSUPPORTED_SINCE_3_4 = {
+    "polynomial of a spring": (OTHER, '<joint name="other" stiffness="0 3"/>', "joint 'other' has a spring"),
+    "polynomial of damping": (OTHER, '<joint name="other" damping="0 0 3"/>', "joint 'other' has damping"),
+    "polynomial of an actuator": ("<motor ", '<motor name="drive" damping="0 3" ', "actuator 'drive' has damping"),
+    **{
+        f"{what} at a tendon": (
+            "<actuator>",
+            f'{TENDON}<actuator><motor name="pull" tendon="wire" {what}="0.1"/>',
+            f"actuator 'pull' has {what}",
+        )
+        for what in ("armature", "damping")
+    },
+}
+"""Attributes that older versions of MuJoCo do not read."""
+
+
+@pytest.mark.parametrize("case", [*UNSUPPORTED, *UNSUPPORTED_SINCE_3_4])
+def test_unsupported_features(mujoco, case):
+    if case in UNSUPPORTED_SINCE_3_4:
+        needs(mujoco, "actuator_armature")
+    old, new, key = (UNSUPPORTED | UNSUPPORTED_SINCE_3_4)[case]
+    with pytest.raises(dd.UnsupportedError, match=key):
+        dd.load_mjcf(changed(old, new))
+
+
+@pytest.mark.parametrize("text", [FREE, TWO_FREE], ids=["free", "two free"])
+@pytest.mark.parametrize(
+    ("attribute", "key"), [("armature", "armature"), ("damping", "damping"), ("frictionloss", "friction loss")]
+)
+def test_unsupported_features_of_free_joints(mujoco, text, attribute, key):
+    """MuJoCo applies a default to <joint type="free"> but not to <freejoint>."""
+    as_joint = '<joint name="flight" type="free"/>'
+    default = changed("<worldbody>", f'<default><joint {attribute}="0.3"/></default><worldbody>', text)
+    for supported in (changed(FREE_JOINT, as_joint, text), default):
+        assert dd.load_mjcf(supported).nv == dd.load_mjcf(text).nv
+    own = changed(FREE_JOINT, f'<joint name="flight" type="free" {attribute}="0.3"/>', text)
+    for unsupported in (own, changed(FREE_JOINT, as_joint, default)):
+        with pytest.raises(dd.UnsupportedError, match=f"joint 'flight' is free and has {key}"):
+            dd.load_mjcf(unsupported)
+    if attribute != "frictionloss" and hasattr(mujoco.MjModel, "actuator_armature"):
+        actuator = f'<actuator><motor name="lift" joint="flight" {attribute}="0.3"/></actuator>'
+        with pytest.raises(dd.UnsupportedError, match=f"actuator 'lift' has {attribute}"):
+            dd.load_mjcf(changed(END, actuator + END, text))
+
+
+PID = '<pid joint="{}" input="pos vel ff" kp="1" kv="1" gear="7"/>'
+
+GEARED = {
+    "joint": '<motor joint="turn" gear="3" armature="0.1" damping="0.2"/>',
+    "in parent": '<motor jointinparent="turn" gear="-3" armature="0.1" damping="0.2"/>',
+    "two": '<motor joint="turn" gear="3" armature="0.1"/><motor joint="turn" gear="2" armature="0.3" damping="0.4"/>',
+    "second": '<motor joint="turn" gear="5"/><motor joint="shift" gear="2" armature="0.3" damping="0.4"/>',
+    "several controls": PID.format("turn") + '<motor joint="shift" gear="2" armature="0.3"/>',
+    "no gear": '<motor joint="turn" gear="0" armature="0.1" damping="0.2"/>',
+    "several outputs": '<orientation site="tip" refsite="stand" kp="1"/>'
+    '<motor joint="shift" gear="3" armature="0.1" damping="0.2"/>',
+}
+
+
+@pytest.mark.parametrize("case", GEARED)
+@pytest.mark.parametrize("flags", [(), ("damper",), ("actuation",)], ids=["", "no damper", "no actuation"])
+def test_armature_and_damping_of_actuators(mujoco, case, flags):
+    needs(mujoco, "nactuator" if "several" in case else "actuator_armature")
+    text = with_actuators(GEARED[case])
+    compare(mujoco, with_flags(text, *flags) if flags else text)
+
+
+EQUALITIES = '<joint joint1="other" joint2="turn"/><connect body1="tool" anchor="0 0 0"/>'
+
+
+@pytest.mark.parametrize("flag", ["gravity", "damper", "spring", "equality", "frictionloss", "limit", "constraint"])
+def test_disabled_features(mujoco, flag):
+    """MuJoCo counts its rows of constraints beyond the ranges, where each limit would be one."""
+    newer = hasattr(mujoco.mjtDisableBit, "mjDSBL_DAMPER")
+    name = flag if newer or flag not in ("damper", "spring") else "passive"
+    text = {
+        "spring": changed(OTHER, '<joint name="other" stiffness="3"/>'),
+        "equality": changed(END, f"<equality>{EQUALITIES}</equality>{END}"),
+        "constraint": changed(END, f"<equality>{EQUALITIES}</equality>{END}"),
+    }.get(flag, ARM)
+    if flag in ("spring", "equality", "constraint"):
+        with pytest.raises(dd.UnsupportedError):
+            dd.load_mjcf(text)
+    reference, model = compare(mujoco, with_flags(text, name))
+    assert np.any(model.gravity) != (flag == "gravity") and np.any(model.damping) != (name in ("damper", "passive"))
+    reference.d.qpos[:] = 5.0
+    mujoco.mj_forward(reference.m, reference.d)
+    assert not model.mimics and reference.d.ne == 0
+    assert np.count_nonzero(model.friction) == reference.d.nf == (flag not in ("frictionloss", "constraint"))
+    assert np.isfinite(model.upper).sum() == reference.d.nl == 2 * (flag not in ("limit", "constraint"))
+
+
+OF_JOINT = 'actuatorfrcrange="-3 5"'
+
+EFFORTS = {  # actuators, attributes of the joint, its limit
+    "none": ("", "", np.inf),
+    "force range": ('<motor joint="turn" gear="-2" forcerange="-30 40"/>', "", 80.0),
+    "force range of one sign": ('<motor joint="turn" gear="-2" forcerange="-30 0"/>', "", 60.0),
+    "no range": ('<motor joint="turn"/>', "", np.inf),
+    "two": ('<motor joint="turn" gear="2" forcerange="-3 3"/><motor joint="turn" ctrlrange="-1 1"/>', "", 7.0),
+    "one without": ('<motor joint="turn" forcerange="-3 3"/><motor joint="turn"/>', "", np.inf),
+    "one without before": ('<motor joint="turn"/><motor joint="turn" forcerange="-3 3"/>', "", np.inf),
+    "in parent": ('<motor jointinparent="turn" gear="2" forcerange="-3 3"/>', "", 6.0),
+    "control range": ('<motor joint="turn" gear="-3" ctrlrange="-1 2"/>', "", 6.0),
+    "gain": ('<general joint="turn" gear="3" gainprm="-4" ctrlrange="-1 2"/>', "", 24.0),
+    "both": ('<motor joint="turn" gear="3" ctrlrange="-1 2" forcerange="-1 1"/>', "", 3.0),
+    "control range is less": ('<motor joint="turn" gear="3" ctrlrange="-1 1" forcerange="-9 9"/>', "", 3.0),
+    "position": ('<position joint="turn" kp="2" ctrlrange="-1 1"/>', "", np.inf),
+    "position with force range": ('<position joint="turn" kp="2" ctrlrange="-1 1" forcerange="-4 4"/>', "", 4.0),
+    "activation": ('<general joint="turn" dyntype="filter" dynprm="0.1" ctrlrange="-1 1"/>', "", np.inf),
+    "no gear": ('<motor joint="turn" gear="0"/>', "", 0.0),
+    "no gear, and another": ('<motor joint="turn" gear="0"/><motor joint="turn" ctrlrange="-1 1"/>', "", 1.0),
+    "of the joint": ('<motor joint="turn"/>', OF_JOINT, 5.0),
+    "of the joint is less": ('<motor joint="turn" forcerange="-9 9"/>', OF_JOINT, 5.0),
+    "of the joint is more": ('<motor joint="turn" forcerange="-2 2"/>', OF_JOINT, 2.0),
+    "after several controls": (PID.format("shift") + '<motor joint="turn" gear="3" ctrlrange="-2 2"/>', "", 6.0),
+    "force after several": (PID.format("shift") + '<motor joint="turn" gear="3" forcerange="-3 3"/>', "", 9.0),
+    "no range after several": (PID.format("shift") + '<motor joint="turn" gear="3"/>', "", np.inf),
+}
+
+
+def largest_effort(mujoco, text):
+    """Return MuJoCo's largest effort at `turn`, at states and controls of either sign far beyond any range."""
+    m, found = mujoco.MjModel.from_xml_string(text), 0.0
+    j = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_JOINT, "turn")
+    for value in (-1e9, 1e9):
+        d = mujoco.MjData(m)
+        d.ctrl[:], d.act[:] = value, value
+        d.qpos[m.jnt_qposadr[j]] = -value
+        mujoco.mj_fwdPosition(m, d)
+        mujoco.mj_fwdVelocity(m, d)
+        mujoco.mj_fwdActuation(m, d)
+        found = max(found, abs(d.qfrc_actuator[m.jnt_dofadr[j]]))
+    return found
+
+
+def effort_limit(text):
+    model = dd.load_mjcf(text)
+    return model.effort_limit[model.dof_names.index("turn")]
+
+
+@pytest.mark.parametrize("case", EFFORTS)
+def test_effort_limits(mujoco, case):
+    actuators, of_joint, limit = EFFORTS[case]
+    if "<pid" in actuators:
+        needs(mujoco, "nactuator")
+    text = changed('<joint name="turn"', f'<joint name="turn" {of_joint}', with_actuators(actuators))
+    found = largest_effort(mujoco, text)
+    assert effort_limit(text) == limit
+    if actuators:
+        assert found == pytest.approx(limit) if np.isfinite(limit) else found > 1e8
+
+
+def test_effort_limits_of_disabled_actuators(mujoco):
+    limited = with_actuators('<motor joint="turn" ctrlrange="-2 2"/>')
+    grouped = changed("<motor", '<motor joint="turn" group="3"/><motor', limited)
+    assert effort_limit(grouped) == np.inf
+    enabled = changed('-9.5"/>', '-9.5" actuatorgroupdisable="3"/>', grouped)
+    assert effort_limit(enabled) == largest_effort(mujoco, enabled) == 2.0
+    unclamped, off = with_flags(limited, "clampctrl"), with_flags(limited, "actuation")
+    assert effort_limit(unclamped) == effort_limit(off) == np.inf
+    assert largest_effort(mujoco, unclamped) > 1e8 and largest_effort(mujoco, off) == 0.0
+
+
+def test_mjcf_errors(mujoco, monkeypatch, tmp_path):
+    for source in ("<mujoco><nothing/></mujoco>", tmp_path / "nowhere.xml"):
+        with pytest.raises(dd.UrdfError, match="MuJoCo"):
+            dd.load_mjcf(source)
+    for options in ({"gravity": (0, 0, 0)}, {"estimate_inertias": 1000.0}):
+        (name,) = options
+        with pytest.raises(dd.InputError, match=f"^{name} "):
+            dd.load_mjcf(ARM, **options)
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM)
+    assert dd.load_mjcf(path, mimic="free").name == "arm"
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(dd.InputError, match="pip install mujoco"):
+        dd.load_mjcf(ARM)
+
+
+# --- URDFs with parameters written into them
+
+GIVEN = dd.Parameters(
+    joints={
+        "panda_joint1": dd.JointParameters(damping=0.25, friction=1.5, armature=0.3),
+        "panda_joint2": dd.JointParameters(effort_offset=0.2),
+        "panda_finger_joint1": dd.JointParameters(friction=0.7),
+    },
+    links={
+        "panda_link2": dd.Payload(2.5, (0.01, -0.1, 0.02), ((0.04, 0.001, 0.0), (0.001, 0.03, 0.002), (0, 0.002, 0.05)))
+    },
+    payloads={
+        "panda_link8": dd.Payload(0.4, (0.0, 0.05, 0.1), np.diag((2e-3, 2e-3, 1e-3))),
+        "panda_hand": dd.Payload(-0.3, (0.0, 0.0, 0.03)),
+    },
+    origin={"method": "inertias", "date": "2026-11-24", "recordings": ["a--b.mcap"]},
+)
+
+
+def test_written_numbers():
+    """Our reader and Pinocchio find them; armature and offsets have no place in a URDF."""
+    text = urdf_with(PANDA.read_text(), GIVEN)
+    beside = {name: one._replace(damping=None, friction=None) for name, one in GIVEN.joints.items()}
+    written = dd.load_urdf(text, parameters=dd.Parameters(joints=beside))
+    expected = dd.load_urdf(PANDA, parameters=GIVEN)
+    np.testing.assert_array_equal(written.damping, expected.damping)
+    np.testing.assert_array_equal(written.friction, expected.friction)
+    rng = np.random.default_rng(1)
+    q, qd = expected.random(rng), rng.normal(size=expected.nv)
+    a, b = (dd.DiagonalDynamics(model).evaluate(q, qd) for model in (written, expected))
+    np.testing.assert_allclose(a.nu, b.nu, rtol=1e-13, atol=1e-14)
+    np.testing.assert_allclose(a.coriolis, b.coriolis, rtol=1e-11, atol=1e-13)
+    np.testing.assert_allclose(a.link_energy, b.link_energy, rtol=1e-12, atol=1e-16)
+    model = pin.buildModelFromXML(text)
+    inertia, link = model.inertias[model.getJointId("panda_joint2")], GIVEN.links["panda_link2"]
+    assert inertia.mass == link.mass
+    np.testing.assert_array_equal(inertia.lever, link.com)
+    np.testing.assert_allclose(inertia.inertia, link.inertia, rtol=1e-15, atol=1e-18)
+    assert model.damping[model.joints[model.getJointId("panda_joint1")].idx_v] == 0.25
+
+
+def test_other_elements_stay():
+    before, after = PANDA.read_text(), urdf_with(PANDA.read_text(), GIVEN)
+
+    def rest(text):
+        root = etree.fromstring(text.encode(), etree.XMLParser(remove_comments=True, remove_blank_text=True))
+        for element in root.iter("inertial", "dynamics"):
+            element.getparent().remove(element)
+        return etree.tostring(root, method="c14n")
+
+    assert rest(before) == rest(after)
+    assert after.count("written by diag_dynamics, inertias, 2026-11-24, from a- -b.mcap") == 3 + 2
+    untouched = urdf_with(before, dd.Parameters())
+    assert "diag_dynamics" not in untouched
+    assert dd.load_urdf(untouched).total_mass == dd.load_urdf(PANDA).total_mass
+
+
+SMALL = """<robot name="r">
+  <link name="base"/>
+  <link name="arm">
+    <visual/>
+    <inertial>
+      <mass value="1"/>
+      <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>
+    </inertial>
+  </link>
+  <joint name="j" type="revolute">
+    <parent link="base"/>
+    <child link="arm"/>
+    <limit effort="1" velocity="1"/>
+  </joint>
+</robot>"""
+
+
+def test_written_lines_are_indented():
+    given = dd.Parameters(
+        joints={"j": dd.JointParameters(damping=0.5)}, links={"arm": dd.Payload(2.0, (0, 0, 1), np.eye(3))}
+    )
+    assert urdf_with(SMALL, given).splitlines()[2:15] == [
+        '  <link name="arm">',
+        "    <inertial>",
+        "      <!-- written by diag_dynamics -->",
+        '      <origin xyz="0.0 0.0 1.0" rpy="0 0 0"/>',
+        '      <mass value="2.0"/>',
+        '      <inertia ixx="1.0" ixy="0.0" ixz="0.0" iyy="1.0" iyz="0.0" izz="1.0"/>',
+        "    </inertial>",
+        "    <visual/>",
+        "  </link>",
+        '  <joint name="j" type="revolute">',
+        "    <!-- written by diag_dynamics -->",
+        '    <dynamics damping="0.5"/>',
+        '    <parent link="base"/>',
+    ]
+    with pytest.raises(dd.InputError, match="'k' is not a joint"):
+        urdf_with(SMALL, dd.Parameters(joints={"k": dd.JointParameters(damping=1.0)}))
+    with pytest.raises(dd.UrdfError, match="not well-formed"):
+        urdf_with("<robot", dd.Parameters())
