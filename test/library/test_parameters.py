@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters beside a URDF: against the same numbers written into the URDF, against Pinocchio, and in every error."""
+"""Parameters beside a URDF: equal to the same numbers in the URDF, equal to Pinocchio, and named in every error."""
 
 import math
 import pickle
@@ -11,9 +11,11 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 
 import diag_dynamics as dd
 from diag_dynamics.model.options import not_physical
+from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.parameters.shared import PARAMETERS
 from robots import description, joint, link, robot_path
@@ -26,15 +28,10 @@ JOINTS = {
     "panda_joint7": {"armature": 0.04, "effort_offset": 0.11},
 }
 
-LINKS = {
-    "panda_link3": {
-        "mass": 3.1,
-        "com": [0.03, -0.02, -0.05],
-        "inertia": [[0.04, 0.001, 0.002], [0.001, 0.05, -0.003], [0.002, -0.003, 0.03]],
-    }
-}
+INERTIA = [[0.04, 0.001, 0.002], [0.001, 0.05, -0.003], [0.002, -0.003, 0.03]]
+LINKS = {"panda_link3": {"mass": 3.1, "com": [0.03, -0.02, -0.05], "inertia": INERTIA}}
 
-PARAMETERS_OF_PANDA = {
+ALL = {
     "joints": JOINTS,
     "links": LINKS,
     "payloads": {"panda_link7": {"mass": 1.3, "com": [0.0, 0.01, 0.12]}},
@@ -43,78 +40,81 @@ PARAMETERS_OF_PANDA = {
 }
 
 
+@pytest.fixture(scope="module")
+def panda():
+    return dd.load_urdf(PANDA)
+
+
 def state(model, seed=0):
     rng = np.random.default_rng(seed)
     return model.random(rng), rng.normal(size=model.nv), rng.normal(size=model.nv)
 
 
-def written(urdf, joints=None, links=None):
-    """The URDF with these numbers in it: what parameters beside it have to equal."""
-    root = ET.fromstring(urdf.read_text())
-    for element in root.findall("joint"):
-        for name in ("damping", "friction"):
-            if name in (joints or {}).get(element.get("name"), {}):
-                if element.find("dynamics") is None:
-                    ET.SubElement(element, "dynamics")
-                element.find("dynamics").set(name, repr(joints[element.get("name")][name]))
-    for element in root.findall("link"):
-        given = (links or {}).get(element.get("name"))
-        if given is None:
-            continue
-        if element.find("inertial") is not None:
-            element.remove(element.find("inertial"))
-        if given:
-            inertial = ET.SubElement(element, "inertial")
-            ET.SubElement(inertial, "origin", xyz=" ".join(map(repr, given["com"])))
-            ET.SubElement(inertial, "mass", value=repr(given["mass"]))
-            (xx, xy, xz), (_, yy, yz), (_, _, zz) = given["inertia"]
-            entries = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
-            ET.SubElement(inertial, "inertia", {key: repr(value) for key, value in entries.items()})
-    return ET.tostring(root, encoding="unicode")
+def evaluation(model, friction=True):
+    return dd.DiagonalDynamics(model).evaluate(*state(model), friction=friction)
+
+
+QUANTITIES = ("nu", "epsilon", "coriolis", "friction", "articulated_inertia")
 
 
 def same(one, other):
-    """Whether both models give the same bits."""
-    q, qd, tau = state(one)
-    a, b = (dd.DiagonalDynamics(model).evaluate(q, qd, tau, friction=True) for model in (one, other))
-    names = ("nu", "epsilon", "coriolis", "friction", "articulated_inertia")
-    return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names) and np.array_equal(
+    """Return whether both models give the same bits."""
+    a, b = evaluation(one), evaluation(other)
+    return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in QUANTITIES) and np.array_equal(
         one.effort_offset, other.effort_offset
     )
 
 
-def near(one, other):
-    """Whether both models give the same but for rounding."""
-    q, qd, tau = state(one)
-    a, b = (dd.DiagonalDynamics(model).evaluate(q, qd, tau) for model in (one, other))
-    return all(np.allclose(getattr(a, name), getattr(b, name), rtol=1e-10) for name in ("nu", "epsilon", "coriolis"))
+# --- Numbers
 
 
-def test_equals_what_the_urdf_would_say():
+def written(joints=None, links=None):
+    """Return the Panda's URDF with these numbers in it; a link without numbers loses its <inertial>."""
+    root = ET.fromstring(PANDA.read_text())
+    for element in root.findall("joint"):
+        for name in {"damping", "friction"} & set((joints or {}).get(element.get("name"), {})):
+            if element.find("dynamics") is None:
+                ET.SubElement(element, "dynamics")
+            element.find("dynamics").set(name, repr(joints[element.get("name")][name]))
+    for element in root.findall("link"):
+        numbers = (links or {}).get(element.get("name"))
+        if numbers is None:
+            continue
+        if element.find("inertial") is not None:
+            element.remove(element.find("inertial"))
+        if numbers:
+            inertial = ET.SubElement(element, "inertial")
+            ET.SubElement(inertial, "origin", xyz=" ".join(map(repr, numbers["com"])))
+            ET.SubElement(inertial, "mass", value=repr(numbers["mass"]))
+            entries = {f"i{'xyz'[i]}{'xyz'[k]}": repr(numbers["inertia"][i][k]) for i in range(3) for k in range(i, 3)}
+            ET.SubElement(inertial, "inertia", entries)
+    return ET.tostring(root, encoding="unicode")
+
+
+def test_parameters_equal_those_of_a_urdf():
     armature = {name: entry["armature"] for name, entry in JOINTS.items() if "armature" in entry}
-    text = written(PANDA, JOINTS, LINKS)
-    expected = dd.load_urdf(text, armature=armature, payloads={"panda_link7": (1.3, (0.0, 0.01, 0.12))})
-    own = {key: value for key, value in PARAMETERS_OF_PANDA.items() if key != "friction_velocity"}
-    own["joints"] = {name: {k: v for k, v in e.items() if k != "effort_offset"} for name, e in JOINTS.items()}
-    model = dd.load_urdf(PANDA, parameters=own)
-    q, qd, tau = state(model)
-    a, b = (dd.DiagonalDynamics(one).evaluate(q, qd, tau, friction=True) for one in (model, expected))
-    for name in ("nu", "epsilon", "coriolis", "friction", "articulated_inertia", "link_energy"):
+    payloads = {"panda_link7": (1.3, (0.0, 0.01, 0.12))}
+    expected = dd.load_urdf(written(JOINTS, LINKS), armature=armature, payloads=payloads)
+    without_offset = {name: {k: v for k, v in e.items() if k != "effort_offset"} for name, e in JOINTS.items()}
+    model = dd.load_urdf(PANDA, parameters=ALL | {"joints": without_offset, "friction_velocity": None})
+    a, b = evaluation(model), evaluation(expected)
+    for name in (*QUANTITIES, "link_energy"):
         found, wanted = getattr(a, name), getattr(b, name)
         assert np.abs(found - wanted).max() <= 1e-13 * np.abs(wanted).max(), name
     assert model.total_mass == pytest.approx(expected.total_mass, rel=1e-15)
-    assert not model.payloads  # a part of the robot: what a hand grips comes on top of it
+    assert not model.payloads  # it is a part of the robot: what a hand grips comes on top
     assert model.with_payload("panda_link7", 1.0).total_mass == pytest.approx(model.total_mass + 1.0, rel=1e-15)
 
 
-def test_mass_matrix_is_that_of_pinocchio():
-    """With an oracle that reads the numbers from the dict, not from our URDF."""
-    model = dd.load_urdf(PANDA, parameters=PARAMETERS_OF_PANDA, mimic="free")
+def test_mass_matrix_against_pinocchio():
+    """The reference reads the numbers from the dict."""
+    model = dd.load_urdf(PANDA, parameters=ALL, mimic="free")
     reference = pin.buildModelFromUrdf(str(PANDA))
-    given, body = LINKS["panda_link3"], reference.getJointId("panda_joint3")
-    reference.inertias[body] = pin.Inertia(given["mass"], np.array(given["com"]), np.array(given["inertia"]))
-    last = reference.getJointId("panda_joint7")
-    reference.inertias[last] += pin.Inertia(1.3, np.array([0.0, 0.01, 0.12]), np.zeros((3, 3)))
+    own = LINKS["panda_link3"]
+    inertia = pin.Inertia(own["mass"], np.array(own["com"]), np.array(own["inertia"]))
+    reference.inertias[reference.getJointId("panda_joint3")] = inertia
+    payload = pin.Inertia(1.3, np.array([0.0, 0.01, 0.12]), np.zeros((3, 3)))
+    reference.inertias[reference.getJointId("panda_joint7")] += payload
     for name, entry in JOINTS.items():
         at = reference.joints[reference.getJointId(name)].idx_v
         reference.armature[at] = entry.get("armature", 0.0)
@@ -122,260 +122,36 @@ def test_mass_matrix_is_that_of_pinocchio():
     q, _, _ = state(model)
     wanted = pin.crba(reference, reference.createData(), q)
     wanted = np.triu(wanted) + np.triu(wanted, 1).T
-    found = dd.DiagonalDynamics(model).mass_matrix(q)
-    assert np.abs(found - wanted).max() <= 1e-12 * np.abs(wanted).max()
+    assert np.abs(dd.DiagonalDynamics(model).mass_matrix(q) - wanted).max() <= 1e-12 * np.abs(wanted).max()
 
 
 @pytest.mark.parametrize("options", [{}, {"floating_base": True}, {"locked_joints": {"panda_joint2": 0.3}}])
-def test_three_ways_to_give_them(tmp_path, options):
-    """A dict, a file and a model that is there already come to the same, pickled too."""
+def test_sources(tmp_path, options):
+    """A dict, a file and `with_parameters` give the same model; pickles keep it."""
     path = tmp_path / "arm.yaml"
-    dd.Parameters.of(PARAMETERS_OF_PANDA).save(path)
-    models = [
-        dd.load_urdf(PANDA, parameters=PARAMETERS_OF_PANDA, **options),
-        dd.load_urdf(PANDA, parameters=path, **options),
-        dd.load_urdf(PANDA, **options).with_parameters(str(path)),
-        dd.load_urdf(PANDA, **options).with_parameters(dd.Parameters.load(path)),
-    ]
-    models += [pickle.loads(pickle.dumps(models[0])), models[0].with_locked_joints(options.get("locked_joints", {}))]
-    for model in models[1:]:
-        assert same(models[0], model)
-        assert model.friction_velocity == 0.02
-    assert not same(models[0], dd.load_urdf(PANDA, **options))
+    dd.Parameters.of(ALL).save(path)
+    plain = dd.load_urdf(PANDA, **options)
+    model = dd.load_urdf(PANDA, parameters=ALL, **options)
+    others = [dd.load_urdf(PANDA, parameters=path, **options)]
+    others += [plain.with_parameters(str(path)), plain.with_parameters(dd.Parameters.load(path))]
+    others += [pickle.loads(pickle.dumps(model)), model.with_locked_joints(options.get("locked_joints", {}))]
+    assert all(same(model, other) and other.friction_velocity == 0.02 for other in others)
+    assert not same(model, plain)
 
 
-def test_file_keeps_every_bit(tmp_path):
-    rng = np.random.default_rng(3)
-    joints = {f"joint {k}": dd.JointParameters(*np.exp(rng.normal(-5, 5, 4).clip(-40, 20)).tolist()) for k in range(50)}
-    given = dd.Parameters(joints=joints, payloads={"tool": dd.Payload(-0.7, (0.1, 1e-17, 0.3))}, origin={"a": [1, "b"]})
-    given.save(tmp_path / "arm.yaml")
-    read = dd.Parameters.load(tmp_path / "arm.yaml")
-    assert dict(read.joints) == joints
-    assert read.to_dict() == given.to_dict()
-    assert dict(read.origin) == {"a": [1, "b"]}
-
-
-def test_numbers_as_people_write_them(tmp_path):
-    """YAML takes 1e-3 for text, and an entry without a value for null: neither is an error."""
-    (tmp_path / "arm.yaml").write_text("joints:\n  panda_joint1: {damping: 1e-3, friction:}\nlinks:\n")
-    read = dd.Parameters.load(tmp_path / "arm.yaml")
-    assert dict(read.joints) == {"panda_joint1": dd.JointParameters(damping=1e-3)}
-
-
-def test_what_is_not_named_stays():
+def test_unnamed_entries_stay():
     model = dd.load_urdf(PANDA, armature=0.1, parameters={"joints": {"panda_joint2": {"damping": 2.0}}})
     more = model.with_parameters({"joints": {"panda_joint2": {"armature": 0.5}}})
-    assert more.damping.tolist() == model.damping.tolist()
+    np.testing.assert_array_equal(more.damping, model.damping)
     assert model.damping[1] == 2.0
     assert more.armature[:7].tolist() == [0.1, 0.5, 0.1, 0.1, 0.1, 0.1, 0.1]
-    given = {"joints": {"panda_joint1": {"armature": 0.3}}, "friction_velocity": 0.1}
-    assert dd.load_urdf(PANDA, armature={"panda_joint1": 0.2}, parameters=given).armature[0] == 0.2
-    assert dd.load_urdf(PANDA, friction_velocity=0.0, parameters=given).friction_velocity == 0.0
+    parameters = {"joints": {"panda_joint1": {"armature": 0.3}}, "friction_velocity": 0.1}
+    options = dd.load_urdf(PANDA, armature={"panda_joint1": 0.2}, friction_velocity=0.0, parameters=parameters)
+    assert options.armature[0] == 0.2 and options.friction_velocity == 0.0
 
 
-def test_offset_is_part_of_friction():
-    """In every function that knows friction, of one state and of many."""
-    model = dd.load_urdf(PANDA, parameters={"joints": JOINTS, "friction_velocity": 0.02})
-    plain, dynamics = dd.DiagonalDynamics(dd.load_urdf(PANDA)), dd.DiagonalDynamics(model)
-    assert model.has_friction
-    assert dd.load_urdf(PANDA, parameters={"joints": {"panda_joint1": {"effort_offset": 1.0}}}).has_friction
-    offset = np.zeros(model.nv)
-    offset[0], offset[6] = -0.3, 0.11
-    assert np.array_equal(dynamics.friction_torque(np.zeros(model.nv)), offset)
-    q, qd, tau = state(model)
-    own = plain.model.damping.copy()
-    own[0] = 0.7
-    coulomb = plain.model.friction.copy()
-    coulomb[0], coulomb[3] = 1.1, 0.4
-    resisting = own * qd + coulomb * np.tanh(qd / 0.02) + offset
-    assert np.allclose(dynamics.friction_torque(qd), resisting, rtol=1e-14)
-    assert np.allclose(dynamics.friction_torque_batch([qd, -qd])[0], resisting, rtol=1e-14)
-    qdd = dynamics.forward_dynamics(q, qd, tau, friction=True)
-    assert np.allclose(qdd, dynamics.forward_dynamics(q, qd, tau - resisting), rtol=1e-12)
-    s, many = dynamics.evaluate(q, qd, tau, friction=True), dynamics.evaluate_batch([q], [qd], [tau], friction=True)
-    assert np.allclose(s.friction @ s.nu, resisting @ qd, rtol=1e-12)
-    assert np.array_equal(many.friction[0], s.friction)
-
-
-def test_follower_reflects_its_offset():
-    """A gripper's second finger moves by −0.5 times the first: so does what its effort is off by."""
-    urdf = description(
-        "gripper",
-        link("palm", 1.0, inertia=(1, 0, 0, 1, 0, 1)),
-        link("left", 0.1, inertia=(1e-4, 0, 0, 1e-4, 0, 1e-4)),
-        link("right", 0.1, inertia=(1e-4, 0, 0, 1e-4, 0, 1e-4)),
-        joint("lead", "revolute", "palm", "left"),
-        joint("follow", "revolute", "palm", "right").replace(
-            "</joint>", '<mimic joint="lead" multiplier="-0.5"/></joint>'
-        ),
-    )
-    given = {"follow": {"effort_offset": 0.2, "damping": 0.8, "friction": 0.4, "armature": 0.04}}
-    model = dd.load_urdf(urdf, parameters={"joints": given})
-    assert model.dof_names == ("lead",)
-    assert model.effort_offset == pytest.approx([-0.1])
-    assert model.damping == pytest.approx([0.2])
-    assert model.friction == pytest.approx([0.2])
-    assert model.armature == pytest.approx([0.01])
-
-
-def test_hand_that_is_not_mounted():
-    """A payload of negative mass takes off the hand that the URDF has: the same robot as from a URDF without it."""
-    root = ET.fromstring(PANDA.read_text())
-    hand = next(element for element in root.findall("link") if element.get("name") == "panda_hand")
-    inertial = hand.find("inertial")
-    mass = float(inertial.find("mass").get("value"))
-    com = [float(x) for x in inertial.find("origin").get("xyz").split()]
-    entries = inertial.find("inertia").attrib
-    about = [[float(entries["i" + "".join(sorted(a + b))]) for b in "xyz"] for a in "xyz"]
-    fixed = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
-    without = dd.load_urdf(written(PANDA, links={"panda_hand": {}}), locked_joints=fixed)
-    # It was found as what another link of the same body carries.
-    model = dd.load_urdf(PANDA, locked_joints=fixed)
-    body, of_hand = model.placement_in_body("panda_hand")
-    same_body, of_link = model.placement_in_body("panda_link8")
-    assert body == same_body
-    place = np.linalg.inv(of_link) @ of_hand
-    turned = place[:3, :3] @ np.array(about) @ place[:3, :3].T
-    payload = {"mass": -mass, "com": (place[:3, :3] @ com + place[:3, 3]).tolist(), "inertia": (-turned).tolist()}
-    with warnings.catch_warnings():  # that panda_link8 alone is no rigid body is as it should be
-        warnings.simplefilter("error")
-        loaded = dd.load_urdf(PANDA, locked_joints=fixed, parameters={"payloads": {"panda_link8": payload}})
-    model = model.with_parameters({"payloads": {"panda_link8": payload}})
-    np.testing.assert_array_equal(loaded.bodies, model.bodies)
-    q, qd, tau = state(model)
-    a, b = (dd.DiagonalDynamics(one).evaluate(q, qd, tau) for one in (model, without))
-    assert a.kinetic_energy == pytest.approx(b.kinetic_energy, rel=1e-13)
-    assert np.allclose(a.coriolis, b.coriolis, atol=1e-12 * np.abs(b.coriolis).max())
-    assert model.total_mass == pytest.approx(without.total_mass, rel=1e-14)
-
-
-def test_what_is_locked_can_be_taken_off_with_its_link():
-    """The hand with both fingers, where these are locked; where they move, the hand alone is too light for that."""
-    free = dd.load_urdf(PANDA, mimic="free")
-    held = dd.load_urdf(PANDA, locked_joints={"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0})
-    hand, of_link = (
-        held.links[held.links["index"] == held.link_names.index(name)][0] for name in ("panda_hand", "panda_link7")
-    )
-    both = 2.0 * held.links[held.links["index"] == held.link_names.index("panda_leftfinger")][0]["mass"]
-    taken = {"payloads": {"panda_hand": {"mass": -(float(hand["mass"] + of_link["mass"]) + 0.5 * float(both))}}}
-    with pytest.raises(dd.InputError, match="on link 'panda_hand', which leaves -"):
-        free.with_parameters(taken)
-    with pytest.raises(dd.InputError, match=r"on link 'panda_hand', which leaves 0.* principal moments"):
-        held.with_parameters(taken)
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"joint": {}}, "parameters has 'joint', expected 'joints'"),
-        ({"joints": {"panda_joint1": {"dampign": 1.0}}}, "joint 'panda_joint1' has 'dampign', expected 'damping'"),
-        ({"joints": {"panda_joint1": 3.0}}, "joint 'panda_joint1': 3.0 stands there, expected damping, friction"),
-        ({"joints": {"panda_joint1": {"damping": -1.0}}}, "damping is -1.0, expected a finite number >= 0"),
-        ({"joints": {"panda_joint1": {"friction": math.nan}}}, "friction is nan, expected a finite number >= 0"),
-        ({"joints": {"panda_joint1": {"armature": "much"}}}, "armature is 'much', expected a finite number >= 0"),
-        ({"joints": {"panda_joint1": {"effort_offset": math.inf}}}, "effort_offset is inf, expected a finite number"),
-        (
-            {"joints": {"panda_joint_1": {}}},
-            "'panda_joint_1' is not a joint of robot 'panda'. Is 'panda_joint1' meant?",
-        ),
-        (
-            {"joints": {"panda_joint8": {"damping": 1.0}}},
-            "joint 'panda_joint8' is fixed, expected one degree of freedom",
-        ),
-        ({"links": {"elbow": {"mass": 1.0}}}, "'elbow' is not a link of robot 'panda'. Its links are panda_link0"),
-        ({"links": {"panda_link1": {"com": [0, 0, 1]}}}, "link 'panda_link1' has no mass"),
-        ({"links": {"panda_link1": {"mass": -1.0}}}, "link 'panda_link1': mass is -1.0, expected a finite number >= 0"),
-        ({"links": {"panda_link1": {"mass": 1.0, "com": [0, 1]}}}, "com is .*, expected three finite numbers"),
-        (
-            {"links": {"panda_link1": {"mass": 1.0, "inertia": [[1, 0, 0], [0, 1, 0], [0, 0, 3]]}}},
-            "link 'panda_link1': inertia is .* break the triangle inequality",
-        ),
-        ({"payloads": {"panda_hand": {"mass": -3.0}}}, "on link 'panda_hand', which leaves -.* more is taken off than"),
-        (
-            {"payloads": {"panda_hand": {"mass": -0.7, "com": [0, 0, 1]}}},
-            "on link 'panda_hand', which leaves .* principal moments",
-        ),
-        (
-            {"payloads": {"panda_hand": {"mass": -3.0}}, "origin": {"locked_joints": {"panda_finger_joint1": 0.04}}},
-            "more is taken off .* It was identified with locked_joints panda_finger_joint1=0.04[.]",
-        ),
-        ({"friction_velocity": -1.0}, "friction_velocity is -1.0"),
-        ({"origin": 3}, "origin: 3 stands there"),
-        ([], r"parameters: \[\] stands there, expected joints, links"),
-    ],
-)
-def test_errors_name_the_entry(given, message):
-    with pytest.raises(dd.InputError, match=message):
-        dd.load_urdf(PANDA, parameters=given)
-    with pytest.raises(dd.InputError, match=message):
-        dd.load_urdf(PANDA).with_parameters(given)
-
-
-def test_files_that_cannot_be_read(tmp_path):
-    with pytest.raises(dd.InputError, match=r"file of parameters '.*none.yaml' cannot be read: No such file"):
-        dd.load_urdf(PANDA, parameters=tmp_path / "none.yaml")
-    (tmp_path / "wrong.yaml").write_text("joints: {panda_joint1: {damping: -1}}")
-    with pytest.raises(dd.InputError, match=r"'.*wrong.yaml': joint 'panda_joint1': damping is -1"):
-        dd.load_urdf(PANDA, parameters=tmp_path / "wrong.yaml")
-    (tmp_path / "no.yaml").write_text("joints: {")
-    with pytest.raises(dd.InputError, match=r"'.*no.yaml' is no YAML"):
-        dd.load_urdf(PANDA, parameters=tmp_path / "no.yaml")
-    with pytest.raises(dd.InputError, match=r"Cannot write the file of parameters '/nowhere/arm\.yaml'"):
-        dd.Parameters().save("/nowhere/arm.yaml")
-
-
-def test_simulated_offset_has_no_effect_of_its_own():
-    """A command of gravity's torque and the offset holds the arm; without the offset in the command the arm moves."""
-    model = dd.load_urdf(PANDA, parameters={"joints": JOINTS})
-    simulation = dd.Simulation(model, q=0.5 * (model.lower + model.upper), friction=np.zeros(model.nv))
-    start, gravity = simulation.q, simulation.dynamics.gravity_torque(simulation.q)
-    simulation.advance(gravity + model.effort_offset, steps=200)
-    assert np.abs(simulation.q - start).max() < 1e-9
-    assert np.array_equal(simulation.effort, gravity + model.effort_offset)
-    free = dd.Simulation(model, q=start, friction=np.zeros(model.nv), effort_offset=np.zeros(model.nv))
-    free.advance(gravity + model.effort_offset, steps=200)
-    assert abs(free.qd[6]) > 1e-2
-    with pytest.raises(dd.InputError, match="effort_offset is"):
-        simulation.effort_offset = [0.0]
-
-
-def test_perturbed_inertias_are_those_of_rigid_bodies():
-    """And are off by what was asked for, and by nothing with 0; the seed decides."""
-    model = dd.load_urdf(PANDA, armature=0.1, payloads={"panda_hand": (0.5, (0, 0, 0.1))})
-    assert near(model, model.perturbed(0.0))
-    one, again, other = model.perturbed(0.3, 1), model.perturbed(0.3, 1), model.perturbed(0.3, 2)
-    assert same(one, again)
-    assert not near(one, other)
-    assert dict(one.payloads) == dict(model.payloads)
-    assert one.armature.tolist() == model.armature.tolist()
-    bare = [m.without_payload("panda_hand").links["mass"] for m in (model, one)]
-    off = bare[1] / bare[0] - 1.0
-    assert abs(off).max() <= 0.3
-    assert abs(off).max() > 0.15
-    for name in one.link_names:
-        body = next(b for b in one._tree.robot.links if b.name == name).inertial
-        assert body is None or not_physical(np.asarray(body.inertia), body.mass) is None
-    with pytest.raises(dd.InputError, match=r"part is 1.0, expected a number from 0 to 0\.9"):
-        model.perturbed(1.0)
-    with pytest.raises(dd.InputError, match=r"seed is -1, expected a whole number >= 0"):
-        model.perturbed(0.3, -1)
-
-
-def test_parameter_of_the_nodes(tmp_path):
-    """`parameters_file` of a node: the list `armature` has precedence, what it does not name comes from the file."""
-    path = tmp_path / "arm.yaml"
-    dd.Parameters.of(PARAMETERS_OF_PANDA).save(path)
-    values = {name: spec.default for name, spec in PARAMETERS.items()} | {"parameters_file": str(path)}
-    model = model_of(str(PANDA), values)
-    assert same(model, dd.load_urdf(PANDA, parameters=path))
-    assert model.friction_velocity == 0.02
-    model = model_of(str(PANDA), values | {"armature": ["panda_joint1=0.5"], "friction_velocity": 0.3})
-    assert model.armature[[0, 6]].tolist() == [0.5, 0.04]
-    assert model.friction_velocity == 0.3
-
-
-def test_parameters_that_were_found_beside_others_are_all_of_them(tmp_path):
-    """A model with these and then those has the same dynamics as one that is loaded with both at once."""
+def test_later_parameters():
+    """A model with these and then those equals one that is loaded with `followed_by`."""
     earlier = dd.Parameters(
         joints={
             "panda_joint1": dd.JointParameters(damping=0.5, armature=0.2),
@@ -400,15 +176,248 @@ def test_parameters_that_were_found_beside_others_are_all_of_them(tmp_path):
     assert (both.friction_velocity, both.origin) == (0.02, {"date": "after"})
     twice, once = dd.load_urdf(PANDA, parameters=earlier).with_parameters(later), dd.load_urdf(PANDA, parameters=both)
     q = once.random(np.random.default_rng(0))
-    masses, gravities = (
-        [getattr(dd.DiagonalDynamics(model), name)(q) for model in (twice, once)]
-        for name in ("mass_matrix", "gravity_torque")
-    )
-    np.testing.assert_allclose(*masses, atol=1e-12)
-    np.testing.assert_allclose(*gravities, atol=1e-12)
+    for quantity in ("mass_matrix", "gravity_torque"):
+        a, b = (getattr(dd.DiagonalDynamics(model), quantity)(q) for model in (twice, once))
+        np.testing.assert_allclose(a, b, atol=1e-12)
     np.testing.assert_array_equal(twice.damping, once.damping)
     np.testing.assert_array_equal(twice.friction, once.friction)
     replaced = earlier.followed_by(dd.Parameters(links={"panda_link4": dd.Payload(3.0)}))
-    assert set(replaced.payloads) == {"panda_link7"}  # what a link carried is in its later inertia
-    with pytest.raises(dd.InputError, match="two payloads of link 'panda_link4' have no mass together"):
+    assert set(replaced.payloads) == {"panda_link7"}  # the later inertia of a link contains its payload
+    with pytest.raises(dd.InputError, match="two payloads of link 'panda_link4'"):
         earlier.followed_by(dd.Parameters(payloads={"panda_link4": dd.Payload(-0.5)}))
+
+
+# --- Friction and offsets
+
+
+def test_friction_includes_the_offset(panda):
+    model = dd.load_urdf(PANDA, parameters={"joints": JOINTS, "friction_velocity": 0.02})
+    dynamics = dd.DiagonalDynamics(model)
+    q, qd, tau = state(model)
+    damping, coulomb, offset = panda.damping.copy(), panda.friction.copy(), np.zeros(model.nv)
+    damping[0], coulomb[[0, 3]], offset[[0, 6]] = 0.7, (1.1, 0.4), (-0.3, 0.11)
+    resisting = damping * qd + coulomb * np.tanh(qd / 0.02) + offset
+    np.testing.assert_array_equal(dynamics.friction_torque(np.zeros(model.nv)), offset)
+    np.testing.assert_allclose(dynamics.friction_torque(qd), resisting, rtol=1e-14)
+    np.testing.assert_allclose(dynamics.friction_torque_batch([qd, -qd])[0], resisting, rtol=1e-14)
+    qdd = dynamics.forward_dynamics(q, qd, tau, friction=True)
+    np.testing.assert_allclose(qdd, dynamics.forward_dynamics(q, qd, tau - resisting), rtol=1e-12)
+    s, many = dynamics.evaluate(q, qd, tau, friction=True), dynamics.evaluate_batch([q], [qd], [tau], friction=True)
+    assert s.friction @ s.nu == pytest.approx(resisting @ qd, rel=1e-12)
+    np.testing.assert_array_equal(many.friction[0], s.friction)
+    only_offset = {"joints": {"panda_joint1": {"effort_offset": 1.0}}}
+    assert model.has_friction and dd.load_urdf(PANDA, parameters=only_offset).has_friction
+
+
+def test_mimic_joint_reflects_its_parameters():
+    """It moves by -0.5 times its source."""
+    inertia = (1e-2, 0, 0, 1e-2, 0, 1e-2)
+    links = [link(name, 1.0, inertia=inertia) for name in ("palm", "left", "right")]
+    mimic = joint("follow", "revolute", "palm", "right")
+    mimic = mimic.replace("</joint>", '<mimic joint="lead" multiplier="-0.5"/></joint>')
+    urdf = description("gripper", *links, joint("lead", "revolute", "palm", "left"), mimic)
+    entry = {"effort_offset": 0.2, "damping": 0.8, "friction": 0.4, "armature": 0.04}
+    model = dd.load_urdf(urdf, parameters={"joints": {"follow": entry}})
+    assert model.dof_names == ("lead",) and model.effort_offset == pytest.approx([-0.1])
+    assert (*model.damping, *model.friction, *model.armature) == pytest.approx((0.2, 0.2, 0.01))
+
+
+def test_simulated_offset():
+    """Gravity's torque and the offset hold an arm; an arm without the offset moves."""
+    model = dd.load_urdf(PANDA, parameters={"joints": JOINTS})
+    simulation = dd.Simulation(model, q=0.5 * (model.lower + model.upper), friction=np.zeros(model.nv))
+    start = simulation.q
+    holding = simulation.dynamics.gravity_torque(start) + model.effort_offset
+    simulation.advance(holding, steps=200)
+    assert np.abs(simulation.q - start).max() < 1e-9
+    np.testing.assert_array_equal(simulation.effort, holding)
+    free = dd.Simulation(model, q=start, friction=np.zeros(model.nv), effort_offset=np.zeros(model.nv))
+    free.advance(holding, steps=200)
+    assert abs(free.qd[6]) > 1e-2
+    with pytest.raises(dd.InputError, match="effort_offset is"):
+        simulation.effort_offset = [0.0]
+
+
+# --- Masses that are taken off
+
+LOCKED = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
+
+
+def test_payload_of_negative_mass():
+    """It takes off the hand that the URDF has: the robot equals one of a URDF without that hand."""
+    inertial = ET.fromstring(PANDA.read_text()).find("link[@name='panda_hand']/inertial")
+    mass, entries = float(inertial.find("mass").get("value")), inertial.find("inertia").attrib
+    com = np.array(inertial.find("origin").get("xyz").split(), float)
+    inertia = np.array([[float(entries["i" + "".join(sorted(a + b))]) for b in "xyz"] for a in "xyz"])
+    without = dd.load_urdf(written(links={"panda_hand": {}}), locked_joints=LOCKED)
+    model = dd.load_urdf(PANDA, locked_joints=LOCKED)
+    (body, of_hand), (same_body, of_link) = map(model.placement_in_body, ("panda_hand", "panda_link8"))
+    assert body == same_body
+    place = np.linalg.inv(of_link) @ of_hand
+    R, com = place[:3, :3], place[:3, :3] @ com + place[:3, 3]
+    payload = {"mass": -mass, "com": com.tolist(), "inertia": (-R @ inertia @ R.T).tolist()}
+    with warnings.catch_warnings():  # panda_link8 alone is no rigid body, and need not be
+        warnings.simplefilter("error")
+        loaded = dd.load_urdf(PANDA, locked_joints=LOCKED, parameters={"payloads": {"panda_link8": payload}})
+    model = model.with_parameters({"payloads": {"panda_link8": payload}})
+    np.testing.assert_array_equal(loaded.bodies, model.bodies)
+    a, b = evaluation(model), evaluation(without)
+    assert a.kinetic_energy == pytest.approx(b.kinetic_energy, rel=1e-13)
+    np.testing.assert_allclose(a.coriolis, b.coriolis, rtol=1e-5, atol=1e-12 * np.abs(b.coriolis).max())
+    assert model.total_mass == pytest.approx(without.total_mass, rel=1e-14)
+
+
+def test_mass_that_moves_with_a_link():
+    """That of links behind locked joints counts, that of links behind free joints does not."""
+    free, held = dd.load_urdf(PANDA, mimic="free"), dd.load_urdf(PANDA, locked_joints=LOCKED)
+    mass = {held.link_names[index]: mass for index, mass in held.links[["index", "mass"]]}
+    taken = mass["panda_hand"] + mass["panda_link7"] + mass["panda_leftfinger"]
+    parameters = {"payloads": {"panda_hand": {"mass": -float(taken)}}}
+    with pytest.raises(dd.InputError, match="on link 'panda_hand', which leaves -"):
+        free.with_parameters(parameters)
+    with pytest.raises(dd.InputError, match=r"on link 'panda_hand', which leaves 0.* principal moments"):
+        held.with_parameters(parameters)
+
+
+# --- Files and errors
+
+
+def test_file_keeps_every_bit(tmp_path):
+    rng = np.random.default_rng(3)
+    joints = {f"joint {k}": dd.JointParameters(*np.exp(rng.normal(-5, 5, 4).clip(-40, 20)).tolist()) for k in range(50)}
+    saved = dd.Parameters(joints=joints, payloads={"tool": dd.Payload(-0.7, (0.1, 1e-17, 0.3))}, origin={"a": [1, "b"]})
+    saved.save(tmp_path / "arm.yaml")
+    read = dd.Parameters.load(tmp_path / "arm.yaml")
+    assert dict(read.joints) == joints and read.to_dict() == saved.to_dict() and dict(read.origin) == {"a": [1, "b"]}
+    (tmp_path / "arm.yaml").write_text("joints:\n  panda_joint1: {damping: 1e-3, friction:}\nlinks:\n")
+    read = dd.Parameters.load(tmp_path / "arm.yaml")  # YAML reads 1e-3 as text, and no value as null
+    assert dict(read.joints) == {"panda_joint1": dd.JointParameters(damping=1e-3)}
+
+
+def of_joint(**entry):
+    return {"joints": {"panda_joint1": entry}}
+
+
+def of_link(**entry):
+    return {"links": {"panda_link1": entry}}
+
+
+TOO_HEAVY = {"payloads": {"panda_hand": {"mass": -3.0}}}
+
+WRONG = [
+    ([], r"^parameters: \[\] "),
+    ({"joint": {}}, "^parameters has 'joint', expected 'joints'"),
+    ({"joints": {"panda_joint1": 3.0}}, "joint 'panda_joint1': 3.0"),
+    ({"joints": {"panda_joint_1": {}}}, "Is 'panda_joint1' meant"),
+    ({"joints": {"panda_joint8": {"damping": 1.0}}}, "joint 'panda_joint8' is fixed"),
+    (of_joint(dampign=1.0), "joint 'panda_joint1' has 'dampign', expected 'damping'"),
+    (of_joint(damping=-1.0), "damping is -1.0"),
+    (of_joint(friction=math.nan), "friction is nan"),
+    (of_joint(armature="much"), "armature is 'much'"),
+    (of_joint(effort_offset=math.inf), "effort_offset is inf"),
+    ({"links": {"elbow": {"mass": 1.0}}}, "'elbow' is not a link .* panda_link0"),
+    (of_link(com=[0, 0, 1]), "link 'panda_link1' has no mass"),
+    (of_link(mass=-1.0), "link 'panda_link1': mass is -1.0"),
+    (of_link(mass=1.0, com=[0, 1]), "link 'panda_link1': com is"),
+    (of_link(mass=1.0, inertia=[[1, 0, 0], [0, 1, 0], [0, 0, 3]]), "link 'panda_link1': inertia is .* triangle"),
+    (TOO_HEAVY, "on link 'panda_hand', which leaves -"),
+    (
+        TOO_HEAVY | {"origin": {"locked_joints": {"panda_finger_joint1": 0.04}}},
+        "locked_joints panda_finger_joint1=0.04",
+    ),
+    ({"payloads": {"panda_hand": {"mass": -0.7, "com": [0, 0, 1]}}}, "on link 'panda_hand', .* principal moments"),
+    ({"friction_velocity": -1.0}, "friction_velocity is -1.0"),
+    ({"origin": 3}, "origin: 3"),
+]
+
+
+@pytest.mark.parametrize(("parameters", "key"), WRONG)
+def test_errors_name_the_entry(panda, parameters, key):
+    with pytest.raises(dd.InputError, match=key):
+        dd.load_urdf(PANDA, parameters=parameters)
+    with pytest.raises(dd.InputError, match=key):
+        panda.with_parameters(parameters)
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [(None, "cannot be read"), ("joints: {panda_joint1: {damping: -1}}", "damping is -1"), ("joints: {", "no YAML")],
+)
+def test_errors_name_the_file(panda, tmp_path, text, key):
+    path = tmp_path / "arm.yaml"
+    if text:
+        path.write_text(text)
+    with pytest.raises(dd.InputError, match=rf"arm\.yaml'.* {key}"):
+        panda.with_parameters(path)
+    with pytest.raises(dd.InputError, match=r"'/nowhere/arm\.yaml'"):
+        dd.Parameters().save("/nowhere/arm.yaml")
+
+
+def test_perturbed_inertias():
+    """They are off by at most the given part, and those of rigid bodies; the seed decides."""
+    model = dd.load_urdf(PANDA, armature=0.1, payloads={"panda_hand": (0.5, (0, 0, 0.1))})
+    unchanged, one, again, other = (model.perturbed(*x) for x in ((0.0,), (0.3, 1), (0.3, 1), (0.3, 2)))
+    for name in ("nu", "epsilon", "coriolis"):
+        expected = getattr(evaluation(model, friction=False), name)
+        np.testing.assert_allclose(getattr(evaluation(unchanged, friction=False), name), expected, rtol=1e-10)
+    assert same(one, again) and not same(one, other)
+    assert dict(one.payloads) == dict(model.payloads) and one.armature.tolist() == model.armature.tolist()
+    bare = [m.without_payload("panda_hand").links["mass"] for m in (model, one)]
+    assert 0.15 < abs(bare[1] / bare[0] - 1.0).max() <= 0.3
+    for body in (perturbed.inertial for perturbed in one._tree.robot.links):
+        assert body is None or not_physical(np.asarray(body.inertia), body.mass) is None
+    for arguments, key in (((1.0,), "part is 1.0"), ((0.3, -1), "seed is -1")):
+        with pytest.raises(dd.InputError, match=key):
+            model.perturbed(*arguments)
+
+
+# --- Parameters of the nodes
+
+
+def test_parameters_file_of_a_node(tmp_path):
+    """The node's own parameters precede those of the file."""
+    path = tmp_path / "arm.yaml"
+    dd.Parameters.of(ALL).save(path)
+    values = {name: spec.default for name, spec in PARAMETERS.items()} | {"parameters_file": str(path)}
+    model = model_of(str(PANDA), values)
+    assert same(model, dd.load_urdf(PANDA, parameters=path)) and model.friction_velocity == 0.02
+    model = model_of(str(PANDA), values | {"armature": ["panda_joint1=0.5"], "friction_velocity": 0.3})
+    assert model.armature[[0, 6]].tolist() == [0.5, 0.04] and model.friction_velocity == 0.3
+
+
+GAIN = {"external_torque": {"gain": 30.0}}
+QOS = "qos_overrides./joint_states.subscription.depth"
+
+
+def node_file(folder, sections):
+    path = folder / "monitor.yaml"
+    path.write_text(yaml.safe_dump({name: {"ros__parameters": own} for name, own in sections.items()}))
+    return [path]
+
+
+@pytest.mark.parametrize(
+    "ignored",
+    [
+        {"qos_overrides": {"/joint_states": {"subscription": {"depth": 50, "reliability": "reliable"}}}},
+        {QOS: 50},
+        {"use_sim_time": True, "start_type_description_service": False},
+    ],
+    ids=["nested", "flat", "clock"],
+)
+@pytest.mark.parametrize("section", ["/**", "diag_dynamics", "/robot1/diag_dynamics"])
+def test_parameters_of_every_node_are_ignored(tmp_path, section, ignored):
+    """Without a node, connections and clocks mean nothing."""
+    expected = {"external_torque.gain": 30.0}
+    assert parameters_of(node_file(tmp_path, {section: GAIN | ignored})) == expected
+    assert parameters_of((), [f"{QOS}=50", "external_torque.gain=30"]) == expected
+
+
+def test_parameters_of_other_nodes(tmp_path):
+    """They are ignored in a section that may be another node's."""
+    others = {"robot_compensates_gravity": False, "tracking_gain": ["*=20.0"], "motion": "wave", "port": 8421}
+    assert parameters_of(node_file(tmp_path, {"/**": GAIN | others})) == {"external_torque.gain": 30.0}
+    unknown = [("diag_dynamics", "motion")]
+    unknown += [(s, n) for s in ("/**", "diag_dynamics") for n in (QOS.replace("overrides", "override"), "use_sim_tim")]
+    for section, name in unknown:
+        with pytest.raises(dd.InputError, match=f"no parameter '{name}'"):
+            parameters_of(node_file(tmp_path, {section: {name: 1}}))
