@@ -118,10 +118,11 @@ def test_out_equals_a_new_result(dyn):
         dyn.evaluate(q, np.full_like(qd, np.nan), tau, out=out)
     assert np.isnan(out.nu).all() and np.isnan(out.kinetic_energy)
     assert out.external is None and out.friction is None
+    dyn.evaluate_batch(Q, QD, TAU, wrench, friction=True, out=batch)
     QD[2, 0] = np.inf
     with pytest.raises(dd.InputError, match="state 2"):
         dyn.evaluate_batch(Q, QD, TAU, out=batch)
-    assert np.isnan(batch.nu).all()
+    assert np.isnan(batch.nu).all() and batch.external is None and batch.friction is None
     other = dd.DiagonalDynamics(dyn.model)
     assert_equal(other.evaluate(q, qd, tau, out=out), dyn.evaluate(q, qd, tau))
 
