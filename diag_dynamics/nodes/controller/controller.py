@@ -142,7 +142,7 @@ class ControllerNode(ManagedNode):
             (
                 JointTrajectory,
                 "trajectory",
-                lambda message: loop.take_trajectory(*received.trajectory(message, names), self._now()),
+                lambda message: loop.take_trajectory(*received.trajectory(message, names), self.time.now()),
             ),
             (JointState, "set_point", lambda message: loop.take_set_point(received.set_point(message, names))),
         ):
@@ -301,12 +301,9 @@ class ControllerNode(ManagedNode):
 
     # --- Every cycle ---
 
-    def _now(self):
-        return self.get_clock().now().nanoseconds
-
     def _cycle(self):
         """The time of a cycle [ns]; where it has gone back, the states of before are forgotten, whose stamps are ahead."""
-        now, last = self._now(), self._last_time
+        now, last = self.time.now(), self._last_time
         if last is not None and now < last - self._values["max_state_age"] * 1e9:
             self._record.counts["clock went back"] += 1
             self.get_logger().warning(f"The clock went back by {(last - now) * 1e-9:.6g} s.", throttle_duration_sec=5.0)
@@ -382,7 +379,7 @@ class ControllerNode(ManagedNode):
     def _take_scale(self, message):
         if self.phase != ACTIVE:
             return
-        _, fault = attempt(self._loop.take_scale, message.data, self._now())
+        _, fault = attempt(self._loop.take_scale, message.data, self.time.now())
         if fault:
             self._record.refuse("contact_scale refused", fault.reason)
             self.get_logger().warning(f"Refused on contact_scale: {fault.reason}", throttle_duration_sec=1.0)

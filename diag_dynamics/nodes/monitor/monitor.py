@@ -4,12 +4,10 @@
 """The monitor node: joint_states and robot_description in, diagonalized dynamics out."""
 
 import contextlib
-import time
 from functools import partial
 
 from nav_msgs.msg import Odometry
-from rclpy.clock import Clock, ClockType, JumpThreshold
-from rclpy.duration import Duration
+from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -64,13 +62,11 @@ class MonitorNode(ManagedNode):
         self._loads = Descriptions(self, self._made, self._take_made)
         self._listening = 0  # number of the activation
         self._revision = 0
-        self._traffic = Traffic()
+        self._traffic = Traffic(self.time.steady)
         judge(self, PARAMETERS, lambda: self._settings.values, self._take_parameters)
-        backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
-        self._simulated_time = self.get_clock().ros_time_is_active
-        self._jumps = self.get_clock().create_jump_callback(backward, post_callback=self._clock_jumped)
+        self.time.on_jump(self._clock_jumped)
         self._diagnostics = Diagnostics(self, self._report, lambda: self._robot and self._robot.model)
-        self._beat = time.monotonic()
+        self._beat = self.time.steady()
         self.create_timer(HEARTBEAT, self._take_heartbeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.begin(self._settings.values["autostart"])
 
@@ -95,7 +91,7 @@ class MonitorNode(ManagedNode):
         if self._settings.values["floating_base"]:
             sources.append((Odometry, "odom", self._take_odometry, raw))
         self._listening += 1
-        self._beat = time.monotonic()  # loading a robot may have taken long
+        self._beat = self.time.steady()  # loading a robot may have taken long
         for kind, topic, take, raw in sources:
             subscription = connected(
                 self.create_subscription,
@@ -134,9 +130,8 @@ class MonitorNode(ManagedNode):
     def _lost(self, info):
         self._traffic.counts["lost in transport"] += info.total_count_change
 
-    def _clock_jumped(self, jump):
+    def _clock_jumped(self):
         """Simulated time has started anew, or another clock is in force."""
-        self._simulated_time = self.get_clock().ros_time_is_active
         if self._robot:
             self._robot.forget()
             self._traffic.counts["clock jumped back"] += 1
@@ -239,10 +234,10 @@ class MonitorNode(ManagedNode):
     # --- Every message ---
 
     def _take_heartbeat(self):
-        self._beat = time.monotonic()
+        self._beat = self.time.steady()
 
     def _overloaded(self):
-        return time.monotonic() - self._beat > OVERDUE
+        return self.time.steady() - self._beat > OVERDUE
 
     def _take_joint_state(self, listening, message):
         if listening != self._listening:
@@ -262,7 +257,7 @@ class MonitorNode(ManagedNode):
 
     def _serve(self, robot, message):
         """Publish the state that a joint state completes."""
-        now = self._now()
+        now = self.time.now()
         if robot.pipeline:
             served = robot.serve_at_once(message, now, self._outputs.wanted())
             if served:
@@ -302,7 +297,7 @@ class MonitorNode(ManagedNode):
         """Take in where the base is; publish the state of a robot that is all base."""
         if type(message) is bytes:
             message = odometry_of(message, read_odometry)
-        robot.base.update(message, self._now())
+        robot.base.update(message, self.time.now())
         if state := robot.state_of_base():
             self._publish(robot, state, "published from odometry")
 
@@ -316,10 +311,6 @@ class MonitorNode(ManagedNode):
         self._traffic.rejected(what, fault.cause, fault.text)
         self.get_logger().debug(f"{what}: {fault.cause}: {self._traffic.last_rejection}")
         self.get_logger().warning(f"Rejected: {self._traffic.last_rejection}", throttle_duration_sec=5.0)
-
-    def _now(self):
-        # rclpy takes ten times as long to say the same. The clock tells when it becomes another one: see _clock_jumped.
-        return self.get_clock().now().nanoseconds if self._simulated_time else time.time_ns()
 
     def _publish(self, robot, state, what):
         """Evaluate a state, and pass it on."""
@@ -440,7 +431,7 @@ class MonitorNode(ManagedNode):
         robot = self._robot
         tell_of_time(self, self._traffic.counts["received"], foreign_stamps(robot) if robot else [])
         active = self.phase == ACTIVE
-        statuses = [self._traffic.status(robot, self._now(), self._notes())]
+        statuses = [self._traffic.status(robot, self.time.now(), self._notes())]
         if not active:
             values = statuses[0].values
             statuses[0] = Status("joint states", WARN, f"{self.phase}: nothing is listened to", values)

@@ -3,7 +3,6 @@
 
 """What the monitor publishes: each topic's message, made only where somebody listens, and no more often than wanted."""
 
-import time
 from importlib import import_module
 
 from rclpy.qos import QoSProfile
@@ -64,7 +63,7 @@ class Outputs:
 
     def look(self):
         """See who listens."""
-        self._looked = time.monotonic()
+        self._looked = self._node.time.steady()
         self._wanted = [t for t, handle in self._handles.items() if t in BITS and handle.get_subscription_count()]
         self._bits = sum(BITS[topic] for topic in self._wanted)
         self.drawn, self.touched = (
@@ -88,7 +87,7 @@ class Outputs:
 
     def wanted(self):
         """Sum of the :data:`BITS` of topics about a state that somebody listens to; it holds for :meth:`publish`."""
-        if time.monotonic() - self._looked > SELDOM:
+        if self._node.time.steady() - self._looked > SELDOM:
             self.look()
         return self._bits & ABOUT_STATE
 

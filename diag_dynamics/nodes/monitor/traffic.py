@@ -3,7 +3,6 @@
 
 """Counting what comes in and what becomes of it, and saying so."""
 
-import time
 from collections import Counter
 
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, shortened, steady
@@ -21,6 +20,11 @@ class Traffic:
     Every joint state that was received has exactly one outcome: published, incomplete, foreign, followers only, before the
     model, before odometry, awaiting velocity, skipped for want of time, or rejected with its cause.
 
+    Parameters
+    ----------
+    steady : callable
+        Returns steady time [s].
+
     Attributes
     ----------
     counts : Counter
@@ -29,7 +33,8 @@ class Traffic:
         Of the last state that was published [ns].
     """
 
-    def __init__(self):
+    def __init__(self, steady):
+        self._steady = steady
         self.counts, self._reported = Counter(), Counter()
         self.last_rejection = ""
         self.last_stamp = None
@@ -38,7 +43,7 @@ class Traffic:
 
     def _begin(self):
         """Begin another interval between two statuses."""
-        self._since = time.monotonic()
+        self._since = self._steady()
         self._aged, self._age, self._oldest = 0, 0.0, 0.0
 
     def arrived(self, stamp, now):
@@ -79,7 +84,7 @@ class Traffic:
             counts += _counts_of(robot)
         recent = counts - self._reported
         self._reported = counts
-        elapsed = max(time.monotonic() - self._since, 1e-3)
+        elapsed = max(self._steady() - self._since, 1e-3)
         values = {
             "input rate [Hz]": f"{recent['received'] / elapsed:.4g}",
             "output rate [Hz]": f"{sum(recent[what] for what in PUBLISHED) / elapsed:.4g}",

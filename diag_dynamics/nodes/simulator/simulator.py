@@ -3,8 +3,6 @@
 
 """The simulator node: a robot that moves under its own dynamics, takes effort commands and publishes what a driver would."""
 
-import time
-
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock as SomeClock
@@ -98,7 +96,7 @@ class SimulatorNode(ManagedNode):
         self._plant = Plant(model, values)
         self._plant.simulation.dynamics.compile("evaluate", "gravity_torque", "nu_from_qd")
         self._revision, self._failure, self._paused = 1, "", False
-        self._start = max(self.get_clock().now().nanoseconds, self._latest)  # /clock never goes back
+        self._start = max(self.time.now(), self._latest)  # /clock never goes back
         self._pace = Pace(values["real_time_factor"], 1.0 / values["rate"], self._plant.simulation.step_size)
         self._use(model)
         for load in (self._truth_now, self._audit_now):  # what they call, before time goes on
@@ -162,7 +160,7 @@ class SimulatorNode(ManagedNode):
         for kind, topic, take in listened:
             self._listened.append(connected(self.create_subscription, kind, topic, take, queue))
         steady = SomeClock(clock_type=ClockType.STEADY_TIME)
-        self._lockstep.begin(time.monotonic())
+        self._lockstep.begin(self.time.steady())
         self._go_on()
         if self._values["lockstep"]:
             self._timers_running.append(self.create_timer(PATIENCE / 2, self._remind, clock=steady))
@@ -212,18 +210,18 @@ class SimulatorNode(ManagedNode):
     def _stamp_anew(self):
         """Have stamps that follow the clock go on from now; those of single steps while paused never go back."""
         if self._follows or self._timeless:
-            now = self.get_clock().now().nanoseconds
+            now = self.time.now()
             self._start = max(now, self._latest * self._paused) - round(self._plant.time * 1e9)
 
     def _now(self):
-        return self.get_clock().now().nanoseconds * 1e-9
+        return self.time.now() * 1e-9
 
     def _go_on(self):
         """Have simulated time go on from here."""
         self._timeless = not self._now()  # nothing on /clock yet
         self._pace.resume(self._now(), self._plant.time)
         self._stamp_anew()
-        self._lockstep.resume(time.monotonic())
+        self._lockstep.resume(self.time.steady())
 
     def _tick(self):
         """Bring the simulation up to now, and publish where it is."""
@@ -254,7 +252,7 @@ class SimulatorNode(ManagedNode):
 
     def _remind(self):
         """In lockstep, publish time and last joint state again where an answer to it may never come."""
-        now = time.monotonic()
+        now = self.time.steady()
         heard = self.get_subscriptions_info_by_topic(self._joint_states.topic_name)
         sending = self.get_publishers_info_by_topic(self._listened[-1].topic_name)
         self._lockstep.meet({bytes(end.endpoint_gid) for end in (*heard, *sending)}, now)
@@ -264,7 +262,7 @@ class SimulatorNode(ManagedNode):
 
     def _answer(self):
         """In lockstep, go on if the last joint state has been answered."""
-        if self._values["lockstep"] and self._moving and self._lockstep.answered(time.monotonic()):
+        if self._values["lockstep"] and self._moving and self._lockstep.answered(self.time.steady()):
             self._advance(self._steps_of_a_period)
 
     @property
@@ -283,7 +281,7 @@ class SimulatorNode(ManagedNode):
             self._lockstep.refuse()
             self._say_rejected(COMMANDS, error)
             return
-        self._lockstep.command(time.monotonic())
+        self._lockstep.command(self.time.steady())
         self._answer()
 
     def _take_wrench(self, message):
@@ -411,7 +409,7 @@ class SimulatorNode(ManagedNode):
             level, message = (ERROR, self.failure) if self.failure else (WARN, self.phase)
             return [Status("simulation", level, message, {"lifecycle": self.phase})]
         lockstep = self._lockstep if self._values["lockstep"] else None
-        stuck = lockstep is not None and self._moving and lockstep.waits(time.monotonic())
+        stuck = lockstep is not None and self._moving and lockstep.waits(self.time.steady())
         return [
             simulation_status(self._plant, self.phase, self._paused, self._failure),
             pace_status(self._pace, lockstep, stuck, *clock_notes(self, self._keeps_time)),

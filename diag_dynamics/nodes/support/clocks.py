@@ -1,13 +1,55 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Who publishes simulated time, which has to be one node."""
+"""The time of a node, and the publishers of simulated time."""
+
+import time
+
+from rclpy.clock import JumpThreshold
+from rclpy.duration import Duration
 
 from diag_dynamics.nodes.support.diagnostics import counted
 from diag_dynamics.nodes.support.graph import publishing
 
 CLOCK = "/clock"
 """The topic of simulated time, which may be another one by remapping."""
+
+
+class NodeTime:
+    """The times that a node reads: ROS time for stamps, steady time for periods and timeouts.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    """
+
+    def __init__(self, node):
+        self._clock, self._jumped = node.get_clock(), []
+        self._simulated = self._clock.ros_time_is_active
+        backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
+        self._handle = self._clock.create_jump_callback(backward, post_callback=self._take_jump)
+
+    def now(self):
+        """Return ROS time [ns]: simulated time where the node uses it, else system time."""
+        # rclpy takes ten times as long as time_ns for the same number.
+        return self._clock.now().nanoseconds if self._simulated else self.system()
+
+    def system(self):
+        """Return system time [ns]."""
+        return time.time_ns()
+
+    def steady(self):
+        """Return steady time [s]."""
+        return time.monotonic()
+
+    def on_jump(self, callback):
+        """Call `callback()` when ROS time jumps back, or changes between system and simulated time."""
+        self._jumped.append(callback)
+
+    def _take_jump(self, _):
+        self._simulated = self._clock.ros_time_is_active
+        for callback in self._jumped:
+            callback()
 
 
 def clock_notes(node, publishes=False):

@@ -11,6 +11,7 @@ from rclpy.qos import QoSProfile
 
 from diag_dynamics.compiled.progress import tell_by
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.support.clocks import NodeTime
 from diag_dynamics.nodes.support.diagnostics import shortened
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.logger import PlainLogger
@@ -37,13 +38,16 @@ class ManagedNode(LifecycleNode):
         Unconfigured, inactive, active or finalized.
     failure : str
         Why the node could not be configured or activated, empty if it could.
+    time : NodeTime
+        Every time that the node reads; tests pass a class whose time they set.
     """
 
-    def __init__(self, name, **kwargs):
+    def __init__(self, name, time=NodeTime, **kwargs):
         self.phase, self.failure = UNCONFIGURED, ""
         self._beginning = False  # whoever runs the process says then what is wrong
         self._diagnostics = None
         super().__init__(name, enable_communication_interface=False, **kwargs)
+        self.time = time(self)
         tell_by(self._tell_of_compiling)
         for service, kind in (
             ("change_state", srv.ChangeState),
