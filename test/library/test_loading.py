@@ -26,7 +26,8 @@ from diag_dynamics.nodes.support.loading import MOST_TOLD, compile_dynamics, loa
 from diag_dynamics.parameters.monitor import PARAMETERS as MONITOR
 from diag_dynamics.parameters.monitor import Settings
 from diag_dynamics.parameters.shared import PARAMETERS
-from nodes import LATCHED, PANDA, Monitor, Process, Truth, description, robot
+from nodes import LATCHED, PANDA, Monitor, Truth, description, robot
+from processes import Process
 from robots import description as urdf_of
 from robots import joint, link
 

@@ -13,7 +13,7 @@ from test_simulator_commands import Simulator
 from controllers import ACTIVE, START_AT, Controller, gravity_of, put, quiet
 from nodes import MS, START, UR5, nanoseconds
 
-pytestmark = [pytest.mark.full, pytest.mark.live, pytest.mark.kills]
+pytestmark = [pytest.mark.full, pytest.mark.live]
 
 TIMEOUT = 0.3
 """After which the drives close their brakes [s]."""

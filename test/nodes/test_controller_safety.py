@@ -27,7 +27,8 @@ from controllers import (
     pose_message,
     untouched,
 )
-from nodes import LATCHED, MS, PANDA, START, TIMEOUT, UR5, Process, S, description, joint_state, nanoseconds, robot
+from nodes import LATCHED, MS, PANDA, START, TIMEOUT, UR5, S, description, joint_state, nanoseconds, robot
+from processes import Process
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 

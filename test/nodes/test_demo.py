@@ -21,7 +21,8 @@ import psutil
 import pytest
 
 import robots
-from nodes import PANDA, START, TIMEOUT, UR5, Process, robot
+from nodes import PANDA, START, TIMEOUT, UR5, robot
+from processes import Process
 from streams import FRAME, Stream, wait_for_robot
 
 pytestmark = [pytest.mark.full, pytest.mark.live]

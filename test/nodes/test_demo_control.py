@@ -13,9 +13,10 @@ import pytest
 from test_demo import check_picture, ended
 
 from diag_dynamics.nodes.demos.demo_control import PUSH, REST, SIMULATOR
-from nodes import START, Process
+from nodes import START
+from processes import Process
 
-pytestmark = [pytest.mark.full, pytest.mark.live, pytest.mark.kills]
+pytestmark = [pytest.mark.full, pytest.mark.live]
 
 STEP = 1.0 / SIMULATOR["rate"]
 """Of simulated time from state to state [s]."""

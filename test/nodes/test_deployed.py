@@ -14,7 +14,8 @@ import yaml
 from rclpy.exceptions import InvalidParameterTypeException
 
 from diag_dynamics.nodes.monitor.monitor import MonitorNode
-from nodes import PANDA, Process
+from nodes import PANDA
+from processes import Process
 from robots import robot_path
 
 pytestmark = [pytest.mark.full, pytest.mark.live]

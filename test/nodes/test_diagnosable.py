@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from nodes import ASKED, Process
+from processes import ASKED, Process
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 

@@ -11,7 +11,8 @@ from types import SimpleNamespace
 import pytest
 
 from diag_dynamics.nodes.support.graph import NOT_YET_KNOWN, publishing
-from nodes import START, Monitor, Process, joint_state
+from nodes import START, Monitor, joint_state
+from processes import Process
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 

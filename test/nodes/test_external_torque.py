@@ -31,7 +31,7 @@ from diag_dynamics.nodes.monitor.monitor import MonitorNode
 from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
 from diag_dynamics.parameters.monitor import PARAMETERS, Observation, Settings
 from diag_dynamics.recordings.calibration import Calibration
-from nodes import BELIEVING, MAX_AGE, MS, PANDA, START, UR5, Monitor, S, joint_state, nanoseconds, node_process, robot
+from nodes import BELIEVING, MAX_AGE, MS, PANDA, START, UR5, Monitor, S, joint_state, nanoseconds, robot
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 
@@ -162,7 +162,7 @@ def test_a_push_on_a_simulated_arm(peer):
     with Simulator(peer, "/plant", UR5, **parameters) as arm:
         said = peer.topic(ExternalTorque, "/plant/diag_dynamics/external_torque")
         options = {"external_torque.gain": 200.0, "external_torque.friction": True, "max_age": MAX_AGE}
-        with node_process("monitor", "-r", "__ns:=/plant", robot_description=arm.robot.path, **options):
+        with peer.start("monitor", "-r", "__ns:=/plant", robot_description=arm.robot.path, **options):
             peer.wait_until(lambda: said.messages and said.messages[-1].valid, "a result", START)
             assert said.messages[-1].norm < 0.1
             arm.push("tool0", *wrench)

@@ -4,21 +4,11 @@
 """What /diagnostics say: every key with its right value, energies that are too high at once, and counters that add up."""
 
 import itertools
-import os
 
 import numpy as np
 import pytest
 
-from nodes import (
-    MS,
-    PANDA,
-    SERIALIZATION,
-    Monitor,
-    S,
-    Truth,
-    joint_state,
-    robot,
-)
+from nodes import MS, PANDA, Monitor, S, Truth, joint_state, robot
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 
@@ -86,8 +76,8 @@ def test_every_entry(monitor, panda, sample):
         assert keys <= set(values(report, name)), name
         assert report.entries[name].level == OK
     at_once = int(report.values.get("joint states read by template", 0))
-    assert (at_once > 0) == (os.environ.get(SERIALIZATION) != "rclpy")
-    assert values(report, "model")["serialization"] == os.environ.get(SERIALIZATION, "template")
+    assert at_once > 0
+    assert values(report, "model")["serialization"] == "template"
     health = values(report, "numerical health")
     assert float(health["|nu.C| / (|nu| |C|)"]) < 1e-9
     assert float(health["|K - qd.M.qd / 2| / K"]) < 1e-9

@@ -4,7 +4,6 @@
 """Descriptions, payloads, gravity and all other parameters, changed and mistaken while a monitor runs."""
 
 import math
-import os
 
 import numpy as np
 import pytest
@@ -14,9 +13,7 @@ from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, ListParameters
 from std_msgs.msg import String
 
-from nodes import LATCHED, MS, PANDA, SERIALIZATION, UR5, Monitor, Truth, description, nanoseconds, robot
-
-pytestmark = [pytest.mark.full, pytest.mark.live]
+from nodes import LATCHED, MS, PANDA, UR5, Monitor, Truth, description, nanoseconds, robot
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
@@ -399,7 +396,7 @@ REFUSED = {
             ("locked_joints", ["panda_joint1=0.5"]),
             ("armature", ["panda_joint1=0.5"]),
             ("floating_base", True),
-            ("serialization", "template" if os.environ.get(SERIALIZATION) == "rclpy" else "rclpy"),
+            ("serialization", "rclpy"),
             ("odom_twist_frame", "header"),
         )
     },

@@ -17,7 +17,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from diag_dynamics.nodes.support.diagnostics import LONG, Diagnostics, Status, shortened
 from diag_dynamics.nodes.support.logger import PlainLogger
-from nodes import LATCHED, MANY, START, description, joint_state, node_process
+from nodes import LATCHED, MANY, START, description, joint_state
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 
@@ -87,7 +87,7 @@ def test_names_that_would_act(peer):
         joint_state([WRIST], [math.nan], [0.0]),
         joint_state([ELBOW, ESCAPE], [0.1], [0.0]),  # lengths, of which the first name is told
     )
-    with node_process("monitor", "-r", "__ns:=/hostile") as process:
+    with peer.start("monitor", "-r", "__ns:=/hostile") as process:
         peer.wait_until(feeder.get_subscription_count, "the monitor", START)
         good = joint_state([ELBOW, WRIST, ESCAPE], [0.1, 0.2, 0.3], [0.0] * 3)
         peer.wait_until(lambda: sent(good) or states.messages, "a state", START)
@@ -126,8 +126,8 @@ def test_names_in_control(peer, tmp_path):
     settings = parameters | {"robot_compensates_gravity": False, "check_time": 0.0}
     arguments = ("-r", "__ns:=/held")
     with (
-        node_process("simulator", *arguments, **parameters) as simulator,
-        node_process("controller", *arguments, **settings) as controller,
+        peer.start("simulator", *arguments, **parameters) as simulator,
+        peer.start("controller", *arguments, **settings) as controller,
     ):
 
         def refuses():
@@ -147,7 +147,7 @@ def test_started_with_such_a_robot(peer, tmp_path):
     """A node that a robot's description ends says so in one line."""
     path = tmp_path / "hostile.urdf"
     path.write_text(URDF.replace('value="1"', 'value="-1"'), encoding="utf-8")
-    process = node_process("monitor", "-r", "__ns:=/ended", robot_description=path)
+    process = peer.start("monitor", "-r", "__ns:=/ended", robot_description=path)
     assert process.wait(START) == 1
     assert r"link 'upper\x9b2J': mass -1 kg is negative." in process.output
     assert all(line.isprintable() for line in process.output.split("\n"))

@@ -15,10 +15,8 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from nodes import BELIEVING, LATCHED, MANY, START, TIMEOUT, S, description, joint_state, nanoseconds, node_process
+from nodes import BELIEVING, LATCHED, MANY, START, TIMEOUT, S, description, joint_state, nanoseconds
 from robots import robot_path
-
-pytestmark = [pytest.mark.full, pytest.mark.live]
 
 SOLO = "solo_description/robots/solo12.urdf"
 NAMESPACE = "/floating"
@@ -44,7 +42,7 @@ class Rig:
             parameters["robot_description"] = robot_path(description)
         for topic in ("joint_states", "odom"):
             parameters[f"qos_overrides.{namespace}/{topic}.subscription.reliability"] = "reliable"
-        self.process = node_process("monitor", "-r", f"__ns:={namespace}", floating_base=True, **BELIEVING | parameters)
+        self.process = peer.start("monitor", "-r", f"__ns:={namespace}", floating_base=True, **BELIEVING | parameters)
         rng = np.random.default_rng(3)
         self.q = pin.neutral(self.model)
         self.q[:3], self.q[7:] = rng.normal(size=3), rng.uniform(-1, 1, len(self.joints))
@@ -174,7 +172,7 @@ def test_robot_that_is_all_base(peer):
     message.pose.pose.orientation.w = 1.0
     message.twist.twist.linear.x = 2.0
     drone = robot_path("hector_description/robots/quadrotor_base.urdf")
-    with node_process("monitor", "-r", "__ns:=/drone", robot_description=drone, floating_base=True):
+    with peer.start("monitor", "-r", "__ns:=/drone", robot_description=drone, floating_base=True):
         peer.wait_until(odom.get_subscription_count, "the subscription to odom", START)
         for _ in range(240):
             odom.publish(message)

@@ -16,19 +16,8 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.node import NodeNameNonExistentError
 from sensor_msgs.msg import JointState
 
-from nodes import (
-    MS,
-    OUTPUTS,
-    PANDA,
-    START,
-    UR5,
-    Monitor,
-    Process,
-    Truth,
-    nanoseconds,
-    node_process,
-    robot,
-)
+from nodes import MS, OUTPUTS, PANDA, START, UR5, Monitor, Truth, nanoseconds, robot
+from processes import Process, node_process
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 

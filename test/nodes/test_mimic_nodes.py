@@ -13,21 +13,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from coupling import NAMED, Coupled
-from nodes import (
-    LATCHED,
-    MS,
-    PANDA,
-    START,
-    Monitor,
-    S,
-    Truth,
-    assert_close,
-    description,
-    joint_state,
-    node_process,
-    robot,
-    tolerance,
-)
+from nodes import LATCHED, MS, PANDA, START, Monitor, S, Truth, assert_close, description, joint_state, robot, tolerance
+from processes import node_process
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 

@@ -32,8 +32,6 @@ from nodes import (
     robot,
 )
 
-pytestmark = [pytest.mark.full, pytest.mark.live]
-
 GRIPPER = ("panda_finger_joint1",)  # the other finger follows
 OK, WARN, ERROR, STALE = b"\x00", b"\x01", b"\x02", b"\x03"
 

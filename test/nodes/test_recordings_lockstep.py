@@ -32,7 +32,7 @@ from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Intake
 from hostile import MS, Driver, S, hostile, messages_of
 from hostile import START as BEGIN
-from nodes import PANDA, START, Reports, nanoseconds, node_process
+from nodes import PANDA, START, Reports, nanoseconds
 from robots import robot_path
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
@@ -183,7 +183,7 @@ class Live:
         self.reports = Reports(peer.node, peer.wait_until, self.name)
         names = ["-r", f"__ns:={namespace}", "-r", f"/clock:={namespace}/clock"]
         parameters = {"use_sim_time": True, "serialization": "template"} | parameters  # as recordings are read: bytes
-        self.process = node_process("monitor", *names, **parameters)
+        self.process = peer.start("monitor", *names, **parameters)
 
     def connect(self):
         """Wait until both sides know all topics of the other.

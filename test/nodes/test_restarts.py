@@ -18,24 +18,10 @@ from std_msgs.msg import String
 from diag_dynamics.nodes.monitor.monitor import MonitorNode
 from diag_dynamics.nodes.support import descriptions
 from network import Watch, random_state, values
-from nodes import (
-    BELIEVING,
-    LATCHED,
-    MANY,
-    MAX_AGE,
-    PANDA,
-    START,
-    TALOS,
-    UR5,
-    Process,
-    Topic,
-    description,
-    joint_state,
-    node_process,
-    robot,
-)
+from nodes import BELIEVING, LATCHED, MANY, MAX_AGE, PANDA, START, TALOS, UR5, Topic, description, joint_state, robot
+from processes import Process, node_process
 
-pytestmark = [pytest.mark.full, pytest.mark.live, pytest.mark.kills]
+pytestmark = [pytest.mark.full, pytest.mark.live]
 
 OK, WARN, ERROR, STALE = b"\x00", b"\x01", b"\x02", b"\x03"
 

@@ -11,7 +11,8 @@ import pytest
 from rclpy.node import NodeNameNonExistentError
 
 from controllers import effort_controller
-from nodes import PANDA, START, node_process, robot
+from nodes import PANDA, START, robot
+from processes import node_process
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 

@@ -22,22 +22,10 @@ from std_srvs.srv import SetBool, Trigger
 
 import diag_dynamics as dd
 from diag_dynamics.simulation import rest_position
-from nodes import (
-    MS,
-    PANDA,
-    START,
-    UR5,
-    Monitor,
-    Reports,
-    S,
-    joint_state,
-    nanoseconds,
-    node_process,
-    robot,
-)
+from nodes import MS, PANDA, START, UR5, Monitor, Reports, S, joint_state, nanoseconds, robot
 from oracles import Oracle
 
-pytestmark = [pytest.mark.full, pytest.mark.live, pytest.mark.kills]
+pytestmark = [pytest.mark.full, pytest.mark.live]
 
 NODE = "diag_dynamics_simulator"
 PERIOD = 2 * MS
@@ -57,7 +45,7 @@ class Simulator:
         self.commands = peer.publisher(Float64MultiArray, f"{namespace}/effort_controller/commands")
         self.wrenches = peer.publisher(WrenchStamped, f"{namespace}/external_wrench")
         self.reports = Reports(peer.node, peer.wait_until, self.name)
-        self.process = node_process(
+        self.process = peer.start(
             "simulator", "-r", f"__ns:={namespace}", robot_description=self.robot.path, **parameters
         )
 

@@ -18,19 +18,7 @@ from std_msgs.msg import String
 import robots
 from diag_dynamics import DiagonalDynamics, load_urdf
 from diag_dynamics.simulation.pace import MOST_BEHIND
-from nodes import (
-    LATCHED,
-    MS,
-    PANDA,
-    START,
-    UR5,
-    Monitor,
-    S,
-    Truth,
-    nanoseconds,
-    node_process,
-    robot,
-)
+from nodes import LATCHED, MS, PANDA, START, UR5, Monitor, S, Truth, nanoseconds, robot
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 
@@ -45,7 +33,7 @@ class Simulator:
         self.peer, self.robot = peer, robot
         self.namespace = namespace
         self.states = peer.topic(JointState, f"{namespace}/joint_states")
-        self.process = node_process("simulator", "-r", f"__ns:={namespace}", robot_description=robot.path, **parameters)
+        self.process = peer.start("simulator", "-r", f"__ns:={namespace}", robot_description=robot.path, **parameters)
 
     def __enter__(self):
         return self
@@ -370,8 +358,8 @@ def test_inertias_that_are_off_from_the_description(peer):
         ({"inertia_error": 0.95}, "inertia_error"),
     ],
 )
-def test_errors_that_no_robot_has(parameters, said):
-    simulator = node_process("simulator", robot_description=robot(UR5).path, autostart=True, **parameters)
+def test_errors_that_no_robot_has(peer, parameters, said):
+    simulator = peer.start("simulator", robot_description=robot(UR5).path, autostart=True, **parameters)
     try:
         simulator.wait_for(lambda output: said in output, said)
     finally:

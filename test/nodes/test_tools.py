@@ -33,7 +33,8 @@ from diag_dynamics.nodes.tools import session as sessions
 from diag_dynamics.nodes.tools import topic_commands
 from diag_dynamics.nodes.tools.session import Session
 from diag_dynamics.nodes.tools.yaml_messages import as_values, as_yaml, field, filled, type_of
-from nodes import SLOW, START, Process
+from nodes import START
+from processes import SLOW, Process
 from robots import robot_path
 
 pytestmark = [pytest.mark.full, pytest.mark.live]

@@ -19,7 +19,8 @@ from diag_dynamics.msg import DiagonalizedState, ExternalTorque
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from nodes import START, Process
+from nodes import START
+from processes import Process
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 

@@ -11,7 +11,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 
 from diag_dynamics.nodes.support.launches import LAUNCHES, arguments_of, started
-from nodes import START, UR5, Reports, node_process, robot
+from nodes import START, UR5, Reports, robot
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 
@@ -37,7 +37,7 @@ class Launched(contextlib.AbstractContextManager):
                 for path in (CONFIG / f"{node.executable}.yaml", node.params_file):
                     options += ["--params-file", path]
                 given = {name: text for name, (_, text) in node.parameters.items()}
-                self.processes[node.executable] = node_process(node.executable, *options, **given)
+                self.processes[node.executable] = peer.start(node.executable, *options, **given)
 
     def __exit__(self, *error):
         with contextlib.ExitStack() as stack:

@@ -15,7 +15,8 @@ from diag_dynamics.srv import SetPayload
 
 import diag_dynamics as dd
 from diag_dynamics.nodes.view.watched import APART
-from nodes import MANY, MAX_AGE, PANDA, START, UR5, Process, S, nanoseconds, node_process, robot
+from nodes import MANY, MAX_AGE, PANDA, START, UR5, S, nanoseconds, robot
+from processes import Process, node_process
 from streams import CONTACT, DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get_json, wait_for_robot
 
 pytestmark = [pytest.mark.full, pytest.mark.live]

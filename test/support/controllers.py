@@ -19,7 +19,7 @@ from trajectory_msgs.msg import JointTrajectory
 from arm import gravity_of as gravity_of
 from arm import pinocchio_command
 from arm import pose_of as pose_of
-from nodes import MANY, START, Reports, S, Topic, joint_state, nanoseconds, node_process
+from nodes import MANY, START, Reports, S, Topic, joint_state, nanoseconds
 
 NODE = "diag_dynamics_controller"
 ACTIVE, HOLDING, RAMPING_DOWN = (
@@ -52,7 +52,9 @@ class Controller:
 
     def start(self):
         """Start the process."""
-        self.process = node_process("controller", "-r", f"__ns:={self.namespace}", *self._arguments, **self._parameters)
+        self.process = self.peer.start(
+            "controller", "-r", f"__ns:={self.namespace}", *self._arguments, **self._parameters
+        )
 
     def __enter__(self):
         return self

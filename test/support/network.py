@@ -31,7 +31,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message, serialize_message
 
-from nodes import MANY, OUTPUTS, START, TIMEOUT, Process, Reports, Topic, Truth, as_asked, nanoseconds
+from nodes import MANY, OUTPUTS, START, TIMEOUT, Reports, Topic, Truth, nanoseconds
+from processes import Process
 
 TUN = "/dev/net/tun"
 TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x0002, 0x1000  # linux/if_tun.h
@@ -131,7 +132,7 @@ class Host(contextlib.AbstractContextManager):
     def process(self, node, *arguments, **parameters):
         """Start a node of this package on this host; `arguments` are ROS arguments."""
         command = [sys.executable, "-m", f"diag_dynamics.nodes.{node}", "--ros-args", *arguments]
-        for name, value in (as_asked(node) | parameters).items():
+        for name, value in parameters.items():
             command += ["-p", f"{name}:={value}"]
         process = Process(self.command(*command), env=self.environment)
         process.command = command  # by which the report of a failure names it

@@ -1,21 +1,14 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes in processes of their own, a node to talk to them, and what their messages have to say."""
+"""Nodes under test in the test's process, a node to talk to them, and what their messages have to say."""
 
 import contextlib
-import os
-import signal
-import subprocess
-import sys
-import threading
-import time
 from functools import cache
-from typing import ClassVar, NamedTuple
+from importlib import import_module
+from typing import NamedTuple
 
 import numpy as np
-import psutil
-import rclpy
 from diag_dynamics.msg import (
     CoriolisTerm,
     DiagonalizedState,
@@ -29,28 +22,25 @@ from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import GetParameters, GetParameterTypes, SetParameters, SetParametersAtomically
-from rclpy.executors import SingleThreadedExecutor
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 import described
-import stacks
 from described import MS as MS
 from described import PANDA as PANDA
 from described import TALOS as TALOS
 from described import UR5 as UR5
 from described import S
+from node_harness import Graph
 from oracles import EARTH
 
 START = 240.0
-"""Longest time for a node to start [s]; on a slow disk the imports alone take long."""
+"""Longest time for a process to start [s]; on a slow disk the imports alone take long."""
 TIMEOUT = 120.0
-"""Longest time for anything else [s]. Only a failing test waits so long."""
-SLOW = 18.0
-"""Time [s] after which an end is overdue whose launcher would kill what hangs before :data:`TIMEOUT`, stacks and all."""
-
+"""Longest time for anything else [s]: simulated, but for processes. Only a failing test waits so long."""
 OUTPUTS = {
     "total_joint_rates": TotalJointRates,
     "working_moments": WorkingMoments,
@@ -66,144 +56,16 @@ OUTPUTS = {
 MAX_AGE = 60.0
 """How old states may be whose stamps are judged by the clock [s]: a busy machine is late by more than the default, 1 s."""
 
-SERIALIZATION = "DIAG_DYNAMICS_TEST_SERIALIZATION"
-"""Environment variable by which every monitor of a test run takes this path from messages to numbers and back."""
-
-ASKED = "\n--- asked for stacks:\n"
-"""Parts what a process has said from what it is at."""
+NODE_CLASSES = {
+    "monitor": ("monitor.monitor", "MonitorNode"),
+    "simulator": ("simulator.simulator", "SimulatorNode"),
+    "controller": ("controller.controller", "ControllerNode"),
+    "view": ("view.view", "ViewNode"),
+}
+"""Module and class of each node of this package."""
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 MANY = QoSProfile(depth=1000)
-
-
-# --- processes
-
-
-class Process(contextlib.AbstractContextManager):
-    """A process whose output is kept; a context at whose end it has to end by SIGINT with status 0."""
-
-    started: ClassVar[list["Process"]] = []  # in this test file, for the report of a failure
-
-    def __init__(self, command, **options):
-        """Start it, in a session of its own: a Ctrl-C at the test run does not reach it."""
-        self.command = [str(part) for part in command]
-        options = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT} | options
-        options["env"] = (options.get("env") or os.environ) | stacks.ENVIRONMENT
-        self.popen = subprocess.Popen(self.command, start_new_session=True, **options)
-        self._said = b""
-        self._changed = threading.Condition(threading.RLock())
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        if self.popen.stdout:
-            self.listen(self.popen.stdout.fileno())
-        Process.started.append(self)
-
-    def listen(self, descriptor):
-        """Keep what comes out of a file descriptor."""
-        self._descriptor = descriptor
-        self._reader.start()
-
-    def _read(self):
-        chunk = b"-"
-        while chunk:
-            try:
-                chunk = os.read(self._descriptor, 65536)
-            except OSError:  # the other end of a terminal is closed
-                chunk = b""
-            with self._changed:
-                self._said += chunk
-                self._changed.notify_all()
-        with self._changed:
-            self._descriptor = None
-            self._changed.notify_all()
-
-    def __str__(self):
-        return " ".join(part.rsplit("/", 1)[-1] for part in self.command[1:4]) + f", pid {self.popen.pid}"
-
-    @property
-    def output(self):
-        """All it has said until now."""
-        with self._changed:
-            return self._said.decode(errors="replace")
-
-    def tail(self, lines=60):
-        """The last of what it has said."""
-        said, asked, known = self.output.partition(ASKED)
-        return ("".join(said.splitlines(keepends=True)[-lines:]) + asked + known) or "(nothing)"
-
-    def wait_for(self, condition, what, timeout=START):
-        """Wait until a condition on the output holds."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._descriptor is None or condition(self.output), timeout)
-        if not condition(self.output):
-            self.tell_stacks()
-            raise AssertionError(f"{self}: waited in vain for {what}")
-
-    def wait_for_text(self, text):
-        """Wait until this has been said."""
-        self.wait_for(lambda output: text in output, repr(text))
-
-    def children(self):
-        """Return the processes that it has started."""
-        return psutil.Process(self.popen.pid).children(recursive=True)
-
-    def signal(self, number):
-        """Send it a signal."""
-        self.popen.send_signal(number)
-
-    def wait(self, timeout=TIMEOUT):
-        """Wait for its end, and return its status; where it does not end, it and what it has started say what they are at."""
-        try:
-            status = self.popen.wait(timeout)
-        except subprocess.TimeoutExpired:
-            self.tell_stacks()
-            raise
-        self._reader.join(timeout)
-        return status
-
-    def tell_stacks(self):
-        """Have it and what it has started say what they are at, which ends them; the report of the failure shows it."""
-        with self._changed:
-            self._said += ASKED.encode()
-        known = stacks.asked_for(self.popen.pid)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self.popen.wait(SLOW)
-        if self._reader.ident:
-            self._reader.join(SLOW)
-        with self._changed:
-            self._said += f"\n{known}\n".encode()
-
-    def stop(self, *signals, timeout=TIMEOUT):
-        """End it by signals, SIGINT if none is given; it must end with status 0."""
-        for number in signals or (signal.SIGINT,):
-            self.signal(number)
-        status = self.wait(timeout)
-        assert status == 0, f"{self} ended with status {status}"
-        assert "Traceback" not in self.output
-
-    def __exit__(self, kind, error, traceback):
-        try:
-            if self.popen.poll() is None and kind is None:
-                self.stop()
-            elif self.popen.poll() is None and issubclass(kind, Exception):
-                self.tell_stacks()
-        finally:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(self.popen.pid, signal.SIGKILL)
-            self.popen.wait()
-
-
-def node_process(node, *arguments, **parameters):
-    """Start a node of this package; `arguments` are ROS arguments."""
-    command = [sys.executable, "-m", f"diag_dynamics.nodes.{node}", "--ros-args", *arguments]
-    for name, value in (as_asked(node) | parameters).items():
-        command += ["-p", f"{name}:={value}"]
-    return Process(command)
-
-
-def as_asked(node):
-    """Return the parameters of a node that are asked for from outside of the tests."""
-    wanted = os.environ.get(SERIALIZATION)
-    return {"serialization": wanted} if node == "monitor" and wanted else {}
 
 
 # --- the test's own node
@@ -243,44 +105,82 @@ class Topic:
         self._at.clear()
 
 
-class Peer(contextlib.AbstractContextManager):
-    """A node in the test's process, whose callbacks are served while the test waits."""
+class Running(contextlib.AbstractContextManager):
+    """A node of this package in the test's process; a context at whose end it is destroyed.
 
-    def __init__(self, domain, name="test"):
-        """Join a ROS domain."""
-        self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=domain)
-        self.node = rclpy.create_node(name, context=self.context)
-        self._executor = SingleThreadedExecutor(context=self.context)
-        self._executor.add_node(self.node)
-        self._clients = {}
+    Attributes
+    ----------
+    node : rclpy.node.Node
+    """
+
+    def __init__(self, peer, node):
+        self.peer, self.node = peer, node
+
+    @property
+    def output(self):
+        """All that it has logged until now, a line each."""
+        return "\n".join(self.node.output)
+
+    def wait_for_text(self, text):
+        """Let time go by until this has been logged."""
+        self.peer.wait_until(lambda: text in self.output, repr(text))
+
+    def alive(self):
+        """Return whether it has not been destroyed."""
+        return self.node in self.peer.graph.nodes
+
+    def stop(self, *signals):
+        """Destroy it; a process would be sent signals."""
+        if self.alive():
+            self.node.destroy_node()
 
     def __exit__(self, *_):
-        self._executor.shutdown()
-        self.node.destroy_node()
-        self.context.try_shutdown()
+        self.stop()
+
+
+class Peer(contextlib.AbstractContextManager):
+    """A node of the test's own beside the nodes under test, all in one process: see :mod:`node_harness`."""
+
+    def __init__(self):
+        """Make a graph, and a node on it."""
+        self.graph = Graph()
+        self.node = self.graph.add(Node, node_name="test")
+        self.clients = {}
+
+    def __exit__(self, *_):
+        self.graph.__exit__()
+
+    def start(self, name, *arguments, **parameters):
+        """Start a node of this package, such as "monitor"; `arguments` are ROS arguments."""
+        for parameter, value in parameters.items():
+            arguments += ("-p", f"{parameter}:={value}")
+        module, kind = NODE_CLASSES[name]
+        node = self.graph.add(getattr(import_module(f"diag_dynamics.nodes.{module}"), kind), *arguments)
+        return Running(self, node)
 
     def extra_node(self, name, namespace):
-        """Make another node, whose callbacks are served likewise."""
-        node = rclpy.create_node(name, namespace=namespace, context=self.context)
-        self._executor.add_node(node)
-        return node
+        """Make another node of the test's."""
+        return self.graph.add(Node, node_name=name, namespace=namespace)
 
     def drop_node(self, node):
         """Have it leave the graph."""
-        self._executor.remove_node(node)
         node.destroy_node()
 
     def now(self):
         """Return the time of the node's clock [ns]."""
         return self.node.get_clock().now().nanoseconds
 
+    def pass_time(self, seconds):
+        """Let time go by."""
+        self.graph.advance(seconds)
+
     def wait_until(self, condition, what, timeout=TIMEOUT):
-        """Serve callbacks until a condition holds, and return its value; `what` is being waited for."""
-        deadline = time.monotonic() + timeout
+        """Let time go by until a condition holds, and return its value; `what` is being waited for."""
+        self.graph.spin()
+        end = self.graph.steady + timeout
         while not (value := condition()):
-            assert time.monotonic() < deadline, f"waited {timeout:g} s in vain for {what}"
-            self._executor.spin_once(timeout_sec=0.1)
+            assert self.graph.steady < end, f"waited {timeout:g} s in vain for {what}"
+            self.graph.step(end)
         return value
 
     def publisher(self, kind, name, qos=MANY):
@@ -292,35 +192,18 @@ class Peer(contextlib.AbstractContextManager):
         return Topic(self.node, kind, name, qos)
 
     def call(self, kind, name, request, node=None):
-        """Call a service and return the response; it is that of a node whose name the service's begins with."""
-        if name not in self._clients:
-            self._clients[name] = self.node.create_client(kind, name)
+        """Call a service, of a node or else of the one that its name begins with, and return the response."""
+        if name not in self.clients:
+            self.clients[name] = self.node.create_client(kind, name)
             self.become_known(node or name.rpartition("/")[0])
-        client = self._clients[name]
+        client = self.clients[name]
         self.wait_until(client.service_is_ready, f"service {name}", START)
         future = client.call_async(request)
         self.wait_until(future.done, f"a response of {name}")
         return future.result()
 
     def become_known(self, node):
-        """Wait until a node knows of all clients made here so far.
-
-        A service may be known to its client before the service knows the client, and then its response is thrown away
-        after 100 ms. Clients become known in the order in which they were made, so that a response to one made now,
-        asked for until it comes, tells that those before it are known.
-        """
-        client = self.node.create_client(GetParameterTypes, f"{node}/get_parameter_types")
-        try:
-            self.wait_until(client.service_is_ready, f"parameters of {node}", START)
-            deadline = time.monotonic() + START  # it may be compiling yet
-            while time.monotonic() < deadline:
-                future = client.call_async(GetParameterTypes.Request())
-                with contextlib.suppress(AssertionError):
-                    self.wait_until(future.done, f"a response of {node}", timeout=1.0)
-                    return
-            raise AssertionError(f"{node} answers nothing")
-        finally:
-            self.node.destroy_client(client)
+        """Return: on a graph of one process everybody is known at once."""
 
     def set_parameter(self, node, name, value):
         """Set a parameter of a node and return the result."""
@@ -451,7 +334,7 @@ class Reports(list):
     def __init__(self, node, wait_until, name):
         """Listen to the node `name`; `wait_until` is that of a `Peer` or a `Network`."""
         super().__init__()
-        self._wait_until, self._name = wait_until, name
+        self._node, self._wait_until, self._name = node, wait_until, name
         node.create_subscription(DiagnosticArray, "/diagnostics", self._take, MANY)
 
     def _take(self, array):
@@ -473,7 +356,7 @@ class Reports(list):
 
         Which one that is its stamp tells: the next to come may have been on its way. A node by simulated time has no such.
         """
-        now = time.time_ns()
+        now = self._node.get_clock().now().nanoseconds
         return self.wait_for(lambda report: report.stamp > now and len(report.entries) > 1, "anything")
 
 
@@ -482,7 +365,7 @@ BELIEVING = {f"absurd.{bound}": 0.0 for bound in ("beyond_velocity", "beyond_eff
 
 
 class Monitor(contextlib.AbstractContextManager):
-    """A monitor in a process of its own, seen from outside: all its inputs and outputs.
+    """A monitor seen from outside: all its inputs and outputs.
 
     Stamps are the test's own: `tick` advances them by so much that every rate limit lets the next state through. With
     `live`, they are those of the clock instead, no topic has a highest rate, and states may be :data:`MAX_AGE` old.
@@ -511,7 +394,7 @@ class Monitor(contextlib.AbstractContextManager):
         defaults |= BELIEVING
         for topic in (joint_states, "odom") if reliable else ():
             defaults[f"qos_overrides.{namespace}/{topic}.subscription.reliability"] = "reliable"
-        self.process = node_process("monitor", "-r", f"__ns:={namespace}", *arguments, **(defaults | parameters))
+        self.process = peer.start("monitor", "-r", f"__ns:={namespace}", *arguments, **(defaults | parameters))
 
     def __exit__(self, *error):
         self.process.__exit__(*error)
@@ -539,6 +422,8 @@ class Monitor(contextlib.AbstractContextManager):
 
     def tick(self, step=S):
         """Advance the stamps by a step [ns] and return the new one."""
+        if self.live:
+            self.peer.pass_time(1e-3)  # no two states of one stamp
         self.now = self.peer.now() if self.live else self.now + step
         return self.now
 
@@ -610,7 +495,7 @@ class Monitor(contextlib.AbstractContextManager):
 
     def alive(self):
         """Whether it still runs."""
-        return self.process.popen.poll() is None
+        return self.process.alive()
 
 
 # --- robots and their messages

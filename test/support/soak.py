@@ -33,7 +33,9 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
 import robots
-from nodes import MS, START, TIMEOUT, UR5, Monitor, Peer, Process, S, joint_state
+from nodes import MS, START, TIMEOUT, UR5, Monitor, S, joint_state
+from processes import LivePeer as Peer
+from processes import Process
 
 NAMESPACE = "/soak"
 RATE = 1000.0

@@ -1,0 +1,497 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Nodes in the test's own process: one graph, one clock that the test sets, no discovery, no executor.
+
+A node is constructed as its executable constructs it, with the same ROS arguments. Its publishers, subscriptions, services,
+clients and timers are those of rclpy, so that names, remappings, QoS overrides and parameters are judged by rclpy. Only the
+transport is replaced: :class:`Graph` hands each message to the callbacks of its subscriptions, and fires the timers that are
+due at the time of the test. Everything happens in one thread, in a fixed order.
+"""
+
+import contextlib
+import heapq
+import itertools
+import sys
+import threading
+from collections import defaultdict, deque
+from functools import cache
+from types import SimpleNamespace
+from typing import ClassVar
+
+import rclpy
+from rclpy.clock import ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSCompatibility, qos_check_compatible
+from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.task import Future
+from rclpy.time import Time
+
+from diag_dynamics.nodes.support.clocks import NodeTime
+from diag_dynamics.nodes.support.logger import PlainLogger
+from diag_dynamics.text import plain
+
+SECOND = 1_000_000_000
+
+MAX_DELIVERIES = 1_000_000
+"""Deliveries without a pause after which two nodes are taken to answer each other for ever."""
+
+
+class Endpoint:
+    """A publisher or a subscription: whose it is, its topic, type and QoS; a gid of its own."""
+
+    _gids: ClassVar = itertools.count(1)
+
+    def __init__(self, node, kind, topic, qos):
+        self.node, self.kind, self.topic, self.qos = node, kind, topic, qos
+        self.gid = next(self._gids).to_bytes(16, "little")
+
+    @property
+    def info(self):
+        """As rclpy's TopicEndpointInfo has it."""
+        return SimpleNamespace(
+            node_name=self.node.get_name(),
+            node_namespace=self.node.get_namespace(),
+            topic_type=type_name(self.kind),
+            endpoint_gid=list(self.gid),
+            qos_profile=self.qos,
+        )
+
+
+def type_name(kind):
+    """Return the name of a message type, for example sensor_msgs/msg/JointState."""
+    package, middle, _ = kind.__module__.split(".", 2)
+    return f"{package}/{middle}/{kind.__name__}"
+
+
+class Proxy:
+    """Something of rclpy, of which a few attributes are the graph's."""
+
+    def __init__(self, real):
+        self._real = real
+
+    def __getattr__(self, name):
+        return getattr(self._real, name)
+
+
+class GraphPublisher(Proxy):
+    """A publisher that publishes to the graph; a publisher of a managed node does so while it is activated."""
+
+    def __init__(self, real, graph, node):
+        super().__init__(real)
+        self.graph, self.latched = graph, deque(maxlen=max(1, real.qos_profile.depth))
+        self.end = Endpoint(node, real.msg_type, real.topic_name, real.qos_profile)
+        self.handle = SimpleNamespace(
+            publish_raw=self.send, get_subscription_count=self.get_subscription_count, topic_name=real.topic_name
+        )
+
+    def publish(self, message):
+        """Publish a message, or its bytes."""
+        if getattr(self._real, "is_activated", True):
+            self.send(message if isinstance(message, bytes) else serialize_message(message))
+
+    def send(self, raw):
+        """Hand bytes to all matched subscriptions."""
+        if self.end.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+            self.latched.append(raw)
+        for subscription in self.graph.subscriptions[self.end.topic]:
+            if matches(self, subscription):
+                self.graph.deliver(subscription, raw)
+
+    def get_subscription_count(self):
+        """Count matched subscriptions."""
+        return sum(matches(self, subscription) for subscription in self.graph.subscriptions[self.end.topic])
+
+
+class GraphSubscription(Proxy):
+    """A subscription whose callback the graph calls."""
+
+    def __init__(self, real, graph, node):
+        super().__init__(real)
+        self.graph, self.destroyed = graph, False
+        self.end = Endpoint(node, real.msg_type, real.topic_name, real.qos_profile)
+
+    def get_publisher_count(self):
+        """Count matched publishers."""
+        return sum(matches(publisher, self) for publisher in self.graph.publishers[self.end.topic])
+
+    def take(self, raw):
+        """Call the callback with a message, or with its bytes where the node wants those."""
+        if not self.destroyed:
+            self._real.callback(raw if self._real.raw else deserialize_message(raw, self._real.msg_type))
+
+
+def matches(publisher, subscription):
+    """Return whether a publisher and a subscription agree in type and QoS."""
+    compatible, _ = qos_check_compatible(publisher.end.qos, subscription.end.qos)
+    return publisher.end.kind is subscription.end.kind and compatible != QoSCompatibility.ERROR
+
+
+class GraphClient(Proxy):
+    """A client whose requests the graph hands to the service of its name."""
+
+    def __init__(self, real, graph):
+        super().__init__(real)
+        self.graph = graph
+
+    def service_is_ready(self):
+        """Return whether there is such a service."""
+        return self.service_name in self.graph.services
+
+    def wait_for_service(self, timeout_sec=None):
+        """Return whether there is such a service: in a graph without discovery, nobody waits."""
+        return self.service_is_ready()
+
+    def call_async(self, request):
+        """Return a future, done once the graph has served the request."""
+        future = Future()
+        self.graph.request(self.service_name, request, future.set_result)
+        return future
+
+    def remove_pending_request(self, future):
+        """Drop a request."""
+        future.cancel()
+
+
+class GraphTimer:
+    """A timer that fires at the time of its clock."""
+
+    def __init__(self, graph, period, callback, read):
+        self.graph, self.period, self.callback, self.read = graph, period, callback, read
+        self.canceled = False
+        self.reset()
+
+    def reset(self):
+        """Begin a period now."""
+        self.canceled, self.due = False, self.read() + self.period
+
+    def cancel(self):
+        """Fire no more."""
+        self.canceled = True
+
+    def is_canceled(self):
+        """Return whether it fires no more."""
+        return self.canceled
+
+    def fire_if_due(self):
+        """Fire once if a period is over; return whether it has fired. Periods that were missed are skipped."""
+        now = self.read()
+        if self.canceled or now < self.due - 1e-9:
+            return False
+        self.due += self.period * max(1, int((now - self.due) / self.period) + 1)
+        self.callback()
+        return True
+
+
+class GraphLogger:
+    """A logger that keeps its lines; `once` and throttling hold for the place of the call, by the time of the test."""
+
+    def __init__(self, graph, name, filter_text, output):
+        self.graph, self.name, self.filter_text, self.output = graph, name, filter_text, output
+        self._last = {}
+
+    def _log(self, severity, message, once=False, throttle_duration_sec=0.0, **_):
+        frame = sys._getframe(2)
+        place, now = (frame.f_code, frame.f_lineno), self.graph.steady
+        if place in self._last and (once or now - self._last[place] < throttle_duration_sec):
+            return False
+        self._last[place] = now
+        self.output.append(f"[{severity}] [{self.name}]: {self.filter_text(str(message))}")
+        return True
+
+    def debug(self, message, **options):
+        """Log at DEBUG."""
+        return self._log("DEBUG", message, **options)
+
+    def info(self, message, **options):
+        """Log at INFO."""
+        return self._log("INFO", message, **options)
+
+    def warning(self, message, **options):
+        """Log at WARN."""
+        return self._log("WARN", message, **options)
+
+    warn = warning
+
+    def error(self, message, **options):
+        """Log at ERROR."""
+        return self._log("ERROR", message, **options)
+
+    def fatal(self, message, **options):
+        """Log at FATAL."""
+        return self._log("FATAL", message, **options)
+
+    def set_level(self, level):
+        """Ignore the level: every line is kept, with its severity."""
+
+
+class GraphClock(Proxy):
+    """A node's clock: simulated time where the node uses it, else the system time that the test sets."""
+
+    def __init__(self, real, graph):
+        super().__init__(real)
+        self.graph = graph
+
+    def now(self):
+        """Return the time."""
+        if self._real.ros_time_is_active:
+            return self._real.now()
+        return Time(nanoseconds=self.graph.system, clock_type=ClockType.ROS_TIME)
+
+
+@cache
+def in_process(kind):
+    """Return a class of nodes that live on a :class:`Graph`, which is its class attribute `graph`."""
+
+    class InProcess(kind):
+        graph = None
+        """Set while a node is constructed, see :meth:`Graph.add`."""
+
+        def __init__(self, *args, **kwargs):
+            self.graph = type(self).graph
+            self.output, self.timers_ = [], []
+            super().__init__(*args, context=self.graph.context, **kwargs)
+
+        # --- time and log
+
+        def get_clock(self):
+            return GraphClock(super().get_clock(), self.graph)
+
+        def get_logger(self):
+            logger = self.__dict__.get("_graph_logger")
+            if logger is None:
+                filter_text = plain if isinstance(super().get_logger(), PlainLogger) else str
+                logger = self._graph_logger = GraphLogger(self.graph, self.get_name(), filter_text, self.output)
+            return logger
+
+        def create_timer(self, period, callback, callback_group=None, clock=None, autostart=True):
+            clock = clock or self.get_clock()
+            steady = clock.clock_type == ClockType.STEADY_TIME
+            read = (lambda: self.graph.steady) if steady else (lambda: clock.now().nanoseconds / SECOND)
+            timer = GraphTimer(self.graph, float(period), callback, read)
+            self.graph.timers.append(timer)
+            self.timers_.append(timer)
+            return timer
+
+        def destroy_timer(self, timer):
+            timer.cancel()
+            self.graph.timers = [other for other in self.graph.timers if other is not timer]
+            return True
+
+        # --- topics
+
+        def create_publisher(self, *args, **kwargs):
+            return self.graph.publish_by(super().create_publisher(*args, **kwargs), self)
+
+        def create_lifecycle_publisher(self, *args, **kwargs):
+            return self.graph.publish_by(super().create_lifecycle_publisher(*args, **kwargs), self)
+
+        def destroy_publisher(self, publisher):
+            return super().destroy_publisher(self.graph.drop_publisher(publisher))
+
+        def destroy_lifecycle_publisher(self, publisher):
+            return super().destroy_lifecycle_publisher(self.graph.drop_publisher(publisher))
+
+        def create_subscription(self, *args, **kwargs):
+            return self.graph.subscribe_by(super().create_subscription(*args, **kwargs), self)
+
+        def destroy_subscription(self, subscription):
+            return super().destroy_subscription(self.graph.drop_subscription(subscription))
+
+        def count_publishers(self, topic):
+            return len(self.graph.publishers[self.resolve_topic_name(topic)])
+
+        def count_subscribers(self, topic):
+            return len(self.graph.subscriptions[self.resolve_topic_name(topic)])
+
+        def get_publishers_info_by_topic(self, topic, no_mangle=False):
+            return [publisher.end.info for publisher in self.graph.publishers[self.resolve_topic_name(topic)]]
+
+        def get_subscriptions_info_by_topic(self, topic, no_mangle=False):
+            return [one.end.info for one in self.graph.subscriptions[self.resolve_topic_name(topic)]]
+
+        def get_topic_names_and_types(self, no_demangle=False):
+            return self.graph.topics()
+
+        # --- services
+
+        def create_service(self, *args, **kwargs):
+            service = super().create_service(*args, **kwargs)
+            service.send_response = lambda response, respond: respond(response)
+            self.graph.services[service.service_name] = service
+            return service
+
+        def destroy_service(self, service):
+            self.graph.services = {name: one for name, one in self.graph.services.items() if one is not service}
+            return super().destroy_service(service)
+
+        def create_client(self, *args, **kwargs):
+            return GraphClient(super().create_client(*args, **kwargs), self.graph)
+
+        def destroy_client(self, client):
+            return super().destroy_client(getattr(client, "_real", client))
+
+        def destroy_node(self):
+            self.graph.forget(self)
+            return super().destroy_node()
+
+    InProcess.__name__ = kind.__name__
+    return InProcess
+
+
+class Graph(contextlib.AbstractContextManager):
+    """Nodes in one process, what connects them, and their time.
+
+    Attributes
+    ----------
+    steady : float
+        Steady time [s].
+    system : int
+        System time [ns].
+    """
+
+    def __init__(self, system=1_700_000_000 * SECOND):
+        self.steady, self.system = 1000.0, system
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.nodes, self.timers, self.services = [], [], {}
+        self.publishers, self.subscriptions = defaultdict(list), defaultdict(list)
+        self._events = deque()
+
+    def __exit__(self, *_):
+        for node in reversed(self.nodes.copy()):
+            node.destroy_node()
+        self.context.try_shutdown()
+
+    # --- nodes
+
+    def add(self, kind, *arguments, **options):
+        """Construct a node; `arguments` are ROS arguments as a shell would give them."""
+        made, graph = in_process(kind), self
+
+        class Time(NodeTime):
+            def steady(self):
+                return graph.steady
+
+            def system(self):
+                return graph.system
+
+        if arguments:
+            options["cli_args"] = ["--ros-args", *map(str, arguments)]
+        if kind is not Node:
+            options["time"] = Time
+        made.graph = self
+        try:
+            node = made(use_global_arguments=False, **options)
+        finally:
+            made.graph = None
+        self.nodes.append(node)
+        return node
+
+    def forget(self, node):
+        """Take all that is a node's off the graph."""
+        for timer in node.timers_:
+            timer.cancel()
+        self.timers = [timer for timer in self.timers if not timer.canceled]
+        for ends in (self.publishers, self.subscriptions):
+            for topic in ends:
+                for end in [end for end in ends[topic] if end.end.node is node]:
+                    self._drop(ends, end)
+        own = set(node.services)
+        self.services = {name: service for name, service in self.services.items() if service not in own}
+        if node in self.nodes:
+            self.nodes.remove(node)
+
+    # --- what nodes make
+
+    def publish_by(self, real, node):
+        """Enter a publisher."""
+        publisher = GraphPublisher(real, self, node)
+        self.publishers[publisher.end.topic].append(publisher)
+        return publisher
+
+    def drop_publisher(self, publisher):
+        """Remove a publisher, and return rclpy's; rclpy itself, which destroys a node, gives its own."""
+        return self._drop(self.publishers, publisher)
+
+    def _drop(self, ends, end):
+        real = getattr(end, "_real", end)
+        for topic in ends.values():
+            for gone in [one for one in topic if one._real is real]:
+                topic.remove(gone)
+                gone.destroyed = True
+        return real
+
+    def subscribe_by(self, real, node):
+        """Enter a subscription; a latched one receives what was latched."""
+        subscription = GraphSubscription(real, self, node)
+        self.subscriptions[subscription.end.topic].append(subscription)
+        if subscription.end.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+            for publisher in self.publishers[subscription.end.topic]:
+                for raw in publisher.latched if matches(publisher, subscription) else ():
+                    self.deliver(subscription, raw)
+        return subscription
+
+    def drop_subscription(self, subscription):
+        """Remove a subscription, and return rclpy's."""
+        return self._drop(self.subscriptions, subscription)
+
+    def topics(self):
+        """Return names and types of all topics."""
+        kinds = defaultdict(set)
+        for ends in (self.publishers, self.subscriptions):
+            for topic, entries in ends.items():
+                kinds[topic].update(type_name(entry.end.kind) for entry in entries)
+        return sorted((topic, sorted(names)) for topic, names in kinds.items() if names)
+
+    # --- events
+
+    def deliver(self, subscription, raw):
+        """Have a message wait for its turn."""
+        self._events.append((subscription.take, raw))
+
+    def request(self, name, request, respond):
+        """Have a request wait for its turn."""
+        self._events.append((self._serve, (name, request, respond)))
+
+    def _serve(self, asked):
+        name, request, respond = asked
+        if service := self.services.get(name):
+            response = service.callback(request, service.srv_type.Response())
+            service.send_response(response, respond)
+
+    def spin(self):
+        """Deliver all that waits, and fire all timers that are due, until nothing is left to do."""
+        for _ in range(MAX_DELIVERIES):
+            if self._events:
+                take, item = self._events.popleft()
+                take(item)
+            elif not self._fire():
+                return
+        raise AssertionError(f"nodes answered each other {MAX_DELIVERIES} times without a pause")
+
+    def _fire(self):
+        """Fire every timer that is due, once; return whether there was one."""
+        return sum(timer.fire_if_due() for timer in self.timers.copy()) > 0
+
+    def skip(self, seconds):
+        """Let time go by in which no callback is served, as on a machine that stands still."""
+        self.steady += seconds
+        self.system += round(seconds * SECOND)
+
+    def advance(self, seconds):
+        """Let time go by, and serve callbacks at their times."""
+        end = self.steady + seconds
+        self.spin()
+        while self.steady < end:
+            self.step(end)
+
+    def step(self, end):
+        """Go on to the next timer by steady or system time, at most to a steady time, and serve what is due."""
+        for thread in threading.enumerate():  # a robot that is loaded beside the node: it takes no time of the test's
+            if thread.name == "description":
+                thread.join()
+        waits = [timer.due - timer.read() for timer in self.timers if not timer.canceled]
+        soonest = heapq.nsmallest(1, (wait for wait in waits if wait > 0.0))
+        self.skip(min(end - self.steady, *soonest, 1.0))
+        self.spin()
