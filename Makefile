@@ -12,7 +12,9 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 JOBS ?= 2
 LINT ?= lint
 
-.PHONY: help setup setup-tests demo demo-control demo-identify test test-all bench docs docs-tables page lint format lock clean
+FULL := -m '' --robots=all --hypothesis-profile=full
+
+.PHONY: help setup setup-tests demo demo-control demo-identify test test-full bench docs docs-tables page lint format lock clean
 
 help:  ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -33,11 +35,15 @@ demo-control: setup  ## a push on an arm under control: seen, and its kinetic en
 demo-identify: setup  ## a wrong model, identified and calibrated until alarms see pushes; a picture; ARGS=<options>
 	@$(in_env) diag-dynamics demo-identify --picture demo_identify.png $(ARGS)
 
-test: $(or $(LINT),setup-tests)  ## lint, then every test; ARGS=<pytest options>, JOBS=<files at a time, 0: a debugger>, LINT= for none
-	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder $(ARGS)
+test: $(or $(LINT),setup-tests)  ## the gate: lint, JavaScript, tests; ARGS=<pytest options>, JOBS=<workers, 0: a debugger>, LINT= for none
+	@node --test web/test
+	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
 
-test-all: lint  ## likewise, with all cases and full times: an hour
-	@$(in_env) DIAG_DYNAMICS_TEST_ALL=1 ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder $(ARGS)
+test-full: lint docs  ## everything: all robots and examples, processes, browser, namespaces, both ROS 2; an hour
+	@node --test web/test
+	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(FULL) $(ARGS)
+	@ROS_DISTRO=kilted $(MAKE) setup-tests
+	@export ROS_DISTRO=kilted; $(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(FULL) $(ARGS) test/nodes test/live
 
 bench: setup-tests  ## speed of library and nodes, worth of the observer, into benchmarks/results/; ARGS=--short: two minutes' worth
 	@$(in_env) python3 benchmarks/run.py $(ARGS)
