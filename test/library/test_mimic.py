@@ -1,173 +1,62 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Coupled joints (mimic="embed"): the laws of test_physics.py in independent coordinates, and what is theirs alone."""
+"""Mimic joints (mimic="embed"): the model, equality with the dense GᵀMG, and what the loader rejects.
 
-import ast
+The laws over coupled robots are in test_laws.py and test_derivatives.py.
+"""
+
 import pickle
 import re
 import xml.etree.ElementTree as ET
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
-import test_physics as physics
 from hypothesis import given
 from hypothesis import strategies as st
-from test_physics import Case, Robot, everything
 
-import coupling
 import diag_dynamics as dd
 import robots
-from accuracy import assert_close, norm, tolerance, tolerance_of_differences
-from coupling import NAMED, SEEDS, Coupled, Coupling, coupled_tree, mimicking
-from examples import examples
-from oracles import Oracle
+from accuracy import assert_close, norm
+from coupling import NAMED, ROMEO, UNKNOWN_SOURCES, Coupled, Coupling, coupled_tree, mimic_tags, mimicking
+from examples import examples, some_of
+from law_cases import assert_same, everything, load, wrenches_on
 from robots import TwoLinkArm, description, joint, link
 
 # Some example robots have inertias that no rigid body has; test_urdf.py is about that.
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
-PANDA = "panda_description/urdf/panda.urdf"
-ROMEO = "romeo_description/urdf/romeo.urdf"
-ALEX = "alex_description/urdf/alex_psyonic_hands.urdf"  # its followers name leaders that it does not have
-TALOS = "talos_data/robots/talos_reduced.urdf"  # its followers are fixed joints
-GRIPPER = NAMED["parallel gripper"]
+FEW = tuple(
+    (NAMED[name].floating if floating else NAMED[name])._replace(mimic="embed")
+    for name, floating in (
+        ("follower of a follower", False),
+        ("several followers of one leader", True),
+        ("multiplier 0", False),
+        ("overlapping groups merge", True),
+        ("sibling groups interleaved by name", False),
+        ("floating joint inside an aggregate", True),
+        ("armature on a follower", False),
+        ("massless follower link", True),
+        ("parallel gripper", False),
+    )
+)
+"""Robots of one feature each; what is shown of them holds for random trees, too."""
 
 
-def mimic_tags(urdf):
-    """Return by follower the joint it mimics, of joints that are not fixed."""
-    elements = [e for e in ET.fromstring(urdf).findall("joint") if e.find("mimic") is not None]
-    return {e.get("name"): e.find("mimic").get("joint") for e in elements if e.get("type") != "fixed"}
-
-
-def wheel():
-    """Return the robots of the wheel that have coupled joints; of Romeo, whose hands have no inertia, with hands held."""
-    ids = [id for id in robots.all_robots() if id != ALEX and mimic_tags(robots.robot(id).urdf)]
-    hands = {"LHand": 0.0, "RHand": 0.0}
-    return [robots.robot(id)._replace(locked_joints=hands if id == ROMEO else {}) for id in ids]
-
-
-FIXED = (*NAMED.values(), *map(coupled_tree, SEEDS), *wheel())
-ALL = FIXED + tuple(robot.floating for robot in FIXED)
-
-
-def load(robot, **more):
-    """Return a robot in library and oracle with its samples evaluated, as `test_physics.load` does."""
-    model = dd.load_urdf(robot.source, **robot.options, **more)
-    oracle = Coupled(robot.urdf, model.dof_names, **robot.options, **more)
-    return evaluated(robot.id, model, oracle)
-
-
-def evaluated(id, model, oracle):
-    """Return library and oracle of a robot with its samples evaluated."""
-    dyn, cases = dd.DiagonalDynamics(model), []
-    for sample in robots.samples(id, oracle):
-        truth = oracle.at(sample.q, sample.qd, sample.tau)
-        s = dyn.evaluate(sample.q, sample.qd, sample.tau)
-        cases.append(Case(dyn, truth, sample, s, dyn.factors(sample.q), np.sqrt(np.diag(truth.M))))
-    return Robot(id, model, dyn, oracle, cases)
-
-
-@pytest.fixture(scope="module", params=ALL, ids=lambda robot: robot.id)
+@pytest.fixture(params=FEW, ids=lambda robot: robot.id)
 def robot(request):
-    """Return each robot in turn."""
+    """Return each robot in library and oracle in turn."""
     return load(request.param)
-
-
-@pytest.fixture(scope="module", params=ALL, ids=lambda robot: robot.id)
-def oracle(request):
-    """Return each robot's oracle alone, in its own order of dofs, with its samples."""
-    found = Coupled(request.param.urdf, **request.param.options)
-    return found, [found.at(s.q, s.qd, s.tau) for s in robots.samples(request.param.id, found)]
-
-
-# --- the oracle itself
-
-
-def test_oracle_imports_nothing_of_the_library():
-    tree = ast.parse(Path(coupling.__file__).read_text(encoding="utf-8"))
-    names = [a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names]
-    names += [n.module or "" for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)]
-    assert names and not [name for name in names if name.startswith("diag_dynamics")]
-
-
-def test_random_trees_cover_all_that_was_thought_of():
-    """Every feature occurs in two random trees at least."""
-    found = [coupling.features(coupled_tree(seed)) for seed in SEEDS]
-    rare = [feature for feature in coupling.FEATURES if sum(feature in f for f in found) < 2]
-    assert not rare
-
-
-@pytest.mark.parametrize("feature", coupling.FEATURES)
-def test_every_feature_has_a_robot_of_its_name(feature):
-    assert feature in coupling.features(NAMED[feature])
-
-
-def test_oracle_factorizes(oracle):
-    """M = U D Uᵀ = m mᵀ with Cholesky's m, and G has one leader per joint."""
-    o, states = oracle
-    assert (np.count_nonzero(o.G, axis=1) == 1).all()
-    for t in states:
-        m = np.linalg.cholesky(t.M[::-1, ::-1])[::-1, ::-1]
-        unit = np.sqrt(np.diag(t.M))
-        assert (np.triu(t.unit) == t.unit).all()
-        assert_close(t.m / unit[:, None], m / unit[:, None], tolerance(t))
-        assert_close(t.M / np.outer(unit, unit), (t.m @ t.m.T) / np.outer(unit, unit), 1e-13)
-
-
-def test_oracle_rates_of_factors(oracle):
-    """ṁ and Ṁ of the oracle are what m and M do along q̇; G q̇ is what the joints do."""
-    o, states = oracle
-    for t in states:
-        unit = np.sqrt(np.diag(t.M))[:, None]
-        scale = norm(t.m / unit) * norm(t.qd)
-        assert_close(t.mdot / unit, t.mdot_by_difference / unit, tolerance_of_differences(t), scale)
-        Mdot = o.derivative(o.mass_matrix, t.q, t.qd) / unit / unit.T
-        assert_close((t.C_s + t.C_s.T) / unit / unit.T, Mdot, 1e-10 * t.cancellation, norm(t.qd) * o.nv)
-        assert_close(t.C_s @ t.qd / unit[:, 0], t.c / unit[:, 0], 1e-12 * t.cancellation, norm(t.nu) * norm(t.qd))
-        q = o.q_full(o.moved(t.q, 1e-3 * t.qd))
-        ahead = o.full.configuration(o.full.moved(o.q_full(t.q), 1e-3 * o.G @ t.qd))
-        assert_close(o.full.configuration(q), ahead, 1e-14)
-
-
-def test_oracle_conserves_energy(oracle):
-    """νᵀC = 0, and K̇ = νᵀ(ε − ε_g) by two routes."""
-    for t in oracle[1]:
-        assert_close(t.nu @ t.coriolis, 0.0, 1e-12, norm(t.nu) * t.coriolis_scale)
-        terms = norm(t.nu) * (norm(t.epsilon) + norm(t.gravity) + t.coriolis_scale)
-        assert_close(t.power, t.nu @ (t.epsilon - t.gravity), tolerance(t), terms)
-        assert_close(sum(t.link_energy.values()), t.kinetic_energy, 1e-12 * t.cancellation)
-
-
-@pytest.mark.parametrize("robot", robots.random_robots(), ids=lambda robot: robot.id)
-def test_oracle_without_mimics(robot):
-    """Where nothing is coupled it is Pinocchio, factor and all."""
-    o = Coupled(robot.urdf, **robot.options)
-    plain = Oracle(robot.urdf, o.dof_names, **robot.options)
-    assert o.coupling.aggregates == [] and (o.q_full(o.neutral) == o.full.neutral).all()
-    for sample in robots.samples(robot.id, plain):
-        ours, theirs = (x.at(sample.q, sample.qd, sample.tau) for x in (o, plain))
-        for name in ("M", "unit", "D", "nu", "epsilon", "coriolis", "coriolis_unnormalized", "acceleration"):
-            assert_close(getattr(ours, name), getattr(theirs, name), tolerance(theirs))
-        assert [o.ancestors(k) - o.joint_mates(k) for k in range(o.nv)] == [
-            set(plain.ancestors(k)) - plain.joint_mates(k) for k in range(o.nv)
-        ]
 
 
 # --- the model
 
 
-def test_names(robot):
-    """Independent joints only, each after those that carry it, aggregates together; links are the URDF's."""
+def check_names(robot):
+    """Independent joints only, each after those that carry it, aggregates together."""
     model, o, c = robot.model, robot.oracle, robot.oracle.coupling
-    assert model.nv == len(model.dof_names) == o.nv  # the same names: the oracle has made sure of that
-    assert model.nq == len(model.coordinate_names) == o.nq
     assert model.joint_names == o.joint_names
-    assert (model.neutral == o.neutral).all()
-    assert sorted(model.link_names) == sorted(link.get("name") for link in o.xml.findall("link"))
-    assert all(j < k for k in range(model.nv) for j in o.ancestors(k))
     place = {name: k for k, name in enumerate(model.joint_names)}
     for name in c.independent:
         assert all(place[other] < place[name] for other in c.path(name)[:-1] if other in place)
@@ -176,23 +65,17 @@ def test_names(robot):
     assert changes == len(set(nodes))
     for array in (model.velocity_limit, model.effort_limit, model.damping, model.friction, model.armature):
         assert array.shape == (model.nv,)
-    for array in (model.lower, model.upper):
-        assert array.shape == (model.nq,)
+    assert model.lower.shape == model.upper.shape == (model.nq,)
 
 
-def test_mimics(robot):
+def check_mimics(robot):
     """Who follows whom, resolved to independent joints; what stands still is locked."""
     model, c = robot.model, robot.oracle.coupling
     assert set(model.mimics) == set(c.mimics)
     for name, mimic in c.mimics.items():
-        assert model.mimics[name].leader == mimic.leader
-        assert model.mimics[name].multiplier == pytest.approx(mimic.multiplier, rel=1e-14)
-        assert model.mimics[name].offset == pytest.approx(mimic.offset, rel=1e-13, abs=1e-15)
-        assert tuple(model.mimics[name]) == (
-            model.mimics[name].leader,
-            model.mimics[name].multiplier,
-            model.mimics[name].offset,
-        )
+        leader, *numbers = model.mimics[name]
+        assert leader == mimic.leader
+        assert numbers == pytest.approx([mimic.multiplier, mimic.offset], rel=1e-13, abs=1e-15)
     assert dict(model.locked_joints) == pytest.approx(c.locked, rel=1e-14)
     tagged = [name for name, element in c.joints.items() if element.find("mimic") is not None]
     assert sorted(model.mimic_joints) == sorted(tagged)
@@ -200,106 +83,66 @@ def test_mimics(robot):
         model.mimics["another"] = None
 
 
-def test_coupled_groups(robot):
+def check_coupled_groups(robot):
     """The joints of each aggregate, base to tip, the aggregates too."""
     model, c = robot.model, robot.oracle.coupling
     assert isinstance(model.coupled_groups, tuple) and all(isinstance(g, tuple) for g in model.coupled_groups)
     assert sorted(map(sorted, model.coupled_groups)) == sorted(map(sorted, c.aggregates))
-    for group in model.coupled_groups:
+    for k, group in enumerate(model.coupled_groups):
         place = {name: k for k, name in enumerate(group)}
         assert all(place[other] < place[name] for name in group for other in c.path(name)[:-1] if other in place)
-    for k, group in enumerate(model.coupled_groups):
         for later in model.coupled_groups[k:]:
             assert not set(c.path(group[0])[:-1]) & set(later) - set(group)
 
 
-# --- the laws of test_physics.py, to its tolerances; ancestors are those in the tree of aggregates
-
-test_m_is_the_udu_factor = physics.test_m_is_the_udu_factor
-test_m_factors_the_mass_matrix = physics.test_m_factors_the_mass_matrix
-test_mass_matrix_is_symmetric = physics.test_mass_matrix_is_symmetric
-test_l_inverts_m = physics.test_l_inverts_m
-test_factors_have_the_sparsity_of_the_tree = physics.test_factors_have_the_sparsity_of_the_tree
-test_determinant = physics.test_determinant
-test_total_joint_rates = physics.test_total_joint_rates
-test_working_moments = physics.test_working_moments
-test_gravity = physics.test_gravity
-test_energy = physics.test_energy
-test_link_energy = physics.test_link_energy
-test_base_energy = physics.test_base_energy
-test_energy_of_a_joint_does_not_depend_on_the_order_of_its_dofs = (
-    physics.test_energy_of_a_joint_does_not_depend_on_the_order_of_its_dofs
-)
-test_coriolis = physics.test_coriolis
-test_coriolis_by_difference = physics.test_coriolis_by_difference
-test_coriolis_unnormalized = physics.test_coriolis_unnormalized
-test_coriolis_does_no_work = physics.test_coriolis_does_no_work
-test_unnormalized_coriolis_does_work = physics.test_unnormalized_coriolis_does_work
-test_bias = physics.test_bias
-test_inverse_dynamics = physics.test_inverse_dynamics
-test_forward_dynamics = physics.test_forward_dynamics
-test_forward_undoes_inverse_dynamics = physics.test_forward_undoes_inverse_dynamics
-test_equation_of_motion = physics.test_equation_of_motion
-test_nu_moves_by_the_equation_of_motion = physics.test_nu_moves_by_the_equation_of_motion
-test_power = physics.test_power
-test_work = physics.test_work
-test_external_wrenches = physics.test_external_wrenches
-test_power_balance_by_difference = physics.test_power_balance_by_difference
-test_sweeps_are_the_factors = physics.test_sweeps_are_the_factors
-test_sweeps_invert_each_other = physics.test_sweeps_invert_each_other
-test_sweeps_are_those_of_the_evaluation = physics.test_sweeps_are_those_of_the_evaluation
-test_nu_ignores_outboard_rates = physics.test_nu_ignores_outboard_rates
-test_epsilon_ignores_inboard_torques = physics.test_epsilon_ignores_inboard_torques
-test_total_rate_is_own_rate_when_the_inboard_part_rests = (
-    physics.test_total_rate_is_own_rate_when_the_inboard_part_rests
-)
-test_at_rest = physics.test_at_rest
-test_without_torque = physics.test_without_torque
-test_no_memory_of_earlier_calls = physics.test_no_memory_of_earlier_calls
-test_nothing_is_left_unwritten = physics.test_nothing_is_left_unwritten
+def check_dense(robot):
+    """M = GᵀM_full G and its factors, c = Gᵀc_full, g = Gᵀg_full, Jᵀ = GᵀJ_fullᵀ, and all that follows from them."""
+    o, wrenches = robot.oracle, wrenches_on(robot.model, len(robot.id))
+    for c in robot.cases:
+        (q, qd, tau, qdd), s, t, unit, dyn = c.sample, c.s, c.t, c.unit, c.dyn
+        weigh, root = np.outer(unit, unit), np.sqrt(t.D)
+        assert_close(dyn.mass_matrix(q) / weigh, t.M / weigh, 1e-12)
+        assert_close(c.f.m @ c.f.m.T / weigh, t.M / weigh, 1e-12)
+        assert_close(c.f.m / unit[:, None], t.m / unit[:, None], c.tolerance)
+        assert_close(c.f.D / t.D, np.ones_like(t.D), c.tolerance)
+        assert_close(s.nu, t.nu, c.tolerance)
+        assert_close(s.epsilon, t.epsilon, c.tolerance)
+        assert_close(s.kinetic_energy, t.kinetic_energy, 1e-12)
+        assert_close(s.link_energy, [t.link_energy[name] for name in robot.model.link_names], 1e-12)
+        gravity = max(norm(t.gravity), 1e-3 * np.sqrt(o.mass) * 9.81)
+        assert_close(s.gravity, t.gravity, c.tolerance, gravity)
+        assert_close(s.coriolis, t.coriolis, c.tolerance, t.coriolis_scale)
+        assert_close(s.nu @ s.coriolis, 0.0, 1e-12, norm(s.nu) * t.coriolis_scale)
+        scale = t.coriolis_scale + norm(t.Ddot * t.xi / root)
+        assert_close(s.coriolis_unnormalized / root, t.coriolis_unnormalized / root, c.tolerance, scale)
+        assert_close(s.power, t.power, c.tolerance, norm(s.nu) * (norm(s.epsilon) + gravity + t.coriolis_scale))
+        assert_close(dyn.inverse_dynamics(q, qd, qdd) / unit, o.inverse_dynamics(q, qd, qdd) / unit, c.tolerance)
+        assert_close(dyn.forward_dynamics(q, qd, tau) * unit, t.acceleration * unit, c.tolerance)
+        assert_close(dyn.qd_from_nu(q, qdd) * unit, np.linalg.solve(t.m.T, qdd) * unit, c.tolerance)
+        assert_close(dyn.tau_from_epsilon(q, qdd) / unit, t.m @ qdd / unit, c.tolerance)
+        effort = o.effort_of(q, wrenches, "world")
+        expected = np.linalg.solve(t.m, effort)
+        external = dyn.evaluate(q, qd, tau, wrenches, frame="world").external
+        assert_close(external, expected, c.tolerance, max(norm(expected), norm(t.epsilon)))
 
 
-def test_unnormalized_equation_of_motion(robot):
-    """D ξ̇ + C_ξ + κ_g = κ, each by its own D, along the dense solve's acceleration: ξ̇ = D^−½(ν̇ − ½ Ḋ D^−½ ξ)."""
-    for case in robot.cases:
-        s, t, root = case.s, case.truth, np.sqrt(case.truth.D)
-        terms = (root * t.nu_dot - 0.5 * t.Ddot * t.xi, s.coriolis_unnormalized, root * s.gravity)
-        scale = sum(norm(term / root) for term in (*terms, s.kappa)) + norm(t.Ddot * t.xi / root)
-        assert_close(sum(terms) / root, s.kappa / root, tolerance(t), scale)
+def check(robot):
+    """Check the model and its answers."""
+    for each in (check_names, check_mimics, check_coupled_groups, check_dense):
+        each(robot)
 
 
-def test_nu_dot(robot):
-    """ν̇ = ε − C − ε_g is mᵀq̈ + ṁᵀq̇ along the dense solve's acceleration."""
-    for case in robot.cases:
-        s, t = case.s, case.truth
-        scale = sum(map(norm, (s.epsilon, s.gravity))) + t.coriolis_scale
-        assert_close(s.nu_dot, t.nu_dot, tolerance(t), scale)
+def test_model_and_dense_equality(robot):
+    check(robot)
 
 
-def test_reduced_manipulator(robot):
-    """D, and the block of m of a node and what is outboard of it, ignore all positions not outboard of the node.
-
-    A single joint's own position is among these; those of an aggregate are not.
-    """
-    case, o = robot.cases[1], robot.oracle
-    for k in range(robot.model.nv):
-        node = sorted(o.joint_mates(k))
-        if k != node[0]:
-            continue
-        outboard = set.intersection(*(o.descendants(i) for i in node)) - set(node)
-        kept = outboard | set(node) if o.is_coupled(k) else outboard
-        q, _, _ = physics.others(robot, case, set(range(robot.model.nv)) - kept)
-        same = np.isin(o.joint_of_coordinate, [o.joint_of_dof[i] for i in kept])
-        q[same] = case.sample.q[same]  # to the bit: angles of planar joints have gone through sine and cosine
-        f = case.dyn.factors(q)
-        block = np.ix_(sorted(outboard | set(node)), sorted(outboard | set(node)))
-        assert (f.D[node] == case.f.D[node]).all()
-        assert (case.dyn.evaluate(q, case.sample.qd).articulated_inertia[node] == case.f.D[node]).all()
-        assert (f.m[block] == case.f.m[block]).all()
-        assert (f.unit[block] == case.f.unit[block]).all()
-
-
-# --- followers and their leaders
+@examples(60)
+@given(st.integers(0, 2**32 - 1), st.booleans(), st.sampled_from((1.0, 1e-5, 1e3)))
+def test_random_trees(seed, floating, mass):
+    """Random groups of joints in random trees, light and heavy."""
+    spec = coupled_tree(seed)._replace(floating_base=floating, mimic="embed")
+    armature = {name: a * mass for name, a in spec.armature.items()}
+    check(load(spec._replace(source=robots.in_other_units(spec.urdf, mass), armature=armature)))
 
 
 def test_free_joints_that_move_alike(robot):
@@ -316,9 +159,9 @@ def test_free_joints_that_move_alike(robot):
         return
     assert model.dof_names == o.full.dof_names
     free = dd.DiagonalDynamics(model)
-    wrenches = physics.wrenches_on(model, 3)
+    wrenches = wrenches_on(model, 3)
     for case in robot.cases:
-        (q, qd, tau, qdd), t = case.sample, case.truth
+        (q, qd, tau, qdd), t = case.sample, case.t
         full = o.q_full(q), o.G @ qd
         s = free.evaluate(*full)
         at = [model.link_names.index(name) for name in robot.model.link_names]
@@ -330,7 +173,7 @@ def test_free_joints_that_move_alike(robot):
             efforts = o.G.T @ free.inverse_dynamics(*full, o.G @ qdd, wrenches, frame=frame)
             s = case.dyn.evaluate(q, qd, tau, wrenches, frame=frame)
             scale = sum(map(norm, (s.epsilon, s.coriolis, s.gravity, s.external)))
-            assert_close(efforts / case.unit, tau / case.unit, tolerance(t), scale)
+            assert_close(efforts / case.unit, tau / case.unit, case.tolerance, scale)
 
 
 def with_dynamics(urdf, seed):
@@ -347,8 +190,8 @@ def with_dynamics(urdf, seed):
     return ET.tostring(robot, encoding="unicode")
 
 
-@pytest.mark.parametrize("spec", ALL, ids=lambda robot: robot.id)
-def test_friction(spec):
+@pytest.mark.parametrize("spec", FEW, ids=lambda robot: robot.id)
+def test_friction_and_limits(spec):
     """Followers brake their leaders: Σ multiplier² d and Σ |multiplier| f; a leader's limits are its own."""
     robot = load(spec._replace(source=with_dynamics(spec.urdf, len(spec.id))))
     model, o = robot.model, robot.oracle
@@ -357,7 +200,7 @@ def test_friction(spec):
         element = o.coupling.joints.get(name)  # None: the floating base
         return 0.0 if element is None else float(element.find(tag).get(attribute))
 
-    names = [o.full.model.names[j] for j in o.full._joint]
+    names = o.full.joint_of_dof
     damping, friction = (np.array([of_joint(n, "dynamics", a) for n in names]) for a in ("damping", "friction"))
     assert_close(model.damping, (o.G**2).T @ damping, 1e-14)
     assert_close(model.friction, np.abs(o.G).T @ friction, 1e-14)
@@ -370,102 +213,54 @@ def test_friction(spec):
                 assert model.lower[i] == of_joint(name, "limit", "lower")
                 assert model.upper[i] == of_joint(name, "limit", "upper")
     for case in robot.cases[:2]:
-        (q, qd, tau, qdd), t = case.sample, case.truth
+        (q, qd, tau, _), t = case.sample, case.t
         full = o.G @ qd
         resisting = o.G.T @ (damping * full) + model.friction * np.tanh(qd / model.friction_velocity)
         assert_close(case.dyn.friction_torque(qd), resisting, 1e-13, norm(np.abs(o.G).T @ np.abs(damping * full)))
         s = case.dyn.evaluate(q, qd, tau, friction=True)
-        assert_close(s.friction, np.linalg.solve(t.m, resisting), tolerance(t))
+        assert_close(s.friction, np.linalg.solve(t.m, resisting), case.tolerance)
         slowed = o.at(q, qd, tau - resisting).acceleration * case.unit
         actual = case.dyn.forward_dynamics(q, qd, tau, friction=True) * case.unit
-        assert_close(actual, slowed, tolerance(t), norm(slowed) + norm(s.friction) + norm(s.epsilon))
-        expected = (o.inverse_dynamics(q, qd, qdd) + resisting) / case.unit
-        actual = case.dyn.inverse_dynamics(q, qd, qdd, friction=True) / case.unit
-        assert_close(actual, expected, tolerance(t), norm(expected) + norm(resisting / case.unit))
-        assert_close(s.power, s.nu @ (s.epsilon - s.gravity - s.friction), 1e-14, norm(s.nu) * norm(s.nu_dot) * 10)
+        assert_close(actual, slowed, case.tolerance, norm(slowed) + norm(s.friction) + norm(s.epsilon))
 
 
-LAWS = (
-    physics.test_m_is_the_udu_factor,
-    physics.test_m_factors_the_mass_matrix,
-    physics.test_factors_have_the_sparsity_of_the_tree,
-    physics.test_total_joint_rates,
-    physics.test_working_moments,
-    physics.test_gravity,
-    physics.test_energy,
-    physics.test_link_energy,
-    physics.test_coriolis,
-    physics.test_coriolis_unnormalized,
-    physics.test_coriolis_does_no_work,
-    physics.test_inverse_dynamics,
-    physics.test_forward_dynamics,
-    physics.test_power,
-    physics.test_sweeps_are_the_factors,
-    test_names,
-    test_mimics,
-    test_coupled_groups,
-)
+@pytest.mark.parametrize("spec", FEW, ids=lambda robot: robot.id)
+def test_order_of_the_description_and_copies(spec):
+    """Joints and links may be written down in any order; a pickled model is the same to the bit."""
+    xml = ET.fromstring(spec.urdf)
+    xml[:] = list(xml)[::-1]
+    model, back = (dd.load_urdf(urdf, **spec.options) for urdf in (spec.urdf, ET.tostring(xml, encoding="unicode")))
+    sample = robots.samples(spec.id, Coupled(spec.urdf, model.dof_names, **spec.options))[1]
+    expected = everything(dd.DiagonalDynamics(model), sample)
+    for other in (back, pickle.loads(pickle.dumps(model))):
+        assert other.dof_names == model.dof_names and other.coupled_groups == model.coupled_groups
+        assert dict(other.mimics) == dict(model.mimics) and dict(other.locked_joints) == dict(model.locked_joints)
+        answers = everything(dd.DiagonalDynamics(other), sample)
+        if other is back:  # the order of links is that of the description
+            assert (answers["nu"] == expected["nu"]).all() and (answers["coriolis"] == expected["coriolis"]).all()
+        else:
+            assert_same(answers, expected)
 
 
-def check(robot):
-    """Check the laws on one robot."""
-    for law in LAWS:
-        law(robot)
+LOCKED = [NAMED[name]._replace(mimic="embed") for name in some_of(sorted(NAMED), 5)]
 
 
-@examples(60)
-@given(st.integers(0, 2**32 - 1), st.booleans(), st.sampled_from((1.0, 1e-5, 1e3)))
-def test_random_trees(seed, floating, mass):
-    """Many more of them, light and heavy."""
-    spec = coupled_tree(seed)._replace(floating_base=floating)
-    armature = {name: a * mass for name, a in spec.armature.items()}
-    check(load(spec._replace(source=robots.in_other_units(spec.urdf, mass), armature=armature)))
-
-
-@pytest.mark.parametrize("spec", ALL[::3], ids=lambda robot: robot.id)
-def test_order_of_the_description(spec):
-    """Joints and links may be written down in any order."""
-    robot = ET.fromstring(spec.urdf)
-    robot[:] = list(robot)[::-1]
-    forth, back = (dd.load_urdf(urdf, **spec.options) for urdf in (spec.urdf, ET.tostring(robot, encoding="unicode")))
-    assert back.dof_names == forth.dof_names and back.coupled_groups == forth.coupled_groups
-    assert dict(back.mimics) == dict(forth.mimics) and dict(back.locked_joints) == dict(forth.locked_joints)
-    sample = robots.samples(spec.id, Coupled(spec.urdf, forth.dof_names, **spec.options))[0]
-    ours, theirs = (dd.DiagonalDynamics(model).evaluate(sample.q, sample.qd) for model in (back, forth))
-    assert (ours.nu == theirs.nu).all() and (ours.coriolis == theirs.coriolis).all()
-
-
-@pytest.mark.parametrize("floating", [False, True], ids=["fixed", "floating"])
-@pytest.mark.parametrize("name", NAMED)
-def test_locked_leader(name, floating):
-    """Its followers stand where it has them stand, each of the leaders in turn."""
-    spec = NAMED[name].floating if floating else NAMED[name]
-    leaders = set(mimic_tags(spec.urdf).values()) - set(mimic_tags(spec.urdf))
-    assert leaders
-    for leader in sorted(leaders):
-        if Coupling(ET.fromstring(spec.urdf), {}).kind(leader) == "fixed":
-            continue
-        held = spec._replace(locked_joints={leader: 0.7})
+@pytest.mark.parametrize("spec", [*LOCKED, *(spec.floating for spec in LOCKED)], ids=lambda robot: robot.id)
+def test_locked_joints(spec):
+    """A leader holds its followers where it has them stand; a follower is held alone, with what follows it."""
+    free = Coupling(ET.fromstring(spec.urdf), {})
+    leaders = {name for name in mimic_tags(spec.urdf).values() if free.kind(name) != "fixed"} - set(free.mimics)
+    for name in (*sorted(leaders), *free.mimics):
+        held = spec._replace(locked_joints={name: 0.7 if name in leaders else -0.4})
         c = Coupling(ET.fromstring(spec.urdf), held.locked_joints)
-        assert leader not in {mimic.leader for mimic in c.mimics.values()}
-        if not c.moving and not floating:
+        if name in leaders:
+            assert name not in {mimic.leader for mimic in c.mimics.values()}
+        else:
+            assert free.mimics[name].leader in c.moving and name in c.locked
+        if not c.moving and not spec.floating_base:
             model = dd.load_urdf(held.source, **held.options)
             assert model.nv == 0 and dict(model.locked_joints) == pytest.approx(c.locked)
-            continue
-        check(load(held))
-
-
-@pytest.mark.parametrize("floating", [False, True], ids=["fixed", "floating"])
-@pytest.mark.parametrize("name", NAMED)
-def test_locked_follower(name, floating):
-    """It is held alone, with what follows it; its leader and the leader's other followers move."""
-    spec = NAMED[name].floating if floating else NAMED[name]
-    free = Coupling(ET.fromstring(spec.urdf), {})
-    for follower in free.mimics:
-        held = spec._replace(locked_joints={follower: -0.4})
-        c = Coupling(ET.fromstring(spec.urdf), held.locked_joints)
-        assert free.mimics[follower].leader in c.moving and follower in c.locked
-        if name == "massless leader link":
+        elif name not in leaders and spec.id.startswith("massless leader link"):
             with pytest.raises(dd.MasslessLinkError, match="'b'"):
                 load(held)
         else:
@@ -487,46 +282,26 @@ def test_locked_on_the_way():
     assert again.bodies.tobytes() == model.bodies.tobytes()
 
 
-@pytest.mark.parametrize("floating", [False, True], ids=["fixed", "floating"])
-@pytest.mark.parametrize("name", NAMED)
-def test_payloads(name, floating):
+@pytest.mark.parametrize("spec", FEW[::2], ids=lambda robot: robot.id)
+def test_payloads(spec):
     """On links that followers move, and on others; from the start or later."""
-    spec = NAMED[name].floating if floating else NAMED[name]
-    c = Coupling(ET.fromstring(spec.urdf), {})
-    rng = np.random.default_rng(len(name))
-    movers = {*list(c.mimics)[:2], c.moving[-1]}
+    c, rng = Coupling(ET.fromstring(spec.urdf), {}), np.random.default_rng(len(spec.id))
     payloads = {
         c.joints[mover].find("child").get("link"): dd.Payload(
             rng.uniform(0.5, 3), rng.uniform(-0.2, 0.2, 3), np.diag(rng.uniform(0.02, 0.03, 3))
         )
-        for mover in movers
+        for mover in sorted({*list(c.mimics)[:2], c.moving[-1]})
     }
-    check(load(spec, payloads=payloads))
-    loaded = dd.load_urdf(spec.source, **spec.options, payloads=payloads)
-    later = dd.load_urdf(spec.source, **spec.options)
-    before = dd.DiagonalDynamics(later).mass_matrix(later.neutral)
-    for link_name, payload in payloads.items():
-        later = later.with_payload(link_name, *payload)
-    q = loaded.neutral
-    actual, expected = (dd.DiagonalDynamics(model).mass_matrix(q) for model in (later, loaded))
-    assert_close(actual, expected, 1e-14)
-    for link_name in payloads:
-        later = later.without_payload(link_name)
+    loaded = load(spec, payloads=payloads)
+    check(loaded)
+    later, q = dd.load_urdf(spec.source, **spec.options), loaded.model.neutral
+    before = dd.DiagonalDynamics(later).mass_matrix(q)
+    for name, payload in payloads.items():
+        later = later.with_payload(name, *payload)
+    assert_close(dd.DiagonalDynamics(later).mass_matrix(q), loaded.dyn.mass_matrix(q), 1e-14)
+    for name in payloads:
+        later = later.without_payload(name)
     assert_close(dd.DiagonalDynamics(later).mass_matrix(q), before, 1e-14)
-
-
-@pytest.mark.parametrize("name", NAMED)
-def test_gravity_argument(name):
-    """Another gravity reaches what it belongs to, and nothing else."""
-    spec, gravity = NAMED[name], (1.5, -2.5, 3.0)
-    robot, earth = load(spec, gravity=gravity), load(spec)
-    other = dd.DiagonalDynamics(earth.model.with_gravity(gravity))
-    for case, before in zip(robot.cases, earth.cases, strict=True):
-        scale = np.sqrt(robot.oracle.mass) * norm(gravity)
-        assert_close(case.s.gravity, case.truth.gravity, tolerance(case.truth), scale)
-        assert (case.s.coriolis == before.s.coriolis).all()
-        q, qd, tau, _ = case.sample
-        assert (other.evaluate(q, qd, tau).gravity == case.s.gravity).all()
 
 
 # --- closed forms
@@ -709,23 +484,18 @@ def test_chain_beyond_all_numbers_is_refused(multiplier, length):
     for k in range(1, length + 1):
         hinge_ = joint(f"j{k}", "revolute", "base", f"l{k}", axis=(0, 0, 1))
         elements += [link(f"l{k}", **body), mimicking(hinge_, f"j{k - 1}", multiplier)]
-    with pytest.raises(dd.MimicJointError, match=r"'j\d+' follows 'j\d+' with multiplier .*beyond 1e\+30"):
+    with pytest.raises(dd.MimicJointError, match=r"'j\d+' follows 'j\d+'"):
         dd.load_urdf(description("chain", *elements))
 
 
-def test_errors_are_urdf_errors():
-    assert issubclass(dd.MimicJointError, dd.UrdfError) and issubclass(dd.UrdfError, dd.ModelError)
-
-
-def test_alex_names_leaders_it_does_not_have():
-    urdf = robots.robot_path(ALEX)
+def test_sources_that_the_robot_does_not_have():
+    urdf = robots.robot_path(UNKNOWN_SOURCES)
     tags = mimic_tags(urdf.read_text(encoding="utf-8"))
     assert tags
-    with pytest.raises(dd.UrdfError) as caught:
+    with pytest.raises(dd.MimicJointError) as caught:
         dd.load_urdf(urdf)
-    assert any(
-        f"'{follower}'" in str(caught.value) and f"'{leader}'" in str(caught.value) for follower, leader in tags.items()
-    )
+    assert issubclass(dd.MimicJointError, dd.UrdfError) and issubclass(dd.UrdfError, dd.ModelError)
+    assert any(f"'{name}'" in str(caught.value) and f"'{tags[name]}'" in str(caught.value) for name in tags)
     assert set(tags) <= set(dd.load_urdf(urdf, mimic="free").joint_names)
 
 
@@ -750,41 +520,19 @@ def test_free_and_lock(name):
         assert not locked.mimics and not locked.coupled_groups
 
 
-UNCOUPLED = (
-    robots.robot("ur_description/urdf/ur5_robot.urdf"),
-    robots.robot(TALOS),
-    *robots.random_robots(),
-)
-
-
-@pytest.mark.parametrize("spec", UNCOUPLED + tuple(spec.floating for spec in UNCOUPLED), ids=lambda robot: robot.id)
+@pytest.mark.parametrize("spec", robots.random_robots()[3:8:2], ids=lambda robot: robot.id)
 def test_without_coupled_joints_nothing_changes(spec):
     """Not a bit."""
-    embedded, free = (dd.load_urdf(spec.source, mimic=mimic, **spec.options) for mimic in ("embed", "free"))
-    assert embedded.bodies.tobytes() == free.bodies.tobytes() and embedded.links.tobytes() == free.links.tobytes()
-    assert embedded.dof_names == free.dof_names and embedded.coordinate_names == free.coordinate_names
-    assert not embedded.mimics and not embedded.coupled_groups
-    oracle = Oracle(spec.urdf, free.dof_names, **spec.options)
-    for sample in robots.samples(spec.id, oracle):
-        ours, theirs = (everything(dd.DiagonalDynamics(model), sample) for model in (embedded, free))
-        for name, value in theirs.items():
-            assert (np.asarray(ours[name]) == np.asarray(value)).all(), name
+    embedded, free = (load(spec.floating._replace(mimic=mimic)) for mimic in ("embed", "free"))
+    ours, theirs = embedded.model, free.model
+    assert ours.bodies.tobytes() == theirs.bodies.tobytes() and ours.links.tobytes() == theirs.links.tobytes()
+    assert ours.dof_names == theirs.dof_names and ours.coordinate_names == theirs.coordinate_names
+    assert not ours.mimics and not ours.coupled_groups
+    for case in free.cases:
+        assert_same(everything(embedded.dyn, case.sample), everything(free.dyn, case.sample))
 
 
-@pytest.mark.parametrize("name", NAMED)
-def test_pickling(name):
-    """The same model, to the bit."""
-    spec = NAMED[name].floating
-    model = dd.load_urdf(spec.source, **spec.options)
-    copy = pickle.loads(pickle.dumps(model))
-    assert copy.dof_names == model.dof_names and copy.coupled_groups == model.coupled_groups
-    assert dict(copy.mimics) == dict(model.mimics)
-    sample = robots.samples(spec.id, Coupled(spec.urdf, model.dof_names, **spec.options))[1]
-    ours, theirs = (everything(dd.DiagonalDynamics(m), sample) for m in (copy, model))
-    for quantity, value in theirs.items():
-        assert (np.asarray(ours[quantity]) == np.asarray(value)).all(), quantity
-
-
+@pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize("name", ["parallel gripper", "leader is fixed", "planar joint inside an aggregate"])
 def test_compiled_in_advance(name):
     """Also where all sweeps see an aggregate."""
@@ -792,8 +540,8 @@ def test_compiled_in_advance(name):
 
 
 def test_input_errors_name_leaders():
-    """What is wrong with an argument is said in terms of the independent joints."""
-    dyn = dd.DiagonalDynamics(dd.load_urdf(GRIPPER.source))
+    """Errors name independent joints."""
+    dyn = dd.DiagonalDynamics(dd.load_urdf(NAMED["parallel gripper"].source))
     with pytest.raises(dd.InputError, match="left_finger"):
         dyn.evaluate([0.0, np.nan] if dyn.model.dof_names[1] == "left_finger" else [np.nan, 0.0], [0.0, 0.0])
     with pytest.raises(dd.InputError, match=r"shape \(7,\)"):
@@ -802,50 +550,18 @@ def test_input_errors_name_leaders():
 
 # --- motion
 
-SWINGING = ("parallel gripper", "nested three deep", "snake of two", "merged through a third group", "one freedom")
 
+@pytest.mark.parametrize("name", ["parallel gripper", "nested three deep", "snake of two", "one freedom"])
+def test_simulation(name):
+    """The end is that of the classical Runge-Kutta method on the dense oracle; without efforts K + U stays.
 
-def start(name, speed):
-    spec = NAMED[name]
+    U is the oracle's, too.
+    """
+    spec, rng = NAMED[name], np.random.default_rng(7)
     model = dd.load_urdf(spec.source, **spec.options)
-    rng = np.random.default_rng(7)
-    return spec, model, rng.uniform(-1, 1, model.nv), speed * rng.standard_normal(model.nv)
-
-
-@pytest.mark.parametrize("gravity", [True, False], ids=["gravity", "weightless"])
-@pytest.mark.parametrize("name", SWINGING)
-def test_energy_of_a_simulation(name, gravity):
-    """K + U stays, to 1e-6 of what is exchanged and falling as the method says; U is the oracle's, too."""
-    spec, model, q, qd = start(name, 1.0 if gravity else 3.0)
-    model = model if gravity else model.with_gravity((0, 0, 0))
-    oracle = Coupled(spec.urdf, model.dof_names, model.gravity, **spec.options)
-    drifts = []
-    for h in (1e-3, 5e-4, 2.5e-4):
-        sim = dd.Simulation(model, q, qd, step=h, damping=np.zeros(model.nv), limits=False)
-
-        def energy(sim=sim):
-            return 0.5 * sim.nu @ sim.nu + sim.potential_energy
-
-        first, exchanged, drift, U = energy(), 0.0, 0.0, oracle.potential_energy(q) - sim.potential_energy
-        for _ in range(10):
-            sim.advance(steps=round(0.05 / h))
-            exchanged = max(exchanged, 0.5 * sim.nu @ sim.nu)
-            drift = max(drift, abs(energy() - first))
-            assert oracle.potential_energy(sim.q) - sim.potential_energy == pytest.approx(U, abs=1e-11)
-        drifts.append(drift / exchanged)
-    assert exchanged > 1e-2, "nothing moved"
-    assert drifts[0] < 1e-6, drifts
-    floor = 1e-12
-    assert drifts[1] < max(drifts[0] / 10, floor) and drifts[2] < max(drifts[1] / 10, floor), drifts
-
-
-@pytest.mark.parametrize("name", SWINGING)
-def test_trajectory(name):
-    """The simulation's end is that of the classical Runge-Kutta method on the dense oracle."""
-    spec, model, q, qd = start(name, 1.0)
-    oracle = Coupled(spec.urdf, model.dof_names, **spec.options)
-    tau = 0.1 * np.random.default_rng(2).standard_normal(model.nv)
-    n, h, x = model.nv, 1e-3, np.concatenate([q, qd])
+    n, h, oracle = model.nv, 1e-3, Coupled(spec.urdf, model.dof_names, **spec.options)
+    q, qd, tau = rng.uniform(-1, 1, n), rng.standard_normal(n), 0.1 * rng.standard_normal(n)
+    x, options = np.concatenate([q, qd]), {"damping": np.zeros(n), "limits": False}
 
     def f(x):
         return np.concatenate([x[n:], oracle.forward_dynamics(x[:n], x[n:], tau)])
@@ -856,8 +572,19 @@ def test_trajectory(name):
         k3 = f(x + h / 2 * k2)
         k4 = f(x + h * k3)
         x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    sim = dd.Simulation(model, q, qd, step=2.5e-4, damping=np.zeros(n), limits=False)
+    sim = dd.Simulation(model, q, qd, step=2.5e-4, **options)
     sim.advance(tau, steps=1000)
     assert norm(x[:n] - q) > 0.05, "nothing moved"
     assert_close(sim.q, x[:n], 1e-7)
     assert_close(sim.qd, x[n:], 1e-7)
+
+    sim = dd.Simulation(model, q, qd, step=1e-3, **options)
+    first, offset = 0.5 * sim.nu @ sim.nu + sim.potential_energy, oracle.potential_energy(q) - sim.potential_energy
+    exchanged = 0.0
+    for _ in range(10):
+        sim.advance(steps=50)
+        kinetic = 0.5 * sim.nu @ sim.nu
+        exchanged = max(exchanged, kinetic)
+        assert abs(kinetic + sim.potential_energy - first) < 1e-6 * exchanged
+        assert oracle.potential_energy(sim.q) - sim.potential_energy == pytest.approx(offset, abs=1e-11)
+    assert exchanged > 1e-2

@@ -3,16 +3,10 @@
 
 """The numbered statements of Jain and Rodriguez (1995) that are operator identities, or laws along a motion.
 
-`Operators` builds the paper's stacked operators, as dense matrices, from Pinocchio's placements, inertias and motion
-subspaces, in the paper's own axes: spatial vectors are angular first, at each body's origin, in the axes of the world,
-so that φ(k, k−1) is [[1, l~], [0, 1]] (4.7). Bodies are numbered base to tip here, and a body may carry several: E_φ
-has the tree's pattern, which changes none of the identities. The library's factors and terms are compared with them.
-
-What test_physics.py has already is not repeated: (1.1)–(1.3), Lemma 7.1, Lemma 7.2 and Lemma 7.3 for every robot.
+test_laws.py shows (1.1)–(1.3), (5.1), (5.2), (7.7)–(7.9), Lemma 7.1, Lemma 7.2 and Lemma 7.3 for every robot.
 """
 
 import xml.etree.ElementTree as ET
-from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -23,8 +17,10 @@ import pytest
 import diag_dynamics as dd
 import robots
 from accuracy import EPS, assert_close, norm, tolerance
-from derivative_oracles import Coupled, RateOracle, jacobian, link_placement
+from derivative_oracles import RateOracle, link_placement, rate_oracle_of
+from examples import some_of
 from oracles import State
+from paper_operators import ANGULAR_FIRST, Operators, cross, stacked, tilde
 from robots import description, joint, link
 
 PANDA = "panda_description/urdf/panda.urdf"
@@ -35,188 +31,7 @@ TALOS = "talos_data/robots/talos_reduced.urdf"
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
 
-# --- the paper's operators
-
-
-def tilde(a: np.ndarray) -> np.ndarray:
-    """Return a~ with a~ b = a × b."""
-    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
-
-
-def cross(X: np.ndarray) -> np.ndarray:
-    """Return X~ of a spatial vector [a; b] (5.5)."""
-    return np.block([[tilde(X[:3]), np.zeros((3, 3))], [tilde(X[3:]), tilde(X[:3])]])
-
-
-def stacked(blocks: list) -> np.ndarray:
-    """Return the block diagonal matrix (5.6)."""
-    rows, columns = blocks[0].shape
-    out = np.zeros((len(blocks) * rows, len(blocks) * columns))
-    for k, block in enumerate(blocks):
-        out[k * rows : (k + 1) * rows, k * columns : (k + 1) * columns] = block
-    return out
-
-
-ANGULAR_FIRST = np.r_[3:6, 0:3]
-
-
-class Operators:
-    """H, φ, M, P, D, G, K, ψ … of a robot with joints of one degree of freedom, in Pinocchio's order of bodies.
-
-    Where the paper has Ω_δ = (H*θ')~ left of P it means the rotation of a revolute joint, for which Ω_δ* = −Ω_δ. With
-    `turn` = −Ω_δ* there instead, the identities hold for prismatic joints too. Both are the same for revolute ones.
-    """
-
-    def __init__(self, oracle: RateOracle, q: np.ndarray, qd: np.ndarray):
-        """Place the bodies and run Algorithm 4.1."""
-        self.oracle, model, data = oracle, oracle.model, oracle.data
-        self.parents = [parent - 1 for parent in list(model.parents)[1:]]
-        self.n = n = oracle.nv
-        assert list(model.nvs)[1:] == [1] * n
-        configuration = oracle.configuration(q)
-        columns = [pin.computeJointJacobian(model, data, configuration, j).reshape(6, n) for j in range(1, n + 1)]
-        pin.forwardKinematics(model, data, configuration)
-        placements = list(data.oMi)[1:]
-        turns = [np.kron(np.eye(2), X.rotation) for X in placements]
-        self.origins = [X.translation.copy() for X in placements]
-        self.H = stacked([(R @ c[ANGULAR_FIRST, k])[None] for k, (R, c) in enumerate(zip(turns, columns, strict=True))])
-        inertias = [body.matrix()[np.ix_(ANGULAR_FIRST, ANGULAR_FIRST)] for body in list(model.inertias)[1:]]
-        self.M = stacked([R @ body @ R.T for R, body in zip(turns, inertias, strict=True)])
-        self.E_phi = np.zeros((6 * n, 6 * n))
-        for k, parent in enumerate(self.parents):
-            if parent >= 0:
-                shift = np.eye(6)
-                shift[:3, 3:] = tilde(self.origins[k] - self.origins[parent])
-                self.E_phi[self.at(parent), self.at(k)] = shift
-        self.one, self.I = np.eye(6 * n), np.eye(n)
-        self.phi = np.linalg.inv(self.one - self.E_phi)
-        self.rates = oracle.to_pin(qd)
-        self.armature = np.diag(model.armature)
-        self._algorithm_4_1()
-
-    @staticmethod
-    def at(k: int) -> slice:
-        """Return where body k is."""
-        return slice(6 * k, 6 * k + 6)
-
-    def block(self, A: np.ndarray, k: int) -> np.ndarray:
-        """Return the diagonal block of body k."""
-        return A[self.at(k), self.at(k)]
-
-    def diagonal(self, A: np.ndarray) -> np.ndarray:
-        """Return the block diagonal part."""
-        return stacked([self.block(A, k) for k in range(self.n)])
-
-    def children(self, k: int) -> list[int]:
-        """Return the bodies that body k carries next."""
-        return [j for j, parent in enumerate(self.parents) if parent == k]
-
-    def _algorithm_4_1(self):
-        """P = φ P⁺ φ* + M, D = H P H*, G = P H* D⁻¹, τ̄ = 1 − G H, P⁺ = τ̄ P, from the tips to the base."""
-        P, D, G, rest = self.M.copy(), np.zeros(self.n), np.zeros((6 * self.n, self.n)), np.zeros_like(self.M)
-        for k in reversed(range(self.n)):
-            at, H = self.at(k), self.H[k, self.at(k)]
-            own = P[at, at]
-            D[k] = H @ own @ H + self.armature[k, k]
-            G[at, k] = own @ H / D[k]
-            rest[at, at] = np.eye(6) - np.outer(G[at, k], H)
-            if self.parents[k] >= 0:
-                inboard = self.at(self.parents[k])
-                shift = self.E_phi[inboard, at]
-                P[inboard, inboard] += shift @ rest[at, at] @ own @ shift.T
-        self.P, self.D, self.G, self.tau_bar = P, np.diag(D), G, rest
-        self.K, self.E_psi = self.E_phi @ G, self.E_phi @ rest
-        self.psi = np.linalg.inv(self.one - self.E_psi)
-
-    @cached_property
-    def root(self) -> np.ndarray:
-        """Return D^½."""
-        return np.sqrt(self.D)
-
-    @cached_property
-    def unit(self) -> np.ndarray:
-        """Return 1 + HφK."""
-        return self.I + self.H @ self.phi @ self.K
-
-    @cached_property
-    def inverse(self) -> np.ndarray:
-        """Return 1 − HψK."""
-        return self.I - self.H @ self.psi @ self.K
-
-    @cached_property
-    def V(self) -> np.ndarray:
-        """Return the bodies' velocities φ*H*θ' (4.3)."""
-        return self.phi.T @ self.H.T @ self.rates
-
-    @cached_property
-    def V_cross(self) -> np.ndarray:
-        """Return V~."""
-        return stacked([cross(self.V[self.at(k)]) for k in range(self.n)])
-
-    @cached_property
-    def delta(self) -> np.ndarray:
-        """Return Ω_δ = (H*θ')~ (6.3)."""
-        own = self.H.T @ self.rates
-        return stacked([cross(own[self.at(k)]) for k in range(self.n)])
-
-    @cached_property
-    def turn(self) -> np.ndarray:
-        """Return −Ω_δ*, which is Ω_δ of revolute joints."""
-        return -self.delta.T
-
-    @cached_property
-    def rate(self) -> np.ndarray:
-        """Return λ̇ of (7.2): λ̇(k) = ψ λ̇(k−1) ψ* + X + X*, X = Ω_δ P."""
-        X = self.turn @ self.P
-        out = self.diagonal(X + X.T)
-        for k in reversed(range(self.n)):
-            for child in self.children(k):
-                shift = self.E_psi[self.at(k), self.at(child)]
-                out[self.at(k), self.at(k)] += shift @ self.block(out, child) @ shift.T
-        return out
-
-    @cached_property
-    def P_rate(self) -> np.ndarray:
-        """Return P' in the body's own axes: Σ ψ λ̇ ψ* over the bodies carried (6.4)."""
-        return self.diagonal(self.E_psi @ self.rate @ self.E_psi.T)
-
-    @cached_property
-    def Omega(self) -> np.ndarray:
-        """Return Ω = diag(ω~, ω~) of each body (6.2)."""
-        return stacked([np.kron(np.eye(2), tilde(self.V[self.at(k)][:3])) for k in range(self.n)])
-
-    def sensitivity(self, i: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return H_δ^i and H_<^i: H~(i) at body i, and at all bodies outboard of it."""
-        own, outboard = np.zeros_like(self.M), np.zeros_like(self.M)
-        turn = cross(self.H[i, self.at(i)])
-        own[self.at(i), self.at(i)] = turn
-        carried = {i}
-        for k in range(i + 1, self.n):
-            if self.parents[k] in carried:
-                carried.add(k)
-                outboard[self.at(k), self.at(k)] = turn
-        return own, outboard
-
-    def partial_rate(self, i: int) -> np.ndarray:
-        """Return λ_i of (A.16): 0 outboard of i, H~P − PH~ at i, ψλ_iψ* inboard."""
-        turn = cross(self.H[i, self.at(i)])
-        out = np.zeros_like(self.M)
-        out[self.at(i), self.at(i)] = -turn.T @ self.block(self.P, i) - self.block(self.P, i) @ turn
-        k = self.parents[i]
-        while k >= 0:
-            for child in self.children(k):
-                shift = self.E_psi[self.at(k), self.at(child)]
-                out[self.at(k), self.at(k)] += shift @ self.block(out, child) @ shift.T
-            k = self.parents[k]
-        return out
-
-    def body(self, k: int) -> int:
-        """Return the body that the caller's degree of freedom k moves."""
-        return int(self.oracle._order[k])
-
-    def mine(self, x: np.ndarray) -> np.ndarray:
-        """Return a vector or matrix over the joints in the caller's order."""
-        return self.oracle.from_pin(x)
+# --- cases
 
 
 class Case(NamedTuple):
@@ -246,26 +61,17 @@ def cases_of(robot: robots.Robot) -> list[Case]:
     return out
 
 
-ROBOTS = (
-    robots.Robot("pendulum", robots.PENDULUM),
-    robots.Robot("gantry", robots.GANTRY),
-    robots.Robot("two_link_arm", robots.TwoLinkArm().urdf),
-    robots.robot(UR5),
-    robots.robot(PANDA),
-    robots.robot(HAND),
-    robots.robot(TALOS),
-    *(robot for robot in robots.random_robots() if not robot.id.startswith("mobile")),
-)
-REVOLUTE = (robots.Robot("two_link_arm", robots.TwoLinkArm().urdf), robots.robot(UR5), robots.robot(HAND))
+GEARED = next(robot for robot in robots.random_robots() if robot.armature)
+ROBOTS = (robots.robot(UR5), robots.robot(HAND), robots.random_robots()[1], GEARED)
 
 
 @pytest.fixture(scope="module", params=ROBOTS, ids=lambda robot: robot.id)
 def cases(request) -> list[Case]:
-    """Return the cases of each robot in turn: arms, hands, a humanoid, trees with slides, with and without armature."""
+    """Return the cases of each robot in turn: an arm, a hand, trees with slides, without and with armature."""
     return cases_of(request.param)
 
 
-@pytest.fixture(scope="module", params=REVOLUTE, ids=lambda robot: robot.id)
+@pytest.fixture(scope="module", params=ROBOTS[:2], ids=lambda robot: robot.id)
 def revolute(request) -> list[Case]:
     """Return the cases of robots that have revolute joints only, as the paper's."""
     return cases_of(request.param)
@@ -315,14 +121,6 @@ def test_identity_4_1d(cases):
         weigh = np.outer(root, root)
         assert_close(c.f.l.T @ c.f.l * weigh, inverse * weigh, c.tolerance)
         assert_close(inverse @ c.t.M * root[:, None] / root, w.I, c.tolerance, norm(inverse * weigh))
-
-
-def test_square_factors(cases):
-    """(5.1), (5.2): m = [1 + HφK] D^½, ℓ = D^−½ [1 − HψK], M = m m*, M⁻¹ = ℓ*ℓ."""
-    for c in cases:
-        w, unit = c.w, np.sqrt(np.diag(c.t.M))
-        assert_close(c.f.m / unit[:, None], w.mine(w.unit @ w.root) / unit[:, None], c.tolerance)
-        assert_close(c.f.l * unit, w.mine(np.linalg.inv(w.root) @ w.inverse) * unit, c.tolerance)
 
 
 def test_newton_euler(cases):
@@ -409,7 +207,7 @@ def test_induced_rates_and_moments_through_the_reduced_manipulator():
 
     Its first six rows are G_k in the base's axes; in the body's own they do not change with the inboard positions.
     """
-    for robot in (robots.robot(PANDA).floating, robots.robot(TALOS).floating, robots.random_robots()[0].floating):
+    for robot in (robots.robot(TALOS).floating, robots.random_robots()[0].floating):
         model = dd.load_urdf(robot.source, mimic="free", **robot.options)
         dyn, o = dd.DiagonalDynamics(model), RateOracle(robot.urdf, model.dof_names, **robot.options)
         q = robots.samples(robot.id, o)[1].q
@@ -621,15 +419,6 @@ def test_algorithm_7_1(cases):
         assert_close(c.s.coriolis, w.mine(C), c.tolerance, c.t.coriolis_scale)
 
 
-def test_unnormalized_rates(cases):
-    """(7.7), (7.8): ξ = D^−½ν = [1 + HφK]*θ' and K = ½ξ*Dξ."""
-    for c in cases:
-        w = c.w
-        xi = w.mine(w.unit.T @ w.rates)
-        assert_close(np.sqrt(c.f.D) * c.s.xi, np.sqrt(c.f.D) * xi, c.tolerance)
-        assert_close(0.5 * c.s.xi @ (c.s.articulated_inertia * c.s.xi), c.t.kinetic_energy, 1e-12)
-
-
 def unnormalized_scale(c: Case) -> float:
     """Return the size of the terms of D^−½C_ξ."""
     return c.t.coriolis_scale + norm(c.t.Ddot * c.t.xi / np.sqrt(c.t.D))
@@ -696,7 +485,7 @@ def test_appendix_a(revolute):
         w, q = c.w, c.t.q
         assert_close(w.E_phi @ w.phi, w.phi - w.one, 1e-13)
         product = w.phi @ w.M @ w.phi.T
-        for k, e in enumerate(np.eye(w.n)):
+        for k, e in some_of(enumerate(np.eye(w.n)), 1 if w.n < 10 else 4):
             i = w.body(k)
             own, outboard = w.sensitivity(i)
 
@@ -754,7 +543,7 @@ def curl(dyn, q) -> np.ndarray:
     return (rate - rate.transpose(1, 0, 2)).transpose(2, 0, 1)
 
 
-@pytest.mark.parametrize("id", [UR5, PANDA, HAND])
+@pytest.mark.parametrize("id", [UR5, PANDA])
 def test_total_rates_are_no_derivatives(id):
     """Assumption 2.1, (2.2) fails for a generic robot: mᵀ is the gradient of no transformation, ν of no coordinates."""
     robot = robots.robot(id)
@@ -854,50 +643,6 @@ def test_lemma_2_2_flat_metrics():
 # --- Sections 3 and 7 along motions
 
 
-@pytest.fixture(scope="module", params=robots.robots_to_test(), ids=lambda robot: robot.id)
-def any_robot(request):
-    """Return library and truth of each robot in turn, fixed and floating."""
-    robot = request.param
-    model = dd.load_urdf(robot.source, mimic="free", **robot.options)
-    oracle = RateOracle(robot.urdf, model.dof_names, **robot.options)
-    return dd.DiagonalDynamics(model), [oracle.at(s.q, s.qd, s.tau) for s in robots.samples(robot.id, oracle)]
-
-
-def test_xi_moves_by_the_equation_of_motion(any_robot):
-    """(7.9): Dξ' + C_ξ = κ − κ_g, ξ' from differences of the library's ξ along aba's motion.
-
-    Fourth-order differences of a curve through the state: 1e-8 of ξ', plus 2e-14 of ξ over the step.
-    """
-    dyn, truths = any_robot
-    for t in truths:
-        s, root = dyn.evaluate(t.q, t.qd, t.tau), np.sqrt(t.D)
-        h = 1e-3 / max(1.0, np.abs(t.qd).max(), np.sqrt(np.abs(t.acceleration).max()))
-        # a motion with the right q̇ and q̈ at 0; ξ' there depends on nothing else
-        xi = []
-        for x in (-2, -1, 1, 2):
-            q = t.oracle.moved(t.q, x * h * t.qd + 0.5 * (x * h) ** 2 * t.acceleration)
-            xi.append(dyn.evaluate(q, t.qd + x * h * t.acceleration).xi)
-        rate = (8 * (xi[2] - xi[1]) - (xi[3] - xi[0])) / (12 * h)
-        terms = s.kappa / root, s.gravity, s.coriolis_unnormalized / root
-        scale = sum(map(norm, terms)) + 2e-6 * norm(s.nu) / h
-        assert_close(root * rate, terms[0] - terms[1] - terms[2], max(1e-8, tolerance(t)), scale)
-
-
-def test_unnormalized_term_is_the_normalized_one_and_the_rate_of_d(any_robot):
-    """Lemma 7.3 after Lemma 7.1: C_ξ = D^½C + ½D'ξ, so ξ*C_ξ = ½ξ*D'ξ, all of the library."""
-    dyn, truths = any_robot
-    for t in truths:
-        s = dyn.evaluate(t.q, t.qd)
-        root = np.sqrt(s.articulated_inertia)
-        half = 0.5 * s.articulated_inertia_rate * s.xi / root
-        scale = t.coriolis_scale + norm(half)
-        assert_close(s.coriolis_unnormalized / root, s.coriolis + half, tolerance(t), scale)
-        assert_close(s.xi @ s.coriolis_unnormalized, s.nu @ half, tolerance(t), norm(s.nu) * scale)
-
-
-# --- Lemma 7.2 along trajectories
-
-
 DURATION, STEPS = 0.1, (20, 40, 80)
 
 
@@ -919,18 +664,32 @@ def gripper() -> str:
     return description("gripper", *elements)
 
 
+def runge_kutta(rate, x, h, steps):
+    """Return [(t, x)] at the ends of steps of the classical method of fourth order."""
+    out = [(0.0, x)]
+    for i in range(steps):
+        t = i * h
+        k1 = rate(t, x)
+        k2 = rate(t + h / 2, x + h / 2 * k1)
+        k3 = rate(t + h / 2, x + h / 2 * k2)
+        k4 = rate(t + h, x + h * k3)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        out.append((t + h, x))
+    return out
+
+
 class Mover:
     """A robot driven by Pinocchio: efforts that vary with time, gravity, friction, wrenches in the world's axes.
 
-    Coordinates are integrated by the classical Runge–Kutta method of fourth order, a quaternion as four coordinates.
+    A quaternion is integrated as four coordinates.
     """
 
-    def __init__(self, robot: robots.Robot, coupled: bool = False):
+    def __init__(self, robot: robots.Robot):
         """Draw a start, efforts and wrenches, and load it with friction in the joints that follow no other."""
-        options = {"mimic": "embed" if coupled else "free", **robot.options}
+        options = {"mimic": robot.mimic, **robot.options}
         plain = dd.load_urdf(robot.source, **options)
         names, nv, rng = plain.dof_names, plain.nv, np.random.default_rng(4)
-        oracle = self.oracle = (Coupled if coupled else RateOracle)(robot.urdf, names, **robot.options)
+        oracle = self.oracle = rate_oracle_of(robot, names)
         self.floating = robot.floating_base
         slides = np.array([oracle.is_prismatic(k) for k in range(nv)])
         self.qd = rng.choice([-1, 1], nv) * rng.uniform(0.6, 1.2, nv) * np.where(slides, 0.3, 1.0)
@@ -987,18 +746,13 @@ class Mover:
 
     def motion(self, duration: float, steps: int) -> list:
         """Return (t, q, q̇) at the ends of the steps."""
-        q, qd, h = self.q, self.qd, duration / steps
-        out = [(0.0, q, qd)]
-        for i in range(steps):
-            t = i * h
-            k1 = self.rates(t, q, qd)
-            k2 = self.rates(t + h / 2, q + h / 2 * k1[0], qd + h / 2 * k1[1])
-            k3 = self.rates(t + h / 2, q + h / 2 * k2[0], qd + h / 2 * k2[1])
-            k4 = self.rates(t + h, q + h * k3[0], qd + h * k3[1])
-            q = q + h / 6 * (k1[0] + 2 * k2[0] + 2 * k3[0] + k4[0])
-            qd = qd + h / 6 * (k1[1] + 2 * k2[1] + 2 * k3[1] + k4[1])
-            out.append((t + h, q, qd))
-        return out
+        nq = len(self.q)
+
+        def rate(t, x):
+            return np.concatenate(self.rates(t, x[:nq], x[nq:]))
+
+        states = runge_kutta(rate, np.r_[self.q, self.qd], duration / steps, steps)
+        return [(t, x[:nq], x[nq:]) for t, x in states]
 
     def evaluate(self, t, q, qd):
         """Return the library's evaluation, with all terms."""
@@ -1012,20 +766,14 @@ def simpson(values: list, duration: float):
     return duration / (len(values) - 1) / 3 * np.tensordot(weights, np.array(values), 1)
 
 
-MOVERS = {
-    "panda": (robots.robot(PANDA), False),
-    "ur5": (robots.robot(UR5), False),
-    "hand": (robots.robot(HAND), False),
-    "humanoid": (robots.robot(TALOS).floating, False),
-    "panda's gripper coupled": (robots.robot(PANDA), True),
-    "gripper of one coordinate": (robots.Robot("gripper", gripper()), True),
-}
+GRIPPER = robots.Robot("gripper", gripper(), mimic="embed")
+MOVERS = {"arm": robots.robot(PANDA), "humanoid": robots.robot(TALOS).floating, "gripper": GRIPPER}
 
 
 @pytest.fixture(scope="module", params=MOVERS)
 def moved(request):
     """Return a robot, and its evaluations along one motion with three sizes of steps."""
-    mover = Mover(*MOVERS[request.param])
+    mover = Mover(MOVERS[request.param])
     motions = [mover.motion(DURATION, steps) for steps in STEPS]
     slid = np.sign([qd for _, _, qd in motions[-1]])[:, mover.coulomb > 0]
     assert (slid == slid[0]).all(), "Coulomb friction is smooth only while no joint turns round"
@@ -1098,8 +846,8 @@ def test_energy_flows_between_joints(moved):
 
 def test_one_coordinate_has_no_coriolis_term():
     """Lemma 7.1 for one coordinate, however many joints follow it: νC = 0, so C = 0 though M changes with q."""
-    mover = Mover(robots.Robot("gripper", gripper()), coupled=True)
-    assert mover.dyn.model.nv == 1 and mover.oracle.free.nv > 1
+    mover = Mover(GRIPPER)
+    assert mover.dyn.model.nv == 1 and mover.oracle.full.nv > 1
     s = mover.dyn.evaluate(mover.q, mover.qd)
     half = 0.5 * s.articulated_inertia_rate * s.xi
     assert abs(half[0]) > 1e-3 * abs(s.nu[0] * mover.qd[0] * np.sqrt(s.articulated_inertia[0]))
@@ -1111,25 +859,18 @@ def test_algorithm_8_1_integrates():
     """Algorithm 8.1: ξ integrated, θ' = ξ − G*V⁺ integrated, meets Pinocchio's aba; the error falls as h⁴."""
     mover = Mover(robots.robot(UR5))
 
-    def rates(t, q, xi):
+    def rate(t, x):
+        q, xi = x[:6], x[6:]
         root = np.sqrt(mover.dyn.factors(q).D)
         qd = mover.dyn.qd_from_nu(q, root * xi)
         s = mover.evaluate(t, q, qd)
         total = s.kappa - s.coriolis_unnormalized + root * (s.external - s.gravity - s.friction)
-        return qd, total / s.articulated_inertia
+        return np.r_[qd, total / s.articulated_inertia]
 
     def end(steps):
-        q, h = mover.q, DURATION / steps
-        xi = mover.dyn.evaluate(q, mover.qd).xi
-        for i in range(steps):
-            t = i * h
-            k1 = rates(t, q, xi)
-            k2 = rates(t + h / 2, q + h / 2 * k1[0], xi + h / 2 * k1[1])
-            k3 = rates(t + h / 2, q + h / 2 * k2[0], xi + h / 2 * k2[1])
-            k4 = rates(t + h, q + h * k3[0], xi + h * k3[1])
-            q = q + h / 6 * (k1[0] + 2 * k2[0] + 2 * k3[0] + k4[0])
-            xi = xi + h / 6 * (k1[1] + 2 * k2[1] + 2 * k3[1] + k4[1])
-        return np.r_[q, rates(DURATION, q, xi)[0]]
+        start = np.r_[mover.q, mover.dyn.evaluate(mover.q, mover.qd).xi]
+        t, x = runge_kutta(rate, start, DURATION / steps, steps)[-1]
+        return np.r_[x[:6], rate(t, x)[:6]]
 
     _, q, qd = mover.motion(DURATION, 640)[-1]
     errors = [norm(end(steps) - np.r_[q, qd]) for steps in STEPS]
@@ -1140,33 +881,6 @@ def test_algorithm_8_1_integrates():
 # --- Section 8: control
 
 
-@pytest.mark.parametrize("id", [UR5, PANDA])
-def test_control_8_1(id):
-    """Control 8.1: ε = ε_g − cν makes K fall as exp(−2ct), K' = −ν*cν, whatever the arm's shape."""
-    dyn = dd.DiagonalDynamics(dd.load_urdf(robots.robot_path(id), mimic="free"))
-    c, duration, steps = 1.7, 0.3, 150
-    q, qd = np.random.default_rng(3).uniform(-1, 1, (2, dyn.model.nv)) * [[1.0], [0.7]]
-    h, start = duration / steps, dyn.evaluate(q, qd).kinetic_energy
-
-    def rates(q, qd):
-        s = dyn.evaluate(q, qd)
-        return qd, dyn.forward_dynamics(q, qd, dyn.tau_from_epsilon(q, s.gravity - c * s.nu))
-
-    for i in range(steps):
-        if i % 50 == 0:
-            s = dyn.evaluate(q, qd)
-            s = dyn.evaluate(q, qd, dyn.tau_from_epsilon(q, s.gravity - c * s.nu))
-            assert_close(s.power, -c * s.nu @ s.nu, 1e-11, norm(s.nu) * norm(s.epsilon))
-            assert s.kinetic_energy == pytest.approx(start * np.exp(-2 * c * i * h), rel=1e-7)
-        k1 = rates(q, qd)
-        k2 = rates(q + h / 2 * k1[0], qd + h / 2 * k1[1])
-        k3 = rates(q + h / 2 * k2[0], qd + h / 2 * k2[1])
-        k4 = rates(q + h * k3[0], qd + h * k3[1])
-        q = q + h / 6 * (k1[0] + 2 * k2[0] + 2 * k3[0] + k4[0])
-        qd = qd + h / 6 * (k1[1] + 2 * k2[1] + 2 * k3[1] + k4[1])
-    assert dyn.evaluate(q, qd).kinetic_energy == pytest.approx(start * np.exp(-2 * c * duration), rel=1e-7)
-
-
 @pytest.mark.parametrize("sign", [1, -1], ids=["as it must be", "as printed"])
 def test_control_8_2(sign):
     """Control 8.2: ε = −c₁ν + ℓJ*C₂e takes ½|ν|² + ½e*C₂e down at ν*c₁ν; the printed sign (−) does not.
@@ -1175,8 +889,7 @@ def test_control_8_2(sign):
     """
     robot, hand = robots.robot(UR5), "ee_link"
     dyn = dd.DiagonalDynamics(dd.load_urdf(robot.source))
-    oracle = RateOracle(robot.urdf, dyn.model.dof_names)
-    rng = np.random.default_rng(6)
+    oracle, rng = RateOracle(robot.urdf, dyn.model.dof_names), np.random.default_rng(6)
     q, qd, q_d = rng.uniform(-1, 1, (3, dyn.model.nv))
     c_1, c_2 = rng.uniform(0.5, 2, dyn.model.nv), rng.uniform(0.5, 2, 12)
 
@@ -1184,33 +897,22 @@ def test_control_8_2(sign):
         X = link_placement(oracle, q, hand)
         return np.concatenate([X.translation, *X.rotation.T])
 
-    Y_d = pose(q_d)
-
-    def wrench(q):
-        Y, pull = pose(q), c_2 * (Y_d - pose(q))
-        moment = sum(np.cross(Y[k : k + 3], pull[k : k + 3]) for k in (3, 6, 9))
-        return np.concatenate([pull[:3], moment])
-
+    Y, Y_d = pose(q), pose(q_d)
+    force = c_2 * (Y_d - Y)
+    moment = sum(np.cross(Y[k : k + 3], force[k : k + 3]) for k in (3, 6, 9))
+    pull = dyn.epsilon_from_wrench(q, hand, np.r_[force[:3], moment], frame="world")
     # J*C₂e is that wrench's effort: the gradient of ½e*C₂e with its sign turned
-    effort = jacobian(oracle, q, hand, frame="world").T @ wrench(q)
     J = np.column_stack([oracle.derivative(pose, q, e) for e in np.eye(len(q))])
-    assert_close(J.T @ (c_2 * (Y_d - pose(q))), effort, 1e-10)
-    pull = dyn.epsilon_from_wrench(q, hand, wrench(q), frame="world")
-    assert_close(pull, dyn.epsilon_from_tau(q, effort), 1e-12)
+    assert_close(pull, dyn.epsilon_from_tau(q, J.T @ force), 1e-10)
 
-    def lyapunov(q, qd):
-        e = Y_d - pose(q)
-        return 0.5 * qd @ oracle.mass_matrix(q) @ qd + 0.5 * e @ (c_2 * e)
+    def lyapunov(x):
+        at, rate = q + x * h * qd + 0.5 * (x * h) ** 2 * qdd, qd + x * h * qdd
+        e = Y_d - pose(at)
+        return 0.5 * rate @ oracle.mass_matrix(at) @ rate + 0.5 * e @ (c_2 * e)
 
-    s = dyn.evaluate(q, qd)
-    epsilon = s.gravity - c_1 * s.nu + sign * pull
-    qdd = oracle.forward_dynamics(q, qd, dyn.tau_from_epsilon(q, epsilon))
-    h = 1e-3
-    values = [lyapunov(q + x * h * qd + 0.5 * (x * h) ** 2 * qdd, qd + x * h * qdd) for x in (-2, -1, 1, 2)]
-    rate = (8 * (values[2] - values[1]) - (values[3] - values[0])) / (12 * h)
-    expected = -s.nu @ (c_1 * s.nu)
-    if sign > 0:
-        assert rate == pytest.approx(expected, rel=1e-7)
-    else:
-        assert rate == pytest.approx(expected - 2 * s.nu @ pull, rel=1e-7)
-        assert abs(s.nu @ pull) > 0.1 * abs(expected)
+    s, h = dyn.evaluate(q, qd), 1e-3
+    qdd = oracle.forward_dynamics(q, qd, dyn.tau_from_epsilon(q, s.gravity - c_1 * s.nu + sign * pull))
+    rate = (8 * (lyapunov(1) - lyapunov(-1)) - (lyapunov(2) - lyapunov(-2))) / (12 * h)
+    damped = -s.nu @ (c_1 * s.nu)
+    assert rate == pytest.approx(damped if sign > 0 else damped - 2 * s.nu @ pull, rel=1e-7)
+    assert abs(s.nu @ pull) > 0.1 * abs(damped)

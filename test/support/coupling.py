@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from oracles import COORDINATES, EARTH, ROOT, Oracle, State
-from robots import Robot, description, joint, link
+from robots import Robot, all_robots, description, joint, link, robot
 
 SINGLE = ("revolute", "continuous", "prismatic")
 
@@ -205,6 +205,9 @@ def upper_factor_rate(m: np.ndarray, Mdot: np.ndarray) -> np.ndarray:
 class Coupled:
     """A robot with its mimic joints coupled: M = GᵀM_full G and so on, dense, with the interface of `Oracle`."""
 
+    Full = Oracle
+    """Class of the oracle in which all joints are independent."""
+
     def __init__(
         self,
         urdf: str,
@@ -220,7 +223,7 @@ class Coupled:
         self.coupling = coupling = Coupling(self.xml, dict(locked_joints or {}))
         moved = {name: inertia for name, inertia in (armature or {}).items() if name in coupling.moving}
         urdf = with_payloads(urdf, self._payloads)
-        self.full = full = Oracle(urdf, None, gravity, moved, floating_base, coupling.locked)
+        self.full = full = self.Full(urdf, None, gravity, moved, floating_base, coupling.locked)
         own = {}  # dofs by joint
         for k, name in enumerate(full.dof_names):
             own.setdefault(full.model.names[full._joint[k]], []).append(name)
@@ -406,7 +409,30 @@ class CoupledState(State):
         return self.oracle.link_energy(self.q, self.qd)
 
 
+def oracle_of(robot: Robot, dof_names: tuple[str, ...] | None = None, **more) -> Oracle | Coupled:
+    """Return the oracle of a robot, which couples its mimic joints where the robot does."""
+    return (Coupled if robot.mimic == "embed" else Oracle)(robot.urdf, dof_names, **robot.options, **more)
+
+
 # --- robots
+
+
+UNKNOWN_SOURCES = "alex_description/urdf/alex_psyonic_hands.urdf"
+"""Robot of the wheel whose mimic joints name source joints that it does not have."""
+ROMEO = "romeo_description/urdf/romeo.urdf"
+
+
+def mimic_tags(urdf: str) -> dict[str, str]:
+    """Return the source joint of each mimic joint that is not fixed."""
+    elements = [e for e in ET.fromstring(urdf).findall("joint") if e.find("mimic") is not None]
+    return {e.get("name"): e.find("mimic").get("joint") for e in elements if e.get("type") != "fixed"}
+
+
+def wheel() -> list[Robot]:
+    """Return the robots of the wheel that have mimic joints, Romeo with its massless hands locked."""
+    ids = [id for id in all_robots() if id != UNKNOWN_SOURCES and mimic_tags(robot(id).urdf)]
+    hands = {"LHand": 0.0, "RHand": 0.0}
+    return [robot(id)._replace(locked_joints=hands if id == ROMEO else {}) for id in ids]
 
 
 def mimicking(element: str, leader: str, multiplier: float | None = None, offset: float | None = None) -> str:
@@ -454,95 +480,6 @@ def tree(id: str, *rows: tuple, massless: tuple[str, ...] = (), **options) -> Ro
     return Robot(id, description(id.replace(" ", "_"), *elements), **options)
 
 
-FEATURES = (
-    "follower of a follower",
-    "several followers of one leader",
-    "multiplier 0",
-    "negative multiplier",
-    "offset",
-    "coupled on different branches",
-    "follower outboard of its leader",
-    "leader outboard of its follower",
-    "independent joint inside an aggregate",
-    "nested: carried from inside another aggregate",
-    "overlapping groups merge",
-    "sibling groups interleaved by name",
-    "prismatic follows revolute",
-    "revolute follows prismatic",
-    "carried by the root",
-    "carried by a moving body",
-    "planar joint inside an aggregate",
-    "floating joint inside an aggregate",
-    "armature on a leader",
-    "armature on a follower",
-    "massless follower link",
-    "continuous leader",
-    "branch off the inside of an aggregate",
-    "independent sibling of an aggregate",
-    "names against the order of the tree",
-)
-
-
-def features(robot: Robot) -> set[str]:
-    """Return which of FEATURES a robot has, as read from its URDF."""
-    xml = ET.fromstring(robot.urdf)
-    c = Coupling(xml, robot.locked_joints)
-    tagged = {name: element.find("mimic") for name, element in c.joints.items() if element.find("mimic") is not None}
-    heavy = {element.get("name") for element in xml.findall("link") if element.find("inertial") is not None}
-    groups, members = c.groups, {name for group in c.groups.values() for name in group}
-    inside = {name for joints in c.aggregates for name in joints}
-    base = {tuple(joints): c.inboard[joints[0]] for joints in c.aggregates}  # the moving joint that carries it
-    pairs = [(name, mimic.leader) for name, mimic in c.mimics.items()]
-    siblings = [(a, b) for a in base for b in base if a < b and base[a] == base[b]]
-
-    def tops(joints):
-        return [name for name in joints if c.inboard[name] == base[joints]]
-
-    def interleaved(a, b):
-        return min(tops(a)) < min(tops(b)) < max(tops(a)) or min(tops(b)) < min(tops(a)) < max(tops(b))
-
-    found = {
-        "follower of a follower": any(tagged[name].get("joint") in c.mimics for name in c.mimics),
-        "several followers of one leader": any(len(group) > 2 for group in groups.values()),
-        "multiplier 0": any(float(tag.get("multiplier", 1)) == 0 for tag in tagged.values()),
-        "negative multiplier": any(mimic.multiplier < 0 for mimic in c.mimics.values()),
-        "offset": any(mimic.offset for mimic in c.mimics.values()),
-        "coupled on different branches": any(not c.carries(a, b) and not c.carries(b, a) for a, b in pairs),
-        "follower outboard of its leader": any(c.carries(leader, name) for name, leader in pairs),
-        "leader outboard of its follower": any(c.carries(name, leader) for name, leader in pairs),
-        "independent joint inside an aggregate": inside > members,
-        "nested: carried from inside another aggregate": any(parent in inside for parent in base.values()),
-        "overlapping groups merge": len(groups) > len(c.aggregates),
-        "sibling groups interleaved by name": any(interleaved(a, b) for a, b in siblings),
-        "prismatic follows revolute": any(c.kind(a) == P and c.kind(b) != P for a, b in pairs),
-        "revolute follows prismatic": any(c.kind(a) != P and c.kind(b) == P for a, b in pairs),
-        "carried by the root": None in base.values(),
-        "carried by a moving body": any(parent is not None for parent in base.values()),
-        "planar joint inside an aggregate": any(c.kind(name) == "planar" for name in inside),
-        "floating joint inside an aggregate": any(c.kind(name) == "floating" for name in inside),
-        "armature on a leader": any(leader in robot.armature for _, leader in pairs),
-        "armature on a follower": any(name in robot.armature for name, _ in pairs),
-        "massless follower link": any(c.joints[name].find("child").get("link") not in heavy for name, _ in pairs),
-        "continuous leader": any(c.kind(leader) == C for _, leader in pairs),
-        "branch off the inside of an aggregate": any(
-            name not in inside and c.inboard[name] in inside for name in c.moving
-        ),
-        "independent sibling of an aggregate": any(
-            name not in inside and c.inboard[name] in base.values() for name in c.moving
-        ),
-        "names against the order of the tree": any(
-            c.inboard[name] is not None and name < c.inboard[name] for name in c.moving
-        ),
-    }
-    assert set(found) == set(FEATURES)
-    return {name for name, there in found.items() if there}
-
-
-def _by_feature(feature: str, *rows: tuple, **options) -> Robot:
-    assert feature in FEATURES, feature
-    return tree(feature, *rows, **options)
-
-
 def _parallel_gripper() -> Robot:
     """Return a gripper of two parallelograms, whose tips do not turn: each tip undoes the turn of its finger."""
     box = {"inertia": (2e-4, 0, 0, 3e-4, 0, 1.5e-4)}
@@ -565,86 +502,84 @@ def _parallel_gripper() -> Robot:
 NAMED = {
     robot.id: robot
     for robot in (
-        _by_feature(
+        tree(
             "follower of a follower",
             *(("base", "a", R), ("a", "b", R), ("b", "c", R, "b2"), ("b", "b2", R, "a", -0.7, 0.2)),
         ),
-        _by_feature(
+        tree(
             "several followers of one leader",
             *(("base", "arm", R), ("arm", "f1", R), ("arm", "f2", R, "f1", 0.8), ("arm", "f3", P, "f1", -0.4)),
             ("f1", "g1", R, "f1", 1.3),
         ),
-        _by_feature(
+        tree(
             "multiplier 0",
             *(("base", "a", R), ("a", "b", R, "a", 0.0, 0.6), ("b", "c", R, "a", 0.5), ("c", "d", R, "b", 2.0, 0.1)),
             ("d", "e", R),
         ),
-        _by_feature("negative multiplier", ("base", "a", R), ("a", "l", P), ("a", "r", P, "l", -1.0)),
-        _by_feature("offset", ("base", "a", R), ("a", "l", R), ("a", "r", R, "l", None, 0.8)),
-        _by_feature("coupled on different branches", ("base", "a", R), ("a", "l", R), ("a", "r", R, "l")),
-        _by_feature(
+        tree("negative multiplier", ("base", "a", R), ("a", "l", P), ("a", "r", P, "l", -1.0)),
+        tree("offset", ("base", "a", R), ("a", "l", R), ("a", "r", R, "l", None, 0.8)),
+        tree("coupled on different branches", ("base", "a", R), ("a", "l", R), ("a", "r", R, "l")),
+        tree(
             "follower outboard of its leader", ("base", "a", R), ("a", "b", R), ("b", "c", R, "b", 1.1), ("c", "d", R)
         ),
-        _by_feature(
+        tree(
             "leader outboard of its follower", ("base", "a", R), ("a", "b", R, "c", 0.9), ("b", "c", R), ("c", "d", R)
         ),
-        _by_feature(
+        tree(
             "independent joint inside an aggregate",
             *(("base", "a", R), ("a", "b", R), ("b", "c", R), ("c", "d", R, "b", 0.7), ("a", "e", R)),
             ("e", "f", P),
         ),
-        _by_feature(
+        tree(
             "nested: carried from inside another aggregate",
             *(("base", "a", R), ("a", "b", R), ("b", "c", R, "a", 0.6)),
             *(("b", "x", R), ("b", "y", R, "x", -1.2), ("y", "z", R)),
         ),
-        _by_feature(
+        tree(
             "overlapping groups merge",
             *(("base", "a1", R), ("a1", "b1", R), ("b1", "a2", R, "a1", 0.8), ("a2", "b2", R, "b1", -0.6)),
             *(("b2", "a3", R, "a2", 0.9), ("a3", "free", R)),
         ),
-        _by_feature(
+        tree(
             "sibling groups interleaved by name",
             *(("base", "hand", R), ("hand", "a", R), ("hand", "b", R), ("hand", "c", R, "a"), ("hand", "d", R, "b")),
             *(("a", "tip_a", R), ("d", "tip_d", R)),
         ),
-        _by_feature("prismatic follows revolute", ("base", "a", R), ("a", "b", R), ("b", "c", P, "b", 0.05)),
-        _by_feature("revolute follows prismatic", ("base", "a", R), ("a", "b", P), ("a", "c", R, "b", 8.0, -0.3)),
-        _by_feature("carried by the root", ("base", "l", R), ("base", "r", R, "l", -1.0), ("l", "t", R)),
-        _by_feature("carried by a moving body", ("base", "a", R), ("a", "l", R), ("a", "r", R, "l", -1.0)),
-        _by_feature(
-            "planar joint inside an aggregate", ("base", "a", R), ("a", "p", "planar"), ("p", "b", R, "a", 0.7)
-        ),
-        _by_feature(
+        tree("prismatic follows revolute", ("base", "a", R), ("a", "b", R), ("b", "c", P, "b", 0.05)),
+        tree("revolute follows prismatic", ("base", "a", R), ("a", "b", P), ("a", "c", R, "b", 8.0, -0.3)),
+        tree("carried by the root", ("base", "l", R), ("base", "r", R, "l", -1.0), ("l", "t", R)),
+        tree("carried by a moving body", ("base", "a", R), ("a", "l", R), ("a", "r", R, "l", -1.0)),
+        tree("planar joint inside an aggregate", ("base", "a", R), ("a", "p", "planar"), ("p", "b", R, "a", 0.7)),
+        tree(
             "floating joint inside an aggregate",
             *(("base", "a", R), ("a", "p", "floating"), ("p", "b", R, "a", 0.7), ("p", "c", R)),
         ),
-        _by_feature(
+        tree(
             "armature on a leader",
             *(("base", "a", R), ("a", "b", R), ("a", "c", P, "b", -0.6), ("c", "d", R)),
             armature={"b": 0.4, "d": 0.1},
         ),
-        _by_feature(
+        tree(
             "armature on a follower",
             *(("base", "a", R), ("a", "b", R), ("b", "c", P, "b", -0.6), ("c", "d", R)),
             armature={"a": 0.2, "b": 0.4, "c": 0.7, "d": 0.1},
         ),
-        _by_feature(
+        tree(
             "massless follower link",
             *(("base", "a", R), ("a", "b", R), ("a", "c", R, "b", -0.6), ("c", "d", P, "b"), ("d", "e", R)),
             massless=("c", "d"),
         ),
-        _by_feature("continuous leader", ("base", "a", C), ("a", "b", C), ("b", "c", C, "b", -2.0), ("b", "d", C, "a")),
-        _by_feature(
+        tree("continuous leader", ("base", "a", C), ("a", "b", C), ("b", "c", C, "b", -2.0), ("b", "d", C, "a")),
+        tree(
             "branch off the inside of an aggregate",
             *(("base", "a", R), ("a", "b", R), ("b", "c", R), ("c", "d", R, "b", 0.7)),
             *(("c", "x", R), ("x", "y", R), ("b", "u", P), ("d", "v", R)),
         ),
-        _by_feature(
+        tree(
             "independent sibling of an aggregate",
             *(("base", "a", R), ("a", "k", R), ("a", "m", R, "k"), ("a", "b", R), ("a", "l", R), ("l", "n", R)),
         ),
-        _by_feature(
+        tree(
             "names against the order of the tree",
             *(("base", "z", R), ("z", "y", R, "w", 0.5), ("y", "x", R), ("x", "w", R), ("w", "v", R, "x", 0.3)),
             *(("z", "u", R), ("u", "t", R), ("t", "s", R, "u", 2.0)),

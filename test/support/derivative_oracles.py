@@ -6,12 +6,12 @@
 Imports nothing of diag_dynamics. What `oracles.State` has already (ṁ, Ḋ, C_s, all exact) is not repeated here.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 import pinocchio as pin
 
-from oracles import COORDINATES, Oracle, State
+from coupling import Coupled
+from oracles import Oracle, State
+from robots import Robot
 
 
 def bracket(t: State) -> np.ndarray:
@@ -92,7 +92,7 @@ class RateOracle(Oracle):
 def link_placement(oracle, q: np.ndarray, link: str) -> pin.SE3:
     """Return where a link's frame is in the world."""
     if isinstance(oracle, Coupled):
-        return link_placement(oracle.free, oracle.full(q), link)
+        return link_placement(oracle.full, oracle.q_full(q), link)
     at = oracle.model.getFrameId(link, pin.FrameType.BODY)
     pin.framesForwardKinematics(oracle.model, oracle.data, oracle.configuration(q))
     return oracle.data.oMf[at].copy()
@@ -101,7 +101,7 @@ def link_placement(oracle, q: np.ndarray, link: str) -> pin.SE3:
 def jacobian(oracle, q: np.ndarray, link: str, point=(0.0, 0.0, 0.0), frame: str = "link") -> np.ndarray:
     """Return J (6 × nv), linear first, of the velocity of a point given in the link's axes; in axes of link or world."""
     if isinstance(oracle, Coupled):
-        return jacobian(oracle.free, oracle.full(q), link, point, frame) @ oracle.G
+        return jacobian(oracle.full, oracle.q_full(q), link, point, frame) @ oracle.G
     at = oracle.model.getFrameId(link, pin.FrameType.BODY)
     J = pin.computeFrameJacobian(oracle.model, oracle.data, oracle.configuration(q), at, pin.LOCAL)
     J = J.reshape(6, oracle.nv)[:, oracle._order]  # of one joint Pinocchio gives a vector
@@ -115,7 +115,7 @@ def jacobian(oracle, q: np.ndarray, link: str, point=(0.0, 0.0, 0.0), frame: str
 def carriers(oracle, link: str) -> set[int]:
     """Return the dofs that carry a link."""
     if isinstance(oracle, Coupled):
-        free = carriers(oracle.free, link)
+        free = carriers(oracle.full, link)
         return {k for k in range(oracle.nv) if oracle.G[sorted(free), k].any()}
     joint = oracle.model.frames[oracle.model.getFrameId(link, pin.FrameType.BODY)].parentJoint
     if joint == 0:
@@ -124,117 +124,20 @@ def carriers(oracle, link: str) -> set[int]:
     return set(oracle.ancestors(last)) | {last}
 
 
-class Coupled:
-    """A robot whose mimic joints follow: q = G q_r + q_0 over an oracle in which every joint is its own.
+class CoupledRates(Coupled):
+    """A `Coupled` robot over a `RateOracle`: Ṁ and the terms of C_s are projected by G, too."""
 
-    It answers what `State` asks of an `Oracle`, in independent coordinates: M_r = GᵀMG and its upper factor in the
-    caller's order of dofs, c_r = Gᵀc, C_s,r = GᵀC_sG.
-    """
-
-    def __init__(self, urdf: str, dof_names: tuple[str, ...], **options):
-        """Read the couplings from the XML; options as of `Oracle`."""
-        self.free = RateOracle(urdf, None, **options)
-        self.dof_names, self.nv = tuple(dof_names), len(dof_names)
-        mimics = {}
-        for joint in self.free.xml.findall("joint"):
-            mimic = joint.find("mimic")
-            if mimic is not None:
-                numbers = (float(mimic.get("multiplier", 1)), float(mimic.get("offset", 0)))
-                mimics[joint.get("name")] = mimic.get("joint"), *numbers
-        self.G, self.offset = np.zeros((self.free.nv, self.nv)), np.zeros(self.free.nv)
-        for i, name in enumerate(self.free.dof_names):
-            scale, offset = 1.0, 0.0
-            while name in mimics:
-                name, multiplier, shift = mimics[name]
-                scale, offset = scale * multiplier, offset + scale * shift
-            self.G[i, self.dof_names.index(name)], self.offset[i] = scale, offset
-        if len(self.dof_names) != len(set(self.free.dof_names) - set(mimics)):
-            raise ValueError(f"dofs {sorted(self.dof_names)} are not those that follow no other")
-        # of every joint that follows no other: its first dof, its first coordinate here and in the oracle, their number
-        self._joints, self.nq = [], 0
-        for joint in dict.fromkeys(name.split("/")[0] for name in self.dof_names):
-            k = next(k for k, name in enumerate(self.dof_names) if name.split("/")[0] == joint)
-            there = self.free._joint[self.free.dof_names.index(self.dof_names[k])]
-            count = COORDINATES[self.free.model.nvs[there]]
-            self._joints.append((k, self.nq, self.free._first[there], count))
-            self.nq += count
-        self._order = np.arange(self.nv)
-
-    def full(self, q: np.ndarray) -> np.ndarray:
-        """Return the positions of all joints."""
-        out = np.empty(self.free.nq)
-        for k, here, there, count in self._joints:
-            if count > 1:
-                out[there : there + count] = q[here : here + count]
-                continue
-            for i in np.flatnonzero(self.G[:, k]):
-                out[self.free._first[self.free._joint[i]]] = self.G[i, k] * q[here] + self.offset[i]
-        return out
-
-    @property
-    def neutral(self) -> np.ndarray:
-        """Return the positions of zero, quaternions at the identity."""
-        q = np.zeros(self.nq)
-        for _, here, _, count in self._joints:
-            if count == COORDINATES[6]:
-                q[here + 6] = 1.0
-        return q
-
-    def moved(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Return q after a step."""
-        out, end = np.array(q, float), self.free.moved(self.full(q), self.G @ step)
-        for k, here, there, count in self._joints:
-            out[here : here + count] = q[here] + step[k] if count == 1 else end[there : there + count]
-        return out
-
-    def is_prismatic(self, k: int) -> bool:
-        """Whether dof k is a translation."""
-        return self.free.is_prismatic(self.free.dof_names.index(self.dof_names[k]))
-
-    def is_circular(self, k: int) -> bool:
-        """Whether dof k is a continuous joint."""
-        return self.free.is_circular(self.free.dof_names.index(self.dof_names[k]))
-
-    at, factor, derivative = Oracle.at, Oracle.factor, Oracle.derivative
-
-    @staticmethod
-    def from_pin(x: np.ndarray) -> np.ndarray:
-        """Return it as it is: nothing here is in another order."""
-        return x
-
-    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
-        """Return GᵀMG."""
-        return self.G.T @ self.free.mass_matrix(self.full(q)) @ self.G
-
-    def unit_factor(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return U with unit diagonal, and D, of M_r = U D Uᵀ, by elimination from the last dof."""
-        m = np.linalg.cholesky(self.mass_matrix(q)[::-1, ::-1])[::-1, ::-1]
-        return m / np.diag(m), np.diag(m) ** 2
-
-    def gravity_torque(self, q: np.ndarray) -> np.ndarray:
-        """Return Gᵀg."""
-        return self.G.T @ self.free.gravity_torque(self.full(q))
-
-    def bias(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-        """Return Gᵀc."""
-        return self.G.T @ self.free.bias(self.full(q), self.G @ qd)
-
-    def coriolis_matrix(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-        """Return GᵀC_sG."""
-        return self.G.T @ self.free.coriolis_matrix(self.full(q), self.G @ qd) @ self.G
+    Full = RateOracle
 
     def coriolis_terms(self, q: np.ndarray, qd: np.ndarray) -> list[np.ndarray]:
-        """Return what GᵀC_sG is the sum of."""
-        return [self.G.T @ part @ self.G for part in self.free.coriolis_terms(self.full(q), self.G @ qd)]
+        """Return the terms of GᵀC_sG."""
+        return [self.G.T @ part @ self.G for part in self.full.coriolis_terms(self.q_full(q), self.G @ qd)]
 
     def mass_matrix_rate(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Return GᵀṀG."""
-        return self.G.T @ self.free.mass_matrix_rate(self.full(q), self.G @ qd) @ self.G
+        return self.G.T @ self.full.mass_matrix_rate(self.q_full(q), self.G @ qd) @ self.G
 
-    def forward_dynamics(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        """Return q̈ by solving M_r q̈ = τ − c_r − g_r."""
-        return np.linalg.solve(self.mass_matrix(q), tau - self.bias(q, qd) - self.gravity_torque(q))
 
-    def effort_of(self, q: np.ndarray, wrenches: Mapping[str, np.ndarray], frame: str) -> np.ndarray:
-        """Return GᵀJᵀf."""
-        return self.G.T @ self.free.effort_of(self.full(q), wrenches, frame)
+def rate_oracle_of(robot: Robot, dof_names: tuple[str, ...] | None = None) -> RateOracle | CoupledRates:
+    """Return the oracle of a robot, which couples its mimic joints where the robot does."""
+    return (CoupledRates if robot.mimic == "embed" else RateOracle)(robot.urdf, dof_names, **robot.options)

@@ -143,6 +143,20 @@ class Oracle:
         """Whether dof k is a continuous joint, which Pinocchio parametrizes by (cos, sin)."""
         return self.model.nqs[self._joint[k]] == 2
 
+    def is_coupled(self, k: int) -> bool:
+        """Whether dof k moves several joints: never here, see `coupling.Coupled`."""
+        return False
+
+    @property
+    def joint_of_dof(self) -> list[str]:
+        """Return the joint's name of each dof."""
+        return [self.model.names[j] for j in self._joint]
+
+    @property
+    def joint_of_coordinate(self) -> list[str]:
+        """Return the joint's name of each coordinate."""
+        return [self.model.names[j] for j in self._joints for _ in range(COORDINATES[self.model.nvs[j]])]
+
     # --- between the caller's order of dofs and Pinocchio's
 
     def to_pin(self, x: np.ndarray) -> np.ndarray:

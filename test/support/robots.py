@@ -4,8 +4,8 @@
 """The URDFs of the `example-robot-data` wheel, and which of them have no diagonalized dynamics to check.
 
 A robot is *regular* when the mass matrix of its fixed-base model, every joint independent (`mimic="free"`),
-is regular at random configurations. An excluded file stands below with its reason and the figure measured
-for it; `test_robots.py` shows that each deserves it, so no exclusion can hide a gap.
+is regular at random configurations. `EXCLUDED` lists the other files with their reasons, and `test_massless.py` shows
+each reason. `robots_to_test` decides which robots the laws run over, in the gate and in the full tier.
 """
 
 import xml.etree.ElementTree as ET
@@ -18,6 +18,8 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+
+from examples import all_robots_selected
 
 WHEEL = "example-robot-data"
 
@@ -90,17 +92,18 @@ def regular_robots() -> tuple[str, ...]:
 
 
 class Robot(NamedTuple):
-    """A description to test: where it comes from (path or XML text) and what is passed along with it."""
+    """A description to test: its source (path or XML text) and the options of its model."""
 
     id: str
     source: Path | str
     armature: Mapping[str, float] = MappingProxyType({})
     floating_base: bool = False
     locked_joints: Mapping[str, float] = MappingProxyType({})
+    mimic: str = "free"
 
     @property
     def options(self) -> dict:
-        """Return what loader and oracle take alike."""
+        """Return the options that loader and oracles have in common."""
         return {
             "armature": self.armature,
             "floating_base": self.floating_base,
@@ -330,11 +333,41 @@ def cured_robots() -> tuple[Robot, ...]:
     )
 
 
+def coupled_robots() -> tuple[Robot, ...]:
+    """Return robots whose mimic joints are coupled: those of the wheel, and those written for the tests."""
+    from coupling import NAMED, wheel  # which import this module
+
+    return tuple(robot._replace(id=f"{robot.id}+coupled", mimic="embed") for robot in (*wheel(), *NAMED.values()))
+
+
+GATE = (
+    "pendulum",
+    "two_link_arm",
+    "gantry",
+    "panda_description/urdf/panda.urdf",
+    "ur_description/urdf/ur5_robot.urdf",
+    "allegro_hand_description/urdf/allegro_left_hand.urdf",
+    "tiago_description/robots/tiago.urdf",
+    "talos_data/robots/talos_reduced.urdf+floating",
+    "go2_description/urdf/go2.urdf+floating",
+    "romeo_description/urdf/romeo_laas_small.urdf+locked",
+    "random_tree_0",
+    "mobile_tree_20",
+    "geared_tree_10+floating",
+    "panda_description/urdf/panda.urdf+coupled+floating",
+)
+"""The gate's robots: all types of joints, free bases, rotor inertias, locked and mimic joints, links without inertia."""
+
+
 def robots_to_test() -> tuple[Robot, ...]:
-    """Return every robot the physics is tested on: with a fixed base, then with a floating one, where all can move."""
-    fixed = (*(robot(id) for id in regular_robots()), *cured_robots(), *random_robots())
+    """Return the robots that the laws run over: :data:`GATE` in the gate, all of them in the full tier."""
+    fixed = (*(robot(id) for id in regular_robots()), *cured_robots(), *random_robots(), *coupled_robots())
     motionless = (robot(id) for id, exclusion in EXCLUDED.items() if exclusion.reason == MOTIONLESS)
-    return textbook_robots() + fixed + tuple(robot.floating for robot in (*fixed, *motionless))
+    every = textbook_robots() + fixed + tuple(robot.floating for robot in (*fixed, *motionless))
+    if all_robots_selected():
+        return every
+    by_id = {robot.id: robot for robot in every}
+    return tuple(by_id[id] for id in GATE)
 
 
 # --- states

@@ -1,0 +1,278 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Robots whose dynamics are known by hand, in the library and in the oracles; the oracles by other routes."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pinocchio.rpy import rpyToMatrix
+
+import diag_dynamics as dd
+import robots
+from accuracy import EPS, assert_close, norm, tolerance, tolerance_of_differences
+from coupling import NAMED, oracle_of
+from derivative_oracles import link_placement
+from oracles import Oracle
+from robots import description, joint, link
+
+pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
+
+# --- the oracles
+
+
+@pytest.mark.parametrize("name", ["oracles", "robots", "coupling", "derivative_oracles"])
+def test_oracles_share_no_code_with_the_library(name):
+    """An oracle that shared code with the library would share its mistakes."""
+    source = (Path(robots.__file__).parent / f"{name}.py").read_text(encoding="utf-8")
+    assert not re.search(r"^\s*(from|import) diag_dynamics", source, re.M)
+
+
+CHECKED = (
+    robots.Robot("mobile_tree_20", robots.random_tree(20, kinds=robots.KINDS + robots.SEVERAL)).floating,
+    next(robot for robot in robots.random_robots() if robot.armature),
+    NAMED["nested three deep"]._replace(mimic="embed"),
+)
+
+
+@pytest.mark.parametrize("robot", CHECKED, ids=lambda robot: robot.id)
+def test_oracles_by_other_routes(robot):
+    """The oracles' factors, Coriolis terms and dynamics agree with differences and dense solves."""
+    o = oracle_of(robot)
+    for sample in robots.samples(robot.id, o):
+        t = o.at(sample.q, sample.qd, sample.tau)
+        unit, root, tol = np.sqrt(np.diag(t.M)), np.sqrt(t.D), tolerance(t)
+        weigh = np.outer(unit, unit)
+        m = np.linalg.cholesky(t.M[::-1, ::-1])[::-1, ::-1]
+        if robot.mimic == "embed":  # whose dofs are in the order of elimination
+            assert_close(t.m / unit[:, None], m / unit[:, None], tol)
+        assert_close(t.m @ t.m.T / weigh, t.M / weigh, 1e-13)
+        assert_close(t.coriolis_by_difference, t.coriolis, tolerance_of_differences(t), t.coriolis_scale)
+        assert_close(t.C_s @ t.qd / unit, t.c / unit, 1e-12, norm(t.c / unit) + t.coriolis_scale)
+        rate = o.derivative(lambda q: o.unit_factor(q)[0], t.q, t.qd)
+        other = np.linalg.solve(t.unit, t.c) - t.D * (rate.T @ t.qd)
+        scale = t.coriolis_scale + norm(t.Ddot * t.xi / root)
+        assert_close(other / root, t.coriolis_unnormalized / root, tolerance_of_differences(t), scale)
+        assert_close(t.nu @ t.coriolis, 0.0, 1e-12, norm(t.nu) * t.coriolis_scale)
+        parts = t.M @ sample.qdd / unit, t.c / unit, t.g / unit
+        tau = o.inverse_dynamics(t.q, t.qd, sample.qdd)
+        assert_close(tau / unit, sum(parts), 1e-12, sum(map(norm, parts)))
+        parts = t.M @ t.acceleration / unit, t.c / unit, t.g / unit
+        assert_close(sum(parts), t.tau / unit, tol, sum(map(norm, parts)))
+        assert sum(t.link_energy.values()) == pytest.approx(t.kinetic_energy, rel=1e-12)
+
+
+# --- closed forms, of the library and of the oracle
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_two_link_arm(seed):
+    """M, c, U, D, ν and C of the textbook arm, worked out by hand."""
+    arm = robots.TwoLinkArm(*np.random.default_rng(seed).uniform(0.2, 2, 7))
+    q, qd = np.random.default_rng(seed + 100).uniform(-3, 3, (2, 2))
+    dyn, t = dd.DiagonalDynamics(dd.load_urdf(arm.urdf)), Oracle(arm.urdf, ("shoulder", "elbow")).at(q, qd)
+    s, f, (unit, D) = dyn.evaluate(q, qd), dyn.factors(q), arm.factor(q)
+    for exact, rtol, atol, *answers in (
+        (arm.mass_matrix(q), 1e-12, 0, dyn.mass_matrix(q), t.M),
+        (arm.bias(q, qd), 1e-11, 1e-13, dyn.bias(q, qd), t.c),
+        (unit, 1e-12, 0, f.unit, t.unit),
+        (D, 1e-12, 0, f.D, t.D),
+        ((unit * np.sqrt(D)).T @ qd, 1e-12, 0, s.nu, t.nu),
+        (arm.coriolis(q, qd), 1e-10, 1e-12, s.coriolis, t.coriolis),
+        (arm.coriolis(q, qd), 1e-9, 1e-11, t.coriolis_by_difference),
+    ):
+        for answer in answers:
+            np.testing.assert_allclose(answer, exact, rtol, atol)
+
+
+def test_pendulum():
+    """One joint: D is the inertia about the axis, g its gravity moment, and C = 0."""
+    q, qd, tau = [4.0], [3.0], [1.5]
+    dyn, t = dd.DiagonalDynamics(dd.load_urdf(robots.PENDULUM)), Oracle(robots.PENDULUM).at(q, qd, tau)
+    s, (y, z) = dyn.evaluate(q, qd, tau), (0.05, -0.4)
+    D = 0.02 + 0.8 * (y**2 + z**2)
+    moment = 0.8 * 9.81 * (y * np.cos(4.0) - z * np.sin(4.0))  # m g × lever arm of the turned centre of mass
+    for exact, *answers in (
+        (D, s.articulated_inertia, t.D),
+        (moment, dyn.gravity_torque(q), t.g),
+        (3 * np.sqrt(D), s.nu, t.nu),
+        ((1.5 - moment) / D, dyn.forward_dynamics(q, qd, tau), t.acceleration),
+    ):
+        for answer in answers:
+            assert answer == pytest.approx([exact], rel=1e-13)
+    assert np.abs([s.coriolis, t.coriolis]).max() < 1e-14
+
+
+@pytest.mark.parametrize("urdf", [robots.PENDULUM, robots.GANTRY], ids=["one joint", "gantry"])
+def test_no_coriolis_term(urdf):
+    """C = 0 for one joint, and where there are translations only; C_ξ too, as D is constant."""
+    model = dd.load_urdf(urdf)
+    dyn, oracle = dd.DiagonalDynamics(model), Oracle(urdf, model.dof_names)
+    for q, qd in np.random.default_rng(5).uniform(-3, 3, (10, 2, model.nv)):
+        s, t = dyn.evaluate(q, qd), oracle.at(q, qd)
+        rounding = 10 * EPS * norm(s.nu) * norm(qd)
+        assert norm(s.coriolis) <= rounding
+        assert norm(s.coriolis_unnormalized / np.sqrt(s.articulated_inertia)) <= rounding
+        assert (s.articulated_inertia == dyn.evaluate(0 * q, qd).articulated_inertia).all()
+        assert max(norm(t.coriolis), norm(t.coriolis_by_difference)) < 1e-11
+    if model.nv == 3:
+        np.testing.assert_allclose(np.diag(dyn.mass_matrix(q)), [27, 7, 2], rtol=1e-14)
+        np.testing.assert_allclose(np.diag(t.M), [27, 7, 2], rtol=1e-14)
+
+
+# --- rates of change and operational space
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_rates_of_the_two_link_arm(seed):
+    """The textbook arm: only β cos q₂ changes, D₂ is constant, and B has the one entry that makes its C."""
+    arm = robots.TwoLinkArm(*np.random.default_rng(seed).uniform(0.2, 2, 7))
+    q, qd = np.random.default_rng(seed + 100).uniform(-3, 3, (2, 2))
+    dyn = dd.DiagonalDynamics(dd.load_urdf(arm.urdf))
+    _, beta, _ = arm._constants
+    (unit, D), s = arm.factor(q), beta * np.sin(q[1])
+    assert np.allclose(dyn.mass_matrix_rate(q, qd), -s * qd[1] * np.array([[2, 1], [1, 0]]), rtol=1e-11, atol=1e-14)
+    assert (dyn.mass_matrix_rate(q, [1.0, 0.0]) == 0).all()  # nothing depends on the shoulder
+    # D₁ = M₁₁ − M₁₂²/M₂₂, u = M₁₂/M₂₂
+    D_rate = np.array([-2 * s * qd[1] * (1 - unit[0, 1]), 0.0])
+    m_rate = np.array([[0.5 * D_rate[0] / np.sqrt(D[0]), -s * qd[1] / np.sqrt(D[1])], [0.0, 0.0]])
+    assert np.allclose(dyn.evaluate(q, qd).articulated_inertia_rate, D_rate, rtol=1e-10, atol=1e-13)
+    assert np.allclose(dyn.m_rate_transposed(q, qd, [1.0, 0.0]), m_rate[0], rtol=1e-10, atol=1e-13)
+    assert np.allclose(dyn.m_rate_transposed(q, qd, [0.0, 1.0]), 0.0, atol=1e-13)
+    b = -s * (qd[0] + qd[1]) / np.sqrt(D[0] * D[1])  # C = b [ν₂, −ν₁]
+    assert np.allclose(dyn.coriolis_bracket(q, qd, [0.0, 1.0]), [b, 0.0], rtol=1e-10, atol=1e-12)
+    assert np.allclose(dyn.coriolis_bracket(q, qd, [1.0, 0.0]), [0.0, -b], rtol=1e-10, atol=1e-12)
+    assert dyn.log_det(q) == pytest.approx(np.log(np.linalg.det(arm.mass_matrix(q))), abs=1e-13)
+    assert dyn.log_det_rate(q, qd) == pytest.approx(D_rate[0] / D[0], rel=1e-10)
+
+
+def test_rates_of_a_gantry():
+    """Translations only: nothing changes; the hook's reflected mass along an axis is what that axis moves."""
+    dyn = dd.DiagonalDynamics(dd.load_urdf(robots.GANTRY))
+    q, qd, x = np.random.default_rng(5).uniform(-3, 3, (3, 3))
+    rounding = 100 * EPS * norm(qd) * norm(x)
+    for rate in (
+        dyn.m_rate_transposed(q, qd, x),
+        dyn.coriolis_bracket(q, qd, x),
+        dyn.mass_matrix_rate_times(q, qd, x),
+        dyn.mass_matrix_rate(q, qd),
+        dyn.coriolis_product(q, qd, x),
+        dyn.log_det_rate(q, qd),
+        dyn.evaluate(q, qd).articulated_inertia_rate,
+    ):
+        assert norm(rate) <= rounding
+    assert dyn.reflected_mass(q, "bridge", (1, 0, 0), frame="world") == pytest.approx(
+        np.linalg.det(dyn.mass_matrix(q)) / np.linalg.det(dyn.mass_matrix(q)[1:, 1:]), rel=1e-12
+    )
+    for direction in ((0, 1, 0), (0, 0, 1), (0, 3, -2)):
+        assert dyn.reflected_mass(q, "bridge", direction, frame="world") == np.inf
+
+
+PISTON = description(
+    "piston",
+    link("base"),
+    link("head", 2.5, (0.1, 0, 0), (0.1, 0, 0, 0.1, 0, 0.1)),
+    joint("slide", "prismatic", "base", "head", axis=(1, 2, 2), xyz=(0.3, 0, 0), rpy=(0.4, 0.2, 0.1)),
+)
+
+
+def test_reflected_mass_of_one_joint():
+    """A slide carries its mass along its axis, mass/cos² beside it; a wheel D/r² along the tangent."""
+    dyn = dd.DiagonalDynamics(dd.load_urdf(PISTON))
+    axis = np.array([1.0, 2.0, 2.0]) / 3
+    assert dyn.reflected_mass([0.7], "head", axis) == pytest.approx(2.5, rel=1e-14)
+    assert dyn.reflected_mass([0.7], "head", (0, 0, 1), (5.0, 1.0, 0.0)) == pytest.approx(2.5 * 9 / 4, rel=1e-13)
+    turn = np.array(
+        [link_placement(Oracle(PISTON), np.zeros(1), "head").rotation @ e for e in np.eye(3)]
+    ).T  # of the link, which does not turn with the slide
+    assert dyn.reflected_mass([0.7], "head", turn @ axis, frame="world") == pytest.approx(2.5, rel=1e-13)
+    pendulum = dd.DiagonalDynamics(dd.load_urdf(robots.PENDULUM))
+    D = pendulum.evaluate([1.0], [0.0]).articulated_inertia[0]
+    assert pendulum.reflected_mass([1.0], "rod", (0, 1, 0), (0.3, 0, -2.0)) == pytest.approx(D / 4, rel=1e-13)
+    J_w = pendulum.wrench_factor([1.0], "rod")  # a turning joint feels the moment about its axis only
+    assert J_w[0] == pytest.approx([0, 0, 0, 1 / np.sqrt(D), 0, 0], rel=1e-13, abs=1e-14)
+
+
+def test_reflected_mass_is_infinite_where_nothing_moves():
+    """On the axis of the only joint, across a slide, along an axis of rotation, at the root: the point cannot go there."""
+    pendulum = dd.DiagonalDynamics(dd.load_urdf(robots.PENDULUM))
+    slide = dd.DiagonalDynamics(dd.load_urdf(PISTON))
+    for q in ([0.0], [0.3], [2.0]):
+        assert pendulum.reflected_mass(q, "rod", (1, 0, 0), (0.1, 0.2, 0.3)) == np.inf
+        assert pendulum.reflected_mass(q, "rod", (0, 1, 0)) == np.inf  # the link's origin is on the axis
+        assert pendulum.reflected_mass(q, "rod", (0, 0, 2.0), (7.0, 0, 0)) == np.inf
+        assert pendulum.reflected_mass(q, "base", (0, 0, 1)) == np.inf
+        assert slide.reflected_mass(q, "head", (2, -1, 0), (0.1, 0.2, 0.3)) == np.inf
+        assert slide.reflected_mass(q, "head", (0, 1, -1), frame="link") == np.inf
+
+
+def one_joint(kind, rng):
+    """Return a robot of one crooked joint, its axis, and a position."""
+    axis, rpy = rng.standard_normal(3), rng.uniform(-3, 3, 3)
+    head = link("head", 2.5, (0.1, 0, 0), (0.1, 0, 0, 0.1, 0, 0.1))
+    urdf = description(kind, link("base"), head, joint("only", kind, "base", "head", axis, (0.3, 0.1, 0.2), rpy))
+    return urdf, axis / norm(axis), rng.uniform(-2, 2, 1)
+
+
+@pytest.mark.parametrize("frame", ["link", "world"])
+def test_reflected_mass_across_a_crooked_slide(frame):
+    """∞ across a slide however its axis and the direction lie: rounding is no motion. A push 10⁻⁶ beside is not cut off."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        urdf, axis, q = one_joint("prismatic", rng)
+        dyn, point = dd.DiagonalDynamics(dd.load_urdf(urdf)), rng.standard_normal(3)
+        R = link_placement(Oracle(urdf), q, "head").rotation if frame == "world" else np.eye(3)
+        across = np.cross(axis, rng.standard_normal(3))
+        across /= norm(across)
+        nearly = dyn.reflected_mass(q, "head", R @ (across + 1e-6 * axis), point, frame=frame)
+        assert nearly == pytest.approx(2.5e12, rel=1e-8)
+        assert dyn.reflected_mass(q, "head", R @ across, point, frame=frame) == np.inf
+
+
+@pytest.mark.parametrize("frame", ["link", "world"])
+def test_reflected_mass_towards_a_crooked_hinge(frame):
+    """∞ along lines through a hinge's axis, however they lie. A push 10⁻⁶ beside is not cut off."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        urdf, axis, q = one_joint("revolute", rng)
+        dyn, point = dd.DiagonalDynamics(dd.load_urdf(urdf)), rng.standard_normal(3)
+        R = link_placement(Oracle(urdf), q, "head").rotation if frame == "world" else np.eye(3)
+        through = rng.standard_normal() * axis - point  # from the point to somewhere on the axis
+        through, tangent = through / norm(through), np.cross(axis, point)
+        D = dyn.evaluate(q, [0.0]).articulated_inertia[0]
+        beside = through + 1e-6 * tangent / norm(tangent)
+        nearly = dyn.reflected_mass(q, "head", R @ beside, point, frame=frame)
+        assert nearly == pytest.approx(1e12 * D / (tangent @ tangent), rel=1e-8)
+        assert dyn.reflected_mass(q, "head", R @ through, point, frame=frame) == np.inf
+
+
+@pytest.mark.parametrize("joints", [1, 3, 10, 30])
+def test_reflected_mass_out_of_a_crooked_plane(joints):
+    """∞ normal to the plane that a planar arm moves in, however many joints it has and however its frames are turned."""
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        normal, elements, at = rng.standard_normal(3), [link("link_0")], np.eye(3)
+        for k in range(joints):
+            rpy, xyz = rng.uniform(-3, 3, 3), at.T @ rng.uniform(-0.4, 0.4, 3)
+            at = at @ rpyToMatrix(rpy)
+            axis = at.T @ normal / norm(normal)
+            elements.append(joint(f"joint_{k}", "revolute", f"link_{k}", f"link_{k + 1}", axis, xyz, rpy))
+            elements.append(link(f"link_{k + 1}", 1.0, (0.1, 0.05, 0), (0.01, 0, 0, 0.01, 0, 0.01)))
+        dyn, point = dd.DiagonalDynamics(dd.load_urdf(description("planar_arm", *elements))), rng.standard_normal(3)
+        q = rng.uniform(-2, 2, joints)
+        assert dyn.reflected_mass(q, f"link_{joints}", normal, point, frame="world") == np.inf
+        across = np.cross(normal, rng.standard_normal(3))
+        assert dyn.reflected_mass(q, f"link_{joints}", across, point, frame="world") < 1e3
+
+
+def test_lever_of_a_point():
+    """The point is in the link's axes and from its origin whatever the axes of the wrench are."""
+    dyn = dd.DiagonalDynamics(dd.load_urdf(robots.PENDULUM))
+    q, D = [0.8], dyn.evaluate([0.8], [0.0]).articulated_inertia[0]
+    # 2 m along the rod; the world's x is the axis but for the mounting's turn about z of 0.4
+    push = dyn.wrench_factor(q, "rod", (0, 0, -2.0), frame="world")[0]
+    R = np.array([[np.cos(0.4), -np.sin(0.4), 0], [np.sin(0.4), np.cos(0.4), 0], [0, 0, 1]])
+    tangent = R @ [0, 2 * np.cos(0.8), 2 * np.sin(0.8)]
+    assert push * np.sqrt(D) == pytest.approx([*tangent, *(R @ [1, 0, 0])], rel=1e-13, abs=1e-13)

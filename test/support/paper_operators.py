@@ -1,0 +1,198 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The stacked operators of Jain and Rodriguez (1995), dense. Imports nothing of diag_dynamics.
+
+`Operators` builds the paper's stacked operators, as dense matrices, from Pinocchio's placements, inertias and motion
+subspaces, in the paper's own axes: spatial vectors are angular first, at each body's origin, in the axes of the world,
+so that φ(k, k−1) is [[1, l~], [0, 1]] (4.7). Bodies are numbered base to tip here, and a body may carry several: E_φ
+has the tree's pattern, which changes none of the identities.
+"""
+
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from derivative_oracles import RateOracle
+
+
+def tilde(a: np.ndarray) -> np.ndarray:
+    """Return a~ with a~ b = a × b."""
+    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
+
+
+def cross(X: np.ndarray) -> np.ndarray:
+    """Return X~ of a spatial vector [a; b] (5.5)."""
+    return np.block([[tilde(X[:3]), np.zeros((3, 3))], [tilde(X[3:]), tilde(X[:3])]])
+
+
+def stacked(blocks: list) -> np.ndarray:
+    """Return the block diagonal matrix (5.6)."""
+    rows, columns = blocks[0].shape
+    out = np.zeros((len(blocks) * rows, len(blocks) * columns))
+    for k, block in enumerate(blocks):
+        out[k * rows : (k + 1) * rows, k * columns : (k + 1) * columns] = block
+    return out
+
+
+ANGULAR_FIRST = np.r_[3:6, 0:3]
+
+
+class Operators:
+    """H, φ, M, P, D, G, K, ψ … of a robot with joints of one degree of freedom, in Pinocchio's order of bodies.
+
+    Where the paper has Ω_δ = (H*θ')~ left of P it means the rotation of a revolute joint, for which Ω_δ* = −Ω_δ. With
+    `turn` = −Ω_δ* there instead, the identities hold for prismatic joints too. Both are the same for revolute ones.
+    """
+
+    def __init__(self, oracle: RateOracle, q: np.ndarray, qd: np.ndarray):
+        """Place the bodies and run Algorithm 4.1."""
+        self.oracle, model, data = oracle, oracle.model, oracle.data
+        self.parents = [parent - 1 for parent in list(model.parents)[1:]]
+        self.n = n = oracle.nv
+        assert list(model.nvs)[1:] == [1] * n
+        configuration = oracle.configuration(q)
+        columns = [pin.computeJointJacobian(model, data, configuration, j).reshape(6, n) for j in range(1, n + 1)]
+        pin.forwardKinematics(model, data, configuration)
+        placements = list(data.oMi)[1:]
+        turns = [np.kron(np.eye(2), X.rotation) for X in placements]
+        self.origins = [X.translation.copy() for X in placements]
+        self.H = stacked([(R @ c[ANGULAR_FIRST, k])[None] for k, (R, c) in enumerate(zip(turns, columns, strict=True))])
+        inertias = [body.matrix()[np.ix_(ANGULAR_FIRST, ANGULAR_FIRST)] for body in list(model.inertias)[1:]]
+        self.M = stacked([R @ body @ R.T for R, body in zip(turns, inertias, strict=True)])
+        self.E_phi = np.zeros((6 * n, 6 * n))
+        for k, parent in enumerate(self.parents):
+            if parent >= 0:
+                shift = np.eye(6)
+                shift[:3, 3:] = tilde(self.origins[k] - self.origins[parent])
+                self.E_phi[self.at(parent), self.at(k)] = shift
+        self.one, self.I = np.eye(6 * n), np.eye(n)
+        self.phi = np.linalg.inv(self.one - self.E_phi)
+        self.rates = oracle.to_pin(qd)
+        self.armature = np.diag(model.armature)
+        self._algorithm_4_1()
+
+    @staticmethod
+    def at(k: int) -> slice:
+        """Return where body k is."""
+        return slice(6 * k, 6 * k + 6)
+
+    def block(self, A: np.ndarray, k: int) -> np.ndarray:
+        """Return the diagonal block of body k."""
+        return A[self.at(k), self.at(k)]
+
+    def diagonal(self, A: np.ndarray) -> np.ndarray:
+        """Return the block diagonal part."""
+        return stacked([self.block(A, k) for k in range(self.n)])
+
+    def children(self, k: int) -> list[int]:
+        """Return the bodies that body k carries next."""
+        return [j for j, parent in enumerate(self.parents) if parent == k]
+
+    def _algorithm_4_1(self):
+        """P = φ P⁺ φ* + M, D = H P H*, G = P H* D⁻¹, τ̄ = 1 − G H, P⁺ = τ̄ P, from the tips to the base."""
+        P, D, G, rest = self.M.copy(), np.zeros(self.n), np.zeros((6 * self.n, self.n)), np.zeros_like(self.M)
+        for k in reversed(range(self.n)):
+            at, H = self.at(k), self.H[k, self.at(k)]
+            own = P[at, at]
+            D[k] = H @ own @ H + self.armature[k, k]
+            G[at, k] = own @ H / D[k]
+            rest[at, at] = np.eye(6) - np.outer(G[at, k], H)
+            if self.parents[k] >= 0:
+                inboard = self.at(self.parents[k])
+                shift = self.E_phi[inboard, at]
+                P[inboard, inboard] += shift @ rest[at, at] @ own @ shift.T
+        self.P, self.D, self.G, self.tau_bar = P, np.diag(D), G, rest
+        self.K, self.E_psi = self.E_phi @ G, self.E_phi @ rest
+        self.psi = np.linalg.inv(self.one - self.E_psi)
+
+    @cached_property
+    def root(self) -> np.ndarray:
+        """Return D^½."""
+        return np.sqrt(self.D)
+
+    @cached_property
+    def unit(self) -> np.ndarray:
+        """Return 1 + HφK."""
+        return self.I + self.H @ self.phi @ self.K
+
+    @cached_property
+    def inverse(self) -> np.ndarray:
+        """Return 1 − HψK."""
+        return self.I - self.H @ self.psi @ self.K
+
+    @cached_property
+    def V(self) -> np.ndarray:
+        """Return the bodies' velocities φ*H*θ' (4.3)."""
+        return self.phi.T @ self.H.T @ self.rates
+
+    @cached_property
+    def V_cross(self) -> np.ndarray:
+        """Return V~."""
+        return stacked([cross(self.V[self.at(k)]) for k in range(self.n)])
+
+    @cached_property
+    def delta(self) -> np.ndarray:
+        """Return Ω_δ = (H*θ')~ (6.3)."""
+        own = self.H.T @ self.rates
+        return stacked([cross(own[self.at(k)]) for k in range(self.n)])
+
+    @cached_property
+    def turn(self) -> np.ndarray:
+        """Return −Ω_δ*, which is Ω_δ of revolute joints."""
+        return -self.delta.T
+
+    @cached_property
+    def rate(self) -> np.ndarray:
+        """Return λ̇ of (7.2): λ̇(k) = ψ λ̇(k−1) ψ* + X + X*, X = Ω_δ P."""
+        X = self.turn @ self.P
+        out = self.diagonal(X + X.T)
+        for k in reversed(range(self.n)):
+            for child in self.children(k):
+                shift = self.E_psi[self.at(k), self.at(child)]
+                out[self.at(k), self.at(k)] += shift @ self.block(out, child) @ shift.T
+        return out
+
+    @cached_property
+    def P_rate(self) -> np.ndarray:
+        """Return P' in the body's own axes: Σ ψ λ̇ ψ* over the bodies carried (6.4)."""
+        return self.diagonal(self.E_psi @ self.rate @ self.E_psi.T)
+
+    @cached_property
+    def Omega(self) -> np.ndarray:
+        """Return Ω = diag(ω~, ω~) of each body (6.2)."""
+        return stacked([np.kron(np.eye(2), tilde(self.V[self.at(k)][:3])) for k in range(self.n)])
+
+    def sensitivity(self, i: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return H_δ^i and H_<^i: H~(i) at body i, and at all bodies outboard of it."""
+        own, outboard = np.zeros_like(self.M), np.zeros_like(self.M)
+        turn = cross(self.H[i, self.at(i)])
+        own[self.at(i), self.at(i)] = turn
+        carried = {i}
+        for k in range(i + 1, self.n):
+            if self.parents[k] in carried:
+                carried.add(k)
+                outboard[self.at(k), self.at(k)] = turn
+        return own, outboard
+
+    def partial_rate(self, i: int) -> np.ndarray:
+        """Return λ_i of (A.16): 0 outboard of i, H~P − PH~ at i, ψλ_iψ* inboard."""
+        turn = cross(self.H[i, self.at(i)])
+        out = np.zeros_like(self.M)
+        out[self.at(i), self.at(i)] = -turn.T @ self.block(self.P, i) - self.block(self.P, i) @ turn
+        k = self.parents[i]
+        while k >= 0:
+            for child in self.children(k):
+                shift = self.E_psi[self.at(k), self.at(child)]
+                out[self.at(k), self.at(k)] += shift @ self.block(out, child) @ shift.T
+            k = self.parents[k]
+        return out
+
+    def body(self, k: int) -> int:
+        """Return the body that the caller's degree of freedom k moves."""
+        return int(self.oracle._order[k])
+
+    def mine(self, x: np.ndarray) -> np.ndarray:
+        """Return a vector or matrix over the joints in the caller's order."""
+        return self.oracle.from_pin(x)
