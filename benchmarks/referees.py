@@ -14,10 +14,9 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "test" / folder) for folder in ("library", "support")]  # the scenes are those of the tests
 
 import test_simulation_forces as forces  # noqa: E402
-from test_referees import SCENES, by_mujoco, by_pinocchio, ours, scene  # noqa: E402
-from test_simulation_bodies import distance  # noqa: E402
 
 import diag_dynamics as dd  # noqa: E402
+from engines import SCENES, by_mujoco, by_pinocchio, distance, ours, scene  # noqa: E402
 from robots import robot_path  # noqa: E402
 
 PAGE = ROOT / "docs" / "simulation.md"
@@ -66,7 +65,7 @@ def main():
     warnings.simplefilter("ignore", dd.InertiaWarning)
     lines = [
         f"Distance after {DURATION} s under efforts, damping, a constant push and a payload, |Δq| + |Δq̇| [rad, m, and per",
-        "second], steps of 1 ms, order 4 (`test_referees.py` holds it over 0.1 s):",
+        "second], steps of 1 ms, order 4 (`test_mujoco.py` holds it over 0.1 s):",
         "",
         "| robot | nv | Pinocchio: `aba`, Runge–Kutta–Munthe-Kaas of 0.25 ms | MuJoCo: RK4 of 0.1 ms |",
         "|---|---|---|---|",
