@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import event, given, note
+from hypothesis import event, given, note, settings
 from hypothesis import strategies as st
 
 import diag_dynamics as dd
 from accuracy import EPS, assert_close, norm, tolerance
-from examples import examples
+from examples import examples, shortened
 from oracles import Oracle
 from robots import description, in_other_units, joint, link
 
@@ -327,14 +327,14 @@ def test_small_trees(shape):
     check(shape)
 
 
-@examples(25)
+@settings(examples(25), max_examples=shortened(25, 8))
 @given(shapes(least=20, most=60, back=12, spread=1.0))
 def test_bushes(shape):
     """Tens of joints with many branches."""
     check(shape)
 
 
-@examples(8)
+@settings(examples(8), max_examples=shortened(8, 1))
 @given(shapes(least=150, most=200, kinds=SINGLE, back=0, spread=0.5))
 def test_chains(shape):
     """Up to two hundred joints one behind the other."""
