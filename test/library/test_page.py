@@ -1,15 +1,38 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The page, as far as Python makes it: frames, scenes, contact, and what its server sends over real connections."""
+"""What the page gets: frames with the numbers of the evaluation, contact, and the scene that it draws."""
 
 import base64
 import gzip
+import itertools
 import json
+import struct
+import sys
+from types import SimpleNamespace
 
 import numpy as np
+import pinocchio as pin
+import pytest
+import trimesh
 
+import diag_dynamics as dd
 import page_fixture
+from diag_dynamics.page.contact import Touch, mass_of_half, told
+from diag_dynamics.page.frames import GAP, FrameMaker, Seen, States, Told
+from diag_dynamics.page.hand import hand_of
+from diag_dynamics.page.layout import CAUSES, CHOSEN, Layout
+from diag_dynamics.page.meshes import MeshLibrary
+from diag_dynamics.page.poses import LinkPoses, quaternions
+from diag_dynamics.page.scene import mesh_folders, scene_of
+from diag_dynamics.page.show import Show, Taken
+from oracles import Oracle
+from robots import description, joint, link, random_robots, random_tree, robot, robot_path
+
+PANDA, TALOS = "panda_description/urdf/panda.urdf", "talos_data/robots/talos_reduced.urdf"
+BLOCK = (1.2, (0.1, 0.0, 0.2), (0.05, 0.0, 0.0, 0.06, 0.0, 0.03))
+
+# --- Data of the tests in JavaScript ---
 
 
 def require_same(found, expected, where="fixture"):
@@ -49,3 +72,406 @@ def test_the_fixture_of_the_javascript_tests_is_what_python_writes():
         )
         one["tracks"]["blocks"] = [len(unpacked(text)) for text in one["tracks"]["blocks"]]
     require_same(made, stored)
+
+
+# --- Frames ---
+
+FLOAT = 1e-6
+"""Relative error of float32, rounded up."""
+
+ROBOTS = [
+    robot("panda_description/urdf/panda.urdf"),
+    robot("talos_data/robots/talos_reduced.urdf").floating,
+    *random_robots()[4:6],
+]
+
+
+def some(model, count=1, seed=3):
+    """Positions, rates and efforts of some states."""
+    rng = np.random.default_rng(seed)
+    q = np.array([model.random(rng) for _ in range(count)])
+    return q, rng.normal(size=(count, model.nv)), 10.0 * rng.normal(size=(count, model.nv))
+
+
+def value(frame, layout, name):
+    return frame["numbers"][..., layout.place(name)]
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return dd.load_urdf(robot_path(PANDA))
+
+
+@pytest.mark.parametrize("one", ROBOTS, ids=lambda one: one.id)
+@pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
+def test_poses_and_mobility_are_pinocchios(one):
+    model = dd.load_urdf(one.urdf, mimic="free", **one.options)
+    oracle = Oracle(one.urdf, model.dof_names, floating_base=model.floating_base)
+    dyn, last = dd.DiagonalDynamics(model), model.link_names[-1]
+    q, qd, _ = some(model, 3)
+    poses, matrices = LinkPoses(model).poses(q), LinkPoses(model).matrices(q)
+    for k in range(3):
+        pq = oracle.configuration(q[k])
+        pin.computeJointJacobians(oracle.model, oracle.data, pq)
+        pin.updateFramePlacements(oracle.model, oracle.data)
+        for j, name in enumerate(model.link_names):
+            expected = oracle.data.oMf[oracle.model.getFrameId(name, pin.FrameType.BODY)]
+            np.testing.assert_allclose(matrices[k, j], expected.homogeneous, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(poses[k, j, :3], expected.translation, rtol=0, atol=1e-12)
+            quaternion = pin.Quaternion(expected.rotation).coeffs()
+            assert abs(abs(poses[k, j, 3:] @ quaternion) - 1.0) < 1e-12
+            assert poses[k, j, 6] >= 0.0
+        frame = oracle.model.getFrameId(last, pin.FrameType.BODY)
+        J = pin.getFrameJacobian(oracle.model, oracle.data, frame, pin.LOCAL_WORLD_ALIGNED)
+        J = np.stack([oracle.from_pin(row) for row in J])
+        mobility = J @ np.linalg.solve(oracle.mass_matrix(q[k]), J.T)
+        numbers = FrameMaker(dyn).chosen(q[k], dyn.nu_from_qd(q[k], qd[k]), last)
+        atol = 1e-5 * mobility.max()
+        np.testing.assert_allclose(numbers[:21], mobility[np.triu_indices(6)], rtol=1e-5, atol=atol)
+        np.testing.assert_allclose(numbers[21:], J @ qd[k], rtol=1e-5, atol=1e-5)
+
+
+def test_poses_of_several_freedoms_and_of_mimic_joints():
+    """Placements are those of the dynamics."""
+    mimic = '<mimic joint="open" multiplier="-0.7" offset="0.02"/></joint>'
+    fingers = (
+        joint("open", "prismatic", "hand", "left", (0, 1, 0), rpy=(0.3, 0.1, 0)),
+        joint("close", "prismatic", "hand", "right", (0, 1, 0)).replace("</joint>", mimic),
+    )
+    links = (link(name, *BLOCK) for name in ("hand", "left", "right"))
+    planar = random_tree(11, kinds=("revolute", "prismatic", "planar", "floating"))
+    for text in (planar, description("gripper", *links, *fingers)):
+        model = dd.load_urdf(text)
+        dyn, poses = dd.DiagonalDynamics(model), LinkPoses(model)
+        for q in some(model, 2)[0]:
+            for name, placed in zip(model.link_names, poses.matrices(q[None])[0], strict=True):
+                np.testing.assert_allclose(placed, dyn.placement(q, name), rtol=0, atol=1e-12)
+
+
+def test_quaternions_of_half_turns():
+    """Where the scalar part is zero, rotation and quaternion still agree."""
+    for axis in np.eye(3):
+        x, y, z, w = quaternions(2.0 * np.outer(axis, axis) - np.eye(3))
+        np.testing.assert_allclose(np.abs([x, y, z, w]), [*axis, 0.0], atol=1e-15)
+
+
+@pytest.mark.parametrize("one", ROBOTS[:3], ids=lambda one: one.id)
+@pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
+def test_frames_have_the_numbers_of_the_evaluation(one):
+    model = dd.load_urdf(one.urdf, mimic="free", **one.options)
+    dyn, maker = dd.DiagonalDynamics(model), FrameMaker(dd.DiagonalDynamics(model))
+    layout = maker.layout
+    q, qd, tau = (rows[0] for rows in some(model))
+    s = dyn.evaluate(q, qd, tau, friction=True)
+    r = np.random.default_rng(8).normal(size=model.nv)
+    torque = dyn.tau_from_epsilon(q, r)
+    seen = Seen([True], r[None], torque[None], np.array([np.linalg.norm(r)]), [True])
+    (frame,) = maker.frames(States.of(1.5, q, qd, tau, s), seen, Told(latency=0.003, rate=500.0))
+    assert len(frame.tobytes()) == 8 + 4 * layout.size
+    places = [dyn.placement(q, name)[:3, 3] for name in model.link_names]
+    expected = {
+        **{"q": q, "qd": qd, "effort": tau, "nu": s.nu, "epsilon": s.epsilon, "coriolis": s.coriolis},
+        **{"gravity": s.gravity, "gravity_torque": dyn.gravity_torque(q), "D": s.articulated_inertia},
+        **{"link_energy": s.link_energy, "K": s.kinetic_energy, "residual": r, "external_torque": torque},
+        **{"norm": np.linalg.norm(r), "torque_norm": np.linalg.norm(torque), "latency": 0.003, "rate": 500.0},
+        **{"p_effort": s.nu @ s.epsilon, "p_gravity": -s.nu @ s.gravity, "p_friction": -s.nu @ s.friction},
+        **{"p_external": qd @ torque, "flags": CAUSES["collision"], "pose": places},
+    }
+    scale = np.linalg.norm(s.nu) * sum(map(np.linalg.norm, (s.epsilon, s.gravity, r)))
+    for name, wanted in expected.items():
+        found = value(frame, layout, name)
+        found = found.reshape(-1, 7)[:, :3] if name == "pose" else found
+        atol = FLOAT * (scale if name.startswith("p_") else max(np.abs(wanted).max(), 1e-3))
+        np.testing.assert_allclose(found, np.reshape(wanted, found.shape), rtol=FLOAT, atol=atol, err_msg=name)
+    assert np.isnan(value(frame, layout, "dK"))
+    assert 0.0 <= value(frame, layout, "coriolis_work") < 1e-14  # of doubles: floats would leave 1e-8
+    assert all(np.isnan(value(frame, layout, name)).all() for name in CHOSEN)
+    assert {field.name for field in layout.fields} == {*expected, "dK", "coriolis_work", *CHOSEN}
+
+
+def test_many_states_are_as_one_by_one(panda):
+    """Frames of a recording, in pieces or not, are those of a live robot; dK continues from piece to piece."""
+    dyn = dd.DiagonalDynamics(panda)
+    q, qd, tau = some(panda, 40)
+    t = 100.0 + 0.01 * np.arange(40)
+    t[20:] += 2.0 * GAP
+    batch = dyn.evaluate_batch(q, qd, tau)
+    whole = FrameMaker(dyn, live=False).frames(States.of(t, q, qd, tau, batch))
+    for ends in (range(41), (0, 15, 40)):
+        maker = FrameMaker(dyn, live=False)
+        parts = [slice(a, b) for a, b in itertools.pairwise(ends)]
+        frames = [maker.frames(States.of(t[k], q[k], qd[k], tau[k], batch[k])) for k in parts]
+        np.testing.assert_array_equal(np.concatenate(frames)["t"], whole["t"])
+        numbers = np.concatenate(frames)["numbers"]
+        np.testing.assert_allclose(numbers, whole["numbers"], rtol=1e-5, atol=1e-4)
+    rate, K = value(whole, maker.layout, "dK")[:, 0], batch.kinetic_energy
+    assert np.isnan(rate[[0, 20]]).all()
+    np.testing.assert_allclose(rate[1:20], np.diff(K[:20]) / 0.01, rtol=1e-5)
+    assert np.isfinite(rate[21:]).all()
+    assert "mobility" not in {field.name for field in maker.layout.fields}
+
+
+def test_a_state_of_another_model_is_flagged(panda):
+    """K with a payload is not the sum over links without it."""
+    q, qd, tau = (rows[0] for rows in some(panda))
+    heavy = dd.DiagonalDynamics(panda.with_payload("panda_link7", 2.0)).evaluate(q, qd, tau)
+    maker = FrameMaker(dd.DiagonalDynamics(panda))
+    (frame,) = maker.frames(States.of(1.0, q, qd, tau, heavy))
+    assert int(value(frame, maker.layout, "flags")[0]) & CAUSES["other_model"]
+
+
+def test_a_robot_without_joints_has_frames():
+    model = dd.load_urdf(description("stone", link("stone", 1.0, (0, 0, 0), (1, 0, 0, 1, 0, 1))))
+    maker, none = FrameMaker(dd.DiagonalDynamics(model)), np.zeros(0)
+    state = dd.DiagonalDynamics(model).evaluate(none, none, none)
+    (frame,) = maker.frames(States.of(1.0, none, none, none, state))
+    assert value(frame, maker.layout, "K")[0] == 0.0
+    assert value(frame, maker.layout, "pose").tolist() == [0, 0, 0, 0, 0, 0, 1]
+
+
+# --- Shows ---
+
+
+def test_a_show_makes_each_frame_once(panda):
+    """Readers of one state share one evaluation; a chosen link costs one more frame."""
+    dyn, states = dd.DiagonalDynamics(panda), [None]
+    q, qd, tau = (rows[0] for rows in some(panda))
+    show = Show("/arm", lambda _: states.pop() if states else None)
+    assert show.newest("panda_hand").frame == b""  # nothing is known of links yet
+    show.use(dyn, None, None)
+    with pytest.raises(dd.InputError, match="'tool0'"):
+        show.newest("tool0")
+    states[:] = [Taken(States.of(1.0, q, qd, tau, dyn.evaluate(q, qd, tau)))]
+    frames = [show.newest(name).frame for name in ("", "", "panda_hand", "panda_hand", "panda_link3")]
+    assert not states
+    assert len(set(frames)) == 3
+    common = 8 + 4 * Layout(panda).common
+    assert len({frame[:common] for frame in frames}) == 1
+
+
+def test_why_no_state_comes():
+    """The worst status is the reason, once nothing else is."""
+    show = Show("/arm", lambda _: None)
+    show.use(dd.DiagonalDynamics(dd.load_urdf(page_fixture.ARM)), None, None)
+    assert show.about()["waiting"] == "waiting for the first state"
+    told = [(0, "model", "fits"), (1, "joint states", "rejected: no joint 'elbow'"), (0, "rates", "well")]
+    show.tell([{"level": level, "name": f"/arm/monitor: {name}", "message": text} for level, name, text in told])
+    assert show.about()["waiting"] == "joint states: rejected: no joint 'elbow'"
+    show.wait_for("waiting for robot_description")
+    assert show.about()["waiting"] == "waiting for robot_description"
+
+
+def contact(t=1.0, **changes):
+    numbers = {"speed": [0.5, 0.0], "mass": [3.0, 0.0], "energy": [0.375, 0.0], "allowed": [0.4, np.inf]}
+    arrays = {name: np.array(values) for name, values in (numbers | changes).items()}
+    return Touch(t, ["a", "b"], ["upper", "lower"], np.arange(6.0), **arrays, worst=0, estimated=False)
+
+
+def test_contact_is_read_at_most_ten_times_a_second(monkeypatch):
+    taken, now = [], [50.0]
+    monkeypatch.setattr("diag_dynamics.page.show.time", SimpleNamespace(monotonic=lambda: now[0]))
+    show = Show("/arm", lambda _: None, lambda dyn: taken.append(dyn) or contact(float(len(taken))))
+    assert show.touch() == (0, b"")
+    show.use(dd.DiagonalDynamics(dd.load_urdf(page_fixture.ARM)), None, None)
+    for later, count in ((0.0, 1), (0.09, 1), (0.02, 2)):
+        now[0] += later
+        number, text = show.touch()
+        assert number == json.loads(text)["t"] == len(taken) == count
+
+
+def test_mass_of_half_and_the_margin_of_a_retreat():
+    """Half of what moves, and all that is carried. A point that moves away keeps its whole allowed speed."""
+    model = dd.load_urdf(page_fixture.ARM)
+    assert mass_of_half(model) == pytest.approx(1.5)
+    assert mass_of_half(model.with_payload("lower", 1.5, (0.0, 0.0, 0.1))) == pytest.approx(3.0)
+    assert mass_of_half(model.with_payload("base", 1.5, (0.0, 0.0, 0.1))) == pytest.approx(1.5)
+    away = json.loads(told(contact(speed=[-0.2, 0.0]), model))["points"]
+    assert away[0]["margin"] == pytest.approx(0.4)
+
+
+# --- Scenes ---
+
+
+def visual(geometry, more="", xyz="0 0 0"):
+    return f'<visual><origin xyz="{xyz}"/><geometry>{geometry}</geometry>{more}</visual>'
+
+
+def mesh(name, scale="1 1 1"):
+    return visual(f'<mesh filename="{name}" scale="{scale}"/>')
+
+
+def scene(*visuals, folders=()):
+    """The scene of an arm whose first moving link is drawn like that, and its meshes."""
+    text = description(
+        "arm",
+        link("base"),
+        link("upper", *BLOCK).replace("</link>", f"{''.join(visuals)}</link>"),
+        link("lower", *BLOCK),
+        joint("shoulder", "revolute", "base", "upper"),
+        joint("elbow", "revolute", "upper", "lower", xyz=(0, 0, 0.5)),
+    )
+    library = MeshLibrary(folders)
+    return scene_of(dd.load_urdf(text), text, library), library
+
+
+def mesh_of(data):
+    """Vertices and triangles of the bytes that a page gets."""
+    vertices, triangles = struct.unpack_from("<II", data)
+    assert len(data) == 8 + 12 * (vertices + triangles)
+    positions = np.frombuffer(data, "<f4", 3 * vertices, 8).reshape(-1, 3)
+    return positions, np.frombuffer(data, "<u4", 3 * triangles, 8 + 12 * vertices).reshape(-1, 3)
+
+
+@pytest.mark.parametrize(("id", "meshes"), [(PANDA, 10), pytest.param(TALOS, 37, marks=pytest.mark.full)])
+def test_scenes_of_robots(id, meshes):
+    """All meshes are found, also of a text without a folder: Talos' URLs have a third slash."""
+    path, library = robot_path(id), MeshLibrary(mesh_folders())
+    model = dd.load_urdf(path)
+    drawn = scene_of(model, path.read_text(), library)
+    assert (drawn["missing"], len(library)) == ({}, meshes)
+    assert [one["name"] for one in drawn["links"]] == list(model.link_names)
+    for entry in (shape for one in drawn["links"] for shape in one["visuals"]):
+        assert np.reshape(entry["origin"], (4, 4))[3].tolist() == [0, 0, 0, 1]
+        if entry["kind"] == "mesh":
+            positions, indices = mesh_of(library.data(entry["mesh"]))
+            assert indices.max() < len(positions)
+            assert np.isfinite(positions).all()
+    size = np.subtract(*reversed(drawn["bounds"]))
+    assert ((size > 0.2) & (size < 3.0)).all()
+    assert json.loads(json.dumps(drawn, allow_nan=False)) == drawn
+
+
+def test_joints_of_a_panda(panda):
+    """Before its meshes are read, which takes time, a robot is drawn by ellipsoids."""
+    drawn = scene_of(panda, robot_path(PANDA))
+    joints = {entry["name"]: entry for entry in drawn["joints"]}
+    assert joints["panda_joint3"]["dof"] == 2
+    assert joints["panda_joint3"]["limits"]["lower"] == pytest.approx(panda.lower[2])
+    assert [joints["panda_joint8"][key] for key in ("type", "dof")] == ["fixed", None]
+    assert joints["panda_finger_joint2"]["follows"] == "panda_finger_joint1"
+    assert joints["panda_finger_joint2"]["dof"] == joints["panda_finger_joint1"]["dof"] == 7
+    assert sum(one["ellipsoid"] for one in drawn["links"]) >= 8
+    assert not any(one["visuals"] for one in drawn["links"])
+
+
+@pytest.mark.parametrize("payload", [0.0, 4.0])
+def test_the_hand_is_the_link_that_fingers_are_on(payload):
+    """Not a finger of some grams, whatever the hand holds."""
+    parts = [link("upper", *BLOCK), link("hand", *BLOCK), joint("wrist", "revolute", "upper", "hand", xyz=(0, 0, 0.1))]
+    for name in ("left", "right"):
+        finger = joint(name, "prismatic", "hand", f"{name}_finger", xyz=(0, 0, 0.05))
+        parts += [link(f"{name}_finger", 0.02, (0, 0, 0), (1e-6, 0, 0, 1e-6, 0, 1e-6)), finger]
+    text = description("gripper", *parts)
+    model = dd.load_urdf(text).with_payload("hand", payload, (0.0, 0.0, 0.1))
+    assert hand_of(model, scene_of(model, text)) == "hand"
+
+
+def test_primitives_and_colours():
+    blue = '<material name="blue"><color rgba="0.1 0.2 0.9 1"/></material>'
+    drawn, _ = scene(
+        visual('<box size="0.1 0.2 0.3"/>', blue, xyz="0 0 1"),
+        visual('<cylinder radius="0.05" length="0.4"/>', '<material name="blue"/>'),
+        visual('<sphere radius="0.1"/>'),
+        "<visual/>",
+    )
+    box, cylinder, sphere = drawn["links"][1]["visuals"]
+    assert [(shape["kind"], shape["size"]) for shape in (box, cylinder, sphere)] == [
+        ("box", [0.1, 0.2, 0.3]),
+        ("cylinder", [0.05, 0.4]),
+        ("sphere", [0.1]),
+    ]
+    assert box["color"] == cylinder["color"] == [0.1, 0.2, 0.9, 1.0] != sphere["color"]
+    assert box["origin"][11] == 1.0
+    assert [one["ellipsoid"] for one in drawn["links"][1:]] == [False, True]
+    assert [one["bones"] for one in drawn["links"]] == [[], [], []]
+    assert drawn["bounds"][1][2] == pytest.approx(1.15)
+
+
+def test_an_ellipsoid_has_the_inertia_of_its_link():
+    """Mass, centre and moments of an ellipsoid of even density are the link's; a payload is part of it."""
+    text = page_fixture.ARM
+    about = np.array([[0.1, 0.0, 0.02], [0.0, 0.1, 0.0], [0.02, 0.0, 0.1]])
+    model = dd.load_urdf(text).with_payload("lower", 0.5, (0.4, 0.3, 0.1), about)
+    inertia = scene_of(model, text)["links"][2]["inertia"]
+    centre = (1.0 * np.array([1.0, 0.0, 0.0]) + 0.5 * np.array([0.4, 0.3, 0.1])) / 1.5
+    for mass, at in ((1.0, [1.0, 0.0, 0.0]), (0.5, [0.4, 0.3, 0.1])):
+        d = np.array(at) - centre
+        about = about + mass * (d @ d * np.eye(3) - np.outer(d, d))
+    assert inertia["mass"] == pytest.approx(1.5)
+    np.testing.assert_allclose(inertia["com"], centre, atol=1e-12)
+    (a, b, c), axes = np.square(inertia["semi"]), np.array(inertia["axes"])
+    moments = axes @ np.diag(1.5 / 5.0 * np.array([b + c, a + c, a + b])) @ axes.T
+    np.testing.assert_allclose(moments, about, atol=1e-12)
+    assert np.linalg.det(axes) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("moments", "sizes"),
+    [((0.2, 0.2, 0.1), (0.02, 0.05)), ((1e-4, 1e-4, 1e-4), None), ((0.001, 0.001, 0.003), (0.002, 0.02))],
+    ids=["too large for its link", "within its link", "of no body"],
+)
+@pytest.mark.parametrize("shape", ["", mesh("not_there.stl")], ids=["no shape", "no file"])
+@pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
+def test_links_without_shapes_have_bones_and_ellipsoids_of_their_size(moments, sizes, shape):
+    """Links of 0.1 m in a row. An ellipsoid larger than its link is drawn smaller, in its proportions."""
+    xx, yy, zz = moments
+    one = link("l0", 0.5, (0.0, 0.0, 0.05), (xx, 0.0, 0.0, yy, 0.0, zz)).replace("</link>", f"{shape}</link>")
+    joints = [joint(f"j{k}", "revolute", f"l{k}", f"l{k + 1}", xyz=(0, 0, 0.1)) for k in range(5)]
+    text = description("worm", *(one.replace("l0", f"l{k}") for k in range(6)), *joints)
+    drawn = scene_of(dd.load_urdf(text), text, MeshLibrary())
+    for entry in drawn["links"][:-1]:
+        semi, within = np.array(entry["inertia"]["semi"]), np.array(entry["inertia"]["drawn"])
+        assert entry["ellipsoid"]
+        if sizes is None:
+            np.testing.assert_allclose(within, semi)
+            continue
+        assert sizes[0] < within.max() < sizes[1]
+        if semi.min() > 0.0:
+            np.testing.assert_allclose(within / within.max(), semi / semi.max())
+        else:
+            assert within.min() == within.max()  # a ball, where there is no ellipsoid
+    assert [entry["bones"] for entry in drawn["links"]] == [*([[[0.0, 0.0, 0.1]]] * 5), []]
+    low, high = np.array(drawn["bounds"])
+    assert abs(low[2]) < 0.05
+    assert 0.5 <= high[2] < 0.65
+
+
+def test_meshes_are_scaled_mirrored_and_stored_once(tmp_path):
+    trimesh.creation.box((1.0, 2.0, 3.0)).export(tmp_path / "box.stl")
+    same = mesh("box.stl", "0.1 0.1 0.1")
+    drawn, library = scene(same, same, mesh("box.stl", "-0.1 0.1 0.1"), folders=[tmp_path])
+    shas = [shape["mesh"] for shape in drawn["links"][1]["visuals"]]
+    assert shas[0] == shas[1] != shas[2]
+    assert len(library) == 2
+    for sha in shas:
+        positions, indices = mesh_of(library.data(sha))
+        np.testing.assert_allclose(np.ptp(positions, axis=0), [0.1, 0.2, 0.3], rtol=1e-6)
+        volume = trimesh.Trimesh(positions, indices, process=False).volume
+        assert volume == pytest.approx(0.006)  # faces look outward
+    assert library.data("0" * 64) is None
+
+
+@pytest.mark.parametrize("kind", ["stl", "obj", "dae"])
+def test_formats_of_meshes(tmp_path, kind):
+    trimesh.creation.icosphere(radius=0.2).export(tmp_path / f"ball.{kind}")
+    drawn, library = scene(mesh(f"ball.{kind}"), folders=[tmp_path])
+    assert drawn["missing"] == {}
+    positions, _ = mesh_of(library.data(drawn["links"][1]["visuals"][0]["mesh"]))
+    np.testing.assert_allclose(np.linalg.norm(positions, axis=1), 0.2, rtol=1e-5)
+
+
+def test_what_cannot_be_drawn_is_listed_and_replaced_by_an_ellipsoid(tmp_path, monkeypatch):
+    (tmp_path / "broken.stl").write_text("no mesh")
+    (tmp_path / "secret.txt").write_text("secret")
+    trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "box.stl")
+    causes = {"package://nowhere/arm.stl": "cannot be found", "http://example.org/arm.stl": "is no file"}
+    causes |= {"secret.txt": "is none of .stl", "broken.stl": ""}
+    drawn, library = scene(*map(mesh, causes), visual('<cone size="1"/>'), folders=[tmp_path])
+    assert drawn["missing"].keys() == {*causes, "upper"}
+    for name, cause in (causes | {"upper": "no shape of a URDF"}).items():
+        assert cause in drawn["missing"][name]
+    assert (len(library), drawn["links"][1]["visuals"], drawn["links"][1]["ellipsoid"]) == (0, [], True)
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    drawn, _ = scene(mesh("box.stl"), folders=[tmp_path])
+    assert "trimesh" in drawn["missing"]["box.stl"]
+    assert drawn["links"][1]["ellipsoid"]

@@ -50,7 +50,12 @@ def content():
     unknown = States.of(T + 0.1, Q, QD, None, dyn.evaluate(Q, QD))
     taken = [
         Taken(state, seen, Told(latency=0.003), limits=(12.0, math.inf, math.inf, 8.0)),
-        Taken(unknown, None, Told(velocity_estimated=True, latency=2.0), limits=(12.0, math.inf, math.inf, 8.0)),
+        Taken(
+            unknown,
+            None,
+            Told(velocity_estimated=True, receive_time=True, latency=2.0),
+            limits=(12.0, math.inf, math.inf, 8.0),
+        ),
     ]
     show = Show("/arm", lambda _: taken.pop(0))
     show.use(dyn, scene, None)

@@ -50,7 +50,8 @@ test("a frame has the numbers of the state", () => {
 });
 
 test("what is unknown is NaN, flagged, and nowhere a number", () => {
-  assert.equal(unknown[layout.at("flags")], FLAGS.estimated + FLAGS.effortMissing + FLAGS.observerInvalid + FLAGS.late);
+  const { estimated, effortMissing, observerInvalid, late, receiveTime } = FLAGS;
+  assert.equal(unknown[layout.at("flags")], estimated + effortMissing + observerInvalid + late + receiveTime);
   for (const name of ["effort", "p_effort", "external_torque", "norm", "mobility", "twist"]) {
     assert.ok(field(unknown, name).every(Number.isNaN), name);
   }
