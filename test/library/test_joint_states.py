@@ -1,0 +1,282 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Rules of joint states: the decision table over every implementation."""
+
+import gc
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from diag_dynamics.wire.cdr import Template
+from diag_dynamics.wire.joint_states import LONGEST, MOST_LAYOUTS
+from examples import examples
+from joint_state_cases import INF, MIMICS, MS, NAMES, NAN, NOW, TABLE, S, joint_state
+from joint_state_model import Model
+from joint_state_readers import READERS, BytesReader, Message, Reader, model, positive
+
+
+def expected_counts(steps):
+    """Return the counters that steps raise."""
+    counts = Counter("odometry received" if step.odometry else "received" for step in steps)
+    counts.update(step.outcome for step in steps if step.outcome != "odometry")
+    counts.update(counter for step in steps for counter in step.also)
+    return dict(counts)
+
+
+@pytest.mark.parametrize("reader", READERS.values(), ids=READERS)
+@pytest.mark.parametrize("rule", TABLE)
+def test_table(rule, reader):
+    """Each message has the outcome, the counters, the words and the state that the table says."""
+    for name, steps, parameters, robot in TABLE[rule]:
+        messages = [Message(step.raw, step.now, step.odometry) for step in steps]
+        result = reader(model(robot), parameters, messages)
+        assert result.counts == expected_counts(steps), name
+        published = [step.state or {} for step in steps if step.outcome.startswith("published")]
+        for state, expected in zip(result.states, published, strict=True):
+            for field, value in expected.items():
+                assert_equal(getattr(state, field), value, f"{name}: {field}")
+        rejected = first_of_each([step for step in steps if "rejected" in step.outcome])
+        for (cause, text), step in zip(result.rejections, rejected, strict=True):
+            assert cause == step.outcome, name
+            for word in step.words:
+                assert word in text, name
+
+
+def first_of_each(steps, count=20):
+    """Return the first steps of each outcome."""
+    return [step for k, step in enumerate(steps) if [s.outcome for s in steps[:k]].count(step.outcome) < count]
+
+
+def assert_equal(actual, expected, what):
+    """Compare a number, or vectors up to rounding of estimates."""
+    if isinstance(expected, list):
+        np.testing.assert_allclose(actual, expected, rtol=1e-9, atol=1e-9, err_msg=what)
+    else:
+        assert actual == expected, what
+
+
+# --- any sequence
+
+
+def by_joint(values):
+    """Draw entries of some joints, perhaps of all others."""
+    names = st.sampled_from((*NAMES, *MIMICS, "*"))
+    entries = st.dictionaries(names, st.sampled_from(values), max_size=3)
+    return entries.map(lambda drawn: [f"{name}={value}" for name, value in drawn.items()])
+
+
+PARAMETERS = {
+    # one value in half of the sequences, else one of all
+    "joint_timeout": (0.5, 0.0, 0.3, 2.0),
+    "max_age": (1.05, 0.0, 0.45, 2.05),
+    "foreign_time": ("warn", "warn", "refuse"),
+    "missing_velocity": ("refuse", "estimate"),
+    "velocity_filter_time": (0.1, 0.0, 0.01, 0.5),
+    "mimic_tolerance": (0.01, 0.0, 2.0),
+    "absurd.position": (0.0, 0.0, 6.0, 8.5),
+    "absurd.velocity": (0.0, 0.0, 7.0, 8.5),
+    "absurd.effort": (0.0, 0.0, 3.0, 8.0),
+    "absurd.beyond_limits": (0.0, 0.0, 0.5, 3.0),
+    "absurd.beyond_velocity": (0.0, 1.3),
+    "absurd.beyond_effort": (0.0, 0.1),
+    "absurd.jump": (0.0, 0.13),
+}
+
+
+@st.composite
+def parameters(draw):
+    """Draw parameters: half of them as above, entries of single joints in one sequence of three."""
+    drawn = {name: draw(st.just(values[0]) | st.sampled_from(values)) for name, values in PARAMETERS.items()}
+    for name, values in (
+        ("joint_timeouts", (0.0, 0.2, 0.5, 1.0)),
+        ("effort_available", ("true", "false")),
+        ("effort_scale", (2.0, -0.5, 1e-3)),
+    ):
+        if draw(st.integers(0, 2)) == 0:
+            drawn[name] = draw(by_joint(values))
+    return drawn
+
+
+PARTS = (
+    (NAMES,),
+    (NAMES,),
+    (NAMES[::-1], ("lid", "wheel")),
+    (("elbow", "shoulder"), ("wrist",)),
+    (("thumb", "wrist", "shoulder", "elbow", "heel", "pinky"),),
+    (("lid", "shoulder", "elbow", "heel"), ("pinky", "wrist", "thumb"), ("elbow",)),
+    (NAMES, ("thumb", "heel")),
+)
+"""Names in the messages of each publisher."""
+
+ODD = (NAN, INF, -INF, 1e300, -0.0, 5.5, -7.0)
+OFFSETS = (6, 8, 9, 12, 30, 100, 700, -8, -12, -30, -100)
+"""What a clock is set by [0.1 s]."""
+
+
+@st.composite
+def journeys(draw):
+    """Draw messages of one to three publishers, and times of reception; all in tenths of a second, so bounds are met.
+
+    Mostly all is well. In some sequences clocks are set and messages come late, in some single messages are spoilt.
+    """
+    parts, now = draw(st.sampled_from(PARTS)), 3000
+    sets, spoils = draw(st.sampled_from((0, 1, 3))), draw(st.sampled_from((0, 1, 4)))
+    offsets = dict.fromkeys(parts, draw(st.sampled_from((0, 0, 0, 700))))
+    efforts, velocities = draw(st.booleans()), draw(st.sampled_from((True, True, True, False)))
+    pace, shift = draw(st.sampled_from((1, 1, 5, 30))), draw(st.sampled_from((0.0, 0.0, 0.0, 2.0, -6.0)))
+    journey = []
+    for _ in range(draw(st.integers(1, 20))):
+        now += draw(st.sampled_from((pace, pace, pace, 0, 4)))
+        part = draw(st.sampled_from(parts))
+        if sets and draw(st.integers(0, 11)) < sets:
+            some = parts if draw(st.booleans()) else (part,)
+            step = draw(st.sampled_from(OFFSETS))
+            offsets |= {one: offsets[one] + step for one in some}
+        shift += draw(st.sampled_from((0.0, *[0.02] * 7, -0.05, 2.0)))
+        delay = draw(st.sampled_from((0, 0, 0, 1, 2, 6))) if sets else 0
+        stamp = divmod((now - offsets[part] - delay) * 100 * MS, S)
+        position = {name: shift + 0.25 * k for k, name in enumerate((*NAMES, "lid", "wheel"))}
+        position |= {name: m * position[source] + x for name, (source, m, x) in MIMICS.items()}
+        values = [position[name] for name in part]
+        fields = [values, [3.0 * x for x in values] if velocities else [], [0.7 * x for x in values] if efforts else []]
+        names, clock = list(part), now * 100 * MS
+        if spoils and draw(st.integers(0, 9)) < spoils:
+            names, fields, stamp, clock = draw(spoilt(names, fields, stamp, clock))
+        journey.append(((names, fields, stamp), clock))
+    return journey
+
+
+@st.composite
+def spoilt(draw, names, fields, stamp, clock):
+    """Draw one thing that is wrong with a message."""
+    kind = draw(st.sampled_from(("number", "number", "number", "length", "name", "stamp", "clock", "clock")))
+    field = fields[draw(st.integers(0, 2))]
+    if kind == "number" and field:
+        field[draw(st.integers(0, len(field) - 1))] = draw(st.sampled_from(ODD) | st.floats(-9, 9))
+    elif kind == "length":
+        fields[draw(st.integers(0, 2))] = draw(st.sampled_from(([], [1.0], [1.0] * 5)))
+    elif kind == "name":
+        names = draw(st.permutations(names)) if draw(st.booleans()) else [names[0], *names[1:-1], names[0]]
+    elif kind == "stamp":
+        stamp = draw(st.sampled_from(((0, 0), (-1, 5), (300, S), (300, 2**32 - 1), (300, S - 1), (0, 1))))
+    elif kind == "clock":
+        clock, stamp = 0, draw(st.sampled_from((stamp, stamp, (0, 0))))
+    return names, fields, stamp, clock
+
+
+@examples(400)
+@given(parameters(), journeys())
+def test_any_sequence(chosen, journey):
+    """All implementations and the model agree on states, causes and counters."""
+    messages = [Message(joint_state(names, *fields, stamp), now) for (names, fields, stamp), now in journey]
+    results = [reader(model("arm"), chosen, messages) for reader in READERS.values()]
+    assert all(repr(result) == repr(results[0]) for result in results[1:])
+    expected = Model(chosen)
+    for message, now in journey:
+        expected.read(message, now)
+    result = results[0]
+    counts = {name: count for name, count in result.counts.items() if name != "lost by gaps in stamps"}
+    assert counts == positive(expected.counts)
+    assert [cause for cause, _ in result.rejections] == expected.causes
+    for state, others in zip(result.states, expected.states, strict=True):
+        assert state[3:] == others[3:]
+        for actual, values in zip(state[:3], others[:3], strict=True):
+            assert (actual is None) == (values is None)
+            if values is not None:
+                np.testing.assert_allclose(actual, values, rtol=1e-7, atol=1e-9)
+
+
+# --- change of parameters and memory
+
+
+@pytest.mark.parametrize("kind", [Reader, BytesReader])
+def test_parameters_that_change(kind):
+    """They count from the next message on; estimates are forgotten where they are no longer made."""
+    reader = kind(model("arm"), {"missing_velocity": "estimate", "velocity_filter_time": 0.0})
+
+    def outcome(k, velocity=(), position=(0, 0, 0), names=NAMES, **parameters):
+        if parameters:
+            reader.configure(parameters)
+        before = Counter(reader.result().counts)
+        raw = joint_state(names, position[: len(names)], velocity, (), NOW + k * MS)
+        reader.read(Message(raw, NOW + k * MS))
+        (found,) = (Counter(reader.result().counts) - before).keys() - {"received"}
+        return found
+
+    assert [outcome(0), outcome(1)] == ["awaiting velocity", "published"]
+    assert outcome(2, [0.0], names=("shoulder",), missing_velocity="refuse") == "rejected: no velocity"
+    assert outcome(3, [0.6] * 3) == outcome(4, [0.6] * 3) == "published"
+    assert outcome(5, [0.6] * 3, absurd__velocity=0.5) == "rejected: absurd value"
+    assert outcome(6, [0.6] * 3, absurd__velocity=0.0) == "published"
+    assert outcome(7, [0.6] * 3, [0, 0, 3], absurd__jump=0.1) == "rejected: jump"
+    assert outcome(8, [0.6] * 3, [0, 0, 3], absurd__jump=0.0) == "published"
+    assert outcome(400, [0.6], names=("shoulder",), joint_timeout=0.3) == "rejected: stale joint"
+    assert outcome(401, missing_velocity="estimate", velocity_filter_time=0.0) == "awaiting velocity"
+    assert outcome(402) == "published"
+
+
+@pytest.mark.parametrize("kind", [Reader, BytesReader])
+def test_start_anew(kind):
+    """After a pause all joints have to arrive, and nothing of before is a jump, a step or a late stamp."""
+    reader = kind(model("arm"), {"absurd.jump": 0.1, "missing_velocity": "estimate", "max_age": 1.0})
+
+    def read(stamp, names=NAMES, position=0.0, velocity=(0.0, 0.0, 0.0)):
+        values = [position] * len(names), velocity[: len(names)], [1.0] * len(names)
+        reader.read(Message(joint_state(names, *values, stamp), NOW))
+
+    for k in range(3):
+        read(NOW + 10 * k * MS, velocity=())
+    assembler = reader.assembler
+    assert assembler.estimated == list(NAMES) and assembler.newest == NOW + 20 * MS
+    assert assembler.stale(NOW + 520 * MS) == [] and assembler.stale(NOW + 520 * MS + 1) == list(NAMES)
+    assembler.forget()
+    assert assembler.missing == list(NAMES) and assembler.newest == 0
+    assert assembler.estimated == assembler.stale(NOW + S) == assembler.without_effort == []
+    read(NOW, NAMES[:2], position=3.0)
+    assert assembler.missing == ["wrist"] and reader.result().counts["incomplete"] == 1
+    read(NOW, ("wrist",), position=3.0)
+    assert reader.result().counts["published"] == 3
+    read(NOW + MS, velocity=(NAN,) * 3, position=3.0)
+    assert reader.result().counts["awaiting velocity"] == 2
+    read(NOW - 50 * S, position=3.0)
+    assert reader.result().counts["rejected: stamp from the past"] == 1
+    assembler.forget()
+    assembler.stamps.forget()
+    read(NOW - 50 * S, position=5.0)
+    assert reader.result().counts["published"] == 4 and assembler.stamps.in_step is False
+    assert assembler.stamps.offset == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("kind", [Reader, BytesReader])
+def test_states_are_copies(kind):
+    """A state does not change with later messages, nor they with it."""
+    reader = kind(model("arm"), {})
+    states = [reader.assemble(joint_state(NAMES, [k] * 3, [1] * 3, [k] * 3, NOW + k), NOW) for k in range(3)]
+    states[1].position[:] = states[1].effort[:] = NAN
+    states.append(reader.assemble(joint_state(("wrist",), [3], [1], [3], NOW + 3), NOW))
+    assert [state.position[0] for state in (states[0], *states[2:])] == [0, 2, 2]
+    assert states[3].effort.tolist() == [2, 2, 3]
+
+
+def test_known_names_are_not_read_again():
+    """From the second message on, of whatever publisher; unknown names and long messages fill no memory."""
+    reader = BytesReader(model("arm"), {"mimic_tolerance": 0.0})
+
+    def at_once(k, names=NAMES, frame=""):
+        before = reader.known.at_once
+        reader.read(Message(joint_state(names, *[[0.0] * len(names)] * 3, NOW + k * MS, frame), NOW))
+        return reader.known.at_once > before
+
+    orders = NAMES, NAMES[::-1], ("lid", *NAMES), (*MIMICS, *NAMES), ("wrist",), NAMES[:2]
+    found = [[at_once(10 * k + j, names) for j, names in enumerate(orders)] for k in range(3)]
+    assert found == [[False] * 6, [True] * 6, [True] * 6]
+    assert not any(at_once(100 + k, frame=f"frame {k}") for k in range(3 * MOST_LAYOUTS))
+    assert at_once(1000) or at_once(1001)
+    long = (*NAMES, *(f"joint {k}" for k in range(3000)))
+    assert not any([at_once(2000, long), at_once(2001, long)])
+    held = [buffer for buffer in gc.get_objects() if isinstance(buffer, Template)]
+    assert len(held) <= MOST_LAYOUTS + 8 and max(len(one.data) for one in held) <= LONGEST
