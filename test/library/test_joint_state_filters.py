@@ -1,0 +1,261 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Closed forms of what watches joint states over time: the velocity filter, stuck sensors, gaps in stamps."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from diag_dynamics.assembly.frozen import Frozen
+from diag_dynamics.assembly.gaps import Gaps
+from diag_dynamics.assembly.velocities import LONGEST, VelocityEstimator
+from examples import examples
+from joint_state_cases import INF, MS, NAN, S
+
+# --- velocity filter
+
+
+def estimates(times, positions, time, *, turns=False, longest=INF, fastest=INF):
+    """Return the estimate after each position of one joint; times in nanoseconds."""
+    estimator = VelocityEstimator([turns])
+    here, longest = np.array([0]), np.array([longest])
+    return np.array(
+        [
+            estimator.update(here, np.array([position]), int(stamp), time, longest, fastest)[0]
+            for stamp, position in zip(times, positions, strict=True)
+        ]
+    )
+
+
+def grid(dt, count):
+    """Return stamps [ns] that are dt [s] apart, and their times [s] since the first one."""
+    stamps = 100 * S + np.arange(count) * round(dt * S)
+    return stamps, (stamps - stamps[0]) * 1e-9
+
+
+PACES = [(dt, T) for dt in (0.001, 0.01, 0.1) for T in (0.0, 0.002, 0.01, 0.05, 0.3)]
+
+
+@pytest.mark.parametrize(("dt", "time"), PACES)
+def test_constant_velocity_is_exact(dt, time):
+    """From the first sample on that is no sooner than T after the first one, the second at least."""
+    stamps, t = grid(dt, 400)
+    estimate = estimates(stamps, 0.3 - 1.7 * t, time)
+    first = max(1, math.ceil(round(time * S) / round(dt * S)))
+    assert np.isnan(estimate[:first]).all()
+    np.testing.assert_allclose(estimate[first:], -1.7, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("dt", "time"), [(dt, T) for dt, T in PACES if T])
+def test_delay_of_a_constant_acceleration(dt, time):
+    """The delay is dt/2 + dt/(exp(dt/T) − 1) in the steady state."""
+    stamps, t = grid(dt, 3 + math.ceil(40 * max(time, dt) / dt))
+    a, v = 0.8, -0.4
+    estimate = estimates(stamps, 0.1 + v * t + 0.5 * a * t**2, time)[-1]
+    assert t[-1] - (estimate - v) / a == pytest.approx(dt / 2 + dt / math.expm1(dt / time), abs=1e-9)
+
+
+@examples(100)
+@given(
+    st.lists(st.tuples(st.integers(1, 300_000), st.floats(-3, 3)), min_size=2, max_size=40),
+    st.sampled_from((0.0, 0.001, 0.02, 0.1, 1.0)),
+)
+def test_irregular_samples(samples, time):
+    """The estimate is the mean of all quotients, weighted by exp(−age/T)·(1 − exp(−dt/T))."""
+    stamps = 10 * S + 1000 * np.cumsum([step for step, _ in samples])
+    positions = [position for _, position in samples]
+    for n, estimate in enumerate(estimates(stamps, positions, time)):
+        if n == 0 or stamps[n] - stamps[0] < round(time * S):
+            assert math.isnan(estimate)
+            continue
+        dt = np.diff(stamps[: n + 1]) * 1e-9
+        quotients = np.diff(positions[: n + 1]) / dt
+        ages = (stamps[n] - stamps[1 : n + 1]) * 1e-9
+        weights = np.exp(-ages / time) * -np.expm1(-dt / time) if time else np.arange(n) == n - 1
+        size = np.abs(quotients).max()
+        assert estimate == pytest.approx(weights @ quotients / weights.sum(), rel=1e-9, abs=1e-9 * size)
+
+
+@pytest.mark.parametrize("dt", [0.0002, 0.001, 0.01])
+@pytest.mark.parametrize("time", [0.01, 0.05])
+def test_noise_of_an_encoder(dt, time):
+    """The error by quantised positions is at most step/T; that of single quotients is up to step/dt."""
+    step = 2.0 * math.pi / 4096
+    stamps, t = grid(dt, math.ceil(40 * time / dt))
+    true = 0.2 * t + 0.05 * np.sin(3.0 * t)
+    quantised = step * np.round(true / step)
+    error = (estimates(stamps, quantised, time) - estimates(stamps, true, time))[t > 20 * time]
+    bound = -math.expm1(-dt / time) * step / dt  # of differences of roundings, summed by parts
+    assert 0.05 * bound < np.abs(error).max() <= bound * (1 + 1e-9) < step / time
+
+
+@pytest.mark.parametrize(("count", "weight"), [(51, 1.0 - math.exp(-1.0)), (500, 1.0)], ids=["at first", "settled"])
+def test_single_step_in_a_short_time(count, weight):
+    """It changes the estimate by the step over T and over the weight of all steps, 1 − 1/e at first."""
+    stamps, _ = grid(0.001, count)
+    estimate = estimates(np.append(stamps, stamps[-1] + 1000), np.append(np.zeros(count), 1e-3), 0.05)
+    assert estimate[-2] == 0.0
+    assert estimate[-1] == pytest.approx(1e-3 / 0.05 / weight, rel=1e-4)
+
+
+@pytest.mark.parametrize("velocity", [2.0, -2.0, 25.0])
+def test_wrapped_angles(velocity):
+    """Whole turns of a continuous joint are no motion."""
+    stamps, t = grid(0.01, 400)
+    wrapped = np.remainder(velocity * t + math.pi, 2.0 * math.pi) - math.pi
+    np.testing.assert_allclose(estimates(stamps, wrapped, 0.03, turns=True)[10:], velocity, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("beyond", "goes_on"), [(0, True), (1, False)])
+@pytest.mark.parametrize(
+    ("period", "longest", "gap"),
+    [(0.1, 0.5, 0.5), (0.1, 0.0, 0.3), (0.1, 0.2, 0.3), (2.0, 0.5, 6.0)],
+    ids=["longest", "no longest", "three periods", "sparse"],
+)
+def test_pause(period, longest, gap, beyond, goes_on):
+    """After more than the longest time and than three periods nothing of before counts."""
+    stamps, _ = grid(period, 4)
+    stamps = np.append(stamps, stamps[-1] + round(gap * S) + beyond)
+    stamps = np.append(stamps, stamps[-1] + round(period * S))
+    estimate = estimates(stamps, np.array([0.0, 1.0, 2.0, 3.0, 99.0, 98.0]) * period, 0.0, longest=longest * S)
+    first = 96.0 * period / gap if goes_on else NAN
+    np.testing.assert_allclose(estimate, [NAN, 1, 1, 1, first, -1], rtol=1e-9)
+
+
+@pytest.mark.parametrize(("beyond", "estimate"), [(0, 0.5), (1, NAN)])
+def test_first_two_positions(beyond, estimate):
+    """They may be ten seconds apart, because the period is not known yet."""
+    assert LONGEST == 10 * S
+    stamps = [100 * S, 110 * S + beyond]
+    np.testing.assert_allclose(estimates(stamps, [0.0, 5.0], 0.0, longest=0.0), [NAN, estimate], rtol=1e-9)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 10])
+@pytest.mark.parametrize(("dt", "time"), [(0.01, 0.0), (0.01, 0.05), (0.1, 0.05)])
+def test_many_positions_of_each_stamp(count, dt, time):
+    """The velocity is the true one: no step is lost, none counts twice."""
+    stamps, t = grid(dt, 100)
+    within = np.arange(count) / count * dt
+    estimate = estimates(np.repeat(stamps, count), 0.3 - 1.7 * (t[:, None] + within).ravel(), time)
+    known = np.isfinite(estimate)
+    assert known.tolist() == np.repeat(np.isfinite(estimates(stamps, t, time)), count).tolist()
+    np.testing.assert_allclose(estimate[known], -1.7, rtol=1e-9)
+
+
+def test_step_that_no_joint_makes():
+    """A quotient beyond the fastest is infinite; the joint starts anew, and others lose nothing of theirs."""
+    estimator = VelocityEstimator([False, False])
+    stamps, _ = grid(0.1, 5)
+    positions = [(0.0, 0.0), (1.0, 1.0), (5.0, 99.0), (3.0, 1.5), (4.0, 2.5)]
+    velocities = [
+        estimator.update(np.arange(2), np.array(both), int(stamp), 0.0, np.full(2, INF), 100.0)
+        for stamp, both in zip(stamps, positions, strict=True)
+    ]
+    np.testing.assert_allclose(velocities[2:], [(NAN, INF), (10.0, NAN), (10.0, 10.0)], rtol=1e-9)
+
+
+# --- stuck sensors
+
+
+def texts(period, count, position, velocity, timeout=0.5):
+    """Return the text after each state of two joints, by functions of time."""
+    watch, found = Frozen(("shoulder", "elbow"), timeout, False), []
+    for k in range(count):
+        t = 1e-9 * k * period
+        state = SimpleNamespace(position=np.array([9.0, *position(t)]), velocity=np.array([9.0, *velocity(t)]))
+        watch.judge(S + k * period, lambda state=state: state)
+        found.append(watch.text)
+    return found
+
+
+@pytest.mark.parametrize("period", [MS, 8 * MS, 100 * MS, 400 * MS])
+@pytest.mark.parametrize(
+    ("position", "velocity", "text"),
+    [
+        (lambda t: (0.3, t), lambda t: (0.05, 1.0), "'shoulder' has a velocity"),
+        (lambda t: (t, t), lambda t: (1.0, 0.0), "'elbow' moves, but its velocity is 0"),
+    ],
+    ids=["velocity without motion", "motion without velocity"],
+)
+def test_stuck(period, position, velocity, text):
+    """It is found once the timeout is over, a state later at most, and then stays."""
+    found = texts(period, 2 * S // period, position, velocity)
+    first = next(k for k, one in enumerate(found) if one)
+    latest = 1.0 if "moves" in text else 0.61
+    assert 0.4 <= 1e-9 * first * period <= max(latest, 1.21 * (period == 400 * MS))
+    assert all(text in one and "frozen_timeout" in one for one in found[first:])
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity"),
+    [
+        (lambda t: (0.3, 0.3), lambda t: (0.0, 0.0)),  # at rest
+        (lambda t: (0.3, 0.3), lambda t: (0.04, -0.04)),  # noise, an offset
+        (lambda t: (0.3 + 1e-15 * round(1e3 * t), t), lambda t: (1.0, 1.0)),  # a bit changes
+        (lambda t: (0.09 * t, -0.09 * t), lambda t: (0.0, 0.0)),  # creeps
+        (lambda t: (round(t / 0.4), t), lambda t: (1.0, 1.0)),  # a coarse encoder
+        (lambda t: (0.3, 0.3), lambda t: (float(round(1e3 * t) % 400 < 200), 0.0)),  # stands still now and then
+    ],
+)
+def test_not_stuck(position, velocity):
+    """Healthy joints and drivers are not, nor states too far apart, nor any without a timeout."""
+    assert not any(texts(8 * MS, 1000, position, velocity))
+    assert not any(texts(600 * MS, 20, lambda t: (0.3, t), lambda t: (1.0, 0.0)))
+    assert not any(texts(8 * MS, 200, lambda t: (0.3, t), lambda t: (1.0, 0.0), timeout=0.0))
+
+
+# --- states lost in a queue
+
+
+def lost(stamps):
+    """Return how many states are lost between stamps of one source."""
+    gaps = Gaps()
+    for stamp in stamps:
+        gaps.take("arm", int(stamp))
+    return gaps.lost
+
+
+@pytest.mark.parametrize("part", [0.0, 0.05, 0.12])
+@pytest.mark.parametrize("jitter", [0.0, 0.1])
+@pytest.mark.parametrize("period", [1e6, 8e6, 1e8 / 3])
+def test_lost_between_stamps(part, jitter, period):
+    """Whatever part is lost, at any rate, with stamps that jitter by a part of the period."""
+    rng = np.random.default_rng(2)
+    stamps = 1e18 + period * (np.arange(2000) + jitter * rng.uniform(-0.5, 0.5, 2000))
+    kept = rng.random(2000) >= part
+    kept[0] = True
+    places = np.flatnonzero(kept)
+    places = places[: 1 + 32 * ((len(places) - 1) // 32)]
+    assert lost(stamps[places]) == places[-1] + 1 - len(places)
+
+
+PACE = np.arange(1, 200) * 10 * MS
+NO_GAPS = {
+    "irregular": np.cumsum(np.random.default_rng(3).exponential(1e7, 500)),
+    "pauses": np.cumsum([1e7, 2e9] * 200),
+    "repeated stamps": np.repeat(PACE, 3),
+    "two senders of one joint": np.sort(np.concatenate([PACE, PACE + 3 * MS])),
+}
+
+
+@pytest.mark.parametrize("stamps", NO_GAPS.values(), ids=NO_GAPS)
+def test_no_gaps(stamps):
+    """No period, no gap."""
+    assert lost(stamps) == 0
+
+
+def test_no_gaps_where_messages_were_not_read():
+    """A pause of the reader is no gap; each source has a period of its own."""
+    gaps = Gaps()
+    for k in range(1, 400):
+        if k % 10:
+            gaps.take("arm", k * 10 * MS)
+            gaps.take("gripper", k * 25 * MS)
+        else:
+            gaps.pause()
+    assert gaps.lost == 0
