@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the library makes of a robot: every check on an arm with the mistake and on one without, and on real robots."""
+"""Inspection of a robot: every check on an arm with the mistake and on one without, and on real robots."""
 
 import json
 import re
@@ -14,6 +14,7 @@ import diag_dynamics as dd
 from diag_dynamics.cli.inspect import shown
 from diag_dynamics.inspection import CHECKS, SEVERITIES, inspect_robot
 from diag_dynamics.inspection.motion import Motion
+from examples import some_of
 from robots import robot_path
 
 ARM = """<robot name="arm">
@@ -40,6 +41,7 @@ UPPER = 'ixx="0.0042" iyy="0.0448" izz="0.0448"'
 LOWER = 'ixx="0.0006" iyy="0.0093" izz="0.0093"'
 LIMIT = '<limit lower="-2" upper="2" effort="20" velocity="3"/>'
 TOOL = '<link name="tool"/>'
+VISIBLE_TOOL = '<link name="tool"><visual><geometry><sphere radius="0.01"/></geometry></visual></link>'
 BOX = '<box size="0.4 0.09 0.09"/>'
 END = "</robot>"
 
@@ -62,8 +64,21 @@ def changed(old, new, text=ARM):
     return text.replace(old, new)
 
 
+def with_more(elements):
+    return changed(END, elements + END)
+
+
+def mass_of(old, new, text=ARM):
+    return changed(f'<mass value="{old}"/>', f'<mass value="{new}"/>', text)
+
+
+def limit(old, new):
+    """Return the arm with another limit of the elbow."""
+    return changed(LIMIT, changed(old, new, LIMIT))
+
+
 RIGHT = ARM[ARM.index('<link name="left_upper">') : ARM.index('<link name="left_lower">')].replace("left", "right")
-"""A link for the other side."""
+"""A link of the other side."""
 
 TO_RIGHT = (
     '<joint name="other" type="continuous"><parent link="base"/><child link="right_upper"/><axis xyz="0 1 0"/>'
@@ -72,225 +87,121 @@ TO_RIGHT = (
 
 
 def follower(attributes, lower, upper, velocity):
-    """A link that follows the elbow."""
+    """Return a link and a joint that mimics the elbow."""
     return (
         f'<link name="finger">{inertial(0.5, 0.005)}<collision><geometry><sphere radius="0.2"/></geometry></collision></link>'
         '<joint name="follows" type="revolute"><parent link="base"/><child link="finger"/><axis xyz="0 1 0"/>'
         f'<limit lower="{lower}" upper="{upper}" effort="5" velocity="{velocity}"/>'
-        f'<mimic joint="elbow" {attributes}/></joint>{END}'
+        f'<mimic joint="elbow" {attributes}/></joint>'
     )
 
 
 DOT = ball("dot", 1e-6, 1e-9, 0.1).replace('izz="1e-09"', 'izz="3e-09"')
 BALLS = "".join(ball(f"ball{k}", 0.5, 0.001, 0.05 + 0.01 * k) for k in range(3))
 WHEEL = ARM.replace('radius="0.03" length="0.3"', 'radius="0.15" length="0.02"').replace('rpy="0 1.5707963 0"', "")
+VOLUME = 0.4 * 0.09**2
 REACH_UPPER, REACH_LOWER = np.hypot(0.2, np.hypot(0.045, 0.045)), np.hypot(0.15, np.hypot(0.03, 0.03))
 
-# check, severity, the arm with the mistake, where, the number (None: there is none)
+# the mistake: check, severity, link or joint, its number (None: there is none), the arm with the mistake
 MISTAKES = {
     "inertia beyond a plate's": (
-        "possible_inertias",
-        "warning",
+        *("possible_inertias", "warning", "left_upper", 100 * 0.0098 / 0.0588),
         changed(UPPER, 'ixx="0.0042" iyy="0.0448" izz="0.0588"'),
-        "left_upper",
-        100 * 0.0098 / 0.0588,
     ),
     "negative moment": (
-        "possible_inertias",
-        "warning",
+        *("possible_inertias", "warning", "left_lower", 100.0),
         changed(LOWER, 'ixx="-0.01" iyy="0.0093" izz="0.0093"'),
-        "left_lower",
-        100.0,
     ),
-    "impossible, of next to no mass": ("possible_inertias", "note", changed(END, DOT + END), "dot", 100 / 3),
+    "impossible, of little mass": ("possible_inertias", "note", "dot", 100 / 3, with_more(DOT)),
     "impossible by the last digit": (
-        "possible_inertias",
-        "note",
+        *("possible_inertias", "note", "left_upper", 20.0),
         changed(UPPER, 'ixx="0.02" iyy="0.02" izz="0.05"'),
-        "left_upper",
-        20.0,
     ),
-    "geometry without inertia": (
-        "missing_inertias",
-        "note",
-        changed(TOOL, '<link name="tool"><visual><geometry><sphere radius="0.01"/></geometry></visual></link>'),
-        "tool",
-        None,
-    ),
+    "geometry without inertia": ("missing_inertias", "note", "tool", None, changed(TOOL, VISIBLE_TOOL)),
     "a moving link without inertia": (
-        "missing_inertias",
-        "warning",
+        *("missing_inertias", "warning", "left_lower", None),
         re.sub(r"(?s)(left_lower\">)<inertial>.*?</inertial>", r"\1", ARM),
-        "left_lower",
-        None,
     ),
-    "a point": ("missing_inertias", "warning", changed(LOWER, 'ixx="0" iyy="0" izz="0"'), "left_lower", 1.2),
-    "inertia without mass": (
-        "missing_inertias",
-        "warning",
-        changed('<mass value="1.2"/>', '<mass value="0"/>'),
-        "left_lower",
-        None,
-    ),
+    "a point": ("missing_inertias", "warning", "left_lower", 1.2, changed(LOWER, 'ixx="0" iyy="0" izz="0"')),
+    "inertia without mass": ("missing_inertias", "warning", "left_lower", None, mass_of("1.2", "0")),
     "mass without geometry": (
-        "mass_without_geometry",
-        "note",
+        *("mass_without_geometry", "note", "left_upper", 3.2),
         re.sub(r"<collision>.{1,90}box size=\"0.4.*?</collision>", "", ARM),
-        "left_upper",
-        3.2,
     ),
-    "lead in grams": (
-        "density",
-        "warning",
-        changed('<mass value="3.2"/>', '<mass value="3200"/>'),
-        "left_upper",
-        3200 / (0.4 * 0.09**2),
-    ),
-    "dense": (
-        "density",
-        "note",
-        changed('<mass value="3.2"/>', '<mass value="39"/>'),
-        "left_upper",
-        39 / (0.4 * 0.09**2),
-    ),
+    "lead in grams": ("density", "warning", "left_upper", 3200 / VOLUME, mass_of("3.2", "3200")),
+    "dense": ("density", "note", "left_upper", 39 / VOLUME, mass_of("3.2", "39")),
     "geometry in the wrong unit": (
-        "density",
-        "note",
+        *("density", "note", "left_upper", 3.2 / (4 * 0.9**2)),
         changed(BOX, '<box size="4 0.9 0.9"/>'),
-        "left_upper",
-        3.2 / (4 * 0.9**2),
     ),
     "another frame": (
-        "centre_of_mass",
-        "warning",
+        *("centre_of_mass", "warning", "left_upper", 0.2),
         changed('<origin xyz="0.2 0 0"/><mass', '<origin xyz="0.6 0 0"/><mass'),
-        "left_upper",
-        0.2,
     ),
     "kg mm²": (
-        "gyration",
-        "warning",
+        *("gyration", "warning", "left_lower", np.sqrt(9300 / 1.2) / REACH_LOWER),
         changed(LOWER, 'ixx="600" iyy="9300" izz="9300"'),
-        "left_lower",
-        np.sqrt(9300 / 1.2) / REACH_LOWER,
     ),
-    "too large where it is not felt": (
-        "gyration",
-        "note",
+    "too large about an axis without effect": (
+        *("gyration", "note", "left_upper", np.sqrt(0.8 / 3.2) / REACH_UPPER),
         changed(UPPER, 'ixx="0.8" iyy="0.0448" izz="0.8"'),
-        "left_upper",
-        np.sqrt(0.8 / 3.2) / REACH_UPPER,
     ),
     "nearly a point": (
-        "gyration",
-        "note",
+        *("gyration", "note", "left_lower", np.sqrt(1e-6 / 1.2) / REACH_LOWER),
         changed(LOWER, 'ixx="1e-6" iyy="1e-6" izz="1e-6"'),
-        "left_lower",
-        np.sqrt(1e-6 / 1.2) / REACH_LOWER,
     ),
     "a bar along another axis": (
-        "inertia_axes",
-        "warning",
+        *("inertia_axes", "warning", "left_lower", None),
         changed(LOWER, 'ixx="0.0093" iyy="0.0093" izz="0.0006"'),
-        "left_lower",
-        None,
     ),
     "a wheel along another axis": (
-        "inertia_axes",
-        "warning",
+        *("inertia_axes", "warning", "left_lower", None),
         changed(LOWER, 'ixx="0.0096" iyy="0.0054" izz="0.0054"', WHEEL),
-        "left_lower",
-        None,
     ),
     "the identity": (
-        "placeholders",
-        "warning",
+        *("placeholders", "warning", "left_upper", 2 * np.sqrt(2.5 / 3.2)),
         changed(UPPER, 'ixx="1" iyy="1" izz="1"'),
-        "left_upper",
-        2 * np.sqrt(2.5 / 3.2),
     ),
-    "one inertia for all": ("placeholders", "note", changed(END, BALLS + END), "ball0 ball1 ball2", None),
-    "sides": (
-        "sides",
-        "note",
-        changed(END, RIGHT.replace('"3.2"', '"2.8"') + TO_RIGHT + END),
-        "left_upper right_upper",
-        3.2,
-    ),
-    "a lost mesh": (
-        "meshes",
-        "warning",
-        changed(BOX, '<mesh filename="package://nowhere/upper.stl"/>'),
-        "left_upper",
-        None,
-    ),
-    "a shape that is none": ("meshes", "note", changed(BOX, "<cone/>"), "left_upper", None),
-    "an element twice": ("elements", "warning", changed(LIMIT, LIMIT * 2), "elbow", None),
+    "one inertia for all": ("placeholders", "note", "ball0 ball1 ball2", None, with_more(BALLS)),
+    "sides": ("sides", "note", "left_upper right_upper", 3.2, with_more(RIGHT.replace('"3.2"', '"2.8"') + TO_RIGHT)),
+    "a lost mesh": ("meshes", "warning", "left_upper", None, changed(BOX, '<mesh filename="package://no/a.stl"/>')),
+    "an unknown shape": ("meshes", "note", "left_upper", None, changed(BOX, "<cone/>")),
+    "an element twice": ("elements", "warning", "elbow", None, changed(LIMIT, LIMIT * 2)),
     "an inertial twice": (
-        "elements",
-        "warning",
+        *("elements", "warning", "tool", None),
         changed(TOOL, f'<link name="tool">{inertial(0.1, 1e-4) * 2}</link>'),
-        "tool",
-        None,
     ),
     "a long axis": (
-        "axes",
-        "note",
+        *("axes", "note", "elbow", np.sqrt(2)),
         changed('<axis xyz="0 1 0"/>\n  ' + LIMIT, '<axis xyz="0 1 1"/>\n  ' + LIMIT),
-        "elbow",
-        np.sqrt(2),
     ),
-    "no limits": ("position_limits", "warning", changed(LIMIT, ""), "elbow", None),
-    "no range": (
-        "position_limits",
-        "warning",
-        changed(LIMIT, LIMIT.replace("2", "0", 2).replace("-0", "0")),
-        "elbow",
-        0.0,
+    "no limits": ("position_limits", "warning", "elbow", None, changed(LIMIT, "")),
+    "no range": ("position_limits", "warning", "elbow", 0.0, limit('lower="-2" upper="2"', 'lower="0" upper="0"')),
+    "degrees": ("position_limits", "warning", "elbow", 170.0, limit('"-2"', '"-170"')),
+    "ignored limits": (
+        *("position_limits", "note", "other", None),
+        with_more(RIGHT + TO_RIGHT.replace("<limit", '<limit lower="-1" upper="1"')),
     ),
-    "degrees": ("position_limits", "warning", changed(LIMIT, LIMIT.replace('"-2"', '"-170"')), "elbow", 170.0),
-    "ignored": (
-        "position_limits",
-        "note",
-        changed(END, RIGHT + TO_RIGHT.replace("<limit", '<limit lower="-1" upper="1"') + END),
-        "other",
-        None,
+    "no effort": ("effort_limits", "warning", "elbow", None, limit('effort="20"', 'effort="0"')),
+    "effort left out": ("effort_limits", "note", "elbow", None, limit('effort="20"', "")),
+    "any effort": ("effort_limits", "note", "elbow", 1e6, limit('effort="20"', 'effort="1e6"')),
+    "no velocity": ("velocity_limits", "warning", "elbow", None, limit('velocity="3"', 'velocity="0"')),
+    "any velocity": ("velocity_limits", "note", "elbow", 314.0, limit('velocity="3"', 'velocity="314"')),
+    "a mimic joint that stops": (
+        *("mimic_joints", "note", "follows", 0.5),
+        with_more(follower('multiplier="-2" offset="0.5"', -3.5, 4.0, 9)),
     ),
-    "no effort": ("effort_limits", "warning", changed('effort="20"', 'effort="0"'), "elbow", None),
-    "effort left out": ("effort_limits", "note", changed('effort="20"', ""), "elbow", None),
-    "any effort": ("effort_limits", "note", changed('effort="20"', 'effort="1e6"'), "elbow", 1e6),
-    "no velocity": ("velocity_limits", "warning", changed('velocity="3"', 'velocity="0"'), "elbow", None),
-    "any velocity": ("velocity_limits", "note", changed('velocity="3"', 'velocity="314"'), "elbow", 314.0),
-    "a follower that stops": (
-        "mimic_joints",
-        "note",
-        changed(END, follower('multiplier="-2" offset="0.5"', -3.5, 4.0, 9)),
-        "follows",
-        0.5,
-    ),
-    "a follower that is slow": (
-        "mimic_joints",
-        "note",
-        changed(END, follower('multiplier="2"', -4, 4, 2)),
-        "follows",
-        3.0,
-    ),
-    "no rotor": ("rotor_inertia", "note", changed('effort="20"', 'effort="200"'), "elbow", 1e3 * 0.0363 * 3 / 200),
-    "weak": ("gravity", "note", changed('effort="60"', 'effort="12"'), "shoulder", None),
-    "far too weak": ("gravity", "warning", changed('effort="60"', 'effort="2"'), "shoulder", None),
+    "a slow mimic joint": ("mimic_joints", "note", "follows", 3.0, with_more(follower('multiplier="2"', -4, 4, 2))),
+    "no rotor": ("rotor_inertia", "note", "elbow", 1e3 * 0.0363 * 3 / 200, limit('effort="20"', 'effort="200"')),
+    "weak": ("gravity", "note", "shoulder", None, changed('effort="60"', 'effort="12"')),
+    "far too weak": ("gravity", "warning", "shoulder", None, changed('effort="60"', 'effort="2"')),
     "light beside heavy": (
-        "conditioning",
-        "note",
-        changed(LOWER, 'ixx="0" iyy="1e-11" izz="1e-11"').replace('"1.2"', '"1e-9"'),
-        "elbow shoulder",
-        None,
+        *("conditioning", "note", "elbow shoulder", None),
+        mass_of("1.2", "1e-9", changed(LOWER, 'ixx="0" iyy="1e-11" izz="1e-11"')),
     ),
-    "a placeholder's velocity": (
-        "kinetic_energy",
-        "warning",
+    "velocity of a placeholder": (
+        *("kinetic_energy", "warning", "elbow shoulder", None),
         changed('velocity="2"', 'velocity="1000"'),
-        "elbow shoulder",
-        None,
     ),
 }
 
@@ -299,16 +210,16 @@ def findings_of(report, check, severity):
     return [finding for finding in report.findings if (finding.check, finding.severity) == (check, severity)]
 
 
-def test_a_good_arm_has_nothing_to_tell():
+def test_arm_without_mistakes():
     report = inspect_robot(ARM)
     assert report.findings == () and report.status == 0
     assert report.checks == dict.fromkeys(CHECKS, "ok")
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_every_mistake_is_found(mistake):
-    """By its check, with its severity, where it is and with its number."""
-    check, severity, text, where, number = MISTAKES[mistake]
+def test_mistakes(mistake):
+    """A check finds its mistake with severity, place and number."""
+    check, severity, where, number, text = MISTAKES[mistake]
     report = inspect_robot(text)
     (finding,) = findings_of(report, check, severity)
     assert {*finding.links, *finding.joints} == set(where.split())
@@ -324,35 +235,28 @@ def test_every_check_has_its_mistake():
 
 
 @pytest.mark.parametrize("digits", [2, 3, 4, 6, 12])
-def test_plates_and_bars_to_any_digits(digits):
-    """Inertias on the physical boundary, turned and rounded as exporters write them, are no mistake."""
+def test_rounded_inertias(digits):
+    """Plates and bars are at the bound of rigid bodies; rounding them is no mistake."""
     rng = np.random.default_rng(digits)
     for moments in ((1.0, 2.0, 3.0), (0.0, 1.0, 1.0), (0.5, 0.5, 1.0)):
-        turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
-        J = 0.01 * turn @ np.diag(moments) @ turn.T
-        entries = {
-            name: J[at]
-            for name, at in zip(
-                ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), zip(*np.triu_indices(3), strict=True), strict=True
-            )
-        }
-        written = " ".join(f'{name}="{value:.{digits + 2}f}"' for name, value in entries.items())
-        text = changed(f'{UPPER} ixy="0" ixz="0" iyz="0"', written)
-        assert not findings_of(inspect_robot(text), "possible_inertias", "warning"), written
+        rotation = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+        J = 0.01 * rotation @ np.diag(moments) @ rotation.T
+        entries = [f'i{"xyz"[i]}{"xyz"[k]}="{J[i, k]:.{digits + 2}f}"' for i in range(3) for k in range(i, 3)]
+        text = changed(f'{UPPER} ixy="0" ixz="0" iyz="0"', " ".join(entries))
+        assert not findings_of(inspect_robot(text), "possible_inertias", "warning"), entries
 
 
 # --- Numbers against Pinocchio
 
 
 def test_motion_against_pinocchio():
-    """Gravity torque, energy at the velocity limits, condition, and the mass at the tip, in the same poses."""
+    """Gravity torque, energy at the velocity limits, condition and reflected mass in the same poses."""
     path = robot_path("ur_description/urdf/ur5_robot.urdf")
     model = dd.load_urdf(path)
     motion = Motion(model)
     reference = pin.buildModelFromUrdf(str(path))
-    data = reference.createData()
+    data, frame = reference.createData(), reference.getFrameId("ee_link")
     assert (model.lower <= motion.Q).all() and (model.upper >= motion.Q).all()
-    frame = reference.getFrameId("ee_link")
     masses = motion.reflected_mass("ee_link")
     signs = np.random.default_rng(1).choice([-1.0, 1.0], (len(motion.Q), 6))
     for k in range(0, 50, 7):
@@ -368,21 +272,20 @@ def test_motion_against_pinocchio():
 
 
 def test_time_to_the_velocity_limit():
-    """A joint alone: D is its moment of inertia, and the time that the constant torque needs is J q̇/τ."""
-    text = changed('effort="20"', 'effort="200"')
+    """D of a single joint is its moment of inertia J, and a constant torque takes J q̇/τ."""
+    text = limit('effort="20"', 'effort="200"')
     (finding,) = findings_of(inspect_robot(text), "rotor_inertia", "note")
     simulation = dd.Simulation(dd.load_urdf(text, gravity=(0, 0, 0), locked_joints={"shoulder": 0.0}), step=1e-6)
     simulation.advance([200.0], steps=round(1e3 * finding.values["elbow"]))
     assert simulation.qd[0] == pytest.approx(3.0, rel=1e-2)
 
 
-# --- What the library refuses
+# --- Robots that do not load
 
 
-def test_a_refused_robot_is_a_report():
-    """With the library's message, and what else the XML says."""
-    text = changed('type="fixed"', 'type="screw"', MISTAKES["lead in grams"][2])
-    report = inspect_robot(text)
+def test_rejected_robot_has_a_report():
+    """It has the error of the loader and the findings of checks that need no model."""
+    report = inspect_robot(changed('type="fixed"', 'type="screw"', MISTAKES["lead in grams"][-1]))
     (finding,) = findings_of(report, "loading", "error")
     assert "joint 'flange': unknown type 'screw'" in finding.what
     assert findings_of(report, "density", "warning") and report.status == 2
@@ -391,8 +294,8 @@ def test_a_refused_robot_is_a_report():
 
 
 def test_massless_joints():
-    """They are named with their D and their remedy, and locked for what comes after."""
-    report = inspect_robot(MISTAKES["a moving link without inertia"][2])
+    """They are locked for the checks that follow."""
+    report = inspect_robot(MISTAKES["a moving link without inertia"][-1])
     (finding,) = findings_of(report, "loading", "error")
     assert finding.joints == ("elbow",) and finding.values == {"elbow": 0.0}
     assert "massless='lock'" in finding.remedy and "--estimate-inertias" in finding.remedy
@@ -400,41 +303,41 @@ def test_massless_joints():
     assert report.checks["gravity"] == "ok" and report.status == 2
 
 
-def test_no_inertias_at_all():
-    """Which links lack them, and how to estimate them."""
-    text = re.sub(r"(?s)<inertial>.*?</inertial>", "", ARM)
-    (finding,) = findings_of(inspect_robot(text), "missing_inertias", "error")
+def test_robot_without_inertias():
+    (finding,) = findings_of(
+        inspect_robot(re.sub(r"(?s)<inertial>.*?</inertial>", "", ARM)), "missing_inertias", "error"
+    )
     assert finding.links == ("base", "left_upper", "left_lower", "tool") and "--estimate-inertias" in finding.remedy
 
 
-def test_mimics_of_nothing():
-    text = changed(END, follower('multiplier="1"', -4, 4, 9)).replace('mimic joint="elbow"', 'mimic joint="knee"')
+def test_mimic_joint_without_source():
+    text = changed('mimic joint="elbow"', 'mimic joint="knee"', with_more(follower('multiplier="1"', -4, 4, 9)))
     report = inspect_robot(text)
     (finding,) = findings_of(report, "loading", "error")
     assert "'knee'" in finding.what and finding.joints == ("follows",) and report.facts["degrees_of_freedom"] == 3
 
 
 @pytest.mark.parametrize("text", ["<robot/>", "<robot><link/></robot>", '<robot><link name="a"/><joint/></robot>'])
-def test_hardly_anything(text):
+def test_robots_of_hardly_anything(text):
     assert inspect_robot(text).checks["loading"] == "error"
 
 
 @pytest.mark.parametrize("source", ["nowhere.urdf", "<robot", "<sdf/>", ""])
-def test_no_robot_at_all(source):
+def test_sources_that_are_no_robot(source):
     with pytest.raises(dd.UrdfError):
         inspect_robot(source)
 
 
-def test_anything_may_be_missing():
-    """Attributes and elements taken out one by one, or with nonsense in them: always a report, never an exception."""
+def test_missing_and_broken_attributes():
+    """An inspection without an attribute or element, or with nonsense in it, is a report."""
     pieces = [
         *re.finditer(r' \w+="[^"]*"', ARM),
         *re.finditer(r"<(?:origin|axis|limit|mass|inertia|parent|child)\b[^>]*/>", ARM),
     ]
     assert len(pieces) > 80
-    for piece in pieces:
-        for instead in ("", re.sub('"[^"]*"', '"x 1e999"', piece[0])):
-            report = inspect_robot(ARM[: piece.start()] + instead + ARM[piece.end() :])
+    for piece in some_of(pieces, 4):
+        for other in ("", re.sub('"[^"]*"', '"x 1e999"', piece[0])):
+            report = inspect_robot(ARM[: piece.start()] + other + ARM[piece.end() :])
             json.dumps(report.to_dict(), allow_nan=False)
             assert max(map(len, shown(report))) <= 80
 
@@ -443,13 +346,9 @@ def test_anything_may_be_missing():
 
 WELL_MADE = (
     *("panda_description/urdf/panda", "talos_data/robots/talos_full_v2", "kinova_description/robots/kinova"),
-    *(
-        "go2_description/urdf/go2",
-        "g1_description/urdf/g1_29dof_rev_1_0",
-        "xarm_description/urdf/xarm7",
-        "z1_description/urdf/z1",
-    ),
-    *("a1_description/urdf/a1", "hyq_description/robots/hyq_no_sensors", "so_arm_description/urdf/so100"),
+    *("go2_description/urdf/go2", "g1_description/urdf/g1_29dof_rev_1_0", "xarm_description/urdf/xarm7"),
+    *("z1_description/urdf/z1", "a1_description/urdf/a1", "hyq_description/robots/hyq_no_sensors"),
+    "so_arm_description/urdf/so100",
 )
 
 ILL_MADE = {
@@ -468,15 +367,15 @@ ILL_MADE = {
 }
 
 
-@pytest.mark.parametrize("name", WELL_MADE)
-def test_well_made_robots_raise_no_alarm(name):
+@pytest.mark.parametrize("name", list(some_of(WELL_MADE, 9)))
+def test_well_made_robots(name):
     report = inspect_robot(robot_path(f"{name}.urdf"))
     assert report.status == 0 and set(report.checks.values()) <= {"ok", "note"}
     assert not findings_of(report, "meshes", "warning")
 
 
-@pytest.mark.parametrize("name", ILL_MADE)
-def test_what_is_wrong_with_others(name):
+@pytest.mark.parametrize("name", list(some_of(ILL_MADE, 4)))
+def test_ill_made_robots(name):
     report = inspect_robot(robot_path(f"{name}.urdf"))
     assert report.status == 1
     for check, where in ILL_MADE[name].items():
@@ -485,13 +384,12 @@ def test_what_is_wrong_with_others(name):
 
 
 def test_facts():
-    """Talos: frames, mimics and tips; a floating base."""
+    """A humanoid has tips, mimic joints and a floating base."""
     path = robot_path("talos_data/robots/talos_reduced.urdf")
     model, facts = dd.load_urdf(path), inspect_robot(path).facts
     assert facts["degrees_of_freedom"] == model.nv and facts["total_mass"] == pytest.approx(model.total_mass, rel=1e-12)
     assert facts["root_link"] == "base_link" and facts["links"] == len(model.link_names) and facts["poses"] == 200
     assert {"left_sole_link", "right_sole_link"} <= set(facts["tips"])
-    assert (
-        0.0 < facts["tips"]["left_sole_link"]["least"] <= facts["tips"]["left_sole_link"]["greatest"] < model.total_mass
-    )
+    sole = facts["tips"]["left_sole_link"]
+    assert 0.0 < sole["least"] <= sole["greatest"] < model.total_mass
     assert inspect_robot(path, floating_base=True).facts["degrees_of_freedom"] == model.nv + 6
