@@ -146,7 +146,7 @@ def test_terminal_view(count):
     assert not count or all(plain(name)[:30] in shown for name in NAMES)
 
 
-@pytest.mark.parametrize("width", [40, 80, 84, 160])
+@pytest.mark.parametrize("width", [40, 60, 80, 84, 160])
 @pytest.mark.parametrize("count", [2, 9, 32])
 def test_terminal_view_fits(width, count):
     """No line wraps, so the last joint and the hint are visible."""

@@ -527,6 +527,7 @@ READ_BY_BOTH = {
     **{id: robot_path(id) for id in shortened(all_robots(), all_robots()[::20])},
     **{one.id: one.urdf for one in shortened(random_robots(), random_robots()[::4])},
     "all types": random_tree(30, kinds=(*KINDS, *SEVERAL, "fixed")),
+    "mimic": arm(link("l", **BOX), MIMIC.format("shoulder")),
     **{case: source for case, (source, _) in BROKEN.items() if case in ("ring", "nan mass", "zero axis")},
 }
 
