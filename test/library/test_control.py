@@ -1,12 +1,14 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The laws against a dense computation from Pinocchio, and their Lyapunov functions along Pinocchio's and our motions.
+"""Control laws against Pinocchio, and their Lyapunov functions along Pinocchio's and simulated motions.
 
 Robots: Panda with its coupled fingers, UR5, a geared tree of 12 degrees of freedom.
 """
 
+import re
 from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -19,14 +21,17 @@ from coupling import Coupled
 from diag_dynamics import control
 from diag_dynamics.control.pose import rotation_of, rotation_vector
 from diag_dynamics.exceptions import InputError, UnsupportedError
+from examples import shortened
 
+RANDOM = {robot.id: robot for robot in robots.random_robots()}
 PANDA = robots.robot("panda_description/urdf/panda.urdf")
 UR5 = robots.robot("ur_description/urdf/ur5_robot.urdf")
-TREE = next(robot for robot in robots.random_robots() if robot.id == "geared_tree_10")
+TREE = RANDOM["geared_tree_10"]
 ARM = PANDA._replace(id="panda_arm", locked_joints={"panda_finger_joint1": 0.02})
 FRAMES = {PANDA.id: "panda_hand", ARM.id: "panda_hand", UR5.id: "tool0", TREE.id: "link_11"}
 POINT = np.array([0.03, -0.05, 0.1])
 ALL = pytest.mark.parametrize("robot", (PANDA, UR5, TREE), ids=lambda robot: robot.id)
+CLOSED = pytest.mark.parametrize("robot", (ARM, UR5, TREE), ids=lambda robot: robot.id)
 
 
 class Subject(NamedTuple):
@@ -46,26 +51,25 @@ def subject(robot):
 def _subject(id):
     robot = next(robot for robot in (PANDA, ARM, UR5, TREE) if robot.id == id)
     model = dd.load_urdf(robot.source, **robot.options)
-    assert model.nv == {PANDA.id: 8, ARM.id: 7, UR5.id: 6, TREE.id: 12}[robot.id]
     oracle = Coupled(robot.urdf, model.dof_names, **robot.options)
     return Subject(model, dd.DiagonalDynamics(model), oracle, FRAMES[robot.id])
 
 
 def configuration(model, rng, part=0.8):
-    """A random configuration within the middle part of the limits."""
+    """Return a random configuration within the middle part of the limits."""
     lower, upper = np.maximum(model.lower, -2.0), np.minimum(model.upper, 2.0)
     return 0.5 * (lower + upper) + 0.5 * part * (upper - lower) * rng.uniform(-1, 1, model.nv)
 
 
-def states(robot, count, speed=1.0):
-    """Truths of the oracle at random states."""
+def states(robot, count):
+    """Yield a generator of numbers and the truths of the oracle at random states."""
     s, rng = subject(robot), np.random.default_rng(7)
     for _ in range(count):
-        yield rng, s.oracle.at(configuration(s.model, rng), speed * rng.normal(size=s.model.nv))
+        yield rng, s.oracle.at(configuration(s.model, rng), rng.normal(size=s.model.nv))
 
 
 def dense_frame(s, q):
-    """Position, axes, and the Jacobian of both stacked, 12 rows, of the frame: from Pinocchio alone."""
+    """Return position, axes, and the Jacobian of both stacked, 12 rows, of the frame: from Pinocchio alone."""
     full, o = s.oracle.full, s.oracle
     configuration = full.configuration(o.q_full(q))
     at = full.model.getFrameId(s.link, pin.FrameType.BODY)
@@ -80,16 +84,12 @@ def dense_frame(s, q):
 
 
 def stacked(position, axes):
-    """Y: the position and the three axes."""
+    """Return Y: the position and the three axes."""
     return np.concatenate([position, axes.T.ravel()])
 
 
-def rotation(rng):
-    return pin.exp3(rng.uniform(-1.5, 1.5, 3))
-
-
 def along_motion(value, q, qd, qdd, reach=1e-3):
-    """d/dt of value(t, q, q̇) at t = 0 along a motion: fourth-order differences and Richardson."""
+    """Return d/dt of value(t, q, q̇) at t = 0 along a motion: fourth-order differences and Richardson."""
 
     def central(h):
         f1, f2, f_1, f_2 = (value(t, q + t * qd, qd + t * qdd) for t in (h, 2 * h, -h, -2 * h))
@@ -100,25 +100,18 @@ def along_motion(value, q, qd, qdd, reach=1e-3):
 
 
 def close(actual, expected):
-    """To 1e-9, as commands must be."""
+    """Assert equality to 1e-9, the accuracy of commands."""
     np.testing.assert_allclose(actual, expected, rtol=0, atol=1e-9 * max(1.0, np.abs(expected).max()))
-
-
-# --- Rotations ---
 
 
 def test_rotations():
     rng = np.random.default_rng(0)
     for angle in (0.0, 1e-9, 1e-5, 0.3, 2.0, np.pi - 1e-4, np.pi - 1e-9, np.pi):
-        for _ in range(5):
-            axis = rng.normal(size=3)
-            axis /= np.linalg.norm(axis)
-            R = pin.exp3(angle * axis)
-            found = rotation_vector(R)
-            # from sin² + cos² = 1 an angle near 180° is known to the root of rounding, its axis as well
-            np.testing.assert_allclose(pin.exp3(found), R, atol=1e-7 if angle > 3 else 1e-14)
-            np.testing.assert_allclose(rotation_of(pin.Quaternion(R).coeffs()), R, atol=1e-14)
-            assert (rotation_of(R) == R).all()
+        axis = rng.normal(size=3)
+        R = pin.exp3(angle * axis / np.linalg.norm(axis))
+        # From sin² + cos² = 1 an angle near 180° is known to the root of rounding, its axis as well.
+        np.testing.assert_allclose(pin.exp3(rotation_vector(R)), R, atol=1e-7 if angle > 3 else 1e-14)
+        np.testing.assert_allclose(rotation_of(pin.Quaternion(R).coeffs()), R, atol=1e-14)
 
 
 # --- Commands against Pinocchio alone ---
@@ -138,7 +131,6 @@ def test_damping_commands(robot):
         close(command.lyapunov_rate, -t.nu @ (c * t.nu))
         held = dd.GravityCompensation(s.dyn).command(t.q, t.qd)
         close(held.tau, t.g)
-        close(held.lyapunov, t.kinetic_energy)
         assert not held.epsilon.any() and held.lyapunov_rate == 0.0
 
 
@@ -150,22 +142,22 @@ def test_pose_commands(robot):
         c, k_p, k_o = rng.uniform(1, 9, s.model.nv), rng.uniform(50, 300, 3), 20.0
         law = dd.PoseRegulation(s.dyn, s.link, c, k_p, k_o, POINT)
         position, axes, J = dense_frame(s, t.q)
-        target, target_axes = position + rng.uniform(-0.5, 0.5, 3), rotation(rng)
-        for aims in ("position", "orientation", "both"):
-            weights = np.concatenate([k_p * (aims != "orientation"), np.full(9, 0.5 * k_o * (aims != "position"))])
-            law.aim(
-                target if aims != "orientation" else None,
-                {"position": None, "orientation": target_axes, "both": pin.Quaternion(target_axes).coeffs()}[aims],
-            )
+        target, target_axes = position + rng.uniform(-0.5, 0.5, 3), pin.exp3(rng.uniform(-1.5, 1.5, 3))
+        e = stacked(target, target_axes) - stacked(position, axes)
+        for aim, in_position, in_orientation in (
+            ((target, None), True, False),
+            ((None, target_axes), False, True),
+            ((target, pin.Quaternion(target_axes).coeffs()), True, True),
+        ):
+            law.aim(*aim)
             command = law.command(t.q, t.qd)
-            e = stacked(target, target_axes) - stacked(position, axes)
+            weights = np.concatenate([k_p * in_position, np.full(9, 0.5 * k_o * in_orientation)])
             close(command.tau, t.m @ (-c * t.nu) + J.T @ (weights * e) + t.g)
             close(t.m @ command.epsilon, command.tau - t.g)
             close(command.lyapunov, t.kinetic_energy + 0.5 * e @ (weights * e))
             close(command.lyapunov_rate, -t.nu @ (c * t.nu))
-            if aims == "both":
-                close(command.error.position, target - position)
-                close(command.error.orientation, pin.log3(target_axes @ axes.T))
+        close(command.error.position, target - position)
+        close(command.error.orientation, pin.log3(target_axes @ axes.T))
 
 
 @ALL
@@ -179,7 +171,6 @@ def test_tracking_commands(robot):
         qd_r, qdd_r = qd_d - L * (t.q - q_d), qdd_d - L * (t.qd - qd_d)
         nu_r, nu_r_rate = t.m.T @ qd_r, t.m.T @ qdd_r + t.mdot.T @ qd_r
         B = t.l @ (t.C_s - t.m @ t.mdot.T) @ t.l.T
-        assert np.abs(B + B.T).max() < 1e-9 * np.abs(B).max()
         np.testing.assert_allclose(B @ t.nu, t.coriolis, atol=1e-9 * t.coriolis_scale)
         error = t.nu - nu_r
         close(command.tau, t.m @ (nu_r_rate + B @ nu_r + t.gravity - K * error))
@@ -205,57 +196,45 @@ def test_tracking_goes_the_short_way_round():
 # --- Lyapunov functions along Pinocchio's motion ---
 
 
-def measured_rate(s, t, tau, value):
-    """dV/dt along the motion that Pinocchio has these efforts make."""
-    return along_motion(value, t.q, t.qd, s.oracle.forward_dynamics(t.q, t.qd, tau))
-
-
-def rates_agree(s, t, command, value, tau=None):
-    """Whether V changes along Pinocchio's motion as the law says; to what differences can tell of it."""
-    actual = measured_rate(s, t, command.tau if tau is None else tau, value)
+def rate_agrees(s, t, command, value):
+    """Return whether V changes along Pinocchio's motion under the command as the law says."""
+    actual = along_motion(value, t.q, t.qd, s.oracle.forward_dynamics(t.q, t.qd, command.tau))
     scale = abs(command.lyapunov_rate) + command.lyapunov + t.kinetic_energy
     return abs(actual - command.lyapunov_rate) <= 1e-7 * scale
 
 
 @ALL
 def test_energy_falls_as_the_laws_say(robot):
-    """Damping, gravity compensation and pose regulation; with the sign of one term wrong the test fails."""
+    """Damping, gravity compensation and pose regulation; not with the sign of Control 8.2 as printed."""
     s = subject(robot)
-    for rng, t in states(robot, 3):
+    for rng, t in states(robot, 2):
+        c, weights = rng.uniform(1, 9, s.model.nv), np.array([150.0] * 3 + [10.0] * 9)
+        target, target_axes = rng.uniform(-0.5, 0.5, 3), pin.exp3(rng.uniform(-1.5, 1.5, 3))
+        goal = stacked(target, target_axes)
 
         def K(_, q, qd):
             return s.oracle.at(q, qd).kinetic_energy
 
-        c = rng.uniform(1, 9, s.model.nv)
-        command = dd.RateDamping(s.dyn, c).command(t.q, t.qd)
-        assert rates_agree(s, t, command, K)
-        assert not rates_agree(s, t, command, K, 2 * t.g - command.tau)
-        assert rates_agree(s, t, dd.GravityCompensation(s.dyn).command(t.q, t.qd), K)
-        assert not rates_agree(s, t, command, K, command.tau - t.g)  # gravity left out
-
-        law = dd.PoseRegulation(s.dyn, s.link, c, 150.0, 20.0, POINT)
-        target, target_axes = rng.uniform(-0.5, 0.5, 3), rotation(rng)
-        law.aim(target, target_axes)
-        weights = np.array([150.0] * 3 + [10.0] * 9)
-
-        goal = stacked(target, target_axes)
-
-        def V(_, q, qd, weights=weights, goal=goal):
+        def V(_, q, qd, goal=goal, weights=weights):
             e = goal - stacked(*dense_frame(s, q)[:2])
             return s.oracle.at(q, qd).kinetic_energy + 0.5 * e @ (weights * e)
 
+        assert rate_agrees(s, t, dd.RateDamping(s.dyn, c).command(t.q, t.qd), K)
+        assert rate_agrees(s, t, dd.GravityCompensation(s.dyn).command(t.q, t.qd), K)
+        law = dd.PoseRegulation(s.dyn, s.link, c, 150.0, 20.0, POINT)
+        law.aim(target, target_axes)
         command = law.command(t.q, t.qd)
-        _, axes, J = dense_frame(s, t.q)
-        spring = J.T @ (weights * (goal - stacked(dense_frame(s, t.q)[0], axes)))
-        assert rates_agree(s, t, command, V)
-        assert not rates_agree(s, t, command, V, command.tau - 2 * spring)  # the printed sign of Control 8.2
+        assert rate_agrees(s, t, command, V)
+        position, axes, J = dense_frame(s, t.q)
+        spring = J.T @ (weights * (goal - stacked(position, axes)))
+        assert not rate_agrees(s, t, command._replace(tau=command.tau - 2 * spring), V)
 
 
 @ALL
 def test_tracking_error_falls_as_the_law_says(robot):
-    """dV/dt = −sᵀKs in every configuration, for targets that move; wrong with the sign of B, or of K, turned."""
+    """dV/dt = −sᵀKs in every configuration, for targets that move."""
     s = subject(robot)
-    for rng, t in states(robot, 3):
+    for rng, t in states(robot, 2):
         K, L = rng.uniform(1, 30, (2, s.model.nv))
         q_d, qd_d, qdd_d = t.q + rng.uniform(-0.3, 0.3, s.model.nv), *rng.normal(size=(2, s.model.nv))
 
@@ -264,19 +243,14 @@ def test_tracking_error_falls_as_the_law_says(robot):
             error = s.oracle.factor(q).T @ (qd - qd_r)
             return 0.5 * error @ error
 
-        command = dd.JointTracking(s.dyn, K, L).command(t.q, t.qd, q_d, qd_d, qdd_d)
-        assert rates_agree(s, t, command, V)
-        qd_r = qd_d - L * (t.q - q_d)
-        B_nu_r = t.m @ s.dyn.coriolis_bracket(t.q, t.qd, t.m.T @ qd_r)
-        assert not rates_agree(s, t, command, V, command.tau - 2 * B_nu_r)
-        assert not rates_agree(s, t, command, V, command.tau + 2 * t.m @ (K * (t.m.T @ (t.qd - qd_r))))
+        assert rate_agrees(s, t, dd.JointTracking(s.dyn, K, L).command(t.q, t.qd, q_d, qd_d, qdd_d), V)
 
 
 # --- Closed loops on the simulated plant ---
 
 
 class Run(NamedTuple):
-    """What a loop has seen: times, V, the rate promised, K, and the state at the end."""
+    """Times, V, its promised rate and K of a loop, and the state at the end."""
 
     time: np.ndarray
     V: np.ndarray
@@ -286,22 +260,20 @@ class Run(NamedTuple):
     qd: np.ndarray
 
 
-def run(s, law, q, qd, duration, period=1e-3, sign=1.0, push=None):
-    """Close the loop: `law(time, q, qd)` gives a Command, held for a period; sign −1 turns what is not gravity round."""
+def run(s, law, q, qd, duration, period=1e-3, push=None):
+    """Close the loop: `law(time, q, qd)` returns a Command, held for a period."""
     nothing = np.zeros(s.model.nv)
-    plant = dd.Simulation(
-        s.model, q, qd, step=period, damping=nothing, friction=nothing, limits=False, effort_limits=False
-    )
+    options = {"damping": nothing, "friction": nothing, "limits": False, "effort_limits": False}
+    plant = dd.Simulation(s.model, q, qd, step=period, **options)
     rows = []
     for k in range(round(duration / period)):
         command = law(k * period, plant.q, plant.qd)
         rows.append((k * period, command.lyapunov, command.lyapunov_rate, 0.5 * command.nu @ command.nu))
-        tau = command.gravity_torque + sign * (command.tau - command.gravity_torque)
-        plant.advance(tau if push is None else tau + push(k * period, plant))
+        plant.advance(command.tau if push is None else command.tau + push(plant))
     return Run(*np.transpose(rows), plant.q, plant.qd)
 
 
-def falls_as_promised(record, tolerance):
+def assert_falls_as_promised(record, tolerance):
     """Assert that V follows the integral of its rate, and never rises."""
     step = record.time[1] - record.time[0]
     promised = record.V[0] + np.cumsum(0.5 * step * (record.rate[1:] + record.rate[:-1]))
@@ -309,36 +281,30 @@ def falls_as_promised(record, tolerance):
     assert np.diff(record.V).max() <= 1e-3 * tolerance * record.V[0]
 
 
-@pytest.mark.parametrize("robot", (ARM, UR5, TREE), ids=lambda robot: robot.id)
+@CLOSED
 def test_energy_decays_exponentially(robot):
-    """K = K₀ exp(−2ct) within 1 %, in twenty configurations and directions of motion."""
+    """K = K₀ exp(−2ct) within 1 %, in many configurations and directions of motion."""
     s, rng, c = subject(robot), np.random.default_rng(3), 2.0
     law = dd.RateDamping(s.dyn, c)
-    for _ in range(20):
-        qd = rng.normal(size=s.model.nv)
-        q = configuration(s.model, rng)
+    for _ in range(shortened(20, 3)):
+        qd, q = rng.normal(size=s.model.nv), configuration(s.model, rng)
         record = run(s, lambda _, q, qd: law.command(q, qd), q, qd, 0.3)
         np.testing.assert_allclose(record.K, record.K[0] * np.exp(-2 * c * record.time), rtol=0.01)
-        falls_as_promised(record, 0.01)
-    record = run(s, lambda _, q, qd: law.command(q, qd), q, qd, 0.1, sign=-1.0)
-    assert record.K[-1] > record.K[0]
-    with pytest.raises(AssertionError):
-        falls_as_promised(record, 0.01)
+        assert_falls_as_promised(record, 0.01)
 
 
 def test_gravity_compensation_keeps_the_energy():
-    """A robot that weighs nothing keeps the energy it was given, and not where gravity acts the wrong way."""
+    """A compensated robot keeps its energy; with gravity compensated twice it does not."""
     s = subject(ARM)
     law = dd.GravityCompensation(s.dyn)
     q, qd = configuration(s.model, np.random.default_rng(1)), np.full(7, 0.3)
     record = run(s, lambda _, q, qd: law.command(q, qd), q, qd, 0.5)
     np.testing.assert_allclose(record.K, record.K[0], rtol=0.01)
-    doubled = run(s, lambda _, q, qd: law.command(q, qd), q, qd, 0.5, push=lambda _, p: s.dyn.gravity_torque(p.q))
+    doubled = run(s, lambda _, q, qd: law.command(q, qd), q, qd, 0.5, push=lambda p: s.dyn.gravity_torque(p.q))
     assert np.abs(doubled.K / doubled.K[0] - 1).max() > 1
 
 
-SHIFT = np.array([0.1, 0.1, -0.1])
-FAR = np.array([2.0, 0.0, 0.0])
+SHIFT, FAR = np.array([0.1, 0.1, -0.1]), np.array([2.0, 0.0, 0.0])
 READY = np.array([0.0, -0.5, 0.1, -2.0, 0.1, 1.6, 0.5])
 POSE_LAW = {"damping": 12.0, "position_stiffness": 250.0, "orientation_stiffness": 30.0}
 
@@ -349,34 +315,29 @@ def test_pose_is_reached_and_null_motion_damped():
     law = dd.PoseRegulation(s.dyn, s.link, **POSE_LAW, point=POINT)
     position, axes = law.pose(READY)
     law.aim(position + SHIFT, pin.exp3(np.array([0.3, -0.4, 0.5])) @ axes)
-    fine = run(s, lambda _, q, qd: law.command(q, qd), READY, np.zeros(7), 1.0, 1e-4)
-    falls_as_promised(fine, 0.01)  # at 1 kHz holding the effort costs a small wrist some of it
+    # At 1 kHz a held effort costs a small wrist some of the promised rate.
+    fine = run(s, lambda _, q, qd: law.command(q, qd), READY, np.zeros(7), shortened(1.0, 0.4), 1e-4)
+    assert_falls_as_promised(fine, 0.01)
     record = run(s, lambda _, q, qd: law.command(q, qd), READY, np.zeros(7), 3.0)
-    assert np.diff(record.V).max() <= 1e-5 * record.V[0]
     error = law.command(record.q, record.qd).error
     assert np.abs(error.position).max() < 1e-3 and np.abs(error.orientation).max() < 3e-3
-    assert record.V[-1] < 1e-4 * record.V[0]
+    assert record.V[-1] < 1e-4 * record.V[0] and np.diff(record.V).max() <= 1e-5 * record.V[0]
 
-    law.aim(*law.pose(READY))
+    law.aim(position, axes)
     J = dense_frame(s, READY)[2]
     null = np.linalg.svd(J)[2][6]
     assert np.abs(J @ null).max() < 1e-12
     record = run(s, lambda _, q, qd: law.command(q, qd), READY, null, 1.0)
     assert record.K[-1] < 1e-4 * record.K[0]
 
+    def printed(_, q, qd):
+        command = law.command(q, qd)
+        epsilon = -2 * law.damping * command.nu - command.epsilon
+        return command._replace(tau=command.gravity_torque + s.dyn.tau_from_epsilon(q, epsilon))
+
     law.aim(position + SHIFT, axes)
-    wrong = run(s, lambda _, q, qd: flipped(law, s, q, qd), READY, np.zeros(7), 0.5)
+    wrong = run(s, printed, READY, np.zeros(7), 0.5)
     assert wrong.V[-1] > 1.5 * wrong.V[0]
-    with pytest.raises(AssertionError):
-        falls_as_promised(wrong, 0.01)
-
-
-def flipped(law, s, q, qd):
-    """Command with the spring's sign as printed."""
-    command = law.command(q, qd)
-    damped = -law.damping * command.nu
-    wrong = command.gravity_torque + s.dyn.tau_from_epsilon(q, 2 * damped - command.epsilon)
-    return command._replace(tau=wrong)
 
 
 def test_pose_stalls_as_documented():
@@ -390,41 +351,33 @@ def test_pose_stalls_as_documented():
     soft = dd.PoseRegulation(s.dyn, s.link, 12.0, 50.0, 10.0)
     soft.aim(position + FAR)
     record = run(s, lambda _, q, qd: soft.command(q, qd), READY, np.zeros(7), 4.0)
-    falls_as_promised(record, 0.01)
+    assert_falls_as_promised(record, 0.01)
     assert record.K[-1] < 1e-3 * record.K.max()
 
 
-def swing(model, t):
-    """A trajectory for all joints: positions, rates, accelerations."""
-    w = 1.0 + 0.3 * np.arange(model.nv)
-    return 0.3 * np.sin(w * t), 0.3 * w * np.cos(w * t), -0.3 * w**2 * np.sin(w * t)
-
-
-@pytest.mark.parametrize("robot", (ARM, UR5, TREE), ids=lambda robot: robot.id)
+@CLOSED
 def test_tracking_converges_at_its_rate(robot):
-    """V = V₀ exp(−2kt) within 2 % of what it is, down to a hundredth, at different configurations; then q − q_d goes."""
+    """V = V₀ exp(−2kt) within 2 % of its value, down to a hundredth; then q − q_d vanishes."""
     s, rng, k, period = subject(robot), np.random.default_rng(5), 5.0, 5e-4
     law = dd.JointTracking(s.dyn, k, 5.0)
-    for _ in range(3):
+    w = 1.0 + 0.3 * np.arange(s.model.nv)
+    for _ in range(shortened(3, 1)):
         centre = configuration(s.model, rng, 0.5)
 
         def track(t, q, qd, centre=centre):
-            q_d, qd_d, qdd_d = swing(s.model, t)
-            return law.command(q, qd, centre + q_d, qd_d, qdd_d)
+            sine, cosine = 0.3 * np.sin(w * t), 0.3 * w * np.cos(w * t)
+            return law.command(q, qd, centre + sine, cosine, -(w**2) * sine)
 
         q, qd = centre + 0.3 * rng.normal(size=s.model.nv), rng.normal(size=s.model.nv)
         record = run(s, track, q, qd, 0.46, period)
         np.testing.assert_allclose(record.V, record.V[0] * np.exp(-2 * k * record.time), rtol=0.02)
-        falls_as_promised(record, 0.02)
-    last = run(s, track, q, qd, 2.5, 1e-3)
-    assert np.abs(last.q - centre - swing(s.model, 2.5)[0]).max() < 1e-3 * np.abs(q - centre).max() + 1e-3
-    wrong = run(s, track, q, qd, 0.1, period, sign=-1.0)
-    with pytest.raises(AssertionError):
-        falls_as_promised(wrong, 0.02)
+        assert_falls_as_promised(record, 0.02)
+    last = run(s, track, q, qd, 2.5, period)
+    assert np.abs(last.q - centre - 0.3 * np.sin(2.5 * w)).max() < 1e-3 * np.abs(q - centre).max() + 1e-3
 
 
 def test_tracking_goes_to_a_far_target_no_faster_than_it_may():
-    """The error is taken back at most at the rate that is given, V falling as promised, and the target is reached."""
+    """The error closes at most at the given rate, V falls as promised, and the target is reached."""
     s, fastest = subject(UR5), []
     law = dd.JointTracking(s.dyn, 20.0, 10.0, closing=0.5)
     start = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2])
@@ -436,90 +389,96 @@ def test_tracking_goes_to_a_far_target_no_faster_than_it_may():
 
     record = run(s, track, start, np.zeros(6), 3.5)
     assert 0.49 < max(fastest) < 0.51
-    falls_as_promised(record, 0.05)  # a command is held while the reference's acceleration jumps: 2e-5 of V₀
+    assert_falls_as_promised(record, 0.05)  # a command is held while the reference's acceleration jumps: 2e-5 of V₀
     np.testing.assert_allclose(record.q, goal, atol=1e-3)
 
 
-# --- What is refused ---
+def test_documented_example_runs(tmp_path, monkeypatch):
+    """The program of docs/control.md reaches its target, K within its bound, without a false alarm."""
+    text = (Path(__file__).parents[2] / "docs" / "control.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"<!-- test: run -->\n```python\n(.*?)```", text, re.DOTALL)
+    (tmp_path / "panda.urdf").write_text(PANDA.urdf)
+    monkeypatch.chdir(tmp_path)
+    energies, names = [], {}
+
+    class Recorded(dd.Simulation):
+        def advance(self, tau):
+            super().advance(tau)
+            energies.append(0.5 * self.nu @ self.nu)
+
+    monkeypatch.setattr(dd, "Simulation", Recorded)
+    exec(compile(program, "docs/control.md", "exec"), names)
+    assert 0.45 < max(energies) < 1.001 * 0.5
+    assert np.abs(names["command"].error.position).max() < 2e-3
+    assert not names["seen"].collision and names["command"].limited == ()
+
+
+# --- Input errors ---
 
 
 def test_unactuated_robots_are_refused():
-    floating = dd.DiagonalDynamics(dd.load_urdf(UR5.source, floating_base=True))
-    planar = next(r for r in robots.random_robots() if r.id.startswith("mobile"))
-    mobile = dd.DiagonalDynamics(dd.load_urdf(planar.source))
-    makers = [
-        dd.GravityCompensation,
-        lambda dyn: dd.RateDamping(dyn, 1.0),
-        lambda dyn: dd.JointTracking(dyn, 1.0, 1.0),
-        lambda dyn: dd.PoseRegulation(dyn, dyn.model.link_names[-1], 1.0, 1.0, 1.0),
-        lambda dyn: dd.EnergyLimiter(dyn, 1.0, 1.0),
-        lambda dyn: dd.PositionRepulsion(dyn, 0.1, 1.0),
-    ]
-    for make in makers:
-        with pytest.raises(UnsupportedError, match=r"robot 'ur5' has a floating base, which no motor drives"):
-            make(floating)
-        with pytest.raises(UnsupportedError, match=r"joint '\w+' of robot '\w+' has several degrees of freedom"):
-            make(mobile)
+    bodies = UR5.floating, RANDOM["mobile_tree_20"]
+    for robot, reason in zip(bodies, ("floating base", "several degrees of freedom"), strict=True):
+        dyn = dd.DiagonalDynamics(dd.load_urdf(robot.source, **robot.options))
+        for make, arguments in (
+            (dd.GravityCompensation, ()),
+            (dd.RateDamping, (1.0,)),
+            (dd.JointTracking, (1.0, 1.0)),
+            (dd.PoseRegulation, (dyn.model.link_names[-1], 1.0, 1.0, 1.0)),
+            (dd.EnergyLimiter, (1.0, 1.0)),
+            (dd.PositionRepulsion, (0.1, 1.0)),
+        ):
+            with pytest.raises(UnsupportedError, match=reason):
+                make(dyn, *arguments)
 
 
-N = 7
-ONE = np.ones(N)
-HURT = np.where(np.arange(N) == 2, np.nan, 1.0)
-NEGATIVE = np.where(np.arange(N) == 3, -2.0, 1.0)
+ONE = np.ones(7)
+HURT = np.where(np.arange(7) == 2, np.nan, 1.0)
+NEGATIVE = np.where(np.arange(7) == 3, -2.0, 1.0)
 
 
 def pose(dyn, link="panda_hand", damping=1.0, position=1.0, orientation=1.0, point=(0, 0, 0)):
     return dd.PoseRegulation(dyn, link, damping, position, orientation, point)
 
 
-REFUSED = {
-    "no dynamics": (lambda d: dd.GravityCompensation(d.model), "dynamics is <RobotModel 'panda'.*expected a Diagonal"),
-    "gain": (lambda d: dd.RateDamping(d, 0.0), "gain of 'panda_joint1' is 0.0, expected a finite number > 0 "),
-    "gain by joint": (lambda d: dd.RateDamping(d, NEGATIVE), "gain of 'panda_joint4' is -2.0"),
-    "gain nan": (lambda d: dd.RateDamping(d, HURT), "gain of 'panda_joint3' is nan"),
-    "gain inf": (lambda d: dd.RateDamping(d, np.inf), "gain of 'panda_joint1' is inf"),
-    "gain shape": (
-        lambda d: dd.RateDamping(d, [1.0, 2.0]),
-        r"gain is \[1.0, 2.0\], expected .* 7 such: .*panda_joint7",
-    ),
-    "gain text": (lambda d: dd.RateDamping(d, "strong"), "gain is 'strong', expected"),
-    "q": (lambda d: dd.RateDamping(d, 1.0).command(HURT, ONE), "q of joint 'panda_joint3' is nan"),
-    "qd shape": (lambda d: dd.RateDamping(d, 1.0).command(ONE, ONE[:3]), r"qd has shape \(3,\)"),
-    "closing": (lambda d: dd.JointTracking(d, 1.0, 1.0, 0.0), "closing of 'panda_joint1' is 0.0"),
-    "convergence": (lambda d: dd.JointTracking(d, 1.0, -1), "convergence of 'panda_joint1' is -1.0"),
-    "desired_q": (
-        lambda d: dd.JointTracking(d, 1, 1).command(ONE, ONE, HURT),
-        "desired_q of joint 'panda_joint3' is nan",
-    ),
-    "desired_qd": (lambda d: dd.JointTracking(d, 1, 1).command(ONE, ONE, ONE, 3), "desired_qd is 3, expected 7 finite"),
-    "desired_qdd": (
-        lambda d: dd.JointTracking(d, 1, 1).command(ONE, ONE, ONE, ONE, HURT),
-        "desired_qdd of joint 'panda_joint3' is nan",
-    ),
-    "tracking q": (lambda d: dd.JointTracking(d, 1, 1).command(HURT, ONE, ONE), "q of joint 'panda_joint3' is nan"),
-    "link": (lambda d: pose(d, "hand"), "'hand' is not a link of robot 'panda'"),
-    "damping": (lambda d: pose(d, damping=0), "damping of 'panda_joint1' is 0.0"),
-    "stiffness": (lambda d: pose(d, position=-1), "position_stiffness of 'x' is -1.0"),
-    "stiffness about": (lambda d: pose(d, orientation="a"), r"orientation_stiffness is 'a', expected .* \[N m/rad\]"),
-    "point": (lambda d: pose(d, point=(0, 0)), r"point is \(0, 0\), expected three finite"),
-    "no target": (lambda d: pose(d).command(ONE, ONE), "has no target: call aim"),
-    "aim at nothing": (lambda d: pose(d).aim(), "nothing to aim at"),
-    "position": (lambda d: pose(d).aim((0, np.nan, 1)), "position is .* expected three finite numbers"),
-    "quaternion": (lambda d: pose(d).aim(None, (0, 0, 0, 2)), "of length 2, expected a rotation matrix or"),
-    "matrix": (lambda d: pose(d).aim(None, 2 * np.eye(3)), "expected a rotation matrix"),
-    "mirror": (lambda d: pose(d).aim(None, np.diag([1, 1, -1])), "expected a rotation matrix"),
-    "ragged": (lambda d: pose(d).aim(None, [[1], [1, 2]]), "expected a rotation matrix"),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_refusals_name_the_thing(case):
-    make, message = REFUSED[case]
-    with pytest.raises(InputError, match=message):
+@pytest.mark.parametrize(
+    ("make", "key"),
+    [
+        (lambda d: dd.GravityCompensation(d.model), "dynamics is <RobotModel 'panda'"),
+        (lambda d: dd.RateDamping(d, 0.0), "gain of 'panda_joint1' is 0.0"),
+        (lambda d: dd.RateDamping(d, NEGATIVE), "gain of 'panda_joint4' is -2.0"),
+        (lambda d: dd.RateDamping(d, HURT), "gain of 'panda_joint3' is nan"),
+        (lambda d: dd.RateDamping(d, np.inf), "gain of 'panda_joint1' is inf"),
+        (lambda d: dd.RateDamping(d, [1.0, 2.0]), "gain is"),
+        (lambda d: dd.RateDamping(d, "strong"), "gain is 'strong'"),
+        (lambda d: dd.RateDamping(d, 1.0).command(HURT, ONE), "q of joint 'panda_joint3' is nan"),
+        (lambda d: dd.RateDamping(d, 1.0).command(ONE, ONE[:3]), "qd has shape"),
+        (lambda d: dd.JointTracking(d, 1.0, 1.0, 0.0), "closing of 'panda_joint1' is 0.0"),
+        (lambda d: dd.JointTracking(d, 1.0, -1), "convergence of 'panda_joint1' is -1.0"),
+        (lambda d: dd.JointTracking(d, 1, 1).command(HURT, ONE, ONE), "q of joint 'panda_joint3'"),
+        (lambda d: dd.JointTracking(d, 1, 1).command(ONE, ONE, HURT), "desired_q of joint 'panda_joint3'"),
+        (lambda d: dd.JointTracking(d, 1, 1).command(ONE, ONE, ONE, 3), "desired_qd is 3"),
+        (lambda d: dd.JointTracking(d, 1, 1).command(ONE, ONE, ONE, ONE, HURT), "desired_qdd of joint 'panda_joint3'"),
+        (lambda d: pose(d, "hand"), "'hand' is not a link"),
+        (lambda d: pose(d, damping=0), "damping of 'panda_joint1' is 0.0"),
+        (lambda d: pose(d, position=-1), "position_stiffness of 'x' is -1.0"),
+        (lambda d: pose(d, orientation="a"), "orientation_stiffness is 'a'"),
+        (lambda d: pose(d, point=(0, 0)), "point is"),
+        (lambda d: pose(d).command(ONE, ONE), "no target"),
+        (lambda d: pose(d).aim(), "nothing to aim at"),
+        (lambda d: pose(d).aim((0, np.nan, 1)), "position is"),
+        (lambda d: pose(d).aim(None, (0, 0, 0, 2)), "of length 2"),
+        (lambda d: pose(d).aim(None, 2 * np.eye(3)), "expected a rotation matrix"),
+        (lambda d: pose(d).aim(None, np.diag([1, 1, -1])), "expected a rotation matrix"),
+        (lambda d: pose(d).aim(None, [[1], [1, 2]]), "expected a rotation matrix"),
+    ],
+)
+def test_errors_name_the_argument(make, key):
+    with pytest.raises(InputError, match=key):
         make(subject(ARM).dyn)
 
 
-def test_refused_targets_leave_the_old_one():
+def test_rejected_targets_leave_the_old_one():
     law = pose(subject(ARM).dyn)
     law.aim(*law.pose(READY))
     with pytest.raises(InputError):
@@ -527,10 +486,10 @@ def test_refused_targets_leave_the_old_one():
     assert np.abs(law.command(READY, np.zeros(7)).epsilon).max() < 1e-10
 
 
-def test_what_laws_hand_out_is_the_callers_own():
-    """Two commands share nothing, and gains that were given may change."""
-    s, gain = subject(ARM), np.ones(7)
-    law = dd.RateDamping(s.dyn, gain)
+def test_commands_share_no_arrays():
+    """Two commands share no array, and a caller may change the gains that it passed."""
+    gain = np.ones(7)
+    law = dd.RateDamping(subject(ARM).dyn, gain)
     gain[:] = 99.0
     first = law.command(READY, ONE)
     kept = [x.copy() for x in first[:4]]
@@ -545,3 +504,28 @@ def test_what_laws_hand_out_is_the_callers_own():
 def test_all_public_names_are_in_the_package():
     for name in set(control.__all__) - {"Command", "PoseError"}:
         assert getattr(dd, name) is getattr(control, name)
+
+
+PLACED = (
+    PANDA,
+    UR5,
+    TREE,
+    RANDOM["mobile_tree_20"],
+    RANDOM["mobile_tree_21"],
+    RANDOM["random_tree_0"].floating,
+)
+
+
+@pytest.mark.parametrize("robot", PLACED, ids=lambda robot: robot.id)
+def test_placement(robot):
+    """Every link is where Pinocchio has it: mimic, planar and floating joints included."""
+    model = dd.load_urdf(robot.source, **robot.options)
+    o, dyn = Coupled(robot.urdf, model.dof_names, **robot.options), dd.DiagonalDynamics(model)
+    full = o.full
+    for sample in robots.samples(robot.id, o):
+        pin.framesForwardKinematics(full.model, full.data, full.configuration(o.q_full(sample.q)))
+        for link in model.link_names:
+            expected = full.data.oMf[full.model.getFrameId(link, pin.FrameType.BODY)].homogeneous
+            np.testing.assert_allclose(dyn.placement(sample.q, link), expected, rtol=0, atol=1e-12)
+    with pytest.raises(InputError, match="'nowhere'"):
+        dyn.placement(model.neutral, "nowhere")
