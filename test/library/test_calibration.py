@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calibration of alarms: the rate that was asked for, jerks, short recordings, files, the command."""
+"""Calibration of alarm thresholds: rates, jerks, short recordings, files, the command."""
 
 import json
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.recordings.calibration import calibrated, per_time
 from diag_dynamics.recordings.observed import Observed
 from diag_dynamics.recordings.residuals import Residuals
+from examples import some_of
 
 NAMES, HZ = ("a", "b", "c", "d"), 100
 R_SPREAD, TORQUE_SPREAD = np.array([1.0, 2.0, 0.3, 0.05]), np.array([3.0, 2.0, 0.6, 0.2])
@@ -65,10 +67,17 @@ def count(thresholds, seen):
 # --- The rate
 
 
-@pytest.mark.parametrize("heavy", [False, True])
-@pytest.mark.parametrize(("seconds", "rate", "method"), [(200, 1 / 60, "tail"), (600, 0.1, "counted")])
-def test_the_rate_that_was_asked_for(heavy, seconds, rate, method):
-    """Of noise that no threshold has seen: on average over eight calibrations what was asked, and near it each time."""
+RATES = (
+    (200, 1 / 60, "tail", True),
+    (200, 1 / 60, "tail", False),
+    (600, 0.1, "counted", False),
+    (600, 0.1, "counted", True),
+)
+
+
+@pytest.mark.parametrize(("seconds", "rate", "method", "heavy"), list(some_of(RATES, 2)))
+def test_the_rate_that_was_asked_for(seconds, rate, method, heavy):
+    """Of unseen noise, on average over eight calibrations; each of them is near, and its interval contains the rate."""
     ratios, inside = [], 0
     for seed in range(8):
         rng = np.random.default_rng(seed)
@@ -79,7 +88,7 @@ def test_the_rate_that_was_asked_for(heavy, seconds, rate, method):
         inside += low <= rate <= high
     assert 0.6 < np.mean(ratios) < 1.5
     assert min(ratios) > 0.2 and max(ratios) < 4.0
-    assert inside >= 7  # the interval that is held out has the rate in it
+    assert inside >= 7
 
 
 def test_held_out_is_what_comes():
@@ -103,11 +112,7 @@ def test_each_joint_by_its_own_spread():
     assert found.gain == 25.0 and found.release == 0.7 and found.hold_off == 0.5
 
 
-# --- Jerks
-
-
-@pytest.mark.parametrize("seconds", [30, 200])
-@pytest.mark.parametrize("at", [0.37, 0.99])
+@pytest.mark.parametrize(("seconds", "at"), [(30, 0.99), (200, 0.37)])
 def test_one_jerk_is_one_alarm(seconds, at):
     """A jerk of 25 times the spread moves no threshold by an eighth; the largest |r|, times 1.3, is eight times as high."""
     with_jerk = calibrate_on(noise(np.random.default_rng(2), seconds, jerks=[at * seconds]))
@@ -152,7 +157,7 @@ def test_several_recordings_and_gaps():
     assert all(map(math.isfinite, found.joints.values()))
 
 
-# --- In bounded memory
+# --- Bounded memory
 
 
 def test_residuals_of_any_portions():
@@ -179,23 +184,16 @@ def test_residuals_of_any_portions():
         assert kept * (2 * len(NAMES) + 3) <= most and (kept == 6000) == (most == 10**6)
 
 
-def test_peaks_stay_what_they_are():
-    """The largest of every detector is exact in cells of whatever length, and so is the time."""
-    seen = noise(np.random.default_rng(12), 100)
-    whole, thinned = (residuals_of(seen, most=most).pieces() for most in (10**6, 5000))
-    assert len(thinned[0].stamps) < len(whole[0].stamps) / 10
-    np.testing.assert_array_equal(whole[0].values.max(axis=0), thinned[0].values.max(axis=0))
-    assert whole[0].duration == thinned[0].duration
-
-
 def test_a_run_of_hours():
-    """Twenty times the states that fit: the thresholds are those of all states but for a few parts of a hundred."""
+    """With a twentieth of the states kept: the same largest values and time, and thresholds within some percent."""
     seen = noise(np.random.default_rng(13), 1200, heavy=True)
-    everything = calibrated(residuals_of(seen), NAMES, 25.0, 1 / 60, AlarmThresholds())
-    few = calibrated(residuals_of(seen, most=66_000), NAMES, 25.0, 1 / 60, AlarmThresholds())
+    all_kept, thinned = residuals_of(seen), residuals_of(seen, most=66_000)
+    (one,), (other,) = all_kept.pieces(), thinned.pieces()
+    assert len(other.stamps) < len(one.stamps) / 10 and other.duration == one.duration
+    np.testing.assert_array_equal(one.values.max(axis=0), other.values.max(axis=0))
+    everything, few = (calibrated(one, NAMES, 25.0, 1 / 60, AlarmThresholds()) for one in (all_kept, thinned))
     assert few.norm == pytest.approx(everything.norm, rel=0.03)
     assert few.alarms == pytest.approx(everything.alarms, abs=2)
-    assert few.duration == everything.duration
 
 
 def test_more_pieces_than_can_be_kept():
@@ -218,16 +216,13 @@ def test_poisson():
     assert upper_limit(3) == pytest.approx(7.754, abs=1e-3)
 
 
-def test_a_joint_on_which_nothing_is_ever_seen():
+def test_unusable_residuals():
     seen = noise(np.random.default_rng(6), 100)
     seen[1].external_torque[:, 2] = 0.0
     assert set(calibrate_on(seen).joints) == {"a", "b", "d"}
-
-
-@pytest.mark.parametrize("rate", [0.0, -1.0, math.inf, math.nan])
-def test_a_rate_that_is_none(rate):
-    with pytest.raises(InputError, match="false_alarms"):
-        calibrate_on(noise(np.random.default_rng(3), 10), rate=rate)
+    for rate in (0.0, -1.0, math.inf, math.nan):
+        with pytest.raises(InputError, match="false_alarms"):
+            calibrate_on(seen, rate=rate)
 
 
 # --- Files and the command
@@ -289,8 +284,6 @@ def test_the_command(ur5, tables, tmp_path, capsys):
     assert main(["calibrate", str(free), "--urdf", "ur5", *asked]) == 0
     said = capsys.readouterr().out
     assert "20/min" in said and "Held out" in said and all(name in said for name in ur5.dof_names)
-    assert max(map(len, said.splitlines()[:-1])) < 110
-    assert main(["calibrate", str(free), "--urdf", "ur5", "--quiet", "-o", str(tmp_path / "b.yaml")]) == 1  # 1/min
     summaries = []
     for path in (free, pushed):
         out = tmp_path / "summary.json"
@@ -323,7 +316,7 @@ def test_pieces_of_a_recording_are_the_recording(ur5, tables):
     path, dyn = tables / "free.csv", dd.DiagonalDynamics(ur5)
     recording = dd.read_recording(path, ur5)
     expected = [dd.calibrate([recording] * number, dyn, false_alarms=1 / 3) for number in (1, 2)]
-    for size in (500, 10_000):
+    for size in (500,):
         pieces = dd.stream_recording(path, ur5, size=size)
         found = dd.calibrate([pieces], dyn, false_alarms=1 / 3)
         assert found.joints == pytest.approx(expected[0].joints, rel=1e-9)
@@ -366,7 +359,7 @@ def test_the_state_by_state_detector_is_the_analysis(ur5, tables, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "key"),
     [
         (["--false-alarms", "often"], "often"),
         (["--gain", "0"], "gain"),
@@ -375,10 +368,10 @@ def test_the_state_by_state_detector_is_the_analysis(ur5, tables, tmp_path):
         (["--urdf", "no_such_robot"], "no_such_robot"),
     ],
 )
-def test_the_command_refuses(tables, tmp_path, capsys, arguments, says):
+def test_the_command_refuses(tables, tmp_path, capsys, arguments, key):
     alarms = tmp_path / "alarms.yaml"
     assert main(["calibrate", str(tables / "free.csv"), "--urdf", "ur5", "-o", str(alarms), *arguments]) == 2
-    assert says in capsys.readouterr().err and not alarms.exists()
+    assert key in capsys.readouterr().err and not alarms.exists()
 
 
 def test_nothing_is_written_over_a_recording(tables, capsys):
@@ -415,17 +408,21 @@ def test_recordings_that_cannot_be_used(ur5, tables, tmp_path):
         dd.calibrate(dd.read_recording(without, ur5), dyn)
 
 
-RECORDINGS = Path(__file__).parents[2].parent / "shared" / "recordings" / "kuka_lwr4"
+RECORDINGS = Path(
+    os.environ.get("DIAG_DYNAMICS_RECORDINGS", Path(__file__).parents[2].parent / "shared" / "recordings")
+)
+KUKA = RECORDINGS / "kuka_lwr4"
 
 
-@pytest.mark.skipif(not RECORDINGS.exists(), reason="../shared/recordings/kuka_lwr4 is not there")
+@pytest.mark.full
+@pytest.mark.skipif(not KUKA.exists(), reason="recordings of real arms are no part of this package")
 def test_a_real_arm():
     """Thresholds from one half of a KUKA's motion let few alarms of the other half through; they are joints' own."""
     columns = {"time": "times", "position": "positions", "velocity": "velocities", "effort": "torques"}
-    model = dd.load_urdf(str(RECORDINGS / "kuka_lwr4.urdf"))
+    model = dd.load_urdf(str(KUKA / "kuka_lwr4.urdf"))
     dyn = dd.DiagonalDynamics(model)
     halves = [
-        dd.read_recording(RECORDINGS / "measurements_1.npz", model, columns, **part)
+        dd.read_recording(KUKA / "measurements_1.npz", model, columns, **part)
         for part in ({"end": 12.5}, {"start": 12.5})
     ]
     for one, other in (halves, halves[::-1]):

@@ -148,16 +148,8 @@ def test_any_gain_is_stable():
 def held(efforts, period, sub=8):
     """Residual of a simulated arm, a constant push and efforts held for a period, and its truth."""
     s = subject("panda_arm")
-    plant = dd.Simulation(
-        s.model,
-        READY,
-        np.full(N, 0.2),
-        step=period / sub,
-        damping=np.zeros(N),
-        friction=np.zeros(N),
-        effort_limits=False,
-        limits=False,
-    )
+    options = {"damping": np.zeros(N), "friction": np.zeros(N), "effort_limits": False, "limits": False}
+    plant = dd.Simulation(s.model, READY, np.full(N, 0.2), step=period / sub, **options)
     push = np.array([3.0, -5.0, 2.0, 4.0, 0.5, -0.5, 0.2])
     observer = dd.DisturbanceObserver(s.dyn, GAIN, np.inf, effort=efforts)
     result, truth, tau = observer.update(0.0, plant.q, plant.qd, np.zeros(N)), np.zeros(N), None
@@ -242,7 +234,7 @@ def test_threshold_with_hysteresis():
     assert dd.DisturbanceObserver(motion.s.dyn, 50.0, 4.0).release == 2.0
 
 
-# --- What interrupts it ---
+# --- Interruptions ---
 
 
 def observer_at_work(**options):
@@ -307,7 +299,7 @@ def test_another_payload_resets():
     assert seen.norm < 1e-9 and not seen.collision
     weight = motion.s.oracle.effort_of(q, {"panda_hand": [0, 0, -2.0 * 9.81, 0, 0, 0]}, "world")
     np.testing.assert_allclose(wrong.external_torque, weight, atol=1e-6)
-    with pytest.raises(InputError, match=r"degrees of freedom .*panda_finger_joint1, expected those .* panda_joint7\."):
+    with pytest.raises(InputError, match="degrees of freedom"):
         observer.use(subject(PANDA.id).dyn)
 
 
@@ -316,13 +308,13 @@ def test_bad_samples_leave_it_as_it_was():
     q, qd, tau = sample(motion, 0.021)
     hurt = np.where(np.arange(N) == 1, np.inf, 1.0)
     for bad, message in (
-        ((np.nan, q, qd, tau), r"time is nan, expected a finite number \[s\]"),
+        ((np.nan, q, qd, tau), "time is nan"),
         (("now", q, qd, tau), "time is 'now'"),
         ((0.021, hurt, qd, tau), "q of joint 'panda_joint2' is inf"),
         ((0.021, q, hurt, tau), "qd of joint 'panda_joint2' is inf"),
         ((0.021, q, qd, hurt), "tau of joint 'panda_joint2' is inf"),
         ((0.021, q, qd, tau[:3]), r"tau has shape \(3,\)"),
-        ((0.021, q, qd, "strong"), "tau is not a vector of numbers"),
+        ((0.021, q, qd, "strong"), "tau is"),
     ):
         with pytest.raises(InputError, match=message):
             observer.update(*bad)
@@ -357,24 +349,17 @@ def test_results_and_samples_are_the_callers_own(effort):
     np.testing.assert_array_equal(results[0].residual, results[1].residual)
 
 
-REFUSED = {
-    "dynamics": (lambda s: dd.DisturbanceObserver(s.model, 1.0, 1.0), "dynamics is <RobotModel"),
-    "gain": (lambda s: dd.DisturbanceObserver(s.dyn, [1, 1, 1, 0, 1, 1, 1], 1.0), "gain of 'panda_joint4' is 0.0"),
-    "threshold": (lambda s: dd.DisturbanceObserver(s.dyn, 1.0, 0.0), r"threshold is 0.0, expected .* > 0 \[J\^½/s\]"),
-    "release": (
-        lambda s: dd.DisturbanceObserver(s.dyn, 1.0, 1.0, 2.0),
-        "release is 2.0 J.*no more than the threshold, 1",
-    ),
-    "effort": (
-        lambda s: dd.DisturbanceObserver(s.dyn, 1.0, 1.0, effort="no"),
-        "effort is 'no', expected one of 'sampl",
-    ),
-    "max_gap": (lambda s: dd.DisturbanceObserver(s.dyn, 1.0, 1.0, max_gap=0), r"max_gap is 0, expected .* > 0 \[s\]"),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_refusals_name_the_thing(case):
-    make, message = REFUSED[case]
-    with pytest.raises(InputError, match=message):
+@pytest.mark.parametrize(
+    ("make", "key"),
+    [
+        (lambda s: dd.DisturbanceObserver(s.model, 1.0, 1.0), "dynamics is <RobotModel"),
+        (lambda s: dd.DisturbanceObserver(s.dyn, [1, 1, 1, 0, 1, 1, 1], 1.0), r"gain of 'panda_joint4' is 0\.0"),
+        (lambda s: dd.DisturbanceObserver(s.dyn, 1.0, 0.0), r"threshold is 0\.0"),
+        (lambda s: dd.DisturbanceObserver(s.dyn, 1.0, 1.0, 2.0), r"release is 2\.0"),
+        (lambda s: dd.DisturbanceObserver(s.dyn, 1.0, 1.0, effort="no"), "effort is 'no'"),
+        (lambda s: dd.DisturbanceObserver(s.dyn, 1.0, 1.0, max_gap=0), "max_gap is 0"),
+    ],
+)
+def test_errors_name_the_argument(make, key):
+    with pytest.raises(InputError, match=key):
         make(subject("panda_arm"))
