@@ -1,24 +1,22 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plots show the numbers that the library computes, with units and names, and no peak gets lost."""
+"""Data of plots: the numbers that the library computes, with units and names, and every peak."""
 
 import re
-import subprocess
 import sys
-from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 import pytest
-from test_recordings_analysis import states_of
 
 import diag_dynamics as dd
 from diag_dynamics.plot.drawing import COLOURS, GREY, MOST, envelope
-from diag_dynamics.recordings.recording import Recording
+from diag_dynamics.plot.energies import ROWS
+from motions import recorded
 
-matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed")
-matplotlib.use("agg")
-import matplotlib.pyplot as plt  # noqa: E402
+mpl.use("agg")
+import matplotlib.pyplot as plt
 
 PUSH = slice(600, 800)
 
@@ -60,7 +58,7 @@ def motion(panda, dyn):
 @pytest.fixture(scope="module")
 def recording(panda, motion):
     t, q, qd, tau, _ = motion
-    return Recording(panda, states_of(t, q, qd, tau), 0, {}, [])
+    return recorded(panda, t, q, qd, tau)
 
 
 def curve(axes, label):
@@ -104,14 +102,13 @@ def test_no_peak_is_lost(panda, dyn):
 
 
 def test_nothing_is_drawn_over_a_gap(panda, motion):
-    """Of ten seconds without a state; of a recording with a state each two seconds there is none."""
+    """Of ten seconds without a state; a recording with a state every two seconds has no gap."""
     t, q, qd, tau, _ = motion
-    late = np.where(t < 3.0, t, t + 10.0)
-    recording = Recording(panda, states_of(late, q, qd, tau), 0, {}, [])
+    recording = recorded(panda, np.where(t < 3.0, t, t + 10.0), q, qd, tau)
     for at, y in (curve(dd.plot.energy(recording), "K"), dd.plot.balance(recording).axes[1].lines[0].get_data()):
         (gap,) = np.flatnonzero(np.isnan(y))
         assert at[gap - 1] < 3.0 and 12.9 < at[gap + 1] < 13.2
-    seldom = Recording(panda, states_of(2.0 * np.arange(30.0), q[:30], qd[:30]), 0, {}, [])
+    seldom = recorded(panda, 2.0 * np.arange(30.0), q[:30], qd[:30], None)
     assert not np.isnan(curve(dd.plot.energy(seldom), "K")).any()
 
 
@@ -127,18 +124,13 @@ def test_shares_of_one_state_and_of_many(recording, dyn, panda):
     assert "[J]" in axes.get_xlabel()
 
 
-def test_a_base_is_one_joint(recording):
-    """What each of its degrees of freedom has depends on their order; their sum does not."""
+def test_shares_of_a_base_and_of_many_joints():
+    """A base is one bar, because the shares of its degrees of freedom depend on their order; ROWS bars are the most."""
     model = dd.load_robot("go2", floating_base=True)
     s = dd.DiagonalDynamics(model).evaluate(model.neutral, np.linspace(-1.0, 1.0, model.nv))
     axes = dd.plot.shares(s)
     assert axes.get_yticklabels()[0].get_text() == "root_joint" and len(axes.patches) == model.nv - 5
     assert axes.patches[0].get_width() == pytest.approx(s.base_energy)
-
-
-def test_of_many_joints_the_others_are_one_bar():
-    from diag_dynamics.plot.energies import ROWS
-
     model = dd.load_robot("talos_full_v2")
     s = dd.DiagonalDynamics(model).evaluate(model.neutral, np.linspace(0.1, 1.0, model.nv))
     axes = dd.plot.shares(s)
@@ -170,10 +162,12 @@ def test_a_slow_robot_is_judged_with_its_potential_energy(panda, motion):
     slow = 0.1 * qd
     tau = dd.DiagonalDynamics(panda).inverse_dynamics_batch(q, slow, np.gradient(slow, 10 * t, axis=0), friction=True)
     tau[:, :7] += 0.3
-    title = dd.plot.balance(Recording(panda, states_of(10 * t, q, slow, tau), 0, {}, [])).axes[0].get_title(loc="left")
-    assert re.search(r"panda: \d+\.\d % of d\(K \+ U\)/dt explained", title)
-    title = dd.plot.balance(Recording(panda, states_of(10 * t, q, slow, -tau), 0, {}, [])).axes[0].get_title(loc="left")
-    assert title == "panda: nothing of dK/dt explained"
+    for sign, title in (
+        (1.0, r"panda: \d+\.\d % of d\(K \+ U\)/dt explained"),
+        (-1.0, "panda: nothing of dK/dt explained"),
+    ):
+        figure = dd.plot.balance(recorded(panda, 10 * t, q, slow, sign * tau))
+        assert re.search(title, figure.axes[0].get_title(loc="left"))
 
 
 def test_external_torque_of_each_joint(recording, dyn, panda, motion):
@@ -243,12 +237,12 @@ def test_tree_has_every_freedom_with_its_inertia(robot, floating):
         assert line.get_ydata()[0] < line.get_ydata()[1] and line.get_xdata()[2] - line.get_xdata()[0] in (0, 1)
 
 
-# --- Style, and errors ---
+# --- Style and errors ---
 
 
 def lab(colour, blindness):
     """CIE L*a*b* of a colour as the colour-blind see it (Viénot, Brettel and Mollon 1999)."""
-    srgb = np.array(matplotlib.colors.to_rgb(colour))
+    srgb = np.array(mpl.colors.to_rgb(colour))
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     to_lms = np.array([[17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714], [0.0299566, 0.184309, 1.46709]])
     seen = {
@@ -283,41 +277,32 @@ def test_given_axes_are_drawn_in(recording, dyn):
     assert plt.get_fignums() == [figure.number]
 
 
-def test_names_are_shown_as_they_are(panda, tmp_path):
+def test_names_are_shown_as_they_are(tmp_path):
     text = """<robot name="$a$"><link name="b"/><link name="l"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"
     ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="$\\frac$" type="continuous"><parent link="b"/><child link="l"/>
     </joint></robot>"""
     dd.plot.tree(dd.load_urdf(text)).savefig(tmp_path / "tree.png")  # matplotlib would refuse it as mathematics
 
 
-def test_what_cannot_be_drawn_is_refused(recording, panda, dyn, motion):
-    t, q, qd, _, _ = motion
-    with pytest.raises(dd.InputError, match="expected a Recording or"):
-        dd.plot.energy([1.0])
-    with pytest.raises(dd.InputError, match=r"t has shape \(3,\), expected \(6000,\)"):
-        dd.plot.energy(dyn.evaluate_batch(q, qd), t=[0.0, 1.0, 2.0])
-    without = Recording(panda, states_of(t, q, qd), 0, {}, [])
-    with pytest.raises(dd.InputError, match="no efforts"):
-        dd.plot.balance(without)
-    with pytest.raises(dd.InputError, match="no efforts"):
-        dd.plot.external_torque(without)
-    with pytest.raises(dd.InputError, match="no states"):
-        dd.plot.shares(Recording(panda, states_of(t[:0], q[:0], qd[:0]), 0, {}, []))
-    with pytest.raises(dd.InputError, match="model=… is expected"):
-        dd.plot.external_torque(dd.observe(dyn, recording))
-    with pytest.raises(dd.InputError, match="threshold of joint 'elbow' is none of panda_joint1"):
-        dd.plot.external_torque(recording, {"elbow": 1.0})
-    with pytest.raises(dd.InputError, match="'hand' is not a link"):
-        dd.plot.ellipsoid(panda, panda.neutral, "hand")
+def test_errors_name_the_argument(recording, panda, dyn):
+    t, q, qd = recording.t, recording.q, recording.qd
+    without, empty = (recorded(panda, t[:n], q[:n], qd[:n], None) for n in (100, 0))
+    for draw, key in (
+        (lambda: dd.plot.energy([1.0]), "expected a Recording"),
+        (lambda: dd.plot.energy(dyn.evaluate_batch(q, qd), t=[0.0, 1.0, 2.0]), r"t has shape \(3,\)"),
+        (lambda: dd.plot.balance(without), "no efforts"),
+        (lambda: dd.plot.external_torque(without), "no efforts"),
+        (lambda: dd.plot.shares(empty), "no states"),
+        (lambda: dd.plot.external_torque(dd.observe(dyn, recording)), "model"),
+        (lambda: dd.plot.external_torque(recording, {"elbow": 1.0}), "'elbow'"),
+        (lambda: dd.plot.ellipsoid(panda, panda.neutral, "hand"), "'hand'"),
+    ):
+        with pytest.raises(dd.InputError, match=key):
+            draw()
 
 
-def test_matplotlib_is_imported_when_something_is_drawn():
-    script = (
-        "import sys; import diag_dynamics as dd; dd.plot.energy; assert 'matplotlib' not in sys.modules\n"
-        "sys.modules['matplotlib'] = None\n"
-        "try: dd.plot.tree(dd.load_robot('ur5'))\n"
-        "except dd.InputError as error: print(error)"
-    )
-    root = Path(dd.__file__).parents[1]
-    done = subprocess.run([sys.executable, "-c", script], cwd=root, capture_output=True, text=True, check=True)
-    assert done.stdout == "plots need matplotlib, which is not installed: pip install matplotlib.\n"
+def test_without_matplotlib_plots_name_it(panda, monkeypatch):
+    for name in ("matplotlib", "matplotlib.pyplot"):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(dd.InputError, match="pip install matplotlib"):
+        dd.plot.tree(panda)
