@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Identification on recordings of real arms: the errors of effort that are left on what was not fitted."""
+"""Identification on recordings of real arms: errors of effort on what was not fitted.
+
+The recordings are no part of the package, so these tests are in the full tier.
+"""
 
 import gzip
 import os
@@ -10,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import butter, filtfilt
 
 import diag_dynamics as dd
 from diag_dynamics.model.example_robots import find_urdf
@@ -18,6 +22,8 @@ from diag_dynamics.recordings.balance import Balance, WindowSums
 RECORDINGS = Path(
     os.environ.get("DIAG_DYNAMICS_RECORDINGS", Path(__file__).parents[2].parent / "shared" / "recordings")
 )
+pytestmark = pytest.mark.full
+
 HELD = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
 COLUMNS = {"time": "t", "position": "q_{joint}", "velocity": "qd_{joint}", "effort": "tau_{joint}"}
 KUKA = {"time": "times", "position": "positions", "velocity": "velocities", "effort": "torques"}
@@ -62,21 +68,8 @@ def panda(measured):
 
 
 def low_passed(columns, interval):
-    """Columns through a Butterworth filter of order 2 and 5 Hz, forward and backward: its recursion, step by step."""
-    K = np.tan(np.pi * 5.0 * interval)
-    b = K * K / (1.0 + np.sqrt(2.0) * K + K * K)
-    a1 = 2.0 * b * (1.0 - 1.0 / (K * K))
-    a2 = b * (1.0 - np.sqrt(2.0) / K + 1.0 / (K * K))
-    for _ in range(2):
-        columns = columns[::-1]
-        x1 = x2 = y1 = y2 = columns[0]
-        filtered = np.empty_like(columns)
-        for t, x in enumerate(columns):
-            y = b * (x + 2.0 * x1 + x2) - a1 * y1 - a2 * y2
-            filtered[t] = y
-            x1, x2, y1, y2 = x, x1, y, y1
-        columns = filtered
-    return columns
+    """Return columns through a Butterworth filter of order 2 and 5 Hz, forward and backward."""
+    return filtfilt(*butter(2, 5.0, fs=1.0 / interval), columns, axis=0, padlen=0)
 
 
 def torque_error(model, recording):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings in degrees: refused by their values, and told of as degrees, by every command that takes recordings."""
+"""Recordings in degrees: every command that reads recordings rejects them, and says how to read them."""
 
 import numpy as np
 import pytest
@@ -13,13 +13,11 @@ from robots import description, joint, link, robot_path
 
 UR5 = robot_path("ur_description/urdf/ur5_robot.urdf")
 DEGREES = 180.0 / np.pi
-SCALES = {"both": "position: deg, velocity: deg/s", "positions": "position: deg", "velocities": "velocity: deg/s"}
-SAID = {"both": "positions and velocities"}
 
 
 @pytest.fixture(scope="module")
 def arm():
-    """A model, times, positions, velocities and efforts of 10 s, of an arm that moves about a bent pose."""
+    """Return a model, times, positions, velocities and efforts of 10 s, of an arm that moves about a bent pose."""
     model = dd.load_urdf(UR5)
     t = np.arange(0.0, 10.0, 0.01)
     q, qd, _ = fourier(np.random.default_rng(3), t, np.full(6, 0.2), np.full(6, 1.5))
@@ -33,77 +31,69 @@ def table(path, names, t, *columns):
     return path
 
 
-@pytest.fixture(params=SCALES)
-def degrees(request, arm, tmp_path):
-    """Which quantities are in degrees, and the file."""
+def units(data):
+    return [finding for finding in data.findings if finding.cause == "units"]
+
+
+@pytest.mark.parametrize(
+    ("command", "which", "scale"),
+    [
+        ("analyse", "positions and velocities", {"position": "deg", "velocity": "deg/s"}),
+        ("identify", "positions", {"position": "deg"}),
+        ("calibrate", "velocities", {"velocity": "deg/s"}),
+    ],
+)
+def test_commands_name_degrees_and_how_to_read_them(arm, command, which, scale, tmp_path, capsys):
+    """With the map of columns that they name the recording is read, in radians."""
     model, t, q, qd, tau = arm
-    q = q if request.param == "velocities" else q * DEGREES
-    qd = qd if request.param == "positions" else qd * DEGREES
-    return request.param, table(tmp_path / "degrees.csv", model.dof_names, t, q, qd, tau)
-
-
-@pytest.mark.parametrize("command", ["analyse", "identify", "calibrate"])
-def test_every_command_says_degrees_and_what_to_do(degrees, command, tmp_path, capsys):
-    which, path = degrees
+    in_degrees = q * (DEGREES if "position" in scale else 1.0), qd * (DEGREES if "velocity" in scale else 1.0)
+    path = table(tmp_path / "degrees.csv", model.dof_names, t, *in_degrees, tau)
     options = ["--gain", "25", "-o", str(tmp_path / "alarms.yaml")] if command == "calibrate" else []
     assert main([command, str(path), "--urdf", str(UR5), *options]) != 0
-    told = " ".join("".join(capsys.readouterr()).split())
-    assert f"{SAID.get(which, which)} seem to be in degrees" in told
-    assert f"scale: {{{SCALES[which]}}} in a map of columns" in told
-    assert "positions then change as velocities say" in told
-
-
-def test_with_what_it_says_all_of_it_is_read(arm, degrees):
-    model, t, q, qd, _ = arm
-    which, path = degrees
-    scale = dict(one.split(": ") for one in SCALES[which].split(", "))
+    printed = " ".join("".join(capsys.readouterr()).split())
+    assert f"{which} seem to be in degrees" in printed
+    assert f"scale: {{{', '.join(f'{key}: {value}' for key, value in scale.items())}}}" in printed
     data = dd.read_recording(path, model, {"scale": scale})
-    assert len(data) == len(t) and not any(finding.cause == "units" for finding in data.findings)
+    assert len(data) == len(t) and not units(data)
     np.testing.assert_allclose(data.q, q, atol=1e-12)
     np.testing.assert_allclose(data.qd, qd, atol=1e-12)
 
 
-def test_without_velocities_positions_are_told_of(arm, tmp_path):
+def test_positions_alone_in_degrees(arm, tmp_path):
     model, t, q, _, _ = arm
     data = dd.read_recording(table(tmp_path / "q.csv", model.dof_names, t, q * DEGREES), model)
-    (told,) = [finding for finding in data.findings if finding.cause == "units"]
-    assert told.count == len(t) and told.text.startswith("positions seem to be in degrees: ")
-    assert "{position: deg}" in told.text and "velocities" not in told.text
-    with pytest.raises(dd.InputError, match="positions seem to be in degrees"):
-        dd.identify(data, model)
-    with pytest.raises(dd.InputError, match="positions seem to be in degrees"):
-        dd.calibrate(data, dd.DiagonalDynamics(model))
+    (finding,) = units(data)
+    assert finding.count == len(t) and "{position: deg}" in finding.text and "velocities" not in finding.text
+    for use in (lambda: dd.identify(data, model), lambda: dd.calibrate(data, dd.DiagonalDynamics(model))):
+        with pytest.raises(dd.InputError, match="positions seem to be in degrees"):
+            use()
 
 
-@pytest.mark.parametrize("value", [253.0, 1e297, 500.0])
-def test_garbage_is_no_degree(arm, value, tmp_path):
-    """Most rows have one number in every field; and positions that as degrees are beyond the limits as well."""
+@pytest.mark.parametrize(
+    ("rows", "garbage", "rejected"),
+    [(slice(50, None), 253.0, 950), (slice(50, None), 1e297, 950), (slice(100, 300), None, 200)],
+    ids=["one number in every field", "absurd numbers", "some rows in degrees"],
+)
+def test_garbage_is_not_taken_for_degrees(arm, rows, garbage, rejected, tmp_path):
     model, t, q, qd, tau = arm
     q, qd = q.copy(), qd.copy()
-    q[50:], qd[50:] = value, value
+    if garbage is None:
+        q[rows] *= DEGREES
+    else:
+        q[rows], qd[rows] = garbage, garbage
     data = dd.read_recording(table(tmp_path / "garbage.csv", model.dof_names, t, q, qd, tau), model)
-    assert data.counts["rejected: absurd value"] > 900
-    assert not any(finding.cause == "units" for finding in data.findings)
+    assert data.counts["rejected: absurd value"] == rejected and not units(data)
 
 
-def test_a_row_in_degrees_among_others_is_none(arm, tmp_path):
-    model, t, q, qd, tau = arm
-    q, qd = q.copy(), qd.copy()
-    q[100:300] *= DEGREES
-    data = dd.read_recording(table(tmp_path / "some.csv", model.dof_names, t, q, qd, tau), model)
-    assert data.counts["rejected: absurd value"] == 200
-    assert not any(finding.cause == "units" for finding in data.findings)
-
-
-@pytest.mark.parametrize(("speed", "refused"), [(20.0, False), (900.0, True)])
-def test_a_joint_that_turns_for_ever_may_be_far_round(speed, refused, tmp_path):
-    """A wheel thousands of radians round: taken as it is, or too fast for its limit, and never called degrees."""
+@pytest.mark.parametrize(("speed", "rejected"), [(20.0, False), (900.0, True)])
+def test_a_continuous_joint_may_be_far_round(speed, rejected, tmp_path):
+    """A wheel thousands of radians round is accepted, or too fast for its limit, and never in degrees."""
     inertia = (0.02, 0.0, 0.0, 0.025, 0.0, 0.01)
     wheel = link("wheel", 1.0, (0.0, 0.0, 0.0), inertia), joint("spin", "continuous", "base", "wheel")
     model = dd.load_urdf(description("wheel", link("base"), *wheel))
-    t = np.arange(0.0, 100.0, 0.02)
-    turned = (speed * t)[:, None]
+    t = np.arange(0.0, 20.0, 0.02)
+    turned = (100.0 + speed * t)[:, None]
     path = table(tmp_path / "wheel.csv", model.dof_names, t, turned, np.full_like(turned, speed), 0.0 * turned)
     data = dd.read_recording(path, model)
-    assert (data.counts["rejected: absurd value"] == len(t)) if refused else (len(data) == len(t))
-    assert not any("degrees" in finding.text for finding in data.findings)
+    assert (data.counts["rejected: absurd value"] == len(t)) if rejected else (len(data) == len(t))
+    assert not units(data)
