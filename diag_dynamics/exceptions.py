@@ -22,7 +22,7 @@ def shown(error: BaseException) -> str:
 class DiagDynamicsError(Exception):
     """Base of all exceptions of this package.
 
-    Their text is of one line and safe to show, see :func:`~diag_dynamics.text.plain`; in `args` names are as they are.
+    Their text is of one line and safe to show, see `diag_dynamics.text.plain`; in `args` names are as they are.
     """
 
     def __str__(self) -> str:

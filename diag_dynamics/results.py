@@ -132,7 +132,7 @@ class Evaluation:
 
     @property
     def rows(self) -> Array:
-        """The rows that the sweep has filled, see :mod:`diag_dynamics.sweeps.workspace`, shape (ROWS, max(nq, 1))."""
+        """The rows that the sweep has filled, see `diag_dynamics.sweeps.workspace`, shape (ROWS, max(nq, 1))."""
         return self._state
 
     @property
@@ -429,7 +429,7 @@ class BatchMemory(NamedTuple):
     Attributes
     ----------
     results : ndarray, shape (RESULTS, T, nv)
-        The rows of :mod:`diag_dynamics.sweeps.workspace` from NU on.
+        The rows of `diag_dynamics.sweeps.workspace` from NU on.
     numbers : ndarray, shape (2, T)
         K and νᵀ(ε − ε_g).
     positions : ndarray, shape (T, nq)

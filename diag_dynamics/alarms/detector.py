@@ -200,7 +200,7 @@ class AlarmDetector:
         return -math.expm1(-2.0 * passed / self._standing)
 
     def memory(self) -> list[Any]:
-        """What later results depend on; see :mod:`diag_dynamics.recordings.seams`."""
+        """What later results depend on; see `diag_dynamics.recordings.seams`."""
         end = self._end if self._end is not None and self._last - self._end <= self._hold_off else None
         return [self._active.copy(), self._offset.copy(), None if self._at_rest and end is None else self._since, end]
 

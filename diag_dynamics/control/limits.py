@@ -25,7 +25,7 @@ class EffortSaturation:
     Gravity comes first, for an arm that stays up matters more than one that arrives. The rest, which moves it, is scaled as
     a whole: its power νᵀε keeps its sign, where joints cut one by one can turn braking into driving. A joint whose gravity
     torque alone exceeds its limit has no s: it gives what it can, and the others are scaled as if it were none. Between
-    :data:`HEAVY` of its limit and all of it the one goes over into the other, so that efforts stay continuous.
+    `HEAVY` of its limit and all of it the one goes over into the other, so that efforts stay continuous.
 
     Parameters
     ----------

@@ -64,7 +64,7 @@ class Parameters:
         Inertia of a link, as :class:`Payload`, in place of what the URDF says, by name of the link.
     payloads : mapping
         :class:`Payload` by name of the link, beside what the link weighs by itself: a part of the robot, which
-        :attr:`RobotModel.payloads` does not list. Its mass is negative, if it is a part that the URDF has and the robot has
+        `RobotModel.payloads` does not list. Its mass is negative, if it is a part that the URDF has and the robot has
         not; what moves rigidly with the link, taken together, stays a rigid body.
     friction_velocity : float or None
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s].

@@ -425,7 +425,7 @@ def load_urdf(
         takes time and memory in proportion.
     max_coupled : int
         Most bodies of a coupled group that is not refused: its degrees of freedom and followers, see
-        :attr:`RobotModel.coupled_groups`. Every evaluation takes time as the cube of that number.
+        `coupled_groups`. Every evaluation takes time as the cube of that number.
     friction_velocity : float
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s], see :meth:`DiagonalDynamics.friction_torque`; 0 for f sign(q̇). By
         default that of `parameters`, or 5e-3.

@@ -134,7 +134,7 @@ class Analysis:
         self.outcome.begin = self._memory()
 
     def _memory(self):
-        """What later results depend on; see :mod:`diag_dynamics.recordings.seams`."""
+        """What later results depend on; see `diag_dynamics.recordings.seams`."""
         outcome = self.outcome
         return {
             "intake": self.reading.intake.memory(),

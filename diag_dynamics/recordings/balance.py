@@ -147,7 +147,7 @@ class WindowSums:
         return min(len(stamps), int(forward // self._length) + 2)
 
     def memory(self):
-        """What later results depend on; see :mod:`diag_dynamics.recordings.seams`."""
+        """What later results depend on; see `diag_dynamics.recordings.seams`."""
         if not self._flags[HAS_STATE]:
             return None
         return {

@@ -148,7 +148,7 @@ class Intake:
         self.assembler.gaps = LoggedGaps()
 
     def memory(self):
-        """What later states and counts depend on, but for gaps; see :mod:`diag_dynamics.recordings.seams`."""
+        """What later states and counts depend on, but for gaps; see `diag_dynamics.recordings.seams`."""
         whole = self._with_base.memory() if self._with_base else None
         moved = self.assembler.counts["positions jumped"] > self._moved
         return [self.assembler.memory(), self.frozen.memory(), whole, moved]

@@ -195,7 +195,7 @@ class Observer:
             self._last = int(stamps[-1]), torque[known[-1]].copy()
 
     def memory(self):
-        """What later results depend on; see :mod:`diag_dynamics.recordings.seams`."""
+        """What later results depend on; see `diag_dynamics.recordings.seams`."""
         if not self._flags[HAS_SAMPLE]:
             return None
         return [self._flags.copy(), self._stamp.copy(), self._vectors.copy(), *self._last]

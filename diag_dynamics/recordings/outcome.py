@@ -43,7 +43,7 @@ class Outcome:
     offset : int
         By how much stamps are later than times in the recording [ns].
     begin, end : dict
-        What was known at the first message and after the last one; see :mod:`diag_dynamics.recordings.seams`.
+        What was known at the first message and after the last one; see `diag_dynamics.recordings.seams`.
     """
 
     def __init__(self, model, quality, gain, threshold, missing, collisions, touches=None):

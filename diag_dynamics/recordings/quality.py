@@ -124,7 +124,7 @@ class Quality:
         return other
 
     def memory(self):
-        """What later results depend on; see :mod:`diag_dynamics.recordings.seams`."""
+        """What later results depend on; see `diag_dynamics.recordings.seams`."""
         whole = bool(self._whole[0])
         return {"before": self._before, "whole": whole, "begun": self._begun.copy() if whole else None}
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Build the site: `python docs/site/build.py FOLDER`; a warning is an error, but all of them are told."""
+"""Build the site: `python docs/site/build.py FOLDER`. A warning or an unresolved reference is an error."""
 
 import sys
 from pathlib import Path
@@ -15,7 +15,7 @@ ROOT = HERE.parents[1]
 def build(folder):
     """Write the site into a folder; returns the exit status."""
     kept = Path(folder).with_name(f"{Path(folder).name}-pages")  # what Sphinx has read, for the next time
-    options = ["-q", "-W", "--keep-going", "-b", "html", "-c", str(HERE), "-d", str(kept)]
+    options = ["-q", "-n", "-W", "-b", "html", "-c", str(HERE), "-d", str(kept)]
     return main([*options, str(ROOT), str(folder)])
 
 

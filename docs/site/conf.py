@@ -33,6 +33,8 @@ exclude_patterns = ["build", "README.md", ".*", "*.egg-info", "test", "diag_dyna
 
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 4  # as many as GitHub makes, and the same names
+# Types in docstrings are words: "array_like, shape (nv,)".
+nitpick_ignore_regex = [("py:class", r"(?!diag_dynamics\.).*")]
 suppress_warnings = [
     "myst.header",  # pages that are generated leave a level out
     "ref.python",  # several classes have an attribute of one name

@@ -82,7 +82,7 @@ def analyse_fleet(
     Returns
     -------
     dict
-        What is in fleet.json: `recordings`, summaries in short; `robots`, see :func:`report_of`; `failed`, what is wrong with
+        What is in fleet.json: `recordings`, summaries in short; `robots`, see `report_of`; `failed`, what is wrong with
         others, by path; and the numbers `computed` and `kept`.
 
     Raises
