@@ -48,7 +48,7 @@ test-full: lint docs  ## everything: all robots and examples, processes, browser
 bench: setup-tests  ## speed of library and nodes, worth of the observer, into benchmarks/results/; ARGS=--short: two minutes' worth
 	@$(in_env) python3 benchmarks/run.py $(ARGS)
 
-docs: setup-tests  ## the site, in build/docs: open build/docs/index.html
+docs: setup-tests  ## the site, in build/docs: open build/docs/index.html; a warning is an error
 	@$(in_env) python3 docs/site/build.py build/docs
 
 docs-tables: setup  ## docs/parameters.md, docs/interfaces.md and config/*.yaml anew, from the code
@@ -57,8 +57,8 @@ docs-tables: setup  ## docs/parameters.md, docs/interfaces.md and config/*.yaml 
 page:  ## the page of view and report anew, from web/ into diag_dynamics/page/static/: needs Node.js
 	@cd web && npm ci --no-audit --no-fund --ignore-scripts && node build.js
 
-lint: setup-tests  ## code style, docstrings and types
-	@$(in_env) ruff check && ruff format --check && mypy && pyright
+lint: setup-tests  ## style, docstrings, imports, types and licences
+	@$(in_env) ruff check && ruff format --check && lint-imports --no-logo && mypy && pyright && reuse lint --quiet
 
 format: setup-tests  ## put the code in style
 	@$(in_env) ruff check --fix; ruff format
@@ -67,5 +67,5 @@ lock:  ## requirements/*.txt from *.in; ARGS=--upgrade takes newer versions
 	@scripts/lock $(ARGS)
 
 clean:  ## delete all that was built
-	rm -rf build "$$(dd_root="$$PWD"; . scripts/choose_ros.bash; echo "$$dd_home")" *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf build "$$(dd_root="$$PWD"; . scripts/choose_ros.bash; echo "$$dd_home")" *.egg-info .import_linter_cache .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +
