@@ -58,7 +58,7 @@ page:  ## the page of view and report anew, from web/ into diag_dynamics/page/st
 	@cd web && npm ci --no-audit --no-fund --ignore-scripts && node build.js
 
 lint: setup-tests  ## style, docstrings, imports, types and licences
-	@$(in_env) ruff check && ruff format --check && lint-imports --no-logo && mypy && pyright && reuse lint --quiet
+	@$(in_env) ruff check && ruff format --check && lint-imports --no-logo && mypy && reuse lint --quiet
 
 format: setup-tests  ## put the code in style
 	@$(in_env) ruff check --fix; ruff format

@@ -72,7 +72,7 @@ class OneState(Links):
             if (
                 f_ext is None
                 and type(q) is type(qd) is type(effort) is _ARRAY
-                and q.dtype is qd.dtype is effort.dtype is _FLOAT  # pyright: ignore
+                and q.dtype is qd.dtype is effort.dtype is _FLOAT
             ):
                 status = sweeps.evaluate(self._robot, q, qd, effort, state)
         except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet
@@ -171,7 +171,7 @@ class OneState(Links):
             try:
                 if (
                     type(q) is type(qd) is type(tau) is _ARRAY  # as in evaluate
-                    and q.dtype is qd.dtype is tau.dtype is _FLOAT  # pyright: ignore
+                    and q.dtype is qd.dtype is tau.dtype is _FLOAT
                     and not sweeps.forward_dynamics(self._robot, q, qd, tau, qdd)
                 ):
                     return qdd
@@ -325,7 +325,7 @@ class OneState(Links):
     def _sweep(self, sweep: Callable[..., int], q: VectorLike, name: str, value: VectorLike) -> Array:
         result, status = np.empty(self._nv), sweeps.MISFIT
         try:
-            if type(q) is type(value) is _ARRAY and q.dtype is value.dtype is _FLOAT:  # pyright: ignore
+            if type(q) is type(value) is _ARRAY and q.dtype is value.dtype is _FLOAT:
                 status = sweep(self._robot, q, value, result)
         except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet
             pass

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+from lxml import etree
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.model.parameters import Parameters, robot_with
