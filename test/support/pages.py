@@ -1,22 +1,22 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Blocks of code in the pages, and what is to be done with each: it stands in a comment above.
+"""Blocks of code in the pages. A comment above each block says how tests run it.
 
 ``<!-- test: run -->``
-    Python blocks of a page share their names; one of bash has to end with status 0.
+    Python blocks of a page share their names; a bash block ends with status 0.
 ``<!-- test: run until: TEXT -->``
-    Until the text has been printed; then it is interrupted, if it has not ended.
+    Run until the output has the text, then interrupt.
 ``<!-- test: run in the background: NAME, until TEXT, and TEXT -->`` and ``<!-- test: end: NAME, NAME -->``
-    What somebody starts in a terminal of its own, and ends by Ctrl-C; what follows waits until the texts were printed.
+    Run in a terminal of its own until it is interrupted; the next block waits for the texts.
 ``<!-- test: hear: NAME, TEXT -->``
-    Waits until what runs in the background has printed the text.
-``<!-- test: parameters of NODE -->``
-    A parameter file: every name and value is one that the node takes.
+    Wait until the output of a block in the background has the text.
+``<!-- test: parameters of monitor -->``
+    A parameter file, whose names and values the monitor takes.
 ``<!-- test: run in a folder of recordings -->``
-    By test_snippets.py; of bash each line is a command of diag-dynamics, which ends with 0 or 1.
+    In test_programs.py; each line of bash is a command of diag-dynamics, which ends with 0 or 1.
 ``<!-- test: columns of a table -->``
-    A map, by which test_snippets.py reads one.
+    A map, with which test_programs.py reads a table.
 ``<!-- test: not run: REASON -->``
 """
 
@@ -31,7 +31,7 @@ FENCE = re.compile(
 
 
 class Block(NamedTuple):
-    """One block; of an end or what is heard no code."""
+    """One block; comments of an end or of an output have no code."""
 
     language: str
     how: str
@@ -41,7 +41,7 @@ class Block(NamedTuple):
 
 
 def blocks_of(path):
-    """Return the blocks of a page, in their order; `how` is empty where none is said."""
+    """Return the blocks of a page in their order; `how` is empty where a comment is missing."""
     text = path.read_text(encoding="utf-8")
     found = []
     for match in FENCE.finditer(text):

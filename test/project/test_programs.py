@@ -1,37 +1,46 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Programs and commands of the pages on recordings, identification, alarms, inspection, contact and plots, as they stand.
+"""Programs and commands of the pages: the tutorial from its first block to its last, and blocks on recordings.
 
-Their files are a robot and its recordings: a UR5, two of whose names are those of the pages, with friction and rotors that
-its URDF does not have.
+The latter read a robot and its recordings: a UR5 with friction and rotor inertia that its URDF does not have.
 """
 
+import os
 import shlex
 import shutil
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 import yaml
-
-import diag_dynamics as dd
-from diag_dynamics.cli.main import main
-from diag_dynamics.parameters.files import parameters_of
-from pages import blocks_of
-from robots import robot_path
-
-pytest.importorskip("rosbags", reason="rosbags is not installed")
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-DOCS = Path(__file__).parents[2] / "docs"
+import diag_dynamics as dd
+from diag_dynamics.cli.main import main
+from pages import blocks_of
+from robots import robot_path
+
+pytestmark = [pytest.mark.full]
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
 TYPE = "sensor_msgs/msg/JointState"
 RATE = 100.0
+TIMEOUT = 300.0  # [s]
+
+
+# --- Blocks on recordings ---
 
 
 def motion(model, seconds, seed):
-    """Return times, positions, velocities and efforts of a robot that its URDF does not know all of."""
+    """Return times, positions, velocities and efforts of a robot whose URDF lacks friction and rotor inertia."""
     unknown = dd.JointParameters(damping=2.0, friction=3.0, armature=0.2)
     real = dd.DiagonalDynamics(model.with_parameters(dd.Parameters(joints=dict.fromkeys(model.dof_names, unknown))))
     rng = np.random.default_rng(seed)
@@ -64,7 +73,7 @@ def write_bag(folder, urdf, names, columns, begin):
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     """Make the files that the pages name."""
-    folder = tmp_path_factory.mktemp("snippets")
+    folder = tmp_path_factory.mktemp("recordings")
     urdf = robot_path("ur_description/urdf/ur5_robot.urdf").read_text(encoding="utf-8")
     urdf = urdf.replace("shoulder_pan_joint", "joint_1").replace("wrist_3_link", "hand")
     for name in ("arm.urdf", "my.urdf", "my_robot.urdf"):
@@ -83,7 +92,7 @@ def files(tmp_path_factory):
         shutil.copy(recorded, folder / f"{name}.mcap")
     shutil.copytree(folder / "free_1", folder / "free_motion")
     for name in ("contact_limits", "my_limits"):
-        shutil.copy(DOCS.parent / "config" / "contact_limits.example.yaml", folder / f"{name}.yaml")
+        shutil.copy(ROOT / "config" / "contact_limits.example.yaml", folder / f"{name}.yaml")
     recordings = [dd.read_recording(folder / name, model) for name in ("free_1", "free_2")]
     dd.identify(recordings, model).save(folder / "arm.yaml")
     dd.calibrate(recordings, dd.DiagonalDynamics(model), gain=25.0, false_alarms=1 / 60).save(folder / "alarms.yaml")
@@ -101,7 +110,7 @@ GIVEN = {
     },
     "inspect": {"dd": dd},
 }
-"""Names that a program takes from the text around it."""
+"""Names that the text around a program defines."""
 
 BLOCKS = [
     (page.stem, block)
@@ -118,9 +127,8 @@ PROGRAMS = [
 @pytest.mark.parametrize(("page", "block"), PROGRAMS)
 @pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 def test_programs_run(page, block, files, monkeypatch):
-    """To their end, with the files and names that the text has."""
-    if page == "plots":
-        pytest.importorskip("matplotlib", reason="matplotlib is not installed").use("agg")
+    """Run a program with the files and names of the text around it."""
+    matplotlib.use("agg")
     monkeypatch.chdir(files)
     exec(compile("\n" * block.line + block.code, f"docs/{page}.md", "exec"), dict(GIVEN.get(page, {})))
 
@@ -135,35 +143,108 @@ COMMANDS = [
 
 @pytest.mark.parametrize(("page", "words"), COMMANDS)
 def test_commands_run(page, words, files, monkeypatch, capsys):
-    """They end with 0, or with 1 where there is something to look at, as short recordings; never without a result."""
+    """A command ends with 0, or with 1 where it reports findings, as in short recordings."""
     monkeypatch.chdir(files)
-    assert len(COMMANDS) > 15 and words[0] == "diag-dynamics"
+    assert words[0] == "diag-dynamics"
     status = main(words[1:])
-    said = capsys.readouterr()
-    assert status in (0, 1), said.err
-    assert said.out.strip() or said.err.strip()
-
-
-@pytest.mark.parametrize("page", ["control", "operations"])
-def test_parameters_are_the_monitors(page, tmp_path):
-    """Parameter files of the pages, as the monitor reads them."""
-    shown = [block for block in blocks_of(DOCS / f"{page}.md") if "ros__parameters" in block.code]
-    assert shown
-    for block in shown:
-        path = tmp_path / "parameters.yaml"
-        path.write_text(block.code, encoding="utf-8")
-        assert parameters_of([path]), f"line {block.line}"
+    output = capsys.readouterr()
+    assert status in (0, 1), output.err
+    assert output.out.strip() or output.err.strip()
 
 
 def test_maps_are_read(tmp_path, monkeypatch):
-    """The map of a file of numbers alone, on such a file."""
+    """Read a file without a header by the map of docs/recordings.md."""
     monkeypatch.syspath_prepend(str(DOCS / "figures"))
     from rods import model
 
     monkeypatch.chdir(tmp_path)
-    (numbers,) = [
-        yaml.safe_load(one.code) for one in blocks_of(DOCS / "recordings.md") if one.how.startswith("columns")
-    ]
+    blocks = blocks_of(DOCS / "recordings.md")
+    (numbers,) = [yaml.safe_load(block.code) for block in blocks if block.how == "columns of a table"]
     np.savetxt("numbers.csv", np.c_[np.arange(50) * 0.01, np.zeros((50, 9))], delimiter=",")
     recording = dd.read_recording("numbers.csv", model(), columns=numbers)
     assert recording.q.shape == (50, 3)
+
+
+# --- The tutorial ---
+
+
+class Terminal:
+    """A bash that runs one block of the tutorial, with its output in a file."""
+
+    def __init__(self, block, folder, environment):
+        self.line, self.output = block.line, folder.with_name(f"{folder.name}-{block.line}.txt")
+        with open(self.output, "w") as file:
+            self.process = subprocess.Popen(
+                ["bash", "-euo", "pipefail", "-c", block.code],
+                cwd=folder,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+
+    def __str__(self):
+        return f"docs/tutorial.md, line {self.line}:\n{self.output.read_text()[-4000:]}"
+
+    def wait_for(self, text):
+        deadline = time.monotonic() + TIMEOUT
+        while text not in self.output.read_text():
+            ended = self.process.poll() is not None or time.monotonic() > deadline
+            assert not ended or text in self.output.read_text(), f"no '{text}' in {self}"
+            time.sleep(0.1)
+
+    def interrupt(self):
+        """Send Ctrl-C to the bash and its children, and wait for its end."""
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGINT)
+        self.process.wait(TIMEOUT)
+
+
+def run_block(block, folder, environment, names, running):
+    """Run a block as its comment says; `running` are the terminals in the background by name."""
+    if block.how == "end":
+        for name in block.what.split(", "):
+            running.pop(name).interrupt()
+    elif block.how == "hear":
+        name, text = block.what.split(", ")
+        running[name].wait_for(text)
+    elif block.language == "python":
+        exec(compile("\n" * block.line + block.code, "docs/tutorial.md", "exec"), names)
+    elif block.how == "run in the background":
+        name, _, texts = block.what.partition(", until ")
+        running[name] = Terminal(block, folder, environment)
+        for text in texts.split(", and ") if texts else ():
+            running[name].wait_for(text)
+    elif block.how == "run until":
+        terminal = Terminal(block, folder, environment)
+        try:
+            terminal.wait_for(block.what)
+        finally:
+            terminal.interrupt()
+    else:
+        terminal = Terminal(block, folder, environment)
+        assert terminal.process.wait(TIMEOUT) == 0, str(terminal)
+
+
+@pytest.mark.live
+@pytest.mark.ros
+def test_the_tutorial_runs_to_its_end(ros_domain, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    environment = os.environ | {
+        "ROS_DOMAIN_ID": str(ros_domain),
+        "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]),
+        "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
+    }
+    names, running = {}, {}
+    try:
+        for block in blocks_of(DOCS / "tutorial.md"):
+            if block.how != "not run":
+                run_block(block, tmp_path, environment, names, running)
+            for name, terminal in running.items():
+                assert terminal.process.poll() is None, f"{name} has ended: {terminal}"
+    finally:
+        for terminal in running.values():
+            terminal.interrupt()
+    assert running == {}
+    assert {"arm.urdf", "arm.yaml", "alarms.yaml"} <= {path.name for path in tmp_path.iterdir()}
