@@ -34,6 +34,7 @@ recording = dd.read_recording("run.mcap", model)
 dd.identify([recording], model).save("arm.yaml")
 dd.calibrate([recording], dyn, gain=25.0, false_alarms=1 / 60).save("alarms.yaml")
 dd.observe(dyn, recording, gain=25.0)
+dd.excite(model, duration=20.0)
 
 dd.load_urdff("arm.urdf")  # type: ignore[attr-defined]
 dd.load_urdf("arm.urdf", mimic="embedded")  # type: ignore[arg-type]
