@@ -76,15 +76,8 @@ def test_the_example_for_ros2_control_fits_together():
 LAUNCHED = {
     "monitor": ({}, {"monitor": {}}),
     "simulator": (
-        {"urdf": "/my.urdf", "command_timeout": "2", "without_command": "zero", "publish_clock": "true"},
-        {
-            "simulator": {
-                "robot_description": "/my.urdf",
-                "command_timeout": 2.0,
-                "without_command": "zero",
-                "publish_clock": True,
-            }
-        },
+        {"urdf": "/my.urdf", "command_timeout": "2", "without_command": "zero"},
+        {"simulator": {"robot_description": "/my.urdf", "command_timeout": 2.0, "without_command": "zero"}},
     ),
     "controller": (
         {"robot_compensates_gravity": "true", "controlled_link": "1", "mimic": "lock", "namespace": "arm"},
@@ -97,13 +90,8 @@ LAUNCHED = {
     "control": (
         {"robot_compensates_gravity": "true", "command_timeout": "0.2", "view": "false"},
         {
-            "simulator": {
-                "compensates_gravity": True,
-                "publish_clock": True,
-                "use_sim_time": False,
-                "without_command": "brake",
-                "command_timeout": 0.2,
-            },
+            "simulator": {"compensates_gravity": True, "publish_clock": True, "use_sim_time": False}
+            | {"without_command": "brake", "command_timeout": 0.2},
             "controller": {
                 "robot_compensates_gravity": True,
                 "autostart": True,
