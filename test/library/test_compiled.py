@@ -551,6 +551,7 @@ def test_full_disk(folder, caplog, monkeypatch, decorate):
     assert "could not be saved" in caplog.text
     plain._folder.cache_clear()
     assert (compile_small(decorate=decorate), compile_small(decorate=decorate)) == (0, 1)
+    assert list(folder.rglob("*tripled*.nbc"))
     plain._folder.cache_clear()
 
 

@@ -569,20 +569,14 @@ def test_written_lines_are_indented():
     given = dd.Parameters(
         joints={"j": dd.JointParameters(damping=0.5)}, links={"arm": dd.Payload(2.0, (0, 0, 1), np.eye(3))}
     )
-    assert urdf_with(SMALL, given).splitlines()[2:15] == [
-        '  <link name="arm">',
-        "    <inertial>",
+    before, after = SMALL.splitlines(), urdf_with(SMALL, given).splitlines()
+    assert [line for line in after if line not in before] == [
         "      <!-- written by diag_dynamics -->",
         '      <origin xyz="0.0 0.0 1.0" rpy="0 0 0"/>',
         '      <mass value="2.0"/>',
         '      <inertia ixx="1.0" ixy="0.0" ixz="0.0" iyy="1.0" iyz="0.0" izz="1.0"/>',
-        "    </inertial>",
-        "    <visual/>",
-        "  </link>",
-        '  <joint name="j" type="revolute">',
         "    <!-- written by diag_dynamics -->",
         '    <dynamics damping="0.5"/>',
-        '    <parent link="base"/>',
     ]
     with pytest.raises(dd.InputError, match="'k' is not a joint"):
         urdf_with(SMALL, dd.Parameters(joints={"k": dd.JointParameters(damping=1.0)}))
