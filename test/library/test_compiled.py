@@ -170,9 +170,13 @@ def test_exceptions_of_kernels():
             raise ValueError("negative")
         return (math.sqrt(x), x > 1.0), x
 
+    @kernel
+    def total(a):
+        return a.sum() + root(a[0])[0][0]
+
     @entry_kernel(VECTOR)
     def entry(a):
-        return a.sum() + root(a[0])[0][0] + 1.0
+        return total(a) + 1.0
 
     @numba.njit
     def foreign(x):
