@@ -3,18 +3,13 @@
 
 """Reports: the file has the library's numbers of the recording, all of them where they matter, and a bounded size."""
 
-import base64
 import gzip
-import itertools
-import json
-import re
 
 import numpy as np
 import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
-from diag_dynamics.page.contact import kept_of
 from diag_dynamics.page.packing import LEVELS, pack, pack_mesh, pack_meshes
 from diag_dynamics.page.report import EVERY, SLOW, write_report
 from diag_dynamics.recordings.analysis import Analysis
@@ -22,9 +17,7 @@ from diag_dynamics.recordings.outputs import report as output
 from diag_dynamics.recordings.outputs.telling import AROUND, Contacts, Overview, Rows, Works, mean_powers, telling
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import summary_of
-from robots import description, joint, link
-
-RATE, LENGTH, PUSHED = 500.0, 8.0, (2.0, 2.3)
+from recorded_arm import ARM, PUSHED, RATE, WATCHED, Recording, parts_of
 
 # --- Which states are kept ---
 
@@ -145,67 +138,10 @@ def test_meshes_have_fewer_vertices_where_they_are_too_large():
 
 # --- The file ---
 
-SHAPE = '<collision><geometry><box size="0.1 0.1 0.4"/></geometry></collision></link>'
-INERTIA = (2.0, (0.0, 0.0, 0.2), (0.03, 0.0, 0.0, 0.03, 0.0, 0.01))
-LINKS = "upper", "lower", "tool"
-ARM = description(
-    "arm",
-    link("base"),
-    *(link(name, *INERTIA).replace("</link>", SHAPE) for name in LINKS),
-    *(
-        joint(f"joint_{child}", "revolute", parent, child, axis, (0.0, 0.0, 0.4))
-        for (parent, child), axis in zip(
-            itertools.pairwise(("base", *LINKS)), ((0, 0, 1), (0, 1, 0), (1, 0, 0)), strict=True
-        )
-    ),
-)
-WATCHED = "external_torque.threshold=10.0", "external_torque.gain=25.0"
-
-
-class Recording:
-    """A recording of an arm that swings, pushed once; and reports of it."""
-
-    def __init__(self, folder):
-        self.folder, self.urdf = folder, folder / "arm.urdf"
-        self.urdf.write_text(ARM)
-        (folder / "limits.yaml").write_text("regions: {nobody: {mass: 3.0, stiffness: 20000, force: 60}}")
-        self.model = dd.load_urdf(str(self.urdf))
-        self.dyn = dd.DiagonalDynamics(self.model)
-        self.t, self.q, self.qd, self.tau = self.motion((PUSHED,))
-
-    def motion(self, pushes, forces=(40.0, 40.0)):
-        t = np.arange(0.0, LENGTH, 1.0 / RATE)
-        pace = 0.7 + 0.3 * np.arange(self.model.nv)
-        phase = pace * t[:, None]
-        q, qd, qdd = 0.6 * np.sin(phase), 0.6 * pace * np.cos(phase), -0.6 * pace**2 * np.sin(phase)
-        tau = np.array([self.dyn.inverse_dynamics(*state) for state in zip(q, qd, qdd, strict=True)])
-        for (begin, end), force in zip(pushes, forces, strict=False):
-            tau[(t >= begin) & (t < end), 1] -= force
-        return t, q, qd, tau
-
-    def analyse(self, name, *options, wanted=(0, 1), **columns):
-        """Analyse columns; return the path of the report and the summary."""
-        path, html, summary = (self.folder / f"{name}.{kind}" for kind in ("npz", "html", "json"))
-        np.savez(path, **columns)
-        arguments = ["analyse", path, "--urdf", self.urdf, "--report", html, "--json", summary, *options]
-        assert main(list(map(str, arguments))) in wanted
-        return html, json.loads(summary.read_text(encoding="utf-8"))
-
-    def columns(self, part=slice(None)):
-        return {name: getattr(self, name)[part] for name in ("t", "q", "qd", "tau")}
-
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     return Recording(tmp_path_factory.mktemp("report"))
-
-
-def parts_of(html):
-    """What a report tells, and its blocks as bytes."""
-    text = html.read_text(encoding="utf-8")
-    data = re.search(r'<script type="application/json" id="report">(.*?)</script>', text, re.DOTALL)
-    blocks = re.findall(r'<script type="text/plain" id="block-\d+">(.*?)</script>', text)
-    return json.loads(data[1]), [base64.b64decode(block) for block in blocks]
 
 
 def track_of(told, blocks, track):
@@ -257,9 +193,11 @@ def test_the_numbers_are_the_librarys(recording):
                 assert (np.abs(columns - numbers[every]) <= span).all(), name
         K = s.kinetic_energy[found["link_energy"][1]]
         np.testing.assert_allclose(found["link_energy"][0].sum(axis=1), K, atol=1e-3 * K.max())
-        kept = kept_of(recording.dyn.contact_batch(q, qd, points))
-        np.testing.assert_array_equal(contact[:, 0], kept[:, 0])
-        np.testing.assert_allclose(contact[:, 1:], kept[:, 1:], atol=1e-3)
+        c = recording.dyn.contact_batch(q, qd, points)
+        mass, allowed = np.log10(c.reflected_mass), np.log10(c.allowed_speed[:, points.limited])
+        worst = c.position[np.arange(len(t)), c.worst]
+        np.testing.assert_array_equal(contact[:, 0], c.worst)
+        np.testing.assert_allclose(contact[:, 1:], np.hstack([worst, c.speed, mass, allowed]), atol=1e-3)
     around = track_of(told, blocks, told["tracks"][1])[0]
     np.testing.assert_allclose(np.diff(around), 1.0 / RATE, atol=2e-6)
 
