@@ -91,18 +91,6 @@ def test_the_rate_that_was_asked_for(seconds, rate, method, heavy):
     assert inside >= 7
 
 
-def test_held_out_is_what_comes():
-    """What parts that were held out say, over many calibrations, is how often there are alarms later."""
-    out = later = 0
-    for seed in range(10):
-        rng = np.random.default_rng(100 + seed)
-        found = calibrate_on(noise(rng, 100), rate=0.1)
-        out += found.held_out
-        later += count(found.thresholds, noise(rng, 100))
-    low, high = poisson_interval(later, 0.99)
-    assert low < out < high
-
-
 def test_each_joint_by_its_own_spread():
     """Thresholds follow the spreads of the joints, whatever their units; all together make the rate."""
     found = calibrate_on(noise(np.random.default_rng(1), 300))
@@ -146,17 +134,6 @@ def test_parts_that_are_unlike():
     assert any("unlike" in text for text in calibrate_on(seen).warnings)
 
 
-def test_several_recordings_and_gaps():
-    """Rows without a result and pauses between recordings count for nothing."""
-    rng = np.random.default_rng(5)
-    one, other = noise(rng, 100), noise(rng, 50)
-    one[1].valid[2000:3000] = False
-    one[1].external_torque[2000:3000] = one[1].residual[2000:3000] = np.nan
-    found = calibrate_on(one, other)
-    assert found.duration == pytest.approx(140.0, abs=0.1)
-    assert all(map(math.isfinite, found.joints.values()))
-
-
 # --- Bounded memory
 
 
@@ -194,16 +171,6 @@ def test_a_run_of_hours():
     everything, few = (calibrated(one, NAMES, 25.0, 1 / 60, AlarmThresholds()) for one in (all_kept, thinned))
     assert few.norm == pytest.approx(everything.norm, rel=0.03)
     assert few.alarms == pytest.approx(everything.alarms, abs=2)
-
-
-def test_more_pieces_than_can_be_kept():
-    """Each gap begins another piece, and none is dropped: cells do not grow for ever."""
-    stamps = np.repeat(np.arange(200) * 10**9, 2) + np.tile([0, 10**7], 200)
-    residuals = Residuals(1, most=100)
-    for k in range(0, 400, 4):
-        residuals.take(stamps[k : k + 4], np.ones((4, 1)), np.ones((4, 1)), np.ones(4, dtype=bool))
-    assert residuals.gaps == 199 and residuals.duration == pytest.approx(2.0)
-    assert len(residuals.pieces()) == 200
 
 
 def test_poisson():
@@ -309,21 +276,6 @@ def test_the_library_does_what_the_command_does(ur5, tables, tmp_path):
     assert by_library == "".join(line for line in by_command.splitlines(True) if not line.startswith("# From"))
     assert dd.calibrate(recording, dyn, false_alarms=1 / 3) == found
     assert found.rate_interval[0] <= 1 / 3 <= found.rate_interval[1]
-
-
-def test_pieces_of_a_recording_are_the_recording(ur5, tables):
-    """Streamed in pieces of any size it is the same, and beside another one, too."""
-    path, dyn = tables / "free.csv", dd.DiagonalDynamics(ur5)
-    recording = dd.read_recording(path, ur5)
-    expected = [dd.calibrate([recording] * number, dyn, false_alarms=1 / 3) for number in (1, 2)]
-    for size in (500,):
-        pieces = dd.stream_recording(path, ur5, size=size)
-        found = dd.calibrate([pieces], dyn, false_alarms=1 / 3)
-        assert found.joints == pytest.approx(expected[0].joints, rel=1e-9)
-        assert found.norm == pytest.approx(expected[0].norm, rel=1e-9)
-        assert (found.alarms, found.held_out) == (expected[0].alarms, expected[0].held_out)
-    two = dd.calibrate((dd.stream_recording(path, ur5) for _ in range(2)), dyn, false_alarms=1 / 3)
-    assert two.duration == expected[1].duration and two.norm == pytest.approx(expected[1].norm, rel=1e-9)
 
 
 def test_what_is_known_of_the_robot(ur5, tables, tmp_path):

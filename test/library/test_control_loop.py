@@ -15,7 +15,7 @@ from diag_dynamics.assembly.assembler import RobotState
 from diag_dynamics.control import supervisor as phases
 from diag_dynamics.control.by_dof import by_dof, command_order, require_same_joints
 from diag_dynamics.control.loop import ControlLoop
-from diag_dynamics.control.modes import LAWS, MODES, POSE, TRACKING, DampingMode
+from diag_dynamics.control.modes import MODES, POSE, TRACKING
 from diag_dynamics.control.pose import rotation_of
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.parameters.controller import PARAMETERS
@@ -365,28 +365,6 @@ def test_targets_of_another_mode_are_refused(strong):
         loop.take_pose("base_link", target[0], (0.0, 0.0, 0.0, 3.0))
     with pytest.raises(InputError, match="'controlled_link' is empty"):
         slow_loop_of(strong, controlled_link="").switch(POSE)
-
-
-def test_a_law_of_ones_own_is_one_entry_of_the_table(strong, monkeypatch):
-    """A mode that is listed is chosen by its name, takes its targets and is told of where another one is in force."""
-
-    class Braked(DampingMode):
-        name, targets = "braked", ("set_point",)
-
-        def take_set_point(self, state, position):
-            self.taken = position
-
-    monkeypatch.setitem(LAWS, "braked", Braked)
-    loop = slow_loop_of(strong, initial_mode="braked")
-    sent, _ = settle(loop, qd=np.full(6, 0.1))
-    assert loop.mode == "braked" and sent.command.lyapunov_rate < 0.0
-    loop.take_set_point(Q)
-    assert loop.modes["braked"].taken is Q
-    with pytest.raises(InputError, match="trajectory is for mode tracking, but braked is in force"):
-        loop.take_trajectory(waypoints([(1.0, Q)]), 0, S)
-    loop.switch(POSE)
-    with pytest.raises(InputError, match="set_point is for mode tracking or braked, but pose is in force"):
-        loop.take_set_point(Q)
 
 
 def test_a_pose_in_the_axes_of_a_moving_link(strong):

@@ -289,15 +289,6 @@ def test_payload_that_is_less_than_nothing(panda):
     )
 
 
-def test_payloads_that_their_links_can_carry_stay(panda):
-    model, _ = panda
-    parameters = dd.Parameters(payloads={"panda_hand": dd.Payload(0.4, (0.0, 0.0, 0.1), 1e-3 * np.eye(3))})
-    same, shared = without_impossible_links(model.with_parameters(parameters), parameters)
-    assert shared == []
-    assert same.payloads == parameters.payloads
-    assert same.links == {}
-
-
 def test_a_payload_of_the_model_stays_beside_what_is_identified(panda):
     """Inertias of links are those without the payload that load_urdf was told of."""
     model, oracle = panda
@@ -454,17 +445,6 @@ def test_what_follows_after_stamps_went_back_is_fitted_too(panda, tmp_path):
     quality = Quality(model)
     quality.take(data.states)
     assert quality.duration == pytest.approx(14.0, abs=0.05)
-
-
-def test_several_recordings_are_one(panda):
-    """Two recordings; the part held out is of the last one, in its times."""
-    model, oracle = panda
-    both = [recording(model, oracle, seed, 8.0, noise=True) for seed in (21, 22)]
-    found = dd.identify(both, model, "friction")
-    begin, end = found.quality["held_out"]
-    assert end == pytest.approx(both[1].t[-1], abs=1e-6) and begin == pytest.approx(end - 16.0 / 3.0, abs=0.02)
-    assert len(found.quality["velocity_delay"]) == 2
-    assert residual(found.model, model, oracle)[0] < 0.3
 
 
 def test_arguments_are_checked(panda, noisy):

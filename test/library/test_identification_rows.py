@@ -3,7 +3,6 @@
 
 """Inside identification: inertias, the solver, regressors, rows, segments and portions of recordings."""
 
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -12,16 +11,13 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.identification import inertias
-from diag_dynamics.identification.cross_validation import Blocks, Cut
 from diag_dynamics.identification.equations import Equations
-from diag_dynamics.identification.fit import Free, Layout
 from diag_dynamics.identification.regressors import regressors
-from diag_dynamics.identification.segments import Segment, in_portions, since, without_delay
-from diag_dynamics.identification.sifting import Beginnings, Sifter
+from diag_dynamics.identification.segments import Segment, in_portions, since
+from diag_dynamics.identification.sifting import Beginnings
 from diag_dynamics.identification.solver import Body, Problem, solved
 from diag_dynamics.identification.unexplained import MOST, Curves
 from examples import some_of
-from motions import fourier, recorded
 from oracles import Oracle
 from robots import random_robots, robot
 
@@ -257,65 +253,10 @@ def test_filtered_rows_hold_for_the_true_parameters():
     assert errors[1] < errors[0] / 8.0
 
 
-# --- Segments, blocks and portions ---
+# --- Segments and portions ---
 
 
 V0 = 5e-3
-
-
-@pytest.fixture(scope="module")
-def arm():
-    """Return a UR5 and 20 s of its motion with some efforts."""
-    model = dd.load_urdf(ROBOTS[4].urdf)
-    t = np.arange(0.0, 20.0, 4e-3)
-    q, qd, qdd = fourier(np.random.default_rng(6), t, model.lower / 3.0, model.upper / 3.0)
-    tau = dd.DiagonalDynamics(model).inverse_dynamics_batch(q, qd, qdd) + np.sin(7.0 * t)[:, None]
-    return model, recorded(model, t, q, qd, tau)
-
-
-@pytest.fixture(scope="module")
-def eventful(arm):
-    """Return a motion with garbage, a state without effort, a gap, jumps of position, and a second run."""
-    model, data = arm
-    t, q, qd, tau = data.t.copy(), data.q, data.qd.copy(), data.tau.copy()
-    qd[100], tau[200], t[300] = 25.0, np.nan, t[298]
-    rows = np.r_[0:1000, 1100 : len(t), 0:3000]
-    late = recorded(model, *(column[rows] for column in (t, q, qd, tau)))
-    moved = np.zeros(len(rows), dtype=bool)
-    moved[[3000, 3001]] = True
-    return dd.Recording(model, late.states._replace(moved=moved), late.offset, {}, [])
-
-
-def sifted(data, *changes, size=None):
-    """Segments of a recording that comes in pieces of a size; changed by functions of portions; and its Sifter."""
-    sifter, found = Sifter(data.model), []
-    portions = sifter.sifted(piece.states for piece in in_pieces(data, size or len(data))())
-    for change in changes:
-        portions = change(portions)
-    for states, begins in portions:
-        found = [*found, states] if begins else [*found[:-1], Segment.together([found[-1], states])]
-    return found, sifter
-
-
-def in_pieces(data, size):
-    """What yields the pieces of a recording whenever it is called."""
-
-    def pieces():
-        for first in range(0, len(data), size):
-            states = data.states.part(slice(first, first + size))
-            yield dd.Recording(data.model, states, data.offset, data.counts, data.findings, data.path)
-
-    return pieces
-
-
-def test_segments_end_at_gaps_jumps_and_restarts(arm, eventful):
-    segments, sifter = sifted(eventful)
-    t = arm[1].t
-    assert [len(segment.t) for segment in segments] == [997, 2000, 1899, 2997]
-    causes = {finding.cause: finding.count for finding in sifter.findings()}
-    assert causes == {"too fast": 2, "not whole": 2, "time did not go on": 2, "scattered": 1, "time began anew": 1}
-    np.testing.assert_allclose(segments[1].t, t[1100:3100], atol=1e-9)
-    assert segments[3].t[0] > segments[2].t[-1] and segments[3].stamp[0] < segments[2].stamp[-1]
 
 
 @pytest.mark.parametrize(
@@ -336,25 +277,6 @@ def test_time_begins_anew_where_stamps_go_on_from_before(stamps, begins):
     assert [k for k in range(len(stamps)) if one_by_one.among(stamps[k:], 1)] == begins
 
 
-@pytest.mark.parametrize("size", [97, 20_000])
-def test_portions_do_not_depend_on_pieces(eventful, size):
-    """They lose, double and mix no states; velocities are corrected as over the whole segment."""
-    whole, pieces = sifted(eventful)[0], sifted(eventful, size=size)[0]
-    cut = sifted(eventful, lambda portions: in_portions(portions, 700), size=size)[0]
-    for one, *others in zip(whole, pieces, cut, strict=True):
-        for other in others:
-            for column, again in zip(one, other, strict=True):
-                np.testing.assert_array_equal(column, again)
-    for delay in (0.012, -0.008):
-        late = sifted(eventful, partial(without_delay, delay=delay), size=size)[0]
-        for segment, corrected in zip(whole, late, strict=True):
-            at = segment.t + delay
-            within = (at >= segment.t[0]) & (at <= segment.t[-1])
-            np.testing.assert_array_equal(corrected.t, segment.t[within])
-            expected = np.column_stack([np.interp(at[within], segment.t, column) for column in segment.qd.T])
-            np.testing.assert_array_equal(corrected.qd, expected)
-
-
 @pytest.mark.parametrize("size", [3, 100])
 def test_portions_are_even(size):
     """About as many states in each, whatever they came in: none is shorter than half of that but a whole segment."""
@@ -368,40 +290,6 @@ def test_portions_are_even(size):
     assert [begins for _, begins in found].count(True) == 3
     late = [(states.t[0], begins) for states, begins in in_portions(since(given, 601.0), 100)]
     assert late[0] == (601.0, True) and [begins for _, begins in late].count(True) == 3
-
-
-def in_blocks(model, segments):
-    """Equations of segments, none of which is held out, and their Blocks."""
-    equations = Equations(model, 2.0 * np.pi, V0)
-    cut, bounds, block = Cut(sum(one.t[-1] - one.t[0] for one in segments)), [equations.sums()], 0
-    for one in segments:
-        for number, part, begins in cut.take(one, True, np.inf):
-            if number != block:
-                bounds.append(equations.sums())
-                block = number
-            equations.take(part, begins)
-    return equations, Blocks([*bounds, equations.sums()], False)
-
-
-def test_blocks_add_up_to_the_rows(arm):
-    """Over several segments, too; and the fewest seconds make no blocks."""
-    model, data = arm
-    ((segment,), _) = sifted(data)
-    parts = [segment.part(slice(0, 1100)), segment.part(slice(1100, 1103)), segment.part(slice(1200, 5000))]
-    whole = Equations(model, 2.0 * np.pi, V0)
-    for part in parts:
-        whole.take(part)
-    equations, blocks = in_blocks(model, parts)
-    np.testing.assert_allclose(blocks.sums.weight, whole.sums().weight, rtol=1e-12)
-    for mine, its in zip(blocks.sums.square, whole.sums().square, strict=True):
-        np.testing.assert_allclose(mine, its, rtol=1e-9, atol=1e-9 * np.abs(its).max())
-    layout = Layout(model, equations)
-    free = Free(np.ones(model.nv, bool), np.zeros(model.nv, bool), False, None)
-    without = free._replace(friction=free.rotors)
-    worth = blocks.worth(layout, [], free, without, 10.0)
-    np.testing.assert_allclose(worth.without, np.sqrt(layout.mean_squares([blocks.rows], layout.known)), rtol=1e-9)
-    _, short = in_blocks(model, [segment.part(slice(0, 740))])
-    assert short.worth(layout, [], free, without, 10.0) is None
 
 
 @pytest.mark.parametrize("size", [997, 200_000])

@@ -116,24 +116,6 @@ def test_a_standing_robot_settles_on_the_torque():
         np.testing.assert_allclose(results[k].residual, settled * (1 - np.exp(-gain * k * 1e-3)), rtol=1e-9, atol=1e-11)
 
 
-def test_nothing_is_seen_where_nothing_pushes():
-    """What is left of the trapezoidal rule is of second order, and a ten-thousandth of the Coriolis term taken out."""
-    motion = Motion("panda_arm")
-    motion.push[:] = 0.0
-    most = [max(np.abs(r.residual).max() for r in observe(motion, np.arange(0, 0.3, h))[1:]) for h in (4e-3, 2e-3)]
-    coriolis = np.abs(motion.s.oracle.at(motion.start, motion.rate).coriolis).max()
-    assert most[1] < 1e-4 * coriolis and 3.5 < most[0] / most[1] < 4.5
-
-
-def test_irregular_samples():
-    """Intervals from 0.2 to 8 ms: as exact as regular ones of their mean."""
-    motion, rng, end = Motion("panda_arm"), np.random.default_rng(1), 0.24
-    times = np.concatenate([[0.0], np.cumsum(rng.uniform(2e-4, 8e-3, 200))])
-    times = np.append(times[times < end - 1e-4], end)
-    truth = motion.residual(end, GAIN)
-    assert np.linalg.norm(observe(motion, times)[-1].residual - truth) < 5e-3 * np.linalg.norm(truth)
-
-
 def test_any_gain_is_stable():
     """K_O dt from 0.01 to 1000, where an Euler step diverges above 2; r is then the mean over the interval."""
     motion = Motion("panda_arm")

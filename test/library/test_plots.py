@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
-from diag_dynamics.plot.drawing import COLOURS, GREY, MOST, envelope
+from diag_dynamics.plot.drawing import MOST, envelope
 from diag_dynamics.plot.energies import ROWS
 from motions import recorded
 
@@ -205,17 +205,6 @@ def test_ellipsoid_says_what_a_push_meets(panda, dyn, recording):
     assert [axis.get_label_text() for axis in (axes.xaxis, axes.yaxis, axes.zaxis)] == ["x [m]", "y [m]", "z [m]"]
 
 
-def test_a_point_that_moves_along_a_line_has_one_mass():
-    """Of a robot with one joint the ellipsoid is a line; of a link that never moves it is nothing."""
-    text = """<robot name="one"><link name="base"/><link name="arm"><inertial><mass value="2"/><origin xyz="0.5 0 0"/>
-    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous">
-    <parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint></robot>"""
-    model = dd.load_urdf(text)
-    axes = dd.plot.ellipsoid(model, [0.3], "arm", point=[0.5, 0.0, 0.0])
-    assert [text.get_text() for text in axes.texts] == ["2.4 kg"]  # (m r² + I) / r²
-    assert not dd.plot.ellipsoid(model, [0.3], "base").texts
-
-
 @pytest.mark.parametrize(("robot", "floating"), [("panda", False), ("go2", True), ("talos_reduced", False)])
 def test_tree_has_every_freedom_with_its_inertia(robot, floating):
     model = dd.load_robot(robot, floating_base=floating)
@@ -238,43 +227,6 @@ def test_tree_has_every_freedom_with_its_inertia(robot, floating):
 
 
 # --- Style and errors ---
-
-
-def lab(colour, blindness):
-    """CIE L*a*b* of a colour as the colour-blind see it (Viénot, Brettel and Mollon 1999)."""
-    srgb = np.array(mpl.colors.to_rgb(colour))
-    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-    to_lms = np.array([[17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714], [0.0299566, 0.184309, 1.46709]])
-    seen = {
-        "none": np.eye(3),
-        "protanopia": np.array([[0.0, 2.02344, -2.52581], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
-        "deuteranopia": np.array([[1.0, 0.0, 0.0], [0.494207, 0.0, 1.24827], [0.0, 0.0, 1.0]]),
-    }[blindness]
-    linear = np.clip(np.linalg.solve(to_lms, seen @ to_lms @ linear), 0.0, 1.0)
-    xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]) @ linear
-    f = np.where((r := xyz / [0.9505, 1.0, 1.089]) > 0.008856, np.cbrt(r), 7.787 * r + 16.0 / 116.0)
-    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
-
-
-@pytest.mark.parametrize("blindness", ["none", "protanopia", "deuteranopia"])
-def test_colours_are_told_apart(blindness):
-    """By the colour-blind as well, one from the other and all from a white and a black ground."""
-    seen = [lab(colour, blindness) for colour in (*COLOURS, GREY, "white", "black")]
-    apart = [np.linalg.norm(a - b) for k, a in enumerate(seen) for b in seen[:k]]
-    assert min(apart) > 15.0
-
-
-def test_style_is_the_readers(recording):
-    with plt.style.context("dark_background"):
-        axes = dd.plot.energy(recording)
-        assert [line.get_color() for line in axes.lines] == ["white"]
-        assert dd.plot.tree(recording.model).axes[0].texts[0].get_color() == "white"
-
-
-def test_given_axes_are_drawn_in(recording, dyn):
-    figure, (left, right) = plt.subplots(1, 2)
-    assert dd.plot.energy(recording, ax=left) is left and dd.plot.shares(recording, ax=right) is right
-    assert plt.get_fignums() == [figure.number]
 
 
 def test_names_are_shown_as_they_are(tmp_path):

@@ -147,19 +147,6 @@ def test_brakes(robot, order):
 
 
 @ORDERS
-def test_next_to_no_friction_does_next_to_nothing(order):
-    """It cannot take more than its torque times the way, however often joints turn round."""
-    model = load(UR5)
-    start = [0.3, -1.0, 0.8, 0.2, 0.4, 0.1]
-    sim = dd.Simulation(model, start, friction=np.full(6, 1e-9), order=order)
-    way = 0.0
-    for _ in range(2000):
-        sim.advance()
-        way += 1e-3 * np.abs(sim.qd).sum()
-    assert -1.1e-9 * way < sim.audit.friction < 0.0
-
-
-@ORDERS
 def test_a_hand_at_rest_stays_at_rest(order):
     """Below the breakaway torque of every joint nothing moves, bit for bit, whatever else would."""
     model = load(HAND)
@@ -245,19 +232,11 @@ def test_efforts_saturate():
     assert sims[0].effort[0] == -100.0
     sims[0].advance([3.0])
     assert sims[0].saturated == ()
-
-
-def test_effort_limit_of_zero_is_none():
-    sim = dd.Simulation(dd.load_urdf(SLIDER.replace('effort="100"', 'effort="0"')))
-    sim.advance([1.0])
-    assert sim.qd[0] > 0.0 and sim.saturated == ()
-
-
-def test_overspeed_is_named():
-    sim = slider(v=99.0, limits=False)
-    assert sim.overspeed == ()
-    sim.reset([0.0], [101.0])
-    assert sim.overspeed == ("rail",)
+    unlimited = dd.Simulation(dd.load_urdf(SLIDER.replace('effort="100"', 'effort="0"')))
+    unlimited.advance([1.0])
+    assert unlimited.qd[0] > 0.0 and unlimited.saturated == () and unlimited.overspeed == ()
+    unlimited.reset([0.0], [101.0])
+    assert unlimited.overspeed == ("rail",)
 
 
 @ORDERS
@@ -273,16 +252,6 @@ def test_wrenches_are_efforts_of_their_jacobian(frame, order):
     sims[1].advance(jacobian)
     np.testing.assert_allclose(sims[0].qd, sims[1].qd, rtol=0, atol=1e-9)
     assert np.abs(sims[0].qd - qd).max() > 1e-5
-
-
-def test_wrench_on_a_floating_base():
-    """A push through the centre of mass in the world's axes accelerates it by F/m, however the body tumbles."""
-    brick = description("brick", link("brick", mass=2.0, inertia=(0.02, 0.003, 0, 0.05, 0.004, 0.06)))
-    model = dd.load_urdf(brick, floating_base=True, gravity=(0, 0, 0))
-    sim = dd.Simulation(model, qd=[0, 0, 0, 1.0, 2.0, 3.0])
-    sim.advance(steps=1000, f_ext={"brick": [1.0, 2.0, 3.0, 0, 0, 0]}, frame="world")
-    np.testing.assert_allclose(sim.q[:3], np.array([1.0, 2.0, 3.0]) / 4.0, atol=1e-9)
-    assert abs(sim.audit.residual) < 1e-9 * sim.audit.wrenches
 
 
 def test_payload_taken_up_in_motion():

@@ -388,12 +388,6 @@ def test_failures_of_a_push(options, key):
     assert key in line
 
 
-def test_no_push():
-    made = history()
-    made.end = None
-    assert made.failures() and PushHistory(30.0, 0.25, 8.0, 4.0).failures()
-
-
 def test_picture(tmp_path):
     """The spans of push, collision and limiter are where they belong: a strip's colour has the width of its time."""
     made = history(delay=0.5, late=0.5)
