@@ -29,8 +29,6 @@ from controllers import (
 from examples import shortened
 from nodes import START, UR5, S, joint_state, nanoseconds, robot
 
-pytestmark = [pytest.mark.full, pytest.mark.live]
-
 RATE = 250
 """Of joint states [Hz]."""
 BOUND = 0.5

@@ -10,7 +10,6 @@ due at the time of the test. Everything happens in one thread, in a fixed order.
 """
 
 import contextlib
-import heapq
 import itertools
 import sys
 import threading
@@ -26,6 +25,7 @@ from rclpy.qos import DurabilityPolicy, QoSCompatibility, qos_check_compatible
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.task import Future
 from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
 
 from diag_dynamics.nodes.support.clocks import NodeTime
 from diag_dynamics.nodes.support.logger import PlainLogger
@@ -33,7 +33,7 @@ from diag_dynamics.text import plain
 
 SECOND = 1_000_000_000
 
-MAX_DELIVERIES = 1_000_000
+MAX_DELIVERIES = 20_000
 """Deliveries without a pause after which two nodes are taken to answer each other for ever."""
 
 
@@ -94,6 +94,8 @@ class GraphPublisher(Proxy):
         """Hand bytes to all matched subscriptions."""
         if self.end.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
             self.latched.append(raw)
+        if self.end.kind is Clock:
+            self.graph.follow(raw)
         for subscription in self.graph.subscriptions[self.end.topic]:
             if matches(self, subscription):
                 self.graph.deliver(subscription, raw)
@@ -356,7 +358,7 @@ class Graph(contextlib.AbstractContextManager):
         rclpy.init(context=self.context)
         self.nodes, self.timers, self.services = [], [], {}
         self.publishers, self.subscriptions = defaultdict(list), defaultdict(list)
-        self._events = deque()
+        self._events, self._serving, self._time_moved, self._simulated = deque(), False, False, None
 
     def __exit__(self, *_):
         for node in reversed(self.nodes.copy()):
@@ -460,15 +462,46 @@ class Graph(contextlib.AbstractContextManager):
             response = service.callback(request, service.srv_type.Response())
             service.send_response(response, respond)
 
+    def serve_next(self):
+        """Serve the timers that are due, or else one message or request; return whether there was any."""
+        if self._time_moved:
+            self._time_moved = False
+            if self._fire():
+                return True
+        if not self._events:
+            return self._fire()
+        take, item = self._events.popleft()
+        self._serving = True
+        take(item)
+        self._serving = False
+        return True
+
     def spin(self):
-        """Deliver all that waits, and fire all timers that are due, until nothing is left to do."""
+        """Serve all that waits and all timers that are due, until nothing is left to do."""
         for _ in range(MAX_DELIVERIES):
-            if self._events:
-                take, item = self._events.popleft()
-                take(item)
-            elif not self._fire():
+            if not self.serve_next():
                 return
         raise AssertionError(f"nodes answered each other {MAX_DELIVERIES} times without a pause")
+
+    def run(self, condition, end):
+        """Let time go by, and serve callbacks, until a condition holds or a steady time has come; return its value.
+
+        The condition is looked at whenever all that waits is served, or time has gone on in lockstep.
+        """
+        while True:
+            while self.serve_next() and not self._time_moved:
+                pass
+            if (value := condition()) or self.steady >= end:
+                return value
+            if not self._time_moved:
+                self._go_on(end)
+
+    def follow(self, raw):
+        """Let as much time go by as simulated time does while nodes answer each other in lockstep."""
+        now, before = deserialize_message(raw, Clock).clock, self._simulated
+        self._simulated = now.sec * SECOND + now.nanosec
+        if self._serving and before is not None and self._simulated > before:
+            self.skip((self._simulated - before) / SECOND)
 
     def _fire(self):
         """Fire every timer that is due, once; return whether there was one."""
@@ -478,20 +511,16 @@ class Graph(contextlib.AbstractContextManager):
         """Let time go by in which no callback is served, as on a machine that stands still."""
         self.steady += seconds
         self.system += round(seconds * SECOND)
+        self._time_moved = True
 
     def advance(self, seconds):
         """Let time go by, and serve callbacks at their times."""
-        end = self.steady + seconds
-        self.spin()
-        while self.steady < end:
-            self.step(end)
+        self.run(lambda: False, self.steady + seconds)
 
-    def step(self, end):
-        """Go on to the next timer by steady or system time, at most to a steady time, and serve what is due."""
+    def _go_on(self, end):
+        """Go on to the next timer, at most to a steady time."""
         for thread in threading.enumerate():  # a robot that is loaded beside the node: it takes no time of the test's
             if thread.name == "description":
                 thread.join()
         waits = [timer.due - timer.read() for timer in self.timers if not timer.canceled]
-        soonest = heapq.nsmallest(1, (wait for wait in waits if wait > 0.0))
-        self.skip(min(end - self.steady, *soonest, 1.0))
-        self.spin()
+        self.skip(min(end - self.steady, 1.0, *(wait for wait in waits if wait > 0.0)))

@@ -176,11 +176,8 @@ class Peer(contextlib.AbstractContextManager):
 
     def wait_until(self, condition, what, timeout=TIMEOUT):
         """Let time go by until a condition holds, and return its value; `what` is being waited for."""
-        self.graph.spin()
-        end = self.graph.steady + timeout
-        while not (value := condition()):
-            assert self.graph.steady < end, f"waited {timeout:g} s in vain for {what}"
-            self.graph.step(end)
+        value = self.graph.run(condition, self.graph.steady + timeout)
+        assert value, f"waited {timeout:g} s in vain for {what}"
         return value
 
     def publisher(self, kind, name, qos=MANY):
