@@ -33,7 +33,7 @@ from derivative_oracles import (
     rate_oracle_of,
 )
 from examples import examples
-from law_cases import everything
+from laws import everything
 from oracles import Oracle, State
 
 PANDA = "panda_description/urdf/panda.urdf"

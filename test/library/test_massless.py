@@ -10,7 +10,7 @@ import diag_dynamics as dd
 import robots
 from accuracy import assert_close, norm, tolerance
 from derivative_oracles import RateOracle
-from law_cases import everything
+from laws import everything
 from oracles import Oracle
 from robots import description, in_other_units, joint, link
 

@@ -17,11 +17,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import diag_dynamics as dd
+import laws
 import robots
 from accuracy import assert_close, norm
 from coupling import NAMED, ROMEO, UNKNOWN_SOURCES, Coupled, Coupling, coupled_tree, mimic_tags, mimicking
 from examples import examples, some_of
-from law_cases import assert_same, everything, load, wrenches_on
+from laws import assert_same, everything, load, wrenches_on
 from robots import TwoLinkArm, description, joint, link
 
 # Some example robots have inertias that no rigid body has; test_urdf.py is about that.
@@ -95,41 +96,33 @@ def check_coupled_groups(robot):
             assert not set(c.path(group[0])[:-1]) & set(later) - set(group)
 
 
-def check_dense(robot):
-    """M = GᵀM_full G and its factors, c = Gᵀc_full, g = Gᵀg_full, Jᵀ = GᵀJ_fullᵀ, and all that follows from them."""
-    o, wrenches = robot.oracle, wrenches_on(robot.model, len(robot.id))
-    for c in robot.cases:
-        (q, qd, tau, qdd), s, t, unit, dyn = c.sample, c.s, c.t, c.unit, c.dyn
-        weigh, root = np.outer(unit, unit), np.sqrt(t.D)
-        assert_close(dyn.mass_matrix(q) / weigh, t.M / weigh, 1e-12)
-        assert_close(c.f.m @ c.f.m.T / weigh, t.M / weigh, 1e-12)
-        assert_close(c.f.m / unit[:, None], t.m / unit[:, None], c.tolerance)
-        assert_close(c.f.D / t.D, np.ones_like(t.D), c.tolerance)
-        assert_close(s.nu, t.nu, c.tolerance)
-        assert_close(s.epsilon, t.epsilon, c.tolerance)
-        assert_close(s.kinetic_energy, t.kinetic_energy, 1e-12)
-        assert_close(s.link_energy, [t.link_energy[name] for name in robot.model.link_names], 1e-12)
-        gravity = max(norm(t.gravity), 1e-3 * np.sqrt(o.mass) * 9.81)
-        assert_close(s.gravity, t.gravity, c.tolerance, gravity)
-        assert_close(s.coriolis, t.coriolis, c.tolerance, t.coriolis_scale)
-        assert_close(s.nu @ s.coriolis, 0.0, 1e-12, norm(s.nu) * t.coriolis_scale)
-        scale = t.coriolis_scale + norm(t.Ddot * t.xi / root)
-        assert_close(s.coriolis_unnormalized / root, t.coriolis_unnormalized / root, c.tolerance, scale)
-        assert_close(s.power, t.power, c.tolerance, norm(s.nu) * (norm(s.epsilon) + gravity + t.coriolis_scale))
-        assert_close(dyn.inverse_dynamics(q, qd, qdd) / unit, o.inverse_dynamics(q, qd, qdd) / unit, c.tolerance)
-        assert_close(dyn.forward_dynamics(q, qd, tau) * unit, t.acceleration * unit, c.tolerance)
-        assert_close(dyn.qd_from_nu(q, qdd) * unit, np.linalg.solve(t.m.T, qdd) * unit, c.tolerance)
-        assert_close(dyn.tau_from_epsilon(q, qdd) / unit, t.m @ qdd / unit, c.tolerance)
-        effort = o.effort_of(q, wrenches, "world")
-        expected = np.linalg.solve(t.m, effort)
-        external = dyn.evaluate(q, qd, tau, wrenches, frame="world").external
-        assert_close(external, expected, c.tolerance, max(norm(expected), norm(t.epsilon)))
+DENSE = (
+    laws.m_is_the_udu_factor,
+    laws.m_factors_the_mass_matrix,
+    laws.factors_have_the_sparsity_of_the_tree,
+    laws.total_joint_rates,
+    laws.working_moments,
+    laws.gravity,
+    laws.energy,
+    laws.link_energy,
+    laws.coriolis,
+    laws.coriolis_unnormalized,
+    laws.coriolis_does_no_work,
+    laws.inverse_dynamics,
+    laws.forward_dynamics,
+    laws.power,
+    laws.sweeps_are_the_factors,
+)
+"""Equality with M = GᵀM_full G, c = Gᵀc_full, g = Gᵀg_full and all that follows from them; see `coupling.Coupled`."""
 
 
 def check(robot):
     """Check the model and its answers."""
-    for each in (check_names, check_mimics, check_coupled_groups, check_dense):
+    for each in (check_names, check_mimics, check_coupled_groups):
         each(robot)
+    for case in robot.cases:
+        for law in DENSE:
+            law(case)
 
 
 def test_model_and_dense_equality(robot):
