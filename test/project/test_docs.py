@@ -151,7 +151,7 @@ def pages_with_blocks():
 
 
 @pytest.mark.parametrize("page", [*pages_with_blocks()])
-def test_blocks_run(page, tmp_path, monkeypatch, capsys):
+def test_blocks_run(page, compiled, tmp_path, monkeypatch, capsys):
     """Run the programs of a page one after the other, and read its parameter files."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(ROOT), prepend=os.pathsep)

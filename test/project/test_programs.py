@@ -13,14 +13,12 @@ import signal
 import subprocess
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 import pytest
 import yaml
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
@@ -55,6 +53,9 @@ def motion(model, seconds, seed):
 
 def write_bag(folder, urdf, names, columns, begin):
     """Write a rosbag2 folder, MCAP in it: description and joint states."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
     store = get_typestore(Stores.ROS2_JAZZY)
     Header, Time, Joints, String = (
         store.types[name]
@@ -128,7 +129,7 @@ PROGRAMS = [
 @pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 def test_programs_run(page, block, files, monkeypatch):
     """Run a program with the files and names of the text around it."""
-    matplotlib.use("agg")
+    import_module("matplotlib").use("agg")
     monkeypatch.chdir(files)
     exec(compile("\n" * block.line + block.code, f"docs/{page}.md", "exec"), dict(GIVEN.get(page, {})))
 

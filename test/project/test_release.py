@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from sphinx.util.inventory import InventoryFile
 
 import diag_dynamics as dd
 from diag_dynamics.cli.main import COMMANDS
@@ -62,6 +61,8 @@ def test_package_xml_is_valid():
 
 
 def test_the_site_has_every_page_and_every_public_name(tmp_path):
+    from sphinx.util.inventory import InventoryFile
+
     run(sys.executable, ROOT / "docs/site/build.py", tmp_path / "html", cwd=ROOT)
     pages = [path.relative_to(ROOT).with_suffix(".html") for path in (ROOT / "docs").rglob("*.md")]
     assert [page for page in pages if not (tmp_path / "html" / page).is_file()] == []
