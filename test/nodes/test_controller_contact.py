@@ -13,8 +13,6 @@ import diag_dynamics as dd
 from controllers import START_AT, Controller, PassedOn, effort_controller, put, quiet, record
 from nodes import START, UR5, S, nanoseconds, robot
 
-pytestmark = [pytest.mark.full, pytest.mark.live]
-
 BOUND = 0.12
 """Of the energy that a contact could take out of the arm [J]."""
 

@@ -1,16 +1,18 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A controller in a process of its own, as tests see it, and its commands by Pinocchio alone."""
+"""A controller as tests see it, and its commands by Pinocchio alone."""
 
 import contextlib
 import time
 
 import numpy as np
 import pinocchio as pin
+import pytest
 from diag_dynamics.msg import ControllerStatus
 from diag_dynamics.srv import SetState
 from geometry_msgs.msg import PoseStamped
+from rcl_interfaces.srv import GetParameters
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
@@ -35,10 +37,10 @@ START_AT = (0.3, -1.2, 1.4, -0.6, 0.5, 0.2)
 
 
 class Controller:
-    """A controller in a process of its own: what it says, and what it is told."""
+    """A controller, its outputs and its inputs."""
 
     def __init__(self, peer, namespace, *arguments, commands="effort_controller/commands", **parameters):
-        """Start it; a context at whose end it has to end cleanly."""
+        """Start it; a context at whose end it ends."""
         self.peer, self.name, self.namespace = peer, f"{namespace}/{NODE}", namespace
         self.status = peer.topic(ControllerStatus, f"{self.name}/status")
         self.sent = peer.topic(Float64MultiArray, f"{namespace}/{commands}")
@@ -133,6 +135,19 @@ def effort_controller(peer, namespace, joints):
         yield f"{namespace}/effort_controller"
     finally:
         peer.drop_node(node)
+
+
+@pytest.fixture
+def joints_by_graph(peer, monkeypatch):
+    """Have controllers ask effort controllers on the graph: rclpy's executor, which they spin for it, serves no graph."""
+
+    def joints_of_controller(node, controller, patience):
+        if not (service := peer.graph.services.get(f"{controller}/get_parameters")):
+            return None
+        (joints,) = service.callback(GetParameters.Request(names=["joints"]), GetParameters.Response()).values
+        return list(joints.string_array_value)
+
+    monkeypatch.setattr("diag_dynamics.nodes.controller.controller.joints_of_controller", joints_of_controller)
 
 
 # --- with a simulator
