@@ -3,18 +3,34 @@
 
 """The page in Chromium. One smoke test is of the gate; the functions of the page have tests of their own in web/test."""
 
+import colorsys
+import csv
+import io
+import re
+import threading
 import time
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import diag_dynamics as dd
 import page_fixture
+import recorded_arm
+from bags import odometry, write_floating
 from browser import Tab, browser
-from diag_dynamics.page.frames import Seen, States
-from diag_dynamics.page.scene import scene_of
-from diag_dynamics.page.server import PageServer
+from diag_dynamics.cli.main import main
+from diag_dynamics.demos.moving_robot import MovingRobot
+from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.page.contact import Touch
+from diag_dynamics.page.frames import Seen, States, Told
+from diag_dynamics.page.meshes import MeshLibrary
+from diag_dynamics.page.scene import mesh_folders, scene_of
+from diag_dynamics.page.server import Limits, PageServer
 from diag_dynamics.page.show import Show, Taken
+from hostile import START, Driver
+from recorded_arm import ARM, WATCHED, Recording
+from robots import description, joint, link
 
 pytestmark = pytest.mark.browser
 
@@ -60,3 +76,514 @@ def test_the_page_shows_the_kinetic_energy_of_the_state(chromium, serve):
         tab.until("document.querySelector('.headline b').textContent === '6.50 J'")
         assert tab.said == []
         assert tab.asked == {address.rstrip("/")}
+
+
+# --- The full tier: what people see and do ---
+
+RATE, SIZES = 100.0, ((360, 740), (1280, 720), (1920, 1080), (3840, 2160))
+RAMP = np.array([[70, 96, 128], [46, 142, 158], [116, 186, 118], [240, 190, 66], [226, 74, 58]], dtype=float)
+UNKNOWN = "#969ca4"
+
+
+class Robot(MovingRobot):
+    """A moving robot that can stop sending, and whose states can be said to be doubtful."""
+
+    def __init__(self, model, rate=RATE):
+        super().__init__(model, rate)
+        self.silent, self.doubtful = threading.Event(), threading.Event()
+
+    def at(self, stamp):
+        """The state of a stamp."""
+        return self.state(stamp - self._first_stamp)
+
+    def take(self, dynamics):
+        taken = None if self.silent.is_set() else super().take(dynamics)
+        if taken is None or not self.doubtful.is_set():
+            return taken
+        told = Told(velocity_estimated=True, latency=0.001)
+        return taken._replace(seen=taken.seen._replace(valid=[False]), told=told)
+
+
+def shown(urdf, name, take_contact=lambda _: None):
+    """A robot and its Show."""
+    robot = Robot(dd.load_urdf(urdf, massless="lock"))
+    show = Show(name, robot.take, take_contact)
+    meshes = MeshLibrary(mesh_folders(urdf) if not urdf.startswith("<") else ())
+    show.use(dd.DiagonalDynamics(robot.model), scene_of(robot.model, urdf, meshes), meshes)
+    show.tell([status(1, "joint states", "a gap of 0.2 s")])
+    return robot, show
+
+
+def status(level, name, message):
+    return {"level": level, "name": f"/arm/diag_dynamics: {name}", "message": message, "values": {"gaps": 1}}
+
+
+def chain(names, shape='<visual><geometry><sphere radius="0.03"/></geometry></visual>', limit=0.2):
+    """A URDF of links in a row, by the names of its joints."""
+    inertia = (0.3, (0.0, 0.0, 0.05), (1e-3, 0.0, 0.0, 1e-3, 0.0, 1e-3))
+    links = [link(f"link{k}", *inertia).replace("</link>", f"{shape}</link>") for k in range(len(names) + 1)]
+    joints = [
+        joint(name, "revolute", f"link{k}", f"link{k + 1}", (k % 2, 1 - k % 2, 0), (0, 0, 0.1))
+        for k, name in enumerate(names)
+    ]
+    text = description("chain", *links, *joints)
+    return text.replace('lower="-10"', f'lower="-{limit}"').replace('upper="10"', f'upper="{limit}"')
+
+
+def read(text):
+    """A number as the page writes it."""
+    return float(text.replace("−", "-"))
+
+
+def downloaded(tab, key):
+    """The file that a key has the page make."""
+    with tab.page.expect_download() as file:
+        tab.page.keyboard.press(key)
+    return file.value.path()
+
+
+def rows_of(tab):
+    """Rows of the CSV of what is seen."""
+    with open(downloaded(tab, "c"), encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return shown(str(find_urdf("panda")), "/arm")
+
+
+@pytest.fixture(scope="module")
+def opened(chromium, panda):
+    """A page that stays open for several tests; it asks nobody else, and its console is empty in the end."""
+    shows = [panda[1], shown(str(find_urdf("ur5")), "/other")[1]]
+    server = PageServer(lambda: shows)
+    server.start()
+    with Tab(chromium) as tab:
+        tab.open(server.address)
+        yield tab
+        assert (tab.said, tab.ask("diag.errors")) == ([], [])
+        assert tab.asked <= {server.address.rstrip("/"), "data://", "blob://"}
+    server.stop()
+
+
+@pytest.fixture
+def live(opened):
+    """The page as it is when nobody has touched it."""
+    for key in ("Escape", "l", "1"):
+        opened.page.keyboard.press(key)
+    opened.page.mouse.move(5, 5)
+    opened.until("diag.state.word === 'Live' && !diag.state.paused && diag.state.namespace === '/arm'")
+    return opened
+
+
+def paused(tab, robot):
+    """Stop the page; return what it shows, the state at that time, and its evaluation."""
+    tab.until(f"diag.values.t > {tab.ask('diag.values.t')!r} + 0.5")
+    tab.page.keyboard.press(" ")
+    tab.until("diag.state.paused && diag.values.t === diag.state.now")
+    tab.drawn()
+    values = tab.ask("diag.values")
+    state = robot.at(values["t"])
+    return values, state, dd.DiagonalDynamics(robot.model).evaluate(*state[:3])
+
+
+@pytest.mark.full
+def test_numbers_are_those_of_the_state(live, panda):
+    """Of frames, legends, table, CSV and picture, against an evaluation at the time that the page shows."""
+    robot, _ = panda
+    names, dyn = robot.model.dof_names, dd.DiagonalDynamics(robot.model)
+    values, (q, qd, tau, external), s = paused(live, robot)
+    expected = {
+        **{"q": q, "qd": qd, "effort": tau, "nu": s.nu, "coriolis": s.coriolis, "gravity": s.gravity},
+        **{"D": s.articulated_inertia, "K": [s.kinetic_energy], "link_energy": s.link_energy},
+        **{"external_torque": external, "gravity_torque": dyn.gravity_torque(q)},
+    }
+    for name, wanted in expected.items():
+        scale = max(np.abs(wanted).max(), 1e-3)
+        np.testing.assert_allclose(values[name], wanted, rtol=1e-4, atol=1e-4 * scale, err_msg=name)
+    plots = live.ask("diag.plots")
+    limits = 100.0 * tau / robot.model.effort_limit
+    drawn = {
+        "energy": s.energy_share,
+        "exchange": s.nu * s.coriolis,
+        "inertia": s.articulated_inertia,
+        "torque": limits,
+    }
+    for plot, wanted in drawn.items():
+        numbers, size = [plots[plot]["values"][name] for name in names], np.abs(wanted).max()
+        np.testing.assert_allclose(numbers, wanted, rtol=1e-3, atol=2e-4 * size)
+        texts = [read(plots[plot]["texts"][name]) for name in names]
+        np.testing.assert_allclose(texts, numbers, rtol=0.06, atol=1e-3 * size)
+    rows = live.page.locator(".joints tbody tr").all_inner_texts()
+    np.testing.assert_allclose([read(row.split()[1]) for row in rows], s.energy_share, rtol=0.01, atol=1e-4)
+    last = rows_of(live)[-1]
+    assert float(last["t [s]"]) == values["t"]
+    np.testing.assert_allclose([float(last[f"nu.{name}"]) for name in names], values["nu"], rtol=1e-6)
+    seen = np.asarray(Image.open(io.BytesIO(live.page.screenshot())).convert("RGB"), dtype=float)
+    picture = np.asarray(Image.open(downloaded(live, "p")).convert("RGB"), dtype=float)
+    assert (np.abs(picture - seen).mean(axis=2) > 40).mean() < 0.06, "the picture is not what is seen"
+
+
+@pytest.mark.full
+def test_the_effective_mass_of_a_link_that_was_clicked(live, panda):
+    """1/(uᵀ J M⁻¹Jᵀ u) along the link's velocity."""
+    live.page.keyboard.press(" ")  # what stands still can be hit
+    live.until("diag.state.paused && diag.values.t === diag.state.now")
+    place = live.until("diag.where('panda_link6')")
+    live.ask("document.querySelector('.joints').dataset.before = 'yes'")
+    live.page.mouse.click(place["x"], place["y"])
+    live.page.keyboard.press(" ")
+    live.until("diag.state.selected.link === 'panda_link6' && diag.marks && diag.marks.link === 'panda_link6'")
+    live.until("!document.querySelector('.joints').dataset.before && diag.values.twist[0] === diag.values.twist[0]")
+    _, (q, qd, _, _), _ = paused(live, panda[0])
+    dyn, marks = dd.DiagonalDynamics(panda[0].model), live.until("diag.marks")
+    velocity = dyn.link_velocity(q, qd, "panda_link6", frame="world")[:3]
+    mobility = dyn.operational_inverse_inertia(q, "panda_link6", frame="world")[:3, :3]
+    speed = np.linalg.norm(velocity)
+    assert marks["speed"] == pytest.approx(speed, rel=1e-3)
+    np.testing.assert_allclose(sorted(marks["mobilities"]), np.linalg.eigvalsh(mobility), rtol=1e-3)
+    assert marks["mass"] == pytest.approx(speed**2 / (velocity @ mobility @ velocity), rel=1e-2)
+    assert "panda_link6" in live.page.locator(".details h2").inner_text()
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("key", "by"), [("1", "share"), ("2", "energy"), ("3", "torque"), ("4", "external")])
+def test_links_have_the_colours_of_their_numbers(live, panda, key, by):
+    """As the page computes them, and as they leave the canvas: the hue, whatever the shade."""
+    live.page.keyboard.press(key)
+    values, _, _ = paused(live, panda[0])
+    live.until(f"diag.colours.by === '{by}'")
+    told, model = live.ask("diag.colours"), panda[0].model
+    of_dof = {"share": 50.0 * np.square(values["nu"]) / values["K"][0], "external": np.abs(values["external_torque"])}
+    of_dof["torque"] = 100.0 * np.abs(values["effort"] / model.effort_limit)
+    rgb = {name: np.array([int(text[n : n + 2], 16) for n in (1, 3, 5)]) for name, text in told["links"].items()}
+    for k in range(1, 8):  # joint k moves link k
+        name = f"panda_link{k}"
+        number = values["link_energy"][model.link_names.index(name)] if by == "energy" else of_dof[by][k - 1]
+        x = np.clip(number / told["end"], 0.0, 1.0) * (len(RAMP) - 1)
+        expected = [np.interp(x, np.arange(len(RAMP)), RAMP[:, c]) for c in range(3)]
+        np.testing.assert_allclose(rgb[name], expected, atol=1.01)
+    assert by == "energy" or told["links"]["panda_link0"] == UNKNOWN
+    downloaded(live, "p")  # for which the robot is drawn at once
+    live.drawn()
+    picture, seen = Image.open(io.BytesIO(live.page.screenshot())).convert("RGB"), 0
+    for name, colour in rgb.items():
+        place = live.ask(f"diag.where('{name}')")
+        hue, saturation, _ = colorsys.rgb_to_hsv(*colour / 255)
+        if place is not None and saturation >= 0.25:
+            pixel = np.array(picture.getpixel((round(place["x"]), round(place["y"])))) / 255
+            found, strength, _ = colorsys.rgb_to_hsv(*pixel)
+            seen += strength > 0.12 and abs((found - hue + 0.5) % 1.0 - 0.5) < 0.08  # not where light is mirrored
+    assert seen >= 3
+
+
+@pytest.mark.full
+def test_keys_scrubbing_and_the_cursor(live):
+    page = live.page
+    page.keyboard.press("+")
+    live.until("diag.state.window[1] - diag.state.window[0] === 15")
+    page.keyboard.press("-")
+    live.until("diag.state.last - diag.state.first > 2")
+    strip = page.locator(".timeline").bounding_box()
+    for act, part in ((page.mouse.down, 0.7), (page.mouse.up, 0.4)):
+        page.mouse.move(strip["x"] + part * strip["width"], strip["y"] + 5)
+        act()
+    state = live.until("diag.state.paused && diag.state")
+    first, ends = state["first"], (state["window"][1], state["last"])  # when it was paused, and by now
+    assert first + 0.4 * (ends[0] - first) - 0.2 < state["now"] < first + 0.4 * (ends[1] - first) + 0.2
+    page.keyboard.press("ArrowRight")
+    stepped = live.until(f"diag.state.now > {state['now']!r} && diag.state.now")
+    times = np.array([float(row["t [s]"]) for row in rows_of(live)])
+    assert stepped == times[np.argmin(abs(times - state["now"])) + 1]
+    card = page.locator("#plot-exchange .u-over").bounding_box()
+    page.mouse.move(card["x"] + 0.9 * card["width"], card["y"] + 20)
+    overs = "[...document.querySelectorAll('.u-over')].map((over) => [over, over.querySelector('.cursor')])"
+    part = "new DOMMatrix(c.style.transform).e / o.clientWidth"
+    live.until(f"{overs}.filter(([o, c]) => c && !c.hidden && Math.abs({part} - 0.9) < 0.02).length >= 6")
+    page.keyboard.press("?")
+    assert page.locator("dialog.help").is_visible()
+    page.keyboard.press("?")
+    page.keyboard.press("t")
+    live.until("document.documentElement.dataset.theme === 'light'")
+    page.keyboard.press("t")
+    page.keyboard.press("j")
+    live.until("diag.state.selected.dof === 0 && !document.querySelector('.details').hidden")
+
+
+@pytest.mark.full
+def test_doubts_silence_diagnostics_and_another_robot(live, panda):
+    robot, _ = panda
+    live.until("document.querySelector('.diagnostics').innerText.includes('a gap of 0.2 s')")
+    robot.doubtful.set()
+    live.until("diag.state.notes.includes('velocities estimated') && diag.state.level === 'warn'")
+    live.until("diag.state.notes.includes('external torque not valid')")
+    live.until("[...document.querySelectorAll('.joints td:last-child b')].every((b) => b.textContent === '–')")
+    robot.doubtful.clear()
+    robot.silent.set()
+    live.until("diag.state.word === 'Stale' && document.querySelector('.stage').classList.contains('dim')")
+    robot.silent.clear()
+    live.until("diag.state.word === 'Live' && !diag.state.notes.includes('velocities estimated')")
+    for name, rows in (("/other", 6), ("/arm", robot.model.nv)):
+        live.page.keyboard.press("r")
+        live.until(f"diag.state.namespace === '{name}' && diag.state.ready")
+        live.until(f"document.querySelectorAll('.joints tbody tr').length === {rows}")
+
+
+@pytest.mark.full
+def test_no_text_is_cut_off(live):
+    for width, height in (*SIZES, (1280, 720)):
+        live.page.set_viewport_size({"width": width, "height": height})
+        live.page.keyboard.press("Escape")
+        assert live.cut_off() == [], (width, height)
+        live.page.keyboard.press("j")
+        live.until("!document.querySelector('.details').hidden")
+        assert live.cut_off() == [], (width, height, "with details")
+
+
+@pytest.mark.full
+def test_sixty_joints_and_names_that_are_html(chromium, serve):
+    """Bars of the top few and of others; a name is text, whatever is in it."""
+    hostile = "&lt;img src=x onerror=alert(1)&gt;"
+    _, show = shown(chain([hostile, *(f"a_long_name_of_joint_{k}" for k in range(59))]), "/<b>long")
+    with Tab(chromium, (1000, 700), "light") as tab:
+        tab.open(serve(show).address)
+        tab.until("document.querySelectorAll('.joints tbody tr').length === 11")
+        assert tab.out_of_panels() == []
+        assert "50 others" in tab.page.locator(".joints").inner_text()
+        assert all(len(plot["values"]) <= 9 for plot in tab.ask("Object.values(diag.plots)"))
+        tab.page.keyboard.press("j")  # the joint with that name
+        tab.until("document.querySelector('.details h2').textContent.includes('<img src=x')")
+        assert tab.ask("document.querySelectorAll('img').length") == 0
+        assert tab.cut_off() == []
+        tab.page.locator(".joints tr", has_text="others").click()
+        tab.until("document.querySelectorAll('.joints tbody tr').length === 60")
+        assert tab.said == []
+
+
+@pytest.mark.full
+def test_a_phone_has_a_head_of_two_lines_and_the_robot_below_the_words(chromium, serve):
+    """A robot of bones with long names, and a long sentence of the diagnostics."""
+    text = chain([f"a_rather_long_joint_name_{k}" for k in range(12)], "", 2.0)
+    _, show = shown(text.replace('"link', '"a_rather_long_link_name_'), "/phone")
+    show.tell([status(2, "contact", f"too fast: {'very ' * 30}")])
+    with Tab(chromium, (360, 740), "light") as tab:
+        tab.open(serve(show).address)
+        tab.until("diag.state.worst")
+        boxes = "['body > .bar', '.worst', 'body > .bar button:last-child'].map((one) => document.querySelector(one))"
+        head, worst, button = tab.ask(f"{boxes}.map((one) => one.getBoundingClientRect().toJSON())")
+        assert button["y"] < worst["y"] < head["height"] < worst["height"] + button["height"] + 20
+        words = tab.page.locator(".headline").bounding_box()
+        tab.page.keyboard.press("e")
+        places = "['0', '6', '12'].map((k) => diag.where(`a_rather_long_link_name_${k}`))"
+        tab.until(f"{places}.every((p) => p && p.y > {words['y'] + words['height'] - 12})")
+        assert (tab.cut_off(), tab.said) == ([], [])
+
+
+@pytest.mark.full
+def test_contact_now_and_then(chromium, serve):
+    """Each point has its numbers and half the mass beside them; who looks back sees the moment that was told nearest."""
+    begun, told, names, quiet = time.time(), {}, ["link1", "link2"], threading.Event()
+
+    def take_contact(_):
+        if quiet.is_set():
+            return None
+        t = time.time()
+        told[t] = speed, places = np.array([0.1, 0.2]) * (t - begun), np.array([[0, 0, 0.1 * (t - begun)], [0, 0, 0.3]])
+        allowed = np.array([-1.0, np.inf])  # no speed is allowed, so that the first point is above its limit
+        return Touch(t, names, names, places, speed, np.ones(2), 0.5 * speed**2, allowed, 0, False)
+
+    _, show = shown(chain(["one", "two"]), "/touched", take_contact)
+    with Tab(chromium) as tab:
+        tab.open(serve(show).address)
+        tab.until("document.querySelectorAll('.touch tr.above').length === 1 && diag.contact.drawn")
+        assert "0.300 kg" in tab.page.locator("#contact p").inner_text()
+        arrived = [tab.until("diag.contact.t")]
+        while len(arrived) < 6:
+            arrived.append(tab.until(f"diag.contact.t > {arrived[-1]!r} && diag.contact.t"))
+        tab.until(f"diag.contact.t > {arrived[-1]!r} && diag.state.last > {arrived[-1]!r}")
+        tab.page.keyboard.press("Space")
+        for t in arrived[1::2]:
+            tab.ask(f"diag.go({t!r})")
+            tab.drawn()
+            at = tab.ask("diag.values.t")
+            nearest = min(list(told), key=lambda other, at=at: abs(other - at))
+            tab.until(f"diag.contact.shown && diag.contact.shown.t === {nearest!r}")
+            speed, places = told[nearest]
+            np.testing.assert_allclose(tab.ask("diag.contact.drawn"), places[0], rtol=1e-6, atol=1e-6)
+            cells = [read(cell) for cell in tab.page.locator(".touch tbody tr").first.inner_text().split()[1:]]
+            v = speed[0]
+            np.testing.assert_allclose(cells, [-1 - v, v, 1, 0.5 * v * v, 0.15 * v * v], rtol=6e-3, atol=6e-4)
+        assert "then" in tab.page.locator("#contact h2").inner_text()
+        rows = [row for row in rows_of(tab) if row["contact_t [s]"]]
+        for row in rows:
+            speed = told[float(row["contact_t [s]"])][0]
+            np.testing.assert_allclose([float(row[f"contact_speed.{name}"]) for name in names], speed, rtol=1e-6)
+        assert len({row["contact_t [s]"] for row in rows}) > 2
+        tab.page.keyboard.press("l")
+        quiet.set()
+        tab.until("!diag.contact.fresh && diag.contact.drawn === null && document.querySelector('#contact.old')")
+        assert (tab.cut_off(), tab.out_of_panels(), tab.said) == ([], [], [])
+
+
+@pytest.mark.full
+def test_the_worst_status_is_seen_at_once(chromium, serve):
+    """In the head and in the banner: why no state comes, or no longer."""
+    text, refused = chain(["one", "two"]), "parameter 'alarm.joints' names 'elbow'"
+    robot = Robot(dd.load_urdf(text))
+    show = Show("/late", robot.take)
+    show.tell([status(1, "rates", "a gap"), status(2, "model", refused)])
+    with Tab(chromium, (1280, 720), "light") as tab:
+        tab.page.goto(serve(show).address, wait_until="domcontentloaded")
+        tab.until("diag.state.word === 'Waiting' && diag.state.worst")
+        for place in (".banner", ".worst", ".diagnostics"):
+            tab.until(f'document.querySelector("{place}").textContent.includes("{refused}")')
+            assert tab.page.locator(place).is_visible()
+        show.use(dd.DiagonalDynamics(robot.model), scene_of(robot.model, text), None)
+        tab.until(
+            "diag.state.word === 'Live' && diag.state.level === 'bad' && document.querySelector('.banner').hidden"
+        )
+        style = "getComputedStyle(document.querySelector('{}')).getPropertyValue('--{}').trim()"
+        bad = tab.ask(style.format("html", "bad"))
+        assert [tab.ask(style.format(place, "tone")) for place in (".worst", ".pill")] == [bad, bad]
+        robot.silent.set()
+        tab.until("diag.state.word === 'Stale' && !document.querySelector('.banner').hidden")
+        assert refused in tab.page.locator(".banner").inner_text()
+        show.tell([status(0, "model", "as expected")])
+        robot.silent.clear()
+        tab.until("diag.state.level === 'good' && document.querySelector('.worst').hidden")
+        assert [text for text in tab.said if "503" not in text] == []  # while nothing was known of the robot
+
+
+@pytest.mark.full
+def test_a_restart_of_the_server_and_too_many_pages(chromium, serve, panda):
+    """A page comes back by itself with what it has stored. A page too many says so, and gets the next free stream."""
+    show = panda[1]
+    limits = Limits(streams=1)
+    first = serve(show, limits=limits)
+    with Tab(chromium, (800, 600)) as tab:
+        tab.open(first.address)
+        stored = tab.until("diag.state.stored > 20 && diag.state.stored")
+        with Tab(chromium, (800, 600)) as other:
+            other.page.goto(first.address, wait_until="domcontentloaded")
+            other.until("diag.state.word === 'Disconnected' && diag.state.says.includes('streams are taken')")
+        first.stop()
+        tab.until("diag.state.word === 'Disconnected' && !document.querySelector('.banner').hidden")
+        second = serve(show, port=first.server_port, limits=limits)
+        tab.until(f"diag.state.word === 'Live' && diag.state.stored > {stored}")
+        assert [text for text in tab.said if "ERR_" not in text] == []  # what the browser says of a server that is gone
+        tab.page.goto("about:blank")
+        with Tab(chromium, (800, 600)) as other:
+            other.open(second.address)
+
+
+# --- Reports ---
+
+
+def show_moment(tab, t):
+    """Go to a moment; return what is shown of the state and of contact."""
+    tab.until("diag.values")
+    tab.ask(f"diag.go({t!r})")
+    tab.drawn()
+    values = tab.ask("diag.values")
+    tab.until(f"diag.contact.shown && Math.abs(diag.contact.shown.t - {values['t']!r}) < 1e-9")
+    return values, tab.ask("diag.contact")
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    return Recording(tmp_path_factory.mktemp("report"))
+
+
+@pytest.mark.full
+def test_a_report_shows_the_recording(chromium, recording):
+    """Numbers and contact of moments in the overview and at full rate, words, buttons and panels; without a network."""
+    options = ["--quiet", "--set", *WATCHED, f"contact.limits_file={recording.folder / 'limits.yaml'}"]
+    html, summary = recording.analyse("page", *options, **recording.columns())
+    dyn, model = recording.dyn, recording.model
+    limits = dd.ContactLimits.load(recording.folder / "limits.yaml")
+    points = dd.ContactPoints(model, dd.link_geometry(model, ARM).points, limits, "limit")
+    with Tab(chromium) as tab:
+        tab.open(html.as_uri())
+        for moment in (0.5, 2.1, 2.113, 6.7):
+            values, contact = show_moment(tab, moment)
+            k = round(values["t"] * recorded_arm.RATE)
+            s, c = dyn.evaluate(recording.q[k], recording.qd[k]), dyn.contact(recording.q[k], recording.qd[k], points)
+            np.testing.assert_allclose(values["nu"], s.nu, atol=1e-3 * np.abs(s.nu).max())
+            np.testing.assert_allclose(values["K"][0], s.kinetic_energy, rtol=2e-3)
+            assert contact["shown"]["worst"] == c.worst
+            speeds = [point["speed"] for point in contact["shown"]["points"]]
+            np.testing.assert_allclose(speeds, c.speed, atol=1e-4)
+            np.testing.assert_allclose(contact["drawn"], c.position[c.worst], atol=1e-3)
+            twist = dyn.link_velocity(recording.q[k], recording.qd[k], tab.until("diag.marks.link"), frame="world")
+            assert tab.ask("diag.marks.speed") == pytest.approx(np.linalg.norm(twist[:3]), rel=1e-2)
+        words = {name: " ".join(tab.page.locator(f"#{name}").inner_text().split()) for name in CHAPTERS}
+        assert f"{summary['kinetic_energy']['at']:.3f} s" in words["overall"]
+        assert f"{summary['kinetic_energy']['max']:.3f} J" in words["overall"]
+        assert f"{summary['contact']['worst'][0]['at']:.3f} s" in words["touches"]
+        assert words["contacts"].startswith("1 contact")
+        assert "500.0 Hz" in words["quality"]
+        assert "external_torque.threshold" in words["parameters"]
+        assert not re.search(r"\b(True|False|None)\b|[\[\]']", words["parameters"])
+        tab.page.locator("#contacts button").first.click()
+        tab.until("diag.state.window[1] - diag.state.window[0] < 6")
+        assert len(rows_of(tab)) > 4.0 * recorded_arm.RATE
+        tab.page.keyboard.press("0")
+        tab.until(f"diag.state.window[1] - diag.state.window[0] > {recorded_arm.LENGTH - 0.1}")
+        text = tab.page.locator("#overall .text")
+        tab.until("document.querySelector('#overall .text').classList.contains('more')")
+        text.evaluate("(box) => box.scrollTo(0, box.scrollHeight)")
+        tab.until("!document.querySelector('#overall .text').classList.contains('more')")
+        for width, height in SIZES:
+            tab.page.set_viewport_size({"width": width, "height": height})
+            assert (tab.cut_off(), tab.out_of_panels()) == ([], []), (width, height)
+        assert (tab.said, tab.ask("diag.errors"), tab.ask("diag.missing")) == ([], [], 0)
+        assert tab.asked <= {"file://", "data://", "blob://"}
+
+
+CHAPTERS = "overall", "contacts", "touches", "quality", "parameters"
+
+
+@pytest.mark.full
+def test_a_report_of_which_nothing_is_known_of_contacts_and_without_limits(chromium, recording):
+    html, _ = recording.analyse("unknown", "--quiet", **recording.columns())
+    with Tab(chromium, (1280, 720), "light") as tab:
+        tab.open(html.as_uri())
+        assert "nothing known" in tab.page.locator("#contacts h2").inner_text()
+        assert "calibrate" in tab.page.locator("#contacts").inner_text().replace("\u200b", "")
+        _, contact = show_moment(tab, 1.7)
+        assert all(point["margin"] is point["allowed"] is None for point in contact["shown"]["points"])
+        words = tab.page.locator("#contact p").inner_text()
+        assert "most energy" in words
+        assert "no limits" in words
+        assert "margin" not in tab.page.locator("#contact thead").inner_text()
+        assert (tab.cut_off(), tab.said) == ([], [])
+
+
+@pytest.mark.full
+def test_the_worst_point_moves_with_a_floating_base(chromium, tmp_path):
+    """It is told in the root link's axes, and drawn where these are at that moment."""
+    model = dd.load_robot("panda", floating_base=True)
+    driver, count = Driver(dd.load_robot("panda"), 1), 1000
+    joints, bases = [], []
+    for k in range(count):
+        now, turn = START + k * 2 * 10**6, 0.5 * 1.3 * k / count
+        pose = (4.0 * k / count, np.sin(5.0 * k / count), 0.8, 0.0, 0.0, np.sin(turn), np.cos(turn))
+        bases.append((now, odometry(now, model.root_link, pose, (1.2, 0.3, 0.0, 0.0, 0.0, 0.4))))
+        joints.append((driver.good(now), now))
+    path, html = write_floating(tmp_path / "base.mcap", joints, bases), tmp_path / "base.html"
+    arguments = ["--urdf", "panda", "--quiet", "--set", "floating_base=true", "--report", str(html)]
+    assert main(["analyse", str(path), *arguments]) in (0, 1)
+    rec = dd.read_recording(path, str(find_urdf("panda")), parameters={"floating_base": True})
+    dyn = dd.DiagonalDynamics(rec.model)
+    points = dd.ContactPoints(rec.model, dd.link_geometry(rec.model, find_urdf("panda")).points)
+    with Tab(chromium, (1280, 720), "light") as tab:
+        tab.open(html.as_uri())
+        for moment in (0.2, 1.8, 0.4):
+            _, contact = show_moment(tab, moment)
+            k = int(np.argmin(np.abs(rec.t - rec.t[0] - contact["shown"]["t"])))
+            c, root = dyn.contact(rec.q[k], rec.qd[k], points), dyn.placement(rec.q[k], rec.model.root_link)
+            assert contact["shown"]["worst"] == c.worst
+            place = root[:3, :3] @ c.position[c.worst] + root[:3, 3]
+            np.testing.assert_allclose(contact["drawn"], place, atol=3e-4)
+        assert tab.said == []
