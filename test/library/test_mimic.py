@@ -45,7 +45,10 @@ FEW = tuple(
 """Robots of one feature each; what is shown of them holds for random trees, too."""
 
 
-@pytest.fixture(params=FEW, ids=lambda robot: robot.id)
+COUPLED = [robot for robot in robots.robots_to_test() if robot.mimic == "embed"]
+
+
+@pytest.fixture(params=[*FEW, *COUPLED], ids=lambda robot: robot.id)
 def robot(request):
     """Return each robot in library and oracle in turn."""
     return load(request.param)

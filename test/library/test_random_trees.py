@@ -230,7 +230,7 @@ LAWS = (
 )
 
 
-def check(shape, laws=LAWS):
+def check(shape, chosen=LAWS):
     """Check laws on the tree of a shape."""
     tree = Tree(shape)
     note(tree.urdf)
@@ -239,7 +239,7 @@ def check(shape, laws=LAWS):
     if case.model.nv == 0:
         return
     event(f"condition about 1e{3 * round(np.log10(case.t.scaled_condition) / 3)}")
-    for law in laws:
+    for law in chosen:
         note(law.__doc__)
         law(case)
 
