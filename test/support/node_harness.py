@@ -252,7 +252,7 @@ def in_process(kind):
         def __init__(self, *args, **kwargs):
             self.graph = type(self).graph
             self.output, self.timers_ = [], []
-            super().__init__(*args, context=self.graph.context, **kwargs)
+            super().__init__(*args, **kwargs)
 
         # --- time and log
 
@@ -356,6 +356,7 @@ class Graph(contextlib.AbstractContextManager):
         self.steady, self.system = 1000.0, system
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
+        self.contexts = [self.context]
         self.nodes, self.timers, self.services = [], [], {}
         self.publishers, self.subscriptions = defaultdict(list), defaultdict(list)
         self._events, self._serving, self._time_moved, self._simulated = deque(), False, False, None
@@ -363,13 +364,21 @@ class Graph(contextlib.AbstractContextManager):
     def __exit__(self, *_):
         for node in reversed(self.nodes.copy()):
             node.destroy_node()
-        self.context.try_shutdown()
+        for context in self.contexts:
+            context.try_shutdown()
 
     # --- nodes
 
-    def add(self, kind, *arguments, **options):
-        """Construct a node; `arguments` are ROS arguments as a shell would give them."""
+    def add(self, kind, *arguments, apart=False, **options):
+        """Construct a node; `arguments` are ROS arguments as a shell would give them.
+
+        `apart`: in a context of its own. Within one context a topic has one type.
+        """
         made, graph = in_process(kind), self
+        if apart:
+            self.contexts.append(rclpy.Context())
+            rclpy.init(context=self.contexts[-1])
+        options["context"] = self.contexts[-1] if apart else self.context
 
         class Time(NodeTime):
             def steady(self):
