@@ -439,7 +439,9 @@ class Graph(contextlib.AbstractContextManager):
         self.subscriptions[subscription.end.topic].append(subscription)
         if subscription.end.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
             for publisher in self.publishers[subscription.end.topic]:
-                for raw in publisher.latched if matches(publisher, subscription) else ():
+                for raw in (
+                    [*publisher.latched][-subscription.end.qos.depth :] if matches(publisher, subscription) else ()
+                ):
                     self.deliver(subscription, raw)
         return subscription
 

@@ -379,15 +379,19 @@ class Monitor(contextlib.AbstractContextManager):
         name="diag_dynamics",
         live=False,
         reliable=True,
+        outputs=OUTPUTS,
         **parameters,
     ):
-        """Start it in a namespace; `reliable`: it asks again for an input that gets lost, which by default it does not."""
+        """Start it in a namespace, and subscribe to `outputs`.
+
+        `reliable`: it asks again for an input that gets lost, which by default it does not.
+        """
         self.peer = peer
         self.live = live
         self.name = f"{namespace}/{name}"
         self.now = 1000 * S
         self.feeder = peer.publisher(JointState, f"{namespace}/{joint_states}")
-        self.topics = {topic: peer.topic(kind, f"{self.name}/{topic}") for topic, kind in OUTPUTS.items()}
+        self.topics = {topic: peer.topic(OUTPUTS[topic], f"{self.name}/{topic}") for topic in outputs}
         self.reports = Reports(peer.node, peer.wait_until, self.name)
         defaults = {f"max_rate.{topic}": 0.0 for topic in OUTPUTS} | {"max_age": MAX_AGE} if live else {"max_age": 0.0}
         defaults |= BELIEVING
@@ -415,7 +419,7 @@ class Monitor(contextlib.AbstractContextManager):
             assert patience < TIMEOUT, f"nothing comes through {self.name}"
             self.feeder.publish(robot.message(self.tick(), robot.samples[sample]))
             with contextlib.suppress(AssertionError):
-                self._all_at(self.now, OUTPUTS, patience)
+                self._all_at(self.now, self.topics, patience)
             patience *= 1.5  # it may be slow, too
         return self
 
@@ -426,10 +430,16 @@ class Monitor(contextlib.AbstractContextManager):
         self.now = self.peer.now() if self.live else self.now + step
         return self.now
 
-    def feed(self, message, topics=tuple(OUTPUTS)):
+    def publish(self, *messages):
+        """Publish joint states, or their bytes, and have each served: only in process."""
+        for message in messages:
+            self.feeder.publish(message)
+            self.peer.graph.spin()
+
+    def feed(self, message, topics=None):
         """Publish a joint state and return what comes back by topic; its stamp is that of the message."""
         self.feeder.publish(message)
-        return self._all_at(nanoseconds(message.header.stamp), topics)
+        return self._all_at(nanoseconds(message.header.stamp), topics or self.topics)
 
     def serves(self, robot, sample=0, truth=None):
         """Feed a whole state, and check all that comes of it against Pinocchio; return it by topic."""
