@@ -1,278 +1,406 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishers and quality of service that fit and that do not: what arrives, and what /diagnostics say of the rest."""
+"""Faults of publishers, quality of service, requests and names: what fits is served, and the rest is named."""
 
+import math
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 from diag_dynamics.msg import DiagonalizedState, KineticEnergy
+from diag_dynamics.srv import Diagonalize, InverseDynamics, SetPayload
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Inertia, Vector3, Wrench
 from rcl_interfaces.srv import ListParameters
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from std_msgs.msg import Float64MultiArray, String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from nodes import BELIEVING, LATCHED, MS, OUTPUTS, PANDA, UR5, Monitor, Peer, Truth, description, joint_state, robot
-
-pytestmark = [pytest.mark.full, pytest.mark.live]
-
-OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
+from diag_dynamics.nodes.support.diagnostics import LONG, OK, WARN, Diagnostics, Status, shortened
+from diag_dynamics.nodes.support.logger import PlainLogger
+from nodes import LATCHED, MANY, MS, OUTPUTS, PANDA, UR5, Monitor, Truth, description, joint_state, robot
 
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+HAND = "panda_hand"
 
 
 @pytest.fixture(scope="module")
-def other(ros_domain):
-    """Return a second node, in a participant of its own, as a type of a topic is fixed within one."""
-    with Peer(ros_domain, "intruder") as node:
-        yield node
-
-
-@pytest.fixture(scope="module")
-def default(peer):
-    """Start a monitor with the quality of service that it has by itself, and its robot from the topic."""
-    descriptions = peer.publisher(String, "/default/robot_description", LATCHED)
-    descriptions.publish(description(robot(PANDA).urdf))
+def running(peer):
+    """Start a monitor with the default QoS, and its robot by topic."""
+    peer.publisher(String, "/default/robot_description", LATCHED).publish(description(robot(PANDA).urdf))
     with Monitor(peer, "/default", reliable=False) as monitor:
         yield monitor.connect(robot(PANDA))
 
 
 @pytest.fixture(scope="module")
 def overridden(peer):
-    """Start a monitor with overrides of an input and of outputs."""
+    """Start a monitor with overrides of the QoS of an input and of outputs."""
     overrides = {
-        "/strict/joint_states.subscription.reliability": "reliable",
-        "/strict/joint_states.subscription.depth": 7,
-        "/strict/diag_dynamics/state.publisher.reliability": "best_effort",
-        "/strict/diag_dynamics/state.publisher.depth": 3,
-        "/strict/diag_dynamics/kinetic_energy.publisher.durability": "transient_local",
-        "/strict/diag_dynamics/coriolis.publisher.history": "keep_all",
+        "joint_states.subscription.reliability": "reliable",
+        "joint_states.subscription.depth": 7,
+        "diag_dynamics/state.publisher.reliability": "best_effort",
+        "diag_dynamics/kinetic_energy.publisher.durability": "transient_local",
+        "diag_dynamics/coriolis.publisher.history": "keep_all",
     }
-    parameters = {f"qos_overrides.{name}": value for name, value in overrides.items()}
+    parameters = {f"qos_overrides./strict/{name}": value for name, value in overrides.items()}
     with Monitor(peer, "/strict", robot_description=robot(PANDA).path, **parameters) as monitor:
-        # The test's own subscription to `state` is reliable, so nothing of a best-effort publisher reaches it.
+        # The test's own subscription to `state` is reliable, and receives nothing of a best-effort publisher.
         peer.node.destroy_subscription(monitor.topics["state"].subscription)
         monitor.topics["state"] = peer.topic(DiagonalizedState, f"{monitor.name}/state", BEST_EFFORT)
         yield monitor.connect(robot(PANDA))
 
 
-def joint_states_report(monitor, condition, what):
-    """Wait for a report whose entry on the joint states fulfils a condition, and return that entry."""
-    report = monitor.wait_for_report(lambda report: condition(report.entries["joint states"]), what)
-    return report.entries["joint states"]
+@pytest.fixture
+def intruder(peer):
+    """Return a node of another context, because a topic has one type within a context."""
+    node = peer.extra_node("intruder", "/", apart=True)
+    yield node
+    peer.drop_node(node)
+
+
+def joint_states(monitor):
+    """Return the next entry on joint states."""
+    return monitor.next_report().entries["joint states"]
+
+
+# --- publishers
 
 
 @pytest.mark.parametrize("qos", [BEST_EFFORT, RELIABLE], ids=["best effort", "reliable"])
-def test_either_reliability_arrives(default, panda, qos):
-    """By default, a publisher of sensor data reaches the node as well as a reliable one."""
-    peer, feeder = default.peer, default.feeder
-    default.serves(panda)
-    publisher = peer.publisher(JointState, "/default/joint_states", qos)
+def test_either_reliability_arrives(monitor, panda, qos):
+    """By default, sensor data arrive as well as reliable messages."""
+    feeder = monitor.feeder
+    monitor.feeder = monitor.peer.publisher(JointState, "/default/joint_states", qos)
     try:
-        peer.wait_until(publisher.get_subscription_count, "the subscription")
-        default.feeder = publisher
-        default.connect(panda).serves(panda, 1)
+        monitor.serves(panda)
     finally:
-        default.feeder = feeder
-        peer.node.destroy_publisher(publisher)
-    default.serves(panda, 2)
+        monitor.peer.node.destroy_publisher(monitor.feeder)
+        monitor.feeder = feeder
 
 
-def test_overrides_are_honoured(overridden, panda):
-    """What the graph says of publishers and subscriptions is what the parameters ask for, and numbers flow."""
-    node, at = overridden.peer.node, overridden.name
-    (listener,) = node.get_subscriptions_info_by_topic("/strict/joint_states")
-    assert listener.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-
-    def publisher(topic):
-        (info,) = node.get_publishers_info_by_topic(f"{at}/{topic}")
-        return info.qos_profile
-
-    assert publisher("state").reliability == ReliabilityPolicy.BEST_EFFORT
-    assert publisher("kinetic_energy").durability == DurabilityPolicy.TRANSIENT_LOCAL
-    assert publisher("total_joint_rates").reliability == ReliabilityPolicy.RELIABLE
-    assert publisher("total_joint_rates").durability == DurabilityPolicy.VOLATILE
-    # history and depth do not go over the wire: the parameters tell
-    names = [
-        "qos_overrides./strict/joint_states.subscription.depth",
-        "qos_overrides./strict/diag_dynamics/state.publisher.depth",
-        "qos_overrides./strict/diag_dynamics/coriolis.publisher.history",
-    ]
-    assert list(overridden.peer.get_parameters(at, names).values()) == [7, 3, "keep_all"]
-    overridden.serves(panda)
-    # a late joiner gets the last message of a transient_local output
-    late = overridden.peer.topic(KineticEnergy, f"{at}/kinetic_energy", LATCHED)
-    overridden.peer.wait_until(lambda: late.messages, "the last kinetic energy")
-    assert late.stamps == [overridden.now]
-    overridden.peer.node.destroy_subscription(late.subscription)
-
-
-def test_overrides_of_every_topic_can_be_read(default):
-    """Every input and output has its parameters, so that they can be found."""
-    listed = default.call(ListParameters, "list_parameters", ListParameters.Request()).result.names
-    at = {f"/default/{topic}": "subscription" for topic in ("joint_states", "robot_description")}
-    at |= {f"/default/diag_dynamics/{topic}": "publisher" for topic in OUTPUTS}
-    for topic, kind in at.items():
-        for policy in ("history", "depth", "reliability", "durability"):
-            assert f"qos_overrides.{topic}.{kind}.{policy}" in listed
-
-
-def test_incompatible_publisher_of_states(overridden, other, panda):
-    """Best effort does not reach a reliable subscription: its node is named, and the right one beside it is served."""
-    peer = overridden.peer
-    overridden.serves(panda)
-    publisher = other.publisher(JointState, "/strict/joint_states", BEST_EFFORT)
-    try:
-
-        def named(status):
-            overridden.serves(panda, 1)
-            return "/intruder" in status.message
-
-        status = joint_states_report(overridden, named, "the publisher that does not fit")
-        assert status.level == WARN
-        for text in ("QoS of /intruder", "/strict/joint_states", "not compatible"):
-            assert text in status.message
-        assert "/test" not in status.message
-        overridden.forget()
-        publisher.publish(panda.message(overridden.now + 1, panda.samples[0]))
-        overridden.serves(panda, 2)
-        assert overridden.topics["state"].stamps == [overridden.now]
-    finally:
-        other.node.destroy_publisher(publisher)
-
-    def over(status):
-        overridden.serves(panda)
-        return status.level == OK
-
-    assert joint_states_report(overridden, over, "its departure").message == "publishing"
-    peer.wait_until(lambda: peer.node.count_publishers("/strict/joint_states") == 1, "the one that is left")
-
-
-def test_publisher_of_another_type(default, other, panda):
-    """A topic of the same name and another type: its node and type are named; joint states go on."""
-    publisher = other.publisher(String, "/default/joint_states")
-    try:
-
-        def named(status):
-            publisher.publish(String(data="not a joint state"))
-            default.serves(panda, 1)
-            return "/intruder" in status.message
-
-        status = joint_states_report(default, named, "the publisher of another type")
-        assert status.level == WARN
-        assert "/intruder publishes std_msgs/msg/String on /default/joint_states" in status.message
-        assert "expected sensor_msgs/msg/JointState" in status.message
-        default.serves(panda, 2)
-    finally:
-        other.node.destroy_publisher(publisher)
-
-    def over(status):
-        default.serves(panda)
-        return status.level == OK
-
-    joint_states_report(default, over, "its departure")
-
-
-def test_volatile_description(default, other, panda):
-    """A description that is not latched cannot be waited for: its publisher is named, and the latched one counts."""
-    publisher = other.publisher(String, "/default/robot_description", QoSProfile(depth=1))
-    try:
-        publisher.publish(description(robot(UR5).urdf))
-
-        def named(status):
-            default.serves(panda, 1)
-            return "/intruder" in status.message
-
-        status = joint_states_report(default, named, "the volatile publisher")
-        assert status.level == WARN
-        assert "/default/robot_description" in status.message
-        assert default.next_report().values["robot"] == "panda"
-    finally:
-        other.node.destroy_publisher(publisher)
-
-    def over(status):
-        default.serves(panda)
-        return status.level == OK
-
-    joint_states_report(default, over, "its departure")
-    Truth(panda, *panda.samples[0][:3]).check_state(default.topics["state"].messages[-1])
-
-
-def test_two_publishers_of_the_same_joints(default, other, panda):
-    """In turns: one robot's states go on, the other's are refused as jumps; both publishers are named to whoever looks."""
-    q, qd, tau, _ = panda.samples[0]
-    intruder = other.publisher(JointState, "/default/joint_states", BEST_EFFORT)
-    try:
-
-        def seen():  # by name: others that have gone may be seen for a while yet
-            found = default.peer.node.get_publishers_info_by_topic("/default/joint_states")
-            return {"intruder", "test"} <= {info.node_name for info in found}
-
-        default.peer.wait_until(seen, "the intruder")
-        default.serves(panda)
-        before = default.next_report()
-        default.set_parameter("absurd.jump", 0.1)
-        listed, still = "publishers of /default/joint_states", 0.0 * qd
-
-        def refused(report):
-            stamp = default.tick(8 * MS)
-            state = default.feed(joint_state(panda.names, q, still, tau, stamp), ["state"])["state"]
-            Truth(panda, q, still, tau).check_state(state)
-            intruder.publish(joint_state(panda.names, q + 0.5, still, tau, default.tick(8 * MS)))
-            named = report.values[listed].partition(": ")[2].split(", ")
-            return report.since(before).get("rejected: jump", 0) > 3 and {"/intruder", "/test"} <= set(named)
-
-        report = default.wait_for_report(refused, "refused jumps")
-        count, _, named = report.values[listed].partition(": ")
-        assert int(count) == len(named.split(", ")) >= 2
-        assert report.level == WARN and "position went from" in report.values["last rejection"]
-        assert not default.topics["state"].at(default.now)
-    finally:
-        default.set_parameter("absurd.jump", BELIEVING["absurd.jump"])
-        other.node.destroy_publisher(intruder)
-    default.serves(panda, 1)
-
-
-def test_two_hundred_subscribers(default, panda):
-    """All of them hear every state, and the monitor goes on as if there were one."""
-    peer = default.peer
-    many = [peer.topic(DiagonalizedState, f"{default.name}/state") for _ in range(200)]
-    try:
-        peer.wait_until(lambda: all(topic.subscription.get_publisher_count() for topic in many), "all to know it")
-
-        def heard():
-            default.serves(panda)
-            return all(topic.messages for topic in many)
-
-        peer.wait_until(heard, "all to be known")
-        for sample in range(3):
-            state = default.serves(panda, sample)["state"]
-            stamp = default.now
-            peer.wait_until(lambda stamp=stamp: all(topic.at(stamp) for topic in many), "a state, for all of them")
-            assert all(topic.at(stamp) == state for topic in many)
-    finally:
-        for topic in many:
-            peer.node.destroy_subscription(topic.subscription)
-
-
-def test_publishers_are_listed(default):
-    """Who publishes the inputs can be read; others that have gone may be seen for a while yet."""
-    inputs = ("joint_states", "robot_description")
-
-    def told(status):
-        values = {pair.key: pair.value for pair in status.values}
-        return all(values.get(f"publishers of /default/{topic}") == "1: /test" for topic in inputs)
-
-    joint_states_report(default, told, "this test alone")
-
-
-def test_defaults(default):
-    """The defaults are those of sensor data in, reliable out."""
-    node = default.peer.node
+def test_default_qos(monitor):
+    """Inputs are sensor data, outputs reliable; every topic has its parameters."""
+    node = monitor.peer.node
     (listener,) = node.get_subscriptions_info_by_topic("/default/joint_states")
     assert listener.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-    (publisher,) = node.get_publishers_info_by_topic(f"{default.name}/state")
+    (publisher,) = node.get_publishers_info_by_topic(f"{monitor.name}/state")
     assert publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-    names = [f"qos_overrides./default/joint_states.subscription.{policy}" for policy in ("history", "depth")]
-    history, depth = default.peer.get_parameters(default.name, names).values()
-    assert history == HistoryPolicy.KEEP_LAST.short_key
-    assert depth >= 1
+    listed = monitor.call(ListParameters, "list_parameters", ListParameters.Request()).result.names
+    at = {f"/default/{topic}": "subscription" for topic in ("joint_states", "robot_description")}
+    at |= {f"{monitor.name}/{topic}": "publisher" for topic in OUTPUTS}
+    wanted = ("history", "depth", "reliability", "durability")
+    assert {f"qos_overrides.{topic}.{kind}.{policy}" for topic, kind in at.items() for policy in wanted} <= {*listed}
+
+
+def test_overrides_of_qos(overridden, panda):
+    """Publishers and subscriptions have the QoS of the parameters, and states are served."""
+    node = overridden.peer.node
+    (listener,) = node.get_subscriptions_info_by_topic("/strict/joint_states")
+    assert (listener.qos_profile.reliability, listener.qos_profile.depth) == (ReliabilityPolicy.RELIABLE, 7)
+    profiles = {
+        topic: node.get_publishers_info_by_topic(f"{overridden.name}/{topic}")[0].qos_profile for topic in OUTPUTS
+    }
+    assert profiles["state"].reliability == ReliabilityPolicy.BEST_EFFORT
+    assert profiles["kinetic_energy"].durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert profiles["coriolis"].history.short_key == "keep_all"
+    assert profiles["total_joint_rates"].reliability == ReliabilityPolicy.RELIABLE
+    assert profiles["total_joint_rates"].durability == DurabilityPolicy.VOLATILE
+    overridden.serves(panda)
+    late = overridden.peer.topic(KineticEnergy, f"{overridden.name}/kinetic_energy", LATCHED)
+    overridden.peer.graph.spin()
+    assert late.stamps == [overridden.now]
+    node.destroy_subscription(late.subscription)
+
+
+def test_a_publisher_whose_qos_does_not_fit(overridden, intruder, panda):
+    """A warning names it; the one that fits is served."""
+    publisher = intruder.create_publisher(JointState, "/strict/joint_states", BEST_EFFORT)
+    overridden.serves(panda, 1)
+    entry = joint_states(overridden)
+    assert entry.level == WARN
+    for text in ("QoS of /intruder", "/strict/joint_states", "not compatible"):
+        assert text in entry.message
+    assert "/test" not in entry.message
+    overridden.forget()
+    publisher.publish(panda.message(overridden.now + 1, panda.samples[0]))
+    overridden.serves(panda, 2)
+    assert overridden.topics["state"].stamps == [overridden.now]
+    intruder.destroy_publisher(publisher)
+    overridden.serves(panda)
+    assert joint_states(overridden).message == "publishing"
+
+
+@pytest.mark.parametrize(
+    ("kind", "topic", "words"),
+    [
+        (String, "joint_states", ["/intruder publishes std_msgs/msg/String on", "expected sensor_msgs/msg/JointState"]),
+        (String, "robot_description", ["QoS of /intruder on /default/robot_description"]),
+    ],
+    ids=["another type", "a description that is not latched"],
+)
+def test_a_publisher_that_cannot_be_used(monitor, intruder, panda, kind, topic, words):
+    """A warning names it; joint states and the latched description count."""
+    publisher = intruder.create_publisher(kind, f"/default/{topic}", QoSProfile(depth=1))
+    publisher.publish(description(robot(UR5).urdf))
+    monitor.serves(panda, 1)
+    entry = joint_states(monitor)
+    assert entry.level == WARN
+    for word in words:
+        assert word in entry.message
+    assert monitor.next_report().values["robot"] == "panda"
+    intruder.destroy_publisher(publisher)
+    monitor.serves(panda)
+    assert joint_states(monitor).level == OK
+
+
+def test_two_publishers_of_the_same_joints(monitor, intruder, panda):
+    """In turns: the states of one robot are served, those of the other are rejected as jumps, and both are named."""
+    q, qd, tau, _ = panda.samples[0]
+    still, publisher = 0.0 * qd, intruder.create_publisher(JointState, "/default/joint_states", BEST_EFFORT)
+    with monitor.having(**{"absurd.jump": 0.1}):
+        before = monitor.next_report()
+        for _ in range(4):
+            stamp = monitor.tick(8 * MS)
+            state = monitor.feed(joint_state(panda.names, q, still, tau, stamp), ["state"])["state"]
+            Truth(panda, q, still, tau).check_state(state)
+            publisher.publish(joint_state(panda.names, q + 0.5, still, tau, monitor.tick(8 * MS)))
+            monitor.peer.graph.spin()
+            assert not monitor.topics["state"].at(monitor.now)
+        report = monitor.next_report()
+        assert report.since(before) == {"received": 8, "published": 4, "rejected: jump": 4}
+        assert report.values["publishers of /default/joint_states"] == "2: /test, /intruder"
+        assert report.level == WARN
+    assert report.values["publishers of /default/robot_description"] == "1: /test"
+
+
+# --- requests
+
+
+MANY_ENTRIES = 50_000
+LONGEST = 1100
+"""Characters of a message: a thousand, and the number of all."""
+
+REQUESTS = {
+    "long name": ({"name": lambda names: ["x" * 1_000_000, *names[1:]]}, "state.name"),
+    "many unknown joints": ({"name": lambda names: [f"joint{k}" for k in range(MANY_ENTRIES)]}, "state.name"),
+    "a joint many times": ({"name": lambda names: names[:1] * MANY_ENTRIES}, "state.name"),
+    "many positions": ({"position": lambda _: [0.0] * MANY_ENTRIES}, "state.position has 50000 entries"),
+    "many velocities": ({"velocity": lambda _: [0.0] * MANY_ENTRIES}, "state.velocity has 50000 entries"),
+    "NaN": ({"position": lambda names: [math.nan] * 8}, "state.position"),
+}
+
+FIELDS = {
+    "many wrenches": ({"wrenches": [Wrench()] * 5000, "wrench_links": [HAND] * 5000}, "wrenches has 5000 entries"),
+    "long link": ({"wrenches": [Wrench()], "wrench_links": ["y" * 1_000_000]}, "yyyy"),
+    "infinite gravity": ({"override_gravity": True, "gravity": Vector3(z=-math.inf)}, "gravity"),
+}
+
+
+@pytest.mark.parametrize("case", [*REQUESTS, *FIELDS])
+def test_malformed_request(monitor, panda, case):
+    """The response names the field, in bounded length; the fixture feeds the next state."""
+    state = panda.message(0, panda.samples[0])
+    changes, named = REQUESTS.get(case, ({}, FIELDS.get(case, ({}, ""))[1]))
+    for field, change in changes.items():
+        setattr(state, field, change(list(getattr(state, field))))
+    request = Diagonalize.Request(state=state, **FIELDS.get(case, ({}, ""))[0])
+    response = monitor.call(Diagonalize, "diagonalize", request)
+    assert not response.success
+    assert named in response.message
+    assert len(response.message) <= LONGEST
+    assert "Internal error" not in response.message
+    assert len(response.state.nu) == 0
+
+
+def test_many_accelerations(monitor, panda):
+    """Inverse dynamics checks the length of accelerations, too."""
+    request = InverseDynamics.Request(state=panda.message(0, panda.samples[0]), acceleration=[0.0] * MANY_ENTRIES)
+    response = monitor.call(InverseDynamics, "inverse_dynamics", request)
+    assert not response.success
+    assert "acceleration has 50000 entries" in response.message
+
+
+def inertia(mass, moments=(0.01, 0.02, 0.025), **com):
+    """Return an inertia."""
+    message = Inertia(m=mass, com=Vector3(**com))
+    message.ixx, message.iyy, message.izz = moments
+    return message
+
+
+PAYLOADS = [
+    ("tool", inertia(1.0), "tool"),
+    ("", inertia(1.0), "link"),
+    ("z" * 1_000_000, inertia(1.0), "zzz"),
+    (HAND, inertia(-1.0), "inertia.m"),
+    (HAND, inertia(math.nan), "inertia.m"),
+    (HAND, inertia(1e300), "none beyond ±1e+09"),
+    (HAND, inertia(1.0, y=math.nan), "com"),
+    (HAND, inertia(1.0, (-0.01, 0.02, 0.02)), "inertia"),
+    (HAND, inertia(1.0, (1.0, 1.0, 5.0)), "triangle"),
+    (HAND, inertia(1.0, (math.nan, 1.0, 1.0)), "inertia"),
+]
+
+
+@pytest.mark.parametrize(("link", "load", "named"), PAYLOADS, ids=[f"{link[:5]}-{n}" for link, _, n in PAYLOADS])
+def test_payload_that_cannot_be(monitor, panda, link, load, named):
+    """Refused by name and in bounded length; neither the model nor the parameter changes."""
+    before = monitor.serves(panda)["state"].model_revision
+    response = monitor.call(SetPayload, "set_payload", SetPayload.Request(link=link, inertia=load))
+    assert not response.success
+    assert named in response.message
+    assert len(response.message) <= LONGEST
+    assert monitor.peer.get_parameters(monitor.name, ["payloads"]) == {"payloads": [""]}
+    assert monitor.serves(panda, 1)["state"].model_revision == before
+
+
+def test_payload_by_service_and_by_parameter(monitor, panda):
+    """`set_payload` sets the parameter `payloads`, which attaches the same when it is set; links are independent."""
+    load = (2.0, (0.0, 0.1, 0.2), np.diag([0.01, 0.02, 0.025]))
+    loaded = panda.changed(payloads={HAND: load})
+    both = panda.changed(payloads={HAND: load, "panda_link5": (1.0, (0, 0, 0), np.zeros((3, 3)))})
+    request = SetPayload.Request(link=HAND, inertia=inertia(2.0, y=0.1, z=0.2))
+    response = monitor.call(SetPayload, "set_payload", request)
+    assert response.success, response.message
+    monitor.serves(loaded, 1)
+    (entry,) = monitor.peer.get_parameters(monitor.name, ["payloads"])["payloads"]
+    link, _, numbers = entry.partition("=")
+    assert link == HAND
+    assert [float(number) for number in numbers.split()] == [2.0, 0.0, 0.1, 0.2, 0.01, 0.02, 0.025, 0.0, 0.0, 0.0]
+    with monitor.having(payloads=[entry, "panda_link5=1"]):
+        monitor.serves(both, 2)
+        off = monitor.call(SetPayload, "set_payload", SetPayload.Request(link="panda_link5"))
+        assert off.success
+        assert off.total_mass == pytest.approx(response.total_mass)
+        assert monitor.peer.get_parameters(monitor.name, ["payloads"])["payloads"] == [entry]
+        monitor.serves(loaded)
+        monitor.set_parameter("payloads", [""])
+        monitor.serves(panda, 1)
+    monitor.set_parameter("payloads", [""])
+
+
+# --- names that would act on a terminal or forge lines of a log
+
+
+FIRE = "\n[FATAL] [0.0] [safety_controller]: fire"
+ELBOW, WRIST = f"elbow{FIRE}", "wrist\x9b31m\u202e"
+ESCAPE = "\x1b]0;owned\x07\x1b[31m"  # XML has no such character, ROS messages have
+URDF = """<robot name="arm&#10;[FATAL] [0.0] [safety_controller]: robot&#x9b;2J">
+  <link name="base"/>
+  <joint name="elbow&#10;[FATAL] [0.0] [safety_controller]: fire" type="revolute">
+    <parent link="base"/><child link="upper&#x9b;2J"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="9" velocity="9"/>
+  </joint>
+  <link name="upper&#x9b;2J"><inertial><origin xyz="0 0 0.1"/><mass value="1"/>
+    <inertia ixx="0.05" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+  <joint name="wrist&#x9b;31m&#x202e;" type="continuous">
+    <parent link="upper&#x9b;2J"/><child link="hand"/><origin xyz="0 0 0.2"/><axis xyz="1 0 0"/>
+  </joint>
+  <link name="hand"><inertial><origin xyz="0 0 0.1"/><mass value="1"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+</robot>"""
+"""The inertia of the upper link is that of no body, which each node warns of by name."""
+
+
+def texts_of(arrays):
+    """Return every text in diagnostics."""
+    for status in (status for array in arrays for status in array.status):
+        yield from (status.name, status.message, status.hardware_id)
+        yield from (text for pair in status.values for text in (pair.key, pair.value))
+
+
+def check_log(running):
+    """Check that every line is one of the logger and printable, and names what was wrong."""
+    assert r"[FATAL] [0.0] [safety_controller]: robot\x9b2J" in running.output
+    for line in running.output.split("\n"):
+        assert line.isprintable(), repr(line)
+        assert not line.startswith("[FATAL]"), line
+
+
+def test_names_that_would_act(peer):
+    """Names are published as they are; in the log, in diagnostics and in responses control characters are escaped."""
+    diagnostics = peer.topic(DiagnosticArray, "/diagnostics")
+    descriptions = peer.publisher(String, "/hostile/robot_description", LATCHED)
+    descriptions.publish(description(URDF))
+    feeder = peer.publisher(JointState, "/hostile/joint_states")
+    states = peer.topic(DiagonalizedState, "/hostile/diag_dynamics/state")
+    at = "/hostile/diag_dynamics"
+    wrong = {
+        ELBOW: joint_state([ELBOW, WRIST, ELBOW], [0.1] * 3, [0.0] * 3),
+        WRIST: joint_state([WRIST], [math.nan], [0.0]),
+        ESCAPE: joint_state([ELBOW, ESCAPE], [0.1], [0.0]),
+    }
+    with peer.start("monitor", "-r", "__ns:=/hostile") as process:
+        peer.pass_time(1.0)
+        feeder.publish(joint_state([ELBOW, WRIST, ESCAPE], [0.1, 0.2, 0.3], [0.0] * 3))
+        peer.graph.spin()
+        assert list(states.messages[-1].dof_names) == [ELBOW, WRIST]
+        for name, message in wrong.items():
+            feeder.publish(message)
+            peer.pass_time(1.0)
+            assert any(f"'{shortened(name)}'" in text for text in texts_of(diagnostics.messages))
+        unknown = Diagonalize.Request(state=joint_state([ESCAPE], [0.0], [0.0]))
+        for message in (
+            peer.call(Diagonalize, f"{at}/diagonalize", unknown).message,
+            peer.call(SetPayload, f"{at}/set_payload", SetPayload.Request(link=f"{ESCAPE}{FIRE}")).message,
+            peer.set_parameter(at, "payloads", [f"{ESCAPE}=heavy"]).reason,
+        ):
+            assert r"\x1b]0;owned\x07\x1b[31m" in message
+            assert message.isprintable()
+        descriptions.publish(description(URDF.replace('value="1"', 'value="-1"')))
+        process.wait_for_text("robot_description refused")
+        assert r"upper\x9b2J" in process.output
+    assert all(text.isprintable() for text in texts_of(diagnostics.messages))
+    check_log(process)
+
+
+def test_names_in_control(peer, tmp_path):
+    """Simulator and controller name what they refuse in one line of their log."""
+    path = tmp_path / "hostile.urdf"
+    path.write_text(URDF, encoding="utf-8")
+    diagnostics = peer.topic(DiagnosticArray, "/diagnostics")
+    trajectory = peer.publisher(JointTrajectory, "/held/trajectory", MANY)
+    command = peer.publisher(Float64MultiArray, "/held/effort_controller/commands", MANY)
+    parameters = {"robot_description": path, "autostart": True}
+    settings = parameters | {"robot_compensates_gravity": False, "check_time": 0.0}
+    arguments = ("-r", "__ns:=/held")
+    with (
+        peer.start("simulator", *arguments, **parameters) as simulator,
+        peer.start("controller", *arguments, **settings) as controller,
+    ):
+        peer.pass_time(1.0)
+        points = [JointTrajectoryPoint(positions=[0.1])]
+        trajectory.publish(JointTrajectory(joint_names=[f"{ESCAPE}{FIRE}"], points=points))
+        command.publish(Float64MultiArray(data=[math.nan, 0.0]))
+        peer.pass_time(2.0)
+        assert r"\x1b[31m\x0a[FATAL]" in controller.output
+        assert r"'elbow\x0a[FATAL]" in simulator.output
+    assert all(text.isprintable() for text in texts_of(diagnostics.messages))
+    check_log(simulator)
+    check_log(controller)
+
+
+def test_texts_are_short_and_plain(peer):
+    """A text is cut before it is escaped; entries are plain from their names to their values."""
+    assert shortened("\x1b" * 1_000_000) == r"\x1b" * LONG + "… (1000000 characters)"
+    told, node = peer.topic(DiagnosticArray, "/diagnostics"), peer.extra_node("teller", "/told")
+    diagnostics = Diagnostics(node, list, lambda: SimpleNamespace(name=f"e{FIRE}"))
+    diagnostics.publish([Status(f"a{FIRE}", OK, f"b{FIRE}", {f"c{FIRE}": f"d{FIRE}"})])
+    peer.graph.spin()
+    texts = [*texts_of(told.messages)]
+    for letter in "abcde":
+        assert any(rf"{letter}\x0a[FATAL] [0.0] [safety_controller]: fire" in text for text in texts)
+    peer.drop_node(node)
+
+
+def test_the_logger_is_that_of_rclpy(capfd):
+    """A line is plain, and a throttled line is throttled by the place that logs it."""
+    logger = PlainLogger("logged")
+    capfd.readouterr()
+    for k in range(3):  # two places, each of which is logged once
+        logger.warning(f"first {k}{FIRE}", throttle_duration_sec=1e6)
+        logger.warning(f"second {k}", throttle_duration_sec=1e6)
+    lines = capfd.readouterr().err.splitlines()
+    assert [line.partition("]: ")[2] for line in lines] == [rf"first 0{shortened(FIRE)}", "second 0"]

@@ -283,7 +283,7 @@ def test_hundreds_of_pauses(monitor, panda):
 def test_signal_in_every_state(peer, panda):
     """A signal ends the process with status 0, whichever state the node is in; one that was shut down offers nothing.
 
-    SIGINT ends those of the other tests while they are active, SIGTERM one in test_monitor.py.
+    SIGINT ends those of the other tests while they are active, SIGTERM one in test_monitor_load.py.
     """
     ways = {
         "unconfigured": (signal.SIGTERM, ()),

@@ -1,75 +1,62 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The monitor as a process on a real graph: what it publishes is Pinocchio's, whatever comes in and in which shape."""
+"""The monitor against Pinocchio: every topic, whatever joint states, descriptions, parameters and clocks it receives."""
 
-import itertools
 import math
-import signal
+import struct
 
 import numpy as np
+import pinocchio as pin
 import pytest
-from diag_dynamics.srv import Diagonalize
+from diag_dynamics.msg import DiagonalizedState
+from diag_dynamics.srv import Diagonalize, SetPayload
+from geometry_msgs.msg import Inertia
+from nav_msgs.msg import Odometry
+from rcl_interfaces.srv import DescribeParameters, ListParameters
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 import robots
-from diag_dynamics.nodes.support.diagnostics import steady
+from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN
+from diag_dynamics.parameters.monitor import PARAMETERS
+from floating import SOLO, FloatingMonitor
 from nodes import (
     LATCHED,
     MS,
     OUTPUTS,
     PANDA,
-    START,
     TALOS,
     UR5,
     Monitor,
     S,
     Truth,
+    assert_close,
     description,
     joint_state,
     nanoseconds,
     robot,
 )
 
-GRIPPER = ("panda_finger_joint1",)  # the other finger follows
-OK, WARN, ERROR, STALE = b"\x00", b"\x01", b"\x02", b"\x03"
+FINGER, JOINT, HAND = "panda_finger_joint1", "panda_joint4", "panda_hand"
+ARM = tuple(name for name in robot(PANDA).names if name != FINGER)
 
 
 @pytest.fixture(scope="module")
 def running(peer):
-    """Start a monitor of the Panda: one for the whole file, as each test leaves it able to go on."""
-    panda = robot(PANDA)
-    with Monitor(peer, "/panda", robot_description=panda.path) as monitor:
-        yield monitor.connect(panda)
+    """Start a monitor of the Panda."""
+    with Monitor(peer, "/panda", robot_description=robot(PANDA).path) as monitor:
+        yield monitor.connect(robot(PANDA))
 
 
-@pytest.fixture
-def monitor(running):
-    """Return the monitor of the Panda, with all joints fresh and nothing received."""
-    panda = robot(PANDA)
-    running.feed(panda.message(running.tick(), panda.samples[0]))
-    running.forget()
-    yield running
-    assert running.alive()
+def mixed(panda, moved, new, old):
+    """Return what Pinocchio says of a state in which some joints are those of one sample and the others of another."""
+    some = np.isin(panda.names, moved)
+    samples = panda.samples[new][:3], panda.samples[old][:3]
+    return Truth(panda, *(np.where(some, one, other) for one, other in zip(*samples, strict=True)))
 
 
-@pytest.fixture
-def panda():
-    """Return the robot of the running monitor."""
-    return robot(PANDA)
-
-
-def good(monitor, panda, sample=0):
-    """Feed a whole state and check all that comes of it."""
-    q, qd, tau, _ = panda.samples[sample]
-    stamp = monitor.tick()
-    published = monitor.feed(panda.message(stamp, panda.samples[sample]))
-    Truth(panda, q, qd, tau).check(published, stamp)
-    return published
-
-
-# --- every topic, against Pinocchio
+# --- joint states
 
 
 @pytest.mark.parametrize("sample", range(3))
@@ -90,487 +77,521 @@ def test_every_topic(monitor, panda, sample):
 
 
 def test_at_rest(monitor, panda):
-    """Rates of exactly zero give energies and a Coriolis term of exactly zero, and gravity as ever."""
+    """Rates of exactly zero give energies and a Coriolis term of exactly zero."""
     q, _, tau, _ = panda.samples[1]
-    rest = np.zeros(len(q))
-    stamp = monitor.tick()
-    published = monitor.feed(panda.message(stamp, (q, rest, tau)))
+    published = monitor.feed(panda.message(monitor.tick(), (q, np.zeros(len(q)), tau)))
     state, energy, coriolis = (published[topic] for topic in ("state", "kinetic_energy", "coriolis"))
-    truth = Truth(panda, q, rest, tau)
-    truth.check_gravity(state.gravity)
-    truth.check_joint_space_dynamics(published["joint_space_dynamics"])
+    Truth(panda, q, 0 * q, tau).check_gravity(state.gravity)
     assert energy.total == energy.power == state.kinetic_energy == state.power == 0.0
-    assert not any(energy.energy_share) and not any(energy.link_energy)
-    assert not any(coriolis.coriolis) and not any(coriolis.coriolis_unnormalized)
+    assert not any(energy.energy_share)
+    assert not any(energy.link_energy)
+    assert not any(coriolis.coriolis)
+    assert not any(coriolis.coriolis_unnormalized)
 
 
 def test_arm_and_gripper_apart(monitor, panda):
-    """Two publishers, each with joints of its own: every message brings a state of the newest values of all."""
-    arm = [name for name in panda.shuffled if name not in GRIPPER]
-    (q0, qd0, tau0, _), (q1, qd1, tau1, _) = panda.samples[0], panda.samples[1]
-    moved = np.isin(panda.names, arm)
-    before = monitor.now
-
-    at_arm = monitor.tick(100 * MS)
-    published = monitor.feed(panda.message(at_arm, panda.samples[1], arm))
-    mixed = (np.where(moved, new, old) for new, old in ((q1, q0), (qd1, qd0), (tau1, tau0)))
-    Truth(panda, *mixed).check(published, at_arm)
+    """Two publishers: every message brings a state of the newest values, also one older than the other's last."""
+    before, at_arm = monitor.now, monitor.tick(100 * MS)
+    published = monitor.feed(panda.message(at_arm, panda.samples[1], ARM))
+    mixed(panda, ARM, 1, 0).check(published, at_arm)
     assert nanoseconds(published["state"].oldest_stamp) == before
 
-    at_gripper = monitor.tick(100 * MS)
-    published = monitor.feed(panda.message(at_gripper, panda.samples[1], GRIPPER))
-    Truth(panda, q1, qd1, tau1).check(published, at_gripper)
-    assert nanoseconds(published["state"].oldest_stamp) == at_arm
-
-
-def test_gripper_behind_arm(monitor, panda):
-    """A message may be older than another publisher's: the stamp stays the newest one, the oldest moves on."""
-    arm = [name for name in panda.names if name not in GRIPPER]
-    at_arm = monitor.tick(100 * MS)
-    monitor.feed(panda.message(at_arm, panda.samples[1], arm))
     monitor.forget()
     at_gripper = at_arm - 30 * MS
-    monitor.feeder.publish(panda.message(at_gripper, panda.samples[1], GRIPPER))
-    state = monitor.peer.wait_until(lambda: monitor.topics["state"].at(at_arm), "the state with both")
+    monitor.publish(panda.message(at_gripper, panda.samples[1], [FINGER]))
+    state = monitor.topics["state"].at(at_arm)  # the newest stamp stands
     assert nanoseconds(state.oldest_stamp) == at_gripper
     Truth(panda, *panda.samples[1][:3]).check({"state": state}, at_arm)
 
 
-@pytest.mark.parametrize("missing", ["empty", "nan", "one nan"])
+def test_age_limits(monitor, panda):
+    """`joint_timeouts` holds for single joints, `joint_timeout` for the others; 0 is no limit."""
+    before = monitor.now
+    with monitor.having(joint_timeouts=[f"{FINGER}=2.0"]):
+        for _ in range(4):
+            stamp = monitor.tick(450 * MS)
+            published = monitor.feed(panda.message(stamp, panda.samples[1], ARM), ["state"])
+            mixed(panda, ARM, 1, 0).check(published, stamp)
+            assert nanoseconds(published["state"].oldest_stamp) == before
+    with monitor.having(joint_timeout=0.0):
+        state = monitor.feed(panda.message(monitor.tick(3600 * S), panda.samples[0], ARM))["state"]
+    assert nanoseconds(state.oldest_stamp) == before
+
+
+@pytest.mark.parametrize("missing", ["empty", "NaN", "one NaN", "effort_available"])
 def test_without_effort(monitor, panda, missing):
-    """What needs efforts is flagged and left empty; all else is there."""
+    """What needs efforts is flagged and empty; all else is there."""
     q, qd, tau, _ = panda.samples[2]
-    effort = {"empty": [], "nan": [math.nan] * len(tau), "one nan": [*tau[:-1], math.nan]}[missing]
-    stamp = monitor.tick()
-    published = monitor.feed(joint_state(panda.names, q, qd, effort, stamp))
-    Truth(panda, q, qd, None).check(published, stamp)
-    good(monitor, panda)
+    effort = {"empty": [], "NaN": [math.nan] * len(tau), "one NaN": [*tau[:-1], math.nan]}.get(missing, tau)
+    available = [f"{JOINT}=false"] if missing == "effort_available" else ["*=true"]
+    with monitor.having(effort_available=available):
+        stamp = monitor.tick()
+        Truth(panda, q, qd, None).check(monitor.feed(joint_state(panda.names, q, qd, effort, stamp)), stamp)
+        without = {"one NaN": f"1: {FINGER}", "effort_available": f"1: {JOINT}"}
+        told = monitor.next_report().values["joints without effort"]
+        assert told == without.get(missing, f"8: {', '.join(panda.names)}")
 
 
-# --- what is not good enough
+def test_motor_currents(monitor, panda):
+    """With `effort_scale`, currents are efforts; with all declared, none is reported as undeclared."""
+    q, qd, tau, _ = panda.samples[1]
+    key = "effort undeclared (taken as N m, with gravity)"
+    scale = 0.5 + 0.25 * np.arange(len(tau))
+    entries = [f"{name}={float(factor)!r}" for name, factor in zip(panda.names, scale, strict=True)]
+    assert monitor.next_report().values[key] == f"8: {', '.join(panda.names)}"
+    with monitor.having(effort_scale=entries, effort_includes_gravity=["*=true"]):
+        stamp = monitor.tick()
+        published = monitor.feed(joint_state(panda.names, q, qd, tau / scale, stamp))
+        Truth(panda, q, qd, tau, computed=True).check(published, stamp)
+        assert monitor.next_report().values[key] == "0"
 
 
-def unusable(panda):
-    """Return a message, the cause it is counted under, and what its rejection names, by a short name.
-
-    The messages follow a good one after 100 ms.
-    """
+@pytest.mark.parametrize("entry", ["*=false", f"{JOINT}=false"])
+def test_efforts_without_gravity(monitor, panda, entry):
+    """The weight of the joints that say so is added, under the gravity in force."""
     q, qd, tau, _ = panda.samples[0]
-    names, joint = list(panda.names), panda.names[3]
-
-    def with_value(values, value):
-        return [value if name == joint else x for name, x in zip(names, values, strict=True)]
-
-    arm = [name for name in names if name not in GRIPPER]
-    at = [names.index(name) for name in arm]
-    return {
-        "no velocity": ((names, q, [], tau), 100 * MS, "no velocity", names[0]),
-        "one velocity is NaN": ((names, q, with_value(qd, math.nan), tau), 100 * MS, "no velocity", joint),
-        "one velocity is infinite": ((names, q, with_value(qd, math.inf), tau), 100 * MS, "no velocity", joint),
-        "no position": ((names, [], qd, tau), 100 * MS, "no position", names[0]),
-        "one position is NaN": ((names, with_value(q, math.nan), qd, tau), 100 * MS, "no position", joint),
-        "one position is infinite": ((names, with_value(q, -math.inf), qd, tau), 100 * MS, "no position", joint),
-        "position too short": ((names, q[:-2], qd, tau), 100 * MS, "wrong length", names[-2]),
-        "velocity too short": ((names, q, qd[:1], tau), 100 * MS, "wrong length", names[1]),
-        "effort too long": ((names, q, qd, [*tau, 0.0]), 100 * MS, "wrong length", "effort"),
-        "joint twice": (([*names, joint], [*q, 0], [*qd, 0], [*tau, 0]), 100 * MS, "duplicate name", joint),
-        "late": ((names, q, qd, tau), -100 * MS, "late", "0.1"),
-        "gripper stale": ((arm, q[at], qd[at], tau[at]), 600 * MS, "stale joint", GRIPPER[0]),
-        "velocity overflows": ((names, q, with_value(qd, 1e200), tau), 100 * MS, "", ""),
-        "position overflows": ((names, with_value(q, 1e308), with_value(qd, 1e308), tau), 100 * MS, "", ""),
-    }
+    gravity = (1.0, -2.0, 3.0)
+    some = np.array([entry.startswith("*") or name == JOINT for name in panda.names])
+    g = panda.changed(gravity=gravity).oracle.gravity_torque(q)
+    with monitor.having(effort_includes_gravity=[entry], gravity=list(gravity)):
+        stamp = monitor.tick()
+        published = monitor.feed(joint_state(panda.names, q, qd, tau - np.where(some, g, 0.0), stamp))
+        Truth(panda, q, qd, tau, gravity=gravity, computed=True).check(published, stamp)
 
 
-@pytest.mark.parametrize("case", unusable(robot(PANDA)))
-def test_unusable_message(monitor, panda, case):
-    """Nothing is published for it; it is counted and named on /diagnostics; the next good one is served."""
-    values, delay, cause, named = unusable(panda)[case]
-    before = monitor.reports[-1] if monitor.reports else monitor.next_report()
-    begin = len(monitor.reports)
-    good(monitor, panda)
-    first = monitor.now
-    monitor.feeder.publish(joint_state(*values, stamp=first + delay))
-    good(monitor, panda, sample=1)
-    for topic in monitor.topics.values():
-        assert topic.stamps == [first, monitor.now]
-
-    report = monitor.wait_for_report(lambda report: rejections(report) > rejections(before), "a rejection", begin)
-    assert rejections(report) == rejections(before) + 1
-    assert report.level == WARN
-    assert named in report.values["last rejection"]
-    assert steady(report.values["last rejection"]) in report.message
-    if cause:
-        assert report.count(f"rejected: {cause}") == before.count(f"rejected: {cause}") + 1
-    assert "rejected: internal error" not in report.values
-
-
-def rejections(report):
-    """Return how many messages have been rejected, for whatever reason."""
-    return sum(report.count(key) for key in report.values if key.startswith("rejected: "))
+@pytest.mark.parametrize("absent", ["all", "one"])
+def test_estimated_velocity(monitor, panda, absent):
+    """A constant velocity is estimated exactly and flagged in every message; velocities that are sent are used again."""
+    q, qd, tau, _ = panda.samples[1]
+    sent = [] if absent == "all" else np.where(np.array(panda.names) == JOINT, math.nan, qd)
+    before, first = monitor.next_report(), monitor.tick()
+    with monitor.having(missing_velocity="estimate"):
+        for k in range(5):
+            stamp = first + 10 * k * MS
+            message = joint_state(panda.names, q + 0.01 * k * qd, sent, tau, stamp)
+            monitor.publish(message)
+        monitor.now = stamp = monitor.tick(10 * MS) + 40 * MS
+        published = monitor.feed(joint_state(panda.names, q + 0.05 * qd, sent, tau, stamp), ["state"])
+        velocity = np.array(published["state"].velocity)
+        assert_close(velocity, qd, 1e-12)
+        published = {topic: seen.at(stamp) for topic, seen in monitor.topics.items() if seen.at(stamp)}
+        Truth(panda, q + 0.05 * qd, velocity, tau, estimated=True).check(published, stamp)
+        assert {"state", "coriolis", "kinetic_energy"} <= {*published}
+        report = monitor.next_report()
+        assert report.since(before) == {"received": 6, "awaiting velocity": 1, "published": 5}
+        joints = panda.names if absent == "all" else (JOINT,)
+        assert report.values["joints with estimated velocity"] == f"{len(joints)}: {', '.join(joints)}"
+    monitor.serves(panda)
 
 
-def test_time_jumps_back(monitor, panda):
-    """A recording starts over: all joints are forgotten, and none of before is mixed with those of now.
+def test_big_endian(monitor, panda):
+    """A state from a machine of the other byte order is served as any other."""
+    stamp = monitor.tick()
+    monitor.publish(big_endian(panda.message(stamp, panda.samples[2])))
+    published = {topic: seen.at(stamp) for topic, seen in monitor.topics.items()}
+    Truth(panda, *panda.samples[2][:3]).check(published, stamp)
 
-    A single stamp of long ago may be a mistake, so it takes a second one to be believed.
-    """
-    before = monitor.next_report()
-    arm = [name for name in panda.names if name not in GRIPPER]
-    good(monitor, panda)
-    monitor.forget()
-    last = monitor.now
-    monitor.tick(-500 * S)
-    monitor.feeder.publish(panda.message(monitor.now, panda.samples[2]))
-    monitor.feeder.publish(panda.message(monitor.tick(MS), panda.samples[1], arm))
-    stamp = monitor.tick(100 * MS)
-    published = monitor.feed(panda.message(stamp, panda.samples[1], GRIPPER))
-    Truth(panda, *panda.samples[1][:3]).check(published, stamp)
-    assert nanoseconds(published["state"].oldest_stamp) == stamp - 100 * MS
-    assert monitor.topics["state"].stamps == [stamp]
-    monitor.now = last  # and a jump forward is nothing special
-    good(monitor, panda)
-    report = monitor.next_report()
-    for key in ("time jumped back", "rejected: stamp from the past", "incomplete"):
-        assert report.count(key) == before.count(key) + 1
+
+def big_endian(message):
+    """Serialize a JointState without a frame as such a machine does."""
+    data = bytearray()
+
+    def add(kind, *values):
+        data.extend(bytes(-len(data) % struct.calcsize(kind)))
+        data.extend(struct.pack(f">{len(values)}{kind}", *values))
+
+    def add_text(text):
+        add("I", len(text) + 1)
+        data.extend(text.encode() + b"\0")
+
+    add("i", message.header.stamp.sec)
+    add("I", message.header.stamp.nanosec)
+    add_text("")
+    add("I", len(message.name))
+    for name in message.name:
+        add_text(name)
+    for values in (message.position, message.velocity, message.effort):
+        add("I", len(values))
+        add("d", *values)
+    return bytes(4) + data  # encapsulation 0: plain CDR, big-endian
+
+
+# --- time
 
 
 def test_without_stamp(monitor, panda):
-    """A stamp of zero: the time of reception stands for it, and the state says so."""
-    q, qd, tau, _ = panda.samples[1]
-    earliest = monitor.peer.now()
-    monitor.feeder.publish(joint_state(panda.names, q, qd, tau, 0))
-    monitor.peer.wait_until(lambda: all(topic.stamps for topic in monitor.topics.values()), "the state")
-    stamp = monitor.topics["state"].stamps[0]
-    assert earliest <= stamp <= monitor.peer.now()
-    state = monitor.topics["state"].at(stamp)
-    assert state.stamp_is_receive_time
-    assert nanoseconds(state.oldest_stamp) == stamp
-    Truth(panda, q, qd, tau).check({topic: messages.at(stamp) for topic, messages in monitor.topics.items()}, stamp)
-    published = good(monitor, panda)
-    assert not published["state"].stamp_is_receive_time
+    """The time of reception stands for a stamp of zero, and the state says so."""
+    monitor.publish(joint_state(panda.names, *panda.samples[1][:3], 0))
+    now = monitor.peer.now()
+    published = {topic: seen.at(now) for topic, seen in monitor.topics.items()}
+    Truth(panda, *panda.samples[1][:3]).check(published, now)
+    assert published["state"].stamp_is_receive_time
+    assert nanoseconds(published["state"].oldest_stamp) == now
 
 
-def test_report_when_all_is_well(monitor, panda):
-    """The entry on /diagnostics: OK while states come, with the model in force, then STALE."""
-    begin = len(monitor.reports)
-    good(monitor, panda)
-    values = monitor.wait_for_report(lambda report: report.level == OK, "states", begin).values
-    assert values["robot"] == "panda"
-    assert values["degrees of freedom"] == "8"
-    assert values["mimic joints"] == "1: panda_finger_joint2"
-    assert values["locked joints"] == "0"
-    assert float(values["total mass [kg]"]) == pytest.approx(
-        sum(float(mass.get("value")) for mass in panda.oracle.xml.findall("link/inertial/mass")), rel=1e-5
-    )
-    report = monitor.wait_for_report(lambda report: report.level != OK, "silence")
-    assert (report.level, report.message) == (STALE, "no joint states")
+def test_the_last_stamp(monitor, panda):
+    """Stamps count seconds in 32 bits; the last one is of January 2038."""
+    before, monitor.now = monitor.now, (2**31 - 2) * S + 999 * MS
+    monitor.serves(panda)
+    monitor.now = before
+    monitor.transition("deactivate", "activate")
 
 
-def test_names_of_another_robot_are_told(monitor, panda):
-    """A driver whose prefix was changed sends as ever: the entry says which joints come, and not that none do."""
-    good(monitor, panda)
-    q, qd, tau, _ = panda.samples[1]
-
-    def told(report):
-        monitor.feeder.publish(joint_state([f"left_{name}" for name in panda.names], q, qd, tau, monitor.peer.now()))
-        return report.level == STALE and "messages are of other joints, as 'left_panda_joint1'" in report.message
-
-    monitor.wait_for_report(told, "names")
-
-
-# --- parameters at run time
-
-
-def series(monitor, panda, count, step):
-    """Feed states at stamps `step` apart, one after the other, and return the first stamp."""
-    first = monitor.tick()
-    for k in range(count):
-        stamp = first if k == 0 else monitor.tick(step)
-        monitor.feed(panda.message(stamp, panda.samples[k % 3]), ["kinetic_energy"])
-    # Of each topic the last one arrives last; it is not part of the series.
-    end = monitor.tick()
-    monitor.feed(panda.message(end, panda.samples[0]))
-    return first, end
+def test_recording_in_a_loop(monitor, panda):
+    """Where it starts over one message is lost, all joints are forgotten, and no value of before is part of a state."""
+    before = monitor.next_report()
+    start = monitor.tick()
+    for _ in range(2):
+        monitor.now = start - 500 * S
+        monitor.publish(panda.message(monitor.now, panda.samples[2]))
+        monitor.publish(panda.message(monitor.tick(MS), panda.samples[1], ARM))
+        stamp = monitor.tick(100 * MS)
+        published = monitor.feed(panda.message(stamp, panda.samples[1], [FINGER]))
+        Truth(panda, *panda.samples[1][:3]).check(published, stamp)
+        assert nanoseconds(published["state"].oldest_stamp) == stamp - 100 * MS
+        assert monitor.topics["state"].stamps == [stamp]
+        monitor.now = start
+        monitor.serves(panda)
+        monitor.forget()
+    expected = {"published": 4, "time jumped back": 2, "incomplete": 2, "rejected: stamp from the past": 2}
+    assert monitor.next_report().since(before) == expected | {"received": 8}
 
 
-@pytest.mark.parametrize(("rate", "stride"), [(None, 20), (100.0, 10), (0.0, 1), (400.0, 2.5)])
-@pytest.mark.parametrize("topic", ["mass_matrix_factors", "joint_space_dynamics", "state"])
-def test_rate_limit(monitor, panda, topic, rate, stride):
-    """States at 1 kHz by their stamps: the topic has its highest rate, others have all of them.
-
-    The limit lets a state through that is up to a twentieth of the period early, and that alone.
-    """
-    default = 0.0 if topic == "state" else 50.0
-    if rate is not None:
-        monitor.set_parameter(f"max_rate.{topic}", rate)
-    elif topic == "state":
-        stride = 1
-    count = 200
-    try:
-        first, end = series(monitor, panda, count, MS)
-    finally:
-        monitor.set_parameter(f"max_rate.{topic}", default)
-    stamps = monitor.topics[topic].stamps
-    assert stamps[0] == first
-    assert stamps[-1] == end
-    gaps = np.diff(stamps[:-1]) / MS
-    assert all(gaps >= 0.95 * math.floor(stride))
-    assert all(gaps <= math.ceil(stride))
-    assert abs(len(stamps) - 1 - count / stride) <= 1 + 0.05 * count / stride
-    assert len(monitor.topics["kinetic_energy"].stamps) == len(monitor.topics["coriolis"].stamps) == count + 1
+def test_recording_without_simulated_time(peer, panda):
+    """Right numbers with a warning of the distance, until stamps of now come; the recording is rejected then."""
+    with Monitor(peer, "/played", live=True, robot_description=panda.path) as monitor:
+        monitor.live = False
+        monitor.connect(panda)
+        monitor.serves(panda, 2)
+        report = monitor.next_report()
+        assert report.level == WARN
+        assert report.message.startswith("stamps of joint_states are behind this node's clock")
+        assert float(report.values["clock less stamps of joint_states [s]"]) > 1e9
+        monitor.serves(panda, 1)
+        monitor.next_report()
+        assert monitor.process.output.count("A recording is played with --clock") == 1
+        replayed, monitor.live = monitor.now, True
+        monitor.serves(panda)
+        assert monitor.next_report().message == "publishing"
+        monitor.forget()
+        monitor.publish(panda.message(replayed + 20 * MS, panda.samples[0]))
+        assert not monitor.topics["state"].messages
+        assert monitor.next_report().count("rejected: stamp from the past") == 1
 
 
-def test_inverse_factor_on_demand(monitor, panda):
-    """The inverse l is published when the parameter says so, from one state to the next."""
-    q, qd, tau, _ = panda.samples[1]
-    truth = Truth(panda, q, qd, tau)
-    monitor.set_parameter("publish_inverse_factor", True)
-    try:
-        message = monitor.feed(panda.message(monitor.tick(), panda.samples[1]))["mass_matrix_factors"]
-        truth.check_mass_matrix_factors(message, with_inverse=True)
-    finally:
-        monitor.set_parameter("publish_inverse_factor", False)
-    good(monitor, panda)
+def test_latency_and_silence(peer, panda):
+    """Stamps of 0.25 s ago: latency and age say so; a joint that falls silent is named, then all of them."""
+    with Monitor(peer, "/late", live=True, robot_description=panda.path) as monitor:
+        monitor.connect(panda).next_report()
+        monitor.feed(panda.message(monitor.tick() - 250 * MS, panda.samples[0]))
+        values = monitor.next_report().values
+        for which in ("mean", "largest"):
+            assert float(values[f"latency of input, {which} [s]"]) == pytest.approx(0.25, abs=1e-6)
+        assert 0.25 <= float(values["age of the last state [s]"]) <= 1.5
+        monitor.serves(panda)
+        peer.pass_time(0.6)
+        monitor.publish(panda.message(monitor.tick(), panda.samples[0], ARM))
+        values = monitor.next_report().values
+        assert values["stale joints"] in (f"1: {FINGER}", f"8: {', '.join(panda.names)}")
+        assert "rejected: stale joint" in values
+        report = monitor.next_report()
+        assert (report.level, report.message) == (STALE, "no joint states")
 
 
-def test_gravity_at_run_time(monitor, panda):
-    """Another gravity holds from the next state on, in every topic."""
-    q, qd, tau, _ = panda.samples[2]
-    for gravity in ([1.0, -2.0, 3.0], [0.0, 0.0, 0.0]):
-        monitor.set_parameter("gravity", gravity)
-        try:
-            stamp = monitor.tick()
-            published = monitor.feed(panda.message(stamp, panda.samples[2]))
-        finally:
-            monitor.set_parameter("gravity", [0.0, 0.0, -9.81])
-        truth = Truth(panda, q, qd, tau, gravity=tuple(gravity))
-        if any(gravity):
-            truth.check(published, stamp)
-        else:
-            assert not any(published["state"].gravity) and not any(published["coriolis"].gravity)
-            assert not any(published["joint_space_dynamics"].gravity)
-            truth.check_power(published["kinetic_energy"].power)
-    good(monitor, panda)
+def test_simulated_time(peer):
+    """Reception is by /clock; a jump back forgets all joints, what is ahead of it is rejected, and it may be switched off."""
+    ur5, clock = robot(UR5), peer.publisher(Clock, "/clock")
+    q, qd, tau, _ = ur5.samples[0]
+
+    def set_clock(now):
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(now, S)
+        clock.publish(message)
+        peer.graph.spin()
+
+    with Monitor(peer, "/sim", robot_description=ur5.path, use_sim_time=True, max_age=1.0) as monitor:
+        states = monitor.topics["state"]
+        monitor.connect(ur5)
+        monitor.process.wait_for_text("Joint states come, but no time on /clock (use_sim_time)")
+        for now in (5 * S, 7 * S + 1, 5000 * S):
+            set_clock(now)
+            monitor.publish(joint_state(ur5.names, q, qd, tau, 0))
+            assert states.messages[-1].stamp_is_receive_time
+            assert states.stamps[-1] == now
+        before = monitor.reports[-1]
+        set_clock(100 * S)
+        monitor.forget()
+        first, second = 100 * S + 10 * MS, 100 * S + 20 * MS
+        monitor.publish(ur5.message(first, ur5.samples[1], ur5.names[:3]))
+        published = monitor.feed(ur5.message(second, ur5.samples[1], ur5.names[3:]), ["state"])
+        Truth(ur5, *ur5.samples[1][:3]).check(published, second)
+        assert states.stamps == [second]
+        monitor.publish(ur5.message(103 * S, ur5.samples[1]))  # /clock stands still
+        peer.pass_time(1.0)
+        since = monitor.reports[-1].since(before)
+        assert since["clock jumped back"] == since["incomplete"] == since["rejected: stamp from the future"] == 1
+        set_clock(103 * S)
+        monitor.now = 102 * S
+        monitor.serves(ur5)
+        monitor.set_parameter("use_sim_time", False)
+        monitor.publish(joint_state(ur5.names, q, qd, tau, 0))
+        assert states.stamps[-1] == peer.now()
 
 
-def test_joint_timeout_at_run_time(monitor, panda):
-    """Without a limit of age, a gripper that spoke long ago still counts."""
-    arm = [name for name in panda.names if name not in GRIPPER]
-    before = monitor.now
-    monitor.set_parameter("joint_timeout", 0.0)
-    try:
-        state = monitor.feed(panda.message(monitor.tick(3600 * S), panda.samples[0], arm))["state"]
-    finally:
-        monitor.set_parameter("joint_timeout", 0.5)
-    assert nanoseconds(state.oldest_stamp) == before
-    good(monitor, panda)
+# --- parameters
+
+
+def test_every_parameter_is_described(monitor):
+    """Each has a description, a type, a range where it is a number, and its choices."""
+    listed = monitor.call(ListParameters, "list_parameters", ListParameters.Request()).result.names
+    own = {name for name in listed if not name.startswith(("qos_overrides.", "use_sim_time", "start_type_description"))}
+    assert own == set(PARAMETERS)
+    names = sorted(own)
+    request = DescribeParameters.Request(names=names)
+    described = monitor.call(DescribeParameters, "describe_parameters", request).descriptors
+    values = monitor.peer.get_parameters(monitor.name, names)
+    for name, found in zip(names, described, strict=True):
+        assert len(found.description) > 20
+        assert found.read_only == (name == "autostart")
+        if isinstance(values[name], float):
+            (bounds,) = found.floating_point_range
+            assert bounds.from_value <= values[name] <= bounds.to_value
+    by_name = dict(zip(names, described, strict=True))
+    for name, choices in (
+        ("mimic", ("embed", "free", "lock")),
+        ("odom_twist_frame", ("child", "header")),
+        ("foreign_time", ("warn", "refuse")),
+    ):
+        assert all(choice in by_name[name].additional_constraints for choice in choices)
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "reason"),
-    [
-        ("gravity", [0.0, -9.81], "gravity"),
-        ("gravity", [0.0, 0.0, math.nan], "gravity"),
-        ("gravity", [0.0, 0.0, math.inf], "gravity"),
-        ("gravity", -9.81, "Wrong parameter type"),
-        ("max_rate.state", -1.0, "max_rate.state"),
-        ("max_rate.state", math.nan, "max_rate.state"),
-        ("max_rate.mass_matrix_factors", "fast", "Wrong parameter type"),
-        ("joint_timeout", -0.5, "joint_timeout"),
-        ("joint_timeout", math.nan, "joint_timeout"),
-        ("mimic_tolerance", -0.01, "mimic_tolerance"),
-        ("mimic_tolerance", math.nan, "mimic_tolerance"),
-        ("publish_inverse_factor", "yes", "Wrong parameter type"),
-        ("mimic", "lock", "read-only while the node is configured"),
-        ("autostart", False, "read-only"),
-        ("robot_description", "<robot/>", "robot"),
-        ("robot_description", "", "cannot become empty"),
-    ],
+    ("topic", "rate", "stride"),
+    [("mass_matrix_factors", None, 20), ("state", None, 1), ("state", 100.0, 10), ("state", 400.0, 2.5)],
 )
-def test_parameter_refused(monitor, panda, name, value, reason):
-    """A wrong value is refused with a reason, and changes nothing."""
-    result = monitor.peer.set_parameter(monitor.name, name, value)
-    assert not result.successful
-    assert reason in result.reason
-    good(monitor, panda)
+def test_rate_limit(monitor, panda, topic, rate, stride):
+    """States at 1 kHz: the topic has its highest rate, up to a twentieth of a period early; others have every state."""
+    name = f"max_rate.{topic}"
+    rate = PARAMETERS[name].default if rate is None else rate
+    count, first = 100, monitor.tick()
+    with monitor.having(**{name: rate}):
+        monitor.publish(*(panda.message(first + k * MS, panda.samples[k % 3]) for k in range(count)))
+    monitor.now = first + count * MS
+    stamps = monitor.topics[topic].stamps
+    assert stamps[0] == first
+    gaps = np.diff(stamps) / MS
+    assert all(gaps >= 0.95 * math.floor(stride))
+    assert all(gaps <= math.ceil(stride))
+    assert abs(len(stamps) - count / stride) <= 1 + 0.05 * count / stride
+    assert len(monitor.topics["kinetic_energy"].stamps) == len(monitor.topics["coriolis"].stamps) == count
 
 
-# --- the description by topic
+def test_inverse_factor(monitor, panda):
+    """The inverse l is published where the parameter says so."""
+    with monitor.having(publish_inverse_factor=True):
+        message = monitor.feed(panda.message(monitor.tick(), panda.samples[1]))["mass_matrix_factors"]
+        Truth(panda, *panda.samples[1][:3]).check_mass_matrix_factors(message, with_inverse=True)
+
+
+def test_no_gravity(monitor, panda):
+    """Without gravity its terms are exactly zero in every topic."""
+    with monitor.having(gravity=[0.0, 0.0, 0.0]):
+        published = monitor.feed(panda.message(monitor.tick(), panda.samples[2]))
+        for topic in ("state", "coriolis", "joint_space_dynamics"):
+            assert not any(published[topic].gravity)
+        truth = Truth(panda, *panda.samples[2][:3], gravity=(0.0, 0.0, 0.0))
+        truth.check_power(published["kinetic_energy"].power)
+
+
+def test_payload_and_gravity_together(monitor, panda):
+    """Set at once, they hold from one state to the next."""
+    gravity, load = (1.0, -2.0, 3.0), (2.0, (0.0, 0.1, 0.2), np.diag([0.01, 0.02, 0.025]))
+    entry = f"{HAND}=2.0 0 0.1 0.2 0.01 0.02 0.025 0 0 0"
+    revision = monitor.serves(panda)["state"].model_revision
+    q, qd, tau, _ = panda.samples[2]
+    loaded = panda.changed(payloads={HAND: load})
+    with monitor.having(payloads=[entry], gravity=list(gravity)):
+        published = monitor.serves(loaded, 2, Truth(loaded, q, qd, tau, gravity=gravity))
+        assert published["state"].model_revision == revision + 1
+        values = monitor.next_report().values
+        assert values["payloads"] == f"1: {HAND}"
+        mass = sum(float(m.get("value")) for m in panda.oracle.xml.findall("link/inertial/mass"))
+        assert float(values["total mass [kg]"]) == pytest.approx(mass + load[0], rel=1e-5)
+
+
+# --- descriptions
 
 
 @pytest.fixture(scope="module")
 def by_topic(peer):
-    """Start a monitor that gets its robot by topic, after the description was published; all names are remapped."""
-    peer.descriptions = peer.publisher(String, "/elsewhere/description", LATCHED)
-    peer.descriptions.publish(description(robot(UR5).urdf))
+    """Start a monitor, all names remapped, that gets its robot by a topic that was published before."""
+    descriptions = peer.publisher(String, "/elsewhere/description", LATCHED)
+    descriptions.publish(description(robot(UR5).urdf))
     names = ("__node:=dyn", "robot_description:=/elsewhere/description", "joint_states:=arm/states")
     remapped = [argument for name in names for argument in ("-r", name)]
     with Monitor(peer, "/topic", *remapped, joint_states="arm/states", name="dyn") as monitor:
+        monitor.describe = lambda urdf: descriptions.publish(description(urdf))
         yield monitor.connect(robot(UR5))
-        monitor.process.stop(signal.SIGTERM)
 
 
-def describe(monitor, robot):
-    """Publish a robot's description and wait until it is in force, even if it has been so already."""
-    monitor.peer.descriptions.publish(description(robot.urdf))
-
-    def accepted():
-        monitor.feeder.publish(robot.message(monitor.tick(), robot.samples[0]))
-        message = monitor.topics["state"].messages[-1:]
-        return message and tuple(message[0].dof_names) == robot.names
-
-    monitor.peer.wait_until(accepted, f"the robot of {robot.id}", START)
-    good(monitor, robot)  # nothing is under way any more
-    monitor.forget()
-
-
-def test_late_joiner(by_topic):
-    """The description was published before the node was there."""
-    describe(by_topic, robot(UR5))
-    assert by_topic.process.output.index("Ready: robot 'ur5'") > by_topic.process.output.index("/elsewhere/description")
-    for k in range(3):
-        good(by_topic, robot(UR5), k)
+def replaced(monitor, urdf, name):
+    """Publish a description and wait until its robot is in force."""
+    monitor.describe(urdf)
+    return monitor.wait_for_report(lambda report: report.values.get("robot") == name, name)
 
 
 def test_another_robot(by_topic):
-    """A later description replaces the robot; states of the old one no longer count."""
+    """A later description replaces the robot; states of the old one do not count, and joints that are missing are named."""
     ur5, talos = robot(UR5), robot(TALOS)
-    describe(by_topic, ur5)
-    good(by_topic, ur5)
-    describe(by_topic, talos)
-    for k in range(3):
-        good(by_topic, talos, k)
+    by_topic.serves(ur5)
+    replaced(by_topic, talos.urdf, "talos")
     by_topic.forget()
-    by_topic.feeder.publish(ur5.message(by_topic.tick(), ur5.samples[0]))
-    good(by_topic, talos)
+    by_topic.publish(ur5.message(by_topic.tick(), ur5.samples[0]))
+    by_topic.serves(talos, 1)
     assert by_topic.topics["state"].stamps == [by_topic.now]
-
-
-def test_joints_that_never_arrive(by_topic):
-    """They are named on /diagnostics, and nothing is published meanwhile."""
-    talos, ur5 = robot(TALOS), robot(UR5)
-    describe(by_topic, talos)
-    describe(by_topic, ur5)
-    describe(by_topic, talos)  # the joints of this robot are all unknown again, but for those of one message
-    by_topic.peer.descriptions.publish(description(ur5.urdf))
-    some = ur5.names[:4]
-
-    def missing(report):
-        by_topic.feeder.publish(ur5.message(by_topic.tick(10 * MS), ur5.samples[0], some))
-        return report.message == f"joints that never arrived: {', '.join(ur5.names[4:])}"
-
-    report = by_topic.wait_for_report(missing, "joints that never arrived")
-    assert report.level == WARN
+    replaced(by_topic, ur5.urdf, "ur5")
+    by_topic.forget()
+    by_topic.publish(ur5.message(by_topic.tick(), ur5.samples[0], ur5.names[:4]))
+    report = by_topic.next_report()
+    assert (report.level, report.message) == (WARN, f"joints that never arrived: {', '.join(ur5.names[4:])}")
     assert report.values["missing joints"] == f"2: {', '.join(ur5.names[4:])}"
     assert not by_topic.topics["state"].messages
-    good(by_topic, ur5)
+    by_topic.serves(ur5)
 
 
-REFUSED = {
-    "malformed": ("<robot name='broken'><link name='a'/>", "not well-formed"),
-    "empty": ("", "empty"),
-    "singular": (robots.robot("romeo_description/urdf/romeo_laas_small.urdf").urdf, "l_gripper_joint"),
-    "a path": (str(robot(UR5).path), "refused"),  # a topic does not make the node open files
-}
+@pytest.fixture(scope="module")
+def tool():
+    """Return the Panda with another hand: its joints have the same names."""
+    panda = robot(PANDA)
+    before, hand, rest = panda.urdf.partition(f'<link name="{HAND}">')
+    changed = before.replace('<robot name="panda"', '<robot name="panda_with_tool"') + hand
+    mass = panda.oracle.xml.find(f"link[@name='{HAND}']/inertial/mass").get("value")
+    changed += rest.replace(f'<mass value="{mass}"', '<mass value="3.5"', 1)
+    return panda.changed(changed)
 
 
-@pytest.mark.parametrize("case", REFUSED)
-def test_refused_description(by_topic, case):
-    """The old robot stays in force, and /diagnostics says what is wrong, until a valid description arrives."""
-    text, reason = REFUSED[case]
-    talos = robot(TALOS)
-    describe(by_topic, talos)
-    by_topic.peer.descriptions.publish(description(text))
-    report = by_topic.wait_for_report(lambda report: report.level == ERROR and reason in report.message, reason)
-    assert report.message.startswith("robot_description refused")
-    assert report.values["robot"] == "talos"
-    good(by_topic, talos)
+@pytest.mark.parametrize("by", ["topic", "parameter", "path"])
+def test_another_tool(by_topic, monitor, panda, tool, tmp_path, by):
+    """The same joints on another robot arrive anew, the finger after the arm, and the numbers are the new robot's."""
+    if by == "topic":
+        monitor = by_topic
+        replaced(monitor, panda.urdf, "panda")
+        before = monitor.serves(panda)["state"].model_revision
+        replaced(monitor, tool.urdf, "panda_with_tool")
+    else:
+        (tmp_path / "tool.urdf").write_text(tool.urdf)
+        before = monitor.serves(panda)["state"].model_revision
+        monitor.set_parameter("robot_description", tool.urdf if by == "parameter" else str(tmp_path / "tool.urdf"))
+    monitor.forget()
+    monitor.publish(tool.message(monitor.tick(MS), tool.samples[1], ARM))
+    published = monitor.feed(tool.message(monitor.tick(MS), tool.samples[1], [FINGER]), ["state"])
+    Truth(tool, *tool.samples[1][:3]).check(published, monitor.now)
+    assert monitor.topics["state"].stamps == [monitor.now]
+    assert published["state"].model_revision == before + 1
+    if by != "topic":
+        monitor.set_parameter("robot_description", str(panda.path))
+        monitor.serves(panda)
 
 
-@pytest.mark.parametrize("id", [TALOS, UR5], ids=["the same", "another"])
-def test_refusal_is_over(by_topic, id):
-    """After a valid description, be it the one in force, nothing is wrong any more."""
-    describe(by_topic, robot(TALOS))
-    by_topic.peer.descriptions.publish(description("<robot"))
-    by_topic.wait_for_report(lambda report: report.level == ERROR, "the refusal")
-    describe(by_topic, robot(id))
-    before, begin = by_topic.next_report(), len(by_topic.reports)
-    good(by_topic, robot(id))
-    report = by_topic.wait_for_report(lambda r: r.count("published") > before.count("published"), "a state", begin)
-    assert (report.level, report.message) == (OK, "publishing")
+def test_payload_outlives_a_description(by_topic, panda, tool):
+    """On a robot without its link it is named as not applied; it is back with the link."""
+    load = SetPayload.Request(link=HAND, inertia=Inertia(m=2.0, ixx=0.01, iyy=0.02, izz=0.025))
+    replaced(by_topic, panda.urdf, "panda")
+    assert by_topic.call(SetPayload, "set_payload", load).success
+    payloads = {HAND: (2.0, (0.0, 0.0, 0.0), np.diag([0.01, 0.02, 0.025]))}
+    for found, name in ((tool, "panda_with_tool"), (robot(UR5), "ur5"), (panda, "panda")):
+        applied = name != "ur5"
+        model = replaced(by_topic, found.urdf, name).entries["model"]
+        by_topic.serves(found.changed(payloads=payloads) if applied else found, 1)
+        assert {pair.key: pair.value for pair in model.values}["payloads"] == (f"1: {HAND}" if applied else "0")
+        assert model.level == (OK if applied else WARN)
+        assert applied or model.message == f"payloads on links that are not there: {HAND}"
+    by_topic.call(SetPayload, "set_payload", SetPayload.Request(link=HAND))
+    by_topic.serves(panda)
 
 
 def test_motionless_robot(by_topic):
     """A robot without a moving joint does not end the node."""
-    talos = robot(TALOS)
-    describe(by_topic, talos)
     iris = robots.robot("iris_description/robots/iris_simple.urdf").urdf
-    by_topic.peer.descriptions.publish(description(iris))
-    by_topic.peer.wait_until(
-        lambda: by_topic.next_report().values["robot"] == "iris", "the motionless robot to be in force", START
-    )
-    by_topic.feeder.publish(talos.message(by_topic.tick(), talos.samples[0]))
-    by_topic.feeder.publish(joint_state(stamp=by_topic.tick()))
+    replaced(by_topic, iris, "iris")
+    by_topic.publish(robot(UR5).message(by_topic.tick(), robot(UR5).samples[0]), joint_state(stamp=by_topic.tick()))
     response = by_topic.call(Diagonalize, "diagonalize", Diagonalize.Request())
     assert response.success, response.message
     assert response.state.kinetic_energy == 0.0
     assert len(response.state.nu) == response.factors.nv == 0
-    describe(by_topic, talos)
-    good(by_topic, talos)
+    replaced(by_topic, robot(UR5).urdf, "ur5")
+    by_topic.serves(robot(UR5))
 
 
-def test_circular_mimics_are_refused_by_name(peer):
-    """Joints that follow each other are named; the node lives, and a Ctrl-C ends it, without a robot as with one.
-
-    Under a launcher, a Ctrl-C comes as two signals.
-    """
-    panda = robot(PANDA)
-    begin, leader, end = panda.urdf.partition('<joint name="panda_finger_joint1"')
-    circle = begin + leader + end.replace("</joint>", '<mimic joint="panda_finger_joint2"/></joint>', 1)
-    descriptions = peer.publisher(String, "/circle/robot_description", LATCHED)
-    descriptions.publish(description(circle))
-    with Monitor(peer, "/circle") as monitor:
-        report = monitor.wait_for_report(lambda report: report.level == ERROR, "the refusal")
-        assert "'panda_finger_joint1' mimics itself" in report.message
-        assert "panda_finger_joint2" in report.message
-        peer.wait_until(monitor.feeder.get_subscription_count, "the subscription to joint_states")
-
-        def counted(report):
-            monitor.feeder.publish(panda.message(monitor.tick(), panda.samples[0]))
-            return report.count("before the model")
-
-        monitor.wait_for_report(counted, "a state without a model")
-        assert not monitor.topics["state"].messages
-        monitor.process.stop(signal.SIGINT, signal.SIGINT)
+def test_names_of_another_robot(monitor, panda):
+    """A driver whose prefix was changed: the report says which joints come."""
+    q, qd, tau, _ = panda.samples[1]
+    monitor.next_report()
+    monitor.publish(joint_state([f"left_{name}" for name in panda.names], q, qd, tau, monitor.tick()))
+    report = monitor.next_report()
+    assert report.level == STALE
+    assert "messages are of other joints, as 'left_panda_joint1'" in report.message
 
 
-def test_simulated_time(peer):
-    """With use_sim_time, the time of reception is that of /clock, be it long ago and standing still."""
-    ur5 = robot(UR5)
-    clock = peer.publisher(Clock, "/clock")
-    with Monitor(peer, "/sim", robot_description=ur5.path, use_sim_time=True) as monitor:
-        monitor.connect(ur5)
-        peer.wait_until(clock.get_subscription_count, "the subscription to /clock")
-        monitor.process.wait_for_text("Joint states come, but no time on /clock (use_sim_time)")
-        monitor.forget()
-        q, qd, tau, _ = ur5.samples[0]
+# --- floating base
 
-        def unstamped():
-            monitor.feeder.publish(joint_state(ur5.names, q, qd, tau, 0))
-            have = len(monitor.topics["state"].messages)
-            peer.wait_until(lambda: len(monitor.topics["state"].messages) > have, "a state")
-            return monitor.topics["state"].messages[-1]
 
-        for now in (5 * S, 7 * S + 1, 3 * S):
-            message = Clock()
-            message.clock.sec, message.clock.nanosec = divmod(now, S)
-            for attempt in itertools.count():  # the two topics are not in step with each other
-                clock.publish(message)
-                state = unstamped()
-                if nanoseconds(state.header.stamp) == now:
-                    break
-                assert attempt < 100
-            assert state.stamp_is_receive_time
-            Truth(ur5, q, qd, tau).check_state(state)
-        # stamped states have their own time
-        good(monitor, ur5)
+@pytest.fixture(scope="module")
+def floating(peer):
+    """Start a monitor of Solo."""
+    parameters = {"odom_timeout": 0.2, "joint_timeouts": '["FL_HAA=2.0"]'}
+    with FloatingMonitor(peer, "/floating", **parameters) as monitor:
+        yield monitor
+
+
+def test_base_from_odometry(floating):
+    """The base's coordinates and rates are those of odometry, its dynamics Pinocchio's free-flyer's."""
+    floating.check(floating.answer())
+
+
+def test_joints_and_base_at_their_own_rates(floating):
+    """The state bears the newest stamp and tells the oldest."""
+    floating.answer()
+    at_leg = floating.now
+    others = slice(1, None)
+    assert floating.joints[0] == "FL_HAA"
+    for k in range(12):  # joints every 50 ms, base every 150 ms and 20 ms behind, one joint never again
+        stamp = floating.tick(50 * MS)
+        if k % 3 == 0:
+            floating.q[2] = 1.0 + k
+            floating.odom.publish(floating.odometry(stamp - 20 * MS))
+        published = floating.feed(floating.joints_message(stamp, others), ["state", "kinetic_energy"])
+        floating.check(published)
+        assert nanoseconds(published["state"].oldest_stamp) == at_leg
+
+
+def test_odometry_of_an_attached_link(peer):
+    """A camera on the base may be what is tracked, and its twist in the axes of the world."""
+    camera = (
+        '<link name="camera"/><joint name="mount" type="fixed"><parent link="base_link"/><child link="camera"/>'
+        '<origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/></joint></robot>'
+    )
+    text = robots.robot_path(SOLO).read_text().replace("</robot>", camera)
+    peer.publisher(String, "/camera/robot_description", LATCHED).publish(description(text))
+    attached = pin.SE3(pin.rpy.rpyToMatrix(0.4, 0.5, 0.6), np.array([0.1, 0.2, 0.3]))
+    with FloatingMonitor(peer, "/camera", description=None, odom_twist_frame="header") as monitor:
+        monitor.process.wait_for_text("Ready")
+        monitor.check(monitor.answer(child="camera", attached=attached, in_header=True))
+
+
+def test_robot_that_is_all_base(peer):
+    """A drone has no joint, so odometry alone makes a state, stamped by its reception where it has no stamp."""
+    odom = peer.publisher(Odometry, "/drone/odom")
+    states = peer.topic(DiagonalizedState, "/drone/diag_dynamics/state")
+    message = Odometry(child_frame_id="base_link")
+    message.pose.pose.orientation.w = 1.0
+    message.twist.twist.linear.x = 2.0
+    drone = robots.robot_path("hector_description/robots/quadrotor_base.urdf")
+    with peer.start("monitor", "-r", "__ns:=/drone", robot_description=drone, floating_base=True):
+        odom.publish(message)
+        peer.graph.spin()
+    (state,) = states.messages
+    assert len(state.nu) == 6
+    assert state.kinetic_energy == pytest.approx(0.5 * 1.477 * 2.0**2)
+    assert state.stamp_is_receive_time
+    assert nanoseconds(state.header.stamp) == peer.now()

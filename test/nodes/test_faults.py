@@ -1,0 +1,523 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Faults injected into a monitor: each is counted and named, nothing is published of it, and the next state is right."""
+
+import math
+from collections.abc import Callable
+from contextlib import nullcontext
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
+
+import robots
+from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, steady
+from floating import FloatingMonitor
+from nodes import LATCHED, MAX_AGE, MS, PANDA, UR5, Monitor, S, Truth, description, joint_state, robot
+
+FINGER, MIMIC_FINGER, JOINT, HAND = "panda_finger_joint1", "panda_finger_joint2", "panda_joint4", "panda_hand"
+ARM = tuple(name for name in robot(PANDA).names if name != FINGER)
+
+
+@pytest.fixture(scope="module")
+def running(peer):
+    """Start a monitor whose stamps are the test's own."""
+    with Monitor(peer, "/faults", robot_description=robot(PANDA).path) as monitor:
+        yield monitor.connect(robot(PANDA))
+
+
+@pytest.fixture(scope="module")
+def clocked(peer):
+    """Start a monitor that compares stamps with its clock."""
+    with Monitor(peer, "/clocked", live=True, robot_description=robot(PANDA).path) as monitor:
+        yield monitor.connect(robot(PANDA))
+
+
+def published(monitor):
+    """Return whether anything has been published since the last `forget`."""
+    return any(topic.messages for topic in monitor.topics.values())
+
+
+# --- joint states that are rejected
+
+
+class Fault(NamedTuple):
+    """A joint state that is rejected.
+
+    `make` makes it of the Panda and the stamp of the last good state; `words` stand in the rejection.
+    """
+
+    make: Callable
+    cause: str
+    words: tuple
+    parameters: dict = {}  # noqa: RUF012
+
+
+def spoiled(delay=S, names=None, sec=None, nanosec=None, **fields):
+    """Return a function that makes a state `delay` after the last good one, with some fields changed."""
+
+    def make(panda, last):
+        message = panda.message(last + delay, panda.samples[0], names or panda.names)
+        for field, change in fields.items():
+            setattr(message, field, change(list(getattr(message, field))))
+        if sec is not None:
+            message.header.stamp.sec = sec
+        if nanosec is not None:
+            message.header.stamp.nanosec = nanosec
+        return message
+
+    return make
+
+
+def with_value(value):
+    """Return a function that puts a value in place of that of JOINT."""
+    return lambda values: [*values[:3], value, *values[4:]]
+
+
+def append(value):
+    """Return a function that appends a value."""
+    return lambda values: [*values, value]
+
+
+def cut(panda, last):
+    """Return the first half of a message's bytes."""
+    data = serialize_message(panda.message(last + S, panda.samples[0]))
+    return data[: len(data) // 2]
+
+
+def lost(_):
+    return []
+
+
+TWICE = {"name": append(JOINT), "position": append(0.0), "velocity": append(0.0), "effort": append(0.0)}
+
+FAULTS = {
+    "no velocity": Fault(spoiled(velocity=lost), "no velocity", ("panda_joint1",)),
+    "NaN velocity": Fault(spoiled(velocity=with_value(math.nan)), "no velocity", (JOINT,)),
+    "infinite velocity": Fault(spoiled(velocity=with_value(math.inf)), "no velocity", (JOINT,)),
+    "no position": Fault(spoiled(position=lost), "no position", ("panda_joint1",)),
+    "NaN position": Fault(spoiled(position=with_value(math.nan)), "no position", (JOINT,)),
+    "short position": Fault(spoiled(position=lambda x: x[:-2]), "wrong length", ("panda_joint7",)),
+    "long effort": Fault(spoiled(effort=append(0.0)), "wrong length", ("effort",)),
+    "joint twice": Fault(spoiled(**TWICE), "duplicate name", (JOINT,)),
+    "late": Fault(spoiled(-100 * MS), "late", ("0.1",)),
+    "stale joint": Fault(spoiled(600 * MS, ARM), "stale joint", (FINGER, "older than 0.5 s")),
+    "stale joint by its own limit": Fault(
+        spoiled(300 * MS, ARM), "stale joint", (FINGER, "0.2 s"), {"joint_timeouts": [f"{FINGER}=0.2", "*=9"]}
+    ),
+    "position beyond limits": Fault(
+        spoiled(position=with_value(-9.5)), "absurd value", (f"'{JOINT}': position is -9.5",)
+    ),
+    "velocity": Fault(spoiled(velocity=with_value(-1.1e4)), "absurd value", (f"'{JOINT}': velocity",)),
+    "velocity beyond a multiple of its limit": Fault(
+        spoiled(velocity=with_value(30.0)), "absurd value", ("velocity is 30",), {"absurd.beyond_velocity": 4.0}
+    ),
+    "jump": Fault(
+        spoiled(20 * MS, position=with_value(1.5)), "jump", (f"'{JOINT}': position went from",), {"absurd.jump": 0.1}
+    ),
+    "negative seconds": Fault(spoiled(sec=-1), "malformed stamp", ("-1 s",)),
+    "too many nanoseconds": Fault(spoiled(nanosec=S), "malformed stamp", ("1000000000 ns",)),
+    "the year 2100": Fault(spoiled(sec=4_102_444_800 - 2**32), "malformed stamp", (str(4_102_444_800 - 2**32),)),
+    "long ago": Fault(spoiled(-500 * S), "stamp from the past", ()),
+    "half a message": Fault(cut, "malformed", ("bytes that are no sensor_msgs/msg/JointState",)),
+    "too large an energy": Fault(
+        spoiled(velocity=with_value(1e200)), "InputError", ("a result overflows",), {"absurd.velocity": 0.0}
+    ),
+}
+
+
+def check_rejected(monitor, panda, make, cause, words):
+    """Publish one joint state, of which nothing may come but a count and a warning."""
+    before = monitor.next_report()
+    monitor.forget()
+    monitor.publish(make(panda, monitor.now))
+    assert not published(monitor)
+    report = monitor.next_report()
+    assert report.since(before) == {"received": 1, f"rejected: {cause}": 1}
+    assert report.count("received") == report.outcomes()
+    rejection, entry = report.values["last rejection"], report.entries["joint states"]
+    assert entry.level == WARN
+    assert steady(rejection) in entry.message
+    for word in words:
+        assert word in rejection
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_rejected(monitor, panda, name):
+    """Counted with its cause, named, not published; the next state is right again, and nothing is wrong any more."""
+    make, cause, words, parameters = FAULTS[name]
+    monitor.serves(panda)
+    with monitor.having(**parameters) if parameters else nullcontext():
+        check_rejected(monitor, panda, make, cause, words)
+    monitor.serves(panda, 1)
+    report = monitor.next_report()
+    assert (report.entries["joint states"].level, report.entries["joint states"].message) == (OK, "publishing")
+
+
+@pytest.mark.parametrize(("offset", "cause"), [(-600, "stamp from the past"), (600, "stamp from the future")])
+def test_stamps_that_leave_the_clock(clocked, panda, offset, cause):
+    """Stamps of now are served; one far off is rejected with its distance."""
+    clocked.serves(panda)
+    words = (f"this node's clock, expected within max_age = {MAX_AGE:g} s",)
+    check_rejected(clocked, panda, spoiled(offset * S), cause, words)
+    clocked.serves(panda, 1)
+
+
+def test_foreign_time_refused(clocked, panda):
+    """With foreign_time = refuse a recording is rejected from its first message on; stamps of now are served."""
+
+    def begin_anew(foreign_time):
+        clocked.transition("deactivate", "cleanup")
+        clocked.set_parameter("foreign_time", foreign_time)
+        clocked.transition("configure", "activate")
+
+    begin_anew("refuse")
+    of_1970 = lambda panda, _: panda.message(1000 * S, panda.samples[0])  # noqa: E731
+    check_rejected(clocked, panda, of_1970, "foreign time", ("behind this node's clock",))
+    clocked.serves(panda, 1)
+    begin_anew("warn")
+    clocked.serves(panda)
+
+
+def test_frozen_values(monitor, panda):
+    """Old values under fresh stamps: a warning names the joint, or they are rejected; a state that moves is served."""
+    q, qd, tau, _ = panda.samples[0]
+
+    def repeat(count):
+        for _ in range(count):
+            monitor.publish(joint_state(panda.names, q, qd, tau, monitor.tick(100 * MS)))
+
+    with monitor.having(frozen_timeout=0.5):
+        repeat(8)
+        assert monitor.topics["state"].at(monitor.now)
+        report = monitor.next_report()
+        assert report.entries["joint states"].level == WARN
+        assert "frozen values" in report.entries["joint states"].message
+        with monitor.having(frozen_values="refuse"):
+            repeat(8)
+            check_rejected(monitor, panda, spoiled(100 * MS), "frozen", ("no bit of its position changes",))
+            stamp = monitor.tick(200 * MS)
+            monitor.publish(joint_state(panda.names, q + 1e-3, qd, tau, stamp))
+            assert monitor.topics["state"].at(stamp)
+
+
+def test_a_jump_that_stays(monitor, panda):
+    """Two messages are rejected, the third in a row that agrees is believed, and a warning says so."""
+    q, qd, tau, _ = panda.samples[0]
+    elsewhere, still = q + 0.5 * (np.array(panda.names) == JOINT), 0.0 * qd
+    with monitor.having(**{"absurd.jump": 0.1}):
+        monitor.publish(joint_state(panda.names, q, still, tau, monitor.tick()))
+        before = monitor.next_report()
+        for _ in range(3):
+            monitor.publish(joint_state(panda.names, elsewhere, still, tau, monitor.tick(8 * MS)))
+        Truth(panda, elsewhere, still, tau).check({"state": monitor.topics["state"].at(monitor.now)}, monitor.now)
+        report = monitor.next_report()
+        assert report.since(before) == {"received": 3, "rejected: jump": 2, "published": 1, "positions jumped": 1}
+        assert f"positions jumped, and stayed: joint '{JOINT}'" in report.entries["joint states"].message
+
+
+def test_bounds_are_parameters(monitor, panda):
+    """A robot that may go beyond the default bounds is served with others."""
+    q, qd, tau, _ = panda.samples[0]
+    far, fast = q + 50.0 * (np.array(panda.names) == JOINT), qd + 2e4 * (np.array(panda.names) == JOINT)
+    with monitor.having(absurd__beyond_limits=0.0, absurd__velocity=1e5):
+        stamp = monitor.tick()
+        Truth(panda, far, fast, tau).check(monitor.feed(joint_state(panda.names, far, fast, tau, stamp)), stamp)
+
+
+# --- joint states that are no states
+
+
+def deaf(monitor, panda):
+    """Make a state that comes while the node is overloaded: its timers have had no turn for two seconds."""
+    for timer in monitor.process.node.timers_:
+        timer.cancel()
+    monitor.peer.graph.skip(2.0)
+    return panda.message(monitor.tick(), panda.samples[0])
+
+
+IGNORED = {
+    "foreign": lambda monitor, panda: joint_state(["wheel"], [0.0], [0.0], [0.0], monitor.tick()),
+    "followers only": lambda monitor, panda: joint_state([MIMIC_FINGER], [0.0], [], [], monitor.tick()),
+    "skipped: overload": deaf,
+}
+
+
+@pytest.mark.parametrize("outcome", IGNORED)
+def test_ignored(monitor, panda, outcome):
+    """Counted under its outcome, and nothing is published of it."""
+    before = monitor.next_report()
+    monitor.publish(IGNORED[outcome](monitor, panda))
+    assert not published(monitor)
+    for timer in monitor.process.node.timers_:
+        timer.reset()
+    report = monitor.next_report()
+    assert report.since(before) == {"received": 1, outcome: 1}
+    assert report.count("received") == report.outcomes()
+
+
+def test_an_absurd_effort_is_unknown(monitor, panda):
+    """The state is published without what needs efforts, the effort counted and warned of."""
+    q, qd, tau, _ = panda.samples[0]
+    before = monitor.next_report()
+    for value in (-1.5e6, -math.inf):
+        stamp = monitor.tick()
+        effort = with_value(value)(tau)
+        Truth(panda, q, qd, None).check(monitor.feed(joint_state(panda.names, q, qd, effort, stamp)), stamp)
+    report = monitor.next_report()
+    assert report.since(before) == {"received": 2, "published": 2, "absurd effort": 2}
+    assert report.entries["joint states"].level == WARN
+    assert report.values["joints without effort"] == f"1: {JOINT}"
+
+
+def test_states_lost_between_stamps(monitor, panda):
+    """States that are missing in a regular sequence are counted."""
+    before = monitor.next_report()
+    monitor.tick(10 * S)
+    stamps = [monitor.tick(10 * MS) for _ in range(120)]
+    sent = [stamp for k, stamp in enumerate(stamps) if k % 8 != 3][:97]
+    monitor.publish(*(panda.message(stamp, panda.samples[0]) for stamp in sent))
+    report = monitor.next_report()
+    lost = report.count("lost by gaps in stamps") - before.count("lost by gaps in stamps")
+    assert lost == (sent[-1] - sent[0]) // (10 * MS) - 96 > 10
+    assert report.since(before) == {"received": 97, "published": 97}
+
+
+def test_a_huge_message(monitor, panda):
+    """A message of 30,000 joints that nobody knows is counted as foreign."""
+    names = [f"joint_of_nobody_{k}" for k in range(30_000)]
+    before = monitor.next_report()
+    monitor.publish(joint_state(names, np.zeros(len(names)), (), (), monitor.tick()))
+    assert monitor.next_report().since(before) == {"received": 1, "foreign": 1}
+
+
+# --- odometry
+
+
+@pytest.fixture(scope="module")
+def floating(peer):
+    """Start a monitor of Solo, whose odometry may be 0.2 s old."""
+    with FloatingMonitor(peer, "/floating", odom_timeout=0.2) as monitor:
+        yield monitor
+
+
+def spoil(path, value):
+    """Return a function that sets a field of an odometry."""
+
+    def change(message):
+        *parents, field = path.split(".")
+        for parent in parents:
+            message = getattr(message, parent)
+        setattr(message, field, value)
+
+    return change
+
+
+ODOMETRY = [
+    (spoil("pose.pose.position.x", math.nan), "malformed", "position"),
+    (spoil("pose.pose.orientation.w", math.inf), "malformed", "orientation"),
+    (spoil("child_frame_id", "FL_FOOT"), "malformed", "FL_FOOT"),
+    (spoil("child_frame_id", "nowhere"), "malformed", "nowhere"),
+    (spoil("child_frame_id", ""), "malformed", "empty"),
+    (spoil("header.stamp.sec", -3), "malformed stamp", "-3 s"),
+    (spoil("twist.twist.linear.z", -1e5), "absurd value", "odom: twist is"),
+]
+
+
+@pytest.mark.parametrize(("change", "cause", "word"), ODOMETRY)
+def test_odometry_rejected(floating, change, cause, word):
+    """Counted, named, and part of no state."""
+    floating.check(floating.answer())
+    before = floating.next_report()
+    message = floating.odometry(floating.tick(10 * MS))
+    message.pose.pose.position.y = 99.0
+    change(message)
+    floating.odom.publish(message)
+    state = floating.feed(floating.joints_message(floating.now), ["state"])["state"]
+    assert state.position[:3].tolist() == pytest.approx(floating.q[:3].tolist())
+    report = floating.next_report()
+    assert report.since(before)[f"odometry rejected: {cause}"] == 1
+    assert report.entries["joint states"].level == WARN
+    assert word in report.values["last rejection"]
+    floating.check(floating.answer())
+
+
+def test_odometry_that_stops(floating):
+    """Beyond `odom_timeout` nothing is published, and the age is named."""
+    floating.answer()
+    make = lambda _, last: floating.joints_message(last + 250 * MS)  # noqa: E731
+    check_rejected(floating, None, make, "stale odometry", ("odom is 0.25",))
+    floating.check(floating.answer())
+
+
+def test_joints_before_odometry(floating):
+    """Counted and warned of until the first odometry."""
+    floating.transition("deactivate", "activate")
+    before = floating.next_report()
+    floating.forget()
+    floating.publish(floating.joints_message(floating.tick()))
+    assert not published(floating)
+    report = floating.next_report()
+    assert report.since(before) == {"received": 1, "before odometry": 1}
+    assert "no odometry yet" in report.entries["joint states"].message
+    floating.check(floating.answer())
+
+
+# --- descriptions
+
+
+@pytest.fixture(scope="module")
+def by_topic(peer):
+    """Start a monitor that gets its robot by topic."""
+    descriptions = peer.publisher(String, "/topic/robot_description", LATCHED)
+    descriptions.publish(description(robot(PANDA).urdf))
+    with Monitor(peer, "/topic") as monitor:
+        monitor.describe = lambda text: descriptions.publish(description(text))
+        yield monitor.connect(robot(PANDA))
+
+
+def circle():
+    """Return the Panda with two joints that mimic each other."""
+    begin, source, end = robot(PANDA).urdf.partition(f'<joint name="{FINGER}"')
+    return begin + source + end.replace("</joint>", f'<mimic joint="{MIMIC_FINGER}"/></joint>', 1)
+
+
+DESCRIPTIONS = {
+    "malformed": ("<robot name='broken'><link name='a'/>", "not well-formed"),
+    "no link": ("<robot name='r'/>", "link"),
+    "singular": (robots.robot("romeo_description/urdf/romeo_laas_small.urdf").urdf, "l_gripper_joint"),
+    "mimic joints in a circle": (circle(), f"'{FINGER}' mimics itself"),
+}
+
+
+@pytest.mark.parametrize("case", [*DESCRIPTIONS, "empty", "a path"])
+def test_description_refused_by_topic(by_topic, panda, case):
+    """The robot stays in force, and diagnostics say what is wrong until a valid description arrives."""
+    more = {"empty": ("", "empty"), "a path": (str(robot(UR5).path), "refused")}  # a topic does not open files
+    text, reason = (DESCRIPTIONS | more)[case]
+    by_topic.describe(text)
+    report = by_topic.wait_for_report(lambda report: report.level == ERROR, "the refusal")
+    assert report.message.startswith("robot_description refused")
+    assert reason in report.message
+    assert report.values["robot"] == "panda"
+    by_topic.serves(panda)
+    by_topic.describe(panda.urdf)
+    by_topic.serves(panda, 1)
+    report = by_topic.next_report()
+    assert (report.level, report.message) == (OK, "publishing")
+
+
+@pytest.mark.parametrize("case", [*DESCRIPTIONS, "no file"])
+def test_description_refused_by_parameter(monitor, panda, case):
+    """The result says why, and not a joint is forgotten."""
+    text, reason = (DESCRIPTIONS | {"no file": ("/nowhere/robot.urdf", "/nowhere/robot.urdf")})[case]
+    result = monitor.set_parameters({"robot_description": text})
+    assert not result.successful
+    assert reason in result.reason
+    assert "robot_description" in result.reason
+    assert monitor.feed(panda.message(monitor.tick(100 * MS), panda.samples[1], ARM), ["state"])
+
+
+def test_one_source_of_the_robot(by_topic, monitor, panda):
+    """A robot by topic is not replaced by the parameter, nor the other way round."""
+    for found, value, reason in (
+        (by_topic, str(robot(UR5).path), "clean the node up first"),
+        (monitor, "", "cannot become empty"),
+    ):
+        result = found.set_parameters({"robot_description": value})
+        assert not result.successful
+        assert reason in result.reason
+        found.serves(panda)
+
+
+# --- parameters
+
+READ_ONLY = "read-only while the node is configured: clean it up first"
+
+PARAMETERS = {
+    "absurd.position": [(-1.0, "absurd.position"), (math.nan, "absurd.position"), (1e13, "absurd.position")],
+    "alarm.external_torque": [(5.0, "external_torque.gain is 0")],
+    "alarm.joints": [(["elbow=1"], "gain is 0"), (["panda_joint1"], "name=number")],
+    "alarm.release": [(0.0, "alarm.release"), (1.5, "alarm.release")],
+    "armature": [(["panda_joint1=0.5"], READ_ONLY)],
+    "autostart": [(False, "read-only")],
+    "contact.geometry": [("pictures", "contact.geometry")],
+    "contact.limits_file": [("/nowhere/limits.yaml", "parameter 'contact.limits_file'")],
+    "contact.links": [
+        (["nowhere"], "'nowhere', which is no link of robot 'panda'"),
+        (["panda_link0"], "names no link that moves: 'panda_link0'"),
+        (4, "Wrong parameter type"),
+    ],
+    "contact.points": [(["tip=panda_hand 1 2"], "contact.points"), (["tip=nowhere 0 0 0"], "'nowhere' is not a link")],
+    "effort_available": [
+        ([f"{FINGER}=yes"], "true or"),
+        (["elbow=true"], "elbow"),
+        ([f"{FINGER}=true", f"{FINGER}=false"], "two entries"),
+    ],
+    "effort_includes_gravity": [([f"{MIMIC_FINGER}=false"], MIMIC_FINGER)],
+    "effort_scale": [(["panda_joint1=nan"], "nan"), (["*=1e300"], "1e+09")],
+    "error_energy": [(math.inf, "error_energy")],
+    "external_torque.max_gap": [(0.0, "external_torque.max_gap")],
+    "floating_base": [(True, READ_ONLY)],
+    "foreign_time": [("maybe", "warn, refuse")],
+    "gravity": [
+        ([0.0], "3 numbers"),
+        ([0.0, 0.0, math.nan], "finite"),
+        ([0.0, 9810.0, 0.0], "within ±1000"),
+        (-9.81, "Wrong parameter type"),
+    ],
+    "joint_timeouts": [(["panda_joint1=-1"], "no less than 0"), (["panda_joint1=soon"], "number")],
+    "locked_joints": [(["panda_joint1=0.5"], READ_ONLY)],
+    "massless": [("lock", READ_ONLY)],
+    "max_age": [(-1.0, "max_age")],
+    "max_rate.coriolis": [(-1.0, "max_rate.coriolis"), ("fast", "Wrong parameter type")],
+    "mimic": [("free", READ_ONLY)],
+    "missing_velocity": [("guess", "refuse, estimate")],
+    "odom_twist_frame": [("header", READ_ONLY)],
+    "payloads": [
+        (["tool=1"], "tool"),
+        ([f"{HAND}=-1"], "-1"),
+        ([f"{HAND}=1 0 1e200 0"], "within ±1e+09"),
+        ([f"{HAND}=1 2"], "1, 4 or 10"),
+        ([f"{HAND}=1 0 0 0 1 1 5 0 0 0"], "triangle"),
+    ],
+    "serialization": [("json", "template, rclpy"), ("rclpy", READ_ONLY)],
+    "velocity_filter_time": [(11.0, "velocity_filter_time")],
+    "warn_energy_share": [(["elbow=1"], "elbow")],
+}
+
+
+def test_wrong_values_are_refused(monitor, panda):
+    """Each with a reason, together with a right value beside it, which is not applied either."""
+    names = [*PARAMETERS, "publish_inverse_factor"]
+    before = monitor.peer.get_parameters(monitor.name, names)
+    for name, cases in PARAMETERS.items():
+        for value, reason in cases:
+            result = monitor.set_parameters({"publish_inverse_factor": True, name: value})
+            assert not result.successful, (name, value)
+            assert reason in result.reason
+    assert monitor.peer.get_parameters(monitor.name, names) == before
+
+
+@pytest.mark.parametrize(
+    ("values", "named"),
+    [
+        ({"warn_energy": 10.0, "error_energy": 5.0}, "warn_energy is 10"),
+        ({"warn_energy_share": ["panda_joint1=2"], "error_energy_share": ["panda_joint1=1"]}, "panda_joint1"),
+        ({"warn_energy_share": ["*=2"], "error_energy_share": ["panda_joint1=1"]}, "panda_joint1"),
+        ({"gravity": [0.0, 0.0, 0.0], "joint_timeout": -1.0}, "joint_timeout"),
+        ({"external_torque.threshold": 1.0, "external_torque.release_threshold": 2.0}, "release_threshold is 2"),
+        ({"external_torque.gain": 9.0, "alarm.norm": 1.0, "external_torque.threshold": 2.0}, "threshold is 2"),
+        ({"external_torque.gain": 9.0, "alarm.joints": ["elbow=1"]}, "'elbow'"),
+    ],
+)
+def test_parameters_that_do_not_fit_each_other(monitor, values, named):
+    """Refused together; gravity of before holds for the next state, which the fixture compares."""
+    before = monitor.peer.get_parameters(monitor.name, values)
+    result = monitor.set_parameters(values)
+    assert not result.successful
+    assert named in result.reason
+    assert monitor.peer.get_parameters(monitor.name, values) == before
