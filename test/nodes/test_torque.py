@@ -1,0 +1,574 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""External torque, collisions and contact on the monitor's topics, against Pinocchio and the library."""
+
+import itertools
+import math
+import re
+import xml.etree.ElementTree as ET
+from functools import partial
+from unittest import mock
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from diag_dynamics.msg import ExternalTorque
+from diag_dynamics.srv import SetPayload
+from geometry_msgs.msg import Inertia, Vector3
+
+import diag_dynamics as dd
+from diag_dynamics.alarms.detector import AlarmDetector
+from diag_dynamics.alarms.thresholds import AlarmThresholds
+from diag_dynamics.assembly.assembler import RobotState
+from diag_dynamics.nodes.monitor.contact_watch import ContactWatch, prepared
+from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
+from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN
+from diag_dynamics.parameters.monitor import PARAMETERS, Observation, Settings
+from diag_dynamics.recordings.calibration import Calibration
+from floating import FloatingMonitor
+from nodes import BELIEVING, MS, PANDA, Monitor, S, joint_state, nanoseconds, robot
+from pushed import GAIN, STEP, TORQUE, Motion, feed, subscribed
+
+HAND, COM = "panda_hand", (0.0, 0.02, 0.1)
+
+
+def residuals(motion, count, gain=GAIN):
+    """Return r of ṙ = K_O(ε_ext − r) at each state, by Pinocchio: ε_ext is what of ν̇ the state does not explain."""
+    states = [motion.oracle.at(*motion(k)) for k in range(count)]
+    r, found = np.zeros(len(states[0].nu)), [None]
+    for s, t in itertools.pairwise(states):
+        explained = 0.5 * sum(x.epsilon - x.coriolis - x.gravity for x in (s, t))
+        external = (t.nu - s.nu) / (1e-9 * STEP) - explained
+        r = r + (1.0 - math.exp(-gain * 1e-9 * STEP)) * (external - r)
+        found.append(r)
+    return found
+
+
+def through(steps, gain=GAIN):
+    """Return the fraction of a constant push that the observer shows after some steps."""
+    return -math.expm1(-gain * 1e-9 * STEP * steps)
+
+
+@pytest.fixture(scope="module")
+def running(peer):
+    """Start a monitor of the Panda that observes external torque, and subscribe to torque and contact."""
+    parameters = {"robot_description": robot(PANDA).path, "external_torque.gain": GAIN}
+    with Monitor(peer, "/pushed", outputs=["state"], **parameters) as monitor:
+        yield subscribed(monitor).connect(robot(PANDA))
+
+
+@pytest.fixture
+def standing(panda):
+    """Return the states of an arm at rest, which something pushes from the second one on."""
+    return Motion(panda, 4.0 * np.cos(1 + np.arange(len(panda.names))), size=0.0)
+
+
+@pytest.fixture
+def free(panda):
+    """Return the state of an arm at rest that nothing pushes."""
+    return Motion(panda, size=0.0)(0)
+
+
+def begin_anew(monitor):
+    """Let time pass, so that the next state is the first one."""
+    monitor.tick(10 * S)
+
+
+def nothing(message):
+    """Return whether a message says that nothing is known, and no more."""
+    empty = not len(message.residual) and not len(message.external_torque)
+    return empty and not message.valid and message.norm == message.torque_norm == 0.0 and not message.collision
+
+
+# --- external torque
+
+
+def test_a_push_on_a_moving_arm(monitor, panda):
+    """Every residual is that of Pinocchio's account; m r and |r| belong to it; stamps and names are the state's."""
+    motion = Motion(panda, 6.0 * np.sin(1 + np.arange(len(panda.names))))
+    begin_anew(monitor)
+    found, expected = feed(monitor, map(motion, range(80))), residuals(motion, 80)
+    assert nothing(found[0])
+    for k, (message, r) in enumerate(zip(found[1:], expected[1:], strict=True), 1):
+        np.testing.assert_allclose(message.residual, r, atol=1e-7 * np.linalg.norm(r))
+        m = motion.oracle.factor(motion(k)[0])
+        np.testing.assert_allclose(message.external_torque, m @ r, atol=1e-7 * np.linalg.norm(m @ r))
+        assert message.norm == pytest.approx(np.linalg.norm(r), rel=1e-7)
+        assert tuple(message.dof_names) == panda.names
+        assert message.header.frame_id == panda.root
+        assert message.valid
+        assert not (message.velocity_estimated or message.stamp_is_receive_time or message.collision)
+    assert message.threshold == message.release_threshold == message.torque_norm_threshold == math.inf
+    assert not len(message.torque_threshold)
+    assert not len(message.joint_collision)
+
+
+def test_a_push_on_a_standing_arm(monitor, standing):
+    """The observer settles on the torque of the push, at its gain."""
+    begin_anew(monitor)
+    found = feed(monitor, map(standing, range(150)))
+    np.testing.assert_allclose(found[-1].external_torque, standing.push, rtol=1e-4)
+    np.testing.assert_allclose(found[20].external_torque, through(20) * standing.push, rtol=1e-6)
+
+
+def test_nothing_pushes(monitor, panda):
+    """The residual is below a thousandth of the Coriolis term."""
+    motion = Motion(panda)
+    begin_anew(monitor)
+    found = feed(monitor, map(motion, range(60)))
+    moving = max(np.linalg.norm(motion.oracle.at(*motion(k)).coriolis) for k in range(60))
+    assert max(message.norm for message in found[1:]) < 1e-3 * moving
+
+
+def test_the_ground_is_external(peer):
+    """Nothing drives the base of a standing robot, so its whole weight is external."""
+    with FloatingMonitor(peer, "/standing", **{"external_torque.gain": GAIN}) as monitor:
+        torque = peer.topic(ExternalTorque, f"{monitor.name}/external_torque")
+        monitor.v[:] = 0.0
+        g = pin.computeGeneralizedGravity(monitor.model, monitor.data, monitor.q)
+        for _ in range(300):
+            stamp = monitor.tick(STEP)
+            monitor.odom.publish(monitor.odometry(stamp))
+            monitor.publish(monitor.joints_message(stamp, effort=g[6:]))
+        found = torque.messages[-1].external_torque
+        np.testing.assert_allclose(found, np.r_[g[:6], np.zeros(12)], atol=1e-3)
+        assert np.linalg.norm(found[:3]) == pytest.approx(9.81 * pin.computeTotalMass(monitor.model), rel=1e-4)
+
+
+# --- beginning anew
+
+
+def set_payload(monitor, mass):
+    """Put a payload on the hand, or take it off."""
+    inertia = Inertia(m=mass, com=Vector3(x=COM[0], y=COM[1], z=COM[2]), ixx=0.01, iyy=0.01, izz=0.01)
+    assert monitor.call(SetPayload, "set_payload", SetPayload.Request(link=HAND, inertia=inertia)).success
+
+
+def test_a_payload_begins_anew(monitor, standing, panda):
+    """The state after it has no result; from then on the efforts that carry it are no external torque."""
+    begin_anew(monitor)
+    assert feed(monitor, [standing(0)] * 20)[-1].norm > 1.0
+    set_payload(monitor, 1.5)
+    carrying = Motion(panda, size=0.0, payloads={HAND: (1.5, COM, 0.01 * np.eye(3))})
+    found = feed(monitor, [carrying(0)] * 20)
+    assert nothing(found[0])
+    assert found[-1].norm < 1e-6
+    set_payload(monitor, 0.0)
+    found = feed(monitor, [carrying(0)] * 100)
+    assert nothing(found[0])
+    weight = carrying.oracle.gravity_torque(carrying.middle) - standing.oracle.gravity_torque(carrying.middle)
+    np.testing.assert_allclose(found[-1].external_torque, -through(99) * weight, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "anew"),
+    [
+        ("gravity", [0.0, 0.0, -9.8], True),
+        ("effort_scale", ["*=1.0"], True),
+        ("external_torque.gain", 41.0, True),
+        ("external_torque.max_gap", 0.2, True),
+        ("max_rate.state", 0.0, False),
+        ("warn_energy", 1e6, False),
+    ],
+)
+def test_parameters(monitor, standing, name, value, anew):
+    """The observer begins anew with what it observes by, and with nothing else."""
+    begin_anew(monitor)
+    before = feed(monitor, [standing(0)] * 10)[-1]
+    with monitor.having(**{name: value}):
+        after = feed(monitor, [standing(0)])[-1]
+        assert nothing(after) == anew
+        assert anew or after.norm > before.norm
+
+
+def test_another_description_and_a_pause(monitor, standing, panda):
+    """Another robot has another observer; after a pause it begins anew, however short it was by the stamps."""
+    with monitor.having(external_torque__max_gap=100.0):
+        begin_anew(monitor)
+        feed(monitor, [standing(0)] * 10)
+        monitor.set_parameter("robot_description", panda.urdf)
+        first, second = feed(monitor, [standing(0)] * 2)
+        assert nothing(first)
+        assert second.valid
+        monitor.transition("deactivate", "activate")
+        first, second = feed(monitor, [standing(0)] * 2)
+        assert nothing(first)
+        assert second.valid
+
+
+def test_time(monitor, standing):
+    """Neither a jump back nor a gap is integrated over; a lost state is."""
+    begin_anew(monitor)
+    feed(monitor, [standing(0)] * 10)
+    monitor.tick(3 * STEP)
+    assert feed(monitor, [standing(0)])[0].valid
+    monitor.tick(200 * MS)
+    first, second = feed(monitor, [standing(0)] * 2)
+    assert nothing(first)
+    assert second.valid
+    monitor.now -= 60 * S
+    lost, first, second = feed(monitor, [standing(0)] * 3)
+    assert lost is None
+    assert nothing(first)
+    np.testing.assert_allclose(second.external_torque, through(1) * standing.push, rtol=1e-6)
+
+
+# --- efforts
+
+
+def test_missing_efforts(monitor, standing, panda):
+    """No result while one is missing, and its joint is named; afterwards it goes on over the gap."""
+    begin_anew(monitor)
+    q, qd, tau = standing(0)
+    before = feed(monitor, [standing(0)] * 10)[-1]
+    one = np.where(np.arange(len(tau)) == 2, math.nan, tau)
+    assert all(map(nothing, feed(monitor, [(q, qd, None), (q, qd, one)])))
+    after = feed(monitor, [standing(0)])[0]
+    assert after.valid
+    assert after.norm > before.norm
+    np.testing.assert_allclose(after.external_torque, through(13) * standing.push * (12 / 13), rtol=0.2)
+    monitor.next_report()
+    feed(monitor, [(q, qd, one)])
+    entry = monitor.next_report().entries[TORQUE]
+    assert (entry.level, entry.message) == (WARN, f"no effort of 1: {panda.names[2]}")
+
+
+def test_meaning_of_efforts(monitor, standing, panda):
+    """Gravity is added and currents are scaled where parameters say so; without a sensor nothing is known."""
+    q, qd, tau = standing(0)
+    gravity, one = standing.oracle.gravity_torque(q), panda.names[1]
+    for values, sent in (
+        ({"effort_includes_gravity": ["*=false"]}, tau - gravity),
+        ({"effort_scale": ["*=0.5"]}, 2.0 * tau),
+        ({"effort_includes_gravity": [f"{one}=false"]}, tau - gravity * (np.arange(len(q)) == 1)),
+    ):
+        with monitor.having(**values):
+            found = feed(monitor, [(q, qd, sent)] * 150)
+            np.testing.assert_allclose(found[-1].external_torque, standing.push, rtol=1e-4)
+    with monitor.having(effort_available=[f"{one}=false"]):
+        assert all(map(nothing, feed(monitor, [(q, qd, tau)] * 3)))
+
+
+def test_friction(monitor, panda):
+    """The URDF's friction is external torque by default, and not with external_torque.friction."""
+    motion, xml, friction = Motion(panda), ET.fromstring(panda.urdf), dict.fromkeys(panda.names, (0.0, 0.0))
+    for k, joint in enumerate(xml.findall("joint")):
+        for dynamics in joint.findall("dynamics"):
+            of_arm = re.fullmatch(r"panda_joint\d", joint.get("name"))
+            friction[joint.get("name")] = damping, dry = (2.0 + 0.1 * k, 1.0 + 0.1 * k) if of_arm else (0.0, 0.0)
+            dynamics.set("damping", str(damping))
+            dynamics.set("friction", str(dry))
+    d, f = np.array([friction[name] for name in panda.names]).T
+    rubbing = [(q, qd, tau + d * qd + f * np.sign(qd)) for q, qd, tau in map(motion, range(60))]
+    with monitor.having(robot_description=ET.tostring(xml, encoding="unicode")):
+        for known in (True, False):
+            begin_anew(monitor)
+            with monitor.having(external_torque__friction=known):
+                torque = np.array(feed(monitor, rubbing)[-1].external_torque)
+            resisting = -(d * rubbing[-1][1] + f * np.sign(rubbing[-1][1]))
+            expected, tolerance = (0.0, 0.02) if known else (resisting, 0.1 * np.linalg.norm(resisting))
+            assert np.linalg.norm(torque - expected) < tolerance
+
+
+def test_flags(monitor, standing):
+    """Estimated velocities and the time of reception are flagged."""
+    q, _, tau = standing(0)
+    with monitor.having(missing_velocity="estimate", velocity_filter_time=0.0):
+        begin_anew(monitor)
+        found = feed(monitor, [(q, (), tau)] * 150)[1:]
+        assert all(message.velocity_estimated for message in found)
+        np.testing.assert_allclose(found[-1].external_torque, standing.push, rtol=1e-3)
+    monitor.publish(joint_state(standing.robot.names, *standing(0)))
+    assert monitor.torque.messages[-1].stamp_is_receive_time
+
+
+# --- collisions
+
+
+def judged(messages, stamps, names, thresholds):
+    """Return what the library's detector says of the messages: whether an alarm is on, and whether one begins."""
+    valid, zero = np.array([m.valid for m in messages]), np.zeros(len(names))
+    r = np.array([m.residual if m.valid else zero for m in messages])
+    torque = np.array([m.external_torque if m.valid else zero for m in messages])
+    return AlarmDetector(names, thresholds).judge(np.array(stamps), r, torque, valid)
+
+
+def test_collision_and_release(monitor, standing, free):
+    """Begins above one threshold, ends below the other; it is reported at once, alone, and counted."""
+    level = np.linalg.norm(np.linalg.solve(standing.oracle.factor(standing.middle), standing.push))
+    high, low = round(0.6 * level, 3), round(0.2 * level, 3)
+    with monitor.having(**{"external_torque.threshold": high, "external_torque.release_threshold": low}):
+        feed(monitor, [free] * 3)
+        report = monitor.next_report()
+        assert report.entries[TORQUE].message == "no collision"
+        before, count = report.count("collisions"), len(monitor.reports)
+        found, colliding = feed(monitor, [standing(0)] * 60 + [free] * 120), False
+        for message in found:
+            assert (message.threshold, message.release_threshold) == (high, low)
+            colliding = message.norm >= low if colliding else message.norm > high
+            assert message.collision == colliding
+        assert not found[0].collision
+        assert found[59].collision
+        assert not found[-1].collision
+        first = monitor.reports[count]
+        assert set(first.entries) == {TORQUE}
+        assert first.entries[TORQUE].level == WARN
+        assert f"threshold = {high:g}" in first.entries[TORQUE].message
+        assert first.count("collisions") == before + 1
+        monitor.next_report()
+        feed(monitor, [free])
+        assert monitor.next_report().entries[TORQUE].message == "no collision"
+
+
+def pushed_by(panda, **torques):
+    """Return the state of a standing arm that is pushed at some joints."""
+    return Motion(panda, np.array([torques.get(name, 0.0) for name in panda.names]), size=0.0)(0)
+
+
+@pytest.mark.parametrize(
+    ("thresholds", "values"),
+    [
+        (
+            AlarmThresholds({"panda_joint2": 20.0, "*": 40.0}, 25.0, 50.0),
+            {"alarm.joints": ["panda_joint2=20", "*=40"], "alarm.external_torque": 25.0, "alarm.norm": 50.0},
+        ),
+        (AlarmThresholds({"*": 10.0}, standing=0.2), {"alarm.joints": ["*=10"], "alarm.standing": 0.2}),
+    ],
+    ids=["joint by joint", "a torque that stands"],
+)
+def test_alarms(monitor, panda, free, thresholds, values):
+    """Alarms are those of the library's detector; diagnostics name joint, torque and threshold at once."""
+    pushed = pushed_by(panda, panda_joint2=30.0)
+    with monitor.having(**values):
+        begin_anew(monitor)
+        monitor.next_report()
+        feed(monitor, [free] * 3)
+        before, count = monitor.next_report().count("collisions"), len(monitor.reports)
+        found = feed(monitor, [free] * 5 + [pushed] * 250 + [free] * 120)
+        expected = judged(found, [nanoseconds(m.header.stamp) for m in found], panda.names, thresholds)
+        assert [m.collision for m in found] == expected.alarm.tolist()
+        assert expected.begins.sum() == 1
+        assert not found[-1].collision
+        limits = [thresholds.joints.get(name, thresholds.joints["*"]) for name in panda.names]
+        for m, joints in zip(found, expected.joints, strict=True):
+            assert list(m.joint_collision) == (joints.tolist() if m.valid else [])
+            assert list(m.torque_threshold) == limits
+            assert m.torque_norm == pytest.approx(np.linalg.norm(m.external_torque))
+            assert (m.torque_norm_threshold, m.threshold) == (thresholds.external_torque, thresholds.norm)
+        first, entry = found[int(np.argmax(expected.alarm))], monitor.reports[count].entries
+        limit = limits[panda.names.index("panda_joint2")]
+        assert set(entry) == {TORQUE}
+        assert entry[TORQUE].message == f"collision: panda_joint2 {first.external_torque[1]:.3g} N m > {limit:g}"
+        assert monitor.reports[count].count("collisions") == before + 1
+
+
+def watch_of(panda, observation):
+    """Return a TorqueWatch, what it has seen, and a function that takes states and returns the report."""
+    watch, seen = TorqueWatch(dd.DiagonalDynamics(dd.load_urdf(panda.path)), observation), []
+
+    def take(states):
+        for q, qd, tau in states:
+            watch.take(RobotState(q, qd, tau, S + STEP * len(seen), S, False))
+            seen.append(watch.seen)
+        return watch.report([])
+
+    return watch, seen, take
+
+
+def test_report_of_an_alarm(panda, free):
+    """The joints that rose, as far as they went; then that it lasts, and the joints that keep it up."""
+    pushed = pushed_by(panda, panda_joint2=30.0, panda_joint4=-12.0)
+    alarms = AlarmThresholds({"panda_joint2": 20.0, "panda_joint4": 10.0}, 60.0, standing=math.inf)
+    watch, seen, take = watch_of(panda, Observation(GAIN, math.inf, math.inf, False, 0.1, alarms))
+    report = take([free] + [pushed] * 200)
+    assert report.level == WARN
+    assert report.message == "collision: panda_joint2 30 N m > 20, panda_joint4 12 N m > 10"
+    assert watch.active == ("panda_joint2", "panda_joint4")
+    while seen[-1].external_torque[1] > 20.0 or seen[-1].external_torque[3] < -10.0:
+        take([free])
+    assert take([free]).message.endswith("; since then not below alarm.release = 0.7 of it")
+    while seen[-1].collision:
+        take([free])
+    assert take([free]).message == "no collision"
+
+
+def test_report_of_a_norm(panda, free):
+    """The norm, its threshold, the joint with most of it; then that it is not below the other threshold."""
+    _, seen, take = watch_of(panda, Observation(GAIN, 4.0, 1.0, False, 0.1))
+    risen = take([free] + [pushed_by(panda, panda_joint2=30.0)] * 60)
+    first = next(one for one in seen if one.collision)
+    assert risen.level == WARN
+    for word in (f"|r| rose to {first.norm:.6g} J^0.5/s, above external_torque.threshold = 4", "joint 'panda_joint2'"):
+        assert word in risen.message
+    while seen[-1].norm > 4.0:
+        take([free])
+    falling = take([free])
+    assert falling.message == f"{risen.message}; since then not below external_torque.release_threshold = 1"
+    while seen[-1].collision:
+        take([free])
+    assert take([free]).message == "no collision"
+
+
+def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
+    """A node takes it by --params-file: gain, friction, and every threshold."""
+    joints = {name: 20.0 + k for k, name in enumerate(panda.names)}
+    thresholds = AlarmThresholds(joints, 31.5, 4.25, 0.6, 0.3, 1.5)
+    Calibration(thresholds, GAIN, True, 1 / 60, 300.0, 4, 5, "tail", 50, ("a warning",)).save(tmp_path / "alarms.yaml")
+    arguments = "--params-file", str(tmp_path / "alarms.yaml")
+    with Monitor(peer, "/calibrated", *arguments, robot_description=panda.path) as monitor:
+        names = [name for name in PARAMETERS if name.startswith(("alarm.", "external"))]
+        values = {name: spec.default for name, spec in PARAMETERS.items()} | peer.get_parameters(monitor.name, names)
+        assert Settings.of(values).observation == Observation(GAIN, 4.25, 0.6 * 4.25, True, 0.1, thresholds)
+        assert feed(subscribed(monitor), [free] * 2)[1].threshold == 4.25
+
+
+# --- when it is computed
+
+
+def test_off_by_default(peer, standing, panda):
+    """Nothing on the topic or in diagnostics; switched on and off while running."""
+    with Monitor(peer, "/quiet", robot_description=panda.path) as quiet:
+        subscribed(quiet).serves(panda)
+        assert TORQUE not in quiet.next_report().entries
+        for _ in range(2):
+            quiet.serves(panda)
+            assert not quiet.torque.at(quiet.now)
+            with quiet.having(**{"external_torque.gain": GAIN}):
+                assert feed(quiet, [standing(0)] * 2)[-1].valid
+                assert TORQUE in quiet.next_report().entries
+
+
+def test_highest_rate(monitor, standing, panda):
+    """Every fifth state's is published, and all of them are observed."""
+    with monitor.having(max_rate__external_torque=100.0):
+        begin_anew(monitor)
+        found = [message for message in feed(monitor, [standing(0)] * 51) if message]
+    assert set(np.diff([nanoseconds(message.header.stamp) for message in found])) == {5 * STEP}
+    np.testing.assert_allclose(found[-1].external_torque, through(50) * standing.push, rtol=1e-6)
+
+
+def test_nobody_listens(peer, panda):
+    """Every state is observed, and no message is made."""
+    motion = Motion(panda, 5.0)
+    parameters = {"robot_description": panda.path, "external_torque.gain": GAIN, "max_age": 0.0} | BELIEVING
+    with peer.start("monitor", "-r", "__ns:=/alone", **parameters) as running:
+        watched, feeder = running.node._robot, peer.publisher(type(joint_state()), "/alone/joint_states")
+        with mock.patch.object(watched, "encoder", wraps=watched.encoder) as encoder:
+            for k in range(20):
+                feeder.publish(joint_state(panda.names, *motion(k), 100 * S + k * STEP))
+                peer.graph.spin()
+        np.testing.assert_allclose(watched.torque.seen.residual, residuals(motion, 20)[-1], rtol=1e-6, atol=1e-6)
+        assert not encoder.mock_calls
+
+
+# --- contact
+
+
+LIMITS = """
+regions:
+  nobody: {mass: 3.0, stiffness: 20000, force: 60}
+links: {panda_link1: []}
+points: {tip: {link: panda_hand, xyz: [0, 0, 0.1]}}
+"""
+
+
+@pytest.fixture(scope="module")
+def limits(tmp_path_factory):
+    """Return the path of a file of limits."""
+    path = tmp_path_factory.mktemp("contact") / "limits.yaml"
+    path.write_text(LIMITS)
+    return str(path)
+
+
+def contact(monitor, q, qd):
+    """Publish a state and return the message of contact."""
+    monitor.publish(joint_state(robot(PANDA).names, q, qd, (), monitor.tick(50 * MS)))
+    return monitor.contact.at(monitor.now)
+
+
+def check_contact(message, expected, points):
+    """Check that a message is what the library computes."""
+    assert message.valid
+    assert list(message.point_names) == list(points.names)
+    assert list(message.link_names) == list(points.links)
+    assert message.worst == expected.worst
+    assert list(message.limited) == points.limited.tolist()
+    for field, value in (
+        ("positions", expected.position),
+        ("directions", expected.direction),
+        ("speed", expected.speed),
+        ("reflected_mass", expected.reflected_mass),
+        ("transferable_energy", expected.energy),
+        ("force", expected.force),
+        ("allowed_speed", expected.allowed_speed),
+        ("margin", expected.margin),
+    ):
+        np.testing.assert_array_equal(getattr(message, field), value.ravel(), field)
+
+
+def points_of(panda, path=None):
+    """Return the dynamics and points that the monitor has by default, or with limits."""
+    model = dd.load_urdf(panda.path)
+    limits = dd.ContactLimits.load(path) if path else None
+    points = [*dd.link_geometry(model, panda.path).points, *(limits.contact_points() if limits else ())]
+    return dd.DiagonalDynamics(model), dd.ContactPoints(model, points, limits, "limit")
+
+
+@pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
+def test_contact(monitor, panda):
+    """Each link at its worst point; at rest none is the worst; parameters choose links and points."""
+    dynamics, points = points_of(panda)
+    for sample in panda.samples[:2]:
+        message = contact(monitor, sample.q, sample.qd)
+        check_contact(message, dynamics.contact(sample.q, sample.qd, points), points)
+        assert set(message.margin) == {math.inf}
+    q, qd = panda.samples[0][:2]
+    assert contact(monitor, q, 0 * qd).worst == -1
+    values = {"contact.links": ["panda_link4"], "contact.points": ["tip=panda_hand 0 0 0.1"]}
+    with monitor.having(**values, **{"contact.geometry": "frames"}):
+        message = contact(monitor, q, qd)
+        assert list(message.point_names) == ["panda_link4", "tip"]
+        assert list(message.link_names) == ["panda_link4", "panda_hand"]
+    with monitor.having(**{"contact.links": ["panda_link4"]}):
+        assert monitor.set_parameters({"contact.links": []}).successful
+        assert list(contact(monitor, q, qd).point_names) == list(points.names)
+
+
+@pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
+def test_a_limit_of_contact(monitor, panda, limits):
+    """Reported at once with point and region; the message is what the library computes."""
+    dynamics, points = points_of(panda, limits)
+    q, qd = panda.samples[0][:2]
+    allowed = 1.0 / dynamics.contact(q, qd, points).usage.max()  # fraction of qd at which the first limit is reached
+    with monitor.having(**{"contact.limits_file": limits}):
+        message = contact(monitor, q, 0.5 * allowed * qd)
+        check_contact(message, dynamics.contact(q, 0.5 * allowed * qd, points), points)
+        assert any(message.limited)
+        assert min(message.margin) > 0.0
+        assert monitor.next_report().entries["contact"].message.startswith("within limits; ")
+        count, message = len(monitor.reports), contact(monitor, q, 1.05 * allowed * qd)
+        assert message.margin[message.worst] == min(message.margin) < 0.0
+        report = monitor.reports[count]
+        assert set(report.entries) == {"contact"}
+        assert report.entries["contact"].level == ERROR
+        for name in (message.point_names[message.worst], "nobody"):
+            assert f"'{name}'" in report.entries["contact"].message
+
+
+@pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
+def test_hysteresis_of_contact(panda, limits):
+    """Noise around a threshold is one alarm; it ends below `contact.release`."""
+    values = {name: spec.default for name, spec in PARAMETERS.items()} | {"contact.limits_file": limits}
+    settings, dynamics, watch = Settings.of(values), points_of(panda)[0], ContactWatch(panda.path)
+    watch.use(dynamics, settings, prepared(dynamics.model, panda.path, settings.contact))
+    q, qd = panda.samples[0][:2]
+    state = partial(RobotState, effort=None, newest=S, oldest=S, velocity_estimated=False, stamp_is_receive_time=False)
+    full = 1.0 / watch.at(state(q, qd)).usage.max()
+    assert watch.report().level == STALE
+    levels = []
+    for part in (0.5, 0.79, 0.81, 0.75, 0.73, 0.71, 1.01, 0.99, 1.01, 0.91, 0.89, 0.5):
+        rose = watch.take(state(q, part * full * qd))
+        levels.append(watch.report().level)
+        assert rose == (part in (0.81, 1.01) and levels[-2:-1] != [ERROR])
+    assert levels == [OK, OK, WARN, WARN, WARN, OK, *[ERROR] * 4, WARN, OK]
