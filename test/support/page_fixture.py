@@ -93,7 +93,10 @@ def _tetrahedron():
 
 
 def _tracks(dyn):
-    """Return an overview, a state per second, and 0.2 s at 100 Hz; of both K is 10 t, and of all else a state's number."""
+    """Return an overview, a state per second, and 0.2 s at 100 Hz.
+
+    K is 10 t, and each link's energy t. All other numbers are those of one state.
+    """
     maker = FrameMaker(dyn)
     state = States.of(0.0, Q, QD, EFFORT, dyn.evaluate(Q, QD, EFFORT))
     row = maker.frames(state)["numbers"][0].astype(float)
@@ -101,6 +104,7 @@ def _tracks(dyn):
     for make, t in ((overview, np.arange(6.0)), (full_rate, 2.5 + 0.01 * np.arange(21))):
         numbers = np.tile(row, (len(t), 1))
         numbers[:, maker.layout.place("K")] = 10.0 * t[:, None]
+        numbers[:, maker.layout.place("link_energy")] = t[:, None]
         track = make(maker.layout, t, numbers)
         tracks.append(track.about | {"blocks": [len(blocks) + k for k in range(len(track.blocks))]})
         blocks += track.blocks
