@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from std_msgs.msg import Float64
 from test_controller import trajectory
-from test_simulator_commands import Simulator
 
 import diag_dynamics as dd
 from controllers import START_AT, Controller, PassedOn, effort_controller, put, quiet, record
 from nodes import START, UR5, S, nanoseconds, robot
+from simulators import Simulator
 
 BOUND = 0.12
 """Of the energy that a contact could take out of the arm [J]."""

@@ -8,10 +8,10 @@ import time
 
 import numpy as np
 import pytest
-from test_simulator_commands import Simulator
 
 from controllers import ACTIVE, START_AT, Controller, gravity_of, put, quiet
 from nodes import MS, START, UR5, nanoseconds
+from simulators import Simulator
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from test_controller import trajectory
-from test_simulator_commands import Simulator
 
 from controllers import (
     ACTIVE,
@@ -28,6 +27,7 @@ from controllers import (
 )
 from examples import shortened
 from nodes import START, UR5, S, joint_state, nanoseconds, robot
+from simulators import Simulator
 
 RATE = 250
 """Of joint states [Hz]."""

@@ -1,0 +1,70 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A simulator as tests see it: its outputs and its inputs."""
+
+from diag_dynamics.msg import DiagonalizedState, EnergyAudit
+from geometry_msgs.msg import WrenchStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+import diag_dynamics as dd
+from nodes import START, Reports, robot
+
+NODE = "diag_dynamics_simulator"
+
+
+class Simulator:
+    """A simulator, its outputs and its inputs."""
+
+    def __init__(self, peer, namespace, id, **parameters):
+        """Start it; a context at whose end it ends."""
+        self.peer, self.robot, self.name = peer, robot(id), f"{namespace}/{NODE}"
+        self.model = dd.load_urdf(self.robot.path, floating_base=parameters.get("floating_base", False))
+        self.states = peer.topic(JointState, f"{namespace}/joint_states")
+        self.odometry = peer.topic(Odometry, f"{namespace}/odom")
+        self.truth = peer.topic(DiagonalizedState, f"{self.name}/ground_truth")
+        self.audits = peer.topic(EnergyAudit, f"{self.name}/energy_audit")
+        self.commands = peer.publisher(Float64MultiArray, f"{namespace}/effort_controller/commands")
+        self.wrenches = peer.publisher(WrenchStamped, f"{namespace}/external_wrench")
+        self.reports = Reports(peer.node, peer.wait_until, self.name)
+        self.process = peer.start(
+            "simulator", "-r", f"__ns:={namespace}", robot_description=self.robot.path, **parameters
+        )
+
+    def __enter__(self):
+        ready = (self.commands.get_subscription_count, self.wrenches.get_subscription_count)
+        self.peer.wait_until(lambda: all(count() for count in ready) and self.states.messages, self.name, START)
+        self.peer.wait_until(lambda: self.truth.subscription.get_publisher_count(), "its truth")
+        self.peer.become_known(self.name)
+        return self
+
+    def __exit__(self, *error):
+        self.process.__exit__(*error)
+
+    def wait_for_report(self, condition, what, begin=None):
+        """Return the first report for which a condition holds: see :meth:`Reports.wait_for`."""
+        return self.reports.wait_for(condition, what, begin)
+
+    def command(self, *efforts):
+        """Send efforts."""
+        self.commands.publish(Float64MultiArray(data=[float(x) for x in efforts]))
+
+    def push(self, link, *six):
+        """Send a wrench on a link."""
+        message = WrenchStamped()
+        message.header.frame_id = link
+        f, n = message.wrench.force, message.wrench.torque
+        f.x, f.y, f.z, n.x, n.y, n.z = map(float, six)
+        self.wrenches.publish(message)
+
+    def call(self, kind, service, **fields):
+        """Call one of its services."""
+        return self.peer.call(kind, f"{self.name}/{service}", kind.Request(**fields))
+
+    def next_state(self):
+        """Return the next joint state."""
+        count = len(self.states.messages)
+        self.peer.wait_until(lambda: len(self.states.messages) > count, "a joint state")
+        return self.states.messages[-1]
