@@ -39,7 +39,21 @@ from diag_dynamics.compiled.kernel import (
     kernel,
 )
 from diag_dynamics.compiled.lanes import lane_of
-from diag_dynamics.compiled.registers import EIGHT, WIDTH, nought
+from diag_dynamics.compiled.registers import (
+    EIGHT,
+    FOUR,
+    WIDTH,
+    chooser,
+    from_lane,
+    lanes_at,
+    loader,
+    mover,
+    nought,
+    set_lanes,
+    set_lanes_from,
+    spreader,
+)
+from diag_dynamics.compiled.registers import store as store_matrix
 from diag_dynamics.compiled.tables import Addresses, Table, array, lanes
 from diag_dynamics.compiled.trigonometry import LARGEST, sine_and_cosine
 from diag_dynamics.sweeps.workspace import aligned
@@ -295,6 +309,63 @@ def test_lanes_have_the_bits_of_numbers(name):
             result = in_registers(x)
             wide(x.ctypes.data, y.ctypes.data, result.ctypes.data)
             assert result.tobytes() == np.array([narrow(a, b) for a, b in zip(x, y, strict=True)]).tobytes()
+
+
+def test_comparisons_of_lanes():
+    """They hold where they hold in every lane."""
+
+    @numba.njit
+    def holds(x, y):
+        a, b = _lanes_at(x, (1,))[0], _lanes_at(y, (1,))[0]
+        return a < b, math.isfinite(a)
+
+    x, y = in_registers(0.0), in_registers(1.0)
+    assert holds(x.ctypes.data, y.ctypes.data) == (True, True)
+    for lane in range(WIDTH):
+        for value, finite in ((1.0, True), (2.0, True), (np.nan, False), (np.inf, False)):
+            other = in_registers(x)
+            other[lane] = value
+            assert holds(other.ctypes.data, y.ctypes.data) == (False, finite), (lane, value)
+
+
+@pytest.mark.parametrize(("kind", "width"), [(FOUR, 4), (EIGHT, 8)])
+def test_matrices_of_lanes(kind, width):
+    """Entries lie eight numbers apart; lanes move among four."""
+    load, spread = loader(kind), spreader(kind)
+    move, choose = mover(None, 0, 1, None), chooser(False, True, False, True)
+
+    @numba.njit
+    def moved(a, b):
+        M = move(load(a))
+        x = choose(M[0][0], spread(7.0))
+        store_matrix(b, ((x, M[0][1], M[0][2]), M[1], M[2]))
+
+    a, b = np.arange(72.0) + 1.0, np.zeros(72)
+    moved(a, b)
+    before, found, expected = a.reshape(9, 8)[:, :width], b.reshape(9, 8), np.zeros((9, width))
+    for first in range(0, width, 4):
+        expected[:, first + 1 : first + 3] = before[:, first : first + 2]
+    expected[0, 1::2] = 7.0
+    np.testing.assert_array_equal(found[:, :width], expected)
+    assert not found[:, width:].any()
+
+
+def test_rows_shorter_than_registers():
+    """Lanes before `first` have no place in the row."""
+
+    @numba.njit
+    def write(a, b, first):
+        x = lanes_at(a, 1)
+        set_lanes_from(b, 2, x, first)
+        set_lanes(b, 12, from_lane(first, x, lanes_at(a, 9)))
+
+    for first in (-1, 0, 3, 7, 8, 9):
+        a, b = np.arange(20.0), np.full(22, -1.0)
+        write(a, b, first)
+        later = np.arange(WIDTH) >= first
+        np.testing.assert_array_equal(b[2:10], np.where(later, a[1:9], -1.0))
+        np.testing.assert_array_equal(b[12:20], np.where(later, a[1:9], a[9:17]))
+        assert (b[[0, 1, 10, 11, 20, 21]] == -1.0).all()
 
 
 @entry_kernel(VECTOR, FILLED_VECTOR, FILLED_VECTOR)
