@@ -1,124 +1,147 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A fleet's archive: a task for each recording, on real schedulers and workers, restarted, and killed midway."""
+"""A fleet's archive: each recording is analysed as by itself, in pieces or whole, once, whatever fails meanwhile.
+
+Tasks run in threads of the test's process; those in processes, of which one is killed, are of the full tier.
+"""
 
 import json
+import math
 import os
 import re
+import shutil
 import signal
+import struct
 import subprocess
 import sys
 import threading
 from contextlib import ExitStack
 from pathlib import Path
 
+import distributed
 import numpy as np
 import pytest
-
-pytest.importorskip("distributed", reason="distributed is not installed")
-pytest.importorskip("pyarrow", reason="pyarrow is not installed")
-import distributed
-from mcap.writer import Writer
 from pyarrow import parquet
-from test_pieces import analysed, compare, good, unordered
 
 import diag_dynamics as dd
-from bags import TEXT
+from bags import Message, arm, description, odometry, serialized, urdf_of, write_floating, write_mcap
+from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from diag_dynamics.cli.main import main
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.recordings.fleet.table import KINDS, text_of
-from diag_dynamics.recordings.histogram import Histogram
-from diag_dynamics.recordings.summary import summary_of
-from diag_dynamics.wire.cdr import Template
-from diag_dynamics.wire.definitions import message_type
-from hostile import JOINT_STATE, START, S, hostile
-
-pytestmark = [pytest.mark.full]
+from hostile import MS, START, Driver, S, hostile
 
 PIECE = 4.0
 ROOT = Path(__file__).parents[2]
-
-
-def write(path, pairs, robot):
-    """Joint states and the description of their robot, as the library mcap writes them."""
-    description = message_type("std_msgs/msg/String")(data=Path(find_urdf(robot)).read_text(encoding="utf-8"))
-    with open(path, "wb") as file:
-        writer = Writer(file, chunk_size=20_000)
-        writer.start(profile="ros2")
-        text = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
-        channel = writer.register_channel("/robot_description", "cdr", text)
-        writer.add_message(channel, START, Template(description).encoded(), START)
-        states = writer.register_schema(JOINT_STATE, "ros2msg", TEXT.encode())
-        channel = writer.register_channel("/joint_states", "cdr", states)
-        for raw, now in pairs:
-            writer.add_message(channel, now, raw, now)
-        writer.finish()
-
-
-@pytest.fixture(scope="module")
-def archive(tmp_path_factory):
-    """Folder of recordings of two robots: short ones, a long one, one with everything wrong; one empty, one no bag."""
-    folder = tmp_path_factory.mktemp("archive")
-    panda, ur5 = dd.load_robot("panda"), dd.load_robot("ur5")
-    for day in ("monday", "tuesday"):
-        (folder / day).mkdir()
-    write(folder / "monday" / "arm.mcap", good(panda, 3.0), "panda")
-    write(folder / "monday" / "long shift.mcap", good(panda, 14.0, seed=2), "panda")
-    write(folder / "tuesday" / "arm.mcap", good(ur5, 3.0, seed=3), "ur5")
-    write(folder / "tuesday" / "hostile.mcap", hostile(panda, 4), "panda")
-    write(folder / "tuesday" / "idle.mcap", [], "panda")
-    (folder / "tuesday" / "broken.mcap").write_bytes(np.random.default_rng(0).bytes(5000))
-    return folder
-
-
 GOOD = "monday/arm.mcap", "monday/long shift.mcap", "tuesday/arm.mcap", "tuesday/hostile.mcap"
 BAD = "tuesday/broken.mcap", "tuesday/idle.mcap"
 
 
+def good(model, seconds, seed=1):
+    """Return messages of one driver, 500 Hz with jitter, with times of reception."""
+    driver, rng, count = Driver(model, seed), np.random.default_rng(seed), int(500 * seconds)
+    stamps = START + np.arange(count) * 2 * MS + rng.integers(-1000, 1000, count)
+    return [(driver.good(int(stamp)), int(stamp) + 200_000) for stamp in stamps]
+
+
+def write(path, pairs, robot, **options):
+    """Write joint states and the description of their robot; return the path."""
+    path.parent.mkdir(exist_ok=True)
+    states = [Message("/joint_states", now, raw) for raw, now in pairs]
+    urdf = Path(find_urdf(robot)).read_text(encoding="utf-8")
+    return write_mcap(path, [description(urdf, START), *states], chunk_size=20_000, **options)
+
+
 @pytest.fixture(scope="module")
-def expected(archive):
-    """What is said of each recording that is analysed by itself, in one piece."""
-    return {str(archive / name): summary_of(analysed(archive / name, None, {})) for name in GOOD}
+def archive(tmp_path_factory):
+    """Folder of recordings of two robots: short, long, and hostile; without messages, and of garbage."""
+    folder = tmp_path_factory.mktemp("archive")
+    panda, ur5 = dd.load_robot("panda"), dd.load_robot("ur5")
+    write(folder / GOOD[0], good(panda, 3.0), "panda")
+    write(folder / GOOD[1], good(panda, 12.0, seed=2), "panda")
+    write(folder / GOOD[2], good(ur5, 3.0, seed=3), "ur5")
+    write(folder / GOOD[3], hostile(panda, 4), "panda")
+    write(folder / BAD[1], [(serialized(START, ["elsewhere"], [0.0]), START)], "panda")
+    (folder / BAD[0]).write_bytes(np.random.default_rng(0).bytes(5000))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def scheduler():
+    """Address of a scheduler whose worker is a thread of this process."""
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    with distributed.LocalCluster(**options) as cluster:
+        yield cluster.scheduler_address
+
+
+def alone(path, out, *options):
+    """Return the summary of a recording that is analysed by itself."""
+    assert main(["analyse", str(path), "--json", str(out), "--quiet", *map(str, options)]) in (0, 1)
+    return json.loads(out.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def expected(archive, tmp_path_factory):
+    out = tmp_path_factory.mktemp("expected") / "summary.json"
+    return {str(archive / name): alone(archive / name, out) for name in GOOD}
+
+
+def compare(one, other, where=""):
+    """Assert that whole numbers, texts and times of two summaries are the same, others to 1e-12.
+
+    Findings have an order of their own: the first ones of a cause may come in another piece than others.
+    """
+    if isinstance(other, dict):
+        for key in other:
+            compare(one[key], other[key], f"{where}.{key}")
+    elif isinstance(other, list):
+        assert len(one) == len(other), where
+        if where.endswith(".findings"):
+            one, other = (sorted(each, key=str) for each in (one, other))
+        for k, pair in enumerate(zip(one, other, strict=True)):
+            compare(*pair, f"{where}[{k}]")
+    elif isinstance(other, float):
+        assert math.isclose(one, other, rel_tol=1e-12, abs_tol=1e-14), f"{where}: {one} {other}"
+    else:
+        assert one == other, where
 
 
 def check(report, out, expected, archive):
-    """All recordings are analysed as by themselves, and those that cannot be are told of."""
+    """Assert that all recordings are analysed as by themselves, and those that cannot be are named."""
     assert set(report["failed"]) == {str(archive / name) for name in BAD}
     assert [row["recording"] for row in report["recordings"]] == list(expected)
     summaries = {}
-    for path in out.glob("*.json"):
-        if path.name != "fleet.json":
-            summary = json.loads(path.read_text(encoding="utf-8"))
-            summaries[summary["recording"]] = path, summary
+    for path in out.glob("*-*.json"):
+        summary = json.loads(path.read_text(encoding="utf-8"))
+        summaries[summary["recording"]] = path, summary
     assert summaries.keys() == expected.keys()
     for recording, (path, summary) in summaries.items():
-        whole = json.loads(json.dumps(expected[recording]))
-        compare(unordered({key: summary[key] for key in whole}), unordered(whole))
+        whole = expected[recording]
+        compare(summary, whole)
         columns = parquet.read_table(path.with_suffix(".parquet"))
         assert columns.num_rows == whole["states"]
-        assert columns["stamp"].to_numpy()[[0, -1]].tolist() == pytest.approx([whole["begin"] * S, whole["end"] * S])
+        ends = columns["stamp"].to_numpy()[[0, -1]].tolist()
+        assert ends == pytest.approx([whole["begin"] * S, whole["end"] * S])
         assert np.max(columns["kinetic_energy"].to_numpy()) == whole["kinetic_energy"]["max"]
     assert not (out / ".unfinished").exists()
-    told = json.loads((out / "fleet.json").read_text(encoding="utf-8"))
-    assert told == json.loads(json.dumps(report))
+    assert json.loads((out / "fleet.json").read_text(encoding="utf-8")) == json.loads(json.dumps(report))
     table = parquet.read_table(out / "fleet.parquet")
     assert table.num_rows == len(GOOD) + len(BAD)
-    assert {name: str(table.schema.field(name).type) for name in KINDS} == {
-        name: kind.replace("float64", "double") for name, kind in KINDS.items()
-    }
+    kinds = {name: str(table.schema.field(name).type).replace("double", "float64") for name in KINDS}
+    assert kinds == KINDS
     for row, given in zip(table.to_pylist(), report["recordings"], strict=False):  # those that failed come behind
         assert {name: row[name] for name in given} == given
 
 
 @pytest.fixture(scope="module")
-def analysed_once(archive, tmp_path_factory):
-    """What is written by processes of this machine."""
+def analysed(archive, scheduler, tmp_path_factory):
+    """Report and folder of an archive that is analysed in the test's process."""
     out, told = tmp_path_factory.mktemp("out"), []
     report = dd.analyse_fleet(
         [str(archive / "**" / "*.mcap")],
         out,
-        workers=2,
+        scheduler=scheduler,
         piece=PIECE,
         progress=lambda done, count, path: told.append((done, count)),
     )
@@ -126,77 +149,219 @@ def analysed_once(archive, tmp_path_factory):
     return report, out
 
 
-def test_fleet_on_this_machine(analysed_once, archive, expected):
-    report, out = analysed_once
+def test_a_fleet_is_its_recordings(analysed, archive, expected):
+    report, out = analysed
     check(report, out, expected, archive)
     assert (report["computed"], report["kept"]) == (len(GOOD), 0)
     assert "not a single state" in report["failed"][str(archive / BAD[1])]
-    assert [row["pieces"] for row in report["recordings"]] == [1, 4, 1, 2]
+    assert [row["pieces"] for row in report["recordings"]] == [1, 3, 1, 2]
 
 
-def test_robots_are_told_of_together(analysed_once, expected):
-    report, _ = analysed_once
+def test_robots_are_reported_together(analysed, expected):
+    report, _ = analysed
     panda, ur5 = report["robots"]
-    assert (panda["robot"], panda["recordings"]) == ("panda", 3)
-    assert (ur5["robot"], ur5["recordings"]) == ("ur5", 1)
+    assert (panda["robot"], panda["recordings"], ur5["robot"], ur5["recordings"]) == ("panda", 3, "ur5", 1)
     of = [summary for summary in expected.values() if summary["robot"] == "panda"]
     highest = max(of, key=lambda one: one["kinetic_energy"]["max"])
     assert panda["kinetic_energy"]["max"] == highest["kinetic_energy"]["max"]
     assert expected[panda["kinetic_energy"]["recording"]] is highest
     assert sum(one["states"] for one in panda["kinetic_energy"]["histogram"]) == panda["states"]
     assert panda["states"] == sum(one["states"] for one in of)
-    assert panda["rejected"] == {
-        cause: sum(one["rejected"].get(cause, 0) for one in of) for one in of for cause in one["rejected"]
-    }
+    causes = {cause for one in of for cause in one["rejected"]}
+    assert panda["rejected"] == {cause: sum(one["rejected"].get(cause, 0) for one in of) for cause in causes}
     assert sum(panda["rejected"].values()) > 10
     assert [robot["collisions"] for robot in report["robots"]] == [None, None]  # there are no thresholds
     assert [robot["unjudged"] for robot in report["robots"]] == [3, 1]
     assert {row["collisions"] for row in report["recordings"]} == {None}
-    assert text_of(report | {"computed": 4, "kept": 0, "failed": {}}).count("nothing is known of collisions") == 2
+    assert text_of(report | {"failed": {}}).count("nothing is known of collisions") == 2
     variance = {name: variance_of([one["balance"]["moments"][name] for one in of]) for name in ("kinetic", "residual")}
     assert panda["explained"] == pytest.approx(1.0 - variance["residual"] / variance["kinetic"], rel=1e-9)
-    assert ur5["explained"] == pytest.approx(next(x for x in expected.values() if x["robot"] == "ur5")["explained"])
 
 
-def variance_of(told):
-    """Variance of all values, by number, mean and sum of squared distances from the mean of several lots of them."""
-    count = sum(one["count"] for one in told)
-    mean = sum(one["count"] * one["mean"] for one in told) / count
-    return sum(one["squares"] + one["count"] * (one["mean"] - mean) ** 2 for one in told) / count
+def variance_of(lots):
+    """Return the variance of all values, by number, mean and sum of squared distances from the mean of each lot."""
+    count = sum(one["count"] for one in lots)
+    mean = sum(one["count"] * one["mean"] for one in lots) / count
+    return sum(one["squares"] + one["count"] * (one["mean"] - mean) ** 2 for one in lots) / count
 
 
-def modified(out):
-    """When each summary of a single recording was written, by name."""
-    return {path.name: path.stat().st_mtime_ns for path in out.glob("*.json") if path.name != "fleet.json"}
+def test_restart(analysed, archive, scheduler, tmp_path):
+    """Nothing is computed again but what is not there, or would be another; failures are tried again."""
+    out = shutil.copytree(analysed[1], tmp_path / "out")
+    patterns = [str(archive / name) for name in (*GOOD, BAD[0])]
 
-
-def test_restart(analysed_once, archive):
-    """Nothing is computed again but what is not there, or would be another; the bad ones are tried again."""
-    _, out = analysed_once
-    patterns = [str(archive / name) for name in GOOD]
+    def modified():
+        return {path.name: path.stat().st_mtime_ns for path in out.glob("*-*.json")}
 
     def again(**options):
-        before = modified(out)
-        report = dd.analyse_fleet(patterns, out, workers=1, piece=PIECE, **options)
-        after = modified(out)
+        before = modified()
+        report = dd.analyse_fleet(patterns, out, scheduler=scheduler, piece=PIECE, **options)
+        after = modified()
+        assert list(report["failed"]) == patterns[-1:]
         return report, {name for name in after if after[name] != before.get(name)}
 
     report, written = again()
     assert (report["computed"], report["kept"], written) == (0, len(GOOD), set())
-
     lost = next(out.glob("monday-arm-*.parquet"))
     lost.unlink()
     report, written = again()
-    assert (report["computed"], written) == (1, {lost.with_suffix(".json").name})
-    assert lost.exists()
-
+    assert (report["computed"], written) == (1, {lost.with_suffix(".json").name}) and lost.exists()
     touched = archive / "tuesday" / "arm.mcap"
     os.utime(touched, ns=(touched.stat().st_atime_ns, touched.stat().st_mtime_ns + S))
-    _, written = again()
-    assert {name.rpartition("-")[0] for name in written} == {"tuesday-arm"}
-
+    assert {name.rpartition("-")[0] for name in again()[1]} == {"tuesday-arm"}
+    patterns = [str(archive / GOOD[0]), *patterns[-1:]]
     report, written = again(parameters={"absurd.jump": 0.5})
-    assert report["computed"] == len(written) == len(GOOD)
+    assert report["computed"] == len(written) == 1
+
+
+PARAMETERS = {
+    "collisions": ["external_torque.gain=25", "external_torque.threshold=2"],
+    "alarms": ["external_torque.gain=25", "alarm.joints=['*=35']", "alarm.norm=29", "alarm.release=0.95"],
+    "standing offset": ["external_torque.gain=25", "alarm.joints=['*=30']", "alarm.standing=0.1"],
+    "frozen values refused": ["frozen_values=refuse", "frozen_timeout=0.05"],
+    "estimated velocities": ["missing_velocity=estimate"],
+}
+SLOW = {"estimated velocities", "frozen values refused"}
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.full] * (name in SLOW)) for name in PARAMETERS])
+def test_pieces_are_the_whole(tmp_path, archive, scheduler, name):
+    """Whatever crosses a seam. An offset that has stood since long before it has both pieces be analysed as one."""
+    settings = [word for one in PARAMETERS[name] for word in ("--set", one)]
+    out = tmp_path / "out"
+    command = ["analyse", "--fleet", str(archive / GOOD[1]), str(archive / GOOD[3]), "--out", str(out), "--no-parquet"]
+    assert main([*command, "--scheduler", scheduler, "--piece", "3", "--quiet", *settings]) in (0, 1)
+    rows = json.loads((out / "fleet.json").read_text())["recordings"]
+    for path in out.glob("*-*.json"):
+        summary = json.loads(path.read_text(encoding="utf-8"))
+        compare(summary, alone(summary["recording"], tmp_path / "alone.json", *settings))
+    assert rows[0]["pieces"] < 4 if name == "standing offset" else rows[0]["pieces"] == 4
+    assert (rows[0]["collisions"] is None) == (name not in ("collisions", "alarms", "standing offset"))
+
+
+def test_pieces_of_a_floating_base(tmp_path, scheduler):
+    """What is known of odometry crosses seams, too."""
+    model, at_rest = dd.load_robot("panda", floating_base=True), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    joints = good(model, 6.0)
+    bases = [
+        (now, odometry(now, model.root_link, at_rest, (1e-3 * k, 0.0, 0.0, 0.0, 0.0, 0.0)))
+        for k, (_, now) in enumerate(joints)
+        if k % 5 == 0 and k % 1000 < 900  # without it for a while, until it is stale
+    ]
+    path, out = write_floating(tmp_path / "base.mcap", joints, bases), tmp_path / "out"
+    settings = ["--urdf", "panda", "--set", "floating_base=true", "--set", "odom_timeout=0.1"]
+    command = ["analyse", "--fleet", str(path), "--out", str(out), "--no-parquet", "--scheduler", scheduler]
+    assert main([*command, "--piece", "3", "--quiet", *settings]) == 1
+    summary = json.loads(next(out.glob("*-*.json")).read_text(encoding="utf-8"))
+    assert summary["pieces"] == 2 and summary["counts"]["rejected: stale odometry"] > 100
+    compare(summary, alone(path, tmp_path / "alone.json", *settings))
+
+
+def test_lying_chunks_are_one_piece(tmp_path, scheduler):
+    """A chunk that says that its messages end before they do: who skips it by that would lose them."""
+    path = write(tmp_path / "x" / "x.mcap", good(dd.load_robot("ur5"), 6.0), "ur5", enable_crcs=False)
+    data, at, starts = bytearray(path.read_bytes()), 8, []
+    while at < len(data) - 8:
+        kind, size = struct.unpack_from("<BQ", data, at)
+        starts += struct.unpack_from("<Q", data, at + 9) if kind == 6 else ()
+        at += 9 + size
+    begin = next(one for one in starts if one >= starts[0] + 3 * S).to_bytes(8, "little")
+    for kind in (6, 8):  # the chunk of the seam, and what the index says of it
+        at = next(k for k in range(9, len(data)) if data[k - 9] == kind and data.startswith(begin, k))
+        data[at + 8 : at + 16] = begin  # the end is where they begin
+    path.write_bytes(data)
+    report = dd.analyse_fleet([str(path)], tmp_path / "out", scheduler=scheduler, piece=3.0, parquet=False)
+    assert [row["pieces"] for row in report["recordings"]] == [1]
+    summary = json.loads(next((tmp_path / "out").glob("*-*.json")).read_text(encoding="utf-8"))
+    compare(summary, alone(path, tmp_path / "alone.json"))
+
+
+def test_the_command(tmp_path, archive, scheduler, capsys):
+    arguments = ["analyse", "--fleet", str(archive / "tuesday" / "*.mcap"), "--out", str(tmp_path), "--no-parquet"]
+    run = [*arguments, "--scheduler", scheduler]
+    assert main([*run, "--piece", "4"]) == 1  # there are bad ones
+    told = capsys.readouterr()
+    assert "Robot 'ur5': 1 recordings" in told.out and "2 recordings analysed; 2 failed" in told.out
+    assert "4 of 4 recordings" in told.err and not list(tmp_path.glob("*.parquet"))
+    assert main(["analyse", run[2], "--fleet", *run[3:], "--quiet"]) == 1  # before --fleet as well as behind it
+    assert capsys.readouterr() == ("", "")
+    for wrong, what in (
+        (["analyse", "--fleet", "nothing.mcap", "--out", str(tmp_path)], "there is no recording 'nothing.mcap'"),
+        (["analyse", "--fleet", str(archive)], "--fleet needs --out"),
+        ([*arguments, "--csv", "x.csv"], "--csv is of a single recording"),
+        ([*arguments, "--report", "x.html"], "--report is of a single recording"),
+        ([*arguments, "--topics", "state"], "--topics is of a single recording"),
+        ([*arguments, "--workers", "0"], "--workers is 0"),
+        ([*arguments, "--piece", "0"], "piece is 0.0"),
+    ):
+        assert main(wrong) == 2
+        assert what in capsys.readouterr().err
+
+
+def page_of(folder):
+    """Return the text of a fleet's page, its links, and the values of its rows."""
+    page = (folder / "fleet.html").read_text(encoding="utf-8")
+    links = [folder / link for link in re.findall('href="([^"]*[.](?:html|json))"', page)]
+    assert all(link.exists() for link in links)
+    return page, links, [re.findall('data-value="([^"]*)"', row) for row in page.split("<tr>")[2:]]
+
+
+def test_the_page(analysed, archive, expected):
+    """A row for each recording, which leads to its summary; what is wrong with others is below."""
+    page, links, rows = page_of(analysed[1])
+    assert sorted(links) == sorted(analysed[1].glob("*-*.json"))
+    assert [row[0] for row in rows] == list(expected) and {row[8] for row in rows} == {""}
+    assert [int(row[3]) for row in rows] == [one["states"] for one in expected.values()]
+    assert [float(row[4]) for row in rows] == [one["kinetic_energy"]["max"] for one in expected.values()]
+    assert "nothing is known of contacts" in page and "0 contacts" not in page
+    assert all(f"<li>{archive / name}: " in page for name in BAD)
+
+
+@pytest.mark.full
+def test_reports(tmp_path, archive, scheduler, expected, capsys):
+    """The page leads to the report of each recording, which has its summary."""
+    chosen = [str(archive / name) for name in (GOOD[0], GOOD[2], BAD[1])]
+    command = ["analyse", "--fleet", *chosen, "--out", str(tmp_path), "--no-parquet", "--scheduler", scheduler]
+    assert main([*command, "--reports"]) == 1
+    reports = {path for path in page_of(tmp_path)[1] if path.suffix == ".html"}
+    assert reports == set(tmp_path.glob("*-*.html")) and len(reports) == 2
+    for path in reports:
+        (text,) = re.findall(r'id="report">(.*)</script>', path.read_text(encoding="utf-8"))
+        summary = json.loads(text)["summary"]
+        compare(summary, expected[summary["recording"]])
+    capsys.readouterr()
+    assert main([*command, "--reports"]) == 1
+    assert "0 recordings analysed, 2 had been" in capsys.readouterr().out
+
+
+def test_the_exit_status_is_that_of_a_recording_by_itself(tmp_path, scheduler, capsys):
+    """States too far apart for a balance, with efforts: worth a look in either way."""
+    rows = [f"{0.3 * k},{0.3 * math.sin(0.3 * k)},{0.3 * math.cos(0.3 * k)},1" for k in range(200)]
+    path, out = tmp_path / "slow.csv", tmp_path / "out"
+    path.write_text("\n".join(["t,q_a,qd_a,tau_a", *rows]))
+    why = "there are efforts, but no balance of power"
+    report = dd.analyse_fleet([path], out, arm("a"), scheduler=scheduler, parquet=False)
+    assert [row["wrong"] for row in report["recordings"]] == [why]
+    urdf = tmp_path / "arm.urdf"
+    urdf.write_text(urdf_of("a"))
+    assert main(["analyse", str(path), "--urdf", str(urdf)]) == 1
+    assert why in capsys.readouterr().err
+    fleet = ["analyse", "--fleet", str(tmp_path / "sl*.csv"), "--out", str(out), "--no-parquet", "--quiet"]
+    assert main([*fleet, "--urdf", str(urdf), "--scheduler", scheduler]) == 1
+
+
+def test_wrong_arguments(tmp_path, archive, monkeypatch):
+    path = str(archive / GOOD[0])
+    with pytest.raises(dd.InputError, match="expected a list of paths"):  # its letters would be the patterns
+        dd.analyse_fleet(path, tmp_path)
+    with pytest.raises(dd.InputError, match="no parameter 'max_agge'"):
+        dd.analyse_fleet([path], tmp_path, parameters={"max_agge": 1.0})
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(dd.InputError, match=r"pip install 'dask\[distributed\]'"):
+        dd.analyse_fleet([path], tmp_path)
+
+
+# --- Processes ---
 
 
 class Cluster:
@@ -223,7 +388,7 @@ class Cluster:
         return process
 
     def kill_one_at_work(self):
-        """Kill a worker in the midst of a task; returns its process, and what it was at."""
+        """Kill a worker in the midst of a task; return its process, and what it was at."""
         names = {address: of["name"] for address, of in self.client.scheduler_info()["workers"].items()}
         again = threading.Event()
         for _ in range(600):
@@ -236,8 +401,9 @@ class Cluster:
         raise AssertionError("no worker has anything to do")
 
 
+@pytest.mark.full
 def test_killed_worker(tmp_path, archive, expected):
-    """Whatever a worker was at when it was killed, and what it had not handed over, another one does."""
+    """What a killed worker was at, and what it had not handed over, another worker does."""
     with ExitStack() as stack:
         cluster, killed = Cluster(tmp_path, stack), []
 
@@ -245,118 +411,14 @@ def test_killed_worker(tmp_path, archive, expected):
             if not killed:
                 killed.extend(cluster.kill_one_at_work())
 
-        report = dd.analyse_fleet(
-            [str(archive / "**" / "*.mcap")],
-            tmp_path / "out",
-            scheduler=cluster.address,
-            piece=PIECE,
-            progress=progress,
-        )
+        patterns = [str(archive / "**" / "*.mcap")]
+        report = dd.analyse_fleet(patterns, tmp_path / "out", scheduler=cluster.address, piece=PIECE, progress=progress)
         assert killed[0].wait(60) == -signal.SIGKILL and killed[1]
         assert len(cluster.client.scheduler_info()["workers"]) == 1
     check(report, tmp_path / "out", expected, archive)
 
 
-def test_command(tmp_path, archive, capsys):
-    arguments = ["analyse", "--fleet", str(archive / "tuesday" / "*.mcap"), "--out", str(tmp_path), "--no-parquet"]
-    status = main([*arguments, "--workers", "1", "--piece", "4"])
-    told = capsys.readouterr()
-    assert status == 1  # there are bad ones
-    assert "Robot 'ur5': 1 recordings" in told.out
-    assert "2 recordings analysed; 2 failed" in told.out
-    assert "4 of 4 recordings" in told.err
-    assert not list(tmp_path.glob("*.parquet"))
-    assert main([*arguments, "--quiet", "--workers", "1"]) == 1
-    assert capsys.readouterr() == ("", "")
-    before = ["analyse", arguments[2], "--fleet", *arguments[3:], "--quiet", "--workers", "1"]  # as well as behind it
-    assert main(before) == 1
-    assert capsys.readouterr() == ("", "")
-    for wrong, what in (
-        (["analyse", "--fleet", "nothing.mcap", "--out", str(tmp_path)], "there is no recording 'nothing.mcap'"),
-        (["analyse", "--fleet", str(archive)], "--fleet needs --out"),
-        ([*arguments, "--csv", "x.csv"], "--csv is of a single recording"),
-        ([*arguments, "--topics", "state"], "--topics is of a single recording"),
-        ([*arguments, "--workers", "0"], "--workers is 0"),
-        ([*arguments, "--piece", "0"], "piece is 0.0"),
-    ):
-        assert main(wrong) == 2
-        assert what in capsys.readouterr().err
-
-
-def test_reports_and_the_page_that_leads_to_them(tmp_path, archive, expected, capsys):
-    """Each recording has its report; the page has a row for each, whose links are there, and what is wrong with others."""
-    chosen = [str(archive / name) for name in (GOOD[0], GOOD[1], BAD[1])]
-    command = ["analyse", "--fleet", *chosen, "--out", str(tmp_path), "--no-parquet", "--piece", "4", "--workers", "2"]
-    assert main([*command, "--reports"]) == 1  # there is a bad one
-    page = (tmp_path / "fleet.html").read_text(encoding="utf-8")
-    links = re.findall('href="([^"]*[.](?:html|json))"', page)
-    assert len(links) == 4
-    assert all((tmp_path / link).exists() for link in links)
-    reports = {path for path in map(tmp_path.joinpath, links) if path.suffix == ".html"}
-    assert reports == set(tmp_path.glob("*.html")) - {tmp_path / "fleet.html"}
-    for path in reports:
-        (text,) = re.findall(r'id="report">(.*)</script>', path.read_text(encoding="utf-8"))
-        told = json.loads(text)["summary"]
-        whole = json.loads(json.dumps(expected[told["recording"]]))
-        compare(unordered({key: told[key] for key in whole}), unordered(whole))
-    rows = [re.findall('data-value="([^"]*)"', row) for row in page.split("<tr>")[2:]]
-    assert [row[0] for row in rows] == chosen[:2]
-    assert [int(row[3]) for row in rows] == [expected[name]["states"] for name in chosen[:2]]
-    assert [float(row[4]) for row in rows] == [expected[name]["kinetic_energy"]["max"] for name in chosen[:2]]
-    assert [row[8] for row in rows] == ["", ""]
-    assert "nothing is known of contacts" in page and "0 contacts" not in page
-    assert f"<li>{chosen[2]}: " in page
-    capsys.readouterr()
-    assert main([*command, "--reports"]) == 1
-    assert "0 recordings analysed, 2 had been" in capsys.readouterr().out
-    assert main([*command, "--report", "x.html"]) == 2
-    assert "--report is of a single recording" in capsys.readouterr().err
-
-
-def test_part_by_the_command(tmp_path, archive):
-    path = tmp_path / "summary.json"
-    main(["analyse", str(archive / GOOD[0]), "--start", "1", "--end", "2", "--json", str(path), "--quiet"])
-    assert json.loads(path.read_text(encoding="utf-8"))["duration"] == pytest.approx(1.0, abs=0.005)
-
-
-def test_one_pattern_is_no_list(tmp_path, archive):
-    """Its letters would be the patterns."""
-    with pytest.raises(dd.InputError, match="expected a list of paths"):
-        dd.analyse_fleet(str(archive / GOOD[0]), tmp_path)
-
-
-def test_without_dask(tmp_path, archive, monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(dd.InputError, match=r"pip install 'dask\[distributed\]'"):
-        dd.analyse_fleet([str(archive / GOOD[0])], tmp_path)
-
-
-def test_histogram():
-    values = np.array([0.0, 1e-12, 0.5, 0.999, 1.0, 1.2, 1.3, 99.0, -1.0])
-    histogram = Histogram()
-    for part in np.split(values, [2, 5]):
-        one = Histogram()
-        one.take(part)
-        histogram.add(one)
-    told = histogram.told()
-    assert sum(one["states"] for one in told) == len(values)
-    assert told[0] == {"from": 0.0, "to": 0.0, "states": 2}
-    for one in told[1:]:
-        assert one["states"] == np.sum((values >= one["from"] * (1 - 1e-15)) & (values < one["to"] * (1 - 1e-15)))
-    assert Histogram.of(told).told() == told
-
-
-def test_the_exit_status_is_that_of_a_recording_by_itself(tmp_path, capsys):
-    """States too far apart for a balance, with efforts: worth a look in either way."""
-    model, t = dd.load_robot("ur5"), 0.3 * np.arange(200.0)
-    q, qd = 0.3 * np.sin(t)[:, None] * np.ones(model.nv), 0.3 * np.cos(t)[:, None] * np.ones(model.nv)
-    path = tmp_path / "slow.csv"
-    names = ["t", *(f"{kind}_{name}" for kind in ("q", "qd", "tau") for name in model.dof_names)]
-    columns = np.column_stack([t, q, qd, np.ones_like(q)])
-    np.savetxt(path, columns, delimiter=",", header=",".join(names), comments="")
-    assert main(["analyse", str(path), "--urdf", "ur5"]) == 1
-    assert "there are efforts, but no balance of power" in capsys.readouterr().err
-    out = tmp_path / "out"
-    assert main(["analyse", "--fleet", str(path), "--urdf", "ur5", "--out", str(out), "--no-parquet"]) == 1
-    (row,) = json.loads((out / "fleet.json").read_text(encoding="utf-8"))["recordings"]
-    assert row["wrong"] == "there are efforts, but no balance of power"
+@pytest.mark.full
+def test_processes_of_this_machine(tmp_path, archive, expected):
+    report = dd.analyse_fleet([str(archive / "**" / "*.mcap")], tmp_path, workers=2, piece=PIECE)
+    check(report, tmp_path, expected, archive)

@@ -1,85 +1,185 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags to read: messages written by the libraries that others read and write bags with."""
+"""Recordings of robots with few joints, written by the libraries mcap and rosbags."""
 
+import shutil
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+import yaml
 from mcap.writer import CompressionType, IndexType, Writer
+from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_typestore
+
+import diag_dynamics as dd
+from hostile import MS, START
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 ODOMETRY = "nav_msgs/msg/Odometry"
-TEXT = "std_msgs/Header header\nstring[] name\nfloat64[] position\n"
+STRING = "std_msgs/msg/String"
+TEXT = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n"
+DEFINITIONS = {JOINT_STATE: TEXT, STRING: "string data\n"}
+
+ALL, NO_MESSAGES, NO_CHUNKS, NO_INDEX = IndexType.ALL, IndexType.CHUNK, IndexType.MESSAGE, IndexType.NONE
+ZSTD, LZ4, PLAIN = CompressionType.ZSTD, CompressionType.LZ4, CompressionType.NONE
+SQLITE, MCAP = rosbag2.StoragePlugin.SQLITE3, rosbag2.StoragePlugin.MCAP
+
+JAZZY, NOETIC = get_typestore(Stores.ROS2_JAZZY), get_typestore(Stores.ROS1_NOETIC)
 
 
-class Told(NamedTuple):
+class Message(NamedTuple):
     """A message of a bag."""
 
     topic: str
     log_time: int
     data: bytes
+    type: str = JOINT_STATE
 
 
-def told_by(bag, wanted=None):
-    """All messages of a bag, which must be in the order of their log time, or the bag says that they are not."""
-    told = []
-    for piece in bag.pieces(wanted):
-        assert len(piece.at)
-        if told and told[-1].log_time > piece.log_time[0]:
-            assert any("come late" in finding for finding in bag.findings)
-        assert (np.diff(piece.log_time) >= 0).all()
-        for connection, at, size, log_time in zip(*piece[1:], strict=True):
-            assert 0 <= at <= at + size <= len(piece.data)
-            data = piece.data[at : at + size].tobytes()
-            told.append(Told(bag.connections[connection].topic, int(log_time), data))
-    return told
+def urdf_of(*names):
+    """Return a URDF of a chain of links on continuous joints of these names, of which nothing is absurd."""
+    links = "".join(
+        f'<link name="link_{name}"><inertial><mass value="1"/><origin xyz="0.1 0 0.3"/>'
+        '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        for name in names
+    )
+    parents = ["base", *(f"link_{name}" for name in names)]
+    joints = "".join(
+        f'<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="link_{name}"/>'
+        '<axis xyz="0 1 0"/></joint>'
+        for name, parent in zip(names, parents, strict=False)
+    )
+    return f'<robot name="arm"><link name="base"/>{links}{joints}</robot>'
 
 
-def some(count, rng=None, topics=("/a", "/b", "/c"), disorder=0, longest=40):
-    """Messages of several topics, no two alike, as they were written: `disorder` is how late one may be [ns]."""
-    rng = rng or np.random.default_rng(0)
+@cache
+def arm(*names):
+    """Return the robot of :func:`urdf_of`."""
+    return dd.load_urdf(urdf_of(*names))
+
+
+def joint_state(store, stamp, names, position, velocity=(), effort=(), frame="", **header):
+    """Return a JointState of a type store of rosbags; `header` has the `seq` of ROS 1."""
+    types, arrays = store.types, [np.asarray(values, float) for values in (position, velocity, effort)]
+    time = types["builtin_interfaces/msg/Time"](*divmod(stamp, 10**9))
+    header = types["std_msgs/msg/Header"](stamp=time, frame_id=frame, **header)
+    return types[JOINT_STATE](header, list(names), *arrays)
+
+
+def serialized(*arguments, **options):
+    """Return the bytes of a :func:`joint_state` of ROS 2."""
+    return bytes(JAZZY.serialize_cdr(joint_state(JAZZY, *arguments, **options), JOINT_STATE))
+
+
+def numbered(count, topics=("/joint_states",), disorder=0, longest=40, seed=0):
+    """Return joint states in the order in which they were written: message k, by log time, is at START + k ms.
+
+    The joint `a` moves by 0.1 rad/s from 0 on. `disorder` is how many messages a message may be late, `longest` the
+    length of a text that makes messages differ in size.
+    """
+    rng = np.random.default_rng(seed)
+    order = np.argsort(np.arange(count) + rng.integers(disorder + 1, size=count), kind="stable")
     return [
-        Told(
-            topics[int(rng.integers(len(topics)))],
-            10**9 + 1000 * k - int(rng.integers(disorder + 1)),
-            b"\0\1\0\0" + k.to_bytes(4, "little") + rng.bytes(int(rng.integers(longest))),
+        Message(
+            topics[k % len(topics)],
+            START + k * MS,
+            serialized(
+                START + k * MS, ["a"], [1e-4 * k], [0.1], frame=rng.bytes(int(rng.integers(longest)) // 2).hex()
+            ),
         )
-        for k in range(count)
+        for k in order.tolist()
     ]
 
 
-def ordered(messages):
-    """In the order of their log time, those of the same time as they were written."""
-    return sorted(messages, key=lambda one: one.log_time)
-
-
-def write_mcap(path, messages, compression="zstd", chunk_size=400, **options):
-    """Write messages by the library mcap; returns the path."""
-    kind = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "": CompressionType.NONE}[compression]
+def write_mcap(path, messages, compression=ZSTD, chunk_size=400, encoding="cdr", **options):
+    """Write messages by the library mcap; return the path."""
     with open(path, "wb") as file:
-        writer = Writer(file, compression=kind, chunk_size=chunk_size, **options)
+        writer = Writer(file, compression=compression, chunk_size=chunk_size, **options)
         writer.start(profile="ros2")
-        schema = writer.register_schema(JOINT_STATE, "ros2msg", TEXT.encode())
-        channels = {}
+        schemas, channels = {}, {}
         for one in messages:
+            if one.type not in schemas:
+                schemas[one.type] = writer.register_schema(one.type, "ros2msg", DEFINITIONS.get(one.type, "").encode())
             if one.topic not in channels:
-                channels[one.topic] = writer.register_channel(one.topic, "cdr", schema)
+                channels[one.topic] = writer.register_channel(one.topic, encoding, schemas[one.type])
             writer.add_message(channels[one.topic], one.log_time, one.data, one.log_time)
         writer.finish()
     return path
 
 
-ALL, NO_MESSAGES, NO_CHUNKS, NO_INDEX = IndexType.ALL, IndexType.CHUNK, IndexType.MESSAGE, IndexType.NONE
+def description(urdf, log_time=START):
+    """Return a message with the description of a robot."""
+    data = JAZZY.serialize_cdr(JAZZY.types[STRING](urdf), STRING)
+    return Message("/robot_description", log_time, bytes(data), STRING)
+
+
+def write_rosbag2(path, messages, plugin=SQLITE, mode=rosbag2.CompressionMode.NONE, version=9):
+    """Write a folder of rosbag2 by rosbags; return its path."""
+    writer = rosbag2.Writer(path, version=version, storage_plugin=plugin)
+    if mode != rosbag2.CompressionMode.NONE:
+        writer.set_compression(mode, rosbag2.CompressionFormat.ZSTD)
+    with writer:
+        connections = {}
+        for one in messages:
+            if one.topic not in connections:
+                connections[one.topic] = writer.add_connection(one.topic, one.type, typestore=JAZZY)
+            writer.write(connections[one.topic], one.log_time, one.data)
+    return path
+
+
+def file_of(folder):
+    """Return the only file of messages in a folder of rosbag2."""
+    (path,) = (path for path in folder.iterdir() if path.name != "metadata.yaml")
+    return path
+
+
+def write_split(folder, parts, plugin=SQLITE):
+    """Write a folder with a file for each part, as rosbag2 splits recordings; return its path."""
+    folder.mkdir()
+    whole = None
+    for k, messages in enumerate(parts):
+        part = write_rosbag2(folder.with_name(f"{folder.name}_{k}"), messages, plugin)
+        own = yaml.safe_load((part / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+        file_of(part).rename(folder / file_of(part).name)
+        shutil.rmtree(part)
+        if whole is None:
+            whole = own
+            continue
+        whole["relative_file_paths"] += own["relative_file_paths"]
+        counts = {topic["topic_metadata"]["name"]: topic for topic in whole["topics_with_message_count"]}
+        for topic in own["topics_with_message_count"]:
+            counts[topic["topic_metadata"]["name"]]["message_count"] += topic["message_count"]
+    (folder / "metadata.yaml").write_text(yaml.safe_dump({"rosbag2_bagfile_information": whole}))
+    return folder
+
+
+def write_ros1(path, messages, compression=None, chunk=2000):
+    """Write a bag of ROS 1 by rosbags; return its path."""
+    writer = rosbag1.Writer(path)
+    writer.chunk_threshold = chunk
+    if compression:
+        writer.set_compression(compression)
+    with writer:
+        connections = {}
+        for k, one in enumerate(messages):
+            if one.topic not in connections:
+                connections[one.topic] = writer.add_connection(one.topic, JOINT_STATE, typestore=NOETIC)
+            new = JAZZY.deserialize_cdr(one.data, JOINT_STATE)
+            stamp = new.header.stamp.sec * 10**9 + new.header.stamp.nanosec
+            values = new.name, new.position, new.velocity, new.effort, new.header.frame_id
+            raw = NOETIC.serialize_ros1(joint_state(NOETIC, stamp, *values, seq=k), JOINT_STATE)
+            writer.write(connections[one.topic], one.log_time, raw)
+    return path
 
 
 def odometry(stamp, link, pose, twist):
     """Bytes of an odometry, by rosbags: x y z qx qy qz qw, and linear and angular velocity in the link's axes."""
-    store, no = get_typestore(Stores.ROS2_JAZZY), np.zeros(36)
+    no = np.zeros(36)
 
     def of(name, *fields):
-        return store.types[name](*fields)
+        return JAZZY.types[name](*fields)
 
     def vector(numbers):
         return of("geometry_msgs/msg/Vector3", *map(float, numbers))
@@ -95,20 +195,11 @@ def odometry(stamp, link, pose, twist):
             no,
         ),
     )
-    return bytes(store.serialize_cdr(of(ODOMETRY, header, link, *covered), ODOMETRY))
+    return bytes(JAZZY.serialize_cdr(of(ODOMETRY, header, link, *covered), ODOMETRY))
 
 
 def write_floating(path, joints, bases):
-    """Write joint states, pairs of bytes and log times, and odometries, pairs of log times and bytes; returns the path."""
-    told = [(now, 1, raw) for now, raw in bases] + [(now, 0, raw) for raw, now in joints]
-    with open(path, "wb") as file:
-        writer = Writer(file, chunk_size=20_000)
-        writer.start(profile="ros2")
-        channels = [
-            writer.register_channel(topic, "cdr", writer.register_schema(kind, "ros2msg", b""))
-            for topic, kind in (("/joint_states", JOINT_STATE), ("/odom", ODOMETRY))
-        ]
-        for now, kind, raw in sorted(told, key=lambda one: (one[0], -one[1])):
-            writer.add_message(channels[kind], now, raw, now)
-        writer.finish()
-    return path
+    """Write joint states (pairs of bytes and log time) and odometries (pairs of log time and bytes); return the path."""
+    sent = [(now, 0, Message("/odom", now, raw, ODOMETRY)) for now, raw in bases]
+    sent += [(now, 1, Message("/joint_states", now, raw)) for raw, now in joints]
+    return write_mcap(path, [one for _, _, one in sorted(sent, key=lambda one: one[:2])], chunk_size=20_000)

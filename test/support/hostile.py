@@ -6,7 +6,6 @@
 import numpy as np
 
 from diag_dynamics.assembly.assembler import joints_of
-from diag_dynamics.bags.messages import Messages
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import message_type
 
@@ -125,12 +124,3 @@ def hostile(model, seed, count=1500, odd=0.1, drivers=None):
             driver.stick(stamp, int(rng.choice([90, 700])) * MS)
         found.append((driver.bad(stamp) if rng.random() < odd else driver.good(stamp), now))
     return found
-
-
-def messages_of(pairs):
-    """Pieces as readers of bags hand them out."""
-    raws = [raw for raw, _ in pairs]
-    size = np.array([len(raw) for raw in raws], dtype=int)
-    data = np.frombuffer(b"".join(raws), dtype=np.uint8)
-    at = np.cumsum(size) - size
-    return Messages(data, np.zeros(len(raws), dtype=int), at, size, np.array([now for _, now in pairs], dtype=int))

@@ -1,0 +1,487 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`diag-dynamics analyse`: files that others can read, exit status, and errors that say what to do.
+
+No half of a file stays, and nothing is written over what is read.
+"""
+
+import json
+import os
+import resource
+import signal
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from mcap.reader import make_reader
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+import diag_dynamics as dd
+from bags import MCAP, Message, description, write_mcap, write_rosbag2
+from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
+from diag_dynamics.cli.main import main
+from diag_dynamics.model.example_robots import find_urdf
+from hostile import MS, START, Driver, S
+
+COUNT = 300
+OUTPUTS = "--mcap", "--parquet", "--csv", "--json"
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return dd.load_robot("panda")
+
+
+@pytest.fixture(scope="module")
+def driven(panda):
+    """Names, stamps, positions, velocities and efforts of a driver, 500 Hz."""
+    driver, stamps = Driver(panda, 3), START + np.arange(COUNT) * 2 * MS
+    states = [driver.state(int(stamp)) for stamp in stamps]
+    return driver.names, stamps, *(np.array([state[k] for state in states]) for k in (1, 2, 3))
+
+
+@pytest.fixture(scope="module")
+def states(panda):
+    """The same as messages."""
+    driver = Driver(panda, 3)
+    stamps = [START + k * 2 * MS for k in range(COUNT)]
+    return [Message("/joint_states", stamp + 1000, driver.good(stamp)) for stamp in stamps]
+
+
+@pytest.fixture
+def bag(tmp_path, states):
+    """The same in a file."""
+    return write_mcap(tmp_path / "in.mcap", states, chunk_size=20_000)
+
+
+@pytest.fixture
+def table(tmp_path, driven):
+    """The same as a table."""
+    names, stamps, *values = driven
+    header = ["t", *(f"{quantity}_{name}" for quantity in ("q", "qd", "tau") for name in names)]
+    rows = np.column_stack([1e-9 * (stamps - stamps[0]), *values])
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=",".join(header), comments="")
+    return tmp_path / "log.csv"
+
+
+@pytest.fixture
+def analyse(capsys):
+    """Run the command; return its status and what it said on both streams."""
+
+    def run(*arguments, urdf="panda"):
+        try:
+            status = main(["analyse", *map(str, arguments), "--urdf", urdf])
+        except SystemExit as end:  # of argparse
+            status = end.code
+        return status, *capsys.readouterr()
+
+    return run
+
+
+# --- What is written ---
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory, states):
+    folder = tmp_path_factory.mktemp("written")
+    path = write_mcap(folder / "in.mcap", states, chunk_size=20_000)
+    outputs = [word for option in OUTPUTS for word in (option, str(folder / f"out.{option[2:]}"))]
+    assert main(["analyse", str(path), "--urdf", "panda", *outputs, "--quiet"]) == 0
+    assert sorted(one.name for one in folder.iterdir()) == ["in.mcap", *sorted(f"out.{one[2:]}" for one in OUTPUTS)]
+    return folder
+
+
+@pytest.fixture(scope="module")
+def evaluated(panda, driven):
+    _, _, position, velocity, effort = driven
+    return dd.DiagonalDynamics(panda).evaluate_batch(position, velocity, effort, friction=True)
+
+
+QUANTITIES = "nu", "xi", "epsilon", "kappa", "coriolis", "gravity", "articulated_inertia", "energy_share"
+
+
+def test_parquet_has_every_quantity(written, panda, driven, evaluated):
+    """With units, no nulls, and statistics of what is no joint's or link's."""
+    table = pyarrow.parquet.read_table(written / "out.parquet")
+    columns = {
+        f"{one}.{name}": getattr(evaluated, one)[:, k] for one in QUANTITIES for k, name in enumerate(panda.dof_names)
+    }
+    columns |= {f"link_energy.{name}": evaluated.link_energy[:, k] for k, name in enumerate(panda.link_names)}
+    columns |= {"kinetic_energy": evaluated.kinetic_energy, "power": evaluated.effort_power, "stamp": driven[1]}
+    for name, values in columns.items():
+        np.testing.assert_array_equal(table[name].to_numpy(), values)
+    assert table.schema.field("nu.panda_joint1").metadata[b"unit"] == b"J^0.5"
+    assert table.schema.metadata[b"robot"] == b"panda"
+    assert not any(field.nullable for field in table.schema)
+    group = pyarrow.parquet.ParquetFile(written / "out.parquet").metadata.row_group(0)
+    statistics = {one.path_in_schema: one.statistics for one in map(group.column, range(group.num_columns))}
+    for name in ("stamp", "kinetic_energy"):
+        assert (statistics[name].min, statistics[name].max) == (columns[name].min(), columns[name].max())
+    assert statistics["nu.panda_joint1"] is None
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_tables_that_were_written_are_recordings(written, panda, driven, kind):
+    again = dd.read_recording(written / f"out.{kind}", panda)
+    np.testing.assert_array_equal(again.stamp, driven[1])
+    for actual, expected in zip((again.q, again.qd, again.tau), driven[2:], strict=True):
+        np.testing.assert_array_equal(actual, expected)
+
+
+def messages_of(path, topics=None, **limits):
+    """Return log times and messages by topic, read by mcap and deserialized by rosbags."""
+    store, found, numbers = get_typestore(Stores.ROS2_JAZZY), {}, {}
+    with open(path, "rb") as file:
+        for schema, channel, one in make_reader(file, validate_crcs=True).iter_messages(topics=topics, **limits):
+            if schema.name not in store.fielddefs:
+                store.register(get_types_from_msg(schema.data.decode(), schema.name))
+            message = store.deserialize_cdr(one.data + bytes(-len(one.data) % 4), schema.name)
+            assert one.publish_time == one.log_time
+            numbers.setdefault(channel.topic, []).append(one.sequence)
+            found.setdefault(channel.topic, []).append((one.log_time, message))
+    assert limits or all(sorted(each) == list(range(len(each))) for each in numbers.values())
+    return found
+
+
+TOPICS = [f"/diag_dynamics/{name}" for name in ("state", "kinetic_energy", "external_torque")]
+
+
+def test_mcap_has_every_field(written, panda, driven, evaluated):
+    found, s = messages_of(written / "out.mcap"), evaluated
+    assert {topic: len(messages) for topic, messages in found.items()} == dict.fromkeys(TOPICS, COUNT)
+    _, stamps, position, velocity, effort = driven
+    for k, (log_time, message) in enumerate(found[TOPICS[0]]):
+        assert log_time == stamps[k] + 1000 and message.header.frame_id == panda.root_link
+        assert message.header.stamp.sec * S + message.header.stamp.nanosec == stamps[k]
+        assert tuple(message.dof_names) == tuple(panda.dof_names)
+        for field, values in (("position", position), ("velocity", velocity), ("effort", effort)):
+            np.testing.assert_array_equal(getattr(message, field), values[k])
+        for field in ("nu", "xi", "epsilon", "kappa", "coriolis", "gravity", "articulated_inertia", "friction"):
+            np.testing.assert_array_equal(getattr(message, field), getattr(s, field)[k])
+        assert (message.kinetic_energy, message.power) == (s.kinetic_energy[k], s.effort_power[k])
+        assert message.effort_valid and message.friction_valid and not message.velocity_estimated
+    for k, (_, message) in enumerate(found[TOPICS[1]]):
+        assert message.total == s.kinetic_energy[k] and tuple(message.link_names) == tuple(panda.link_names)
+        np.testing.assert_array_equal(message.link_energy, s.link_energy[k])
+        np.testing.assert_array_equal(message.energy_share, s.energy_share[k])
+    observed = [message for _, message in found[TOPICS[2]]]
+    assert [message.valid for message in observed] == [False] + [True] * (COUNT - 1)
+    assert observed[0].residual.size == 0 and observed[5].residual.size == panda.nv
+    assert all(one.torque_threshold.size == one.joint_collision.size == 0 for one in observed)
+    assert all(one.torque_norm_threshold == np.inf for one in observed)
+
+
+def test_mcap_has_an_index_that_others_use(written):
+    """By topic and time; rosbags reads the same, and a summary has the counts."""
+    begin, end = START + 100 * MS, START + 300 * MS
+    part = messages_of(written / "out.mcap", TOPICS[:1], starting_at=begin, ending_before=end)
+    assert [time for time, _ in part[TOPICS[0]]] == list(range(begin + 1000, end, 2 * MS))
+    with open(written / "out.mcap", "rb") as file:
+        summary = make_reader(file).get_summary()
+    numbers = summary.statistics
+    assert (numbers.message_count, numbers.channel_count) == (3 * COUNT, 3)
+    assert numbers.chunk_count == len(summary.chunk_indexes) > 0
+    assert (numbers.message_start_time, numbers.message_end_time) == (START + 1000, START + 2 * (COUNT - 1) * MS + 1000)
+    with Reader(written / "out.mcap") as reader:
+        assert sorted(one.topic for one in reader.connections) == sorted(TOPICS)
+        assert sum(1 for _ in reader.messages()) == 3 * COUNT
+
+
+def test_mcap_has_alarms(tmp_path, bag, panda, analyse):
+    """Joint by joint, as the detector says of the same numbers."""
+    thresholds = dd.AlarmThresholds({"panda_joint1": 1e-3, "panda_joint2": 2.0}, 50.0, 40.0)
+    settings = [
+        *("external_torque.gain=25", "alarm.joints=[panda_joint1=0.001, panda_joint2=2]"),
+        *("alarm.external_torque=50", "alarm.norm=40"),
+    ]
+    given = [word for one in settings for word in ("--set", one)]
+    analyse(bag, "-o", tmp_path / "out.mcap", "--topics", "external_torque", *given, "--quiet")
+    found = [message for _, message in messages_of(tmp_path / "out.mcap")[TOPICS[2]]]
+    stamps = np.array([one.header.stamp.sec * S + one.header.stamp.nanosec for one in found])
+    valid, nothing = np.array([one.valid for one in found]), np.zeros(panda.nv)
+    r = np.array([one.residual if one.valid else nothing for one in found])
+    torque = np.array([one.external_torque if one.valid else nothing for one in found])
+    judged = dd.AlarmDetector(panda.dof_names, thresholds).judge(stamps, r, torque.copy(), valid)
+    assert valid.sum() == COUNT - 1 and judged.joints[:, 0].any() and not judged.joints[:, 2:].any()
+    for k, one in enumerate(found):
+        assert one.collision == judged.alarm[k]
+        assert one.joint_collision.tolist() == (judged.joints[k].tolist() if one.valid else [])
+        assert one.torque_threshold.tolist() == [1e-3, 2.0] + [np.inf] * (panda.nv - 2)
+        assert one.torque_norm == pytest.approx(np.linalg.norm(torque[k])) and one.torque_norm_threshold == 50.0
+        assert one.threshold == 40.0
+
+
+# --- Files ---
+
+DIRECT = "mcap", "csv", "json"
+
+
+def test_pipes_and_links(written, tmp_path, analyse):
+    """A named pipe stays one, as /dev/null has to; a link stays one, too. What is beside a file stays."""
+    pipes = {name: tmp_path / f"{name}.pipe" for name in DIRECT}
+    for path in pipes.values():
+        os.mkfifo(path)
+    with ThreadPoolExecutor(3) as pool:
+        read = {name: pool.submit(path.read_bytes) for name, path in pipes.items()}
+        outputs = [word for name, path in pipes.items() for word in (f"--{name}", path)]
+        assert analyse(written / "in.mcap", *outputs, "--quiet") == (0, "", "")
+        for name, content in read.items():
+            assert content.result(timeout=60) == (written / f"out.{name}").read_bytes()
+    (tmp_path / "elsewhere").mkdir()
+    for name in DIRECT:
+        (tmp_path / name).symlink_to(tmp_path / "elsewhere" / name)
+        (tmp_path / "elsewhere" / f"{name}.part").write_text("of another process")
+    (tmp_path / "elsewhere" / "csv").write_text("older")
+    outputs = [word for name in DIRECT for word in (f"--{name}", tmp_path / name)]
+    assert analyse(written / "in.mcap", *outputs, "--quiet")[0] == 0
+    for name in DIRECT:
+        assert pipes[name].is_fifo() and (tmp_path / name).is_symlink()
+        assert (tmp_path / "elsewhere" / name).read_bytes() == (written / f"out.{name}").read_bytes()
+        assert (tmp_path / "elsewhere" / f"{name}.part").read_text() == "of another process"
+    assert len(list((tmp_path / "elsewhere").iterdir())) == 6
+
+
+def reading(path, size, then):
+    """Read some bytes of a pipe, do something, and read or leave the rest."""
+
+    def read():
+        with open(path, "rb") as file:
+            file.read(size)
+            if then is not None:
+                then()
+                file.read()
+
+    thread = threading.Thread(target=read)
+    thread.start()
+    return thread
+
+
+@pytest.mark.parametrize(
+    ("number", "status", "word"), [(signal.SIGTERM, 143, "terminated"), (signal.SIGINT, 130, "interrupted")]
+)
+def test_a_signal_leaves_nothing(tmp_path, bag, analyse, number, status, word):
+    """What was there stays as it was, and what is not written is named. The signal comes while the CSV is written."""
+    pipe, older = tmp_path / "out.csv", tmp_path / "out.json"
+    os.mkfifo(pipe)
+    older.write_text("of yesterday")
+    main_thread = threading.main_thread().ident
+    reader = reading(pipe, 1000, lambda: signal.pthread_kill(main_thread, number))
+    found, _, said = analyse(bag, "--mcap", tmp_path / "out.mcap", "--csv", pipe, "--json", older)
+    reader.join(60)
+    assert found == status and f"diag-dynamics analyse: {word}; " in said
+    assert all(str(path) in said for path in (tmp_path / "out.mcap", pipe, older))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mcap", "out.csv", "out.json"]
+    assert older.read_text() == "of yesterday"
+
+
+def test_who_stops_listening_is_no_fault(tmp_path, bag, monkeypatch, capfd):
+    """As `… --csv /dev/stdout | head -3`, and `… --json - | head -3`."""
+    os.mkfifo(tmp_path / "pipe")
+    reader = reading(tmp_path / "pipe", 1000, None)
+    assert main(["analyse", str(bag), "--urdf", "panda", "--csv", str(tmp_path / "pipe")]) == 0
+    reader.join(60)
+    listening, said = os.pipe()
+    os.close(listening)
+    with monkeypatch.context() as patch, open(said, "w") as stdout:
+        patch.setattr(sys, "stdout", stdout)
+        assert main(["analyse", str(bag), "--urdf", "panda", "--json", "-"]) == 0
+    assert "Broken pipe" not in capfd.readouterr().err
+
+
+def test_a_full_disk_leaves_nothing(tmp_path, table, analyse):
+    """No file may become larger than 100 KiB."""
+    outputs = [word for option in OUTPUTS for word in (option, tmp_path / f"out{option}")]
+    analyse(table, "--quiet")  # so that all is compiled
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for only in ((), ("--topics", "joint_space_dynamics")):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100 * 1024, before[1]))
+        try:
+            status, _, said = analyse(table, *outputs, *only)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        assert status == 2 and "File too large" in said
+        assert [one.name for one in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_parquet_into_a_pipe_is_refused(tmp_path, bag, analyse):
+    """Its writer asks where in the file it is."""
+    os.mkfifo(tmp_path / "pipe")
+    reader = reading(tmp_path / "pipe", -1, None)
+    status, _, said = analyse(bag, "--parquet", tmp_path / "pipe")
+    reader.join(60)
+    assert status == 2 and f"'{tmp_path}/pipe' cannot be written: lseek failed" in said
+    assert (tmp_path / "pipe").is_fifo()
+
+
+@pytest.mark.parametrize("option", OUTPUTS)
+def test_nothing_is_written_over_what_is_read(tmp_path, bag, table, states, analyse, option):
+    urdf, folder = tmp_path / "panda.urdf", write_rosbag2(tmp_path / "bag", states, MCAP)
+    urdf.write_text(Path(find_urdf("panda")).read_text(encoding="utf-8"))
+    (tmp_path / "link").symlink_to(table)
+    before = {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
+    for recording, output in (
+        *((bag, bag), (bag, urdf), (folder, folder / "bag.mcap"), (folder, folder / "new")),
+        *((table, tmp_path / "." / "link"), (tmp_path / "link", table)),
+    ):
+        status, _, said = analyse(recording, option, output, "--quiet", urdf=str(urdf))
+        assert status == 2 and "is read, so nothing is written there" in said
+    assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
+
+
+@pytest.mark.parametrize("option", OUTPUTS)
+def test_outputs_that_cannot_be_written_are_named_first(tmp_path, table, option, analyse, monkeypatch):
+    monkeypatch.setattr("diag_dynamics.recordings.analysis.Analysis.run", None)  # nothing is analysed
+    (tmp_path / "round").symlink_to(tmp_path / "round")
+    for path, what in (
+        (tmp_path, "folder"),
+        (tmp_path / "no" / "out", "no folder"),
+        ("/proc/out", "No such"),
+        (tmp_path / "round", "round"),
+    ):
+        status, _, said = analyse(table, option, path, "--quiet")
+        assert status == 2 and what in said and str(path) in said and "Traceback" not in said
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["log.csv", "round"]
+
+
+# --- Exit status and errors ---
+
+WRONG = {
+    ("--set", "max_agee=1"): "'max_age' meant",
+    ("--topics", "state"): "--topics are those of a file that --mcap writes",
+    ("--out", "{out}"): "--out belongs to --fleet",
+    ("--piece", "60"): "--piece belongs to --fleet",
+    ("--workers", "0"): "--workers belongs to --fleet",
+    ("--no-parquet",): "--no-parquet belongs to --fleet",
+    ("--threads", "0"): "--threads is 0",
+    ("--csv", "{out}", "--json", "{out}"): "--csv is written into it",
+    ("--csv", "{out}", "--json", "{out}.part"): "--csv '{out}' has the name that --json was given",
+    ("--json", "{out}", "--csv", "{out}.part"): "--json '{out}' has the name that --csv was given",
+    ("--json", "{out}/a.json"): "there is no folder",
+    ("--start", "50"): "no message is within --start and --end",
+    ("--alarms", "{arm}"): "'{arm}' has no thresholds",
+    ("--parameters", "{nonsense}"): "no parameter 'nonsense'",
+    ("--parameters", "{elbow}"): "'elbow' is not a joint of robot 'panda'",
+}
+
+
+@pytest.mark.parametrize("options", WRONG, ids=" ".join)
+def test_wrong_options(tmp_path, bag, analyse, options):
+    files = {"arm": "joints: {panda_joint1: {damping: 1.0}}", "elbow": "joints: {elbow: {damping: 1}}"}
+    files["nonsense"] = "/**:\n  ros__parameters: {nonsense: 1}\n"
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    paths = {name: tmp_path / name for name in ("out", *files)}
+    status, _, said = analyse(bag, *(one.format(**paths) for one in options))
+    assert status == 2 and WRONG[options].format(**paths) in said
+    assert not list(tmp_path.glob("out*"))
+
+
+def test_recordings_that_cannot_be_analysed(tmp_path, bag, table, states, analyse, capsys):
+    """What is missing is named, and what to do."""
+    assert main(["analyse", str(bag)]) == 2
+    assert "robot_description" in capsys.readouterr().err
+    assert "no file or folder" in analyse(tmp_path / "none.mcap")[2]
+    status, _, said = analyse(bag, "--parquet", tmp_path / "out.parquet", urdf="ur5")
+    assert status == 2 and "not a single state" in said and "without a joint of this robot, of panda_" in said
+    assert not list(tmp_path.glob("out*"))
+    header = table.read_text().partition("\n")[0].split(",")
+    columns = np.loadtxt(table, delimiter=",", skiprows=1)
+
+    def without(word):
+        keep = [k for k, name in enumerate(header) if word not in name]
+        names = ",".join(header[k] for k in keep)
+        np.savetxt(table, columns[:, keep], delimiter=",", header=names, comments="", fmt="%.17g")
+
+    without("qd_")
+    status, _, said = analyse(table)
+    assert status == 2 and "(missing_velocity: estimate" in said
+    assert analyse(table, "--set", "missing_velocity=estimate")[0] in (0, 1)
+    without("finger")
+    status, _, said = analyse(table)
+    assert status == 2 and f"incomplete ({COUNT} ×)" in said and "never came: panda_finger_joint1." in said
+    assert "held by locked_joints=panda_finger_joint1=0" in said
+    _, out, _ = analyse(table, "--set", "locked_joints=panda_finger_joint1=0", "--json", "-")
+    assert json.loads(out)["degrees_of_freedom"] == [f"panda_joint{k}" for k in range(1, 8)]
+
+
+def test_what_makes_the_exit_status_1(table, analyse):
+    """Rejected messages, losses, and efforts without a balance; losses are told of before how columns were read."""
+    text = table.read_text().splitlines()
+    time, _, rest = text[-1].split(",", 2)
+    table.write_text("\n".join([*text[:-1], f"{time},1e9,{rest}"]))
+    status, _, said = analyse(table)
+    assert status == 1 and "the exit status is 1: 1 message was rejected" in said
+    line = text[50].replace(",", ",nan,", 1).rsplit(",", 1)[0]
+    table.write_text("\n".join([*text[:50], line, *text[51:60], "1,2", *text[60:]]))
+    status, out, said = analyse(table)
+    assert status == 1 and "part of it could not be read" in said
+    told = out.split("Worth knowing")[1].split("How it was read")
+    assert "rejected: no position" in told[0] and "unread" in told[0] and "time: t." in told[1]
+    columns = np.loadtxt(text[1:], delimiter=",")
+    columns[:, 0] *= 1e3
+    np.savetxt(table, columns, delimiter=",", header=text[0], comments="")
+    status, out, said = analyse(table)
+    assert status == 1 and "there are efforts, but no balance of power" in said and "milliseconds" in out
+
+
+def test_names_that_are_no_utf8(tmp_path, table, analyse):
+    folder = tmp_path / os.fsdecode(b"a \xff\xfe")
+    folder.mkdir()
+    table.rename(folder / "log.csv")
+    outputs = [word for option in OUTPUTS for word in (option, folder / f"out{option}")]
+    assert analyse(folder / "log.csv", *outputs)[0] == 0
+    assert len(list(folder.iterdir())) == 5
+    assert analyse(folder / "log.csvv")[0] == 2
+
+
+def test_several_recordings(tmp_path, table, bag, analyse):
+    """Each has its summary, and all a table; one that cannot be read stops no other."""
+    out, none = tmp_path / "all.json", tmp_path / "none.csv"
+    status, said, wrong = analyse(bag, none, table, "--json", out)
+    assert status == 1 and "no file or folder" in wrong
+    *rows, failed = said.splitlines()[-4:]
+    assert [row.split()[-1] for row in rows] == ["recording", str(bag), str(table)]
+    assert [row.split()[0] for row in rows] == ["states", str(COUNT), str(COUNT)]
+    assert failed == f"failed: {none}"
+    summary = json.loads(out.read_text())
+    assert [one["recording"] for one in summary["recordings"]] == [str(bag), str(table)]
+    assert [one["states"] for one in summary["robots"]] == [2 * COUNT] and list(summary["failed"]) == [str(none)]
+    analyse(bag, "--json", out, "--quiet")
+    assert summary["recordings"][0] == json.loads(out.read_text())
+    assert analyse(bag, table, "--quiet") == (0, "", "")
+    assert analyse(tmp_path / "a", tmp_path / "b", "--quiet")[0] == 2
+    for option in OUTPUTS[:3]:
+        assert "is of a single recording, and there are 2: --fleet" in analyse(bag, table, option, tmp_path / "x")[2]
+    assert "is read, so nothing is written there" in analyse(bag, table, "--json", table)[2]
+
+
+def test_parameters_in_files(tmp_path, bag, panda, analyse):
+    """The monitor's, the packaged one, and the robot's: a rotor inertia adds half of it times its joint's rate squared."""
+    file, arm = tmp_path / "monitor.yaml", tmp_path / "arm.yaml"
+    file.write_text("/**:\n  ros__parameters:\n    external_torque: {gain: 10, threshold: 0.5}\n    max_age: 2\n")
+    summary = json.loads(analyse(bag, "--parameters", file, "--json", "-")[1])
+    known = {"gain": 10.0, "threshold": 0.5, "judged": [], "missing": [], "observed": COUNT - 1, "says": ""}
+    assert summary["observer"] == known and summary["collisions"]
+    config = Path(__file__).parents[2] / "config" / "monitor.yaml"
+    assert analyse(bag, "--parameters", config, "--quiet")[0] == 0
+    dd.Parameters(joints={"panda_joint1": dd.JointParameters(armature=0.8)}).save(arm)
+    means = [
+        json.loads(analyse(bag, *more, "--json", "-")[1])["kinetic_energy"]["mean"]
+        for more in ((), ("--parameters", arm))
+    ]
+    rate = dd.read_recording(bag, panda).qd[:, 0]
+    assert means[1] - means[0] == pytest.approx(0.4 * np.mean(rate**2), rel=1e-9)
+
+
+def test_the_robot_of_the_bag_and_a_part(tmp_path, states, capsys):
+    urdf = Path(find_urdf("panda")).read_text(encoding="utf-8")
+    path = write_mcap(tmp_path / "in.mcap", [description(urdf, START), *states])
+    main(["analyse", str(path), "--start", "0.1", "--end", "0.4", "--json", "-"])
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["robot"] == "panda" and summary["duration"] == pytest.approx(0.3, abs=0.005)
