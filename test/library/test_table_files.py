@@ -1,0 +1,837 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Tables by `read_recording`: CSV and the like, Parquet, npz. Nothing is guessed, and nothing is lost in silence.
+
+Text is read twice, with pyarrow and without it: the same states, counts and findings.
+"""
+
+import bz2
+import csv
+import gzip
+import lzma
+import random
+import sys
+import zipfile
+from decimal import Decimal
+from fractions import Fraction
+from math import pi
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pyarrow import parquet
+
+import diag_dynamics as dd
+from bags import arm
+from examples import examples
+
+ARM = ("shoulder", "elbow", "wrist")
+PAIR = ("a", "b")
+LOOSE = {"joint_timeout": 0.0, "frozen_timeout": 0.0} | {
+    f"absurd.{name}": 0.0 for name in ("position", "velocity", "effort", "jump")
+}
+"""Parameters by which every finite number with a velocity is a state."""
+FREE = LOOSE | {"missing_velocity": "estimate", "velocity_filter_time": 0.0}
+"""The same, and velocities may be missing: they are estimated, which takes longer."""
+NO_TIME = "no time, or one that is no number: {} rows left out"
+
+
+def read(path, columns=None, joints=PAIR, parameters=FREE):
+    """Read a table; of a text, with pyarrow and without."""
+    recording = dd.read_recording(path, arm(*joints), columns, parameters=parameters)
+    if isinstance(path, Path) and path.suffix == ".csv":
+        with pytest.MonkeyPatch.context() as patch:
+            for module in ("pyarrow", "pyarrow.csv"):
+                patch.setitem(sys.modules, module, None)
+            plain = dd.read_recording(path, arm(*joints), columns, parameters=parameters)
+        assert (plain.counts, plain.findings) == (recording.counts, recording.findings)
+        for name in ("stamp", "q", "qd"):
+            np.testing.assert_array_equal(getattr(plain, name), getattr(recording, name))
+        np.testing.assert_array_equal(plain.states.effort, recording.states.effort)
+    return recording
+
+
+def lost(recording):
+    """Return what could not be read, without the name of the file."""
+    return [one.text.partition(", ")[2] for one in recording.findings if one.cause == "unread"]
+
+
+def notes(recording):
+    """Return how the columns were understood."""
+    return [one.text for one in recording.findings if one.cause == "note"]
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Write a text, a table of pyarrow, or a dict of arrays (npz); return the path."""
+
+    def write(content, name="table.csv", **options):
+        path = tmp_path / name
+        if isinstance(content, dict):
+            path = path.with_suffix(".npz")
+            np.savez(path, **content)
+        elif isinstance(content, pa.Table):
+            path = path.with_suffix(".parquet")
+            parquet.write_table(content, path, **options)
+        else:
+            path.write_bytes(content.encode() if isinstance(content, str) else content)
+        return path
+
+    return write
+
+
+# --- What others write ---
+
+finite = st.floats(-1e6, 1e6)
+tables = st.lists(st.tuples(*[finite] * 4, *[finite | st.just(np.nan)] * 2), min_size=2, max_size=20)
+NAMES = ["t", "q_a", "q_b", "qd_a", "qd_b", "tau_a", "tau_b"]
+WRITERS = [
+    "csv",
+    "csv without header",
+    "txt of numpy",
+    "parquet",
+    "parquet of pyarrow",
+    "npz",
+    "npz by joint",
+    "npz, packed",
+]
+
+
+def write_by(writer, path, table, separator, ending, missing):
+    """Write a table with a library; return the path and the map of columns that it needs."""
+    frame = pd.DataFrame(table, columns=NAMES)
+    if writer == "csv":
+        quoting = csv.QUOTE_ALL if missing == "NA" else csv.QUOTE_MINIMAL
+        frame.to_csv(path, sep=separator, lineterminator=ending, na_rep=missing, index=False, quoting=quoting)
+    elif writer == "csv without header":
+        frame.to_csv(path, header=False)
+        columns = {"position": [2, 3], "velocity": [4, 5], "effort": [6, 7]}
+        return {"header": False, "time": 1, "joints": ["a", "b"], **columns}
+    elif writer == "txt of numpy":  # blanks between columns, and the header in a comment
+        np.savetxt(path, table, header=" ".join(NAMES), fmt="%25.18e")
+    elif writer == "parquet":
+        frame.to_parquet(path)
+    elif writer == "parquet of pyarrow":
+        parquet.write_table(pa.table(dict(zip(NAMES, table.T, strict=True))), path, row_group_size=7)
+    else:
+        with open(path, "wb") as file:
+            if writer == "npz by joint":
+                np.savez(file, **dict(zip(NAMES, table.T, strict=True)))
+            else:
+                save = np.savez if writer == "npz" else np.savez_compressed
+                save(file, t=table[:, 0], q=table[:, 1:3], qd=np.asfortranarray(table[:, 3:5]), tau=table[:, 5:])
+    return None
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+@examples(60)
+@given(
+    tables,
+    st.floats(-1e5, 1e5),
+    st.sampled_from(",;\t|"),
+    st.sampled_from(["\n", "\r\n"]),
+    st.sampled_from(["", "nan", "NA", "null"]),
+)
+def test_what_others_write_is_read_to_the_last_bit(tmp_path_factory, writer, table, begin, separator, ending, missing):
+    path = tmp_path_factory.mktemp("written") / f"table.{writer[:3]}"
+    table = np.column_stack([begin + 0.01 * np.arange(len(table)), table])
+    columns = write_by(writer, path, table, separator, ending, missing)
+    recording = read(path, columns)
+    assert not lost(recording) and len(recording) == len(table)
+    np.testing.assert_array_equal(np.column_stack([recording.q, recording.qd]), table[:, 1:5])
+    known = np.isfinite(table[:, 5:]).all(axis=1)
+    np.testing.assert_array_equal(recording.states.with_effort, known)
+    np.testing.assert_array_equal(recording.states.effort[known], table[known, 5:])
+    exact = [round(Fraction(t) * 10**9) + recording.offset for t in table[:, 0].tolist()]
+    assert max(abs(one - other) for one, other in zip(recording.stamp.tolist(), exact, strict=True)) <= 1
+
+
+PACKED = {
+    "gz": gzip.compress,
+    "bz2": lambda data: bz2.compress(data, 1),  # in blocks of 100 kB
+    "xz": lambda data: lzma.compress(data, preset=0),
+    "zst": lambda data: pa.compress(data, "zstd", asbytes=True),
+    "lz4": lambda data: pa.compress(data, "lz4", asbytes=True),
+}
+
+
+@pytest.fixture(scope="module")
+def long_text():
+    """A text of so many rows that no packer does it in one go, and its positions."""
+    positions = [random.Random(4).random() + 1e-6 * k for k in range(20_000)]
+    return ("t,q1,qd1\n" + "".join(f"{k / 1000},{one},0\n" for k, one in enumerate(positions))).encode(), positions
+
+
+@pytest.mark.parametrize("ending", PACKED)
+def test_packed(written, long_text, ending):
+    """In one stream or two, or broken off: then what is there is read, and where it ends is said."""
+    data, positions = long_text
+    whole = PACKED[ending](data)
+    two = PACKED[ending](data[:200_000]) + PACKED[ending](data[200_000:])
+    for content in (whole, two):
+        recording = read(written(content, f"table.csv.{ending}"), joints=("a",), parameters=LOOSE)
+        assert not lost(recording) and recording.q[:, 0].tolist() == positions
+    recording = read(written(whole[: len(whole) * 2 // 3], f"table.csv.{ending}"), joints=("a",), parameters=LOOSE)
+    assert 5000 < len(recording) < 20_000 and recording.q[:, 0].tolist() == positions[: len(recording)]
+    (said,) = lost(recording)
+    assert f"line {len(recording) + 1}: " in said and "stream cannot be read to its end" in said
+
+
+def test_packed_and_damaged(written, long_text, monkeypatch):
+    packed = bytearray(gzip.compress(long_text[0]))
+    packed[len(packed) // 2] ^= 0xFF
+    recording = read(written(bytes(packed), "table.csv.gz"), joints=("a",), parameters=LOOSE)
+    assert 2000 < len(recording) < 20_000 and "rows before that may be wrong" in " ".join(lost(recording))
+    with pytest.raises(dd.InputError, match="the gzip stream cannot be read to its end"):
+        read(written(gzip.compress(b"t,q1\n")[:12], "table.csv.gz"))
+    for module in ("pyarrow", "pyarrow.csv"):
+        monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(dd.InputError, match="is packed by zstd, for which pyarrow is needed: pip install"):
+        read(written(PACKED["zst"](b"t,q1\n0,1\n"), "table.zst"))
+
+
+# --- What is wrong with a text ---
+
+WIDTH = "another number of columns than the header has ({} instead of {}): {} rows left out"
+HOSTILE = {
+    "a row too short": ("0,1,2\n1,1\n2,3,4\n", [0, 2], ["line 3: " + WIDTH.format(2, 3, 1)]),
+    "rows too long": ("0,1,2\n1,1,9,9\n2,3,4\n4,5,6,7\n", [0, 2], ["line 3: " + WIDTH.format(4, 3, 2)]),
+    "empty columns at the end": ("0,1,2,\n1,1,2,,\n", [0, 1], []),
+    "broken off": ("0,1,2\n1,1,", [0], []),
+    "broken off earlier": ("0,1,2\n1,", [0], ["line 3: " + WIDTH.format(2, 3, 1)]),
+    "text": (
+        "0,1,2\n1,x,2\n2,1,1_0\n3,1,2\n",
+        [0, 3],
+        ["line 3: text where a number belongs (column 'q_a': 'x'): 4 fields are NaN"],  # each one is read twice
+    ),
+    "times": ("0,1,2\nx,2,2\n,3,2\nnan,4,2\n2,5,2\n", [0, 2], ["line 3: " + NO_TIME.format(3)]),
+    "NUL": (
+        b"0,1,2\n\0\0\0\0\n1,2\0,2\n2,3,4\n" + b"\0" * 5000,
+        [0, 2],
+        ["line 3: NUL bytes, as files have them of a machine that lost its power: 3 rows left out"],
+    ),
+    "empty lines and comments": ("\n0,1,2\n\n  \n# a pause, here\n#1,2\n1,2,2\n\n", [0, 1], []),
+    "quotes": ('"0","1"," 2 "\n1,"lost,2\n2,3,4\n', [0, 2], ["line 3: " + WIDTH.format(2, 3, 1)]),
+    "CR LF": ("0,1,2\r\n1,2,3\r\n", [0, 1], []),
+    "CR CR LF": ("0,1,2\r\r\n1,2,3\r\r\n", [0, 1], []),
+    "blanks": (" 0,   1,2\n 1 , 2 ,3 \n", [0, 1], []),
+    "no last line break": ("0,1,2\n1,2,3", [0, 1], []),
+    "infinite": ("0,1,2\n1,-inf,2\n2,1e400,3\n3,2,2\n", [0, 3], []),
+    "missing": ("0,1,2\n" + "".join(f"{k},,2\n{k}.5,N/A,2\n{k}.6,null,2\n" for k in (1, 2)) + "3,2,2\n", [0, 3], []),
+    "only a header": ("", [], ["line 2: there is no row below the header"]),
+    "a long line": (f"0,1,2\n{'5' * 200_000}\n1,2,3\n", [0, 1], ["line 3: " + WIDTH.format(1, 3, 1)]),
+}
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+def test_hostile_texts(written, kind):
+    """What is no row is counted, with its first line; numbers that are garbage are left to the monitor's rules."""
+    rows, times, unread = HOSTILE[kind]
+    header = b"t,q_a,q_b\n"
+    content = header + (rows.encode() if isinstance(rows, str) else rows)
+    columns = {"velocity": ["q_a", "q_b"]}  # so that each row has a velocity
+    recording = read(written(content), {"time": "t", "position": ["q_a", "q_b"], **columns})
+    assert (recording.t.tolist(), lost(recording)) == (times, unread)
+
+
+@pytest.mark.parametrize(
+    ("text", "columns"),
+    [
+        (b"\xef\xbb\xbft,q1\n0,1\n1,2\n", None),
+        ("t,q1 [°]\n0,1\n1,2\n".encode("latin-1"), None),
+        ("sep=;\nt;q1\n0;1\n1;2\n", None),
+        ("# by hand\nt,q1\n0,1\n1,2\n", None),
+        ("% t q1\n# more\n% t q1\n0 1.5\n1 2.5\n", None),
+        ("t,x,q1,x\n0,1,1,3\n1,1,2,3\n", None),
+        ("robot: 5\nby hand, 2024\n\nt,q1\n0,1\n1,2\n", {"skip": 2}),
+        ("t;q1\n0,0;1,5\n1,0;2,5\n", {"decimal": ","}),
+        ("0,1\n1,2\n", {"time": 0, "position": [1], "header": False}),
+        ("t,x\n0,1\n1,2\n", {"time": 0, "position": [1]}),
+        ("5,7\n0,1\n1,2\n", {"time": 0, "position": [1], "header": True}),
+        ("t  q1\n0  1\n1  2\n", {"delimiter": "space"}),
+        ("t\tq1 [deg,°;|]\n0\t1\n1\t2\n", {"delimiter": "tab", "scale": {"position": 1}}),
+    ],
+    ids=str,
+)
+def test_headers_and_separators(written, text, columns):
+    recording = read(written(text), columns, joints=("a",))
+    assert (recording.t.tolist(), lost(recording)) == ([1.0], [])
+
+
+@pytest.mark.parametrize(
+    ("text", "columns", "message"),
+    [
+        ("", None, "is empty: it has 0 bytes"),
+        ("\n\n \n", None, "has 4 lines and nothing in them"),
+        (b"\xff\xfet\0,\0", None, "is text in UTF-16"),
+        (b"\x01\x02\0\0rubbish", None, "is neither a table of text nor Parquet or npz"),
+        ("t,q1\r0,1\r", None, "lines end with CR alone"),
+        ("t,q1" * 400_000, None, "there is no line break"),
+        ("5,1,2\n1,2,3\n", None, "has no header, line 1 is of numbers"),
+        ("1.5,1,base\n", None, "line 1 has text and numbers"),
+        ("0,1,2\n1,2,3\n", {"time": 0, "position": [1, 2]}, "which may be a header or a row"),
+        ("t,q1\n", {"skip": 5}, "5 lines are to be skipped, but there are 2"),
+        ("t,q1,q1\n0,1,2\n", {"position": "q1"}, "'q1' is the name of columns 1, 2"),
+        ("t;q1\n0,5;1\n", None, "have a decimal comma"),
+        (b"\x93NUMPY\x01\0", None, "is a single array without names"),
+        (b"PK\x03\x04rubbish", None, "is no npz that can be read"),
+        (b"PAR1rubbish", None, "is no Parquet file that can be read"),
+    ],
+)
+def test_what_is_no_table(written, text, columns, message):
+    with pytest.raises(dd.InputError, match=message):
+        read(written(text), columns)
+
+
+BITS = (
+    ",",
+    "\n",
+    '"',
+    "#",
+    "\0",
+    "x",
+    "-",
+    ".",
+    "e",
+    " ",
+    "\r",
+    "_",
+    "1e400",
+    "nan",
+    "inf",
+    ";",
+    "\n\n",
+    "+",
+    '""',
+    "NA",
+)
+
+
+@examples(300)
+@given(st.lists(st.tuples(st.integers(8, 400), st.integers(0, 4), st.sampled_from([*BITS, "\xff"])), max_size=6))
+def test_mutated_texts(tmp_path_factory, changes):
+    """Each line that is not empty and no comment is a message, or was counted as left out."""
+    rng = random.Random(1)
+    body = "".join(f"{k / 100:.3f},{rng.uniform(-3, 3):.4f},{rng.uniform(-99, 99):.2f},n{k}\n" for k in range(16))
+    for at, taken, put in changes:
+        body = body[:at] + put + body[at + taken :]
+    path = tmp_path_factory.mktemp("mutated") / "table.csv"
+    path.write_bytes(b"t,q_a,tau_a,name\n" + body.encode("latin-1"))
+    try:
+        recording = read(path, joints=("a",))
+    except dd.InputError:  # the header, or what may be one, has been hit
+        return
+    left_out = sum(
+        int(text.rsplit(": ", 1)[1].split()[0]) for text in lost(recording) if text.endswith("rows left out")
+    )
+    lines = [line for line in body.split("\n") if line.strip() and not line.startswith("#")]
+    assert recording.counts.get("received", 0) + left_out == len(lines) or not recording.counts
+
+
+# --- Columns by their names ---
+
+
+def found(recording, rows=3):
+    """Return the columns that a recording of :func:`in_columns` was read from: time, position, velocity, effort.
+
+    Row r of column k is k / 10 + r / 100, so that each number says where it was.
+    """
+    q, qd, tau = recording.q[-1], recording.qd[-1], recording.states.effort[-1]
+    step = (rows - 1) / 100
+    of = [None if values is None else [round(10 * (one - step), 6) for one in values] for values in (q, qd, tau)]
+    estimated, effort = recording.states.estimated[-1], recording.states.with_effort[-1]
+    return round(10 * (recording.t[-1] - step)), of[0], None if estimated else of[1], of[2] if effort else None
+
+
+@pytest.fixture
+def in_columns(written):
+    """Read a table in which each number says its row and column, by its header."""
+
+    def opened(header, columns=None, joints=ARM, rows=3):
+        lines = [",".join(f"{k / 10 + r / 100:.3f}" for k in range(header.count(",") + 1)) for r in range(rows)]
+        return read(written("\n".join([header, *lines])), columns, joints)
+
+    return opened
+
+
+BY_NAME = {
+    "t,q1,q2,q3,qd1,qd2,qd3,tau1,tau2,tau3": (0, [1, 2, 3], [4, 5, 6], [7, 8, 9]),
+    "time,q_wrist,q_elbow,q_shoulder": (0, [3, 2, 1], None, None),
+    "wrist_position,elbow_position,shoulder_position,Time": (3, [2, 1, 0], None, None),
+    "timestamp,position.shoulder,position.elbow,position.wrist": (0, [1, 2, 3], None, None),
+    "timestamp,position[shoulder],position[elbow],position[wrist]": (0, [1, 2, 3], None, None),
+    "stamp,pos[0],pos[1],pos[2],vel[0],vel[1],vel[2]": (0, [1, 2, 3], [4, 5, 6], None),
+    "sec,joint_states.position[0],joint_states.position[1],joint_states.position[2]": (0, [1, 2, 3], None, None),
+    "timestamp,target_q_0,target_q_1,target_q_2,actual_q_0,actual_q_1,actual_q_2": (0, [4, 5, 6], None, None),
+    "t,q[0],q[1],q[2],q_d[0],q_d[1],q_d[2],tau_J[0],tau_J[1],tau_J[2],tau_ext[0],tau_ext[1],tau_ext[2]": (
+        *(0, [1, 2, 3], None, [7, 8, 9]),
+    ),
+    "t,joint1_velocity,joint2_velocity,joint3_velocity,J1 angle,J2 angle,J3 angle": (0, [4, 5, 6], [1, 2, 3], None),
+    "Elapsed,POS_1,POS_2,POS_3,name": (0, [1, 2, 3], None, None),
+    "t,q0,q1,q2,tau1,tau2,tau3": (0, [1, 2, 3], None, [4, 5, 6]),
+    "t,q3,q2,q1": (0, [3, 2, 1], None, None),
+    "t,q1,q2,q3,q_tau_1,q_tau_2,q_tau_3": (0, [1, 2, 3], None, None),
+    "t,q1,q2,q3,position.x,position.y,position.z,q_w,q_x,q_y,q_z": (0, [1, 2, 3], None, None),
+    "t,q_shoulder,q_elbow,q_wrist,q_gripper,current_tool,seq,temperature_1": (0, [1, 2, 3], None, None),
+    "t,__time,q1,q2,q3": (0, [2, 3, 4], None, None),
+    ",t,q1,q2,q3": (1, [2, 3, 4], None, None),
+}
+
+
+@pytest.mark.parametrize("header", BY_NAME)
+def test_columns_by_their_names(in_columns, header):
+    assert found(in_columns(header)) == BY_NAME[header]
+
+
+def test_how_columns_were_understood_is_noted(in_columns):
+    recording = in_columns("t,q_elbow [deg],q_wrist,temperature,tau_wrist", joints=("elbow", "wrist"))
+    assert notes(recording) == [
+        "time: t.",
+        "position: 'q_{joint}' of 2 joints, times 0.0174533, 1 for rad or m.",
+        "effort: 'tau_{joint}' of 2 joints, none for elbow.",
+        "not read: temperature.",
+    ]
+    assert recording.tau is None  # in no state one of every joint
+    np.testing.assert_allclose(recording.q[-1], [0.12 * pi / 180, 0.22], rtol=1e-12)
+
+
+AMBIGUOUS = {
+    "t,q1,q2,q3,pos1,pos2,pos3": r"'q\{joint\}' or 'pos\{joint\}'",
+    "t,q_shoulder,q_elbow,q_wrist,q1,q2,q3": r"'q_\{joint\}' or 'q\{joint\}'",
+    "t,left/q_elbow,right/q_elbow": r"'left/q_\{joint\}' or 'right/q_\{joint\}'",
+    "t,q1,q2,q3,tau1,tau2,tau3,effort1,effort2,effort3": "may be the effort",
+    "t,time,q1,q2,q3": "one of t, time",
+    "t,q1 [deg],q1 [rad],q2,q3": r"'q1 \[deg\]' \(column 1\) and 'q1 \[rad\]' \(column 2\)",
+    "t,q1,q1,q2,q3": r"'q1' \(column 1\) and 'q1' \(column 2\)",
+    "t,q1,q2,q3,q4": "has the numbers 1, 2, 3, 4, but there are 3 joints",
+    "t,q1,q2,q4": "has the numbers 1, 2, 4",
+    "t,q_hip,q_knee": "has hip, knee, none of which is among the joints",
+    "t,shoulder,elbow,wrist": "no column is known as a position, of t, shoulder, elbow, wrist",
+    "t,q1,q2,q3,qd1,qd2 [ticks],qd3": r"column 'qd2 \[ticks\]' is in 'ticks'",
+    "t,q_deg_1,q_deg_2,q_deg_3,current_1,current_2,current_3": "column 'current_1' is in 'A'",
+    "x,q1,q2,q3": "which of x, q1, q2, q3",
+    "t [furlongs],q1,q2,q3": r"column 't \[furlongs\]' is in 'furlongs'",
+}
+
+
+@pytest.mark.parametrize("header", AMBIGUOUS)
+def test_what_is_not_sure_is_an_error(in_columns, header):
+    with pytest.raises(dd.InputError, match=AMBIGUOUS[header]):
+        in_columns(header)
+
+
+DEG, RPM = pi / 180, 2 * pi / 60
+UNITS = [
+    *((1, f"q{unit}", DEG) for unit in ("1 [deg]", "1[°]", "1 °", "_deg_1", "1_degrees")),
+    *((1, name, factor) for name, factor in (("q1 (rad)", 1.0), ("pos_mm_1", 1e-3))),
+    *((2, f"qd1 {unit}", DEG) for unit in ("[deg/s]", "(deg/sec)", "[°/s]", "[deg·s^-1]")),
+    *((2, name, DEG) for name in ("vel_deg_per_s_1", "vel_dps_1")),
+    *((2, name, RPM) for name in ("velocity_rpm_1", "qd1 [1/min]")),
+    *((2, name, 1.0) for name in ("vel_rad_s_1", "qd1 [rad/s]")),
+    *((3, name, 1.0) for name in ("tau1 [N m]", "tau1 [N·m]", "tau_nm_1")),
+    (3, "tau1 [mNm]", 1e-3),
+]
+
+
+@pytest.mark.parametrize(("place", "name", "factor"), UNITS)
+def test_units_in_names(written, place, name, factor):
+    names = ["t", "q1", "qd1", "tau1"]
+    names[place] = name
+    recording = read(written(",".join(names) + "\n5,0.25,0.5,7\n"), joints=("a",))
+    values = [recording.q[0, 0], recording.qd[0, 0], recording.tau[0, 0]]
+    assert values[place - 1] == pytest.approx((0.25, 0.5, 7.0)[place - 1] * factor, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("header", "seconds"),
+    [("t", 1), ("t_ms", 1e-3), ("Time [ms]", 1e-3), ("timestamp_us", 1e-6), ("time (µs)", 1e-6), ("%time", 1e-9)],
+)
+def test_units_of_times(written, header, seconds):
+    recording = read(written(f"{header},q1,qd1\n0,1,0\n5000,1,0\n"), joints=("a",))
+    assert np.diff(recording.stamp) == round(5000 * seconds * 1e9)
+
+
+def test_a_line_of_units_below_the_header(written):
+    recording = read(written("t,q1,qd1,tau1\n[ms],[deg],deg/s,-\n5,180,90,7\n"), joints=("a",))
+    assert (recording.t, recording.q, recording.qd, recording.tau) == (pytest.approx(5e-3), pi, pi / 2, 7)
+
+
+# --- Columns by a map ---
+
+MAPS = {
+    "pattern": {"position": "a_{joint}", "velocity": "b_{joint}", "effort": "c_{joint}"},
+    "names": {"position": ["a_s", "a_e"], "velocity": ["b_s", "b_e"], "effort": ["c_s", "c_e"]},
+    "numbers": {"position": [1, 2], "velocity": [3, 4], "effort": [5, 6]},
+    "by joint": {"position": {"s": "a_s", "e": 2}, "velocity": {"e": "b_e", "s": "b_s"}, "effort": [5, 6]},
+    "joints": {"position": [2, 1], "velocity": [4, 3], "effort": [6, 5], "joints": ["e", "s"]},
+}
+PLAIN = "t,a_s,a_e,b_s,b_e,c_s,c_e"
+
+
+@pytest.mark.parametrize("kind", MAPS)
+def test_maps(in_columns, kind):
+    recording = in_columns(PLAIN, {"time": "t"} | MAPS[kind], joints=("s", "e"))
+    assert found(recording) == (0, [1, 2], [3, 4], [5, 6])
+
+
+def test_a_map_in_a_file(in_columns, written):
+    path = written(
+        """
+        time: stamp
+        position: "p {joint}"
+        effort: [5, 3]
+        joints: [b, a]
+        scale: {position: {b: deg, "*": 2}, effort: [0.5, -1]}
+        """,
+        "map.yaml",
+    )
+    for one in (path, str(path)):
+        recording = in_columns("stamp,p a,p b,i a,x,i b", one, joints=("b", "a"))
+        np.testing.assert_allclose(recording.q[-1], [0.22 * DEG, 2 * 0.12])
+        np.testing.assert_allclose(recording.tau[-1], [0.5 * 0.52, -0.32])
+
+
+def test_what_a_map_does_not_name_follows_from_names(in_columns):
+    header = "t,time,q1,q2,qd1,qd2,current1,current2"
+    recording = in_columns(header, {"time": "t", "scale": {"effort": 0.1}}, joints=PAIR)
+    assert found(recording)[1:3] == ([2, 3], [4, 5])
+    np.testing.assert_allclose(recording.tau[-1], [0.062, 0.072])
+    assert in_columns(header, {"time": "t", "effort": None}, joints=PAIR).tau is None
+    # With positions in it, it is complete but for the time.
+    assert found(in_columns("t,q1,qd1", {"position": ["q1"]}, joints=("a",)))[1:] == ([1], None, None)
+
+
+def test_a_scale_replaces_what_names_say(in_columns):
+    recording = in_columns("t [ms],q1 [ticks]", {"scale": {"position": "rev", "time": 1}}, joints=("a",))
+    assert recording.t[-1] == pytest.approx(0.02) and recording.q[-1, 0] == pytest.approx(0.12 * 2 * pi)
+    for pattern in ("{joint} [deg]", "{joint}"):  # a pattern matches with or without units
+        columns = {"time": "t", "position": pattern}
+        assert in_columns("t [s],a [deg]", columns, joints=("a",)).q[-1, 0] == pytest.approx(0.12 * DEG)
+
+
+def test_numbers_in_a_pattern_are_joints_in_their_order(in_columns):
+    wide = "t," + ",".join(f"a{k}" for k in range(1, 12))
+    columns = {"time": "t", "position": "a{joint}"}
+    assert found(in_columns(wide, columns, joints=tuple("abcdefghijk")))[1] == list(range(1, 12))
+
+
+WRONG_MAPS = [
+    ({"tiem": "t"}, "columns has 'tiem', expected 'time'"),
+    ({"position": "a_{joint}", "time": "tt"}, "time: there is no column 'tt' .did you mean 't'"),
+    ({"position": ["a_s", "a_x"]}, "position: there is no column 'a_x' .did you mean 'a_"),
+    ({"position": "A_{joint}"}, r"position: no column is like 'A_\{joint\}'"),
+    ({"position": "a_{joint}", "joints": ["s", "eh"]}, r"no column 'a_\{joint\}' for eh .did you mean 'e'"),
+    ({"position": "{joint}_{joint}"}, r"expected \{joint\} once"),
+    ({"position": [1, 2, 3], "joints": ["s", "e"]}, "has 3 columns, but there are 2 joints"),
+    ({"position": [1, 1]}, "position has column 1 for two joints"),
+    ({"position": [1, "a_s"]}, "position has a column for two joints"),
+    ({"position": [1, 17]}, "position is column 17, but there are 7"),
+    ({"position": [1, -2]}, "position is -2"),
+    ({"position": [1, True]}, "position is True"),
+    ({"position": []}, r"position is \[\]"),
+    ({"position": None}, "position is null"),
+    ({"position": {"s": 1}, "effort": {"e": 2}}, "effort is by joint, but not for the same joints"),
+    ({"position": [1], "time": [1, 2, 3]}, "expected one column, or two"),
+    ({"joints": "s"}, "joints is 's', expected a list"),
+    ({"joints": ["s", "s"]}, "joints has 's' twice"),
+    ({"joints": [1, 2]}, r"joints is \[1, 2\]"),
+    ({"scale": 2}, "scale is 2"),
+    ({"scale": {"efort": 2}}, "scale has 'efort', expected 'effort'"),
+    ({"scale": {"effort": 0}}, "scale: effort is 0, expected a finite number other than 0"),
+    ({"scale": {"effort": "nan"}}, "expected a finite number"),
+    ({"scale": {"position": "grad"}}, "scale: position is 'grad'"),
+    ({"position": [1, 2], "scale": {"position": [1, 2, 3]}}, "scale: position has 3 numbers, but there are 2 joints"),
+    ({"position": "a_{joint}", "scale": {"position": {"x": 1}}}, "'x', which is none of the joints s, e"),
+    ({"position": "a_{joint}", "scale": {"effort": 1}}, "there is a scale of effort, but no column of it"),
+    ({"header": "no"}, "header is 'no', expected true or false"),
+    ({"delimiter": ", "}, "delimiter is ', ', expected one character"),
+    ({"decimal": ";"}, "decimal is ';', expected '.' or ','"),
+    ({"decimal": ",", "delimiter": ","}, "decimal and delimiter are both ','"),
+    ({"skip": -1}, "skip is -1, expected a whole number"),
+    ([1], r"columns is \[1\], expected the path of a YAML file or a dict"),
+]
+
+
+@pytest.mark.parametrize(("columns", "message"), WRONG_MAPS)
+def test_wrong_maps_are_named(in_columns, columns, message):
+    with pytest.raises(dd.InputError, match=message):
+        in_columns(PLAIN, columns, joints=("s", "e"))
+
+
+def test_wrong_files_of_maps_are_named(in_columns, written, monkeypatch):
+    for text, message in (
+        ("- 1", r"map\.yaml' is \[1\], expected"),
+        ("time: [", r"map\.yaml' is no YAML: .*line 1"),
+        ("time: 2024-13-01\n", "is no YAML"),
+        ("time: t\npositoin: q", r"map\.yaml' has 'positoin', expected 'position'"),
+    ):
+        with pytest.raises(dd.InputError, match=message):
+            in_columns("t,q1", written(text, "map.yaml"), joints=("a",))
+    with pytest.raises(dd.InputError, match="The map of columns '/nowhere/map' cannot be read"):
+        in_columns("t,q1", "/nowhere/map", joints=("a",))
+    monkeypatch.setitem(sys.modules, "yaml", None)
+    with pytest.raises(dd.InputError, match="PyYAML is not installed: pip install"):
+        in_columns("t,q1", written("time: t", "map.yaml"), joints=("a",))
+
+
+# --- Times ---
+
+BEGIN = 1_700_000_000_123_456_789
+"""[ns], which no double holds."""
+EXACT = {
+    "ns": (f"timestamp_ns,q1,qd1\n{BEGIN},1,0\n{BEGIN + 1},1,0\n", None),
+    "decimals": ("time,q1,qd1\n1700000000.123456789,1,0\n1700000000.123456790,1,0\n", None),
+    "dates": ("time,q1,qd1\n2023-11-14 22:13:20.123456789,1,0\n2023-11-15T00:13:20.123456790+02:00,1,0\n", None),
+    "pairs": ("sec,nanosec,q1,qd1\n1700000000,123456789,1,0\n1700000000,123456790,1,0\n", None),
+    "pairs by a map": (
+        "a,b,c,d\n1700000000,123456789,1,0\n1700000000,123456790,1,0\n",
+        {"time": ["a", "b"], "position": ["c"], "velocity": ["d"]},
+    ),
+    "Parquet ns": (pa.array([BEGIN, BEGIN + 1]), {"scale": {"time": "ns"}}),
+    "Parquet without a sign": (pa.array([BEGIN, BEGIN + 1], pa.uint64()), {"scale": {"time": 1e-9}}),
+    "Parquet timestamps": (pa.array([BEGIN, BEGIN + 1], pa.timestamp("ns", "Europe/Berlin")), None),
+    "Parquet durations": (pa.array([BEGIN, BEGIN + 1], pa.duration("ns")), None),
+    "Parquet decimals": (pa.array([Decimal(BEGIN).scaleb(-9), Decimal(BEGIN + 1).scaleb(-9)]), None),
+    "Parquet dictionary": (pa.array([BEGIN, BEGIN + 1]).dictionary_encode(), {"scale": {"time": "ns"}}),
+    "npz dates": (np.array([BEGIN, BEGIN + 1], "M8[ns]"), None),
+    "npz integers": (np.array([BEGIN, BEGIN + 1], "u8"), {"scale": {"time": "ns"}}),
+}
+
+
+@pytest.mark.parametrize("kind", EXACT)
+def test_times_to_the_nanosecond(written, kind):
+    content, columns = EXACT[kind]
+    if isinstance(content, pa.Array | pa.ChunkedArray):
+        content = pa.table({"t": content, "q1": [1.0, 1.0], "qd1": [0.0, 0.0]})
+    elif isinstance(content, np.ndarray):
+        content = {"t": content, "q1": np.ones(2), "qd1": np.zeros(2)}
+    recording = read(written(content), columns, joints=("a",))
+    assert recording.offset == 0 and recording.stamp.tolist() == [BEGIN, BEGIN + 1]
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("ms", 10**3), ("us", 10**6), ("ns", 10**9)])
+def test_times_in_doubt_are_an_error(written, unit, scale):
+    path = written(f"time,q1,qd1\n{1_700_000_000 * scale},1,0\n{1_700_000_000 * scale + 1},2,0\n")
+    with pytest.raises(dd.InputError, match=rf"`scale: \{{time: {unit}\}}`"):
+        read(path, joints=("a",))
+    recording = read(path, {"scale": {"time": unit}}, joints=("a",))
+    assert recording.stamp.tolist() == [17 * 10**17, 17 * 10**17 + 10**9 // scale]
+
+
+def test_times_that_no_stamp_can_be_of(written):
+    """Single rows of them are rejected and noted, and are no reason to doubt the rest."""
+    rows = [(k / 100, "1,0") for k in range(20)]
+    rows[5] = (1e15, "1,0")
+    rows[6] = ("1e297", "1,0")
+    recording = read(written("time,q1,qd1\n" + "".join(f"{t},{rest}\n" for t, rest in rows)), joints=("a",))
+    assert recording.counts["rejected: malformed stamp"] == 2 and len(recording) == 18
+    (note,) = [text for text in notes(recording) if "no stamp can be of" in text]
+    assert note.startswith("2 rows") and "row 5, of 1e+15 s" in note
+
+
+def test_losses_come_before_notes(written):
+    """Rows of garbage are rejected by the monitor's rules, and counted."""
+    lines = [f"{k / 100},{0.01 * k},1" for k in range(100)]
+    lines[20] = "0.2,0.2,1e297"
+    lines[30] = "1,2"
+    recording = dd.read_recording(written("\n".join(["t,q1,qd1", *lines])), arm("a"))
+    assert recording.counts["rejected: absurd value"] == 1 and len(recording) == 98
+    causes = [one.cause for one in recording.findings]
+    assert causes[0] == "unread" and causes.index("note") > causes.index("rejected: absurd value")
+    assert recording.offset == 10**9  # a stamp of zero is none
+
+
+# --- Parquet and npz ---
+
+
+def test_numbers_of_any_kind(written):
+    kinds = [pa.float32(), pa.float16(), pa.int8(), pa.uint64(), pa.decimal128(10, 3)]
+    columns = {
+        f"q{k}": pa.array([Decimal(1), None, Decimal(3)] if pa.types.is_decimal(one) else [1, None, 3], one)
+        for k, one in enumerate(kinds)
+    }
+    columns |= {f"qd{k}": [0.0, 0.0, 0.0] for k in range(len(kinds))}
+    recording = read(written(pa.table({"t": [0, 1, 2], "state": ["a", "b", "c"]} | columns)), joints=tuple("abcde"))
+    assert not lost(recording) and recording.q.tolist() == [[1.0] * 5, [3.0] * 5]
+    assert recording.counts["rejected: no position"] == 1
+
+
+@pytest.mark.parametrize("kind", [pa.list_(pa.float64()), pa.list_(pa.float32(), 2), pa.large_list(pa.int16())])
+def test_lists(written, kind):
+    lists = pa.array([[1, 2], None, [3, 4]], kind)
+    efforts = pa.array([[], [5, 6], [7, 8]], pa.list_(pa.float64()))
+    table = pa.table({"t": [0.0, 1.0, 2.0], "q": lists, "qd": lists, "tau": efforts})
+    recording = read(written(table))
+    assert recording.q.tolist() == [[1, 2], [3, 4]] and recording.states.with_effort.tolist() == [False, True]
+    with pytest.raises(dd.InputError, match="'q' has 2 columns, but there are 3 joints"):
+        read(written(table), joints=ARM)
+    assert read(written(table), {"position": "q", "velocity": "qd", "effort": "tau"}).tau[1].tolist() == [7, 8]
+    lists = pa.array([[1.0, 2.0], [3.0], [4.0, 5.0, 6.0], [7.0, 8.0]])
+    still = pa.array([[0.0, 0.0]] * 4)
+    recording = read(written(pa.table({"t": [0.0, 1.0, 2.0, 3.0], "q": lists, "qd": still})))
+    assert recording.q.tolist() == [[1, 2], [7, 8]]
+    what = "list of another length than there are joints (column 'q': 1 instead of 2): 2 rows of it are NaN"
+    assert lost(recording) == [f"row 1: {what}"]
+
+
+def test_joint_states_in_parquet(written):
+    """A struct of lists, as a message is, names included; rows of other joints are left out."""
+    states = [{"name": ["b", "a"], "position": [k, k + 10], "velocity": [1, 2], "effort": [1, 2]} for k in range(4)]
+    states[2] |= {"name": ["gripper"], "position": [9]}
+    numbers = [(name, pa.list_(pa.float64())) for name in ("position", "velocity", "effort")]
+    kind = pa.struct([("name", pa.list_(pa.string())), *numbers])
+    table = pa.table({"stamp": [0.0, 1.0, 2.0, 3.0], "joint_states": pa.array(states, kind)})
+    recording = read(written(table))
+    assert recording.q.tolist() == [[10, 0], [11, 1], [13, 3]] and recording.tau[0].tolist() == [2, 1]
+    assert lost(recording) == ["row 2: names of other joints than the first row has: 1 rows left out"]
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+def test_missing_times(written, unit):
+    numbers = {"q1": [1.0, 2.0, 3.0], "qd1": [0.0, 0.0, 0.0]}
+    for table in (
+        pa.table({"t": pa.array([5, None, 7], pa.timestamp(unit)), **numbers}),
+        {"t": np.array([5, "NaT", 7], f"M8[{unit}]"), **{name: np.array(one) for name, one in numbers.items()}},
+    ):
+        recording = read(
+            written(table, version="2.6") if isinstance(table, pa.Table) else written(table), joints=("a",)
+        )
+        assert lost(recording) == ["row 1: " + NO_TIME.format(1)]
+        assert np.diff(recording.stamp) == 2 * {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}[unit]
+    with pytest.raises(dd.InputError, match="'t' says its unit itself"):
+        read(written(pa.table({"t": pa.array([5], pa.timestamp(unit)), "q_a": [1.0]})), {"scale": {"time": 1}})
+
+
+def test_a_damaged_row_group_is_left_out(written):
+    time = np.arange(1000) / 100
+    path = written(
+        pa.table({"t": time, "q1": np.sin(time), "qd1": np.cos(time)}), row_group_size=100, use_dictionary=False
+    )
+    content = bytearray(path.read_bytes())
+    for group in (3, 9):
+        chunk = parquet.ParquetFile(path).metadata.row_group(group).column(1)
+        begin, size = chunk.data_page_offset, chunk.total_compressed_size
+        content[begin : begin + size] = b"\xff" * size
+    path.write_bytes(content)
+    recording = read(path, joints=("a",))
+    np.testing.assert_array_equal(recording.q[:, 0], np.sin(np.delete(time, [*range(300, 400), *range(900, 1000)])))
+    (said,) = lost(recording)
+    assert said.startswith("row 300, row group 3: ") and said.endswith(": 200 rows lost")
+
+
+@pytest.mark.parametrize("at", [300, 50_000])  # in what is read with the header of the array, and far behind it
+def test_a_damaged_array(written, at):
+    time = np.arange(10_000.0)
+
+    def spoiled(name, **arrays):
+        path = written({"t": time, "q1": time, "qd1": np.ones(10_000)} | arrays)
+        with zipfile.ZipFile(path) as file:
+            begin = file.getinfo(f"{name}.npy").header_offset + at
+        content = bytearray(path.read_bytes())
+        content[begin : begin + 50] = b"\x55" * 50
+        path.write_bytes(content)
+        return path
+
+    recording = read(spoiled("tau1", tau1=time), joints=("a",), parameters=LOOSE)
+    assert len(recording) == 10_000 and recording.tau is None
+    assert lost(recording) == [
+        "array tau1: array 'tau1' cannot be read: Bad CRC-32 for file 'tau1.npy': all its numbers are lost"
+    ]
+    with pytest.raises(dd.InputError, match="array 'q1' cannot be read: Bad CRC-32"):
+        read(spoiled("q1"), joints=("a",), parameters=LOOSE)
+
+
+@pytest.mark.parametrize(
+    ("table", "columns", "message"),
+    [
+        (pa.table({"t": [0.0], "q1": ["1"]}), None, "no column is known as a position"),
+        (pa.table({"t": [0.0], "q1": ["1"]}), {"position": "q1"}, "'q1' does not hold numbers"),
+        (pa.table({"t": ["0"], "q1": [1.0]}), None, "no column is known as that of the times"),
+        (pa.table({"t": [[0.0]], "q1": [1.0]}), {"time": "t"}, "time: 't' has 1 columns"),
+        (pa.table({"t": [0.0], "q_a": pa.array([1], pa.timestamp("s"))}), None, "column 'q_a' is of times"),
+        (pa.table({"t": [0.0], "q": [[1.0]], "q2": [1.0]}), {"position": ["q", "q2"]}, "'q' is a whole array"),
+        ({"t": np.arange(3.0), "q": np.ones((4, 2))}, None, r"array 'q' has shape \(4, 2\), expected a row for each"),
+        ({"t": np.arange(3.0), "q": np.ones((3, 2, 2))}, {"position": "q"}, "'q' does not hold numbers in one or two"),
+        ({"t": np.arange(3.0), "q": np.ones((3, 2), complex)}, {"position": "q"}, "'q' does not hold numbers"),
+        ({"t": np.arange(3.0), "q": np.array([{}, {}, {}])}, None, "no column is known as a position"),
+        ({"t": np.arange(3.0), "q": np.ones((3, 2))}, {"position": [0, 1]}, "its arrays have names"),
+        ({"t": np.arange(3.0), "pose": np.ones((3, 2))}, {"position": "poes"}, "did you mean 'pose'"),
+        ({"t": np.ones((3, 2)), "q": np.ones((3, 2))}, None, "time: 't' has 2 columns"),
+        ({"t": np.arange(3.0), "q": np.ones((3, 2)), "pos": np.ones((3, 2))}, None, "may be the position"),
+    ],
+    ids=str,
+)
+def test_columns_that_do_not_fit(written, table, columns, message):
+    with pytest.raises(dd.InputError, match=message):
+        read(written(table), columns)
+
+
+def test_files_that_are_cut_or_none(written, tmp_path, monkeypatch):
+    for content, what in (
+        (pa.table({"t": [0.0], "q1": [1.0]}), "is no Parquet file that can be read: .*not copied whole"),
+        ({"t": np.arange(100.0), "q": np.ones((100, 2))}, "is no npz that can be read: .*not copied whole"),
+    ):
+        path = written(content)
+        whole = path.read_bytes()
+        for cut in (len(whole) // 2, len(whole) - 30):
+            path.write_bytes(whole[:cut])
+            with pytest.raises(dd.InputError, match=what):
+                read(path)
+    with zipfile.ZipFile(tmp_path / "book.xlsx", "w") as file:
+        file.writestr("xl/workbook.xml", "<x/>")
+    with pytest.raises(dd.InputError, match=r"without numpy's arrays \(it has xl/workbook.xml\)"):
+        read(tmp_path / "book.xlsx")
+    with zipfile.ZipFile(written({"t": np.arange(3.0)})) as file:
+        array = file.read("t.npy")
+    huge = array.replace(b"(3,), }" + b" " * 12, b"(3000000000000,), }")
+    with zipfile.ZipFile(tmp_path / "huge.npz", "w") as file:
+        file.writestr("t.npy", array)
+        file.writestr("q.npy", huge)
+    with pytest.raises(dd.InputError, match=r"its shape is \(3000000000000,\), but it has 152 bytes"):
+        read(tmp_path / "huge.npz")
+    path = written(pa.table({"t": [0.0], "q1": [1.0]}))
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    with pytest.raises(dd.InputError, match="pyarrow is not installed: pip install"):
+        read(path)
+
+
+def test_arrays_with_a_row_for_each_joint_are_turned(written):
+    """Names in the file are those of the columns. A square array has a row for each time."""
+    rng = np.random.default_rng(1)
+    arrays = {"t": np.arange(5.0)[None], "q": rng.normal(size=(5, 2)), "qd": rng.normal(size=(2, 5))}
+    recording = read(written(arrays | {"joint_names": np.array(["b", "a"]), "limits": np.ones(3)}))
+    np.testing.assert_array_equal(recording.q, arrays["q"][:, ::-1])
+    np.testing.assert_array_equal(recording.qd, arrays["qd"].T[:, ::-1])
+    assert "qd: turned round, it has a row for each joint." in notes(recording)
+    assert "not read: joint_names, limits." in notes(recording)
+    square = {"t": np.arange(2.0), "q": rng.normal(size=(2, 2)), "qd": rng.normal(size=(2, 2))}
+    np.testing.assert_array_equal(read(written(square)).qd, square["qd"])
+
+
+@pytest.mark.parametrize("kind", ["parquet", "npz"])
+@examples(100)
+@given(seed=st.integers(0, 10**6), count=st.integers(1, 40))
+def test_damaged_anywhere(tmp_path_factory, seed, count, kind):
+    """Bytes overwritten anywhere, or the end cut off: states, losses, or one of our errors."""
+    path = tmp_path_factory.mktemp("damaged") / f"table.{kind}"
+    time = np.arange(50) / 100
+    if kind == "parquet":
+        table = pa.table({"t": time, "q1": np.sin(time), "tau": [[x] for x in time], "name": [["a"]] * 50})
+        parquet.write_table(table, path, row_group_size=10)
+    else:
+        np.savez_compressed(path, t=time, q=np.sin(time), tau=time[:, None], names=np.array(["a"]))
+    content, rng = bytearray(path.read_bytes()), random.Random(seed)
+    for _ in range(count):
+        content[rng.randrange(4, len(content))] = rng.randrange(256)
+    if seed % 3 == 0:
+        del content[rng.randrange(4, len(content)) :]
+    path.write_bytes(content)
+    try:
+        read(path, joints=("a",))
+    except dd.DiagDynamicsError as error:
+        assert str(path) in str(error)
