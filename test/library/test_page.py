@@ -63,7 +63,7 @@ def numbers_of(frame):
 
 
 def test_the_fixture_of_the_javascript_tests_is_what_python_writes():
-    """If this fails after a change of frames or packing: python3 test/support/page_fixture.py, then node --test web/test."""
+    """If this fails after a change of frames or packing: python3 test/support/page_fixture.py, then npm test in web/."""
     stored, made = json.loads(page_fixture.PATH.read_text(encoding="utf-8")), page_fixture.content()
     for one in (stored, made):
         one["frames"] = [numbers_of(unpacked(text)) for text in one["frames"]]

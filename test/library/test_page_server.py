@@ -202,10 +202,8 @@ def test_a_stream_has_the_numbers_of_the_states(address, arm):
         before = 0.0
         for frame in stream.frames(10):
             q, qd, tau = (frame[name].astype(float) for name in ("q", "qd", "effort"))
-            s = dyn.evaluate(q, qd, tau)
-            for name, value in (("nu", s.nu), ("coriolis", s.coriolis), ("D", s.articulated_inertia)):
-                np.testing.assert_allclose(frame[name], value, rtol=1e-4, atol=1e-4)
-            np.testing.assert_allclose([frame["K"], frame["link_energy"].sum()], s.kinetic_energy, rtol=1e-4)
+            K = dyn.evaluate(q, qd, tau).kinetic_energy
+            np.testing.assert_allclose([frame["K"], frame["link_energy"].sum()], K, rtol=1e-4)
             twist = dyn.link_velocity(q, qd, "panda_hand", frame="world")
             np.testing.assert_allclose(frame["twist"], twist, atol=1e-4)
             assert frame.t > before

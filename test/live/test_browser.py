@@ -415,11 +415,6 @@ def test_contact_now_and_then(chromium, serve):
             v = speed[0]
             np.testing.assert_allclose(cells, [-1 - v, v, 1, 0.5 * v * v, 0.15 * v * v], rtol=6e-3, atol=6e-4)
         assert "then" in tab.page.locator("#contact h2").inner_text()
-        rows = [row for row in rows_of(tab) if row["contact_t [s]"]]
-        for row in rows:
-            speed = told[float(row["contact_t [s]"])][0]
-            np.testing.assert_allclose([float(row[f"contact_speed.{name}"]) for name in names], speed, rtol=1e-6)
-        assert len({row["contact_t [s]"] for row in rows}) > 2
         tab.page.keyboard.press("l")
         quiet.set()
         tab.until("!diag.contact.fresh && diag.contact.drawn === null && document.querySelector('#contact.old')")
