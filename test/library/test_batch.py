@@ -277,6 +277,19 @@ def test_forked_process_has_threads_of_its_own(two):
     assert os.waitpid(child, 0)[1] == 0
 
 
+def test_threads_have_their_own_workspaces(two):
+    """Two pieces that are evaluated at once do not share memory."""
+    together, robots = threading.Barrier(2), []
+
+    def sweep(robot, first, last):
+        robots.append(robot)
+        together.wait(10.0)
+        return last
+
+    assert not batch.in_pieces(batch.Workspaces(two.model), 32, sweep, threads=2)
+    assert len(set(robots)) == 2
+
+
 @pytest.fixture
 def frequent_switches():
     """Let threads take turns as often as Python can."""
