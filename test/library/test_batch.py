@@ -279,14 +279,15 @@ def test_forked_process_has_threads_of_its_own(two):
 
 def test_threads_have_their_own_workspaces(two):
     """Two pieces that are evaluated at once do not share memory."""
-    together, robots = threading.Barrier(2), []
+    together, robots, workspaces = threading.Barrier(2), [], batch.Workspaces(two.model)
 
     def sweep(robot, first, last):
         robots.append(robot)
         together.wait(10.0)
         return last
 
-    assert not batch.in_pieces(batch.Workspaces(two.model), 32, sweep, threads=2)
+    assert not batch.in_pieces(workspaces, 16, lambda robot, first, last: last, threads=1)  # leaves an idle one
+    assert not batch.in_pieces(workspaces, 32, sweep, threads=2)
     assert len(set(robots)) == 2
 
 
