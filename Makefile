@@ -36,11 +36,11 @@ demo-identify: setup  ## a wrong model, identified and calibrated until alarms s
 	@$(in_env) diag-dynamics demo-identify --picture demo_identify.png $(ARGS)
 
 test: $(or $(LINT),setup-tests)  ## the gate: lint, JavaScript, tests; ARGS=<pytest options>, JOBS=<workers, 0: a debugger>, LINT= for none
-	@node --test web/test
+	@node --test web/test/*.test.js
 	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
 
 test-full: lint docs  ## everything: all robots and examples, processes, browser, namespaces, both ROS 2; an hour
-	@node --test web/test
+	@node --test web/test/*.test.js
 	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(FULL) $(ARGS)
 	@ROS_DISTRO=kilted $(MAKE) setup-tests
 	@export ROS_DISTRO=kilted; $(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(FULL) $(ARGS) test/nodes test/live
