@@ -15,7 +15,7 @@ from diag_dynamics.assembly.frozen import Frozen
 from diag_dynamics.assembly.gaps import Gaps
 from diag_dynamics.assembly.velocities import LONGEST, VelocityEstimator
 from examples import examples
-from joint_state_cases import INF, MS, NAN, S
+from joint_state_messages import INF, MS, NAN, S
 
 # --- velocity filter
 

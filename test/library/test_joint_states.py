@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.joint_states import LONGEST, MOST_LAYOUTS
 from examples import examples
-from joint_state_cases import INF, MIMICS, MS, NAMES, NAN, NOW, TABLE, S, joint_state
+from joint_state_cases import TABLE
+from joint_state_messages import INF, MIMICS, MS, NAMES, NAN, NOW, S, joint_state
 from joint_state_model import Model
 from joint_state_readers import READERS, BytesReader, Message, Reader, model, positive
 

@@ -16,7 +16,7 @@ from diag_dynamics.model import Payload
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings, Thresholds, share_thresholds
 from diag_dynamics.parameters.shared import payload_entry, payloads_of
 from examples import examples
-from joint_state_cases import INF, NAMES, NAN
+from joint_state_messages import INF, NAMES, NAN
 from joint_state_readers import DEFAULTS, model, settings
 
 # --- entries by name

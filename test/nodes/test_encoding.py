@@ -6,14 +6,11 @@
 import importlib
 import math
 import os
-import random
 import resource
-import struct
 import subprocess
 import sys
 from collections import Counter
 from functools import cache
-from itertools import islice, pairwise
 from pathlib import Path
 from typing import NamedTuple
 from unittest import mock
@@ -30,10 +27,9 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import get_types_from_msg
 from sensor_msgs.msg import BatteryState, JointState, LaserScan, RegionOfInterest
-from std_msgs.msg import Byte, Char, Empty, Float64, Header, Int8, Int64, String, UInt16
+from std_msgs.msg import Byte, Char, Empty, Header, Int8, Int64, String, UInt16
 
 import diag_dynamics as dd
-import joint_state_cases as cases
 from diag_dynamics.assembly.assembler import JointStateAssembler, RobotState, joints_of
 from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.control.observer import Disturbance
@@ -52,7 +48,7 @@ from diag_dynamics.wire.joint_states import KnownJointStates
 from diag_dynamics.wire.ours import our_definitions
 from diag_dynamics.wire.overrun import overruns
 from examples import examples, shortened, some_of
-from joint_state_cases import INF, MS, NAMES, NAN, NOW, S
+from joint_state_messages import INF, MS, NAMES, NAN, NOW, S, joint_state
 from joint_state_readers import DEFAULTS, settings
 from joint_state_readers import model as robot_model
 from robots import TwoLinkArm, description, link, random_tree
@@ -214,21 +210,6 @@ def test_other_texts_do_not_fit():
     raw = serialize_message(messages[0])
     assert template.fits(raw) and not template.holds(raw)
     assert not Template(String(data="to\0day")).holds(serialize_message(String(data="to\0day")))
-
-
-@examples(100)
-@given(contents(diag_dynamics.msg.DiagonalizedState))
-def test_places(message):
-    """All views of a template share its memory, wherever the texts before them end."""
-    template, stamp = Template(message), message.header.stamp
-    assert template.words[:2].view(np.uint32).tolist() == [stamp.sec % 2**32, stamp.nanosec]
-    for path, kind in message.get_fields_and_field_types().items():
-        if kind == "sequence<double>":
-            values, first = getattr(message, path), template.first_double(path)
-            assert (first >= 0) == (template.place(path) >= 0) == (path in template.numbers) == (len(values) > 0)
-            assert repr(template.doubles[first : first + len(values)].tolist()) == repr(values.tolist()) or not values
-    assert template.data[template.place("velocity_estimated")] == message.velocity_estimated
-    assert template.place("elbow") == template.first_double("elbow") == -1
 
 
 @pytest.mark.parametrize(
@@ -487,7 +468,7 @@ def test_bytes_to_bytes(change, journey):
         stamp += passed
         position = [0.3 + 0.01 * k] * (len(names) - 1) + [0.1 if wrong is None else wrong]
         efforts = {"all": [0.1, 0.2], "none": [], "some": [0.1, NAN]}[effort][: len(names)]
-        raw = cases.joint_state(names, position, velocity[: len(names)], efforts, stamp)
+        raw = joint_state(names, position, velocity[: len(names)], efforts, stamp)
         twins.take(raw, stamp, [topic for topic in TOPICS if topic in topics])
         served += twins.is_served
     assert (served > 0) == (not UNUSUAL & set(change))
@@ -497,7 +478,7 @@ def test_published_bytes_do_not_change():
     """They are a copy; and a topic that nobody subscribed to before comes from its second message on in one pass."""
     twins, found = Twins(), []
     for k, topics in enumerate([["kinetic_energy"]] * 2 + [["kinetic_energy", "coriolis"]] * 2):
-        raw = cases.joint_state(ARM, [0.1 * k, 0.2], [1, 2], [3, 4], NOW + k)
+        raw = joint_state(ARM, [0.1 * k, 0.2], [1, 2], [3, 4], NOW + k)
         found.append((twins.take(raw, NOW, topics)[0], twins.is_served))
     assert [served for _, served in found] == [False, True, False, True]
     assert len({raw for raw, _ in found}) == 4
@@ -512,7 +493,7 @@ def test_state_that_cannot_be_evaluated(velocity, effort):
         **{"absurd.velocity": 0.0, "absurd.effort": 0.0, "absurd.beyond_velocity": 0.0, "absurd.beyond_effort": 0.0}
     )
     for k, (v, tau) in enumerate([(1.0, 1.0)] * 3 + [(velocity, effort), (1.0, 1.0), (1.0, 1.0)]):
-        raw = cases.joint_state(ARM, [0.1, 0.2], [v, v], [tau, tau], NOW + k * MS)
+        raw = joint_state(ARM, [0.1, 0.2], [v, v], [tau, tau], NOW + k * MS)
         published = twins.take(raw, NOW, TOPICS)
         assert (published is None) == (v == velocity)
         if published is None:
@@ -631,80 +612,9 @@ def test_definitions_equal_those_of_ros(name):
 
 
 def arm_message(k=0, order="<"):
-    """Return the k-th message of the arm, and where its counts are."""
-    writer = cases.Writer(order)
-    writer.header(NOW + k * MS, "arm")
-    writer.count(4)
-    for name in ("heel", *NAMES):
-        writer.text(name)
-    for values in ([1.0, 1.0, 2.0 + 0.001 * k, 3.0], [0.3] * 4, [5.0] * 4):
-        writer.numbers(values)
-    return writer.encoded(), writer.counts
-
-
-def truncated():
-    """Yield a message cut off at every length."""
-    raw, _ = arm_message()
-    yield from (raw[:size] for size in range(len(raw)))
-
-
-def overwritten():
-    """Yield a message with every single byte another."""
-    raw, _ = arm_message()
-    for place, byte in enumerate(raw):
-        others = {0, 1, 2, 4, 5, 7, 8, 0x20, 0x7F, 0x80, 0xFF, byte ^ 1, byte ^ 0x80, (byte + 1) % 256} - {byte}
-        yield from (raw[:place] + bytes([other]) + raw[place + 1 :] for other in sorted(others))
-
-
-def with_other_counts():
-    """Yield a message with every count another, of either byte order, and with two of them huge."""
-    some = (0, 1, 2, 3, 4, 5, 6, 8, 12, 20, 100, 10**4, 10**6, 2**27, 2**28, 2**29, 2**30, 2**31 - 1, 2**31, 2**32 - 1)
-    for order in "<>":
-        raw, counts = arm_message(order=order)
-        for end in counts:
-            for value in some:
-                yield raw[:end] + struct.pack(f"{order}I", value) + raw[end + 4 :]
-                yield raw[:end] + struct.pack(f"{order}I", value)
-        for end, after in pairwise(counts):
-            many = b"\xff" * 4
-            yield raw[:end] + many + raw[end + 4 : after] + many + raw[after + 4 :]
-
-
-def with_other_encapsulations():
-    """Yield a message with another encapsulation: parameter lists, XCDR2, options, anything."""
-    for raw in (arm_message(order=order)[0] for order in "<>"):
-        for kind in range(256):
-            yield bytes([0, kind]) + raw[2:]
-            yield bytes([kind, raw[1]]) + raw[2:]
-            yield raw[:2] + bytes([kind % 4, kind]) + raw[4:]
-
-
-def at_random():
-    """Yield random bytes with and without a header, messages with random bytes, and messages with more after them."""
-    rng, (raw, _) = random.Random(1), arm_message()
-    yield from (raw + tail for tail in (b"\0", b"\xff" * 9, raw, raw[4:], bytes(100_000)))
-    for _ in range(400):
-        yield rng.randbytes(rng.randrange(200))
-        yield raw[:4] + rng.randbytes(rng.randrange(200))
-        damaged = bytearray(raw)
-        for _ in range(rng.randint(2, 5)):
-            damaged[rng.randrange(len(raw))] = rng.choice((0, 1, 0x7F, 0xFF, rng.randrange(256)))
-        yield bytes(damaged)
-
-
-def with_odd_texts():
-    """Yield messages with names that are not UTF-8, hold a zero, or do not end in one."""
-    raw, counts = arm_message()
-    for end in (counts[0], *counts[2:6]):
-        size = struct.unpack_from("<I", raw, end)[0]
-        for text in (b"\xff" * size, b"\0" * size, b"x" * size, b"\xc3" * (size - 1) + b"\0", b"\xed\xa0\x80" * size):
-            yield raw[: end + 4] + text[:size] + raw[end + 4 + size :]
-
-
-DAMAGES = {
-    damage.__name__: damage
-    for damage in (truncated, overwritten, with_other_counts, with_other_encapsulations, at_random, with_odd_texts)
-}
+    """Return the k-th message of the arm."""
+    values = [1.0, 1.0, 2.0 + 0.001 * k, 3.0], [0.3] * 4, [5.0] * 4
+    return joint_state(("heel", *NAMES), *values, NOW + k * MS, "arm", order)
 
 
 def arm_reader(by_bytes, **parameters):
@@ -717,37 +627,40 @@ def arm_reader(by_bytes, **parameters):
     return lambda raw, now: assembler.update(read_joint_state(raw), now)
 
 
-def compare_damaged(damage, count, trace=None):
-    """Read damaged messages by bytes, known before or not, and by rclpy's message; return the outcomes."""
-    outcomes, (before, _), (after, _) = Counter(), arm_message(), arm_message(1)
-    for raw in islice(some_of(DAMAGES[damage](), 7), count):
+def compare_damaged(count, trace=None):
+    """Read damaged messages as bytes, with known names or not, and as rclpy's messages; return the outcomes."""
+    outcomes, rng = Counter(), np.random.default_rng(2)
+    before, after = arm_message(), arm_message(1)
+    for k in range(count):
+        raw = mutated(arm_message(order="<<<>"[k % 4]), rng) if k % 8 else rng.bytes(rng.integers(200))
         if trace:
             trace.seek(0)
             trace.truncate()
             trace.write(repr(raw[:2000]).encode())
-        for is_known in (False, True):
-            found, expected = arm_reader(True), arm_reader(False)
-            for message in [before] * 2 * is_known + [raw, after, after]:
-                try:
-                    other = repr(expected(message, NOW)) if not overruns(message) else "malformed"
-                except RejectedError as rejection:
-                    other = f"{rejection.cause}: {rejection}"
-                except Exception:
-                    other = "malformed"
-                try:
-                    one = repr(found(message, NOW))
-                except RejectedError as rejection:
-                    one = "malformed" if rejection.cause == "malformed" else f"{rejection.cause}: {rejection}"
-                assert one == other
-                outcomes[one.split(":")[0].split("(")[0]] += message is raw
+        found, expected = arm_reader(True), arm_reader(False)
+        for message in [before] * (k % 3) + [raw, after, after]:
+            one, other = _taken(found, message), _taken(expected, message)
+            assert one == other, raw.hex()
+            outcomes[one.split(":")[0].split("(")[0]] += message is raw
     return outcomes
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_damaged_bytes(damage, capfd):
+def _taken(read, raw):
+    """Return the state or the rejection of a message as text."""
+    try:
+        if overruns(raw):  # no node hands these to rclpy
+            return "malformed"
+        return repr(read(raw, NOW))
+    except RejectedError as rejection:
+        return "malformed" if rejection.cause == "malformed" else f"{rejection.cause}: {rejection}"
+    except Exception:
+        return "malformed"
+
+
+def test_damaged_bytes(capfd):
     """They are refused or read as rclpy reads them, and rosidl writes no line past the log."""
-    outcomes = compare_damaged(damage, shortened(10**6, 60))
-    assert outcomes["malformed"] or damage == "with_odd_texts"
+    outcomes = compare_damaged(shortened(20_000, 300))
+    assert outcomes["malformed"] > 50 and outcomes["RobotState"] > 20 and outcomes["no velocity"]
     assert capfd.readouterr().err == ""
 
 
@@ -755,33 +668,27 @@ ROOM = 1 << 30
 """Memory that a process may take for damaged messages [bytes]; it may keep a sixteenth of it."""
 
 
-def take_damaged(damage, trace):
+def take_damaged(trace):
     """Read damaged messages with little memory left; each is in the file `trace` meanwhile."""
-    compare_damaged("truncated", 1)  # compile and load
+    compare_damaged(10)  # compile and load
     in_use = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (in_use + ROOM, in_use + ROOM))
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with Path(trace).open("wb", buffering=0) as file:
-        compare_damaged(damage, 10**6, file)
+        compare_damaged(10_000, file)
     kept = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - most
     assert kept < ROOM >> 14, f"{kept} kB more"
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_memory_of_damaged_bytes(damage, tmp_path):
+def test_memory_of_damaged_bytes(tmp_path):
     """No message ends the process or takes its memory."""
     trace = tmp_path / "last"
-    script = f"import {__name__} as tests; tests.take_damaged({damage!r}, {str(trace)!r})"
+    script = f"import {__name__} as tests; tests.take_damaged({str(trace)!r})"
     here = Path(__file__).parent
     path = os.pathsep.join([str(here), str(here.parent / "support"), os.environ.get("PYTHONPATH", "")])
-    done = subprocess.run(
-        [sys.executable, "-X", "faulthandler", "-c", script],
-        env=os.environ | {"PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        timeout=1200,
-    )
+    command = [sys.executable, "-X", "faulthandler", "-c", script]
+    done = subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=1200)
     assert done.returncode == 0, f"{trace.read_text()}\n{done.stderr[-4000:]}"
 
 
@@ -792,12 +699,12 @@ def test_damaged_numbers_stay_within_bounds():
     """
     limits = {"max_age": 1.0, "absurd.beyond_velocity": 3.0, "absurd.beyond_effort": 4.0, "absurd.jump": 0.1}
     found = Counter()
-    good, _ = arm_message(16)
+    good = arm_message(16)
     for place in some_of(range(len(good)), 2):
         for change in (0x01, 0x80, 0xFF):
             take = arm_reader(True, **limits)
             for k in (0, 8):
-                take(arm_message(k)[0], NOW + k * MS)
+                take(arm_message(k), NOW + k * MS)
             try:
                 state = take(changed(good, place, change), NOW + 16 * MS)
             except RejectedError:
@@ -813,11 +720,3 @@ def test_damaged_numbers_stay_within_bounds():
             for field, value in (("position", [1.0, 2.016, 3.0]), ("velocity", [0.3] * 3)):
                 found[field] += not np.allclose(getattr(state, field), value, rtol=0, atol=1e-12)
     assert min(found.values()) > 8
-
-
-def test_handed_out_bytes_are_a_copy():
-    """A template that is written anew changes no message that it has made."""
-    template = Template(Float64(data=1.0))
-    before = template.encoded()
-    template.numbers["data"][:] = 2.0
-    assert deserialize_message(before, Float64).data == 1.0

@@ -20,7 +20,7 @@ from diag_dynamics.nodes.support.managed import ACTIVE
 from diag_dynamics.parameters.monitor import Settings, Thresholds
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.recordings.balance import Balance, WindowSums
-from joint_state_cases import MS, S
+from joint_state_messages import MS, S
 from joint_state_readers import DEFAULTS
 from joint_state_readers import model as robot_model
 from robots import TwoLinkArm

@@ -9,7 +9,7 @@ It covers the robot ``arm`` of the table without stuck sensors and lost states.
 import math
 from collections import Counter
 
-from joint_state_cases import (
+from joint_state_messages import (
     BASE_PARAMETERS,
     EFFORT_LIMITS,
     INF,

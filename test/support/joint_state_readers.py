@@ -21,7 +21,7 @@ from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.recordings.intake import JOINT_STATE, LOST, MOST_TOLD, ODOMETRY, Intake
 from diag_dynamics.wire.definitions import read_message
 from diag_dynamics.wire.joint_states import KnownJointStates
-from joint_state_cases import BASE_PARAMETERS, FLOATING, ROBOTS
+from joint_state_messages import BASE_PARAMETERS, FLOATING, ROBOTS
 
 DEFAULTS = {name: spec.default for name, spec in PARAMETERS.items()}
 

@@ -1,0 +1,483 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Rules of the decision table on time: order of stamps, clock, age of joints, lost states, odometry."""
+
+from joint_state_messages import INF, MS, NAN, NOW, S, joint_state, odometry
+from joint_state_steps import (
+    ABSURD,
+    ARM,
+    FUTURE,
+    GRIPPER,
+    JUMPED,
+    LATE,
+    OLD,
+    PAST,
+    PERIOD,
+    case,
+    hand,
+    step,
+    whole,
+)
+
+# --- stamps: form and order
+
+SPANS = [
+    # parameters; time up to which an older stamp is late [s]
+    ({"joint_timeout": 0.5}, 1.0),
+    ({"joint_timeout": 0.0}, 1.0),
+    ({"joint_timeout": 3.0}, 3.0),
+    ({"joint_timeouts": ["*=3"]}, 3.0),
+    ({"joint_timeout": 3.0, "joint_timeouts": ["*=0.2"]}, 1.0),
+    ({"joint_timeout": 3.0, "joint_timeouts": ["*=0"]}, 1.0),
+]
+
+TOO_LATE = [NOW - 900 * MS + k * 125 * MS for k in range(5)]
+ORDERS = {
+    # stamps after one at NOW; outcomes
+    "same stamp": ([NOW], "published"),
+    "late, then in order": ([NOW - 1, NOW, NOW - 1], LATE, "published", LATE),
+    "confirmed by the same stamp": ([OLD, OLD], PAST, JUMPED),
+    "confirmed a second later": ([OLD, OLD + S], PAST, JUMPED),
+    "not confirmed after more than a second": ([OLD, OLD + S + 1, OLD + S + 1], PAST, PAST, JUMPED),
+    "not confirmed by an older stamp": ([OLD, OLD - 1, OLD], PAST, PAST, JUMPED),
+    "strays between good stamps": ([OLD, NOW, OLD, NOW + 1, OLD], PAST, "published", PAST, "published", PAST),
+    "a late stamp confirms nothing": ([OLD, NOW - 1, OLD], PAST, LATE, PAST),
+    "twice": ([OLD, OLD, OLD - 2 * S, OLD - 2 * S], PAST, JUMPED, PAST, JUMPED),
+    "five late over half a second": (TOO_LATE, LATE, LATE, LATE, LATE, JUMPED),
+    "four late are too few": ([NOW - 900 * MS + k * 200 * MS for k in range(4)], *[LATE] * 4),
+    "five late over less than half a second": ([TOO_LATE[0] + k * 124 * MS for k in range(5)], *[LATE] * 5),
+    "late stamps that go back begin anew": ([*TOO_LATE[:4], *TOO_LATE[2:]], *[LATE] * 7),
+    "late stamps with a good one between": ([*TOO_LATE[:4], NOW, TOO_LATE[4]], *[LATE] * 4, "published", LATE),
+    "from the past into what is late": (
+        [NOW - 1100 * MS + k * 150 * MS for k in range(5)],
+        PAST,
+        *[LATE] * 3,
+        JUMPED,
+    ),
+}
+
+
+def _ordered(stamp, outcome):
+    return whole(stamp, also=JUMPED) if outcome == JUMPED else whole(stamp, outcome)
+
+
+ORDER_CASES = [
+    *(
+        case(
+            f"malformed stamp {stamp}", whole(1 * S), whole(stamp, "malformed stamp", f"{stamp[0]} s and {stamp[1]} ns")
+        )
+        for stamp in ((-1, 0), (-1, S - 1), (-(2**31), 0), (5, S), (0, 2**32 - 1))
+    ),
+    case("malformed stamp of mimic joints", hand((-1, 5), "malformed stamp")),
+    case("largest stamp", whole(NOW), *(whole((2**31 - 1) * S + S - 1 - behind) for behind in (7, 1, 0))),
+    case("stamp of a nanosecond", whole(1)),
+    case("no stamp: time of reception", whole(0), whole(0, now=NOW + MS), hand(0)),
+    case(
+        "neither stamp nor clock", whole(0, "no time", "/clock", now=0), whole(5 * S, now=0), hand(0, "no time", now=0)
+    ),
+    case(
+        "time of reception stands for the stamp as long as one joint has none",
+        whole(0),
+        whole(NOW + 100 * MS, names=("wrist", "elbow"), state_received=True, state_oldest=NOW),
+        whole(NOW + 100 * MS, names=("shoulder",), state_received=False, state_oldest=NOW + 100 * MS),
+    ),
+    case("times of reception have an order", whole(0), whole(0, LATE, now=NOW - 1), whole(0, PAST, now=NOW - S - 1)),
+    case(
+        "stamps and times of reception are not compared",
+        *(step for k in range(3) for step in (whole(0, now=NOW + k * MS), whole(20 * S + k * MS, shift=k))),
+        whole(20 * S, LATE),
+    ),
+    *(
+        case(
+            f"late up to {span:g} s: {parameters}",
+            whole(NOW),
+            whole(NOW - 1, LATE, "shoulder"),
+            whole(NOW - round(span * S), LATE, f"{span:.6f} s"),
+            whole(NOW - round(span * S) - 1, PAST, "shoulder"),
+            whole(NOW),
+            **parameters,
+        )
+        for parameters, span in SPANS
+    ),
+    *(case(name, whole(NOW), *map(_ordered, stamps, outcomes)) for name, (stamps, *outcomes) in ORDERS.items()),
+    case(
+        "late by the joint concerned",
+        whole(NOW),
+        whole(NOW + 1, names=GRIPPER),
+        whole(NOW + 1 - 3 * S, LATE, "wrist", "3.000000 s"),
+        whole(NOW - 3 * S, PAST, "wrist"),
+        joint_timeout=2.0,
+        joint_timeouts=["wrist=3"],
+    ),
+    case(
+        "older than other joints is not late",
+        whole(NOW),
+        whole(NOW + 300 * MS, names=GRIPPER),
+        whole(NOW + 100 * MS, names=ARM, shift=1.0, state_position=[2, 3, 3], state_oldest=NOW + 100 * MS),
+    ),
+    case(
+        "malformed messages say nothing of the time",
+        whole(NOW),
+        whole(OLD, PAST),
+        whole(NOW, "no position", position=[1, 2, NAN]),
+        whole(1 * S, "wrong length", position=[1, 2]),
+        whole(OLD, also=JUMPED),
+    ),
+    case(
+        "all joints are forgotten where time jumps back",
+        whole(NOW),
+        whole(OLD, PAST, "wrist", "50.000000 s", names=GRIPPER),
+        whole(OLD, "incomplete", names=GRIPPER, shift=1.0, also=JUMPED),
+        whole(OLD, names=ARM, shift=2.0, state_position=[3, 4, 4]),
+    ),
+    case(
+        "two sources jump back: each is suspected by itself",
+        whole(NOW, "incomplete", names=ARM),
+        whole(NOW, names=GRIPPER, state_position=[1, 2, 3]),
+        whole(OLD, PAST, "shoulder", names=ARM),
+        whole(OLD, PAST, "wrist", names=GRIPPER),
+        whole(OLD + MS, "incomplete", names=ARM, also=JUMPED),
+        whole(OLD + MS, names=GRIPPER, state_position=[1, 2, 3]),
+    ),
+    case(
+        "one of two sources jumps back",
+        whole(NOW),
+        whole(OLD, PAST, names=ARM),
+        whole(NOW + MS, names=GRIPPER, state_position=[1, 2, 3]),
+        whole(OLD + MS, "incomplete", names=ARM, also=JUMPED),
+        joint_timeout=0.0,
+    ),
+    case(
+        "the first joint is the source",
+        whole(NOW),
+        whole(OLD, PAST, names=("wrist", "elbow")),
+        whole(OLD, PAST, names=("shoulder", "wrist")),
+        whole(OLD, PAST, names=GRIPPER),
+        whole(OLD + MS, "incomplete", names=("elbow",), also=JUMPED),
+    ),
+    *(
+        case(f"{name} confirm no jump and refute none", *steps, joint_timeout=0.0)
+        for name, steps in {
+            "mimic joints": (whole(NOW), whole(OLD, PAST), hand(OLD), whole(OLD + MS, also=JUMPED)),
+            "new joints": (
+                whole(NOW, "incomplete", names=ARM),
+                whole(OLD, PAST, names=ARM),
+                whole(OLD, names=GRIPPER, state_position=[1, 2, 3]),
+                whole(OLD + MS, "incomplete", names=ARM, also=JUMPED),
+            ),
+            "joints without stamp": (
+                whole(NOW, "incomplete", names=ARM),
+                whole(OLD, PAST, names=ARM),
+                whole(0, names=GRIPPER, state_received=True),
+                whole(OLD + MS, "incomplete", names=ARM, also=JUMPED),
+            ),
+        }.items()
+    ),
+]
+
+# --- stamps by the clock; max_age is 1 s
+
+
+def _at(later, behind, outcome="published", *words, **more):
+    """Step received `later` [ns] after NOW, with a stamp so far behind that time [ns]."""
+    return whole(NOW + later - behind, outcome, *words, now=NOW + later, **more)
+
+
+SET = 4 * S
+CLOCKS = {
+    "in step at the bound": [_at(0, S), _at(2 * S, S), _at(2 * S, -S)],
+    "from the past": [_at(0, S), _at(S, S + 1, PAST, "shoulder", "1.000 s behind", "max_age"), _at(S, S)],
+    "from the future": [_at(0, 0), _at(S, -S - 1, FUTURE, "1.000 s ahead", "max_age"), _at(S, -S)],
+    "foreign from the first on": [_at(0, 72 * S), _at(MS, 72 * S), _at(2 * MS, -72 * S)],
+    "foreign until well within the bound": [
+        _at(0, 40 * S),
+        _at(S, 501 * MS),
+        _at(2 * S, -3 * S),
+        _at(6 * S, 500 * MS),
+        _at(7 * S, -S - 1, FUTURE, "max_age"),
+    ],
+    "a clock set back or ahead": [
+        _at(0, 0),
+        *(_at(k * S, -SET, FUTURE) for k in range(1, 11)),
+        _at(11 * S - 1, -SET, FUTURE),
+        _at(11 * S, -SET),
+        _at(11 * S + MS, -SET),
+    ],
+    "ten seconds of another distance begin anew": [
+        _at(0, 0),
+        _at(S, -SET, FUTURE),
+        _at(11 * S, -SET - S - 1, FUTURE),
+        _at(21 * S - 1, -SET - S - 1, FUTURE),
+        _at(21 * S, -SET - S - 1),
+    ],
+    "up to max_age it is the same distance": [_at(0, 0), _at(S, -SET, FUTURE), _at(11 * S, -SET - S)],
+    "one stamp in step and the ten seconds begin anew": [
+        _at(0, 0),
+        _at(S, -SET, FUTURE),
+        _at(6 * S, 0),
+        _at(11 * S, -SET, FUTURE),
+        _at(21 * S - 1, -SET, FUTURE),
+        _at(21 * S, -SET),
+    ],
+    "ten seconds by a clock that goes back": [
+        _at(0, 0),
+        _at(S, -SET, FUTURE),
+        _at(-50 * S, -154 * S, FUTURE),
+        _at(-40 * S - 1, -154 * S, FUTURE),
+        _at(-40 * S, -154 * S),
+    ],
+    "rejected by the clock is no suspect": [_at(0, 0), *[_at(0, 90 * S, PAST, "max_age")] * 3],
+    "mimic joints have an age and no order": [
+        _at(0, 0),
+        hand(NOW - S),
+        hand(NOW - S - 1, PAST, "thumb"),
+        hand(NOW + S + 1, FUTURE, "thumb"),
+    ],
+    "before the clock begins and without stamp": [whole(50 * S, now=0), whole(0, now=7 * S), whole(NOW, now=0)],
+}
+
+FOREIGN_REFUSED = {
+    "refused": [
+        _at(0, S + 1, "foreign time", "shoulder", "max_age"),
+        _at(0, -S - 1, "foreign time"),
+        _at(0, S),
+        _at(0, 95 * S, PAST, "max_age"),
+    ],
+    "refused for ever": [_at(0, 0), *(_at(k * S, -SET, FUTURE) for k in range(1, 25))],
+    "without a clock": [whole(50 * S, now=0), whole(0, now=7 * S)],
+}
+
+CLOCK_CASES = [
+    *(case(f"clock: {name}", *steps, max_age=1.0) for name, steps in CLOCKS.items()),
+    *(case(f"foreign: {name}", *steps, max_age=1.0, foreign_time="refuse") for name, steps in FOREIGN_REFUSED.items()),
+    case("clock: no max_age", _at(0, 0), _at(0, -500 * S), _at(S, -500 * S), foreign_time="refuse"),
+    *(
+        case(
+            f"clock: exactly max_age = {age} ms",
+            _at(0, 0),
+            *(_at(4 * S, sign * (age * MS + 1), PAST if sign > 0 else FUTURE) for sign in (1, -1)),
+            *(_at(4 * S, sign * age * MS) for sign in (1, -1)),
+            max_age=age / 1000,
+        )
+        for age in (9, 300, 700, 1100, 2300)
+    ),
+    case(
+        "recording in a loop",
+        *(_at(k * 200 * MS, 90 * S) for k in range(10)),
+        _at(2000 * MS, 92 * S, PAST),
+        _at(2200 * MS, 92 * S, also=JUMPED),
+        _at(2400 * MS, 92 * S),
+        max_age=1.0,
+    ),
+]
+
+# --- age of joints
+
+
+def _aged(later, outcome="published", *words, **more):
+    """Step of shoulder and elbow so much later than NOW [ns]."""
+    more = {"state_position": [1, 2, 3], "state_oldest": NOW} | more if outcome == "published" else more
+    return whole(NOW + later, outcome, *words, names=ARM, **more)
+
+
+AGE_CASES = [
+    case(
+        "joint at its timeout and older",
+        whole(NOW),
+        _aged(500 * MS),
+        _aged(500 * MS + 1, "stale joint", "wrist", "0.5 s"),
+        whole(NOW + 400 * MS, names=GRIPPER, state_newest=NOW + 500 * MS + 1, state_oldest=NOW + 400 * MS),
+    ),
+    case("no timeout", whole(NOW), _aged(9000 * S), joint_timeout=0.0),
+    *(
+        case(f"exactly {ms} ms", whole(NOW), _aged(ms * MS), _aged(ms * MS + 1, "stale joint"), joint_timeout=ms / 1000)
+        for ms in (1, 70, 290, 300, 1001, 1013, 2301)
+    ),
+    case(
+        "timeouts of single joints",
+        whole(NOW),
+        whole(NOW + 2 * S, names=("shoulder",), state_oldest=NOW),
+        whole(NOW + 2 * S + 1, "stale joint", "'wrist' is older than 2 s", names=("shoulder",)),
+        joint_timeouts=["wrist=2", "elbow=0"],
+    ),
+    case(
+        "timeout of all other joints",
+        whole(NOW),
+        _aged(5 * S),
+        _aged(5 * S + 1, "stale joint", "'wrist'"),
+        joint_timeouts=["elbow=0", "*=5"],
+    ),
+]
+
+# --- states lost in a queue
+
+LOST = "lost by gaps in stamps"
+KEPT = [k for k in range(40) if k % 8 != 7]
+LOST_CASES = [
+    case(
+        "gaps of one period",
+        *(whole(NOW + k * PERIOD, also=[LOST] * (4 * (n == 32))) for n, k in enumerate(KEPT)),
+    ),
+    case(
+        "late messages count",
+        *(s for k in range(40) for s in (whole(NOW + k * PERIOD), whole(NOW + k * PERIOD - 1, LATE))),
+    ),
+    case(
+        "unreadable messages are no gaps",
+        *(whole(NOW + k * PERIOD) if k % 8 != 7 else step(b"\0\1\0\0 nothing", "malformed") for k in range(60)),
+    ),
+    case("pauses are no gaps", *(whole(NOW + (k + 200 * (k // 8)) * PERIOD) for k in range(40))),
+]
+
+# --- odometry
+
+TWIST = (1, 2, 3, 4, 5, 6)
+POSE = [1, 2, 3, 0, 0, 0, 1]
+
+
+def base(stamp=NOW, outcome="", *words, also=(), now=NOW, **fields):
+    """Step of odometry; by default it makes no state."""
+    rejected = f"odometry rejected: {outcome}" if outcome else "odometry"
+    return step(odometry(stamp, **fields), rejected, *words, also=also, now=now)._replace(odometry=True)
+
+
+def _turtle(stamp=NOW, outcome="published", *words, also=(), now=NOW, **state):
+    """Step of the joint of the robot with a floating base."""
+    state = {"position": [*POSE, 0.3], "velocity": [0] * 6 + [0.4], "effort": [0] * 6 + [7]} | state
+    raw = joint_state(("shoulder",), [0.3], [0.4], [7.0], stamp)
+    return step(raw, outcome, *words, also=also, now=now, **(state if outcome == "published" else {}))
+
+
+BAD_ODOMETRY = {
+    "no frame": ({"child": ""}, "child_frame_id is empty", "'trunk'"),
+    "unknown frame": ({"child": "nowhere"}, "'nowhere'"),
+    "frame of a moving link": ({"child": "shoulder_link"}, "'shoulder_link'"),
+    "position NaN": ({"position": (NAN, 0, 0)}, "position", "finite"),
+    "twist infinite": ({"twist": (0, 0, 0, 0, 0, -INF)}, "twist", "finite"),
+    "orientation NaN": ({"orientation": (0, 0, 0, NAN)}, "orientation", "finite"),
+    "quaternion of zeros": ({"orientation": (0, 0, 0, 0)}, "quaternion", "length 0"),
+    "quaternion too long": ({"orientation": (0, 0, 0, 1.02)}, "quaternion", "length 1.02"),
+    "quaternion too short": ({"orientation": (0, 0, 0, 0.98)}, "quaternion", "length 0.98"),
+}
+
+ODOMETRY_CASES = [
+    case(
+        "base and joints",
+        _turtle(NOW, "before odometry"),
+        base(NOW, twist=TWIST),
+        _turtle(NOW + 20 * MS, velocity=[*TWIST, 0.4], newest=NOW + 20 * MS, oldest=NOW),
+        base(NOW + 30 * MS, child="/trunk", position=(7, 8, 9)),
+        _turtle(NOW + 25 * MS, position=[7, 8, 9, *POSE[3:], 0.3], newest=NOW + 30 * MS, oldest=NOW + 25 * MS),
+        robot="floating",
+    ),
+    *(
+        case(
+            f"odometry {sign * timeout:g} s away",
+            base(NOW),
+            _turtle(NOW + sign * round(timeout * 10) * 100 * MS),
+            _turtle(NOW + sign * (round(timeout * 10) * 100 * MS + 1), "stale odometry", "odom"),
+            odom_timeout=timeout,
+            robot="floating",
+        )
+        for timeout in (0.1, 0.3, 0.7, 5.0)
+        for sign in (1, -1)
+        if sign > 0 or timeout < 0
+    ),
+    *(
+        case(
+            f"odometry {ahead} ms ahead of the joints",
+            base(NOW + ahead * MS),
+            _turtle(NOW, *([] if ahead <= 500 else ["stale odometry"])),
+            robot="floating",
+        )
+        for ahead in (500, 501)
+    ),
+    case("no odom_timeout", base(NOW), _turtle(NOW + 5000 * S), odom_timeout=0.0, robot="floating"),
+    *(
+        case(
+            f"odometry: {name}",
+            base(NOW),
+            base(NOW + MS, "malformed", "odom", *words, **fields),
+            _turtle(),
+            robot="floating",
+        )
+        for name, (fields, *words) in BAD_ODOMETRY.items()
+    ),
+    *(
+        case(f"quaternion of length {length}", base(orientation=(0, 0, 0, length)), _turtle(), robot="floating")
+        for length in (0.991, 1.009)
+    ),
+    case(
+        "absurd odometry",
+        base(position=(100, -100, 0), twist=(10, 0, 0, 0, -10, 0)),
+        base(NOW + 1, ABSURD, "position", "±100", position=(0, -100.1, 0)),
+        base(NOW + 1, ABSURD, "twist", "±10", twist=(0, 0, 10.1, 0, 0, 0)),
+        base(NOW + 1, ABSURD, "twist", twist=(0, 0, 0, 0, 0, -10.1)),
+        absurd__position=100.0,
+        absurd__velocity=10.0,
+        robot="floating",
+    ),
+    case(
+        "order of odometry",
+        base(NOW),
+        base(NOW - 1, LATE),
+        base(NOW - S, LATE, "1.000000 s"),
+        base(NOW - S - 1, PAST),
+        base(NOW),
+        base(OLD, PAST),
+        base(OLD + S, also=JUMPED),
+        *(base(OLD + 200 * MS * k, LATE) for k in range(1, 5)),
+        base(OLD + 900 * MS, also=JUMPED),
+        robot="floating",
+    ),
+    case(
+        "stamps of odometry that are none",
+        base((-1, 0), "malformed stamp"),
+        base(0, "no time", now=0),
+        base(0),
+        _turtle(NOW, received=True),
+        base(1, position=(7, 8, 9)),
+        _turtle(NOW, position=[7, 8, 9, *POSE[3:], 0.3], received=False, oldest=1),
+        base(0, now=NOW - MS),
+        odom_timeout=0.0,
+        robot="floating",
+    ),
+    case(
+        "odometry by the clock",
+        base(5 * S),
+        base(NOW),
+        base(NOW - S - 1, PAST, "max_age"),
+        base(NOW + S + 1, FUTURE, "max_age"),
+        max_age=1.0,
+        robot="floating",
+    ),
+    case(
+        "foreign odometry refused",
+        base(5 * S, "foreign time", "max_age"),
+        base(NOW),
+        base(5 * S, PAST),
+        max_age=1.0,
+        foreign_time="refuse",
+        robot="floating",
+    ),
+    case(
+        "after the joints' time jumped back the base has to come anew",
+        base(NOW),
+        _turtle(NOW + 50 * S, oldest=NOW),
+        _turtle(5 * S, PAST),
+        _turtle(5 * S, "before odometry", also=JUMPED),
+        base(4 * S),
+        _turtle(5 * S, oldest=4 * S),
+        odom_timeout=0.0,
+        robot="floating",
+    ),
+    case(
+        "a robot that is all base",
+        base(NOW, twist=TWIST)._replace(
+            outcome="published from odometry", state={"position": POSE, "velocity": list(TWIST), "effort": None}
+        ),
+        base(NOW - 1, LATE),
+        robot="brick",
+    ),
+]

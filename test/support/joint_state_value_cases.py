@@ -1,0 +1,592 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Rules of the decision table on values: names, numbers, limits, efforts, mimic joints, jumps, estimates, stuck sensors."""
+
+from joint_state_messages import INF, MS, NAMES, NAN, NOW, PI, S, joint_state
+from joint_state_steps import (
+    ABSURD,
+    ARM,
+    GRIPPER,
+    JUMPED,
+    LATE,
+    OLD,
+    PAST,
+    PERIOD,
+    all_of,
+    case,
+    hand,
+    positions,
+    step,
+    whole,
+)
+
+# --- names and pieces
+
+NAME_CASES = [
+    case(
+        "any order of names",
+        *(
+            whole(NOW + k * MS, names=names, shift=k)
+            for k, names in enumerate((NAMES, NAMES[::-1], NAMES[::-1], NAMES))
+        ),
+    ),
+    case(
+        "joints of others are ignored whatever their values",
+        step(
+            joint_state(
+                ("lid", "wrist", "shoulder", "wheel", "elbow"),
+                (NAN, 3, 1, 1e9, 2),
+                (INF, 30, 10, 1e9, 20),
+                (NAN, 300, 100, 1e9, 200),
+            ),
+            position=[1, 2, 3],
+            velocity=[10, 20, 30],
+            effort=[100, 200, 300],
+        ),
+        absurd__position=10.0,
+        absurd__velocity=100.0,
+        absurd__effort=1000.0,
+    ),
+    *(
+        case(f"foreign: {names}", whole(), step(joint_state(names, [NAN] * 5, stamp=(-1, 0)), "foreign"))
+        for names in ((), ("lid",), ("lid", "wheel"))
+    ),
+    case(
+        "big endian",
+        *[step(joint_state(NAMES, [1, 2, 3], [10, 20, 30], [], order=">"), position=[1, 2, 3], velocity=[10, 20, 30])]
+        * 3,
+    ),
+    case("duplicate joint", whole(), whole(NOW + MS, "duplicate name", "elbow", names=("elbow", "wrist", "elbow"))),
+    case(
+        "duplicate name of another robot",
+        step(joint_state(("wrist", "lid", "lid"), [1, 2, 3], [1, 2, 3]), "duplicate name", "lid"),
+    ),
+    case(
+        "joints in pieces",
+        whole(NOW, "incomplete", names=("elbow",)),
+        whole(NOW + 100 * MS, "incomplete", names=("wrist",)),
+        whole(
+            NOW + 50 * MS, names=("shoulder",), state_position=[1, 2, 3], state_newest=NOW + 100 * MS, state_oldest=NOW
+        ),
+        whole(
+            NOW + 200 * MS,
+            names=("elbow",),
+            shift=4.0,
+            state_position=[1, 6, 3],
+            state_velocity=[10, 60, 30],
+            state_effort=[100, 600, 300],
+            state_newest=NOW + 200 * MS,
+            state_oldest=NOW + 50 * MS,
+        ),
+    ),
+]
+
+# --- lengths and numbers that are none
+
+LENGTHS = {
+    "short position": ({"position": [1, 2]}, "wrong length", "position has 2", "wrist"),
+    "long position": ({"position": [1, 2, 3, 4]}, "wrong length", "position has 4"),
+    "short velocity": ({"velocity": [1]}, "wrong length", "velocity", "elbow"),
+    "long effort": ({"effort": [1] * 5}, "wrong length", "effort has 5"),
+    "no positions": ({"position": []}, "no position", "shoulder"),
+    "position NaN": ({"position": [1, NAN, 3]}, "no position", "elbow"),
+    "position infinite": ({"position": [1, 2, -INF]}, "no position", "wrist"),
+    "no velocities": ({"velocity": []}, "no velocity", "shoulder"),
+    "velocity NaN": ({"velocity": [10, NAN, 30]}, "no velocity", "elbow"),
+    "velocity infinite": ({"velocity": [10, 20, -INF]}, "no velocity", "wrist"),
+}
+
+NUMBER_CASES = [
+    *(
+        case(
+            f"{when}: {name}", *[whole()] * (when == "later"), whole(NOW + MS, *outcome, **fields), whole(NOW + 2 * MS)
+        )
+        for name, (fields, *outcome) in LENGTHS.items()
+        for when in ("at first", "later")
+    ),
+    case(
+        "velocity unknown in a piece",
+        whole(NOW, "incomplete", names=GRIPPER, velocity=[]),
+        whole(NOW, "no velocity", "wrist", names=ARM),
+        whole(NOW, names=GRIPPER, state_position=[1, 2, 3]),
+    ),
+    *(
+        case(f"effort {effort}", whole(), whole(NOW + MS, effort=effort, also=also), whole(NOW + 2 * MS))
+        for effort, also in (([], ()), ([NAN] * 3, ()), ([100, NAN, 300], ()), ([100, 200, INF], "absurd effort"))
+    ),
+    case(
+        "effort unknown in a piece",
+        whole(),
+        whole(NOW, names=GRIPPER, effort=[], state_effort=None),
+        whole(NOW, names=ARM, state_effort=None),
+        whole(NOW, names=GRIPPER, state_effort=[100, 200, 300]),
+    ),
+    case("bytes that are no message", whole(), step(b"\0\1\0\0 nothing", "malformed"), whole(NOW + MS)),
+]
+
+# --- plausibility limits
+
+
+def _values(outcome="published", *words, also=(), **fields):
+    """Step of all joints with zeros but for the fields."""
+    values = {"position": [0, 0, 0], "velocity": [0, 0, 0], "effort": [0, 0, 0]} | fields
+    return whole(NOW + MS, outcome, *words, also=also, **values)
+
+
+REST = step(joint_state(NAMES, *[[0, 0, 0]] * 3), position=[0, 0, 0], velocity=[0, 0, 0])
+LIMIT_CASES = [
+    *(
+        case(f"{rule}: {value}", REST, _values(outcome, *words, **value), **parameters)
+        for rule, parameters, value, outcome, *words in (
+            ("position", {"absurd__position": 2.5}, {"position": [0, -2.5, 2.5]}, "published"),
+            ("position", {"absurd__position": 2.5}, {"position": [0, 0, 2.51]}, ABSURD, "'wrist'", "absurd.position"),
+            ("position", {"absurd__position": 2.5}, {"position": [0, -2.51, 0]}, ABSURD, "'elbow'", "-2.5 … 2.5"),
+            ("position of a continuous joint", {"absurd__position": 2.5}, {"position": [1e7, 0, 0]}, "published"),
+            ("limits", {"absurd__beyond_limits": 0.5}, {"position": [1e7, 4.5, -6.5]}, "published"),
+            ("limits", {"absurd__beyond_limits": 0.5}, {"position": [0, -5.5, 60.5]}, "published"),
+            ("limits", {"absurd__beyond_limits": 0.5}, {"position": [0, 4.51, 0]}, ABSURD, "'elbow'", "-5.5 … 4.5"),
+            ("limits", {"absurd__beyond_limits": 0.5}, {"position": [0, -5.51, 0]}, ABSURD, "absurd.beyond_limits"),
+            ("narrower", {"absurd__beyond_limits": 3, "absurd__position": 6}, {"position": [0, -6, 0]}, "published"),
+            ("narrower", {"absurd__beyond_limits": 3, "absurd__position": 6}, {"position": [0, 0, -6.1]}, ABSURD),
+            ("narrower", {"absurd__beyond_limits": 1, "absurd__position": 6}, {"position": [0, 5.1, 0]}, ABSURD),
+            ("velocity", {"absurd__velocity": 29}, {"velocity": [-29, 29, 0]}, "published"),
+            ("velocity", {"absurd__velocity": 29}, {"velocity": [0, 0, 29.1]}, ABSURD, "'wrist'", "absurd.velocity"),
+            ("velocity", {"absurd__velocity": 29}, {"velocity": [-29.1, 0, 0]}, ABSURD, "'shoulder'", "±29"),
+            ("infinite velocity", {"absurd__velocity": 29}, {"velocity": [0, INF, 0]}, "no velocity", "elbow"),
+            ("velocity limit", {"absurd__beyond_velocity": 3}, {"velocity": [-18, 9, 1e6]}, "published"),
+            ("velocity limit", {"absurd__beyond_velocity": 3}, {"velocity": [18.1, 0, 0]}, ABSURD, "±18", "beyond_vel"),
+            ("velocity limit", {"absurd__beyond_velocity": 3}, {"velocity": [0, -9.1, 0]}, ABSURD, "'elbow'", "±9"),
+            (
+                "least",
+                {"absurd__beyond_velocity": 3, "absurd__velocity": 10},
+                {"velocity": [10.1, 0, 0]},
+                ABSURD,
+                "±10",
+            ),
+            ("least", {"absurd__beyond_velocity": 3, "absurd__velocity": 10}, {"velocity": [0, 9.1, 0]}, ABSURD, "±9"),
+            ("no bound", {}, {"position": [1e300, -1e300, 0], "velocity": [1e300, -1e300, 0]}, "published"),
+        )
+    ),
+    case("absurd message in pieces", REST, whole(NOW, ABSURD, "'wrist'", names=GRIPPER), absurd__position=2.5),
+    case("mimic joints have no bounds", REST, hand(thumb=1e9, also="mimic disagreement"), absurd__position=2.5),
+]
+
+# --- efforts
+
+
+def _efforts(sent, state, *also):
+    return _values(effort=sent, state_effort=state, also=also)
+
+
+EFFORT_CASES = [
+    *(
+        case(f"effort: {sent}, {parameters}", REST, _efforts(sent, state, *also), **parameters)
+        for parameters, sent, state, *also in (
+            ({"absurd__effort": 1000.0}, [1000, 0, -1000], [1000, 0, -1000]),
+            ({"absurd__effort": 1000.0}, [1000, 1001, -1000], None, "absurd effort"),
+            ({"absurd__effort": 1000.0}, [-1001, 1001, INF], None, "absurd effort"),
+            ({}, [1e300, -1e300, 0], [1e300, -1e300, 0]),
+            ({"absurd__beyond_effort": 4.0}, [200, 1e9, -400], [200, 1e9, -400]),
+            ({"absurd__beyond_effort": 4.0}, [200.1, 0, 0], None, "absurd effort"),
+            ({"absurd__beyond_effort": 4.0}, [0, 0, -400.1], None, "absurd effort"),
+            ({"absurd__beyond_effort": 4.0, "absurd__effort": 100.0}, [100.1, 0, 0], None, "absurd effort"),
+            ({"effort_scale": ["elbow=-0.5", "*=10"]}, [1, 2, 3], [10, -1, 30]),
+            ({"effort_scale": ["elbow=-0.5"]}, [1, 2, 3], [1, -1, 3]),
+            ({"effort_scale": ["*=10"], "absurd__effort": 30.0}, [3, -3, 3], [30, -30, 30]),
+            ({"effort_scale": ["*=10"], "absurd__effort": 30.0}, [3, -3.1, 3], None, "absurd effort"),
+            ({"effort_scale": ["shoulder=10"], "absurd__beyond_effort": 4.0}, [20, 0, 0], [200, 0, 0]),
+            ({"effort_scale": ["shoulder=10"], "absurd__beyond_effort": 4.0}, [-20.1, 0, 0], None, "absurd effort"),
+            ({"effort_available": ["elbow=false"], "absurd__effort": 10.0}, [1, INF, 1], None),
+            ({"effort_available": ["*=false", "elbow=true"]}, [1, 2, 3], None),
+            ({"effort_available": ["*=false", "shoulder=true", "elbow=true", "wrist=true"]}, [1, 2, 3], [1, 2, 3]),
+        )
+    ),
+    case(
+        "absurd effort is unknown until the next", REST, _efforts([0, INF, 0], None, "absurd effort"), whole(NOW + MS)
+    ),
+]
+
+# --- mimic joints
+
+DISAGREES = "mimic disagreement"
+MIMIC_CASES = [
+    case("mimic joints may be listed", whole(NOW), all_of(NOW + MS), whole(NOW + 2 * MS)),
+    case("mimic joints alone", hand(), whole(NOW), hand(NOW + 100 * MS), whole(NOW + 50 * MS), whole(NOW + 9 * S)),
+    *(
+        case(
+            f"reflected efforts {own}",
+            whole(NOW - MS),
+            all_of(own=own, effort=effort),
+            hand(effort=own),
+            whole(state_effort=effort),
+        )
+        for own, effort in (
+            ((0, 0, 0), [100, 200, 300]),
+            ((10, 20, 30), [100, 210, 370]),
+            ((NAN, 20, 30), [100, 210, 390]),
+            ((10, NAN, NAN), [100, 200, 280]),
+        )
+    ),
+    case(
+        "infinite effort of a mimic joint",
+        whole(),
+        all_of(own=(0, INF, 1), effort=[100, 200, 303], also="absurd effort"),
+    ),
+    case("effort of the source joint is needed", whole(), all_of(own=(1, 2, 3), joints=(100, 200, NAN), effort=None)),
+    case(
+        "absurd efforts count once for each message",
+        whole(),
+        all_of(own=(2000, 0, 10), effort=[100, 200, 330], also="absurd effort"),
+        all_of(own=(2000, 2000, INF), joints=(1e4, 0, -1e4), effort=None, also="absurd effort"),
+        absurd__effort=1000.0,
+    ),
+    case(
+        "scaled and unavailable efforts of mimic joints",
+        whole(state_effort=[1000, -100, 3000]),
+        all_of(own=(1, 2, 3), effort=[1000, -90, 3090]),
+        effort_scale=["elbow=-0.5", "*=10"],
+        effort_available=["thumb=false"],
+    ),
+    case(
+        "reflected efforts age",
+        hand(effort=[0, 20, 0]),
+        whole(NOW + 500 * MS, state_effort=[100, 210, 300]),
+        whole(NOW + 500 * MS + 1),
+    ),
+    case(
+        "reflected efforts have a timeout of their own",
+        hand(effort=[10, 20, 0]),
+        whole(NOW + 2 * S, state_effort=[100, 210, 300]),
+        whole(NOW + 2 * S + 1),
+        joint_timeouts=["heel=2"],
+    ),
+    case(
+        "reflected efforts are forgotten where time jumps back",
+        hand(effort=[0, 20, 0]),
+        whole(state_effort=[100, 210, 300]),
+        whole(OLD, PAST),
+        whole(OLD, also=JUMPED),
+        joint_timeout=0.0,
+    ),
+    case(
+        "efforts of mimic joints without positions",
+        whole(),
+        step(joint_state(("heel",), effort=[20.0]), "followers only"),
+        whole(state_effort=[100, 210, 300]),
+    ),
+    *(
+        case(f"mimic joint at {heel}", whole(), all_of(heel=heel, also=[DISAGREES] * apart), all_of(NOW + MS))
+        for heel, apart in ((1.0099, 0), (1.0101, 1), (0.9901, 0), (0.9899, 1), (NAN, 0), (INF, 0), (-INF, 0))
+    ),
+    case("two mimic joints apart count once", whole(), all_of(thumb=-5.6, heel=7.0, pinky=NAN, also=DISAGREES)),
+    case("no mimic_tolerance", whole(), all_of(heel=1e9), mimic_tolerance=0.0),
+    case("another mimic_tolerance", whole(), all_of(heel=2.0), all_of(heel=2.1, also=DISAGREES), mimic_tolerance=1.0),
+    *(
+        case(f"continuous mimic joint at {position:.3f}", *[step(raw, also=[DISAGREES] * apart)] * 3, robot="wheel")
+        for position, apart in ((7.0, 1), (1.0 + 2 * PI, 0), (1.0 - 4 * PI, 0), (INF, 0))
+        for raw in (joint_state(("drive", "wheel"), [1.0, position], [0.0, 0.0]),)
+    ),
+    case(
+        "compared with a source joint within its timeout",
+        hand(thumb=9.0),
+        whole(NOW + S),
+        hand(NOW + S, thumb=9.0, also=DISAGREES),
+        hand(NOW + 1500 * MS, thumb=9.0, also=DISAGREES),
+        hand(NOW + 500 * MS, thumb=9.0, also=DISAGREES),
+        hand(NOW + 1500 * MS + 1, thumb=9.0),
+        hand(NOW + 500 * MS - 1, thumb=9.0),
+    ),
+    case(
+        "not compared with a source joint of before time jumped back",
+        whole(NOW),
+        whole(OLD, PAST, names=("shoulder",)),
+        whole(OLD, "incomplete", names=("shoulder",), also=JUMPED),
+        hand(OLD, thumb=9.0),
+        joint_timeout=0.0,
+    ),
+    *(
+        case(f"malformed mimic joints: {cause}", whole(), step(raw, cause, word))
+        for raw, cause, word in (
+            (joint_state(("thumb", "heel"), [1.0]), "wrong length", "heel"),
+            (joint_state(("thumb", "heel"), effort=[1.0] * 3), "wrong length", "effort"),
+            (joint_state(("thumb", "thumb"), [1.0, 2.0]), "duplicate name", "thumb"),
+        )
+    ),
+]
+
+# --- jumps of positions; slack 0.1, limits 6, 3 and none, shoulder continuous
+
+
+def _rest(
+    k, position=(0, 0, 0), outcome="published", *words, velocity=(0, 0, 0), also=(), names=NAMES, now=NOW, **state
+):
+    """Step of joints at rest after k periods."""
+    values = {"position": list(position), "velocity": list(velocity), "effort": []}
+    return whole(NOW + k * PERIOD, outcome, *words, names=names, also=also, now=now, **values, **state)
+
+
+STEPS = [
+    # step, velocities before and after, periods, explained
+    ((0, 0.129, 0), (0, 0), 1, True),  # 0.1 and what 3 rad/s do in 10 ms, the least time
+    ((0, -0.131, 0), (0, 0), 1, False),
+    ((0, 0.219, 0), (0, 0), 5, True),
+    ((0, 0.221, 0), (0, 0), 5, False),
+    ((0, 0, 0.099), (0, 0), 1, True),  # without a limit
+    ((0, 0, 0.101), (0, 0), 1, False),
+    ((0, 0, 0.299), (-1, 10), 1, True),  # twice the larger velocity
+    ((0, 0, -0.299), (10, 0), 1, True),
+    ((0, 0, 0.301), (10, -2), 1, False),
+    ((2 * PI - 0.15, 0, 0), (0, 0), 1, True),  # continuous
+    ((2 * PI - 0.17, 0, 0), (0, 0), 1, False),
+    ((4 * PI + 0.15, 0, 0), (0, 0), 1, True),
+    ((0, 2 * PI - 2.3, 0), (0, 0), 1, False),
+    ((0, 0, 9.0), (0, 0), 7, True),  # too long ago without a limit
+    ((0, 0, 9.0), (0, 0), 6, False),
+    ((0, 1.58, 0), (0, 0), 62, True),
+    ((0, 1.60, 0), (0, 0), 62, False),
+    ((3.0, 3.0, 3.0), (0, 0), 63, True),  # too long ago for all
+    ((0, 3.0, 0), (0, 0), 0, False),  # at the same stamp
+]
+
+
+def _step_case(position, velocities, periods, explained):
+    before, after = ([v] * 3 for v in velocities)
+    start = [_rest(0), _rest(1, velocity=before)]
+    if explained:
+        return *start, _rest(1 + periods, position, velocity=after)
+    name = NAMES[max(range(3), key=lambda k: abs(position[k]))]
+    refused = _rest(1 + periods, position, "jump", f"'{name}': position went from 0 to", "absurd.jump", velocity=after)
+    return *start, refused, _rest(2 + periods)
+
+
+STEP_CASES = [
+    *(case(f"step {row[0]} in {row[2]} periods at {row[1]}", *_step_case(*row), absurd__jump=0.1) for row in STEPS),
+    case(
+        "garbage is never believed",
+        _rest(0),
+        *(
+            step
+            for k in range(1, 30, 3)
+            for step in (_rest(k, (1, 0, 0), "jump"), _rest(k + 1, (1, 0, 0), "jump"), _rest(k + 2))
+        ),
+        *(_rest(k, ((-1) ** k, 0, 0), "jump") for k in range(31, 40)),
+        absurd__jump=0.1,
+    ),
+    case(
+        "a jump is believed with the third message that agrees",
+        _rest(0),
+        _rest(1, (2, 0, 0), "jump"),
+        _rest(2, (2.05, 0, 0), "jump"),
+        _rest(3, (2.1, 0, 0), also="positions jumped"),
+        _rest(4, (0, 0, 0), "jump"),
+        absurd__jump=0.1,
+    ),
+    case(
+        "a jump of one joint leaves others alone",
+        _rest(0),
+        *(
+            step
+            for k in range(1, 5)
+            for step in (
+                _rest(k, [(-1) ** k], "jump", names=GRIPPER, velocity=[0]),
+                _rest(k, [0.01 * k] * 2, names=ARM, velocity=[0, 0], state_position=[0.01 * k] * 2 + [0]),
+            )
+        ),
+        _rest(5, (1, 2, 3), "jump"),
+        _rest(6, (1, 2, 3), "jump"),
+        _rest(7, (1, 2, 3), also="positions jumped"),
+        absurd__jump=0.1,
+    ),
+    case(
+        "by another clock nothing is a jump",
+        _rest(0),
+        step(joint_state(NAMES, [2, 2, 2], [0, 0, 0], stamp=0), now=NOW + MS, position=[2, 2, 2]),
+        step(joint_state(NAMES, [0, 0, 0], [0, 0, 0], stamp=0), "jump", now=NOW + 2 * MS),
+        absurd__jump=0.1,
+    ),
+    case(
+        "after time jumped back nothing is a jump",
+        _rest(0),
+        _rest(-1000, (2, 2, 2), PAST),
+        _rest(-1000, (2, 2, 2), also=JUMPED),
+        absurd__jump=0.1,
+    ),
+    case(
+        "jump where velocities are estimated",
+        positions(NOW, 0, 0, 0),
+        positions(NOW + PERIOD, 0.08, 0, 0, rates=[10, 0, 0]),
+        *(positions(NOW + k * PERIOD, 0.08, 0.5, 0, outcome="jump", words=("'elbow'", "0 and nan")) for k in (2, 3)),
+        positions(NOW + 4 * PERIOD, 0.08, 0.5, 0, also="positions jumped"),
+        positions(NOW + 5 * PERIOD, 0.08, 0.5, 0, rates=[0, 0, 0]),
+        absurd__jump=0.1,
+        absurd__beyond_velocity=3.0,
+        missing_velocity="estimate",
+        velocity_filter_time=0.0,
+    ),
+]
+
+# --- velocities that are not sent; a filter of 0.1 s and messages each 10 ms, unless a case says otherwise
+
+
+def _ramp(first, rates, count, *, begin=NOW, start=(0, 0, 0), ready=10, now=NOW):
+    """Steps of a motion of constant velocity, published from the `ready`-th on."""
+    return [
+        positions(
+            begin + k * 10 * MS,
+            *(x + v * 0.01 * k for x, v in zip(start, rates, strict=True)),
+            rates=rates if k >= ready else None,
+            now=now,
+        )
+        for k in range(first, count)
+    ]
+
+
+ESTIMATES = {
+    "after the filter time": _ramp(0, (2, -3, 0), 13),
+    "only what is missing": [
+        *(positions(NOW + k * 10 * MS, k, 0.5 * k, k, velocity=[7, NAN, 9]) for k in range(10)),
+        positions(NOW + 100 * MS, 10, 5, 10, velocity=[7, NAN, 9], rates=[7, 50, 9]),
+        positions(NOW + 110 * MS, 9, 5.5, 9, velocity=[1, 2, 3], rates=[1, 2, 3], estimated=False),
+        positions(NOW + 120 * MS, 10, 6, 9, velocity=[1, NAN, 3], rates=[1, 50, 3]),
+    ],
+    "an infinite velocity is not missing": [
+        positions(NOW, 1, 2, 3, velocity=[1, sign * INF, 3], outcome="no velocity", words=("elbow",))
+        for sign in (1, -1)
+    ],
+    "rejected messages are no steps": [
+        *_ramp(0, (100, 100, 100), 11),
+        positions(NOW, 99, 99, 99, outcome=LATE),
+        positions(OLD, 99, 99, 99, outcome=PAST),
+        positions(NOW + 110 * MS, 99, 99, NAN, outcome="no position"),
+        positions(NOW + 110 * MS, 11, 11, 11, rates=[100, 100, 100]),
+    ],
+    "anew after a pause": [
+        *_ramp(0, (100, 100, 100), 11),
+        *_ramp(0, (200, 200, 200), 11, begin=NOW + 600 * MS + 1, start=(60, 60, 60)),
+    ],
+    "no pause at the timeout": [
+        *_ramp(0, (0, 100, 100), 11),
+        positions(NOW + 600 * MS, 0, 60, 60, rates=[0, 100, 100]),
+    ],
+    "repeated stamps count once": [
+        positions(NOW + k * 10 * MS, 0.5 * k, -k, 0, rates=[50, -100, 0] if k >= 10 else None)
+        for k in range(13)
+        for _ in range(3)
+    ],
+    "anew where time jumps back": [
+        *_ramp(0, (100, 100, 100), 11),
+        positions(OLD, 500, 500, 500, outcome=PAST),
+        positions(OLD, 500, 500, 500, also=JUMPED),
+        *_ramp(1, (200, 0, 0), 12, begin=OLD, start=(500, 500, 500)),
+    ],
+    "anew where stamps begin": [
+        *(positions(0, k, k, k, rates=[100] * 3 if k >= 10 else None, now=NOW + k * 10 * MS) for k in range(11)),
+        *_ramp(0, (-100, 0, 0), 12, begin=20 * S, start=(10, 0, 0)),
+    ],
+}
+
+ESTIMATE_CASES = [
+    *(
+        case(f"estimate: {name}", *steps, missing_velocity="estimate", velocity_filter_time=0.1)
+        for name, steps in ESTIMATES.items()
+    ),
+    *(
+        case(
+            f"a step too fast: {moved}",
+            *_ramp(0, (100, 100, 100), 11),
+            positions(NOW + 110 * MS, 11, 10 + moved, 11, outcome=ABSURD, words=("'elbow'", "faster than 120")),
+            *_ramp(12, (100, 100, 100), 23, ready=22),
+            missing_velocity="estimate",
+            velocity_filter_time=0.1,
+            absurd__velocity=120.0,
+        )
+        for moved in (5.0, -5.0)
+    ),
+    case(
+        "steps of joints with velocities are not judged",
+        *(
+            positions(NOW + k * 10 * MS, 1, x, 1, velocity=[1, 2, 3], rates=[1, 2, 3], estimated=False)
+            for k, x in enumerate((0, 50, 0))
+        ),
+        missing_velocity="estimate",
+        absurd__velocity=120.0,
+    ),
+    case(
+        "no filter: the last two positions",
+        positions(NOW, 0, 2, 3),
+        positions(NOW + 250 * MS, 1, 2, 2.5, rates=[4, 0, -2]),
+        missing_velocity="estimate",
+        velocity_filter_time=0.0,
+    ),
+    case(
+        "a continuous joint takes the shorter way",
+        positions(NOW, 3.1, 3.1, 3.1),
+        positions(NOW + 100 * MS, -3.1, -3.1, 3.1, rates=[10 * (2 * PI - 6.2), -62, 0]),
+        missing_velocity="estimate",
+        velocity_filter_time=0.0,
+    ),
+    case(
+        "three periods are no pause",
+        positions(NOW, 0, 0, 0),
+        *(positions(NOW + k * S, 0, 2 * k, k, rates=[0, 2, 1]) for k in (1, 2, 3, 6)),
+        positions(NOW + 15 * S + 1, 7, 7, 7),
+        positions(NOW + 25 * S + 1, 7, 7, 17, rates=[0, 0, 1]),
+        positions(NOW + 60 * S, 7, 7, 17),
+        positions(NOW + 70 * S + 1, 7, 7, 17),
+        joint_timeout=0.0,
+        missing_velocity="estimate",
+        velocity_filter_time=0.0,
+    ),
+    case(
+        "velocities are refused", _ramp(0, (2, 2, 2), 1)[0]._replace(outcome="rejected: no velocity"), whole(NOW + MS)
+    ),
+]
+
+# --- stuck sensors
+
+
+def _stuck(count, period, position, velocity, outcomes):
+    """Steps of functions of time; `outcomes` gives the outcome at each time [s]."""
+    return [
+        whole(
+            NOW + k * period,
+            outcomes(1e-9 * k * period),
+            *(["shoulder"] if outcomes(1e-9 * k * period) == "frozen" else []),
+            position=position(1e-9 * k * period),
+            velocity=velocity(1e-9 * k * period),
+        )
+        for k in range(count)
+    ]
+
+
+def _from(time):
+    return lambda t: "frozen" if t > time else "published"
+
+
+HELD = lambda t: [0.3, t, t]  # noqa: E731
+STUCK_CASES = [
+    case(
+        f"{name} ({action})",
+        *_stuck(12, 100 * MS, position, velocity, _from(time) if action == "refuse" else lambda _: "published"),
+        *([whole(NOW + 1300 * MS, position=[9, 9, 9], velocity=[1, 1, 1])] if time < 2 else []),
+        frozen_timeout=0.5,
+        frozen_values=action,
+    )
+    for name, position, velocity, time in (
+        ("a velocity without motion", HELD, lambda t: [0.05, 1, 1], 0.45),
+        ("a velocity just too small", HELD, lambda t: [0.0499, 1, 1], INF),
+        ("one bit changes", lambda t: [0.3 + 1e-15 * round(10 * t), t, t], lambda t: [1, 1, 1], INF),
+        ("at rest", lambda t: [0.3, 0.3, 0.3], lambda t: [0, 0, 0], INF),
+        ("motion without velocity", lambda t: [0.11 * t, t, t], lambda t: [0, 1, 1], 0.45),
+        ("creeping without velocity", lambda t: [0.09 * t, t, t], lambda t: [0, 1, 1], INF),
+    )
+    for action in ("warn", "refuse")
+]
+STUCK_CASES += [
+    case(
+        "states too far apart say nothing",
+        *_stuck(6, 501 * MS, HELD, lambda t: [1, 1, 1], _from(INF)),
+        frozen_timeout=0.5,
+    ),
+]
