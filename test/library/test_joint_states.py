@@ -15,9 +15,9 @@ from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.joint_states import LONGEST, MOST_LAYOUTS
 from examples import examples
 from joint_state_cases import TABLE
-from joint_state_messages import INF, MIMICS, MS, NAMES, NAN, NOW, S, joint_state
+from joint_state_messages import INF, MIMICS, MS, NAMES, NAN, NOW, S, joint_state, odometry
 from joint_state_model import Model
-from joint_state_readers import READERS, BytesReader, Message, Reader, model, positive
+from joint_state_readers import READERS, BytesReader, Message, Reader, model, positive, read_columns
 
 
 def expected_counts(steps):
@@ -169,7 +169,7 @@ def spoilt(draw, names, fields, stamp, clock):
     return names, fields, stamp, clock
 
 
-@examples(400)
+@examples(250)
 @given(parameters(), journeys())
 def test_any_sequence(chosen, journey):
     """All implementations and the model agree on states, causes and counters."""
@@ -189,6 +189,17 @@ def test_any_sequence(chosen, journey):
             assert (actual is None) == (values is None)
             if values is not None:
                 np.testing.assert_allclose(actual, values, rtol=1e-7, atol=1e-9)
+
+
+def test_efforts_without_gravity():
+    """Recordings add m g l sin q to efforts that lack gravity, and nothing to those of a floating base."""
+    lacking = {"effort_includes_gravity": ["*=false"]}
+    drive = Message(joint_state(("drive",), [0.7], [0.0], [2.0]), NOW)
+    (state,) = read_columns(model("wheel"), lacking, [drive]).states
+    assert state.effort == pytest.approx([2.0 + 2.0 * 9.81 * 0.5 * np.sin(0.7)])  # with the mimic joint's link
+    joint = Message(joint_state(("shoulder",), [0.3], [0.0], [2.0]), NOW)
+    (state,) = read_columns(model("floating"), lacking, [Message(odometry(), NOW, True), joint]).states
+    assert state.effort == pytest.approx([0.0] * 6 + [2.0 + 9.81 * 0.5 * np.sin(0.3)])
 
 
 # --- change of parameters and memory

@@ -659,7 +659,7 @@ def _taken(read, raw):
 
 def test_damaged_bytes(capfd):
     """They are refused or read as rclpy reads them, and rosidl writes no line past the log."""
-    outcomes = compare_damaged(shortened(20_000, 300))
+    outcomes = compare_damaged(shortened(1500, 300))
     assert outcomes["malformed"] > 50 and outcomes["RobotState"] > 20 and outcomes["no velocity"]
     assert capfd.readouterr().err == ""
 
@@ -675,7 +675,7 @@ def take_damaged(trace):
     resource.setrlimit(resource.RLIMIT_AS, (in_use + ROOM, in_use + ROOM))
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with Path(trace).open("wb", buffering=0) as file:
-        compare_damaged(10_000, file)
+        compare_damaged(3000, file)
     kept = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - most
     assert kept < ROOM >> 14, f"{kept} kB more"
 
