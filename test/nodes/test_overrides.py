@@ -44,18 +44,20 @@ def test_meant(value, default, expected):
 
 
 @pytest.fixture
-def made(peer):
-    """Make nodes with arguments, and let them go at the end."""
-    nodes = []
+def made(no_discovery):
+    """Make nodes with arguments, and destroy them at the end."""
+    context, nodes = rclpy.Context(), []
+    rclpy.init(context=context)
 
     def make(*arguments):
         command = ["--ros-args", *(part for argument in arguments for part in argument)]
-        nodes.append(rclpy.create_node("own", context=peer.context, cli_args=command))
+        nodes.append(rclpy.create_node("own", context=context, cli_args=command))
         return nodes[-1]
 
     yield make
     for node in nodes:
         node.destroy_node()
+    context.try_shutdown()
 
 
 def test_given_on_the_command_line(made):
