@@ -169,16 +169,16 @@ def test_stamps_that_leave_the_clock(clocked, panda, offset, cause):
 def test_foreign_time_refused(clocked, panda):
     """With foreign_time = refuse a recording is rejected from its first message on; stamps of now are served."""
 
-    def begin_anew(foreign_time):
+    def reconfigure(foreign_time):
         clocked.transition("deactivate", "cleanup")
         clocked.set_parameter("foreign_time", foreign_time)
         clocked.transition("configure", "activate")
 
-    begin_anew("refuse")
+    reconfigure("refuse")
     of_1970 = lambda panda, _: panda.message(1000 * S, panda.samples[0])  # noqa: E731
     check_rejected(clocked, panda, of_1970, "foreign time", ("behind this node's clock",))
     clocked.serves(panda, 1)
-    begin_anew("warn")
+    reconfigure("warn")
     clocked.serves(panda)
 
 
@@ -287,7 +287,7 @@ def test_states_lost_between_stamps(monitor, panda):
 
 
 def test_a_huge_message(monitor, panda):
-    """A message of 30,000 joints that nobody knows is counted as foreign."""
+    """A message of 30,000 unknown joints is counted as foreign."""
     names = [f"joint_of_nobody_{k}" for k in range(30_000)]
     before = monitor.next_report()
     monitor.publish(joint_state(names, np.zeros(len(names)), (), (), monitor.tick()))

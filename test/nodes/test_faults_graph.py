@@ -385,11 +385,11 @@ def test_names_in_control(peer, tmp_path):
 def test_texts_are_short_and_plain(peer):
     """A text is cut before it is escaped; entries are plain from their names to their values."""
     assert shortened("\x1b" * 1_000_000) == r"\x1b" * LONG + "… (1000000 characters)"
-    told, node = peer.topic(DiagnosticArray, "/diagnostics"), peer.extra_node("teller", "/told")
+    topic, node = peer.topic(DiagnosticArray, "/diagnostics"), peer.extra_node("plain", "/plain")
     diagnostics = Diagnostics(node, list, lambda: SimpleNamespace(name=f"e{FIRE}"))
     diagnostics.publish([Status(f"a{FIRE}", OK, f"b{FIRE}", {f"c{FIRE}": f"d{FIRE}"})])
     peer.graph.spin()
-    texts = [*texts_of(told.messages)]
+    texts = [*texts_of(topic.messages)]
     for letter in "abcde":
         assert any(rf"{letter}\x0a[FATAL] [0.0] [safety_controller]: fire" in text for text in texts)
     peer.drop_node(node)

@@ -128,8 +128,8 @@ def test_without_effort(monitor, panda, missing):
         stamp = monitor.tick()
         Truth(panda, q, qd, None).check(monitor.feed(joint_state(panda.names, q, qd, effort, stamp)), stamp)
         without = {"one NaN": f"1: {FINGER}", "effort_available": f"1: {JOINT}"}
-        told = monitor.next_report().values["joints without effort"]
-        assert told == without.get(missing, f"8: {', '.join(panda.names)}")
+        listed = monitor.next_report().values["joints without effort"]
+        assert listed == without.get(missing, f"8: {', '.join(panda.names)}")
 
 
 def test_motor_currents(monitor, panda):
@@ -472,7 +472,7 @@ def tool():
 
 @pytest.mark.parametrize("by", ["topic", "parameter", "path"])
 def test_another_tool(by_topic, monitor, panda, tool, tmp_path, by):
-    """The same joints on another robot arrive anew, the finger after the arm, and the numbers are the new robot's."""
+    """All joints of the new robot have to arrive, though their names are the same; the numbers are the new robot's."""
     if by == "topic":
         monitor = by_topic
         replaced(monitor, panda.urdf, "panda")
