@@ -129,11 +129,11 @@ FAULTS = {
 }
 
 
-def check_rejected(monitor, panda, make, cause, words):
-    """Publish one joint state, of which nothing may come but a count and a warning."""
+def check_rejected(monitor, message, cause, words):
+    """Publish a joint state, which may have no effect but a count and a warning."""
     before = monitor.next_report()
     monitor.forget()
-    monitor.publish(make(panda, monitor.now))
+    monitor.publish(message)
     assert not published(monitor)
     report = monitor.next_report()
     assert report.since(before) == {"received": 1, f"rejected: {cause}": 1}
@@ -151,7 +151,7 @@ def test_rejected(monitor, panda, name):
     make, cause, words, parameters = FAULTS[name]
     monitor.serves(panda)
     with monitor.having(**parameters) if parameters else nullcontext():
-        check_rejected(monitor, panda, make, cause, words)
+        check_rejected(monitor, make(panda, monitor.now), cause, words)
     monitor.serves(panda, 1)
     report = monitor.next_report()
     assert (report.entries["joint states"].level, report.entries["joint states"].message) == (OK, "publishing")
@@ -162,7 +162,7 @@ def test_stamps_that_leave_the_clock(clocked, panda, offset, cause):
     """Stamps of now are served; one far off is rejected with its distance."""
     clocked.serves(panda)
     words = (f"this node's clock, expected within max_age = {MAX_AGE:g} s",)
-    check_rejected(clocked, panda, spoiled(offset * S), cause, words)
+    check_rejected(clocked, panda.message(clocked.now + offset * S, panda.samples[0]), cause, words)
     clocked.serves(panda, 1)
 
 
@@ -175,8 +175,8 @@ def test_foreign_time_refused(clocked, panda):
         clocked.transition("configure", "activate")
 
     reconfigure("refuse")
-    of_1970 = lambda panda, _: panda.message(1000 * S, panda.samples[0])  # noqa: E731
-    check_rejected(clocked, panda, of_1970, "foreign time", ("behind this node's clock",))
+    recorded = panda.message(1000 * S, panda.samples[0])
+    check_rejected(clocked, recorded, "foreign time", ("behind this node's clock",))
     clocked.serves(panda, 1)
     reconfigure("warn")
     clocked.serves(panda)
@@ -198,7 +198,8 @@ def test_frozen_values(monitor, panda):
         assert "frozen values" in report.entries["joint states"].message
         with monitor.having(frozen_values="refuse"):
             repeat(8)
-            check_rejected(monitor, panda, spoiled(100 * MS), "frozen", ("no bit of its position changes",))
+            repeated = joint_state(panda.names, q, qd, tau, monitor.now + 100 * MS)
+            check_rejected(monitor, repeated, "frozen", ("no bit of its position changes",))
             stamp = monitor.tick(200 * MS)
             monitor.publish(joint_state(panda.names, q + 1e-3, qd, tau, stamp))
             assert monitor.topics["state"].at(stamp)
@@ -348,8 +349,8 @@ def test_odometry_rejected(floating, change, cause, word):
 def test_odometry_that_stops(floating):
     """Beyond `odom_timeout` nothing is published, and the age is named."""
     floating.answer()
-    make = lambda _, last: floating.joints_message(last + 250 * MS)  # noqa: E731
-    check_rejected(floating, None, make, "stale odometry", ("odom is 0.25",))
+    message = floating.joints_message(floating.now + 250 * MS)
+    check_rejected(floating, message, "stale odometry", ("odom is 0.25",))
     floating.check(floating.answer())
 
 
