@@ -1,0 +1,129 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Smoke tests of the gate: nodes in processes of their own answer over DDS, and signals end them.
+
+Each test publishes again while it waits, because the first messages get lost while processes discover each other.
+"""
+
+import re
+import signal
+import sys
+
+import numpy as np
+import pytest
+from diag_dynamics.srv import ForwardDynamics
+
+from controllers import Controller
+from nodes import PANDA, START, UR5, Monitor, S, Truth, assert_close, robot
+from processes import Process, node_process
+from simulators import Simulator
+from streams import get, get_json
+
+pytestmark = pytest.mark.live
+
+RATE = 100
+"""Of joint states in lockstep [Hz]."""
+
+GARBAGE = b"\x00\x01\x00\x00" + bytes(range(7, 60))
+"""A header of CDR, and lengths that are beyond the end."""
+
+
+@pytest.fixture(scope="module")
+def monitors(peer):
+    """Start the monitors of two robots, each in a namespace of its own."""
+    ids = {"/left": PANDA, "/right": UR5}
+    started = {space: Monitor(peer, space, robot_description=robot(id).path) for space, id in ids.items()}
+    try:
+        for namespace, id in ids.items():
+            started[namespace].connect(robot(id))
+        yield started
+    finally:
+        for monitor in started.values():
+            monitor.process.popen.kill()
+
+
+@pytest.fixture(scope="module")
+def left(monitors):
+    """Return the Panda's monitor."""
+    return monitors["/left"]
+
+
+def test_two_robots_are_answered(monitors, panda):
+    """Each monitor publishes Pinocchio's numbers of its own robot: K and all the rest."""
+    published = monitors["/left"].serves(panda)
+    q, qd = panda.samples[0][:2]
+    K = 0.5 * qd @ panda.oracle.at(q, qd).M @ qd
+    assert published["kinetic_energy"].total == pytest.approx(K, rel=1e-12)
+    monitors["/right"].serves(robot(UR5), 1)
+
+
+def test_a_service_answers(left, panda):
+    """Forward dynamics is Pinocchio's."""
+    q, qd, tau, _ = panda.samples[0]
+    response = left.call(
+        ForwardDynamics, "forward_dynamics", ForwardDynamics.Request(state=panda.message(0, (q, qd, tau)))
+    )
+    assert response.success, response.message
+    truth = Truth(panda, q, qd, tau)
+    assert_close(response.acceleration * truth.unit, truth.state.acceleration * truth.unit, truth.tolerance)
+
+
+def test_a_malformed_message_is_counted(left, panda):
+    """Bytes that are no JointState have an outcome of their own, and the next state is answered."""
+    before, begin = left.next_report(), len(left.reports)
+    left.feeder.publish(GARBAGE)
+    counted = left.wait_for_report(lambda report: "rejected: malformed" in report.since(before), "the garbage", begin)
+    assert counted.since(before) == {"received": 1, "rejected: malformed": 1}
+    left.serves(panda, 2)
+
+
+def test_topic_echo_prints_a_message(left, panda):
+    command = [sys.executable, "-m", "diag_dynamics", "topic", "echo", "--once", f"{left.name}/kinetic_energy"]
+    with Process([*command, "--field", "total"]) as echo:
+
+        def ended():
+            left.serves(panda)
+            return not echo.alive()
+
+        left.peer.wait_until(ended, "the end of echo", START)
+        assert echo.wait() == 0
+    K = left.topics["kinetic_energy"].messages[-1].total
+    assert float(echo.output.split()[-1]) == pytest.approx(K, rel=1e-6)
+
+
+def test_the_page_is_served(ros_domain):
+    """The viewer node serves the page and the list of robots by HTTP."""
+    with node_process("view", port=0) as view:
+        view.wait_for(lambda output: re.search(r"Page: (\S+)\n", output), "the page's address")
+        address = re.search(r"Page: (\S+)\n", view.output)[1]
+        status, headers, body = get(address, "/")
+        assert status == 200 and headers["Content-Type"].startswith("text/html") and b"<script" in body
+        assert isinstance(get_json(address, "/robots"), list)
+
+
+def test_a_second_in_lockstep(peer):
+    """Controller and simulator take turns for a second of simulated time: each state has one command."""
+    order = list(robot(UR5).names)
+    simulated = {"lockstep": True, "rate": float(RATE), "command_joints": order, "autostart": True}
+    own = {"robot_compensates_gravity": False, "autostart": True, "use_sim_time": True, "command_joints": order}
+    with (
+        Simulator(peer, "/lockstep", UR5, **simulated) as simulator,
+        Controller(peer, "/lockstep", **own) as controller,
+    ):
+        peer.wait_until(lambda: controller.sent.messages, "a command", START)
+        first, sent = simulator.states.stamps[-1], len(controller.sent.messages)
+        peer.wait_until(
+            lambda: simulator.states.stamps[-1] >= first + S and len(controller.sent.messages) >= sent + RATE,
+            "a second of simulated time",
+            START,
+        )
+        stamps = [stamp for stamp in sorted({*simulator.states.stamps}) if stamp >= first]
+        assert {*np.diff(stamps)} == {S // RATE}
+        assert {*controller.status.stamps} <= {*simulator.states.stamps}
+
+
+@pytest.mark.parametrize(("namespace", "number"), [("/left", signal.SIGINT), ("/right", signal.SIGTERM)])
+def test_signals_end_monitors(monitors, namespace, number):
+    """The last tests of the file: either signal ends a monitor with status 0."""
+    monitors[namespace].process.stop(number)
