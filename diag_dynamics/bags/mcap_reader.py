@@ -395,7 +395,7 @@ class McapFile(Bag):
         if earliest < part.start or (part.end is not None and latest > part.end):
             self.misplaced = True
         if (np.diff(found[LOG_TIME]) < 0).any():
-            found = found[:, np.argsort(found[LOG_TIME], kind="stable")]
+            found = np.take(found, np.argsort(found[LOG_TIME], kind="stable"), axis=1)
         yield inflated(Messages(data, found[CONNECTION], found[AT], found[SIZE], found[LOG_TIME]))
 
     def _size_of(self, file, chunk):

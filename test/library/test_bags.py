@@ -107,7 +107,6 @@ def test_mcap(tmp_path, seed, count, disorder, compression, chunk_size, options)
     assert read(path) == (list(range(count)), [])
 
 
-@pytest.mark.xfail(raises=TypeError, strict=True, reason="columns of a sorted chunk are not contiguous")
 def test_mcap_with_messages_out_of_order_in_a_chunk(tmp_path):
     assert read(write_mcap(tmp_path / "x.mcap", numbered(50, disorder=3))) == (list(range(50)), [])
 
