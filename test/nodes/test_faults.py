@@ -20,7 +20,8 @@ from std_msgs.msg import String
 import robots
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, steady
 from floating import FloatingMonitor
-from joint_state_cases import BASE_PARAMETERS, COUNTERS, FLOATING, ROBOTS, WIRING
+from joint_state_cases import COUNTERS, WIRING
+from joint_state_messages import BASE_PARAMETERS, FLOATING, ROBOTS
 from nodes import LATCHED, MAX_AGE, MS, PANDA, UR5, Monitor, Reports, S, Truth, description, joint_state, robot
 
 FINGER, MIMIC_FINGER, JOINT, HAND = "panda_finger_joint1", "panda_finger_joint2", "panda_joint4", "panda_hand"
