@@ -443,6 +443,14 @@ def _outcome(take, *message):
 TOPICS = tuple(topic for topic in ORDER if topic not in MATRICES)
 
 
+@pytest.fixture(scope="module")
+def parameters_file(tmp_path_factory):
+    """Return the path of a file with an effort offset."""
+    path = tmp_path_factory.mktemp("parameters") / "arm.yaml"
+    dd.Parameters(joints={"elbow": dd.JointParameters(effort_offset=0.7)}).save(path)
+    return str(path)
+
+
 @examples(60)
 @given(
     st.sampled_from(CHANGES),
@@ -458,9 +466,9 @@ TOPICS = tuple(topic for topic in ORDER if topic not in MATRICES)
         max_size=10,
     ),
 )
-def test_bytes_to_bytes(change, journey):
+def test_bytes_to_bytes(parameters_file, change, journey):
     """Whatever comes, bytes and messages give the same messages, powers and rejections, in either way through."""
-    twins, stamp = Twins(**change), NOW
+    twins, stamp = Twins(parameters_file=parameters_file, **change), NOW
     served = 0
     for k, (names, effort, wrong, passed, topics, velocity) in enumerate(
         [(ARM, "all", None, MS, set(TOPICS), [1, 2])] * 3 + journey
