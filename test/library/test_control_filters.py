@@ -20,7 +20,6 @@ pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
 PANDA = robots.robot("panda_description/urdf/panda.urdf")._replace(locked_joints={"panda_finger_joint1": 0.02})
 READY = np.array([0.0, -0.5, 0.1, -2.0, 0.1, 1.6, 0.5])
-FAR = np.array([1.2, 0.8, -1.0, 1.0, 1.0, -1.0, 1.0])
 N, PERIOD = 7, 1e-3
 
 
@@ -61,16 +60,22 @@ def commands(count, gain=20.0):
 # --- Kinetic energy ---
 
 
-def test_limiter_takes_power_and_never_adds():
-    """νᵀε becomes min(νᵀε, αh), the change is along ν, and efforts are m(ε + ε_g) by Pinocchio's m."""
+@pytest.mark.parametrize("pushed", [False, True])
+def test_limiter_takes_power_and_never_adds(pushed):
+    """νᵀ(ε + ε_ext) becomes min(itself, αh), the change is along ν, and efforts are m(ε + ε_g) by Pinocchio's m.
+
+    At rest nothing is limited.
+    """
     s = arm()
     acted = 0
-    for rng, q, qd, command in commands(60):
+    for rng, q, qd, command in commands(40):
         K, alpha = 0.5 * command.nu @ command.nu, rng.uniform(5, 200)
+        external = 20.0 * rng.normal(size=N) if pushed else None
         limiter = dd.EnergyLimiter(s.dyn, K * rng.uniform(0.3, 3), alpha)
-        limited = limiter.filter(q, command)
+        limited = limiter.filter(q, command, external)
+        power = command.nu @ external if pushed else 0.0
         before, after = command.nu @ command.epsilon, limited.nu @ limited.epsilon
-        allowed = alpha * (limiter.limit - K)
+        allowed = alpha * (limiter.limit - K) - power
         assert after <= before
         assert after == pytest.approx(min(before, allowed), rel=1e-9, abs=1e-9 * abs(before))
         taken = command.epsilon - limited.epsilon
@@ -79,56 +84,9 @@ def test_limiter_takes_power_and_never_adds():
         expected = t.m @ limited.epsilon + t.g
         np.testing.assert_allclose(limited.tau, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
         acted += limited is not command
-    assert 20 < acted < 60
-
-
-def test_limiter_bounds_what_a_law_does():
-    """A law that would reach 40 J stays below half a joule, and from above the bound K returns to it."""
-    s, bound = arm(), 0.5
-    law, limiter = dd.JointTracking(s.dyn, 20.0, 5.0), dd.EnergyLimiter(s.dyn, bound, 100.0)
-
-    def energies(limit, qd, steps):
-        robot, K = plant(READY, qd), []
-        for _ in range(steps):
-            command = law.command(robot.q, robot.qd, READY + FAR)
-            robot.advance((limiter.filter(robot.q, command) if limit else command).tau)
-            K.append(0.5 * robot.nu @ robot.nu)
-        return np.array(K)
-
-    assert energies(False, np.zeros(N), 300).max() > 4 * bound
-    assert 0.98 * bound < energies(True, np.zeros(N), 1500).max() < 1.001 * bound
-    resting = law.command(READY, np.zeros(N), READY + 1)
-    assert limiter.filter(READY, resting) is limiter.filter(READY, resting, np.ones(N)) is resting
-    above = energies(True, np.full(N, 1.0), 200)
-    assert above[0] > 1.2 * bound and above[100:].max() < 1.001 * bound
-
-
-def pushed(estimate, bound, alpha=50.0, force=30.0):
-    """Return the largest K and power of the push for an arm that is led by hand and pushed for two seconds."""
-    s, robot = arm(), plant(READY, np.zeros(N))
-    law, limiter = dd.GravityCompensation(s.dyn), dd.EnergyLimiter(s.dyn, bound, alpha)
-    observer = dd.DisturbanceObserver(s.dyn, 200.0, np.inf, effort="held")
-    tau, K, power = np.zeros(N), 0.0, 0.0
-    for k in range(2000):
-        q, qd = robot.q, robot.qd
-        direction = np.array([np.cos(3 * k * PERIOD), np.sin(3 * k * PERIOD), 0.3])
-        push = s.dyn.jacobian(q, "panda_hand", frame="world")[:3].T @ (force * direction)
-        seen = observer.update(k * PERIOD, q, qd, tau)
-        external = seen.residual if estimate and seen.valid else None
-        tau = limiter.filter(q, law.command(q, qd), external).tau
-        robot.advance(tau + push)
-        K, power = max(K, 0.5 * robot.nu @ robot.nu), max(power, push @ robot.qd)
-    return K, power
-
-
-def test_limiter_holds_its_bound_under_pushes():
-    """Within 2 % with the observer's estimate of the push; without one the bound is K_max + P/α, as documented."""
-    bound = 1.0
-    K, _ = pushed(True, bound)
-    assert 0.98 * bound < K < 1.02 * bound
-    for alpha in shortened((50.0, 500.0), (50.0,)):
-        K, power = pushed(False, bound, alpha)
-        assert bound + 0.5 * power / alpha < K < bound + power / alpha
+    assert 10 < acted < 40
+    resting = dd.JointTracking(s.dyn, 20.0, 5.0).command(READY, np.zeros(N), READY + 1)
+    assert limiter.filter(READY, resting, external) is resting
 
 
 # --- Efforts ---
@@ -160,7 +118,7 @@ def test_saturation_scales_what_moves_and_not_what_holds():
 
 @pytest.mark.parametrize("speed", (0.5, -0.5))
 def test_saturation_of_a_joint_that_gravity_overloads(speed):
-    """It gives its limit, whichever way it is to move; the other joints are scaled without it: here not at all."""
+    """The joint has the effort of its limit at either direction of motion; the other joints keep their efforts."""
     s = arm()
     command = dd.RateDamping(s.dyn, 3.0).command(READY, np.full(N, speed))
     g = command.gravity_torque
@@ -174,7 +132,7 @@ def test_saturation_of_a_joint_that_gravity_overloads(speed):
     assert result.scale == 1.0
 
 
-@pytest.mark.parametrize("speed", (0.5, -0.5, 20.0, -20.0))
+@pytest.mark.parametrize("speed", (0.5, -20.0))
 def test_saturation_is_continuous_as_gravity_takes_a_limit(speed):
     """While a joint's limit shrinks to less than its weight no effort jumps, and the other joints keep their brakes."""
     s = arm()
@@ -208,7 +166,7 @@ def test_saturation_of_limits_in_the_description():
 
 
 def test_rates_are_limited_joint_by_joint():
-    """Each joint moves to its target at its rate, reaches it, and never leaves the effort limits."""
+    """Each joint moves to its target at its rate and reaches it; the first or the given effort is the start."""
     s, rng = arm(), np.random.default_rng(4)
     rate = rng.uniform(100, 1000, N)
     limiter = dd.EffortRateLimiter(s.model, rate, np.zeros(N))
@@ -223,18 +181,13 @@ def test_rates_are_limited_joint_by_joint():
         assert (np.abs(goal - tau) <= np.abs(goal - last)).all()
         last = tau
     np.testing.assert_array_equal(last, goal)
-    assert limiter.filter(-goal, 0.0)[0].tolist() == goal.tolist()
-
-
-def test_rate_limiter_starts_at_the_first_or_the_given_effort():
-    limiter = dd.EffortRateLimiter(arm().model, 10.0)
-    assert limiter.filter(np.full(N, 50.0), 0.1) == (pytest.approx(np.full(N, 50.0)), ())
+    limiter = dd.EffortRateLimiter(s.model, 10.0)
+    tau, limited = limiter.filter(np.full(N, 50.0), 0.1)
+    assert (tau == 50.0).all() and limited == ()
+    tau[:] = 0.0  # the caller's own
+    assert (limiter.filter(np.full(N, 50.0), 0.1)[0] == 50.0).all()
     limiter.reset(np.full(N, 20.0))
     assert limiter.filter(np.full(N, 50.0), 0.1)[0] == pytest.approx(np.full(N, 21.0))
-    limiter.reset()
-    tau, _ = limiter.filter(np.full(N, -50.0), 0.1)
-    tau[:] = 0.0
-    assert limiter.filter(np.full(N, -50.0), 0.1)[0] == pytest.approx(np.full(N, -50.0))
 
 
 # --- Positions ---
@@ -252,34 +205,13 @@ def test_repulsion_is_the_gradient_of_its_potential():
         damped = springs.effort(q, qd) - springs.effort(q, np.zeros(N))
         assert (damped * qd <= 0).all()
         assert not damped[springs.depth(q) * qd <= 0].any()  # the way back is free
+        command = dd.GravityCompensation(s.dyn).command(q, qd)
+        filtered = springs.filter(q, qd, command)
+        np.testing.assert_allclose(filtered.tau - command.tau, springs.effort(q, qd), atol=1e-11)
+        np.testing.assert_allclose(s.oracle.at(q, qd).m @ filtered.epsilon, springs.effort(q, qd), atol=1e-9)
     q = 0.5 * (s.model.lower + s.model.upper)
     command = dd.GravityCompensation(s.dyn).command(q, np.ones(N))
     assert springs.filter(q, np.ones(N), command) is command
-
-
-@pytest.mark.parametrize("damping", [0.0, 40.0])
-def test_repulsion_keeps_joints_off_their_stops(damping):
-    """K + U of an arm that coasts into its limits stays, or falls with damping, and no joint reaches its stop."""
-    s = arm()
-    law, springs = dd.GravityCompensation(s.dyn), dd.PositionRepulsion(s.dyn, 0.2, 60.0, damping)
-    start, qd = np.array([0.0, 1.5, 0.0, -0.4, 0.0, 3.5, 0.0]), np.array([0.0, 0.6, 0.0, 0.4, 0.0, 0.8, 0.0])
-    robot, energy, path = plant(start, qd), [], []
-    for _ in range(1500):
-        q, qd = robot.q, robot.qd
-        command = springs.filter(q, qd, law.command(q, qd))
-        rest = command.tau - command.gravity_torque
-        np.testing.assert_allclose(s.dyn.tau_from_epsilon(q, command.epsilon), rest, atol=1e-10)
-        energy.append(0.5 * command.nu @ command.nu + springs.potential(q))
-        path.append(q)
-        robot.advance(command.tau)
-    energy, path = np.array(energy), np.array(path)
-    assert energy[0] < 0.5 * 60.0 * 0.2**2 < 2.0  # too little to reach a stop
-    assert (path > s.model.lower).all() and (path < s.model.upper).all()
-    if damping:
-        assert energy[-1] < 0.8 * energy[0] and np.diff(energy).max() < 1e-3 * energy[0]
-    else:
-        np.testing.assert_allclose(energy, energy[0], rtol=0.02)
-        assert max(springs.potential(q) for q in path) > 0.3 * energy[0]
 
 
 def test_repulsion_where_there_is_little_or_no_range():
@@ -319,7 +251,7 @@ class Swing:
         self.k, self.limited = 0, 0
 
     def step(self, push=None):
-        """Run one cycle; return the largest fraction of an allowed speed, and the command after and before the filter."""
+        """Run one cycle; return the largest ratio of speed to limit, and the command after and before the filter."""
         angle = self.pace * self.k * self.h + self.phase
         q, qd = self.plant.q, self.plant.qd
         sine, cosine = self.size * np.sin(angle), self.size * np.cos(angle)
@@ -337,7 +269,7 @@ def contact_limiter():
 
 @pytest.mark.parametrize("h", [1e-3, 4e-3])
 def test_no_contact_limit_is_exceeded(h):
-    """Motions that would exceed the limits by far stay below them; the limiter takes power out of ν alone.
+    """Motions that would exceed the limits stay below them; the limiter takes power out of ν alone.
 
     ½mv² stays below the energy and v√(μk) below the force, by the mass and speed at every point.
     """
@@ -346,24 +278,22 @@ def test_no_contact_limit_is_exceeded(h):
     resting = dd.GravityCompensation(dyn).command(q, np.zeros(N))
     assert limiter.filter(q, np.zeros(N), resting, h) is resting
     assert limiter.seen.worst == -1 and limiter.seen.energy == 0.0
-    for seed in range(shortened(3, 1)):
-        free, bound = Swing(seed, h), Swing(seed, h, contact_limiter())
-        steps = range(int(shortened(1.0, 0.5) / h))
-        assert max(free.step()[0] for _ in steps) > 1.3
-        usage = []
-        for k in steps:
-            q, qd = bound.plant.q, bound.plant.qd
-            part, command, asked = bound.step()
-            usage.append(part)
-            assert (command.epsilon - asked.epsilon) @ asked.nu < 1e-6
-            for link in ("panda_link4", "panda_hand") if k % 10 == 0 else ():
-                v = dyn.link_velocity(q, qd, link)[:3]
-                if v.any():
-                    m = dyn.reflected_mass(q, link, v)
-                    assert 0.5 * m * v @ v <= 0.3 and contact_force(np.linalg.norm(v), m, 3e4, 4.0) <= 80.0
-        assert 0.9 < max(usage) <= 1.0 and bound.limited > 10
-        difference = dyn.tau_from_epsilon(q, command.epsilon - asked.epsilon)
-        np.testing.assert_allclose(command.tau - asked.tau, difference, atol=0.05 * np.linalg.norm(difference) + 1e-9)
+    free, bound, usage = Swing(0, h), Swing(0, h, contact_limiter()), []
+    steps = range(int(shortened(1.0, 0.5) / h))
+    assert max(free.step()[0] for _ in steps) > 1.3
+    for k in steps:
+        q, qd = bound.plant.q, bound.plant.qd
+        part, command, asked = bound.step()
+        usage.append(part)
+        assert (command.epsilon - asked.epsilon) @ asked.nu < 1e-6
+        for link in ("panda_link4", "panda_hand") if k % 10 == 0 else ():
+            v = dyn.link_velocity(q, qd, link)[:3]
+            if v.any():
+                m = dyn.reflected_mass(q, link, v)
+                assert 0.5 * m * v @ v <= 0.3 and contact_force(np.linalg.norm(v), m, 3e4, 4.0) <= 80.0
+    assert 0.9 < max(usage) <= 1.0 and bound.limited > 10
+    difference = dyn.tau_from_epsilon(q, command.epsilon - asked.epsilon)
+    np.testing.assert_allclose(command.tau - asked.tau, difference, atol=0.05 * np.linalg.norm(difference) + 1e-9)
 
 
 def test_a_scale_lowers_the_contact_bound():
@@ -374,23 +304,20 @@ def test_a_scale_lowers_the_contact_bound():
         limiter.scale = scale
         usage = [bound.step()[0] for _ in range(250)]
         assert max(usage) <= 1.0 and max(usage[-50:]) <= last
-    with pytest.raises(InputError, match="scale"):
-        limiter.scale = 1.5
 
 
 def test_a_push_adds_to_the_contact_energy():
-    """The energy of a push exceeds the bound, is reported, and is gone after it; with a known push nothing exceeds."""
+    """The energy of a push exceeds the bound and is reported; with a known push nothing exceeds the bound."""
     dyn, limiter = arm().dyn, contact_limiter()
     bound = Swing(0, 1e-3, limiter)
     for _ in range(200):
         bound.step()
     push = dyn.jacobian(bound.plant.q, "panda_hand", frame="world")[:3].T @ np.array([60.0, 40.0, 0.0])
-    assert max(bound.step(push)[0] for _ in range(60)) > 1.05
-    after = []
-    for _ in range(240):
-        after.append(bound.step()[0])
-        assert limiter.seen.worst < 0 or (limiter.seen.energy > limiter.seen.limit) == (after[-1] > 1.0)
-    assert max(after[200:]) <= 1.0
+    usage = []
+    for _ in range(60):
+        usage.append(bound.step(push)[0])
+        assert limiter.seen.worst < 0 or (limiter.seen.energy > limiter.seen.limit) == (usage[-1] > 1.0)
+    assert max(usage) > 1.05
     known, robot = contact_limiter(), plant(READY, np.zeros(N))
     law = dd.JointTracking(dyn, 20.0, 10.0)
     for _ in range(60):
@@ -426,16 +353,14 @@ def without_limits(s):
         (lambda s: dd.EffortSaturation(s.dyn), "model is <diag_dynamics"),
         (lambda s: dd.EffortSaturation(s.model, HURT), "effort limit of 'panda_joint3' is nan"),
         (lambda s: dd.EffortRateLimiter(s.model, -HURT), "effort rate of 'panda_joint1' is -1.0"),
-        (lambda s: dd.EffortRateLimiter(s.model, 1.0, HURT), "tau of joint 'panda_joint3' is nan"),
         (lambda s: dd.EffortRateLimiter(s.model, 1.0).filter(HURT, 1.0), "tau of joint 'panda_joint3' is nan"),
         (lambda s: dd.EffortRateLimiter(s.model, 1.0).filter(READY, -1.0), "dt is -1.0"),
         (lambda s: dd.PositionRepulsion(s.dyn, 0.0, 1.0), "margin of 'panda_joint1' is 0.0"),
         (lambda s: dd.PositionRepulsion(s.dyn, 0.1, HURT), "stiffness of 'panda_joint3' is nan"),
         (lambda s: dd.PositionRepulsion(s.dyn, 0.1, 1.0, -1.0), "damping of 'panda_joint1' is -1.0"),
-        (lambda s: dd.PositionRepulsion(s.dyn, 0.1, 1.0).potential(HURT), "q of joint 'panda_joint3' is nan"),
-        (lambda s: dd.PositionRepulsion(s.dyn, 0.1, 1.0).effort(READY, 3), "qd is 3"),
         (lambda s: dd.ContactLimiter(s.dyn, without_limits(s), 30.0), "no limit"),
         (lambda s: dd.ContactLimiter(s.dyn, contact_points(), 0.0), "rate"),
+        (lambda s: setattr(contact_limiter(), "scale", 1.5), "scale"),
         (lambda s: contact_limiter().filter(READY, np.zeros(N), gravity_command(s), 0.0), "period"),
     ],
 )

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""References of the controller: trajectories between their points, set-points, and the messages that carry both."""
+"""The controller's references and supervisor: trajectories, set-points, their messages; hold and ramp."""
 
 from array import array
 from itertools import zip_longest
@@ -13,7 +13,9 @@ import pytest
 import diag_dynamics as dd
 from arm import waypoints
 from described import MS, UR5, S, robot
-from diag_dynamics.control.references import WITHIN, SetPoint, at_rest
+from diag_dynamics.control import supervisor as phases
+from diag_dynamics.control.references import WITHIN, PoseTarget, SetPoint, at_rest
+from diag_dynamics.control.supervisor import Supervisor
 from diag_dynamics.control.trajectory import Trajectory
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.controller import received
@@ -98,7 +100,7 @@ def test_a_moving_robot_is_not_carried_far_off_the_way():
 # --- Set-points
 
 
-@pytest.mark.parametrize("period", [1, 10, 100], ids="{} ms".format)
+@pytest.mark.parametrize("period", [10, 100], ids="{} ms".format)
 def test_a_set_point_is_gone_to_without_haste(period):
     """Within speed and acceleration, without overshoot, and there at the end; from a motion, too."""
     rng = np.random.default_rng(period)
@@ -139,6 +141,20 @@ def test_set_points_that_stream_are_followed():
     way = [point.sample(k * MS) for k in range(1, 6000)]
     assert max(np.abs(d.acceleration[0]) for d in way) == pytest.approx(3.0 / WITHIN)
     assert way[0].velocity[0] == pytest.approx(3.0 - 3.0e-3 / WITHIN) and np.abs(way[-1].position) < 1e-6
+
+
+def test_the_same_pose_in_a_stream_is_gone_to_as_once():
+    speed, rate, axes, goal = np.array([0.25, 0.5]), np.full(2, 10.0), np.eye(3), np.array([0.1, -0.1, 0.15])
+    reached = []
+    for every in (10**6, 10):
+        aim, target = (np.zeros(3), axes), None
+        for k in range(800):
+            if k % every == 0:
+                target = PoseTarget((goal, axes), k * MS, aim, speed, rate, 0.02, target)
+            aim = target.sample((k + 1) * MS)
+        reached.append(aim[0])
+    assert np.linalg.norm(reached[0]) > 0.1
+    np.testing.assert_allclose(reached[1], reached[0], rtol=0.1)
 
 
 # --- Messages
@@ -213,10 +229,143 @@ def test_joints_of_messages_come_in_any_order():
     assert received.set_point(joint_state(NAMES[::-1], [1, 2, 3]), NAMES).tolist() == [3, 2, 1]
 
 
-@pytest.mark.parametrize(("link", "x", "key"), [("wing", 0.0, "frame_id is 'wing'"), ("tool0", np.nan, "position is")])
-def test_bad_poses_are_rejected(link, x, key):
-    pose = SimpleNamespace(
-        position=SimpleNamespace(x=x, y=0.0, z=0.0), orientation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
-    )
-    with pytest.raises(InputError, match=key):
-        received.pose(SimpleNamespace(header=SimpleNamespace(frame_id=link), pose=pose), dd.load_urdf(robot(UR5).path))
+def test_poses_of_messages():
+    model, at = dd.load_urdf(robot(UR5).path), SimpleNamespace(x=1.0, y=2.0, z=3.0, w=1.0)
+
+    def read(link):
+        header = SimpleNamespace(frame_id=link)
+        return received.pose(SimpleNamespace(header=header, pose=SimpleNamespace(position=at, orientation=at)), model)
+
+    link, position, _ = read("tool0")
+    assert link == "tool0" and list(position) == [1.0, 2.0, 3.0]
+    with pytest.raises(InputError, match="frame_id is 'wing'"):
+        read("wing")
+    at.x = np.nan
+    with pytest.raises(InputError, match="position is"):
+        read("tool0")
+
+
+# --- The supervisor
+
+
+def test_phases():
+    """Nothing before the first state; then the law, the hold, the ramp; a valid state ends hold and ramp."""
+    supervisor = Supervisor(max_age=0.02, hold_time=0.5, resumes=True)
+    supervisor.invalid(S, "NaN")
+    assert supervisor.phase == phases.INACTIVE and supervisor.reason == "NaN"
+    assert supervisor.anew
+    supervisor.valid(S)
+    assert supervisor.phase == phases.ACTIVE and not supervisor.reason and not supervisor.anew
+    supervisor.invalid(2 * S, "late")
+    assert supervisor.phase == phases.HOLDING and supervisor.reason == "late"
+    supervisor.invalid(2 * S + 499 * MS, "late")
+    assert supervisor.phase == phases.HOLDING and not supervisor.anew
+    supervisor.valid(3 * S)
+    supervisor.valid(3 * S + 500 * MS)
+    for time, phase in (  # a new hold; a clock that goes back does not end the ramp
+        (4 * S, phases.HOLDING),
+        (4 * S + 499 * MS, phases.HOLDING),
+        (4 * S + 500 * MS, phases.RAMPING_DOWN),
+        (2 * S, phases.RAMPING_DOWN),
+    ):
+        supervisor.invalid(time, "late")
+        assert supervisor.phase == phase
+    assert supervisor.anew and not supervisor.latched
+    supervisor.valid(S)
+    assert supervisor.phase == phases.ACTIVE
+
+
+def test_release_after_the_ramp():
+    """The ramp lasts until a release while states are valid; a missing state after that revokes it."""
+    supervisor = Supervisor(max_age=0.02, hold_time=0.5)
+    supervisor.valid(S)
+    supervisor.release()  # nothing to release
+    for time in (S, 2 * S):
+        supervisor.invalid(time, "late")
+    assert supervisor.latched
+    for _ in range(2):
+        with pytest.raises(InputError, match="no valid state yet"):
+            supervisor.release()
+        supervisor.wait()
+        assert supervisor.latched and "choose a mode" in supervisor.reason and "late" in supervisor.reason
+        supervisor.release()
+        assert not supervisor.latched and supervisor.anew
+        supervisor.invalid(3 * S, "late")
+        assert supervisor.latched
+    supervisor.wait()
+    supervisor.release()
+    supervisor.valid(S)
+    assert supervisor.phase == phases.ACTIVE
+    for time in (4 * S, 4 * S + 499 * MS):  # a whole hold again
+        supervisor.invalid(time, "late")
+        assert supervisor.phase == phases.HOLDING
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "end"),
+    [(1, 45, phases.RAMPING_DOWN), (20, 45, phases.RAMPING_DOWN), (50, 45, phases.HOLDING)],
+)
+def test_few_valid_states_do_not_prolong_the_hold(good, bad, end):
+    supervisor, time = Supervisor(max_age=0.02, hold_time=0.5), 0
+    for _ in range(60):
+        for _ in range(good):
+            time += 10 * MS
+            if not supervisor.latched:
+                supervisor.valid(time)
+        for _ in range(bad):
+            time += 10 * MS
+            supervisor.invalid(time, "late")
+    assert supervisor.phase == end
+
+
+@pytest.mark.parametrize(("period", "end"), [(6, phases.ACTIVE), (30, phases.ACTIVE), (100, phases.RAMPING_DOWN)])
+def test_states_that_fail_or_are_slow_between_good_ones(period, end):
+    """A valid state counts while it is fresh."""
+    supervisor, time = Supervisor(max_age=0.02, hold_time=0.5), 0
+    for _ in range(300):
+        if not supervisor.latched:
+            supervisor.valid(time)
+        for _ in range(period // 2 - 1):
+            time += 2 * MS
+            if period == 6 or time % (period * MS) > 20 * MS:
+                supervisor.invalid(time, "late")
+        time += 2 * MS
+    if not supervisor.latched:
+        supervisor.valid(time)
+    assert supervisor.phase == end
+
+
+def test_a_clock_that_stands_still_does_not_prolong_the_hold():
+    """The machine's time then counts; a clock that goes on slowly counts by itself."""
+    machine = [0.0]
+    supervisor = Supervisor(max_age=0.02, hold_time=0.5, machine_time=lambda: machine[0])
+    supervisor.valid(S)
+    for k in range(100):
+        machine[0] += 0.9
+        supervisor.invalid(S + k, "late")
+    assert supervisor.phase == phases.HOLDING
+    machine[0] += 0.9
+    supervisor.invalid(S + 99, "late")
+    assert supervisor.phase == phases.HOLDING
+    machine[0] += 0.2
+    supervisor.invalid(S + 99, "late")
+    assert supervisor.phase == phases.RAMPING_DOWN
+    supervisor.wait()
+    assert "late; the clock stands still" in supervisor.reason
+
+
+def test_a_clock_that_jumps_does_not_prolong_the_hold():
+    """With two clocks in turn, as of two simulators, steps forward count."""
+    supervisor = Supervisor(max_age=0.02, hold_time=0.5)
+    supervisor.valid(S)
+    for k in range(100):
+        supervisor.invalid((k % 2) * 100 * S + k * MS, "late")
+    assert supervisor.phase == phases.RAMPING_DOWN
+
+
+def test_age_of_a_state():
+    supervisor = Supervisor(max_age=0.02, hold_time=0.5)
+    assert supervisor.age_problem(S, S + 20 * MS) is supervisor.age_problem(S, S - 20 * MS) is None
+    assert "0.021 s old" in supervisor.age_problem(S, S + 21 * MS)
+    assert "0.021 s in the future" in supervisor.age_problem(S, S - 21 * MS)
+    assert "nothing on /clock" in supervisor.age_problem(S, 0)

@@ -6,10 +6,9 @@
 import numpy as np
 import pytest
 from std_msgs.msg import Float64
-from test_controller import trajectory
 
 import diag_dynamics as dd
-from controllers import START_AT, Controller, PassedOn, effort_controller, put, quiet, record
+from controllers import START_AT, Controller, PassedOn, effort_controller, put, quiet, record, trajectory
 from nodes import START, UR5, S, nanoseconds, robot
 from simulators import Simulator
 

@@ -6,7 +6,6 @@
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
-from test_controller import trajectory
 
 from controllers import (
     ACTIVE,
@@ -23,6 +22,7 @@ from controllers import (
     put,
     quiet,
     record,
+    trajectory,
     untouched,
 )
 from examples import shortened

@@ -8,7 +8,6 @@ import pytest
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
-from test_controller import trajectory
 
 import diag_dynamics as dd
 from controllers import (
@@ -23,6 +22,7 @@ from controllers import (
     joints_by_graph,  # noqa: F401 (a fixture)
     pinocchio_command,
     pose_message,
+    trajectory,
     untouched,
 )
 from diag_dynamics.exceptions import InputError

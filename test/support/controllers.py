@@ -16,7 +16,7 @@ from rcl_interfaces.srv import GetParameters
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm import gravity_of as gravity_of
 from arm import pinocchio_command
@@ -264,4 +264,17 @@ def pose_message(link, position, axes=None):
     p, o = message.pose.position, message.pose.orientation
     p.x, p.y, p.z = map(float, position)
     o.x, o.y, o.z, o.w = map(float, pin.Quaternion(np.eye(3) if axes is None else np.array(axes)).coeffs())
+    return message
+
+
+def trajectory(points, names, stamp=0):
+    """Return a JointTrajectory of (time, positions, velocities, accelerations)."""
+    message = JointTrajectory(joint_names=list(names))
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, S)
+    for seconds, *fields in points:
+        point = JointTrajectoryPoint()
+        point.time_from_start.sec, point.time_from_start.nanosec = divmod(round(seconds * S), S)
+        for field, values in zip(("positions", "velocities", "accelerations"), fields, strict=False):
+            setattr(point, field, [float(x) for x in values])
+        message.points.append(point)
     return message
