@@ -367,14 +367,14 @@ ILL_MADE = {
 }
 
 
-@pytest.mark.parametrize("name", list(some_of(WELL_MADE, 9)))
+@pytest.mark.parametrize("name", some_of(WELL_MADE, 9))
 def test_well_made_robots(name):
     report = inspect_robot(robot_path(f"{name}.urdf"))
     assert report.status == 0 and set(report.checks.values()) <= {"ok", "note"}
     assert not findings_of(report, "meshes", "warning")
 
 
-@pytest.mark.parametrize("name", list(some_of(ILL_MADE, 4)))
+@pytest.mark.parametrize("name", some_of(ILL_MADE, 4))
 def test_ill_made_robots(name):
     report = inspect_robot(robot_path(f"{name}.urdf"))
     assert report.status == 1

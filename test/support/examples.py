@@ -46,8 +46,8 @@ def examples(count: int) -> settings:
 
 
 def some_of(cases, stride):
-    """Return every `stride`-th case in the gate, all cases in the full tier."""
-    return islice(cases, 0, None, 1 if _all_robots else stride)
+    """Return a list of every `stride`-th case in the gate, of all cases in the full tier."""
+    return list(islice(cases, 0, None, 1 if _all_robots else stride))
 
 
 def shortened(full, short):
