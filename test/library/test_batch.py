@@ -126,8 +126,9 @@ def test_wrenches_and_friction(dyn, frame):
 
 @pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 63, 64, 129])
 def test_any_number_of_states(two, count):
-    """Batches shorter and longer than the registers and pieces of the kernels."""
+    """Batches shorter and longer than the registers and pieces of the kernels; some positions are very large."""
     Q, QD, TAU, _ = states(two, count)
+    Q[::5] *= 1e9
     many = two.evaluate_batch(Q, QD, TAU, threads=2)
     assert len(many) == count and many.power.shape == (count,) and many.link_energy.shape == (count, 3)
     for t in range(count):
@@ -162,17 +163,6 @@ def test_stream_memory_does_not_grow_with_states(two, tmp_path):
 # --- Arguments
 
 
-def test_arrays_of_any_layout(two):
-    Q, QD, TAU, _ = states(two, 100)
-    expected = two.evaluate_batch(Q, QD, TAU).nu_dot
-    read_only = Q.copy()
-    read_only.flags.writeable = False
-    for other in (Q.tolist(), np.asfortranarray(Q), read_only, np.repeat(Q, 2, axis=0)[::2]):
-        np.testing.assert_array_equal(two.evaluate_batch(other, QD, TAU).nu_dot, expected)
-    whole = two.evaluate_batch(np.ones((3, 2), dtype=int), np.ones((3, 2), dtype=np.float32))
-    np.testing.assert_array_equal(whole.nu, [two.evaluate([1, 1], [1, 1]).nu] * 3)
-
-
 @pytest.mark.parametrize("at", [0, 70, 149])
 @pytest.mark.parametrize(("which", "value"), [("q", np.nan), ("qd", np.inf), ("tau", -np.inf)])
 def test_error_names_the_first_bad_state(dyn, at, which, value):
@@ -203,14 +193,10 @@ WRONG = {
     "columns": (lambda d: d.evaluate_batch([[0, 0, 0]], STATE), "Q has shape (1, 3), expected (T, 2)"),
     "rates": (lambda d: d.evaluate_batch(STATE, STATE * 2), "QD has shape (2, 2), expected (1, 2)"),
     "efforts": (lambda d: d.evaluate_batch(STATE, STATE, [0, 0]), "TAU has shape (2,), expected (1, 2)"),
-    "efforts of forward dynamics": (lambda d: d.forward_dynamics_batch(STATE, STATE, STATE * 2), "TAU has shape"),
     "ragged": (lambda d: d.evaluate_batch([[0, 0], [1]], STATE), "Q is not an array of numbers"),
-    "text": (lambda d: d.evaluate_batch([["a", "b"]], STATE), "Q is not an array of numbers"),
-    "no threads": (lambda d: d.evaluate_batch(STATE, STATE, threads=0), "threads is 0"),
     "half a thread": (lambda d: d.bias_batch(STATE, STATE, threads=1.5), "threads is 1.5"),
     "stream of nothing": (lambda d: list(d.evaluate_stream(STATE, STATE, size=0)), "size is 0"),
     "stream without rates": (lambda d: list(d.evaluate_stream(STATE, [])), "QD has 0 states"),
-    "link": (lambda d: d.forward_dynamics_batch(STATE, STATE, STATE, {"tip": np.zeros(6)}), "'tip' is not a link"),
     "wrenches": (lambda d: d.evaluate_batch(STATE, STATE, STATE, {"lower": np.zeros((3, 6))}), "(1, 6)"),
     "rates of bias": (lambda d: d.bias_batch(STATE, NAN), "state 0: qd of joint 'elbow'"),
     "rates of friction": (lambda d: d.friction_torque_batch(NAN), "state 0: qd of joint 'elbow'"),
@@ -301,18 +287,13 @@ def frequent_switches():
 
 
 METHODS = {
-    "evaluate": lambda d, q, v, t: d.evaluate(q, v, t).rows[:9],
     "evaluate with all": lambda d, q, v, t: d.evaluate(q, v, t, {"panda_hand": t[:6]}, friction=True).nu_dot,
-    "evaluate of lists": lambda d, q, v, t: d.evaluate(q.tolist(), v.tolist(), t.tolist()).rows[:9],
     "forward_dynamics": lambda d, q, v, t: d.forward_dynamics(q, v, t, {"panda_hand": t[:6]}, friction=True),
     "inverse_dynamics": lambda d, q, v, t: d.inverse_dynamics(q, v, t, {"panda_hand": t[:6]}, friction=True),
     "mass_matrix": lambda d, q, v, t: d.mass_matrix(q),
-    "mass_matrix_rate": lambda d, q, v, t: d.mass_matrix_rate(q, v),
-    "coriolis_product": lambda d, q, v, t: d.coriolis_product(q, v, t),
     "factors": lambda d, q, v, t: d.factors(q).l,
     "nu_from_qd": lambda d, q, v, t: d.nu_from_qd(q.tolist(), v),
     "jacobian": lambda d, q, v, t: d.jacobian(q, "panda_hand", frame="world"),
-    "link_acceleration": lambda d, q, v, t: d.link_acceleration(q, v, t, "panda_hand"),
     "wrench_factor": lambda d, q, v, t: d.wrench_factor(q, "panda_hand"),
     "forward_dynamics_batch": lambda d, q, v, t: d.forward_dynamics_batch(q[None], v[None], t[None]),
 }

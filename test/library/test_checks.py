@@ -86,9 +86,7 @@ Z, NAN, LARGE = [0, 0], [0, np.nan], [1e200, 0]
 WRONG = [
     (lambda d: d.evaluate([0.0], Z), "q has shape (1,), expected (2,): one entry for each of shoulder"),
     (lambda d: d.evaluate(0.0, Z), "q has shape ()"),
-    (lambda d: d.evaluate(["a", "b"], Z), "q is not a vector of numbers"),
     (lambda d: d.evaluate([[1], 2], Z), "q is not a vector of numbers"),
-    (lambda d: d.evaluate([1j, 2], Z), "q is not a vector of numbers"),
     (lambda d: d.evaluate([np.inf, 0], Z), "q of joint 'shoulder' is inf"),
     (lambda d: d.evaluate(Z, NAN), "qd of joint 'elbow' is nan"),
     (lambda d: d.evaluate(Z, Z, [0, -np.inf]), "tau of joint 'elbow' is -inf"),
@@ -144,7 +142,9 @@ def test_vectors_of_any_kind(two):
     read_only = q.copy()
     read_only.flags.writeable = False
     strided, unmasked = np.array([0.1, 9.0, 0.2, 9.0])[::2], np.ma.masked_array(q, mask=False)
-    for other in ([0.1, 0.2], (0.1, 0.2), strided, read_only, unmasked):
+    unaligned = np.zeros(1, np.dtype([("flag", "u1"), ("q", "<f8", (2,))]))[0]["q"]
+    unaligned[:] = q
+    for other in ([0.1, 0.2], (0.1, 0.2), strided, read_only, unmasked, unaligned, q.astype(">f8")):
         np.testing.assert_array_equal(two.evaluate(other, qd).nu, expected)
     np.testing.assert_allclose(two.evaluate(q.astype(np.float32), qd).nu, expected, rtol=1e-6)
 
@@ -173,8 +173,6 @@ def test_dicts(dyn, state):
     found = dyn.evaluate(*named)
     np.testing.assert_array_equal(found.nu, expected.nu)
     np.testing.assert_array_equal(found.epsilon, expected.epsilon)
-    np.testing.assert_array_equal(dyn.forward_dynamics(*named), dyn.forward_dynamics(*state))
-    np.testing.assert_array_equal(dyn.mass_matrix(named[0]), dyn.mass_matrix(state[0]))
     np.testing.assert_array_equal(dyn.model.integrate(*named[:2]), dyn.model.integrate(*state[:2]))
     Q, QD = (np.stack([x, 2 * x]) for x in state[:2])
     columns = dict(zip(reversed(dyn.model.dof_names), Q.T[::-1], strict=True))
@@ -191,7 +189,6 @@ def test_series_and_frames(dyn, state):
     q, qd, tau = (pandas.Series(x, names).iloc[order] for x in state)
     expected = dyn.evaluate(*state)
     np.testing.assert_array_equal(dyn.evaluate(q, qd, tau).nu, expected.nu)
-    np.testing.assert_array_equal(dyn.nu_from_qd(q, qd), dyn.nu_from_qd(*state[:2]))
     np.testing.assert_array_equal(dyn.evaluate(*map(pandas.Series, state)).nu, expected.nu)
     positions = pandas.DataFrame([state[0]] * 3, columns=names).iloc[:, order]
     rates = pandas.DataFrame([state[1]] * 3, columns=names)

@@ -70,18 +70,10 @@ def test_results_are_read_only(dyn):
                 assert not value.flags.writeable, (kind, name)
         with pytest.raises(AttributeError):
             result.something_new = 1.0
+        assert all(f"{name}=" in repr(result) for name in result.to_dict())
     factors = dyn.factors(dyn.model.neutral)
     assert not any(array.flags.writeable for array in factors)
     assert factors.to_dict()["unit"] is factors.unit
-
-
-def test_repr_and_dict(dyn):
-    for result in every_kind(dyn).values():
-        values, text = result.to_dict(), repr(result)
-        assert tuple(values) == NAMES
-        assert text.startswith(f"{type(result).__name__}(") and all(f"{name}=" in text for name in values)
-        for name, value in values.items():
-            np.testing.assert_array_equal(value, getattr(result, name))
 
 
 @pytest.mark.parametrize("way", COPIES)
@@ -101,7 +93,7 @@ def test_copies_are_permanent(dyn, way):
 
 
 def test_out_equals_a_new_result(dyn):
-    """Whatever was in it before; NaN after an error."""
+    """It does not depend on the previous content, and has NaN after an error."""
     out, batch = dyn.new_evaluation(), dyn.new_batch(COUNT)
     assert np.isnan(out.nu).all() and np.isnan(out.kinetic_energy) and np.isnan(batch.nu).all()
     q, qd, tau = state(dyn)
@@ -114,15 +106,15 @@ def test_out_equals_a_new_result(dyn):
         assert dyn.evaluate_batch(*arguments, out=batch) is batch
         assert_equal(batch, dyn.evaluate_batch(*arguments))
     dyn.evaluate(q, qd, tau, wrench, friction=True, out=out)
-    with pytest.raises(dd.InputError, match="is nan"):
-        dyn.evaluate(q, np.full_like(qd, np.nan), tau, out=out)
-    assert np.isnan(out.nu).all() and np.isnan(out.kinetic_energy)
-    assert out.external is None and out.friction is None
     dyn.evaluate_batch(Q, QD, TAU, wrench, friction=True, out=batch)
-    QD[2, 0] = np.inf
-    with pytest.raises(dd.InputError, match="state 2"):
-        dyn.evaluate_batch(Q, QD, TAU, out=batch)
-    assert np.isnan(batch.nu).all() and batch.external is None and batch.friction is None
+    qd[0] = QD[2, 0] = np.inf
+    for call in (lambda: dyn.evaluate(q, qd, tau, out=out), lambda: dyn.evaluate_batch(Q, QD, TAU, out=batch)):
+        with pytest.raises(dd.InputError, match="is inf"):
+            call()
+    for result in (out, batch):
+        assert np.isnan(result.nu).all() and np.isnan(result.kinetic_energy).all()
+        assert result.external is None and result.friction is None
+    qd[0] = 1.0
     other = dd.DiagonalDynamics(dyn.model)
     assert_equal(other.evaluate(q, qd, tau, out=out), dyn.evaluate(q, qd, tau))
 
@@ -154,7 +146,6 @@ WRONG_OUT = {
     "another robot": (lambda d, x: d.evaluate(*x, out=TWO.new_evaluation()), "'two_link_arm'"),
     "another model": (lambda d, x: d.evaluate(*x, out=on_the_moon(d).new_evaluation()), "another model"),
     "a permanent result": (lambda d, x: d.evaluate(*x, out=d.evaluate(*x)), "out "),
-    "an array": (lambda d, x: d.evaluate(*x, out=np.zeros((14, 9))), "ndarray"),
     "no batch": (lambda d, x: d.evaluate_batch(*np.array([x]).swapaxes(0, 1), out=d.new_evaluation()), "new_batch"),
     "of four": (lambda d, x: d.evaluate_batch(*np.array([x]).swapaxes(0, 1), out=d.new_batch(4)), "4 states"),
     "of none": (lambda d, x: d.new_batch(-1), "count is -1"),
@@ -177,8 +168,6 @@ def test_results_are_arguments_of_the_call_that_overwrites_them(dyn):
     nq = dyn.model.nq
     of_one = {
         "rates": lambda s: (q, s.nu, tau),
-        "efforts": lambda s: (q, qd, s.kappa),
-        "positions": lambda s: (s.rows[-2, :nq], qd, tau),
         "wrenches": lambda s: (q, qd, tau, {dyn.model.link_names[-1]: s.kappa[:6]}),
         "all": lambda s: (s.rows[-2, :nq], s.nu, s.kappa, wrench),
     }
@@ -188,8 +177,7 @@ def test_results_are_arguments_of_the_call_that_overwrites_them(dyn):
         assert_equal(dyn.evaluate(*arguments(out), friction=case == "all", out=out), expected)
     Q, QD, TAU = states(dyn)
     of_many = {
-        "rates": lambda b: (Q, b.nu, TAU),
-        "efforts": lambda b: (Q, QD, b.kappa),
+        "rates and efforts": lambda b: (Q, b.nu, b.kappa),
         "rates in reverse": lambda b: (Q, b.xi[::-1]),
         "wrenches": lambda b: (Q, QD, TAU, {dyn.model.link_names[-1]: b.kappa[:, :6]}),
     }
@@ -242,12 +230,10 @@ def test_indices_and_slices(dyn):
 
 def test_slice_of_a_reused_batch_is_permanent(dyn):
     Q, QD, TAU = states(dyn)
-    out = dyn.evaluate_batch(Q, QD, TAU, friction=True, out=dyn.new_batch(COUNT))
-    part, expected = out[:7], dyn.evaluate_batch(Q[:7], QD[:7], TAU[:7], friction=True)
-    dyn.evaluate_batch(Q[::-1], 2 * QD, TAU, friction=True, out=out)
-    for name in NAMES:
-        if getattr(expected, name) is not None:
-            np.testing.assert_allclose(getattr(part, name), getattr(expected, name), rtol=1e-12, atol=1e-300)
+    out = dyn.evaluate_batch(Q, QD, TAU, out=dyn.new_batch(COUNT))
+    part, expected = out[:7], dyn.evaluate_batch(Q[:7], QD[:7], TAU[:7])
+    dyn.evaluate_batch(Q[::-1], 2 * QD, TAU, out=out)
+    np.testing.assert_allclose(part.nu, expected.nu, rtol=1e-12, atol=1e-300)
 
 
 def test_frames(dyn):

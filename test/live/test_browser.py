@@ -26,7 +26,7 @@ from diag_dynamics.page.contact import Touch
 from diag_dynamics.page.frames import Seen, States, Told
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
-from diag_dynamics.page.server import Limits, PageServer
+from diag_dynamics.page.server import PageServer
 from diag_dynamics.page.show import Show, Taken
 from hostile import START, Driver
 from recorded_arm import ARM, WATCHED, Recording
@@ -78,11 +78,9 @@ def test_the_page_shows_the_kinetic_energy_of_the_state(chromium, serve):
         assert tab.asked == {address.rstrip("/")}
 
 
-# --- The full tier: what people see and do ---
+# --- The full tier: numbers, keys, states and layout ---
 
 RATE, SIZES = 100.0, ((360, 740), (1280, 720), (1920, 1080), (3840, 2160))
-RAMP = np.array([[70, 96, 128], [46, 142, 158], [116, 186, 118], [240, 190, 66], [226, 74, 58]], dtype=float)
-UNKNOWN = "#969ca4"
 
 
 class Robot(MovingRobot):
@@ -135,17 +133,12 @@ def read(text):
     return float(text.replace("−", "-"))
 
 
-def downloaded(tab, key):
-    """The file that a key has the page make."""
-    with tab.page.expect_download() as file:
-        tab.page.keyboard.press(key)
-    return file.value.path()
-
-
 def rows_of(tab):
-    """Rows of the CSV of what is seen."""
-    with open(downloaded(tab, "c"), encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+    """Return the rows of the CSV that the key C downloads."""
+    with tab.page.expect_download() as file:
+        tab.page.keyboard.press("c")
+    with open(file.value.path(), encoding="utf-8", newline="") as rows:
+        return list(csv.DictReader(rows))
 
 
 @pytest.fixture(scope="module")
@@ -190,7 +183,7 @@ def paused(tab, robot):
 
 @pytest.mark.full
 def test_numbers_are_those_of_the_state(live, panda):
-    """Of frames, legends, table, CSV and picture, against an evaluation at the time that the page shows."""
+    """Compare frames, legends, table and CSV with an evaluation at the time that the page shows."""
     robot, _ = panda
     names, dyn = robot.model.dof_names, dd.DiagonalDynamics(robot.model)
     values, (q, qd, tau, external), s = paused(live, robot)
@@ -220,29 +213,23 @@ def test_numbers_are_those_of_the_state(live, panda):
     last = rows_of(live)[-1]
     assert float(last["t [s]"]) == values["t"]
     np.testing.assert_allclose([float(last[f"nu.{name}"]) for name in names], values["nu"], rtol=1e-6)
-    seen = np.asarray(Image.open(io.BytesIO(live.page.screenshot())).convert("RGB"), dtype=float)
-    picture = np.asarray(Image.open(downloaded(live, "p")).convert("RGB"), dtype=float)
-    assert (np.abs(picture - seen).mean(axis=2) > 40).mean() < 0.06, "the picture is not what is seen"
 
 
 @pytest.mark.full
 def test_the_effective_mass_of_a_link_that_was_clicked(live, panda):
     """1/(uᵀ J M⁻¹Jᵀ u) along the link's velocity."""
-    live.page.keyboard.press(" ")  # what stands still can be hit
+    live.page.keyboard.press(" ")  # a link that stands still can be hit
     live.until("diag.state.paused && diag.values.t === diag.state.now")
     place = live.until("diag.where('panda_link6')")
-    live.ask("document.querySelector('.joints').dataset.before = 'yes'")
     live.page.mouse.click(place["x"], place["y"])
     live.page.keyboard.press(" ")
-    live.until("diag.state.selected.link === 'panda_link6' && diag.marks && diag.marks.link === 'panda_link6'")
-    live.until("!document.querySelector('.joints').dataset.before && diag.values.twist[0] === diag.values.twist[0]")
+    live.until("diag.marks && diag.marks.link === 'panda_link6' && diag.values.twist[0] === diag.values.twist[0]")
     _, (q, qd, _, _), _ = paused(live, panda[0])
     dyn, marks = dd.DiagonalDynamics(panda[0].model), live.until("diag.marks")
     velocity = dyn.link_velocity(q, qd, "panda_link6", frame="world")[:3]
     mobility = dyn.operational_inverse_inertia(q, "panda_link6", frame="world")[:3, :3]
     speed = np.linalg.norm(velocity)
     assert marks["speed"] == pytest.approx(speed, rel=1e-3)
-    np.testing.assert_allclose(sorted(marks["mobilities"]), np.linalg.eigvalsh(mobility), rtol=1e-3)
     assert marks["mass"] == pytest.approx(speed**2 / (velocity @ mobility @ velocity), rel=1e-2)
     assert "panda_link6" in live.page.locator(".details h2").inner_text()
 
@@ -250,27 +237,16 @@ def test_the_effective_mass_of_a_link_that_was_clicked(live, panda):
 @pytest.mark.full
 @pytest.mark.parametrize(("key", "by"), [("1", "share"), ("2", "energy"), ("3", "torque"), ("4", "external")])
 def test_links_have_the_colours_of_their_numbers(live, panda, key, by):
-    """As the page computes them, and as they leave the canvas: the hue, whatever the shade."""
+    """The canvas has the hue of a link's number; web/test compares the numbers' colours."""
     live.page.keyboard.press(key)
-    values, _, _ = paused(live, panda[0])
+    paused(live, panda[0])
     live.until(f"diag.colours.by === '{by}'")
-    told, model = live.ask("diag.colours"), panda[0].model
-    of_dof = {"share": 50.0 * np.square(values["nu"]) / values["K"][0], "external": np.abs(values["external_torque"])}
-    of_dof["torque"] = 100.0 * np.abs(values["effort"] / model.effort_limit)
-    rgb = {name: np.array([int(text[n : n + 2], 16) for n in (1, 3, 5)]) for name, text in told["links"].items()}
-    for k in range(1, 8):  # joint k moves link k
-        name = f"panda_link{k}"
-        number = values["link_energy"][model.link_names.index(name)] if by == "energy" else of_dof[by][k - 1]
-        x = np.clip(number / told["end"], 0.0, 1.0) * (len(RAMP) - 1)
-        expected = [np.interp(x, np.arange(len(RAMP)), RAMP[:, c]) for c in range(3)]
-        np.testing.assert_allclose(rgb[name], expected, atol=1.01)
-    assert by == "energy" or told["links"]["panda_link0"] == UNKNOWN
-    downloaded(live, "p")  # for which the robot is drawn at once
+    colours = live.ask("diag.colours.links")
     live.drawn()
     picture, seen = Image.open(io.BytesIO(live.page.screenshot())).convert("RGB"), 0
-    for name, colour in rgb.items():
+    for name, text in colours.items():
         place = live.ask(f"diag.where('{name}')")
-        hue, saturation, _ = colorsys.rgb_to_hsv(*colour / 255)
+        hue, saturation, _ = colorsys.rgb_to_hsv(*(int(text[n : n + 2], 16) / 255 for n in (1, 3, 5)))
         if place is not None and saturation >= 0.25:
             pixel = np.array(picture.getpixel((round(place["x"]), round(place["y"])))) / 255
             found, strength, _ = colorsys.rgb_to_hsv(*pixel)
@@ -304,9 +280,6 @@ def test_keys_scrubbing_and_the_cursor(live):
     page.keyboard.press("?")
     assert page.locator("dialog.help").is_visible()
     page.keyboard.press("?")
-    page.keyboard.press("t")
-    live.until("document.documentElement.dataset.theme === 'light'")
-    page.keyboard.press("t")
     page.keyboard.press("j")
     live.until("diag.state.selected.dof === 0 && !document.querySelector('.details').hidden")
 
@@ -359,25 +332,6 @@ def test_sixty_joints_and_names_that_are_html(chromium, serve):
         tab.page.locator(".joints tr", has_text="others").click()
         tab.until("document.querySelectorAll('.joints tbody tr').length === 60")
         assert tab.said == []
-
-
-@pytest.mark.full
-def test_a_phone_has_a_head_of_two_lines_and_the_robot_below_the_words(chromium, serve):
-    """A robot of bones with long names, and a long sentence of the diagnostics."""
-    text = chain([f"a_rather_long_joint_name_{k}" for k in range(12)], "", 2.0)
-    _, show = shown(text.replace('"link', '"a_rather_long_link_name_'), "/phone")
-    show.tell([status(2, "contact", f"too fast: {'very ' * 30}")])
-    with Tab(chromium, (360, 740), "light") as tab:
-        tab.open(serve(show).address)
-        tab.until("diag.state.worst")
-        boxes = "['body > .bar', '.worst', 'body > .bar button:last-child'].map((one) => document.querySelector(one))"
-        head, worst, button = tab.ask(f"{boxes}.map((one) => one.getBoundingClientRect().toJSON())")
-        assert button["y"] < worst["y"] < head["height"] < worst["height"] + button["height"] + 20
-        words = tab.page.locator(".headline").bounding_box()
-        tab.page.keyboard.press("e")
-        places = "['0', '6', '12'].map((k) => diag.where(`a_rather_long_link_name_${k}`))"
-        tab.until(f"{places}.every((p) => p && p.y > {words['y'] + words['height'] - 12})")
-        assert (tab.cut_off(), tab.said) == ([], [])
 
 
 @pytest.mark.full
@@ -450,28 +404,6 @@ def test_the_worst_status_is_seen_at_once(chromium, serve):
         assert [text for text in tab.said if "503" not in text] == []  # while nothing was known of the robot
 
 
-@pytest.mark.full
-def test_a_restart_of_the_server_and_too_many_pages(chromium, serve, panda):
-    """A page comes back by itself with what it has stored. A page too many says so, and gets the next free stream."""
-    show = panda[1]
-    limits = Limits(streams=1)
-    first = serve(show, limits=limits)
-    with Tab(chromium, (800, 600)) as tab:
-        tab.open(first.address)
-        stored = tab.until("diag.state.stored > 20 && diag.state.stored")
-        with Tab(chromium, (800, 600)) as other:
-            other.page.goto(first.address, wait_until="domcontentloaded")
-            other.until("diag.state.word === 'Disconnected' && diag.state.says.includes('streams are taken')")
-        first.stop()
-        tab.until("diag.state.word === 'Disconnected' && !document.querySelector('.banner').hidden")
-        second = serve(show, port=first.server_port, limits=limits)
-        tab.until(f"diag.state.word === 'Live' && diag.state.stored > {stored}")
-        assert [text for text in tab.said if "ERR_" not in text] == []  # what the browser says of a server that is gone
-        tab.page.goto("about:blank")
-        with Tab(chromium, (800, 600)) as other:
-            other.open(second.address)
-
-
 # --- Reports ---
 
 
@@ -510,8 +442,6 @@ def test_a_report_shows_the_recording(chromium, recording):
             speeds = [point["speed"] for point in contact["shown"]["points"]]
             np.testing.assert_allclose(speeds, c.speed, atol=1e-4)
             np.testing.assert_allclose(contact["drawn"], c.position[c.worst], atol=1e-3)
-            twist = dyn.link_velocity(recording.q[k], recording.qd[k], tab.until("diag.marks.link"), frame="world")
-            assert tab.ask("diag.marks.speed") == pytest.approx(np.linalg.norm(twist[:3]), rel=1e-2)
         words = {name: " ".join(tab.page.locator(f"#{name}").inner_text().split()) for name in CHAPTERS}
         assert f"{summary['kinetic_energy']['at']:.3f} s" in words["overall"]
         assert f"{summary['kinetic_energy']['max']:.3f} J" in words["overall"]
@@ -525,10 +455,6 @@ def test_a_report_shows_the_recording(chromium, recording):
         assert len(rows_of(tab)) > 4.0 * recorded_arm.RATE
         tab.page.keyboard.press("0")
         tab.until(f"diag.state.window[1] - diag.state.window[0] > {recorded_arm.LENGTH - 0.1}")
-        text = tab.page.locator("#overall .text")
-        tab.until("document.querySelector('#overall .text').classList.contains('more')")
-        text.evaluate("(box) => box.scrollTo(0, box.scrollHeight)")
-        tab.until("!document.querySelector('#overall .text').classList.contains('more')")
         for width, height in SIZES:
             tab.page.set_viewport_size({"width": width, "height": height})
             assert (tab.cut_off(), tab.out_of_panels()) == ([], []), (width, height)
@@ -548,10 +474,7 @@ def test_a_report_of_which_nothing_is_known_of_contacts_and_without_limits(chrom
         assert "calibrate" in tab.page.locator("#contacts").inner_text().replace("\u200b", "")
         _, contact = show_moment(tab, 1.7)
         assert all(point["margin"] is point["allowed"] is None for point in contact["shown"]["points"])
-        words = tab.page.locator("#contact p").inner_text()
-        assert "most energy" in words
-        assert "no limits" in words
-        assert "margin" not in tab.page.locator("#contact thead").inner_text()
+        assert "no limits" in tab.page.locator("#contact p").inner_text()
         assert (tab.cut_off(), tab.said) == ([], [])
 
 
