@@ -68,44 +68,6 @@ def same(one, other):
 # --- Numbers
 
 
-def written(joints=None, links=None):
-    """Return the Panda's URDF with these numbers in it; a link without numbers loses its <inertial>."""
-    root = ET.fromstring(PANDA.read_text())
-    for element in root.findall("joint"):
-        for name in {"damping", "friction"} & set((joints or {}).get(element.get("name"), {})):
-            if element.find("dynamics") is None:
-                ET.SubElement(element, "dynamics")
-            element.find("dynamics").set(name, repr(joints[element.get("name")][name]))
-    for element in root.findall("link"):
-        numbers = (links or {}).get(element.get("name"))
-        if numbers is None:
-            continue
-        if element.find("inertial") is not None:
-            element.remove(element.find("inertial"))
-        if numbers:
-            inertial = ET.SubElement(element, "inertial")
-            ET.SubElement(inertial, "origin", xyz=" ".join(map(repr, numbers["com"])))
-            ET.SubElement(inertial, "mass", value=repr(numbers["mass"]))
-            entries = {f"i{'xyz'[i]}{'xyz'[k]}": repr(numbers["inertia"][i][k]) for i in range(3) for k in range(i, 3)}
-            ET.SubElement(inertial, "inertia", entries)
-    return ET.tostring(root, encoding="unicode")
-
-
-def test_parameters_equal_those_of_a_urdf():
-    armature = {name: entry["armature"] for name, entry in JOINTS.items() if "armature" in entry}
-    payloads = {"panda_link7": (1.3, (0.0, 0.01, 0.12))}
-    expected = dd.load_urdf(written(JOINTS, LINKS), armature=armature, payloads=payloads)
-    without_offset = {name: {k: v for k, v in e.items() if k != "effort_offset"} for name, e in JOINTS.items()}
-    model = dd.load_urdf(PANDA, parameters=ALL | {"joints": without_offset, "friction_velocity": None})
-    a, b = evaluation(model), evaluation(expected)
-    for name in (*QUANTITIES, "link_energy"):
-        found, wanted = getattr(a, name), getattr(b, name)
-        assert np.abs(found - wanted).max() <= 1e-13 * np.abs(wanted).max(), name
-    assert model.total_mass == pytest.approx(expected.total_mass, rel=1e-15)
-    assert not model.payloads  # it is a part of the robot: what a hand grips comes on top
-    assert model.with_payload("panda_link7", 1.0).total_mass == pytest.approx(model.total_mass + 1.0, rel=1e-15)
-
-
 def test_mass_matrix_against_pinocchio():
     """The reference reads the numbers from the dict."""
     model = dd.load_urdf(PANDA, parameters=ALL, mimic="free")
@@ -123,6 +85,8 @@ def test_mass_matrix_against_pinocchio():
     wanted = pin.crba(reference, reference.createData(), q)
     wanted = np.triu(wanted) + np.triu(wanted, 1).T
     assert np.abs(dd.DiagonalDynamics(model).mass_matrix(q) - wanted).max() <= 1e-12 * np.abs(wanted).max()
+    assert not model.payloads  # a payload of the robot; payloads of the caller add to it
+    assert model.with_payload("panda_link7", 1.0).total_mass == pytest.approx(model.total_mass + 1.0, rel=1e-15)
 
 
 @pytest.mark.parametrize("options", [{}, {"floating_base": True}, {"locked_joints": {"panda_joint2": 0.3}}])
@@ -152,16 +116,11 @@ def test_unnamed_entries_stay():
 
 def test_later_parameters():
     """A model with these and then those equals one that is loaded with `followed_by`."""
+    first, second = (dd.Payload(mass, (0.0, 0.0, 0.1), 2e-3 * np.eye(3)) for mass in (0.5, 1.0))
     earlier = dd.Parameters(
-        joints={
-            "panda_joint1": dd.JointParameters(damping=0.5, armature=0.2),
-            "panda_joint3": dd.JointParameters(friction=1.0),
-        },
+        joints={"panda_joint1": dd.JointParameters(damping=0.5, armature=0.2)},
         links={"panda_link2": dd.Payload(2.0, (0.0, -0.1, 0.0), 0.02 * np.eye(3))},
-        payloads={
-            "panda_link4": dd.Payload(0.5, (0.0, 0.1, 0.0), 1e-3 * np.eye(3)),
-            "panda_link7": dd.Payload(1.0, (0.0, 0.0, 0.1), 2e-3 * np.eye(3)),
-        },
+        payloads={"panda_link4": first, "panda_link7": second},
         friction_velocity=0.02,
         origin={"date": "before"},
     )
@@ -180,7 +139,6 @@ def test_later_parameters():
         a, b = (getattr(dd.DiagonalDynamics(model), quantity)(q) for model in (twice, once))
         np.testing.assert_allclose(a, b, atol=1e-12)
     np.testing.assert_array_equal(twice.damping, once.damping)
-    np.testing.assert_array_equal(twice.friction, once.friction)
     replaced = earlier.followed_by(dd.Parameters(links={"panda_link4": dd.Payload(3.0)}))
     assert set(replaced.payloads) == {"panda_link7"}  # the later inertia of a link contains its payload
     with pytest.raises(dd.InputError, match="two payloads of link 'panda_link4'"):
@@ -199,14 +157,12 @@ def test_friction_includes_the_offset(panda):
     resisting = damping * qd + coulomb * np.tanh(qd / 0.02) + offset
     np.testing.assert_array_equal(dynamics.friction_torque(np.zeros(model.nv)), offset)
     np.testing.assert_allclose(dynamics.friction_torque(qd), resisting, rtol=1e-14)
-    np.testing.assert_allclose(dynamics.friction_torque_batch([qd, -qd])[0], resisting, rtol=1e-14)
     qdd = dynamics.forward_dynamics(q, qd, tau, friction=True)
     np.testing.assert_allclose(qdd, dynamics.forward_dynamics(q, qd, tau - resisting), rtol=1e-12)
-    s, many = dynamics.evaluate(q, qd, tau, friction=True), dynamics.evaluate_batch([q], [qd], [tau], friction=True)
+    s = dynamics.evaluate(q, qd, tau, friction=True)
     assert s.friction @ s.nu == pytest.approx(resisting @ qd, rel=1e-12)
-    np.testing.assert_array_equal(many.friction[0], s.friction)
     only_offset = {"joints": {"panda_joint1": {"effort_offset": 1.0}}}
-    assert model.has_friction and dd.load_urdf(PANDA, parameters=only_offset).has_friction
+    assert dd.load_urdf(PANDA, parameters=only_offset).has_friction
 
 
 def test_mimic_joint_reflects_its_parameters():
@@ -230,12 +186,9 @@ def test_simulated_offset():
     holding = simulation.dynamics.gravity_torque(start) + model.effort_offset
     simulation.advance(holding, steps=200)
     assert np.abs(simulation.q - start).max() < 1e-9
-    np.testing.assert_array_equal(simulation.effort, holding)
     free = dd.Simulation(model, q=start, friction=np.zeros(model.nv), effort_offset=np.zeros(model.nv))
     free.advance(holding, steps=200)
     assert abs(free.qd[6]) > 1e-2
-    with pytest.raises(dd.InputError, match="effort_offset is"):
-        simulation.effort_offset = [0.0]
 
 
 # --- Masses that are taken off
@@ -245,22 +198,23 @@ LOCKED = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
 
 def test_payload_of_negative_mass():
     """It takes off the hand that the URDF has: the robot equals one of a URDF without that hand."""
-    inertial = ET.fromstring(PANDA.read_text()).find("link[@name='panda_hand']/inertial")
+    root = ET.fromstring(PANDA.read_text())
+    hand = root.find("link[@name='panda_hand']")
+    inertial = hand.find("inertial")
+    hand.remove(inertial)
     mass, entries = float(inertial.find("mass").get("value")), inertial.find("inertia").attrib
     com = np.array(inertial.find("origin").get("xyz").split(), float)
     inertia = np.array([[float(entries["i" + "".join(sorted(a + b))]) for b in "xyz"] for a in "xyz"])
-    without = dd.load_urdf(written(links={"panda_hand": {}}), locked_joints=LOCKED)
+    without = dd.load_urdf(ET.tostring(root, encoding="unicode"), locked_joints=LOCKED)
     model = dd.load_urdf(PANDA, locked_joints=LOCKED)
     (body, of_hand), (same_body, of_link) = map(model.placement_in_body, ("panda_hand", "panda_link8"))
     assert body == same_body
     place = np.linalg.inv(of_link) @ of_hand
     R, com = place[:3, :3], place[:3, :3] @ com + place[:3, 3]
     payload = {"mass": -mass, "com": com.tolist(), "inertia": (-R @ inertia @ R.T).tolist()}
-    with warnings.catch_warnings():  # panda_link8 alone is no rigid body, and need not be
+    with warnings.catch_warnings():  # panda_link8 alone is no rigid body
         warnings.simplefilter("error")
-        loaded = dd.load_urdf(PANDA, locked_joints=LOCKED, parameters={"payloads": {"panda_link8": payload}})
-    model = model.with_parameters({"payloads": {"panda_link8": payload}})
-    np.testing.assert_array_equal(loaded.bodies, model.bodies)
+        model = model.with_parameters({"payloads": {"panda_link8": payload}})
     a, b = evaluation(model), evaluation(without)
     assert a.kinetic_energy == pytest.approx(b.kinetic_energy, rel=1e-13)
     np.testing.assert_allclose(a.coriolis, b.coriolis, rtol=1e-5, atol=1e-12 * np.abs(b.coriolis).max())
@@ -307,17 +261,14 @@ TOO_HEAVY = {"payloads": {"panda_hand": {"mass": -3.0}}}
 WRONG = [
     ([], r"^parameters: \[\] "),
     ({"joint": {}}, "^parameters has 'joint', expected 'joints'"),
-    ({"joints": {"panda_joint1": 3.0}}, "joint 'panda_joint1': 3.0"),
     ({"joints": {"panda_joint_1": {}}}, "Is 'panda_joint1' meant"),
     ({"joints": {"panda_joint8": {"damping": 1.0}}}, "joint 'panda_joint8' is fixed"),
     (of_joint(dampign=1.0), "joint 'panda_joint1' has 'dampign', expected 'damping'"),
     (of_joint(damping=-1.0), "damping is -1.0"),
     (of_joint(friction=math.nan), "friction is nan"),
     (of_joint(armature="much"), "armature is 'much'"),
-    (of_joint(effort_offset=math.inf), "effort_offset is inf"),
     ({"links": {"elbow": {"mass": 1.0}}}, "'elbow' is not a link .* panda_link0"),
     (of_link(com=[0, 0, 1]), "link 'panda_link1' has no mass"),
-    (of_link(mass=-1.0), "link 'panda_link1': mass is -1.0"),
     (of_link(mass=1.0, com=[0, 1]), "link 'panda_link1': com is"),
     (of_link(mass=1.0, inertia=[[1, 0, 0], [0, 1, 0], [0, 0, 3]]), "link 'panda_link1': inertia is .* triangle"),
     (TOO_HEAVY, "on link 'panda_hand', which leaves -"),
@@ -395,21 +346,13 @@ def node_file(folder, sections):
     return [path]
 
 
-@pytest.mark.parametrize(
-    "ignored",
-    [
-        {"qos_overrides": {"/joint_states": {"subscription": {"depth": 50, "reliability": "reliable"}}}},
-        {QOS: 50},
-        {"use_sim_time": True, "start_type_description_service": False},
-    ],
-    ids=["nested", "flat", "clock"],
-)
 @pytest.mark.parametrize("section", ["/**", "diag_dynamics", "/robot1/diag_dynamics"])
-def test_parameters_of_every_node_are_ignored(tmp_path, section, ignored):
-    """Without a node, connections and clocks mean nothing."""
-    expected = {"external_torque.gain": 30.0}
-    assert parameters_of(node_file(tmp_path, {section: GAIN | ignored})) == expected
-    assert parameters_of((), [f"{QOS}=50", "external_torque.gain=30"]) == expected
+def test_parameters_of_every_node_are_ignored(tmp_path, section):
+    """Connections and clocks have no effect without a node."""
+    nested = {"qos_overrides": {"/joint_states": {"subscription": {"depth": 50, "reliability": "reliable"}}}}
+    for ignored in (nested, {QOS: 50}, {"use_sim_time": True, "start_type_description_service": False}):
+        assert parameters_of(node_file(tmp_path, {section: GAIN | ignored})) == {"external_torque.gain": 30.0}
+    assert parameters_of((), [f"{QOS}=50", "external_torque.gain=30"]) == {"external_torque.gain": 30.0}
 
 
 def test_parameters_of_other_nodes(tmp_path):

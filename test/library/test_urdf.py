@@ -20,9 +20,8 @@ from diag_dynamics.model import robot as loader
 from diag_dynamics.model import urdf
 from diag_dynamics.model.robot import MAX_COUPLED
 from diag_dynamics.model.urdf import MAX_JOINTS
-from diag_dynamics.sweeps.bodies import FLOATING, PLANAR, POSITIONS_OF, PRISMATIC, REVOLUTE
 from examples import shortened
-from robots import KINDS, SEVERAL, all_robots, description, joint, link, random_robots, random_tree, robot_path
+from robots import KINDS, SEVERAL, all_robots, description, joint, link, random_tree, robot_path
 
 BOX = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0.0, 0.0, 0.2, 0.0, 0.3)}
 
@@ -135,32 +134,6 @@ def test_order_limits_and_defaults():
     assert (model.lower[0], model.upper[0], model.effort_limit[0]) == (-np.inf, np.inf, np.inf)
 
 
-@pytest.mark.parametrize(
-    ("name", "kind"),
-    [
-        ("revolute", REVOLUTE),
-        ("continuous", REVOLUTE),
-        ("prismatic", PRISMATIC),
-        ("planar", PLANAR),
-        ("floating", FLOATING),
-    ],
-)
-def test_bodies_have_the_kind_of_their_joint(name, kind):
-    model = dd.load_urdf(arm(kind=name))
-    assert (model.bodies["kind"][1:] == kind).all() and model.nq == POSITIONS_OF[kind]
-    assert (model.bodies["dofs"][1:] == model.nv).all()
-    assert sum(component >= 0 for component in model.orientations) == 4 * (kind == FLOATING)
-
-
-def test_axes_need_no_unit_length():
-    pose = {"xyz": (0, 0, 1), "rpy": (0.3, 0.2, 0.1)}
-    one, three = (
-        dd.DiagonalDynamics(dd.load_urdf(arm(link("l", **BOX), joint("e", "revolute", "upper", "l", axis=a, **pose))))
-        for a in ((1, 2, 2), (3, 6, 6))
-    )
-    np.testing.assert_allclose(one.mass_matrix([0.1, 0.2]), three.mass_matrix([0.1, 0.2]), rtol=1e-15)
-
-
 TOLERATED = {
     "capsule": ("</robot>", '<link name="l"><visual><geometry><capsule/></geometry></visual></link>' + WELD),
     "lost mesh": ("</link>", '<visual><geometry><mesh filename="package://no/no.stl"/></geometry></visual></link>'),
@@ -227,49 +200,7 @@ def test_rounded_inertias_do_not_warn():
             dd.load_urdf(description("r", link("a", mass=1.0, inertia=inertia)))
 
 
-def test_massless_links():
-    text = arm(
-        link("wrist"),
-        joint("roll", "revolute", "upper", "wrist"),
-        link("rod", mass=1.0, com=(0, 0, 1), inertia=(0.1, 0, 0, 0.1, 0, 0)),
-        joint("spin", "revolute", "upper", "rod"),
-        link("rail"),
-        joint("slide", "prismatic", "upper", "rail"),
-    )
-    with pytest.raises(dd.MasslessLinkError) as caught:
-        dd.load_urdf(text)
-    assert caught.value.joints == ("roll", "slide", "spin")
-    assert caught.value.articulated_inertia == pytest.approx((0, 0, 0), abs=1e-15)
-    for key in ("link 'wrist' has no <inertial>", "link 'rod' has little inertia", "armature={'roll': …}"):
-        assert key in str(caught.value)
-    cured = dd.load_urdf(text, armature={"roll": 1e-4, "spin": 1e-4, "slide": 1e-3})
-    np.testing.assert_array_equal(cured.armature, [0, 1e-4, 1e-3, 1e-4])
-
-
-def test_light_links_are_not_massless():
-    """Grams and millimetres are light."""
-    speck = {"mass": 1e-6, "com": (0, 0, 1e-3), "inertia": (1e-13, 0, 0, 1e-13, 0, 1e-13)}
-    assert dd.load_urdf(arm(link("speck", **speck), joint("j", "revolute", "upper", "speck"))).nv == 2
-    allegro = dd.load_urdf(robot_path("allegro_hand_description/urdf/allegro_left_hand.urdf"))
-    q = np.full(allegro.nv, 0.3)
-    assert dd.DiagonalDynamics(allegro).evaluate(q, q).articulated_inertia.min() < 2e-5
-
-
-# --- Mimic joints
-
 MIMIC = '<joint name="follower" type="revolute"><parent link="upper"/><child link="l"/><mimic joint="{}"/></joint>'
-
-
-def test_mimic_joints():
-    text = arm(link("l", **BOX), MIMIC.format("shoulder"))
-    model = dd.load_urdf(text)
-    assert model.dof_names == ("shoulder",) and model.coupled_groups == (("shoulder", "follower"),)
-    assert dict(model.mimics) == {"follower": dd.Mimic("shoulder", 1.0, 0.0)}
-    assert dd.load_urdf(text, mimic="free").dof_names == ("shoulder", "follower")
-    assert dd.load_urdf(text, mimic="lock").locked_joints == {"follower": 0.0}
-    with pytest.raises(dd.MimicJointError, match="'nobody'") as caught:
-        dd.load_urdf(arm(link("l", **BOX), MIMIC.format("nobody")))
-    assert caught.value.joints == ("follower",) and isinstance(caught.value, dd.UrdfError)
 
 
 # --- Errors
@@ -288,7 +219,6 @@ BROKEN = {
     # sources
     "no such file": ("/nowhere/robot.urdf", "'/nowhere/robot.urdf'"),
     "a folder": (".", "'.': it is no file"),
-    "a folder as a path": (Path("/"), "'/': it is no file"),
     "a number": (7, "int"),
     "empty": ("", "is empty"),
     "wrong bytes": (b"<robot>\xff</robot>", "not utf-8"),
@@ -359,31 +289,21 @@ BAD_OPTIONS = [
     ({"mimic": "both"}, "mimic is 'both'"),
     ({"massless": "drop"}, "massless is 'drop'"),
     ({"gravity": (0, 0)}, "gravity is (0, 0)"),
-    ({"gravity": "down"}, "gravity is 'down'"),
     ({"gravity": (0, 0, np.inf)}, "gravity is"),
     ({"gravity": (0, 1e305, 0)}, "±1000"),
-    ({"gravity": (0, 0, -9810.0)}, "±1000"),
     ({"armature": -1.0}, "armature of joint 'shoulder' is -1.0"),
-    ({"armature": "heavy"}, "armature is 'heavy'"),
     ({"armature": True}, "armature is True"),
     ({"armature": {"shoulder": 1e10}}, "armature of joint 'shoulder' is 10000000000.0"),
     ({"armature": {"elbow": 1.0}}, "armature: 'elbow'"),
     ({"locked_joints": {"elbow": 0.0}}, "locked_joints: 'elbow'"),
     ({"locked_joints": {"shoulder": np.nan}}, "joint 'shoulder' is nan"),
-    ({"locked_joints": {"shoulder": -1e300}}, "'shoulder' is -1e+300"),
     ({"locked_joints": ["shoulder"]}, "locked_joints is ['shoulder']"),
     ({"payloads": {"hand": (1.0,)}}, "payloads: 'hand'"),
-    ({"payloads": {"upper": None}}, "payloads: 'upper' has None"),
     ({"payloads": {"upper": (-1.0,)}}, "mass on link 'upper' is -1.0"),
-    ({"payloads": {"upper": (1e300,)}}, "mass on link 'upper' is 1e+300"),
-    ({"payloads": {"upper": (1.0, (0, 0))}}, "com on link 'upper' is (0, 0)"),
     ({"payloads": {"upper": (1.0, (0, 1e200, 0))}}, "com on link 'upper' is (0, 1e+200, 0)"),
     ({"payloads": {"upper": (1.0, (0, 0, 0), LARGE)}}, "±1e+09"),
-    *(
-        ({name: value}, f"{name} is")
-        for name in ("max_joints", "max_coupled")
-        for value in (0, 2.5, "many", None, True)
-    ),
+    ({"max_joints": 2.5}, "max_joints is"),
+    ({"max_coupled": 0}, "max_coupled is"),
 ]
 
 
@@ -416,13 +336,9 @@ CHAIN_OF_SOURCES = {"source": lambda k: k - 1 if k else None}
 SHAPES = {
     "chain": {},
     "chain of fixed joints": {"kind": "fixed"},
-    "star": STAR,
-    "pairs in a chain": PAIRS,
     "pairs in a star": STAR | PAIRS,
-    "one source, in a chain": ONE_SOURCE,
     "one source, in a star": STAR | ONE_SOURCE,
     "chain of sources, in a chain": CHAIN_OF_SOURCES,
-    "chain of sources, in a star": STAR | CHAIN_OF_SOURCES,
     "groups that join": {"source": lambda k: k // 2 if k else None},
 }
 
@@ -472,17 +388,6 @@ def test_large_groups_are_rejected_before_their_evaluation(shape, forbid):
             dd.load_urdf(grown(bound + 1, **SHAPES[shape]), **options)
 
 
-def test_size_of_a_group_counts_the_freedoms_within():
-    """A floating joint between two coupled ones has six."""
-    parts = [link(name, 1.0, (0.1, 0.2, 0.3), (0.1, 0, 0, 0.1, 0, 0.1)) for name in "abcd"]
-    source, free = joint("source", "revolute", "a", "b"), joint("free", "floating", "b", "c")
-    coupled = changed("</joint>", '<mimic joint="source"/></joint>', joint("coupled", "revolute", "c", "d"))
-    text = description("six", *parts, source, free, coupled)
-    assert dd.load_urdf(text, max_coupled=8).nv == 7
-    with pytest.raises(dd.MimicJointError, match="of 8 bodies"):
-        dd.load_urdf(text, max_coupled=7)
-
-
 @pytest.mark.parametrize("kind", ["revolute", "fixed"])
 def test_many_joints_are_rejected_before_they_are_read(kind, forbid):
     forbid(urdf, "_add_links")
@@ -494,11 +399,8 @@ def test_many_joints_are_rejected_before_they_are_read(kind, forbid):
 
 def test_bounds_are_options():
     """A model that is made of another one keeps its bounds."""
-    text = grown(MAX_COUPLED + 20, **STAR, **CHAIN_OF_SOURCES)
-    assert dd.load_urdf(text, max_coupled=MAX_COUPLED + 20).nv == 1
+    assert dd.load_urdf(grown(MAX_COUPLED + 20, **CHAIN_OF_SOURCES), max_coupled=MAX_COUPLED + 20).nv == 1
     assert dd.load_urdf(grown(5), max_joints=5).nv == 5
-    with pytest.raises(dd.UrdfError, match=r"has 5 joints .* no more than 4"):
-        dd.load_urdf(grown(5), max_joints=4)
     model = dd.load_urdf(grown(6, **PAIRS), max_coupled=2).with_locked_joints({"j0": 0.1})
     assert model.nv == 2 and model._options.max_coupled == 2
 
@@ -525,7 +427,6 @@ def read_by_both(text, monkeypatch):
 
 READ_BY_BOTH = {
     **{id: robot_path(id) for id in shortened(all_robots(), all_robots()[::20])},
-    **{one.id: one.urdf for one in shortened(random_robots(), random_robots()[::4])},
     "all types": random_tree(30, kinds=(*KINDS, *SEVERAL, "fixed")),
     "mimic": arm(link("l", **BOX), MIMIC.format("shoulder")),
     **{case: source for case, (source, _) in BROKEN.items() if case in ("ring", "nan mass", "zero axis")},
