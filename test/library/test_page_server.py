@@ -123,26 +123,17 @@ def test_only_get_and_only_by_an_own_name(address):
     assert {name: get(address, "/robots", Host=name)[0] for name in names} == names
 
 
-def test_without_a_page_it_says_how_to_build_one(serve, arm, tmp_path):
-    status, headers, body = get(serve(arm.show, static=tmp_path / "no"), "/", Accept="text/html")
-    assert (status, headers["Content-Type"].split(";")[0]) == (503, "text/html")
-    assert b"make page" in body
-
-
-@pytest.mark.parametrize(
-    ("key", "where"),
-    [("host '300.1.1.1'", {"host": "300.1.1.1"}), ("host ''", {"host": ""}), ("port 70000", {"port": 70000})],
-)
-def test_addresses_that_cannot_be_served_on(key, where):
-    with pytest.raises(dd.InputError) as caught:
-        PageServer(list, **where)
-    assert key in str(caught.value)
-
-
 def test_a_port_that_is_taken(address):
     assert address.startswith("http://127.0.0.1:")
-    with pytest.raises(dd.InputError, match="already in use"):
-        PageServer(list, port=int(address.split(":")[-1].strip("/")))
+    taken = int(address.split(":")[-1].strip("/"))
+    for where, key in (
+        ({"port": taken}, "already in use"),
+        ({"port": 70000}, "port 70000"),
+        ({"host": "300.1.1.1"}, "host '300.1.1.1'"),
+        ({"host": ""}, "host ''"),
+    ):
+        with pytest.raises(dd.InputError, match=key):
+            PageServer(list, **where)
 
 
 def test_robots_and_meshes(address):
@@ -214,21 +205,11 @@ def test_a_stream_has_the_numbers_of_the_states(address, arm):
         assert stream.next(DIAGNOSTICS)[0]["values"] == {"gaps": 0}
 
 
-def test_a_robot_of_which_nothing_is_known_has_heartbeats(serve):
-    show = Show("/other", lambda _: None)
-    show.wait_for("waiting for robot_description")
-    with Stream(serve(show)) as stream:
-        kind, beat = stream.packet()
-    assert (kind, beat["waiting"], beat["alive"]) == (HEARTBEAT, "waiting for robot_description", False)
-
-
-@pytest.mark.parametrize(("asked", "served"), [(10, 10.0), (1000, 50.0)])
-def test_a_stream_has_the_rate_that_it_asks_for_up_to_a_limit(serve, arm, asked, served):
-    with Stream(serve(arm.show, limits=Limits(rate=50.0)), hz=asked) as stream:
-        assert stream.next(HEARTBEAT)["hz"] == pytest.approx(served)
-
-
-def test_many_streams_share_what_they_may_cost(serve, arm):
+def test_streams_share_a_limit(serve, arm):
+    """A stream has the rate of its request up to a limit; streams share the limit of frames."""
+    for asked, served in ((10, 10.0), (1000, 50.0)):
+        with Stream(serve(arm.show, limits=Limits(rate=50.0)), hz=asked) as stream:
+            assert stream.next(HEARTBEAT)["hz"] == pytest.approx(served)
     address = serve(arm.show, limits=Limits(rate=50.0, streams=3, frames=60.0))
     with Stream(address) as one, Stream(address), Stream(address):
         assert one.next(HEARTBEAT, lambda beat: beat["streams"] == 3)["hz"] == pytest.approx(20.0)

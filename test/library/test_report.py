@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reports: the file has the library's numbers of the recording, all of them where they matter, and a bounded size."""
+"""Reports have the library's numbers of the recording, every state around contacts, and a bounded size."""
 
 import gzip
 
@@ -14,7 +14,7 @@ from diag_dynamics.page.packing import LEVELS, pack, pack_mesh, pack_meshes
 from diag_dynamics.page.report import EVERY, SLOW, write_report
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.outputs import report as output
-from diag_dynamics.recordings.outputs.telling import AROUND, Contacts, Overview, Rows, Works, mean_powers, telling
+from diag_dynamics.recordings.outputs.telling import AROUND, Contacts, Overview, Rows, Works, mean_powers
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import summary_of
 from recorded_arm import ARM, PUSHED, RATE, WATCHED, Recording, parts_of
@@ -50,13 +50,6 @@ def test_no_peak_is_missing_from_the_overview():
     assert (np.diff(found.t) > 0).all()
     assert (found.K.max(), found.K.min(), found.norm.max()) == (rows.K.max(), rows.K.min(), rows.norm.max())
     assert np.diff(found.t).max() < 2 * len(t) // 120 * 1e-3
-
-
-def test_telling_states_of_runs():
-    run, K = np.array([0, 0, 0, 1, 1, 1, 1, 1]), np.array([2.0, 3.0, 1.0, 5.0, 4.0, 4.5, 6.0, 5.5])
-    norm = np.array([0.0, np.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 9.0])
-    np.testing.assert_array_equal(telling(run, K, norm), [0, 1, 2, 3, 4, 6, 7])
-    np.testing.assert_array_equal(telling(np.zeros(4, dtype=int), np.arange(4.0), np.zeros(4)), [0, 3])
 
 
 @pytest.mark.parametrize("size", [700, 2500, 20_000])
@@ -269,36 +262,6 @@ def test_a_model_without_a_description_has_no_contact(recording):
     report.close(summary_of(analysis.outcome) | {"recording": "made.npz"})
     told, _ = parts_of(html)
     assert (told["contact"], ["contact" in track for track in told["tracks"]]) == ([], [False])
-
-
-@pytest.mark.full
-def test_an_hour_takes_less_than_15_mb(tmp_path):
-    """By a noisy minute: the overview has a largest number of states, and states at full rate a largest size."""
-    model = dd.load_robot("panda", locked_joints={"panda_finger_joint1": 0.0})
-    dyn, rng, t = dd.DiagonalDynamics(model), np.random.default_rng(9), np.arange(0.0, 60.0, 1e-3)
-    pace = 0.6 + 0.21 * np.arange(model.nv)
-    phase = pace * t[:, None]
-    q, qd = 0.5 * (model.lower + model.upper) + 0.4 * np.sin(phase), 0.4 * pace * np.cos(phase)
-    s = dyn.evaluate_batch(q, qd)
-    tau = dyn.tau_from_epsilon_batch(q, np.gradient(s.nu, 1e-3, axis=0) + s.coriolis + s.gravity)
-    for begin in (20.0, 40.0):
-        tau[(t >= begin) & (t < begin + 0.3), 1] -= 40.0
-    noisy = {"q": (q, 1e-5), "qd": (qd, 2e-3), "tau": (tau, 0.1)}
-    columns = {name: column + rng.normal(0.0, size, q.shape) for name, (column, size) in noisy.items()}
-    path, html = tmp_path / "minute.npz", tmp_path / "minute.html"
-    np.savez(path, t=t, **columns)
-    options = "locked_joints=panda_finger_joint1=0", "external_torque.threshold=30", WATCHED[1]
-    arguments = ["analyse", str(path), "--urdf", "panda", "--set", *options, "--quiet", "--report", str(html)]
-    assert main(arguments) in (0, 1)
-    told, blocks = parts_of(html)
-    width = sum(field["size"] for field in told["layout"]["fields"]) + len(told["tracks"][0]["contact"])
-    kept, *full = told["tracks"]
-    most = output.OVERVIEW // (2 * width)
-    assert most / 5 < kept["rows"] <= most
-    assert [4000 < track["rows"] < 6000 for track in full] == [True, True]
-    takes = [sum(4 / 3 * len(blocks[k]) for k in track["blocks"]) for track in told["tracks"]]
-    hour = html.stat().st_size - sum(takes) + takes[0] * most / kept["rows"]
-    assert hour + 25 * np.mean(takes[1:]) < 15e6  # 25 contacts have room
 
 
 def test_files_that_cannot_be_written(recording, capsys, tmp_path):

@@ -84,7 +84,6 @@ def test_errors(error):
 def test_length_of_errors():
     text = str(dd.InputError("\n" * 1_000_000))
     assert text.isprintable() and len(text) < 50_000 and text.endswith("(1000000 characters)")
-    assert str(dd.InputError()) == ""
 
 
 def urdf(*, mass="1.0", ixx="0.01"):
@@ -140,13 +139,13 @@ def panel(samples, width=160, height=60, silent=0.0):
 def test_terminal_view(count):
     """The view shows names without control characters, and as no markup."""
     lines = panel(history() if count else EnergyHistory([]))
-    assert all(line.isprintable() for line in lines)
     shown = "\n".join(lines)
+    assert all(line.isprintable() for line in lines)
     assert r"arm[/bold]$\frac\x1b[2J\x0a" in shown
     assert not count or all(plain(name)[:30] in shown for name in NAMES)
 
 
-@pytest.mark.parametrize("width", [40, 60, 80, 84, 160])
+@pytest.mark.parametrize("width", [40, 84, 160])
 @pytest.mark.parametrize("count", [2, 9, 32])
 def test_terminal_view_fits(width, count):
     """No line wraps, so the last joint and the hint are visible."""
@@ -166,6 +165,8 @@ def test_summaries_and_pictures(tmp_path):
     samples = history()
     assert any(r"\u202etip" in line for line in samples.summary())
     assert all(line.isprintable() for line in samples.summary())
+    for count, words in enumerate(("No state", "A single state")):
+        assert history(count).summary()[0].startswith(words)
     samples.picture(tmp_path / "energy.svg", ROBOT)
     push = PushHistory(10.0, 1.0, 1.0, 0.5)
     push.onset, push.end = 0.1, 0.2
@@ -174,9 +175,3 @@ def test_summaries_and_pictures(tmp_path):
     push.picture(tmp_path / "push.svg", ROBOT)
     for name in ("energy.svg", "push.svg"):
         ElementTree.parse(tmp_path / name)
-
-
-@pytest.mark.parametrize("count", [0, 1])
-def test_summary_of_hardly_any_state(count):
-    (line,) = history(count).summary()
-    assert line.startswith(("No state", "A single state")[count])

@@ -1,21 +1,23 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The package as a whole: public names, dependencies, interfaces, versions, and the map of the paper."""
+"""The package as a whole: public names, dependencies, interfaces, versions, the map of the paper, and examples."""
 
 import inspect
+import json
 import re
+import runpy
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 import diag_dynamics as dd
 from diag_dynamics.compiled.cache import ROOMS
-from diag_dynamics.model.example_robots import example_urdfs, find_urdf
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "diag_dynamics"
@@ -109,21 +111,6 @@ def test_the_page_makes_no_html_of_text():
         assert not forbidden.search(path.read_text(encoding="utf-8")), path
 
 
-def test_example_robots_have_names():
-    assert find_urdf("panda") == example_urdfs()["panda_description/urdf/panda"]
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [("pandaa", "did you mean panda"), ("zzzzzz", "neither a file"), ("/nowhere/panda.urdf", "no such file")],
-)
-def test_unknown_robots_are_refused(name, words):
-    with pytest.raises(dd.InputError, match=words) as error:
-        find_urdf(name)
-    assert "\n" not in str(error.value)
-    assert name in str(error.value)
-
-
 # --- The map of the paper ---
 
 
@@ -141,3 +128,37 @@ def test_the_map_of_the_paper_names_what_exists():
         assert [name for name in named if f"\ndef {name}(" not in tests] == []
         for file, function in re.findall(r"`([\w/]+\.py)::(?!test_)(?:\w+\.)?(\w+)`", row):
             assert re.search(rf"^ *(?:def|class) {function}\b", SOURCES[PACKAGE / file], re.M), f"{file}::{function}"
+
+
+# --- Examples ---
+
+EXAMPLES = ROOT / "examples"
+
+
+@pytest.fixture
+def empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["example"])
+
+
+@pytest.mark.parametrize("script", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.stem)
+def test_example(script, empty_folder, capsys):
+    """It prints something, and no NaN."""
+    runpy.run_path(str(script), run_name="__main__")
+    output = capsys.readouterr().out
+    assert output.strip() and "nan" not in output.lower()
+    if script.stem == "factors":
+        errors = [float(line.split()[-1]) for line in output.splitlines()]
+        assert len(errors) == 5 and max(errors) < 1e-12
+
+
+def test_notebook(empty_folder):
+    """Its cells run one after the other; it is kept without outputs."""
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed").use("agg")
+    cells = json.loads((EXAMPLES / "first_steps.ipynb").read_text(encoding="utf-8"))["cells"]
+    names = {}
+    for k, cell in enumerate(cell for cell in cells if cell["cell_type"] == "code"):
+        assert not cell["outputs"]
+        exec(compile("".join(cell["source"]), f"cell {k}", "exec"), names)
+    batch = names["batch"]
+    np.testing.assert_allclose(batch.energy_share.sum(axis=1), batch.kinetic_energy, rtol=0.0, atol=1e-9)
