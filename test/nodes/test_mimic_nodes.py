@@ -13,7 +13,7 @@ from std_msgs.msg import String
 
 from coupling import Coupled
 from diag_dynamics.nodes.support.diagnostics import OK, WARN
-from nodes import LATCHED, MS, PANDA, Monitor, S, Truth, assert_close, description, joint_state, robot, tolerance
+from nodes import LATCHED, PANDA, Monitor, S, Truth, assert_close, description, joint_state, robot, tolerance
 
 CHAIN = "follower of a follower"
 FAN = "several followers of one leader"
@@ -34,7 +34,6 @@ class Whole:
         self.position, self.velocity = oracle.q_full(self.q), oracle.G @ self.qd
         effort = dict(zip(robot.names, tau, strict=True)) | own
         self.effort = np.array([effort.get(name, 0.0) for name in self.names])
-        self.mimics = [name for name in self.names if name not in robot.names]
         self.truth = Truth(robot, self.q, self.qd, oracle.G.T @ self.effort)
 
     def message(self, stamp=0, names=None, **position):
@@ -95,19 +94,6 @@ def test_listed_or_not(monitor, id):
     assert sorted(names.split(", ")) == sorted(mimics)
 
 
-def test_mimic_joints_of_another_publisher(monitor, fan):
-    """A message of mimic joints alone is no state; its efforts are in the next one, up to the timeout."""
-    before = monitor.next_report()
-    moved, alone = Whole(fan.robot, 1, f2=3.0, g1=-2.0), Whole(fan.robot, 1)
-    stamp = monitor.tick()
-    monitor.publish(moved.message(stamp, moved.mimics))
-    moved.truth.check(monitor.feed(moved.message(stamp, fan.robot.names)), stamp)
-    for delay, whole in ((500 * MS, moved), (1 * MS, alone)):
-        stamp = monitor.tick(delay)
-        whole.truth.check(monitor.feed(whole.message(stamp, fan.robot.names), ["state"]), stamp)
-    assert monitor.next_report().since(before) == {"received": 4, "published": 3, "followers only": 1}
-
-
 @pytest.mark.parametrize("own", [{"f2": -1.0, "f3": 4.0, "g1": 0.5}, {"f2": math.nan, "f3": 4.0}])
 def test_efforts_are_reflected(monitor, fan, own):
     """The power is that of all efforts listed; one that is NaN is zero."""
@@ -119,13 +105,6 @@ def test_efforts_are_reflected(monitor, fan, own):
     whole.truth.check(published, monitor.now)
     state = published["state"]
     assert_close(np.dot(state.effort, state.velocity), whole.effort @ whole.velocity, 1e-14)
-
-
-def test_effort_of_the_source_is_needed(monitor, fan):
-    """Efforts of mimic joints do not stand for it."""
-    message = Whole(fan.robot, f2=2.0).message(monitor.tick())
-    message.effort[message.name.index(SOURCE)] = math.nan
-    Truth(fan.robot, fan.q, fan.qd, None).check(monitor.feed(message), monitor.now)
 
 
 @pytest.mark.parametrize("apart", [0.0101, -0.2])
@@ -143,14 +122,6 @@ def test_disagreement(monitor, fan, apart):
     monitor.feed(fan.message(monitor.tick(), f2=expected + 0.0099))
     report = monitor.next_report()
     assert (report.level, report.message) == (OK, "publishing")
-
-
-def test_disagreement_between_messages(monitor, fan):
-    """A mimic joint on its own is compared with where its source was, unless that is too long ago."""
-    before = monitor.next_report()
-    for delay in (100 * MS, 600 * MS):
-        monitor.publish(fan.message(monitor.now + delay, [MIMIC], f2=50.0))
-    assert monitor.next_report().since(before)["mimic disagreement"] == 1
 
 
 def test_tolerance_at_run_time(monitor, fan):
