@@ -1,0 +1,262 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Files of deploy/ and config/ with nodes in processes: systemd units, the container, the SROS 2 policy, the launch file."""
+
+import contextlib
+import os
+import re
+import signal
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+from rclpy.node import NodeNameNonExistentError
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64MultiArray
+
+from controllers import effort_controller
+from diag_dynamics.nodes.support.launches import LAUNCHES, arguments_of, started
+from nodes import PANDA, START, UR5, Reports, robot
+from processes import Process, node_process
+from robots import robot_path
+
+pytestmark = [pytest.mark.full, pytest.mark.live]
+
+ROOT = Path(__file__).resolve().parents[2]
+CONFIG = ROOT / "config"
+UNITS = sorted((ROOT / "deploy" / "systemd").glob("*.service"))
+
+
+def at_hand(command, places):
+    """A shell's text with the places of a robot's computer replaced by those of this one; each has to be there."""
+    for place, own in places.items():
+        assert place in command, place
+        command = command.replace(place, str(own))
+    return command
+
+
+def nothing(folder):
+    """An empty file, to be sourced."""
+    path = folder / "nothing.bash"
+    path.touch()
+    return path
+
+
+# --- systemd
+
+
+SETTINGS = {
+    "monitor": ROOT / "config" / "robots" / "ur.yaml",
+    "controller": {"robot_compensates_gravity": False},
+    "view": {"port": 0},
+}
+"""What /etc/diag_dynamics has for each node: a file, or parameters."""
+
+AT_WORK = {"monitor": "Waiting for a robot", "controller": "Waiting to be configured", "view": "Page: http"}
+"""What each node says when it has taken its parameters and is at work."""
+
+
+@pytest.mark.parametrize("unit", UNITS, ids=lambda path: path.stem)
+def test_units_start_nodes(ros_domain, tmp_path, unit):
+    """By the line that systemd would run, as it is but for places; the signal that systemd sends ends them."""
+    said = dict(re.findall(r"^(\w+)=(.*)$", unit.read_text(encoding="utf-8"), re.M))
+    shell, option, command = re.fullmatch(r"(/bin/bash) (-c) '([^']*)'", said["ExecStart"]).groups()
+    node = unit.stem.rsplit("-")[-1]
+    settings = SETTINGS[node]
+    if isinstance(settings, dict):
+        settings = tmp_path / "node.yaml"
+        settings.write_text(yaml.safe_dump({"/**": {"ros__parameters": SETTINGS[node]}}), encoding="utf-8")
+    places = dict.fromkeys(("/opt/ros/jazzy/setup.bash", "/home/ros/ws/install/setup.bash"), nothing(tmp_path))
+    command = at_hand(command, places | {f"/etc/diag_dynamics/{node}.yaml": settings})
+    with Process((shell, option, command), env=os.environ | {"ROS_LOG_DIR": str(tmp_path)}) as process:
+        process.wait_for_text(AT_WORK[node])
+        assert (
+            process.popen.pid == os.getpgid(process.popen.pid) and process.children() == []
+        )  # exec: no shell in between
+        process.stop(getattr(signal, said["KillSignal"]))
+
+
+# --- the container
+
+
+def test_services_start_nodes(ros_domain, tmp_path):
+    """Those of the compose file, by the image's entrypoint: a robot, its monitor that finds it, and the page."""
+    compose = yaml.safe_load((ROOT / "deploy" / "compose.yaml").read_text(encoding="utf-8"))["services"]
+    entrypoint = tmp_path / "entrypoint.sh"
+    text = (ROOT / "deploy" / "entrypoint.sh").read_text(encoding="utf-8")
+    set_up = '"/opt/ros/${ROS_DISTRO:?is set by the image}/setup.bash"', "/ws/install/setup.bash"
+    places = dict.fromkeys(set_up, nothing(tmp_path))
+    entrypoint.write_text(at_hand(text, places), encoding="utf-8")
+    mounted = {"/robot/robot.urdf": robot_path(PANDA), "/robot/monitor.yaml": ROOT / "config" / "robots" / "xarm.yaml"}
+
+    def start(service, *more):
+        command = [mounted.get(part, part) for part in compose[service]["command"]]
+        return Process(("bash", entrypoint, *command, *more), env=os.environ | {"ROS_LOG_DIR": str(tmp_path)})
+
+    with start("robot"), start("monitor") as monitor, start("page", "--port", "0") as page:
+        page.wait_for_text("Page: http")
+        monitor.wait_for_text("Ready: robot 'panda'")
+        page.wait_for_text("Showing robot 'panda'")
+        assert {one.popen.poll() for one in (monitor, page)} == {None}
+        for process in (page, monitor):
+            process.stop(getattr(signal, compose["page"]["stop_signal"]))
+
+
+# --- the policy for SROS 2
+
+
+POLICY = CONFIG / "sros2_policy.xml"
+
+LIMITS = POLICY.with_name("contact_limits.example.yaml")
+"""With it the monitor judges contact, and the view listens to what it says of that."""
+
+GRAPH = {
+    ("topic", "publish"): "publisher",
+    ("topic", "subscribe"): "subscriber",
+    ("service", "reply"): "service",
+    ("service", "request"): "client",
+}
+
+
+def allowed(node):
+    """Return the names that a node may use, by kind and by use, as the graph has them."""
+    (profile,) = ElementTree.parse(POLICY).findall(f".//profile[@node='{node}']")
+    assert profile.get("ns") == "/"
+    found = {way: set() for way in GRAPH}
+    for element in profile.iterfind("*/*"):
+        (parent,) = [group for group in profile if element in group]
+        (use,) = parent.keys()
+        assert parent.get(use) == "ALLOW"
+        name = element.text.replace("~", f"/{node}")
+        found[element.tag, use].add(name if name.startswith("/") else f"/{name}")
+    return found
+
+
+def used(peer, node):
+    """Return what it has on the graph; None if it is not there."""
+    query = lambda kind: getattr(peer.node, f"get_{kind}_names_and_types_by_node")  # noqa: E731
+    with contextlib.suppress(NodeNameNonExistentError):
+        return {way: {name for name, _ in query(kind)(node, "/")} for way, kind in GRAPH.items()}
+
+
+def check(peer, node, unused=()):
+    """Wait until a node uses all that it is allowed, but for what it has in other settings only; and nothing else."""
+    expected = allowed(node)
+    for way, name in unused:
+        expected[way].remove(name)
+    now = None
+
+    def agrees():
+        nonlocal now
+        now = used(peer, node)
+        return now == expected
+
+    try:
+        peer.wait_until(agrees, f"{node} to use what its policy allows", START)
+    except AssertionError:
+        assert now == expected
+        raise
+
+
+@pytest.fixture
+def three(peer):
+    """Start all nodes in the root namespace, where the policy has them, with all inputs and outputs."""
+    model = robot(PANDA)
+    simulator = {"robot_description": model.path, "floating_base": True, "publish_clock": True}
+    controller = {"robot_compensates_gravity": False, "check_time": 60.0, "autostart": True, "use_sim_time": True}
+    controller |= {"controlled_link": "panda_hand"}
+    with (
+        node_process("simulator", **simulator),
+        node_process("monitor", floating_base=True, use_sim_time=True, **{"contact.limits_file": LIMITS}),
+        node_process("controller", **controller),
+        node_process("view", port=0, use_sim_time=True),
+    ):
+        yield model
+
+
+def test_names_of_the_policy(peer, three):
+    """The controller's for the time in which it asks for joints, too, and then with a client of its own."""
+    check(peer, "diag_dynamics_controller_asking")
+    with effort_controller(peer, "", three.names):
+        check(peer, "diag_dynamics_controller")
+        check(peer, "diag_dynamics")
+        check(peer, "diag_dynamics_simulator", [(("topic", "subscribe"), "/clock")])
+    check(peer, "diag_dynamics_view")
+    check(peer, "diag_dynamics_view_reading")
+
+
+# --- two robots by one launch file
+
+
+class Launched(contextlib.AbstractContextManager):
+    """Simulator and controller of one robot, as launched, and what the controller says."""
+
+    def __init__(self, peer, namespace, **arguments):
+        launch = LAUNCHES["control"]
+        values = {name: default for name, (default, _) in arguments_of(launch).items()}
+        self.namespace = namespace
+        self.name = f"{namespace}/diag_dynamics_controller"
+        self.reports = Reports(peer.node, peer.wait_until, self.name)
+        self.commands = peer.topic(Float64MultiArray, f"{namespace}/effort_controller/commands")
+        self.processes = {}
+        for node in started(launch, values | arguments | {"namespace": namespace}):
+            if node.executable != "monitor":
+                options = ["-r", f"__node:={node.name}", "-r", f"__ns:={node.namespace}"]
+                for source, target in node.remappings.items():
+                    options += ["-r", f"{source}:={target}"]
+                for path in (CONFIG / f"{node.executable}.yaml", node.params_file):
+                    options += ["--params-file", path]
+                given = {name: text for name, (_, text) in node.parameters.items()}
+                self.processes[node.executable] = peer.start(node.executable, *options, **given)
+
+    def __exit__(self, *error):
+        with contextlib.ExitStack() as stack:
+            for process in self.processes.values():
+                stack.push(lambda *_, process=process: process.__exit__(*error))
+
+    def wait_for_report(self, condition, what):
+        """Return the first report from now on for which a condition holds."""
+        return self.reports.wait_for(condition, what, timeout=START)
+
+
+@pytest.fixture(scope="module")
+def two(peer, tmp_path_factory):
+    """Two robots, of which the second one's time begins later."""
+    file = tmp_path_factory.mktemp("parameters") / "robot.yaml"
+    slow = "rate: 100.0", "max_state_age: 1.0", "hold_time: 2.0", "resume_after_ramp: true"  # a test shares its machine
+    file.write_text("\n    ".join(["/**:\n  ros__parameters:", *slow]) + "\n")
+    arguments = {"urdf": str(robot(UR5).path), "params_file": str(file)}
+    with Launched(peer, "/left", **arguments) as left:
+        peer.wait_until(lambda: left.commands.messages, "commands on the left", START)
+        with Launched(peer, "/right", **arguments) as right:
+            peer.wait_until(lambda: right.commands.messages, "commands on the right", START)
+            yield left, right
+
+
+def test_two_robots_have_two_times(peer, two):
+    """Each robot is controlled by its own simulator's time: no time goes back, and nobody publishes a global one."""
+    for one in two:
+        begin = len(one.commands.messages)
+        peer.wait_until(lambda one=one, begin=begin: len(one.commands.messages) > begin + 100, "commands")
+        report = one.wait_for_report(lambda r: r.entries["control"].level == b"\0", f"{one.name} in control")
+        clock = f"publishers of {one.namespace}/clock"
+        assert report.entries["control"].hardware_id == robot(UR5).oracle.xml.get("name")
+        assert report.values[clock] == f"1: {one.namespace}/diag_dynamics_simulator"
+        assert "clock went back" not in report.values
+        assert "clock went back" not in one.processes["controller"].output
+    assert peer.node.count_publishers("/clock") == 0
+
+
+def test_a_second_clock_is_told_of(peer, two):
+    """Diagnostics of the nodes that use a clock name all who publish it, and warn where there are several."""
+    left, _ = two
+    publisher = peer.publisher(Clock, "/left/clock")
+    try:
+        report = left.wait_for_report(lambda r: "several publish" in r.entries["inputs"].message, "the second clock")
+        assert "2: /left/diag_dynamics_simulator, /test" in report.entries["inputs"].message
+        assert report.entries["inputs"].level == b"\1"
+    finally:
+        peer.node.destroy_publisher(publisher)
+    left.wait_for_report(lambda r: r.entries["inputs"].level == b"\0", "its departure")
