@@ -98,7 +98,6 @@ def follower(attributes, lower, upper, velocity):
 
 DOT = ball("dot", 1e-6, 1e-9, 0.1).replace('izz="1e-09"', 'izz="3e-09"')
 BALLS = "".join(ball(f"ball{k}", 0.5, 0.001, 0.05 + 0.01 * k) for k in range(3))
-WHEEL = ARM.replace('radius="0.03" length="0.3"', 'radius="0.15" length="0.02"').replace('rpy="0 1.5707963 0"', "")
 VOLUME = 0.4 * 0.09**2
 REACH_UPPER, REACH_LOWER = np.hypot(0.2, np.hypot(0.045, 0.045)), np.hypot(0.15, np.hypot(0.03, 0.03))
 
@@ -123,17 +122,12 @@ MISTAKES = {
         re.sub(r"(?s)(left_lower\">)<inertial>.*?</inertial>", r"\1", ARM),
     ),
     "a point": ("missing_inertias", "warning", "left_lower", 1.2, changed(LOWER, 'ixx="0" iyy="0" izz="0"')),
-    "inertia without mass": ("missing_inertias", "warning", "left_lower", None, mass_of("1.2", "0")),
     "mass without geometry": (
         *("mass_without_geometry", "note", "left_upper", 3.2),
         re.sub(r"<collision>.{1,90}box size=\"0.4.*?</collision>", "", ARM),
     ),
     "lead in grams": ("density", "warning", "left_upper", 3200 / VOLUME, mass_of("3.2", "3200")),
     "dense": ("density", "note", "left_upper", 39 / VOLUME, mass_of("3.2", "39")),
-    "geometry in the wrong unit": (
-        *("density", "note", "left_upper", 3.2 / (4 * 0.9**2)),
-        changed(BOX, '<box size="4 0.9 0.9"/>'),
-    ),
     "another frame": (
         *("centre_of_mass", "warning", "left_upper", 0.2),
         changed('<origin xyz="0.2 0 0"/><mass', '<origin xyz="0.6 0 0"/><mass'),
@@ -146,17 +140,9 @@ MISTAKES = {
         *("gyration", "note", "left_upper", np.sqrt(0.8 / 3.2) / REACH_UPPER),
         changed(UPPER, 'ixx="0.8" iyy="0.0448" izz="0.8"'),
     ),
-    "nearly a point": (
-        *("gyration", "note", "left_lower", np.sqrt(1e-6 / 1.2) / REACH_LOWER),
-        changed(LOWER, 'ixx="1e-6" iyy="1e-6" izz="1e-6"'),
-    ),
     "a bar along another axis": (
         *("inertia_axes", "warning", "left_lower", None),
         changed(LOWER, 'ixx="0.0093" iyy="0.0093" izz="0.0006"'),
-    ),
-    "a wheel along another axis": (
-        *("inertia_axes", "warning", "left_lower", None),
-        changed(LOWER, 'ixx="0.0096" iyy="0.0054" izz="0.0054"', WHEEL),
     ),
     "the identity": (
         *("placeholders", "warning", "left_upper", 2 * np.sqrt(2.5 / 3.2)),
@@ -167,26 +153,19 @@ MISTAKES = {
     "a lost mesh": ("meshes", "warning", "left_upper", None, changed(BOX, '<mesh filename="package://no/a.stl"/>')),
     "an unknown shape": ("meshes", "note", "left_upper", None, changed(BOX, "<cone/>")),
     "an element twice": ("elements", "warning", "elbow", None, changed(LIMIT, LIMIT * 2)),
-    "an inertial twice": (
-        *("elements", "warning", "tool", None),
-        changed(TOOL, f'<link name="tool">{inertial(0.1, 1e-4) * 2}</link>'),
-    ),
     "a long axis": (
         *("axes", "note", "elbow", np.sqrt(2)),
         changed('<axis xyz="0 1 0"/>\n  ' + LIMIT, '<axis xyz="0 1 1"/>\n  ' + LIMIT),
     ),
     "no limits": ("position_limits", "warning", "elbow", None, changed(LIMIT, "")),
-    "no range": ("position_limits", "warning", "elbow", 0.0, limit('lower="-2" upper="2"', 'lower="0" upper="0"')),
     "degrees": ("position_limits", "warning", "elbow", 170.0, limit('"-2"', '"-170"')),
     "ignored limits": (
         *("position_limits", "note", "other", None),
         with_more(RIGHT + TO_RIGHT.replace("<limit", '<limit lower="-1" upper="1"')),
     ),
     "no effort": ("effort_limits", "warning", "elbow", None, limit('effort="20"', 'effort="0"')),
-    "effort left out": ("effort_limits", "note", "elbow", None, limit('effort="20"', "")),
     "any effort": ("effort_limits", "note", "elbow", 1e6, limit('effort="20"', 'effort="1e6"')),
     "no velocity": ("velocity_limits", "warning", "elbow", None, limit('velocity="3"', 'velocity="0"')),
-    "any velocity": ("velocity_limits", "note", "elbow", 314.0, limit('velocity="3"', 'velocity="314"')),
     "a mimic joint that stops": (
         *("mimic_joints", "note", "follows", 0.5),
         with_more(follower('multiplier="-2" offset="0.5"', -3.5, 4.0, 9)),

@@ -133,15 +133,8 @@ def test_poses_and_mobility_are_pinocchios(one):
 
 def test_poses_of_several_freedoms_and_of_mimic_joints():
     """Placements are those of the dynamics."""
-    mimic = '<mimic joint="open" multiplier="-0.7" offset="0.02"/></joint>'
-    fingers = (
-        joint("open", "prismatic", "hand", "left", (0, 1, 0), rpy=(0.3, 0.1, 0)),
-        joint("close", "prismatic", "hand", "right", (0, 1, 0)).replace("</joint>", mimic),
-    )
-    links = (link(name, *BLOCK) for name in ("hand", "left", "right"))
-    planar = random_tree(11, kinds=("revolute", "prismatic", "planar", "floating"))
-    for text in (planar, description("gripper", *links, *fingers)):
-        model = dd.load_urdf(text)
+    for source in (random_tree(11, kinds=("revolute", "prismatic", "planar", "floating")), robot_path(TALOS)):
+        model = dd.load_urdf(source)
         dyn, poses = dd.DiagonalDynamics(model), LinkPoses(model)
         for q in some(model, 2)[0]:
             for name, placed in zip(model.link_names, poses.matrices(q[None])[0], strict=True):

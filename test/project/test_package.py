@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The package as a whole: public names, dependencies, interfaces, versions, the map of the paper, and examples."""
+"""The package as a whole: public names, dependencies, interfaces, versions, the map of the paper, examples, launch files."""
 
 import inspect
 import json
@@ -10,6 +10,7 @@ import runpy
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,9 @@ import yaml
 
 import diag_dynamics as dd
 from diag_dynamics.compiled.cache import ROOMS
+from diag_dynamics.nodes.support.launches import ARGUMENTS, LAUNCHES, arguments_of, misspelt, started
+from diag_dynamics.nodes.support.names import NODES
+from robots import robot_path
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "diag_dynamics"
@@ -162,3 +166,108 @@ def test_notebook(empty_folder):
         exec(compile("".join(cell["source"]), f"cell {k}", "exec"), names)
     batch = names["batch"]
     np.testing.assert_allclose(batch.energy_share.sum(axis=1), batch.kinetic_energy, rtol=0.0, atol=1e-9)
+
+
+# --- Launch files ---
+
+
+def node_parameters(node):
+    return import_module(f"diag_dynamics.parameters.{node}").PARAMETERS
+
+
+@pytest.mark.parametrize("name", LAUNCHES)
+def test_launch_files_name_what_exists(name):
+    """Each file starts the launch of its name, whose executables and parameter files are installed."""
+    source = (ROOT / "launch" / f"{name}.launch.py").read_text(encoding="utf-8")
+    compile(source, name, "exec")
+    assert f'return launched("{name}")' in source
+    for executable in LAUNCHES[name].given:
+        assert (ROOT / "scripts" / executable).is_file()
+        assert (ROOT / "config" / f"{executable}.yaml").is_file()
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("name", LAUNCHES)
+def test_arguments_of_launches_are_parameters(name):
+    """A launch lists each free parameter of its nodes, and no argument without effect."""
+    launch = LAUNCHES[name]
+    listed = set(arguments_of(launch)) - {"namespace", "params_file", "clock_topic", "urdf", *launch.optional}
+    free = {text[1:] for given in launch.given.values() for text in given.values() if text.startswith("$")}
+    for node, given in (launch.given | launch.optional).items():
+        known = {"robot_compensates_gravity", "use_sim_time", *node_parameters(node)}
+        assert set(given) <= set(ARGUMENTS[node]) <= known
+        free |= set(ARGUMENTS[node]) - set(given)
+    assert listed == free
+    assert set(launch.defaults) <= free
+
+
+def test_arguments_without_effect_are_reported():
+    """A misspelt argument, or one that the launch sets, gives a warning; arguments of an outer launch do not."""
+    given = {"robot_compensate_gravity": "true", "rviz": "true", "urdf": "x.urdf"}
+    (warning,) = misspelt(LAUNCHES["control"], given)
+    assert "'robot_compensate_gravity'" in warning
+    assert "'robot_compensates_gravity'" in warning
+    assert misspelt(LAUNCHES["control"], {"use_sim_time": "true"}) == []
+    (warning,) = misspelt(LAUNCHES["control"], {"publish_clock": "false"})
+    assert "'publish_clock' has no effect" in warning
+    assert misspelt(LAUNCHES["demo"], {"publish_clock": "false"}) == []
+
+
+def test_the_example_for_ros2_control_fits_together():
+    """The controller commands the joints of the effort controller, in its order: those of the arm."""
+    example = yaml.safe_load((ROOT / "config" / "effort_controllers.yaml").read_text(encoding="utf-8"))
+    parameters = {node: section["ros__parameters"] for node, section in example.items()}
+    own, joints = parameters["diag_dynamics_controller"], parameters["effort_controller"]["joints"]
+    assert own["command_joints"] == joints
+    assert set(joints) == set(dd.load_urdf(robot_path("ur_description/urdf/ur5_robot.urdf")).dof_names)
+    assert set(own) - {"robot_compensates_gravity"} <= set(node_parameters("controller"))
+    assert own["robot_compensates_gravity"] in (False, True)
+
+
+LAUNCHED = {
+    "monitor": ({}, {"monitor": {}}),
+    "simulator": (
+        {"urdf": "/my.urdf", "command_timeout": "2", "without_command": "zero"},
+        {"simulator": {"robot_description": "/my.urdf", "command_timeout": 2.0, "without_command": "zero"}},
+    ),
+    "controller": (
+        {"robot_compensates_gravity": "true", "controlled_link": "1", "mimic": "lock", "namespace": "arm"},
+        {"controller": {"robot_compensates_gravity": True, "controlled_link": "1", "mimic": "lock"}},
+    ),
+    "demo": (
+        {"urdf": "<robot>1: x</robot>", "view": "true"},
+        {"simulator": {"robot_description": "<robot>1: x</robot>"}, "monitor": {}, "view": {}},
+    ),
+    "control": (
+        {"robot_compensates_gravity": "true", "command_timeout": "0.2", "view": "false"},
+        {
+            "simulator": {"compensates_gravity": True, "publish_clock": True, "use_sim_time": False}
+            | {"without_command": "brake", "command_timeout": 0.2},
+            "controller": {
+                "robot_compensates_gravity": True,
+                "autostart": True,
+                "check_time": 0.0,
+                "use_sim_time": True,
+            },
+            "monitor": {"use_sim_time": True},
+        },
+    ),
+}
+"""Arguments of each launch file, and all parameters that it gives to its nodes."""
+
+
+@pytest.mark.parametrize("file", LAUNCHED)
+def test_launches_give_parameters(file):
+    """Check names, namespaces, clocks and parameters of the nodes."""
+    arguments, expected = LAUNCHED[file]
+    launch = LAUNCHES[file]
+    values = {name: default for name, (default, _) in arguments_of(launch).items()} | arguments
+    found = {}
+    for node in started(launch, values | {"params_file": "~/robot.yaml"}):
+        assert (node.name, node.namespace) == (NODES[node.executable], arguments.get("namespace", ""))
+        assert node.remappings == {"/clock": "/clock" if file in ("monitor", "controller") else "clock"}
+        assert node.params_file == str(Path.home() / "robot.yaml")
+        found[node.executable] = {
+            name: kind(yaml.safe_load(text) if kind is bool else text) for name, (kind, text) in node.parameters.items()
+        }
+    assert found == expected

@@ -21,6 +21,7 @@ import pytest
 import yaml
 
 import diag_dynamics as dd
+from bags import MCAP, Message, description, serialized, write_rosbag2
 from diag_dynamics.cli.main import main
 from pages import blocks_of
 from robots import robot_path
@@ -29,7 +30,6 @@ pytestmark = [pytest.mark.full]
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-TYPE = "sensor_msgs/msg/JointState"
 RATE = 100.0
 TIMEOUT = 300.0  # [s]
 
@@ -51,26 +51,6 @@ def motion(model, seconds, seed):
     return t[:, 0], q, qd + rng.normal(0.0, 2e-3, q.shape), tau + rng.normal(0.0, 0.5, q.shape)
 
 
-def write_bag(folder, urdf, names, columns, begin):
-    """Write a rosbag2 folder, MCAP in it: description and joint states."""
-    from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS2_JAZZY)
-    Header, Time, Joints, String = (
-        store.types[name]
-        for name in ("std_msgs/msg/Header", "builtin_interfaces/msg/Time", TYPE, "std_msgs/msg/String")
-    )
-    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        text = writer.add_connection("/robot_description", "std_msgs/msg/String", typestore=store)
-        joints = writer.add_connection("/joint_states", TYPE, typestore=store)
-        writer.write(text, begin - 1, store.serialize_cdr(String(urdf), "std_msgs/msg/String"))
-        for t, q, qd, tau in zip(*columns, strict=True):
-            at = begin + round(t * 1e9)
-            message = Joints(Header(Time(*divmod(at, 10**9)), "base_link"), names, q, qd, tau)
-            writer.write(joints, at, store.serialize_cdr(message, TYPE))
-
-
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     """Make the files that the pages name."""
@@ -82,7 +62,12 @@ def files(tmp_path_factory):
     model = dd.load_urdf(urdf)
     for k, (name, seconds) in enumerate({"my_bag": 95.0, "free_1": 40.0, "free_2": 20.0}.items()):
         columns = motion(model, seconds, seed=k)
-        write_bag(folder / name, urdf, list(model.dof_names), columns, (1_700_000_000 + 1000 * k) * 10**9)
+        begin = (1_700_000_000 + 1000 * k) * 10**9
+        messages = [description(urdf, begin - 1)]
+        for t, *values in zip(*columns, strict=True):
+            at = begin + round(t * 1e9)
+            messages.append(Message("/joint_states", at, serialized(at, model.dof_names, *values, frame="base_link")))
+        write_rosbag2(folder / name, messages, MCAP)
         if name == "my_bag":
             header = ["t", *(f"{quantity}{k}" for quantity in ("q", "qd", "tau") for k in range(1, 7))]
             np.savetxt(

@@ -70,10 +70,6 @@ class Tab:
 
     def __exit__(self, *_):
         """Close the tab."""
-        self.close()
-
-    def close(self):
-        """Close the tab."""
         self._context.close()
 
     def _record(self, message):
@@ -115,43 +111,17 @@ class Tab:
         return found
 
     def cut_off(self):
-        """Return texts that can neither be seen whole nor be scrolled to, once the page is laid out."""
-        return self._once_empty(CUT_OFF)
-
-    def out_of_panels(self):
-        """Return plots that reach out of their panels, once the page is laid out."""
-        return self._once_empty(OUT_OF_PANELS)
-
-    def _once_empty(self, script):
+        """Return texts that are cut off and cannot be scrolled to, after the page has its layout."""
         return self.ask(
             f"""async () => {{
               const end = performance.now() + {1000.0 * TIMEOUT};
               let found = [];
-              while ((found = ({script})()).length && performance.now() < end)
+              while ((found = ({CUT_OFF})()).length && performance.now() < end)
                 await new Promise((again) => setTimeout(again, 50));
               return found;
             }}"""
         )
 
-
-OUT_OF_PANELS = """() => {
-  const found = [];
-  for (const card of document.querySelectorAll(".card")) {
-    const panel = card.getBoundingClientRect();
-    for (const part of card.querySelectorAll(".uplot, canvas")) {
-      const box = part.getBoundingClientRect();
-      if (box.bottom > panel.bottom + 0.5 || box.right > panel.right + 0.5) found.push(`a plot out of ${card.id}`);
-    }
-    const plot = card.querySelector(".plot");
-    if (!plot) continue;
-    if (plot.getBoundingClientRect().bottom > panel.bottom + 0.5) found.push(`the plot's place out of ${card.id}`);
-    const legend = card.querySelector(".legend");
-    const line = parseFloat(getComputedStyle(legend).lineHeight);
-    if (legend.parentElement.clientHeight > 2.4 * line) found.push(`a legend of many lines in ${card.id}`);
-  }
-  return found;
-}"""
-"""Plots of which a part lies over what is below."""
 
 CUT_OFF = """() => {
   const found = [];
