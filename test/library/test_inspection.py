@@ -210,18 +210,6 @@ def test_mistakes(mistake):
     assert SEVERITIES.index(report.checks[check]) >= SEVERITIES.index(severity)
 
 
-@pytest.mark.parametrize("digits", [2, 3, 4, 6, 12])
-def test_rounded_inertias(digits):
-    """Plates and bars are at the bound of rigid bodies; rounding them is no mistake."""
-    rng = np.random.default_rng(digits)
-    for moments in ((1.0, 2.0, 3.0), (0.0, 1.0, 1.0), (0.5, 0.5, 1.0)):
-        rotation = np.linalg.qr(rng.standard_normal((3, 3)))[0]
-        J = 0.01 * rotation @ np.diag(moments) @ rotation.T
-        entries = [f'i{"xyz"[i]}{"xyz"[k]}="{J[i, k]:.{digits + 2}f}"' for i in range(3) for k in range(i, 3)]
-        text = changed(f'{UPPER} ixy="0" ixz="0" iyz="0"', " ".join(entries))
-        assert not findings_of(inspect_robot(text), "possible_inertias", "warning"), entries
-
-
 # --- Numbers against Pinocchio
 
 

@@ -13,8 +13,6 @@ import pytest
 
 import diag_dynamics as dd
 import robots
-from accuracy import assert_close, norm, tolerance
-from oracles import Oracle
 
 PANDA = "panda_description/urdf/panda.urdf"
 PAYLOAD = {"mass": 2.0, "com": (0.05, -0.02, 0.1), "inertia": np.diag([0.02, 0.03, 0.04])}
@@ -157,29 +155,7 @@ def test_changes_commute(panda):
     assert_same(panda.with_locked_joints(locks).with_locked_joints({}), panda)
 
 
-# --- Payloads and locks against Pinocchio
-
-
-@pytest.mark.parametrize("floating", [False, True], ids=["fixed", "floating"])
-def test_payload_and_locks_against_pinocchio(floating):
-    """Pinocchio appends the body to the joint, and reduces its model by the locked joints."""
-    locked = {"panda_joint2": 0.7, "panda_finger_joint1": 0.02}
-    model = load(floating_base=floating, locked_joints=locked).with_payload("panda_hand", **PAYLOAD)
-    oracle = Oracle(robots.robot(PANDA).urdf, model.dof_names, floating_base=floating, locked_joints=locked)
-    oracle.append_body("panda_hand", **PAYLOAD)
-    dyn = dd.DiagonalDynamics(model)
-    assert model.locked_joints == locked
-    for q, qd, tau, qdd in robots.samples("locked", oracle):
-        t, s = oracle.at(q, qd, tau), dyn.evaluate(q, qd, tau)
-        assert_close(s.nu, t.nu, tolerance(t))
-        assert_close(s.epsilon, t.epsilon, tolerance(t))
-        assert_close(s.coriolis, t.coriolis, tolerance(t), t.coriolis_scale)
-        assert_close(s.gravity, t.gravity, tolerance(t))
-        assert_close(s.kinetic_energy, t.kinetic_energy, 1e-12)
-        tau_needed, unit = oracle.inverse_dynamics(q, qd, qdd), np.sqrt(np.diag(t.M))
-        assert_close(dyn.inverse_dynamics(q, qd, qdd) / unit, tau_needed / unit, tolerance(t))
-        without = dd.DiagonalDynamics(model.without_payload("panda_hand")).evaluate(q, qd, tau)
-        assert norm(s.nu - without.nu) > 1e-3 * norm(s.nu)
+# --- Payloads, locks and copies
 
 
 HELD = robots.description(
@@ -209,9 +185,6 @@ def test_rounding_of_a_rotated_inertia_is_no_asymmetry():
             model.with_payload("tip", 1.0, inertia=rotation @ (0.1 * np.eye(3)) @ rotation.T).payloads["tip"].inertia
         )
         np.testing.assert_array_equal(inertia, inertia.T)
-
-
-# --- Memory of the kernels
 
 
 @pytest.mark.parametrize("way", COPIES)
