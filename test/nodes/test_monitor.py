@@ -4,7 +4,6 @@
 """The monitor against Pinocchio: every topic, whatever joint states, descriptions, parameters and clocks it receives."""
 
 import math
-import struct
 
 import numpy as np
 import pinocchio as pin
@@ -21,6 +20,7 @@ import robots
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN
 from diag_dynamics.parameters.monitor import PARAMETERS
 from floating import SOLO, FloatingMonitor
+from joint_state_messages import joint_state as encoded
 from nodes import (
     LATCHED,
     MS,
@@ -187,33 +187,18 @@ def test_estimated_velocity(monitor, panda, absent):
 def test_big_endian(monitor, panda):
     """A state from a machine of the other byte order is served as any other."""
     stamp = monitor.tick()
-    monitor.publish(big_endian(panda.message(stamp, panda.samples[2])))
+    monitor.publish(encoded(panda.names, *panda.samples[2][:3], stamp, order=">"))
     published = {topic: seen.at(stamp) for topic, seen in monitor.topics.items()}
     Truth(panda, *panda.samples[2][:3]).check(published, stamp)
 
 
-def big_endian(message):
-    """Serialize a JointState without a frame as such a machine does."""
-    data = bytearray()
-
-    def add(kind, *values):
-        data.extend(bytes(-len(data) % struct.calcsize(kind)))
-        data.extend(struct.pack(f">{len(values)}{kind}", *values))
-
-    def add_text(text):
-        add("I", len(text) + 1)
-        data.extend(text.encode() + b"\0")
-
-    add("i", message.header.stamp.sec)
-    add("I", message.header.stamp.nanosec)
-    add_text("")
-    add("I", len(message.name))
-    for name in message.name:
-        add_text(name)
-    for values in (message.position, message.velocity, message.effort):
-        add("I", len(values))
-        add("d", *values)
-    return bytes(4) + data  # encapsulation 0: plain CDR, big-endian
+def test_rclpy_serialization(peer, panda):
+    """With serialization = rclpy all topics, also of a floating base, have the same numbers."""
+    with Monitor(peer, "/rclpy", robot_description=panda.path, serialization="rclpy") as monitor:
+        monitor.connect(panda).serves(panda, 1)
+        assert "joint states read by template" not in monitor.next_report().values
+    with FloatingMonitor(peer, "/rclpy_base", serialization="rclpy") as monitor:
+        monitor.check(monitor.answer())
 
 
 # --- time
