@@ -398,6 +398,19 @@ def test_description_refused_by_topic(by_topic, panda, case):
     assert (report.level, report.message) == (OK, "publishing")
 
 
+def test_before_the_first_robot(peer, panda):
+    """A monitor whose first description is refused counts joint states and names the reason."""
+    peer.publisher(String, "/first/robot_description", LATCHED).publish(description(circle()))
+    with Monitor(peer, "/first") as monitor:
+        monitor.process.wait_for_text("robot_description refused")
+        monitor.publish(panda.message(monitor.tick(), panda.samples[0]))
+        report = monitor.next_report()
+        assert report.counts() == {"received": 1, "before the model": 1}
+        assert report.level == ERROR
+        for text in (f"'{FINGER}' mimics itself", MIMIC_FINGER):
+            assert text in report.message
+
+
 @pytest.mark.parametrize("case", [*DESCRIPTIONS, "no file"])
 def test_description_refused_by_parameter(monitor, panda, case):
     """The result says why, and not a joint is forgotten."""
