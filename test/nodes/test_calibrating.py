@@ -85,7 +85,7 @@ def test_it_proposes_what_calibrate_does(monitor, panda, tmp_path):
     assert begun.success
     assert begun.running
     assert "3 s without an alarm vouch for 1/s" in begun.message
-    states = [*noisy(panda, 700, 1)]
+    states = [*noisy(panda, 500, 1)]
     stamps = publish(monitor, states[:300])
     status = call(monitor, STATUS)
     assert (status.success, status.running, status.states) == (True, True, 299)
@@ -96,7 +96,7 @@ def test_it_proposes_what_calibrate_does(monitor, panda, tmp_path):
     assert found.success, found.message
     recording = recorded(tmp_path / "free.csv", panda, stamps, states)
     expected = dd.calibrate(recording, dd.DiagonalDynamics(recording.model), GAIN, 1.0, friction=False)
-    assert (found.states, found.gain, found.running) == (699, GAIN, False)
+    assert (found.states, found.gain, found.running) == (499, GAIN, False)
     assert found.duration == pytest.approx(expected.duration, abs=1e-6)
     assert dict(zip(found.dof_names, found.joint_thresholds, strict=True)) == pytest.approx(expected.joints, rel=1e-6)
     assert found.torque_norm_threshold == pytest.approx(expected.external_torque, rel=1e-6)
