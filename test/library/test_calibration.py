@@ -15,12 +15,11 @@ import diag_dynamics as dd
 from diag_dynamics.alarms.detector import AlarmDetector
 from diag_dynamics.alarms.rates import poisson_interval, upper_limit
 from diag_dynamics.alarms.thresholds import AlarmThresholds
-from diag_dynamics.cli.calibrate import rate_of, text_of
 from diag_dynamics.cli.main import main
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
-from diag_dynamics.recordings.calibration import calibrated, per_time
+from diag_dynamics.recordings.calibration import calibrated
 from diag_dynamics.recordings.observed import Observed
 from diag_dynamics.recordings.residuals import Residuals
 from examples import some_of
@@ -156,18 +155,6 @@ def test_residuals_of_any_portions():
         assert kept * (2 * len(NAMES) + 3) <= most and (kept == 6000) == (most == 10**6)
 
 
-def test_a_run_of_hours():
-    """With a twentieth of the states kept: the same largest values and time, and thresholds within some percent."""
-    seen = noise(np.random.default_rng(13), 1200, heavy=True)
-    all_kept, thinned = residuals_of(seen), residuals_of(seen, most=66_000)
-    (one,), (other,) = all_kept.pieces(), thinned.pieces()
-    assert len(other.stamps) < len(one.stamps) / 10 and other.duration == one.duration
-    np.testing.assert_array_equal(one.values.max(axis=0), other.values.max(axis=0))
-    everything, few = (calibrated(one, NAMES, 25.0, 1 / 60, AlarmThresholds()) for one in (all_kept, thinned))
-    assert few.norm == pytest.approx(everything.norm, rel=0.03)
-    assert few.alarms == pytest.approx(everything.alarms, abs=2)
-
-
 def test_poisson():
     """Garwood's limits as tables have them."""
     assert poisson_interval(0) == pytest.approx((0.0, 3.689), abs=1e-3)
@@ -202,14 +189,6 @@ def test_the_file_is_the_monitors(tmp_path):
     assert (seen.alarms.release, seen.alarms.hold_off, seen.alarms.standing) == (0.7, 0.5, 2.0)
     with pytest.raises(InputError, match="nowhere"):
         found.save(tmp_path / "nowhere" / "alarms.yaml")
-
-
-def test_words_for_rates():
-    assert [per_time(x) for x in (2.0, 1 / 60, 0.5, 1 / 3600, 0.0)] == ["2/s", "1/min", "30/min", "1/h", "0/min"]
-    assert [rate_of(x) for x in ("2/s", "1/min", " 0.5 / h ")] == pytest.approx([2.0, 1 / 60, 0.5 / 3600])
-    for text in ("1", "1/day", "x/min", "0/min", "-1/min", "nan/s", "1e999/s"):
-        with pytest.raises(InputError, match="--false-alarms"):
-            rate_of(text)
 
 
 @pytest.fixture(scope="module")
@@ -296,21 +275,6 @@ def test_the_command_refuses(tables, tmp_path, capsys, arguments, key):
     arguments = [str(free) if word == "FREE" else word for word in arguments]
     assert main(["calibrate", str(free), "--urdf", "ur5", "-o", str(alarms), *arguments]) == 2
     assert key in capsys.readouterr().err and not alarms.exists() and free.read_bytes() == before
-
-
-def test_thresholds_have_the_unit_of_their_joint():
-    """Of a gripper that slides N, of joints that turn N m; of one of several degrees of freedom each its own."""
-    slider = """<robot name="r"><link name="base"/>
-      <link name="a"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-      <link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-      <joint name="flat" type="planar"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/></joint>
-      <joint name="slide" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="1 0 0"/>
-        <limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>"""
-    model = dd.load_urdf(slider)
-    seen = noise(np.random.default_rng(2), 120.0)
-    found = calibrated(residuals_of(seen), model.dof_names, 25.0, 1 / 60, AlarmThresholds())
-    units = {words[0]: words[2:] for words in map(str.split, text_of(found, model, "a.yaml", [])) if words}
-    assert [units[name] for name in model.dof_names] == [["N"], ["N"], ["N", "m"], ["N"]]
 
 
 RECORDINGS = Path(

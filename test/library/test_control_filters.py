@@ -134,22 +134,22 @@ def test_saturation_of_a_joint_that_gravity_overloads(speed):
 
 @pytest.mark.parametrize("speed", (0.5, -20.0))
 def test_saturation_is_continuous_as_gravity_takes_a_limit(speed):
-    """While a joint's limit shrinks to less than its weight no effort jumps, and the other joints keep their brakes."""
+    """While a joint's limit shrinks below its weight no effort jumps, and the other joints keep their brakes."""
     s = arm()
     command = dd.RateDamping(s.dyn, 8.0).command(READY, np.full(N, speed))
     g, rest = command.gravity_torque, command.tau - command.gravity_torque
     k = int(np.argmax(np.abs(g)))
-    parts = np.linspace(0.5, 1.5, shortened(20001, 5001))  # of the limit that gravity takes
-    taus, scales = np.empty((len(parts), N)), np.empty(len(parts))
-    for row, part in enumerate(parts):
+    ratios = np.linspace(0.5, 1.5, 5001)  # of weight to limit
+    results = []
+    for ratio in ratios:
         limit = np.full(N, 1e3)
-        limit[k] = abs(g[k]) / part
-        result = dd.EffortSaturation(s.model, limit).filter(command)
-        taus[row], scales[row] = result.tau, result.scale
-        assert abs(result.tau[k]) <= limit[k]
+        limit[k] = abs(g[k]) / ratio
+        results.append(dd.EffortSaturation(s.model, limit).filter(command))
+        assert abs(results[-1].tau[k]) <= limit[k]
+    taus, scales = np.array([r.tau for r in results]), np.array([r.scale for r in results])
     # At most 40 times a straight line's step.
-    assert np.abs(np.diff(taus, axis=0)).max() < 40.0 / (len(parts) - 1) * (np.abs(rest).max() + np.abs(g[k]))
-    assert (scales[parts > 1.0] == 1.0).all()
+    assert np.abs(np.diff(taus, axis=0)).max() < 40.0 / 5000 * (np.abs(rest).max() + np.abs(g[k]))
+    assert (scales[ratios > 1.0] == 1.0).all()
     room = (1.0 / 0.9 - 1.0) * abs(g[k]) if rest[k] * g[k] > 0.0 else np.inf
     assert scales.min() >= 0.99 * min(room / abs(rest[k]), 0.5)
 
@@ -160,9 +160,8 @@ def test_saturation_of_limits_in_the_description():
     free = dd.load_urdf(PANDA.urdf.replace('effort="87.0"', 'effort="0"'), **PANDA.options)
     with pytest.raises(InputError, match=r"effort limit of 'panda_joint1' is 0\.0"):
         dd.EffortSaturation(free)
-    unlimited = dd.EffortSaturation(free, np.inf)
-    for _, _, _, command in commands(3):
-        assert unlimited.filter(command) is command
+    command = dd.RateDamping(s.dyn, 8.0).command(READY, np.full(N, 20.0))
+    assert dd.EffortSaturation(free, np.inf).filter(command) is command
 
 
 def test_rates_are_limited_joint_by_joint():
@@ -345,18 +344,15 @@ def without_limits(s):
     [
         (lambda s: dd.EnergyLimiter(s.dyn, 0.0, 1.0), "limit is 0.0"),
         (lambda s: dd.EnergyLimiter(s.dyn, 1.0, np.nan), "rate is nan"),
-        (lambda s: dd.EnergyLimiter(s.model, 1.0, 1.0), "dynamics is <RobotModel"),
         (
             lambda s: dd.EnergyLimiter(s.dyn, 1.0, 1.0).filter(READY, gravity_command(s), HURT),
             "external of joint 'panda_joint3' is nan",
         ),
-        (lambda s: dd.EffortSaturation(s.dyn), "model is <diag_dynamics"),
         (lambda s: dd.EffortSaturation(s.model, HURT), "effort limit of 'panda_joint3' is nan"),
         (lambda s: dd.EffortRateLimiter(s.model, -HURT), "effort rate of 'panda_joint1' is -1.0"),
         (lambda s: dd.EffortRateLimiter(s.model, 1.0).filter(HURT, 1.0), "tau of joint 'panda_joint3' is nan"),
         (lambda s: dd.EffortRateLimiter(s.model, 1.0).filter(READY, -1.0), "dt is -1.0"),
         (lambda s: dd.PositionRepulsion(s.dyn, 0.0, 1.0), "margin of 'panda_joint1' is 0.0"),
-        (lambda s: dd.PositionRepulsion(s.dyn, 0.1, HURT), "stiffness of 'panda_joint3' is nan"),
         (lambda s: dd.PositionRepulsion(s.dyn, 0.1, 1.0, -1.0), "damping of 'panda_joint1' is -1.0"),
         (lambda s: dd.ContactLimiter(s.dyn, without_limits(s), 30.0), "no limit"),
         (lambda s: dd.ContactLimiter(s.dyn, contact_points(), 0.0), "rate"),

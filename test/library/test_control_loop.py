@@ -168,20 +168,9 @@ def test_hold_then_ramp(strong, compensated):
     assert not loop.taking_up and not sent.command.error.any()
 
 
-def test_resume_after_ramp(strong):
-    """The first valid state after the ramp puts the law in force."""
-    loop = slow_loop_of(strong, hold_time=0.3, resume_after_ramp=True)
-    _, stamp = settle(loop)
-    for k in range(900):
-        loop.without_state(stamp + k * MS, "late")
-    assert loop.supervisor.phase == phases.RAMPING_DOWN
-    sent, _ = settle(loop, Q + 0.5, stamp=stamp + S)
-    assert loop.supervisor.phase == phases.ACTIVE and not sent.command.error.any()
-
-
 @pytest.mark.parametrize("compensated", [False, True])
 def test_beginning_anew_goes_on_as_far_as_that_carries(strong, compensated):
-    """Where the arm was moved meanwhile, no torque is repeated that does not carry it: none begins, none pulls down."""
+    """Where the arm was moved meanwhile, it begins with the torques that carry it in both places, and no others."""
     loop = slow_loop_of(
         strong, compensated, initial_mode="gravity_compensation", effort_rate=["*=1e-3"], limit_margin=0.0
     )
@@ -249,7 +238,7 @@ def test_a_law_that_fails_does_not_hold_for_ever(strong, monkeypatch):
 
 
 def test_a_robot_that_carries_itself_is_controlled_as_far_as_its_limits_go(strong):
-    """A limit that shrinks to less than the weight: efforts stay continuous, and what takes load away always passes."""
+    """While a limit shrinks below the weight efforts stay continuous, and an effort that reduces the load passes."""
     gravity = gravity_of(Q)
     lift = int(np.argmax(np.abs(gravity)))
     for direction in (1.0, -1.0):  # upward, which is braked downward, and the other way round
@@ -429,18 +418,8 @@ def test_the_arm_goes_to_a_set_point_and_is_not_thrown_at_it(arm, goal):
     np.testing.assert_allclose(closed.arm.q, goal, atol=1e-6)
 
 
-def test_an_energy_limit_makes_the_target_wait(arm):
-    """The limiter lets the arm go slower than set-points go: they wait for it, and are not given up."""
-    closed = Closed(arm, Q, energy_limit=0.1).go(0.1)
-    goal = Q + np.array([1.2, 0.3, 0, 0, 0, 0])
-    closed.loop.take_set_point(goal)
-    closed.go(10.0)
-    np.testing.assert_allclose(closed.arm.q, goal, atol=1e-5)
-    assert not closed.lost and closed.most < 1.1 * 0.1
-
-
 def test_a_target_does_not_run_away_from_an_arm_that_is_held(arm):
-    """Drives that are off, or hands: efforts grow only as far as V may, which is then what the arm comes to move at."""
+    """Efforts of a held arm grow only to the bound of V; after its release it goes to the target."""
     loop, goal, stamp = loop_of(arm), Q + np.array([0.4, 0.3, -0.4, 0, 0, 0]), S
     for k in range(6000):
         stamp += MS
@@ -459,21 +438,15 @@ def test_a_target_does_not_run_away_from_an_arm_that_is_held(arm):
 
 
 def test_a_target_that_is_not_followed_is_given_up(arm):
-    """An arm that somebody else moves: where it is is its target then."""
-    loop, stamp = loop_of(arm), S
-    for k in range(1000):
-        stamp += MS
-        moved = Q + np.array([0.0, 0.0, 0.3e-3 * k, 0, 0, 0])  # and the commands come to nothing
-        sent = loop.step(state_at(stamp, moved, [0, 0, 0.3, 0, 0, 0]), stamp)
-        if sent.lost:
-            break
-    assert "expected no more than following_energy = 2 J; joint 'elbow_joint' is 0." in sent.lost
-    assert not sent.command.error.any()
-    freely = loop_of(arm, following_energy=0.0)
-    for k in range(3000):
-        moved = Q + np.array([0.0, 0.0, k / 3000, 0.0, 0.0, 0.0])
-        sent = freely.step(state_at(S + k * MS, moved), S + k * MS)
-        assert not sent.lost
+    """When the arm is moved away against its commands, its position becomes its target, unless that is disabled."""
+    for energy, given_up in ((2.0, True), (0.0, False)):
+        loop, lost = loop_of(arm, following_energy=energy), []
+        for k in range(1000):
+            moved = Q + np.array([0.0, 0.0, 1e-3 * k, 0, 0, 0])
+            sent = loop.step(state_at(S + k * MS, moved, [0, 0, 0.3, 0, 0, 0]), S + k * MS)
+            lost += [sent.lost] if sent.lost else []
+            assert not sent.lost or not sent.command.error.any()
+        assert bool(lost) == given_up
     assert sent.command.error[2] < -0.9
 
 
@@ -499,14 +472,12 @@ def test_a_pose_is_gone_to_and_the_arm_is_not_thrown_at_it(arm, away):
     assert out_of_reach or closed.sent.lyapunov_rate is not None
 
 
-@pytest.mark.parametrize(("rate", "sinks"), [(1000.0, 0.5), (300.0, 2.0)])
-def test_an_arm_without_brakes_is_caught_and_not_thrown(arm, rate, sinks):
-    """Efforts begin at zero; the arm sinks, the more the slower their rate; it comes to rest, then the law begins."""
-    closed = Closed(arm, np.zeros(6), carried=False, effort_rate=[f"*={rate}"]).go(8.0)
+def test_an_arm_without_brakes_is_caught_and_not_thrown(arm):
+    """Efforts begin at zero; the arm sinks and comes to rest, then the law begins."""
+    closed = Closed(arm, np.zeros(6), carried=False, effort_rate=["*=300"]).go(8.0)
     assert np.abs(closed.arm.qd).max() < 1e-6
-    assert closed.sent.lyapunov_rate is not None
-    assert bool(closed.loop.efforts.slow) == (rate < 1000.0)
-    assert np.abs(np.array(closed.way)).max() < sinks
+    assert closed.sent.lyapunov_rate is not None and closed.loop.efforts.slow
+    assert np.abs(np.array(closed.way)).max() < 2.0
 
 
 def test_an_unknown_load_does_not_sink(arm):

@@ -63,34 +63,6 @@ def total_energy(sim):
 # --- The method ---
 
 
-def test_order_conditions():
-    """Both tables, and every mixture of them, satisfy the conditions up to order 4."""
-    A, B, b = simulation.EXPLICIT, simulation.IMPLICIT, simulation.WEIGHTS
-    c = A.sum(axis=1)
-    near = pytest.approx
-    np.testing.assert_allclose(B.sum(axis=1), c, atol=1e-15)
-    assert b.sum() == near(1) and b @ c == near(1 / 2) and b @ c**2 == near(1 / 3) and b @ c**3 == near(1 / 4)
-    for X in (A, B):
-        assert b @ X @ c == near(1 / 6)
-        assert (b * c) @ X @ c == near(1 / 8)
-        assert b @ X @ c**2 == near(1 / 12)
-        for Y in (A, B):
-            assert b @ X @ Y @ c == near(1 / 24)
-
-
-def test_implicit_part_never_amplifies():
-    """Its stability function lies within (-1, 1] on the negative axis and vanishes at its end."""
-    B, b = simulation.IMPLICIT, simulation.WEIGHTS
-    assert (B[-1] == b).all()
-
-    def amplification(z):
-        return np.linalg.solve(np.eye(6) - z * B, np.ones(6))[-1]  # the last stage is the result
-
-    for z in -np.logspace(-3, 6, 200):
-        assert abs(amplification(z)) < 1.0
-    assert abs(amplification(-1e12)) < 1e-10
-
-
 LOCKED = {"panda_joint2": 0.4, "panda_joint5": -0.3, "panda_finger_joint1": 0.03, "panda_finger_joint2": 0.03}
 CASES = {
     "panda, damped": (robot_path(PANDA).read_text(), {}, 3.0),
@@ -133,29 +105,6 @@ def test_converges_with_its_order(motion, order):
     np.testing.assert_allclose(lengths, 1.0, atol=4e-16)
 
 
-@pytest.mark.parametrize("robot", [PANDA, TALOS])
-def test_energy_without_damping_and_torque(robot):
-    """Over 0.5 s of free swinging the drift is below 1e-6 of the energy exchanged, and falls as the method says."""
-    model = load(robot)
-    q, qd = random_state(model, 3, speed=0.1)
-    drifts = []
-    for h in (1e-3, 5e-4, 2.5e-4):
-        zero = np.zeros(model.nv)
-        sim = dd.Simulation(model, q, qd, step=h, damping=zero, friction=zero, limits=False)
-        start, exchanged, drift = total_energy(sim), 0.0, 0.0
-        for _ in range(10):
-            sim.advance(steps=round(0.05 / h))
-            exchanged = max(exchanged, 0.5 * sim.nu @ sim.nu)
-            drift = max(drift, abs(total_energy(sim) - start))
-        drifts.append(drift / exchanged)
-    assert exchanged > 1e-2, "nothing moved"
-    assert drifts[0] < 1e-6, drifts
-    assert drifts[1] < drifts[0] / 10 and drifts[2] < drifts[1] / 10, drifts
-
-
-# --- Free bodies ---
-
-
 def momentum_in_world(oracle, q, qd):
     """Linear and angular momentum about the world's origin."""
     x, v = oracle.configuration(q), oracle.to_pin(qd)
@@ -164,57 +113,36 @@ def momentum_in_world(oracle, q, qd):
     return np.concatenate([h.linear, h.angular + np.cross(oracle.data.com[0], h.linear)])
 
 
-@pytest.mark.parametrize("robot", ["brick", SOLO, PANDA])
-def test_tumbling_conserves_energy_and_momentum(robot):
-    """A free robot keeps both, to the order of the method; of the Panda, whose gripper is coupled, the energy."""
-    urdf = BRICK if robot == "brick" else robot_path(robot).read_text()
-    model = dd.load_urdf(urdf, floating_base=True, gravity=(0, 0, 0))
-    oracle = None if model.mimics else Oracle(urdf, model.dof_names, (0, 0, 0), floating_base=True)
-    q, qd = start(model, 3, speed=0.3 if model.mimics else 3.0)
+FREE = {"floating_base": True, "gravity": (0, 0, 0)}
+
+
+@pytest.mark.parametrize(
+    ("urdf", "options", "speed", "coarsest"),
+    [
+        (BRICK, FREE, 3.0, 8e-3),
+        (robot_path(SOLO).read_text(), FREE, 3.0, 8e-3),
+        (robot_path(PANDA).read_text(), {}, 0.1, 2e-3),  # with a coupled gripper
+    ],
+    ids=["brick", "solo12", "panda"],
+)
+def test_energy_and_momentum_are_conserved(urdf, options, speed, coarsest):
+    """A free robot keeps both, an arm in gravity its energy, to the order of the method."""
+    model = dd.load_urdf(urdf, **options)
+    oracle = Oracle(urdf, model.dof_names, (0, 0, 0), floating_base=True) if options else None
+    q, qd = start(model, 3, speed=speed)
     energies, momenta, zero = [], [], np.zeros(model.nv)
-    for h in (8e-3, 4e-3, 2e-3):
+    for h in coarsest / np.array([1, 2, 4]):
         sim = dd.Simulation(model, q, qd, step=h, damping=zero, friction=zero, limits=False)
-        first = 0.0 if oracle is None else momentum_in_world(oracle, sim.q, sim.qd)
+        first = momentum_in_world(oracle, sim.q, sim.qd) if oracle else 0.0
         sim.advance(steps=round(0.8 / h))
         energies.append(abs(sim.audit.residual) / sim.kinetic_energy)
-        if oracle is not None:
+        if oracle:
             change = momentum_in_world(oracle, sim.q, sim.qd) - first
             momenta.append(np.linalg.norm(change) / np.linalg.norm(first))
-        assert abs(np.linalg.norm(sim.q[3:7]) - 1.0) < 4e-16
+            assert abs(np.linalg.norm(sim.q[3:7]) - 1.0) < 4e-16
     for errors in (energies, momenta) if momenta else (energies,):
         assert errors[-1] < 1e-6, errors
         assert errors[1] < errors[0] / 10 and errors[2] < errors[1] / 10, errors
-
-
-def test_turns_without_wobble():
-    """About a principal axis a body turns at a constant rate: positions have a closed form, over many turns."""
-    model = dd.load_urdf(
-        description("top", link("top", mass=1.0, inertia=(0.1, 0, 0, 0.2, 0, 0.3))),
-        floating_base=True,
-        gravity=(0, 0, 0),
-    )
-    for order in (4, 1):
-        sim = dd.Simulation(model, qd=[0.3, 0, 0, 0, 0, 7.0], order=order)
-        sim.advance(steps=10_000)
-        half = 0.5 * 7.0 * 10.0
-        expected = np.array([0, 0, np.sin(half), np.cos(half)])
-        assert abs(abs(sim.q[3:7] @ expected) - 1.0) < 1e-12
-        np.testing.assert_allclose(sim.qd[3:], [0, 0, 7.0], atol=1e-12)
-        if order == 4:  # the centre of mass goes straight on
-            np.testing.assert_allclose(sim.q[:3], [3.0, 0, 0], atol=1e-6)
-
-
-def test_no_orientation_is_refused():
-    model = dd.load_urdf(BRICK, floating_base=True)
-    sim = dd.Simulation(model)
-    with pytest.raises(dd.InputError, match="quaternion"):
-        sim.reset(np.zeros(7), np.zeros(6))
-    assert sim.q[6] == 1.0
-    sim.reset([0, 0, 0, 0, 0, 0, 1.0004], np.zeros(6))
-    assert sim.q[6] == 1.0
-
-
-# --- Damping and limits ---
 
 
 @ORDERS
@@ -229,37 +157,6 @@ def test_heavy_damping_creeps(order):
     expected = 2.0 * np.arctan(np.tan(1.0) * np.exp(-moment / d * 100.0))
     assert sim.q[0] == pytest.approx(expected, rel={4: 1e-6, 1: 1e-5}[order])
     assert sim.qd[0] == pytest.approx(-moment / d * np.sin(sim.q[0]), rel=1e-3)
-
-
-@ORDERS
-def test_limits_hold_and_take_energy(order):
-    """Thrown against its limits, a robot stays within them, and no stop adds energy."""
-    model = load(PANDA, gravity=(0, 0, 0))
-    q, qd = random_state(model, 6, speed=20.0)
-    sim = dd.Simulation(model, q, qd, damping=np.zeros(model.nv), step={4: 1e-3, 1: 1e-5}[order], order=order)
-    last, stops = 0.5 * sim.nu @ sim.nu, 0
-    for _ in range({4: 3000, 1: shortened(3000, 800)}[order]):
-        sim.advance(steps={4: 1, 1: 100}[order])
-        now = 0.5 * sim.nu @ sim.nu
-        assert (sim.q >= model.lower).all() and (sim.q <= model.upper).all()
-        assert now <= last * (1 + 1e-3)  # between stops the integrator's own error, at 20 rad/s
-        stops += now < 0.99 * last
-        last = now
-    assert stops >= 3
-
-
-def test_coupled_robot_at_order_1():
-    """A step from rest is q̈ h, also of joints with followers."""
-    model = dd.load_urdf(robot_path(PANDA))
-    assert model.mimics
-    q = random_state(model, 9)[0]
-    sim = dd.Simulation(model, q, step=1e-4, damping=np.zeros(model.nv), order=1)
-    sim.advance()
-    expected = dd.DiagonalDynamics(model).forward_dynamics(q, np.zeros(model.nv), np.zeros(model.nv))
-    np.testing.assert_allclose(sim.qd, 1e-4 * expected, rtol=1e-8)
-
-
-# --- Whole robots ---
 
 
 @pytest.mark.parametrize("robot", list(some_of(regular_robots(), 8)))
@@ -277,23 +174,8 @@ def test_energy_stays_bounded(robot):
     assert max(energies) - energies[0] <= 0.01 * max(kinetic) + 1e-9
 
 
-@ORDERS
-def test_same_bits(order):
-    """Friction, limits, wrenches, a floating base: the same inputs give the same bits, in one call or in many."""
-    model = dd.load_urdf(robot_path(TALOS), floating_base=True)
-    ends = []
-    for parts in (1, 1, 40):
-        sim = dd.Simulation(model, order=order, limits=dd.CompliantLimits(300.0, 1.0))
-        for _ in range(parts):
-            sim.advance(0.1 * np.ones(model.nv), 40 // parts, {"torso_2_link": [9.0, 0, 0, 0, 0, 0]}, "world")
-        ends.append(sim.q.tobytes() + sim.nu.tobytes() + sim.qd.tobytes())
-    assert len(set(ends)) == 1
-
-
-@pytest.mark.parametrize("robot", [PANDA, HAND, UR5])
-def test_wave_moves_within_limits(robot):
-    """Driven along its waves a robot keeps moving, follows them and does not touch its limits."""
-    model = load(robot)
+def test_wave_moves_within_limits():
+    model = load(PANDA)
     sim = dd.Simulation(model)
     wave = simulation.Wave(sim)
     low, high = sim.q.copy(), sim.q.copy()
@@ -301,8 +183,7 @@ def test_wave_moves_within_limits(robot):
         sim.advance(wave.effort())
         low, high = np.minimum(low, sim.q), np.maximum(high, sim.q)
     assert (low > model.lower).all() and (high < model.upper).all()
-    span = np.minimum(np.where(np.isfinite(model.upper - model.lower), model.upper - model.lower, 2.0), 2.0)
-    assert ((high - low) > 0.2 * span).all()
+    assert ((high - low) > 0.2 * np.minimum(model.upper - model.lower, 2.0)).all()
 
 
 # --- Input errors ---
@@ -313,32 +194,52 @@ def test_wave_moves_within_limits(robot):
     [
         ({"step": 0.0}, "step"),
         ({"step": np.nan}, "step"),
-        ({"step": "fast"}, "step"),
         ({"order": 2}, "order is 2"),
         ({"damping": [1.0]}, "damping"),
         ({"damping": [-1.0] * 9}, "damping"),
         ({"q": [0.0] * 8}, "q has shape"),
         ({"qd": [np.nan] * 9}, "panda_joint1"),
+        ({"friction": [-1.0] * 9}, "friction is"),
+        ({"effort_limits": [-1.0] * 9}, "effort_limits is"),
+        ({"effort_limits": "none"}, "effort_limits is"),
+        ({"limits": "soft"}, "limits is 'soft'"),
+        ({"limits": dd.CompliantLimits(0.0)}, "stiffness of limits is 0.0"),
+        ({"limits": dd.CompliantLimits(1.0, -1.0)}, "damping of limits is -1.0"),
+        ({"limits": dd.CompliantLimits([1.0, 2.0])}, "stiffness of limits"),
     ],
 )
-def test_bad_start(options, key):
+def test_bad_options(options, key):
     with pytest.raises(InputError, match=key):
         dd.Simulation(load(PANDA), **options)
 
 
-def test_bad_arguments_leave_the_state():
+@pytest.mark.parametrize(
+    ("use", "key"),
+    [
+        (lambda sim: sim.advance([0.0]), "tau"),
+        (lambda sim: sim.advance([np.nan] * 9), "tau"),
+        (lambda sim: sim.advance(steps=-5), "steps"),
+        (lambda sim: sim.advance(steps=2**70), "steps"),
+        (lambda sim: sim.advance(f_ext={"nowhere": np.zeros(6)}), "'nowhere' is not a link"),
+        (lambda sim: sim.advance(f_ext={"panda_hand": [np.nan] * 6}), "f_ext on link 'panda_hand'"),
+        (lambda sim: sim.advance(f_ext={"panda_hand": np.zeros(5)}), "f_ext on link 'panda_hand'"),
+        (lambda sim: sim.advance(f_ext={}, frame="body"), "frame is 'body'"),
+        (lambda sim: setattr(sim, "damping", -np.ones(9)), "damping is"),
+        (lambda sim: sim.reset(np.zeros(2), np.zeros(9)), "q has shape"),
+        (lambda sim: sim.change_model(load(UR5)), "degrees of freedom"),
+        (lambda sim: sim.change_model(None), "needs a RobotModel"),
+        (lambda sim: dd.Simulation(dd.load_urdf(BRICK, floating_base=True), np.zeros(7)), "quaternion"),
+        (lambda sim: simulation.potential_energy(sim.model, np.zeros(2)), "q is"),
+    ],
+)
+def test_bad_arguments_leave_the_state(use, key):
+    """The caller's copy of the state is not the simulation's."""
     sim = dd.Simulation(load(PANDA))
     before = sim.q
-    for tau in ([0.0], [np.nan] * 9, [[0.0] * 9], "abc"):
-        with pytest.raises(InputError, match="tau"):
-            sim.advance(tau)
-    for steps in (2.7, -5, "3", 2**70):
-        with pytest.raises(InputError, match="steps"):
-            sim.advance(steps=steps)
-    for damping in (np.zeros(1), -np.ones(9), [np.nan] * 9):
-        with pytest.raises(InputError, match="damping is"):
-            sim.damping = damping
-    assert (sim.q == before).all() and sim.time == 0.0
+    sim.q[:] = sim.damping[:] = 7.0
+    with pytest.raises(InputError, match=key):
+        use(sim)
+    assert (sim.q == before).all() and sim.time == 0.0 and (sim.damping != 7.0).all()
 
 
 @ORDERS
@@ -351,38 +252,21 @@ def test_overflow_leaves_the_state_before(order):
     assert sim.qd[0] == pytest.approx(0.1, rel=1e-12)
 
 
-def test_state_is_the_simulations_own():
-    """What is handed out is a copy, so that nothing of the wrong size reaches compiled code."""
-    sim = dd.Simulation(load(PANDA))
-    sim.q[:] = 7.0
-    assert (sim.q != 7.0).all()
-    sim.damping = [0.5] * 9
-    sim.damping[:] = -1.0
-    assert (sim.damping == 0.5).all()
-    with pytest.raises(AttributeError):
-        sim.q = np.zeros(2)
-    with pytest.raises(InputError, match="q is"):
-        simulation.potential_energy(sim.model, np.zeros(2))
-
-
 @pytest.mark.parametrize(
-    "copied",
-    [copy.copy, copy.deepcopy, lambda sim: pickle.loads(pickle.dumps(sim))],
-    ids=["shallow copy", "copy", "pickle"],
+    "copied", [copy.copy, copy.deepcopy, lambda sim: pickle.loads(pickle.dumps(sim))], ids=["shallow", "deep", "pickle"]
 )
-@ORDERS
-def test_a_copy_goes_its_own_way(order, copied):
-    """A copy has arrays of its own, goes on with the same bits, and leaves the original where it is."""
-    sim = dd.Simulation(load(PANDA), friction=0.1 * np.ones(9), order=order)
+def test_a_copy_goes_its_own_way(copied):
+    """A copy has arrays of its own, has the same bits in one call or in many, and leaves the original as it is."""
+    sim = dd.Simulation(load(PANDA), friction=0.1 * np.ones(9))
     sim.advance(np.ones(9), steps=5)
     before, other = (sim.q, sim.qd, sim.nu, sim.time, sim.audit), copied(sim)
     other.advance(np.ones(9), steps=5)
     for now, then in zip((sim.q, sim.qd, sim.nu, sim.time, sim.audit), before, strict=True):
         assert np.array_equal(now, then)
     assert (other.q != sim.q).any()
-    sim.advance(np.ones(9), steps=5)
-    assert sim.q.tobytes() == other.q.tobytes()
-    assert sim.nu.tobytes() == other.nu.tobytes()
+    for _ in range(5):
+        sim.advance(np.ones(9))
+    assert sim.q.tobytes() == other.q.tobytes() and sim.nu.tobytes() == other.nu.tobytes()
     assert sim.audit == other.audit
 
 

@@ -65,17 +65,6 @@ def test_sliding_stops_where_it_should(order):
     assert sim.q[0] - rest == pytest.approx(0.5 * 0.25 * 1.1**2, rel={4: 1e-8, 1: 2e-2}[order])
 
 
-@ORDERS
-def test_passing_through_rest(order):
-    """Pushed back harder than friction holds it turns round: two parabolas, of (F + f)/m and (F − f)/m."""
-    sim = slider(v=1.0, friction=[1.0], order=order, step={4: 1e-2, 1: 1e-4}[order])
-    sim.advance([-5.0], steps=round(1.0 / sim.step_size))
-    turn = 1.0 / 3.0
-    expected = 0.5 / 3.0 - 0.5 * 2.0 * (1.0 - turn) ** 2
-    assert sim.q[0] == pytest.approx(expected, abs={4: 1e-9, 1: 1e-3}[order])
-    assert sim.qd[0] == pytest.approx(-2.0 * (1.0 - turn), abs={4: 1e-9, 1: 1e-3}[order])
-
-
 def test_order_with_friction():
     """With joints that stop, stick and break away, two that are coupled converge with order 4 all the same.
 
@@ -98,13 +87,10 @@ def test_order_with_friction():
 
 
 @ORDERS
-@pytest.mark.parametrize("robot", [HAND, "chain"])
-def test_friction_never_adds_energy(robot, order):
-    """Not in any step, however coarse, and joints that it stops do not move backwards."""
-    model = dd.load_urdf(CHAIN) if robot == "chain" else load(robot)
-    friction = np.full(2, 1.5) if robot == "chain" else 0.05 * model.friction
+def test_friction_never_adds_energy(order):
+    """Friction takes energy in every step, however coarse; joints that it stops do not move backwards."""
+    model, friction, rng = dd.load_urdf(CHAIN), np.full(2, 1.5), np.random.default_rng(4)
     sim = dd.Simulation(model, order=order, step=5e-3, friction=friction, limits=False)
-    rng = np.random.default_rng(4)
     stopped, last = 0, 0.0
     for k in range(400):
         if k % 10 == 0:
@@ -115,47 +101,29 @@ def test_friction_never_adds_energy(robot, order):
         last = sim.audit.friction
         ends = (qd != 0.0) & (sim.qd == 0.0)
         stopped += ends.sum()
-        if order == 1:
-            assert ((sim.q - q)[ends] == 0.0).all()
-    assert stopped > {"chain": 3, HAND: 100}[robot]
-    if robot == "chain":  # dampers of the hand stop joints within a step, see docs/simulation.md
-        assert abs(sim.audit.residual) < {4: 1e-8, 1: 1e-2}[order] * abs(last)
+        assert order == 4 or ((sim.q - q)[ends] == 0.0).all()
+    assert stopped > 3 and abs(sim.audit.residual) < {4: 1e-8, 1: 1e-2}[order] * abs(last)
 
 
 @ORDERS
-@pytest.mark.parametrize("robot", [UR5, PANDA, TALOS])
+@pytest.mark.parametrize("robot", [UR5, TALOS])
 def test_brakes(robot, order):
-    """However strong, they stop joints where they are, in any state, take what these had and not one joule more."""
+    """Brakes of any strength stop joints where they are, and take no more than their energy."""
     model = load(robot, floating_base=robot == TALOS)
     own = slice(6 if robot == TALOS else 0, None)  # nothing brakes a base
-    rng = np.random.default_rng(7)
-    for strength in (30.0, 1e3, 1e5, 1e7, 1e9, 1e12, 1e100):
-        for _ in range(10):
-            q, qd = model.neutral, rng.normal(size=model.nv)
-            q[-len(qd[own]) :] = rng.uniform(*np.clip([model.lower, model.upper], -1.0, 1.0))[-len(qd[own]) :]
-            sim = dd.Simulation(model, q, qd, order=order, damping=np.zeros(model.nv), effort_limits=False)
-            energy, q = sim.kinetic_energy, sim.q
-            friction = np.zeros(model.nv)
-            friction[own] = strength
-            sim.friction = friction
-            sim.advance()
-            assert np.abs(sim.q - q).max() < 2e-3 * np.abs(qd).max()
-            assert sim.audit.kinetic + sim.audit.potential < 0.0 and sim.audit.friction < 0.0
-            assert abs(sim.audit.residual) < {4: 2e-2, 1: 5e-2}[order] * energy
-            if strength >= 1e7:
-                assert not sim.qd[own].any()
-
-
-@ORDERS
-def test_a_hand_at_rest_stays_at_rest(order):
-    """Below the breakaway torque of every joint nothing moves, bit for bit, whatever else would."""
-    model = load(HAND)
-    rng = np.random.default_rng(1)
-    sim = dd.Simulation(model, order=order)
-    start = sim.q
-    for _ in range(5):
-        sim.advance(0.9 * model.friction * rng.uniform(-1, 1, model.nv), steps=20)
-    assert (sim.q == start).all() and not sim.qd.any() and sim.audit.residual == 0.0
+    rng, friction = np.random.default_rng(7), np.zeros(model.nv)
+    for strength in np.repeat([30.0, 1e5, 1e7, 1e100], 5):
+        q, qd = model.neutral, rng.normal(size=model.nv)
+        q[-len(qd[own]) :] = rng.uniform(*np.clip([model.lower, model.upper], -1.0, 1.0))[-len(qd[own]) :]
+        friction[own] = strength
+        options = {"damping": np.zeros(model.nv), "friction": friction, "effort_limits": False}
+        sim = dd.Simulation(model, q, qd, order=order, **options)
+        energy, q = sim.kinetic_energy, sim.q
+        sim.advance()
+        assert np.abs(sim.q - q).max() < 2e-3 * np.abs(qd).max()
+        assert sim.audit.kinetic + sim.audit.potential < 0.0 and sim.audit.friction < 0.0
+        assert abs(sim.audit.residual) < {4: 2e-2, 1: 5e-2}[order] * energy
+        assert strength < 1e7 or not sim.qd[own].any()
 
 
 # --- Limits ---
@@ -163,7 +131,7 @@ def test_a_hand_at_rest_stays_at_rest(order):
 
 @ORDERS
 def test_hard_limit_keeps_its_place(order):
-    """An arm that falls on its stop loses what it has, and what it has left is that of the joints that go on."""
+    """An arm that falls on its stop stays there; energy is lost at impacts only."""
     sim = dd.Simulation(dd.load_urdf(CHAIN.replace('upper="10"', 'upper="1.0"', 1)), order=order)
     energies = []
     for _ in range(1500):
@@ -191,16 +159,6 @@ def test_compliant_limit_never_adds_energy(order, damping, stiffness):
             assert sim.qd[0] == pytest.approx(-1.0, rel=1e-6), "a spring that the step resolves gives all back"
 
 
-@ORDERS
-def test_compliant_limit_bears_a_load(order):
-    """F/k deep, at rest."""
-    sim = slider(9.9, 0.0, order=order, limits=dd.CompliantLimits(1e4, 200.0))
-    sim.advance([5.0], steps=4000)
-    assert sim.q[0] == pytest.approx(10.0 + 5.0 / 1e4, abs=1e-9)
-    assert abs(sim.qd[0]) < 1e-9
-    assert sim.audit.elastic == pytest.approx(0.5 * 25.0 / 1e4, rel=1e-4)
-
-
 def test_compliant_limit_converges():
     """In contact a spring and damper of a coupled arm are integrated with order 4: the residual and the end say so."""
     model = dd.load_urdf(CHAIN.replace('upper="10"', 'upper="0.6"', 1))
@@ -221,17 +179,13 @@ def test_compliant_limit_converges():
 
 
 def test_efforts_saturate():
-    """A command beyond the limit is cut to it, and named; what is asked for does not matter."""
+    """An effort beyond the limit is cut to it, and its joint is named."""
     sims = [slider(effort_limits=limits) for limits in (True, [100.0], False, [7.0])]
     for sim in sims:
-        sim.advance([150.0], steps=10)
+        sim.advance([-150.0], steps=10)
     assert sims[0].saturated == sims[1].saturated == ("rail",) and sims[2].saturated == ()
-    assert [sim.effort[0] for sim in sims] == [100.0, 100.0, 150.0, 7.0]
-    np.testing.assert_allclose([sim.qd[0] for sim in sims], np.array([100, 100, 150, 7]) / 2 * 0.01, rtol=1e-12)
-    sims[0].advance([-150.0])
-    assert sims[0].effort[0] == -100.0
-    sims[0].advance([3.0])
-    assert sims[0].saturated == ()
+    assert [sim.effort[0] for sim in sims] == [-100.0, -100.0, -150.0, -7.0]
+    np.testing.assert_allclose([sim.qd[0] for sim in sims], np.array([-100, -100, -150, -7]) / 2 * 0.01, rtol=1e-12)
     unlimited = dd.Simulation(dd.load_urdf(SLIDER.replace('effort="100"', 'effort="0"')))
     unlimited.advance([1.0])
     assert unlimited.qd[0] > 0.0 and unlimited.saturated == () and unlimited.overspeed == ()
@@ -271,11 +225,6 @@ def test_payload_taken_up_in_motion():
     assert abs(sim.audit.exchanged) > 1e-3 and sim.audit.residual == pytest.approx(before.residual, abs=1e-12)
     sim.advance(steps=100)
     assert abs(sim.audit.residual) < 1e-8
-    with pytest.raises(dd.InputError, match="degrees of freedom"):
-        sim.change_model(load(UR5))
-    with pytest.raises(dd.InputError, match="needs a RobotModel"):
-        sim.change_model(None)
-    assert sim.model is loaded
 
 
 # --- The audit ---
@@ -309,10 +258,7 @@ ROBOTS = {
 )
 @pytest.mark.parametrize("name", ROBOTS)
 def test_energy_is_accounted_for(name, limits, seconds):
-    """Every joule is somebody's: the residual is small, friction and dampers take at every instant, and so do stops.
-
-    Talos over two minutes is in docs/simulation.md; it takes long.
-    """
+    """The audit's residual is small; friction, dampers and stops only take energy."""
     robot, options = ROBOTS[name]
     model = load(robot, **options)
     own = {}
@@ -331,38 +277,3 @@ def test_energy_is_accounted_for(name, limits, seconds):
     for step in steps:
         assert step.damping <= 0.0 and step.friction <= 0.0
         assert step.limits <= 1e-9 * turnover
-
-
-# --- Wrong use ---
-
-
-@pytest.mark.parametrize(
-    ("options", "named"),
-    [
-        ({"friction": [-1.0]}, "friction is"),
-        ({"friction": [1.0, 2.0]}, "friction is"),
-        ({"effort_limits": [-1.0]}, "effort_limits is"),
-        ({"effort_limits": "none"}, "effort_limits is"),
-        ({"limits": "soft"}, "limits is 'soft'"),
-        ({"limits": dd.CompliantLimits(0.0)}, "stiffness of limits is 0.0"),
-        ({"limits": dd.CompliantLimits(1.0, -1.0)}, "damping of limits is -1.0"),
-        ({"limits": dd.CompliantLimits([1.0, 2.0])}, "stiffness of limits"),
-    ],
-)
-def test_bad_settings(options, named):
-    with pytest.raises(dd.InputError, match=named):
-        slider(**options)
-
-
-def test_bad_wrenches_leave_the_state():
-    sim = slider(v=1.0)
-    for f_ext, frame, named in (
-        ({"nowhere": np.zeros(6)}, "link", "'nowhere' is not a link"),
-        ({"block": [np.nan] * 6}, "link", "f_ext on link 'block'"),
-        ({"block": np.zeros(5)}, "link", "f_ext on link 'block'"),
-        ({}, "body", "frame is 'body'"),
-        ([1.0], "link", "f_ext is"),
-    ):
-        with pytest.raises(dd.InputError, match=named):
-            sim.advance(f_ext=f_ext, frame=frame)
-    assert sim.q[0] == 0.0 and sim.time == 0.0
