@@ -169,7 +169,7 @@ def test_damaged_files_are_compiled_again(folder, caplog, damage):
 
 
 def test_stale_files_are_compiled_again(folder, caplog, monkeypatch):
-    """Files of other sources, of another format or of another function are no damage."""
+    """Files of other sources, formats or functions are stale, not damaged."""
     assert compile_small() == 0
     with monkeypatch.context() as context:
         context.setattr(store, "source_hash", lambda: "other sources")
@@ -340,7 +340,7 @@ def copy(tmp_path):
 
 @pytest.mark.full
 def test_next_process_loads_from_the_cache(copy, tmp_path):
-    """It does not prepare to compile. spatial.py is inlined into the sweeps: after an edit they give the new number."""
+    """It does not prepare to compile. An edit of spatial.py, which the sweeps inline, changes their result."""
     cache = tmp_path / "cache"
     for hits in (False, True):
         D, found, _ = run(copy, cache)

@@ -44,7 +44,7 @@ def test_unknown_names(name, key):
 
 @pytest.fixture
 def robot_descriptions(tmp_path, monkeypatch):
-    """Put a stand-in on the path for the package of that name, which clones from the network."""
+    """Replace the package robot_descriptions, which clones from the network."""
     urdf = tmp_path / "arm.urdf.xacro"
     urdf.write_text(UR5.read_text())
     has_urdf = {"arm": True, "lost": True, "bare": True, "xacro": True, "arm_mj": False}

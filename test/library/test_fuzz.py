@@ -129,7 +129,7 @@ def mutant(seed):
 
 
 def load_and_use(source, **options):
-    """Load and evaluate; return the model, or None. Whatever is unexpected is an exception."""
+    """Load and evaluate. Return the model, or None after one of the package's exceptions."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.simplefilter("ignore", dd.InertiaWarning)

@@ -52,13 +52,13 @@ def require_same(found, expected, where="fixture"):
 
 
 def unpacked(text):
-    """Bytes of a text, without the compression, which each version of zlib does in its own way."""
+    """Return the bytes of a text without their compression, which depends on the version of zlib."""
     data = base64.b64decode(text)
     return gzip.decompress(data) if data[:2] == b"\x1f\x8b" else data
 
 
 def numbers_of(frame):
-    """Time and numbers of a frame."""
+    """Return time and numbers of a frame."""
     return [float(np.frombuffer(frame, "<f8", 1)[0]), *np.frombuffer(frame, "<f4", offset=8).astype(float).tolist()]
 
 
@@ -87,7 +87,7 @@ ROBOTS = [
 
 
 def some(model, count=1, seed=3):
-    """Positions, rates and efforts of some states."""
+    """Return positions, rates and efforts of some states."""
     rng = np.random.default_rng(seed)
     q = np.array([model.random(rng) for _ in range(count)])
     return q, rng.normal(size=(count, model.nv)), 10.0 * rng.normal(size=(count, model.nv))
@@ -233,7 +233,7 @@ def test_a_show_makes_each_frame_once(panda):
 
 
 def test_why_no_state_comes():
-    """The worst status is the reason, once nothing else is."""
+    """The worst status is the reason if there is no other."""
     show = Show("/arm", lambda _: None)
     show.use(dd.DiagonalDynamics(dd.load_urdf(page_fixture.ARM)), None, None)
     assert show.about()["waiting"] == "waiting for the first state"
@@ -263,7 +263,7 @@ def test_contact_is_read_at_most_ten_times_a_second(monkeypatch):
 
 
 def test_mass_of_half_and_the_margin_of_a_retreat():
-    """Half of what moves, and all that is carried. A point that moves away keeps its whole allowed speed."""
+    """Half of the moving mass, and the whole payload. A point that moves away has its whole allowed speed as margin."""
     model = dd.load_urdf(page_fixture.ARM)
     assert mass_of_half(model) == pytest.approx(1.5)
     assert mass_of_half(model.with_payload("lower", 1.5, (0.0, 0.0, 0.1))) == pytest.approx(3.0)
@@ -284,7 +284,7 @@ def mesh(name, scale="1 1 1"):
 
 
 def scene(*visuals, folders=()):
-    """The scene of an arm whose first moving link is drawn like that, and its meshes."""
+    """Return the scene of an arm whose first moving link has these visuals, and its meshes."""
     text = description(
         "arm",
         link("base"),
@@ -298,7 +298,7 @@ def scene(*visuals, folders=()):
 
 
 def mesh_of(data):
-    """Vertices and triangles of the bytes that a page gets."""
+    """Return vertices and triangles of a packed mesh."""
     vertices, triangles = struct.unpack_from("<II", data)
     assert len(data) == 8 + 12 * (vertices + triangles)
     positions = np.frombuffer(data, "<f4", 3 * vertices, 8).reshape(-1, 3)

@@ -79,7 +79,7 @@ def serve(tmp_path):
 
 @pytest.fixture
 def address(serve, arm):
-    """Where two robots are served, of which nothing is known of the second one."""
+    """Return the address of a server with two robots; the second one has no model."""
     return serve(arm.show, Show("/other", lambda _: None))
 
 
@@ -115,7 +115,7 @@ def test_requests_that_are_rejected(address, status, path):
 
 
 def test_only_get_and_only_by_an_own_name(address):
-    """A page of elsewhere whose name leads here reads nothing (DNS rebinding)."""
+    """The server rejects host names of others (DNS rebinding)."""
     for method in ("POST", "PUT", "DELETE", "PATCH", "OPTIONS", "HEAD"):
         status, headers, _ = get(address, "/robots", method)
         assert (status, headers["Allow"]) == (405, "GET")
@@ -150,7 +150,7 @@ def test_robots_and_meshes(address):
 
 
 def test_bytes_that_are_no_request(address):
-    """An answer that says no, or the end of the connection; and the next request is served."""
+    """The server rejects them or ends the connection, and serves the next request."""
     rng = np.random.default_rng(5)
     lines = (
         *("", "/ HTTP/9.9", "/%ff%00 HTTP/1.1\r\nHost: localhost", "http://[ HTTP/1.1\r\nHost: localhost"),
@@ -182,7 +182,7 @@ def test_connections_without_a_request_cannot_take_all_threads(address):
 
 
 def test_a_stream_has_the_numbers_of_the_states(address, arm):
-    """The layout comes first. Frames are evaluations of the states that they tell."""
+    """The layout comes first. Frames have the evaluations of their states."""
     dyn = dd.DiagonalDynamics(arm.model)
     with Stream(address, robot="/arm", hz=50, link="panda_hand") as stream:
         kind, layout = stream.packet()
@@ -218,7 +218,7 @@ def test_streams_share_a_limit(serve, arm):
 
 
 def test_a_slow_reader_gets_the_present_and_makes_nobody_wait(serve):
-    """Others get their frames meanwhile. Whoever reads again finds few old ones, and learns how many were skipped."""
+    """Other readers receive their frames. The slow one finds few old frames, and the number of skipped ones."""
     links = [link(f"l{k}", 1.0, (0, 0, 0.1), (0.01, 0, 0, 0.01, 0, 0.01)) for k in range(61)]
     joints = [joint(f"j{k}", "revolute", f"l{k}", f"l{k + 1}", (k % 2, 1 - k % 2, 0)) for k in range(60)]
     address = serve(Robot(description("chain", *links, *joints)).serve())

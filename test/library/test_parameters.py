@@ -191,13 +191,13 @@ def test_simulated_offset():
     assert abs(free.qd[6]) > 1e-2
 
 
-# --- Masses that are taken off
+# --- Negative payloads
 
 LOCKED = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
 
 
 def test_payload_of_negative_mass():
-    """It takes off the hand that the URDF has: the robot equals one of a URDF without that hand."""
+    """It removes the hand of the URDF: the robot equals one of a URDF without the hand."""
     root = ET.fromstring(PANDA.read_text())
     hand = root.find("link[@name='panda_hand']")
     inertial = hand.find("inertial")
@@ -222,7 +222,7 @@ def test_payload_of_negative_mass():
 
 
 def test_mass_that_moves_with_a_link():
-    """That of links behind locked joints counts, that of links behind free joints does not."""
+    """It includes links behind locked joints, not links behind free joints."""
     free, held = dd.load_urdf(PANDA, mimic="free"), dd.load_urdf(PANDA, locked_joints=LOCKED)
     mass = {held.link_names[index]: mass for index, mass in held.links[["index", "mass"]]}
     taken = mass["panda_hand"] + mass["panda_link7"] + mass["panda_leftfinger"]
@@ -305,7 +305,7 @@ def test_errors_name_the_file(panda, tmp_path, text, key):
 
 
 def test_perturbed_inertias():
-    """They are off by at most the given part, and those of rigid bodies; the seed decides."""
+    """Errors are at most the given fraction, bodies stay rigid, and the seed determines them."""
     model = dd.load_urdf(PANDA, armature=0.1, payloads={"panda_hand": (0.5, (0, 0, 0.1))})
     unchanged, one, again, other = (model.perturbed(*x) for x in ((0.0,), (0.3, 1), (0.3, 1), (0.3, 2)))
     for name in ("nu", "epsilon", "coriolis"):
@@ -356,7 +356,7 @@ def test_parameters_of_every_node_are_ignored(tmp_path, section):
 
 
 def test_parameters_of_other_nodes(tmp_path):
-    """They are ignored in a section that may be another node's."""
+    """The package ignores them in a section that may be another node's."""
     others = {"robot_compensates_gravity": False, "tracking_gain": ["*=20.0"], "motion": "wave", "port": 8421}
     assert parameters_of(node_file(tmp_path, {"/**": GAIN | others})) == {"external_torque.gain": 30.0}
     unknown = [("diag_dynamics", "motion")]

@@ -23,7 +23,7 @@ from recorded_arm import ARM, PUSHED, RATE, WATCHED, Recording, parts_of
 
 
 def rows_of(t, K, collision=None, work=None):
-    """States with random numbers apart from those given."""
+    """Return states; all other numbers are random."""
     rng, count = np.random.default_rng(3), len(t)
     work, unknown = Works().take(t, rng.normal(size=(count, 4)) if work is None else work)
     none, valid = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
@@ -54,7 +54,7 @@ def test_no_peak_is_missing_from_the_overview():
 
 @pytest.mark.parametrize("size", [700, 2500, 20_000])
 def test_all_states_around_contacts_are_kept(size):
-    """However the recording is cut into pieces; of a long contact those about its beginning and its end."""
+    """The size of pieces has no effect. Of a long contact, states around its start and end are kept."""
     t, edges = np.arange(20_000) * 1e-3, [5.0, 5.2, 6.5, 6.6, 13.0, 19.0]
     collision = np.any([(t >= begin) & (t < end) for begin, end in zip(edges[::2], edges[1::2], strict=True)], axis=0)
     contacts = Contacts()
@@ -82,7 +82,7 @@ def test_mean_powers_are_works_by_time():
 
 
 def unpacked(data, columns, rows):
-    """Columns again, by the description of the format and not by the page's code."""
+    """Return columns by the description of the format, without the page's code."""
     planes = np.frombuffer(gzip.decompress(data), np.uint8).reshape(len(columns), 2, rows).astype(np.int64)
     zigzag = (planes[:, 0] << 8) | planes[:, 1]
     found = np.empty((rows, len(columns)))
@@ -138,7 +138,7 @@ def recording(tmp_path_factory):
 
 
 def track_of(told, blocks, track):
-    """Times of a track, its fields by name with the states that they are of, and its contact."""
+    """Return times of a track, its fields by name with their states, and its contact."""
     first, *others = (blocks[k] for k in track["blocks"])
     steps = np.frombuffer(gzip.decompress(first), np.uint8).reshape(4, -1).T.copy().view("<u4")
     sizes, found = {field["name"]: field["size"] for field in told["layout"]["fields"]}, {}
@@ -209,7 +209,7 @@ GAIN, THRESHOLD = "external_torque.gain", "external_torque.threshold"
     ids=["neither", "no gain", "no threshold", "no efforts"],
 )
 def test_contacts_of_which_nothing_is_known(recording, capsys, given, efforts, missing, words):
-    """Summary and text name the missing parameter, and say no word of no contact."""
+    """Summary and text name the missing parameter and do not report zero contacts."""
     columns = recording.columns(slice(750, 1500))  # the push is in it
     if not efforts:
         del columns["tau"]
@@ -252,7 +252,7 @@ def test_the_strongest_contacts_have_the_room_that_there_is(recording, monkeypat
 
 
 def test_a_model_without_a_description_has_no_contact(recording):
-    """Its points could not be found. The report is made all the same."""
+    """The report has no points of contact."""
     html = recording.folder / "made.html"
     path = recording.folder / "made.npz"
     np.savez(path, **recording.columns(slice(0, 500)))

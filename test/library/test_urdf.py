@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""URDFs: models of valid ones, named errors of the others, and bounds on what an untrusted one costs."""
+"""URDFs: models of valid ones, named errors of the others, and bounds on the cost of untrusted ones."""
 
 import ctypes
 import importlib.util
@@ -59,7 +59,7 @@ def test_sources(tmp_path, monkeypatch):
 
 
 def test_declared_encoding(tmp_path):
-    """A declaration is that of bytes; text is text whatever it declares."""
+    """A declaration applies to bytes. Text has no encoding."""
     text = '<?xml version="1.0" encoding="iso-8859-1"?>' + changed("shoulder", "Schläger")
     file = tmp_path / "latin.urdf"
     file.write_bytes(text.encode("iso-8859-1"))
@@ -69,7 +69,7 @@ def test_declared_encoding(tmp_path):
 
 
 def test_no_other_file_is_opened(tmp_path):
-    """Neither meshes nor the files that a document type or an entity names."""
+    """The loader opens neither meshes nor the files of a document type or an entity."""
     libc = ctypes.CDLL(None, use_errno=True)
     watch = libc.inotify_init1(os.O_NONBLOCK)
 
@@ -150,7 +150,7 @@ TOLERATED = {
 
 @pytest.mark.parametrize("case", TOLERATED)
 def test_tolerated(case):
-    """What dynamics does not need changes nothing."""
+    """Elements without a meaning for dynamics change nothing."""
     old, new = TOLERATED[case]
     model = dd.load_urdf(changed(old, new + "</robot>" if old == "</robot>" else new))
     assert model.bodies.tobytes() == dd.load_urdf(ARM).bodies.tobytes()
@@ -177,12 +177,12 @@ def test_inertia_of_no_rigid_body_warns(inertia, key):
 
 
 def rounded(inertia, digits):
-    """Return ixx ixy ixz iyy iyz izz with so many digits."""
+    """Return ixx ixy ixz iyy iyz izz, rounded to some digits."""
     return [float(f"{inertia[i, j]:.{digits - 1}e}") for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
 
 
 def test_rounded_inertias_do_not_warn():
-    """Plates and rods are at the bound of rigid bodies; four digits of them suffice, and so does no inertia at all."""
+    """Plates and rods are at the bound of rigid bodies. Four digits suffice; zero inertia is valid."""
     rng = np.random.default_rng(0)
     inertias = [(0, 0, 0, 0, 0, 0), (0.1, 0, 0, 0.1, 0, 0.2), (1e-20, 0, 0, -1e-20, 0, 0)]
     for digits in (4, 5, 6, 9):
@@ -341,7 +341,7 @@ SHAPES = {
 
 
 def count_lines(text, **options):
-    """Count the lines of the package that loading runs, once for each turn of a loop, and calls of other functions."""
+    """Count the lines of the package that loading executes, and calls of other functions."""
     count = 0
 
     def trace(frame, event, _):

@@ -41,7 +41,7 @@ def chromium():
 
 
 def still(dynamics):
-    """The state of page_fixture, as if it had come just now."""
+    """Return the state of page_fixture with the present time."""
     s = dynamics.evaluate(page_fixture.Q, page_fixture.QD, page_fixture.EFFORT)
     zero = np.zeros((1, 2))
     seen = Seen([True], zero, zero, np.zeros(1), [False])
@@ -83,14 +83,14 @@ RATE, SIZES = 100.0, ((360, 740), (1280, 720), (1920, 1080), (3840, 2160))
 
 
 class Robot(MovingRobot):
-    """A moving robot that can stop sending, and whose states can be said to be doubtful."""
+    """A moving robot that can stop sending, and whose states can be flagged."""
 
     def __init__(self, model, rate=RATE):
         super().__init__(model, rate)
         self.silent, self.doubtful = threading.Event(), threading.Event()
 
     def at(self, stamp):
-        """The state of a stamp."""
+        """Return the state of a stamp."""
         return self.state(stamp - self._first_stamp)
 
     def take(self, dynamics):
@@ -102,7 +102,7 @@ class Robot(MovingRobot):
 
 
 def shown(urdf, name, take_contact=lambda _: None):
-    """A robot and its Show."""
+    """Return a robot and its Show."""
     robot = Robot(dd.load_urdf(urdf, massless="lock"))
     show = Show(name, robot.take, take_contact)
     meshes = MeshLibrary(mesh_folders(urdf) if not urdf.startswith("<") else ())
@@ -116,7 +116,7 @@ def status(level, name, message):
 
 
 def chain(names, shape='<visual><geometry><sphere radius="0.03"/></geometry></visual>', limit=0.2):
-    """A URDF of links in a row, by the names of its joints."""
+    """Return a URDF of links in a row with these joints."""
     inertia = (0.3, (0.0, 0.0, 0.05), (1e-3, 0.0, 0.0, 1e-3, 0.0, 1e-3))
     links = [link(f"link{k}", *inertia).replace("</link>", f"{shape}</link>") for k in range(len(names) + 1)]
     joints = [
@@ -128,7 +128,7 @@ def chain(names, shape='<visual><geometry><sphere radius="0.03"/></geometry></vi
 
 
 def read(text):
-    """A number as the page writes it."""
+    """Return a number of a text of the page."""
     return float(text.replace("−", "-"))
 
 
@@ -147,7 +147,7 @@ def panda():
 
 @pytest.fixture(scope="module")
 def opened(chromium, panda):
-    """A page that stays open for several tests; it asks nobody else, and its console is empty in the end."""
+    """Share a page between tests. Its console stays empty, and its requests go to its server."""
     shows = [panda[1], shown(str(find_urdf("ur5")), "/other")[1]]
     server = PageServer(lambda: shows)
     server.start()
@@ -161,7 +161,7 @@ def opened(chromium, panda):
 
 @pytest.fixture
 def live(opened):
-    """The page as it is when nobody has touched it."""
+    """Return the page in its initial state."""
     for key in ("Escape", "l", "1"):
         opened.page.keyboard.press(key)
     opened.page.mouse.move(5, 5)
@@ -300,7 +300,7 @@ def test_no_text_is_cut_off(live):
 
 @pytest.mark.full
 def test_sixty_joints_and_names_that_are_html(chromium, serve):
-    """Bars of the top few and of others; a name is text, whatever is in it."""
+    """Bars of the largest few and of others; HTML in a name is text."""
     hostile = "&lt;img src=x onerror=alert(1)&gt;"
     _, show = shown(chain([hostile, *(f"a_long_name_of_joint_{k}" for k in range(59))]), "/<b>long")
     with Tab(chromium, (1000, 700), "light") as tab:
@@ -356,7 +356,7 @@ def test_contact_now_and_then(chromium, serve):
 
 @pytest.mark.full
 def test_the_worst_status_is_seen_at_once(chromium, serve):
-    """In the head and in the banner: why no state comes, or no longer."""
+    """Head and banner have the reason why there is no state."""
     text, refused = chain(["one", "two"]), "parameter 'alarm.joints' names 'elbow'"
     robot = Robot(dd.load_urdf(text))
     show = Show("/late", robot.take)
@@ -384,7 +384,7 @@ def test_the_worst_status_is_seen_at_once(chromium, serve):
 
 
 def show_moment(tab, t):
-    """Go to a moment; return what is shown of the state and of contact."""
+    """Go to a moment. Return the values of its state and its contact."""
     tab.until("diag.values")
     tab.ask(f"diag.go({t!r})")
     tab.drawn()
@@ -441,7 +441,7 @@ CHAPTERS = "overall", "contacts", "touches", "parameters"
 
 @pytest.mark.full
 def test_the_worst_point_moves_with_a_floating_base(chromium, tmp_path):
-    """It is told in the root link's axes, and drawn where these are at that moment."""
+    """Its position is in the root link's axes, which move."""
     model = dd.load_robot("panda", floating_base=True)
     driver, count = Driver(dd.load_robot("panda"), 1), 1000
     joints, bases = [], []

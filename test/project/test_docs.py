@@ -111,7 +111,7 @@ OF_EVERY_NODE |= {"~/get_parameter_types", "~/set_parameters_atomically", *(name
 
 @pytest.mark.parametrize("node", NODES)
 def test_access_policy_allows_the_interfaces(node):
-    """Neither more nor less; test_deployed.py compares the policy with the nodes."""
+    """It allows no other ones; test_deployed.py compares the policy with the nodes."""
     policy = ET.parse(ROOT / "config" / "sros2_policy.xml").getroot()
     profiles = [
         profile for profile in policy.iter("profile") if profile.get("node").removesuffix("_reading") == NODES[node]

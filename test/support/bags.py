@@ -39,7 +39,7 @@ class Message(NamedTuple):
 
 
 def urdf_of(*names):
-    """Return a URDF of a chain of links on continuous joints of these names, of which nothing is absurd."""
+    """Return a URDF of a chain of links on continuous joints of these names, with plausible numbers."""
     links = "".join(
         f'<link name="link_{name}"><inertial><mass value="1"/><origin xyz="0.1 0 0.3"/>'
         '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
@@ -175,7 +175,7 @@ def write_ros1(path, messages, compression=None, chunk=2000):
 
 
 def odometry(stamp, link, pose, twist):
-    """Bytes of an odometry, by rosbags: x y z qx qy qz qw, and linear and angular velocity in the link's axes."""
+    """Return the bytes of an odometry by rosbags: x y z qx qy qz qw, and linear and angular velocity in the link's axes."""
     no = np.zeros(36)
 
     def of(name, *fields):

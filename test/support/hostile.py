@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings in which much goes wrong: joint states as bytes, with times of reception."""
+"""Recordings with faults: joint states as bytes, with times of reception."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ JointState = message_type(JOINT_STATE)
 
 
 def serialized(stamp, names, position, velocity, effort=()):
-    """Bytes of a joint state."""
+    """Return the bytes of a joint state."""
     message = JointState(name=list(names), position=list(position), velocity=list(velocity), effort=list(effort))
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, S)
     message.header.frame_id = "base"
@@ -24,7 +24,7 @@ def serialized(stamp, names, position, velocity, effort=()):
 
 
 class Driver:
-    """Sends states of a robot in slow motion, with whatever goes wrong with them."""
+    """A source of states of a robot in slow motion, with faults."""
 
     def __init__(self, model, seed, names=None, effort=True):
         self.rng, self.effort = np.random.default_rng(seed), effort
@@ -43,7 +43,7 @@ class Driver:
         self.stuck = stamp, stamp + time
 
     def state(self, stamp):
-        """Names, positions, velocities and efforts at a time [ns]."""
+        """Return names, positions, velocities and efforts at a time [ns]."""
         begin, end = self.stuck
         t = ((begin if begin <= stamp < end else stamp) - START) / S
         position = self.multiplier * (self.middle + self.reach * np.sin(t + self.phase)) + self.offset
@@ -51,11 +51,11 @@ class Driver:
         return self.names, position, velocity, np.sin(self.phase + 3.0 * t) if self.effort else ()
 
     def good(self, stamp):
-        """A message about which nothing is wrong."""
+        """Return a valid message."""
         return serialized(stamp, *self.state(stamp))
 
     def bad(self, stamp):
-        """One that is odd in one of many ways."""
+        """Return a message with one of many faults."""
         names, position, velocity, effort = self.state(stamp)
         position, velocity, effort = position.copy(), velocity.copy(), np.array(effort)
         k = self.rng.integers(len(names))
@@ -105,7 +105,7 @@ class Driver:
 
 
 def hostile(model, seed, count=1500, odd=0.1, drivers=None):
-    """Messages of one or two drivers, one in ten of them odd, with stalls, bursts and old values; and times of reception.
+    """Return messages of one or two drivers and times of reception, with faults, stalls, bursts and old values.
 
     Without `drivers` there are two where the seed is even.
     """

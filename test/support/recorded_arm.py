@@ -67,7 +67,7 @@ class Recording:
 
 
 def parts_of(html):
-    """What a report tells, and its blocks as bytes."""
+    """Return the JSON of a report, and its blocks as bytes."""
     text = html.read_text(encoding="utf-8")
     data = re.search(r'<script type="application/json" id="report">(.*?)</script>', text, re.DOTALL)
     blocks = re.findall(r'<script type="text/plain" id="block-\d+">(.*?)</script>', text)

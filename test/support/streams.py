@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A reader of the page's stream, and of whatever else its server has: over a real connection."""
+"""A client of the page's server over a real connection."""
 
 import contextlib
 import http.client
@@ -20,7 +20,7 @@ PATIENCE = 120.0
 
 
 def get(address, path, method="GET", **headers):
-    """Ask once; return status, headers and body."""
+    """Send one request; return status, headers and body."""
     url = urlsplit(address)
     connection = http.client.HTTPConnection(url.hostname, url.port, timeout=PATIENCE)
     try:
@@ -32,14 +32,14 @@ def get(address, path, method="GET", **headers):
 
 
 def get_json(address, path):
-    """Ask for JSON, with success."""
+    """Return the JSON of a successful response."""
     status, _, body = get(address, path)
     assert status == 200, body
     return json.loads(body)
 
 
 def wait_for_robot(address, accept=lambda _: True, timeout=PATIENCE):
-    """Return what is said of the first robot that is accepted; the server may have to come up first."""
+    """Return the entry of the first accepted robot; wait until the server runs."""
     end, said = time.monotonic() + timeout, "nothing"
     while time.monotonic() < end:
         with contextlib.suppress(OSError):
@@ -51,10 +51,10 @@ def wait_for_robot(address, accept=lambda _: True, timeout=PATIENCE):
 
 
 class Stream:
-    """A stream that is being read, or not."""
+    """A stream of the server."""
 
     def __init__(self, address, timeout=PATIENCE, room=None, **query):
-        """Ask for it; `room`: of the receiving buffer [bytes]."""
+        """Request the stream; `room` is the size of the receiving buffer [bytes]."""
         url = urlsplit(address)
         self.socket = socket.socket()
         if room:
@@ -73,7 +73,7 @@ class Stream:
         return self
 
     def __exit__(self, *_):
-        """Leave."""
+        """Close the connection."""
         self.socket.close()
 
     def _exactly(self, count):
@@ -86,7 +86,7 @@ class Stream:
         return some
 
     def packet(self):
-        """Return the next packet: its kind, and what is in it, as JSON or as a :class:`Frame`."""
+        """Return the kind of the next packet and its content, JSON or a :class:`Frame`."""
         length, kind = struct.unpack("<IB", self._exactly(5))
         payload = self._exactly(length)
         if kind == FRAME:
@@ -97,7 +97,7 @@ class Stream:
         return kind, told
 
     def next(self, kind, accept=lambda _: True, timeout=PATIENCE):
-        """Return the next packet of a kind that is accepted."""
+        """Return the next accepted packet of a kind."""
         end = time.monotonic() + timeout
         while time.monotonic() < end:
             found, told = self.packet()
@@ -106,7 +106,7 @@ class Stream:
         raise TimeoutError(f"no such packet of kind {kind} within {timeout} s")
 
     def frames(self, count):
-        """Return as many frames."""
+        """Return some frames."""
         return [self.next(FRAME) for _ in range(count)]
 
 
@@ -114,7 +114,7 @@ class Frame:
     """A frame, by the names of its fields."""
 
     def __init__(self, layout, payload):
-        """Take it apart as the layout says."""
+        """Split the numbers by the layout."""
         (self.t,) = struct.unpack_from("<d", payload)
         numbers = np.frombuffer(payload, "<f4", offset=8)
         self._fields, at = {}, 0
@@ -125,11 +125,11 @@ class Frame:
         self._causes = layout["causes"]
 
     def __getitem__(self, name):
-        """Return the numbers of a field; of a single one the number."""
+        """Return the numbers of a field, or its only number."""
         values = self._fields[name]
         return float(values[0]) if len(values) == 1 else values
 
     @property
     def flags(self):
-        """Names of what is said of the state."""
+        """Names of the flags of the state."""
         return {name for name, bit in self._causes.items() if int(self["flags"]) & bit}
