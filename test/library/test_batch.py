@@ -126,15 +126,24 @@ def test_wrenches_and_friction(dyn, frame):
 
 @pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 63, 64, 129])
 def test_any_number_of_states(two, count):
-    """Batches shorter and longer than the registers and pieces of the kernels; some positions are very large."""
+    """Batches shorter and longer than the registers and pieces of the kernels."""
     Q, QD, TAU, _ = states(two, count)
-    Q[::5] *= 1e9
     many = two.evaluate_batch(Q, QD, TAU, threads=2)
     assert len(many) == count and many.power.shape == (count,) and many.link_energy.shape == (count, 3)
     for t in range(count):
         np.testing.assert_array_equal(many.coriolis[t], two.evaluate(Q[t], QD[t], TAU[t]).coriolis)
     assert two.forward_dynamics_batch(Q, QD, TAU).shape == (count, 2)
     assert two.mass_matrix_batch(Q).shape == (count, 2, 2)
+
+
+def test_large_angles_equal_reduced_ones(two):
+    Q, QD, TAU, _ = states(two, 20)
+    Q[::5] *= 1e9
+    reduced = np.arctan2(np.sin(Q), np.cos(Q))
+    expected = two.evaluate_batch(reduced, QD, TAU)
+    many, one = two.evaluate_batch(Q, QD, TAU), two.evaluate(Q[0], QD[0], TAU[0])
+    np.testing.assert_allclose(many.coriolis, expected.coriolis, rtol=1e-11, atol=1e-13)
+    np.testing.assert_allclose(one.coriolis, expected.coriolis[0], rtol=1e-11, atol=1e-13)
 
 
 @pytest.mark.parametrize("size", [1, 7, 100, 1000])

@@ -14,6 +14,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import numba
 import numpy as np
@@ -280,6 +281,24 @@ def test_lines_while_compiling(monkeypatch, capsys):
     progress.tell_by(None)
     progress._teller.line("mass_matrix", 0.0)
     assert capsys.readouterr().err.startswith("diag_dynamics: compiling mass_matrix")
+
+
+def test_no_line_in_the_first_two_seconds(monkeypatch):
+    """Kernels one after the other share them; a pause resets them."""
+    clock, waits = Clock(waits=0), []
+    monkeypatch.setattr(progress, "time", clock)
+    monkeypatch.setattr(progress, "_row", progress._Row())
+    monkeypatch.setattr(
+        progress.threading, "Thread", lambda args, **_: SimpleNamespace(start=lambda: waits.append(args))
+    )
+    for duration, name in zip((1.5, 1.5, 1.2), progress.steps(["a", "b", "c"]), strict=True):
+        with progress.told(name):
+            clock.now += duration
+    clock.now += 1.1
+    with progress.told("d"):
+        pass
+    assert [args[0] for args in waits] == ["a (1 of 3)", "b (2 of 3)", "c (3 of 3)", "d"]
+    assert [args[3] for args in waits] == pytest.approx([2.0, 0.5, 0.3, 2.0])
 
 
 def test_compile_ahead(monkeypatch):

@@ -140,6 +140,9 @@ def test_robots_and_meshes(address):
     arm, other = get_json(address, "/robots")
     assert [arm[key] for key in ("name", "robot", "alive")] == ["/arm", "panda", True]
     assert [other[key] for key in ("name", "robot", "alive")] == ["/other", None, False]
+    with Stream(address, robot="/other") as stream:
+        kind, beat = stream.packet()
+    assert (kind, beat["waiting"], beat["alive"]) == (HEARTBEAT, "waiting for a robot", False)
     layout = get_json(address, "/layout?robot=/arm")
     shas = {shape["mesh"] for one in layout["scene"]["links"] for shape in one["visuals"]}
     assert len(shas) == 10
