@@ -1,29 +1,19 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`diag-dynamics` on a graph: nodes started with plain options, and a look at them without ros2cli."""
+"""`diag-dynamics` options, messages as YAML, and commands on a graph in the test's process."""
 
-import os
 import re
-import select
-import signal
-import subprocess
-import sys
-import threading
-from contextlib import nullcontext, redirect_stderr, redirect_stdout
-from io import StringIO
+from contextlib import contextmanager, nullcontext
 from types import SimpleNamespace
 
 import pytest
 import rclpy
 import yaml
 from geometry_msgs.msg import WrenchStamped
-from rclpy.qos import qos_profile_sensor_data
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
-from trajectory_msgs.msg import JointTrajectory
 
 from described import PANDA
 from diag_dynamics.cli.main import main
@@ -33,11 +23,8 @@ from diag_dynamics.nodes.tools import session as sessions
 from diag_dynamics.nodes.tools import topic_commands
 from diag_dynamics.nodes.tools.session import Session
 from diag_dynamics.nodes.tools.yaml_messages import as_values, as_yaml, field, filled, type_of
-from nodes import START
-from processes import SLOW, Process
+from nodes import TIMEOUT
 from robots import robot_path
-
-pytestmark = [pytest.mark.full, pytest.mark.live]
 
 # --- options
 
@@ -56,15 +43,12 @@ DEFAULTS = {
     ("given", "made"),
     [
         (["--rate", "500"], ["-p", "rate:=500.0"]),
-        (["--rate=1e-3"], ["-p", "rate:=0.001"]),
         (["--rate", "1e-6"], ["-p", "rate:=1.0e-06"]),
         (["--rate", "-1E3"], ["-p", "rate:=-1000.0"]),
         (["--gravity", "[0, 0, -1.62]"], ["-p", "gravity:=[0.0, 0.0, -1.62]"]),
         (["--gravity", "0,0,1"], ["-p", "gravity:=[0.0, 0.0, 1.0]"]),
-        (["--gravity", "[]"], ["-p", "gravity:=[]"]),
         (["--depth", "7"], ["-p", "depth:=7"]),
         (["--robot-description", "a b/1.urdf"], ["-p", 'robot_description:="a b/1.urdf"']),
-        (["--locked-joints", "a=1,b=2"], ["-p", 'locked_joints:=["a=1", "b=2"]']),
         (["--locked-joints", "['a=1', b=2]"], ["-p", 'locked_joints:=["a=1", "b=2"]']),
         (["--locked-joints", "[]"], ["-p", 'locked_joints:=[""]']),
         (["--floating-base"], ["-p", "floating_base:=true"]),
@@ -141,138 +125,105 @@ def test_types_that_are_none(name):
         type_of(name)
 
 
-# --- on the graph
-
-
-def command(*arguments):
-    return [sys.executable, "-m", "diag_dynamics", *map(str, arguments)]
-
-
-def said_by_process(*arguments, status=0):
-    """Output of a command that ends by itself with a status, in a process of its own, as a user starts it."""
-    with Process(command(*arguments), stderr=subprocess.PIPE) as process:
-        errors = threading.Thread(target=lambda: found.append(process.popen.stderr.read().decode()), daemon=True)
-        found = []
-        errors.start()
-        done = process.wait(START)
-        errors.join()
-    assert done == status, process.output + found[0]
-    assert "Traceback" not in found[0]
-    return process.output if status == 0 else found[0]
-
-
-def said(*arguments, status=0):
-    """The same in this process, which has imported already what a command imports for a second."""
-    output, errors = StringIO(), StringIO()
-    with redirect_stdout(output), redirect_stderr(errors):
-        done = main([*map(str, arguments)])
-    assert done == status, output.getvalue() + errors.getvalue()
-    return output.getvalue() if status == 0 else errors.getvalue()
+# --- commands on the graph
 
 
 @pytest.fixture(scope="module")
-def robot(ros_domain):
-    """A simulator and a monitor in a namespace, as a user starts them."""
-    options = ["--namespace", "arm"]
-    simulator = ["--robot-description", robot_path(PANDA), "--motion", "wave", "--rate", 100]
-    with (
-        Process(command("simulator", *simulator, *options)) as simulator,
-        Process(command("monitor", "--max-rate.state", "5e1", "--gravity", "[0, 0, -1.62]", *options)) as monitor,
-    ):
-        simulator.wait_for_text("Ready")
-        monitor.wait_for_text("Ready")
+def robot(peer):
+    """Start a simulator and a monitor in a namespace, by options as a user gives them."""
+    options = {"--robot-description": robot_path(PANDA), "--motion": "wave", "--rate": 100, "--namespace": "arm"}
+    given = [str(part) for option in options.items() for part in option]
+    defaults = {"robot_description": "", "motion": "", "rate": 100.0}
+    arguments = as_ros_arguments(given, defaults)[1:]
+    with peer.start("simulator", *arguments), peer.start("monitor", "-r", "__ns:=/arm"):
+        peer.pass_time(1.0)
         yield "/arm/diag_dynamics"
 
 
-def lists(arguments, *wanted):
-    """Lines of a list that has all that is wanted: what one command hears of in its second another one may miss."""
-    for _ in range(20):
-        lines = said(*arguments).splitlines()
-        if set(wanted) <= set(lines):
-            return lines
-    raise AssertionError(f"{arguments}: {lines}, without all of {wanted}")
+@pytest.fixture
+def said(peer, monkeypatch, capsys):
+    """Return a function that runs a command on the graph, and returns its output, or its errors if it fails."""
+
+    @contextmanager
+    def session():
+        node = peer.extra_node("_command", "/")
+        yield Session(node)
+        peer.drop_node(node)
+
+    begun = 0.0
+    for kind in ("topic", "service", "param", "lifecycle"):
+        monkeypatch.setattr(f"diag_dynamics.nodes.tools.{kind}_commands.session", session)
+    clock = SimpleNamespace(monotonic=lambda: peer.graph.steady, perf_counter=lambda: peer.graph.steady)
+    monkeypatch.setattr(sessions, "time", clock)
+    monkeypatch.setattr(topic_commands, "time", clock)
+
+    def spin_once(node, timeout_sec):
+        assert peer.graph.steady < begun + TIMEOUT, "the command does not end"
+        peer.pass_time(min(timeout_sec, 0.01))
+
+    monkeypatch.setattr(sessions, "rclpy", SimpleNamespace(spin_once=spin_once))
+
+    def run(*arguments, status=0):
+        nonlocal begun
+        begun = peer.graph.steady
+        capsys.readouterr()
+        assert main([*map(str, arguments)]) == status
+        output = capsys.readouterr()
+        assert "Traceback" not in output.err
+        return output.err if status else output.out
+
+    return run
 
 
-def test_lists(robot):
-    nodes = robot, f"{robot}_simulator"
-    assert lists(["node", "list"], *nodes) == list(nodes)
-    topics = (
-        "/arm/joint_states [sensor_msgs/msg/JointState]",
-        f"{robot}/kinetic_energy [diag_dynamics/msg/KineticEnergy]",
-    )
-    lists(["topic", "list", "-t"], *topics)
-    assert f"{robot}/get_parameters" not in lists(["service", "list"], f"{robot}/set_payload")
-    assert said_by_process("service", "type", f"{robot}/set_payload") == "diag_dynamics/srv/SetPayload\n"
-    assert lists(["lifecycle", "nodes"], *nodes) == list(nodes)
-    ends = "  /arm/diag_dynamics_simulator [sensor_msgs/msg/JointState] reliable, volatile", "Subscription count: 1"
-    lists(["topic", "info", "/arm/joint_states"], *ends)
-
-
-def test_echo_and_rate(robot):
-    state = yaml.safe_load(said_by_process("topic", "echo", "--once", "arm/joint_states"))
-    assert len(state["name"]) == len(state["position"]) == 9  # fingers and follower
+def test_topics(robot, said):
+    """list, info, echo and hz; a similar name where there is no such topic."""
+    topics = said("topic", "list", "-t").splitlines()
+    assert "/arm/joint_states [sensor_msgs/msg/JointState]" in topics
+    assert f"{robot}/kinetic_energy [diag_dynamics/msg/KineticEnergy]" in topics
+    info = said("topic", "info", "/arm/joint_states").splitlines()
+    assert "  /arm/diag_dynamics_simulator [sensor_msgs/msg/JointState] reliable, volatile" in info
+    assert "Subscription count: 1" in info
+    state = yaml.safe_load(said("topic", "echo", "--once", "arm/joint_states"))
+    assert len(state["name"]) == len(state["position"]) == 9  # fingers and mimic joint
     assert float(said("topic", "echo", "--once", f"{robot}/kinetic_energy", "--field", "total")) > 0.0
     assert said("topic", "echo", "--once", "/arm/robot_description", "--field", "data").count("<link") > 8  # latched
-    rate = ("topic", "hz", "--once", "/arm/joint_states")
-    rates = (float(tell(*rate).split()[2]) for tell in (said_by_process, *[said] * 30))
-    assert any(80.0 < rate < 120.0 for rate in rates)  # on a busy machine some seconds have fewer
-    assert "is /arm/joint_states meant" in said_by_process("topic", "hz", "/arm/joint_state", status=1).replace(
-        "Is", "is"
-    )
+    assert float(said("topic", "hz", "--once", "/arm/joint_states").split()[2]) == pytest.approx(100.0, rel=0.05)
+    assert "/arm/joint_states meant" in said("topic", "hz", "/arm/joint_state", status=1)
 
 
-def test_parameters(robot):
-    assert float(said_by_process("param", "get", robot, "max_rate.state")) == 50.0  # as the options have said
-    assert yaml.safe_load(said("param", "get", robot, "gravity")) == [0.0, 0.0, -1.62]
-    assert "Set parameter successful" in said("param", "set", robot, "gravity", "[0, 0, -3.72]")
-    assert yaml.safe_load(said("param", "get", robot, "gravity")) == [0.0, 0.0, -3.72]
-    assert "expected 3 numbers" in said("param", "set", robot, "gravity", "[0, 0]", status=1)
-    assert "is 'gravity' meant" in said_by_process("param", "get", robot, "gravitty", status=1)
-    assert "gravity" in said("param", "list", robot).split()
-
-
-def test_services_and_lifecycle(robot):
-    assert (
-        yaml.safe_load(said_by_process("service", "call", f"{robot}_simulator/pause", "{data: true}"))["success"]
-        is True
-    )
-    assert said("service", "call", f"{robot}_simulator/pause", "std_srvs/srv/SetBool", "{data: false}")
-    assert "has no field 'dat'" in said("service", "call", f"{robot}_simulator/pause", "{dat: true}", status=1)
-    simulator = f"{robot}_simulator"
-    state = ("service", "call", f"{simulator}/get_state", "--field")
-    assert said(*state, "current_state.label") == "active\n"
-    assert "there is no 'label'" in said(*state, "label", status=1)
-    step = ("service", "call", f"{simulator}/step", "--field", "stamp")
-    assert said(*step, status=1)  # it has to be paused for that, which the message says; nothing else comes out
-    assert said_by_process("lifecycle", "get", robot) == "active [3]\n"
-    assert "has no transition 'configure'; it has" in said("lifecycle", "set", robot, "configure", status=1)
-    assert "successful" in said("lifecycle", "set", robot, "deactivate")
-    assert "activate" in said("lifecycle", "list", robot)
-    assert "successful" in said("lifecycle", "set", robot, "activate")
-
-
-def test_publish(robot, peer):
-    """A message reaches who listens, with its values: nobody else does, for `pub --once` waits for one of them only."""
+def test_publish(peer, robot, said, monkeypatch):
+    """A message reaches its subscribers with its values."""
+    monkeypatch.setattr("node_harness.GraphPublisher.wait_for_all_acked", lambda *_: True, raising=False)
     pushes = peer.topic(WrenchStamped, "/heard/wrench")
     values = "{header: {frame_id: panda_hand}, wrench: {force: {x: 5}}}"
-    arguments = ("topic", "pub", "--once", "/heard/wrench", "geometry_msgs/msg/WrenchStamped", values)
-    with Process(command(*arguments)) as push:
-        peer.wait_until(lambda: pushes.messages, "the push")
-        assert push.wait() == 0
+    said("topic", "pub", "--once", "/heard/wrench", "geometry_msgs/msg/WrenchStamped", values)
+    peer.wait_until(lambda: pushes.messages, "the push")
     assert pushes.messages[0].wrench.force.x == 5.0 and pushes.messages[0].header.frame_id == "panda_hand"
 
 
-def test_publish_from_stdin(robot, peer, tmp_path):
-    """A message that is too long for an argument."""
-    heard = peer.topic(JointTrajectory, "/long/trajectory")
-    path = tmp_path / "long.yaml"
-    path.write_text(yaml.safe_dump({"points": [{"positions": [0.25 + k] * 6} for k in range(5000)]}))
-    assert path.stat().st_size > 131072  # the longest argument of Linux
-    arguments = ("topic", "pub", "--once", "/long/trajectory", "trajectory_msgs/msg/JointTrajectory", "-")
-    with path.open() as values, Process(command(*arguments), stdin=values) as sent:
-        peer.wait_until(lambda: heard.messages, "the trajectory")
-        assert sent.wait() == 0
-    assert [point.positions[5] for point in heard.messages[0].points] == [0.25 + k for k in range(5000)]
+def test_services(robot, said):
+    """call, with a field of the response; a wrong request names the field."""
+    pause = f"{robot}_simulator/pause"
+    assert yaml.safe_load(said("service", "call", pause, "{data: true}"))["success"] is True
+    assert said("service", "call", pause, "std_srvs/srv/SetBool", "{data: false}")
+    assert "has no field 'dat'" in said("service", "call", pause, "{dat: true}", status=1)
+    state = ("service", "call", f"{robot}_simulator/get_state", "--field")
+    assert said(*state, "current_state.label") == "active\n"
+    assert "there is no 'label'" in said(*state, "label", status=1)
+    step = ("service", "call", f"{robot}_simulator/step", "--field", "stamp")
+    assert said(*step, status=1)  # it has to be paused for that, which the message says; nothing else comes out
+
+
+def test_parameters_and_lifecycle(robot, said):
+    """get and set of a parameter, and of a lifecycle state."""
+    assert "Set parameter successful" in said("param", "set", robot, "gravity", "[0, 0, -3.72]")
+    assert yaml.safe_load(said("param", "get", robot, "gravity")) == [0.0, 0.0, -3.72]
+    assert "expected 3 numbers" in said("param", "set", robot, "gravity", "[0, 0]", status=1)
+    assert said("lifecycle", "get", robot) == "active [3]\n"
+    assert "has no transition 'configure'; it has" in said("lifecycle", "set", robot, "configure", status=1)
+
+
+# --- what is not there, and answers that do not come
 
 
 def test_publish_to_somebody_who_does_not_acknowledge(monkeypatch):
@@ -295,29 +246,6 @@ def test_publish_to_somebody_who_does_not_acknowledge(monkeypatch):
     chosen = SimpleNamespace(topic="/push", type="geometry_msgs/msg/WrenchStamped", values="", rate=1.0, once=True)
     with pytest.raises(InputError, match="in vain for all that listen to /push"):
         topic_commands.publish(chosen)
-
-
-def test_rate_of_a_topic_that_falls_silent(ros_domain, peer):
-    publisher = peer.publisher(Float64, "/beat", qos_profile_sensor_data)
-    with Process(command("topic", "hz", "/beat")) as rate:
-
-        def beat():
-            publisher.publish(Float64())
-            return "average rate" in rate.output
-
-        peer.wait_until(beat, "a rate")
-        rate.wait_for(lambda output: output.splitlines()[-1:] == ["no new messages"], "silence to be told of")
-        rate.signal(signal.SIGINT)
-        assert rate.wait() == 130 and "Traceback" not in rate.output
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signals(robot, number):
-    """They end a command that goes on for ever in good order, with the status that shells have for it."""
-    with Process(command("topic", "echo", "/arm/joint_states", "--field", "name")) as echo:
-        echo.wait_for_text("---")
-        echo.signal(number)
-        assert echo.wait() == 128 + number and "Traceback" not in echo.output
 
 
 @pytest.mark.parametrize(
@@ -379,149 +307,3 @@ def test_answer_that_is_lost(monkeypatch):
     del offered[0]  # a node without parameters cannot be asked
     assert graph.call("/arm/pause", SetBool, "on") == "on"
     assert asked[4:] == ["/arm/pause"]
-
-
-def test_echo_before_anybody_publishes(ros_domain, peer):
-    """A topic whose type is given is heard, however it will be published."""
-    with Process(command("topic", "echo", "--once", "/late", "std_msgs/msg/Float64")) as echo:
-        peer.wait_until(lambda: peer.node.count_subscribers("/late"), "the subscription")
-        publisher = peer.publisher(Float64, "/late", qos_profile_sensor_data)
-
-        def sent():
-            publisher.publish(Float64(data=4.5))
-            return echo.popen.poll() is not None
-
-        peer.wait_until(sent, "the end of echo")
-        assert echo.wait() == 0 and "data: 4.5" in echo.output
-
-
-@pytest.mark.parametrize("arguments", [("topic", "echo", "/arm/joint_states"), ("topic", "list"), ("robots",)])
-def test_a_reader_that_goes_away(robot, arguments):
-    """As of `… | head -1`."""
-    read, write = os.pipe()
-    with Process(command(*arguments), stdout=write, stderr=subprocess.PIPE) as process:
-        os.close(write)
-        if arguments[1:2] == ("echo",):
-            assert os.read(read, 10)
-        os.close(read)
-        process.listen(process.popen.stderr.fileno())
-        assert process.wait() == 0
-        said = [line for line in process.output.splitlines() if not line.startswith("Waiting for")]  # a slow machine
-        assert said == []
-
-
-# --- launch
-
-
-def test_launch(ros_domain, tmp_path):
-    """Nodes of a launch file start, say who says what, and end together at one Ctrl-C."""
-    arguments = ("launch", "demo", f"urdf:={robot_path(PANDA)}", "namespace:=launched")
-    with Process(command(*arguments), env=os.environ | {"PYTHONUNBUFFERED": "1"}) as launched:
-        launched.wait_for(
-            lambda output: all(
-                any(f"[{node}]" in line and "Ready" in line for line in output.splitlines())
-                for node in ("simulator", "monitor")
-            ),
-            "both nodes to be ready",
-        )
-        names = {"/launched/diag_dynamics", "/launched/diag_dynamics_simulator"}
-        assert any(names <= set(said("node", "list").split()) for _ in range(10))  # a busy machine may be late with one
-        nodes = launched.children()
-        assert len(nodes) == 2
-        launched.stop(timeout=SLOW)
-    assert not [node for node in nodes if node.is_running()]
-
-
-LAUNCHER = """
-import signal, sys
-signal.signal(signal.SIGHUP, signal.SIG_DFL)  # whoever runs the tests under nohup has it ignored
-from diag_dynamics.cli.main import main
-from diag_dynamics.nodes.tools import launch_command
-launch_command.command_of = lambda node: [sys.executable, "-c", *sys.argv[1:]]
-sys.exit(main(["launch", "simulator"]))
-"""
-"""Starts a program in the place of a node."""
-
-NODE = """
-import os, signal, sys
-alive = open(sys.argv[1], "w")  # until the process is gone
-signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
-sys.stdout.buffer.write(b"caf\\xe9 ready\\n")
-sys.stdout.flush()
-signal.sigwait({signal.SIGTERM})
-print("asked to end", flush=True)
-"""
-
-
-class Launched(Process):
-    """A launcher of one program, and a pipe that its process holds open as long as it is there."""
-
-    def __init__(self, program, fifo, **options):
-        os.mkfifo(fifo)
-        self.alive = os.open(fifo, os.O_RDONLY | os.O_NONBLOCK)
-        super().__init__([sys.executable, "-c", LAUNCHER, program, fifo], **options)
-
-    def nobody_is_left(self):
-        """Wait until the program's process is gone."""
-        ready, _, _ = select.select([self.alive], [], [], 30.0)
-        return ready and os.read(self.alive, 1) == b""
-
-    def __exit__(self, *error):
-        super().__exit__(*error)
-        os.close(self.alive)
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_launch_ends_with_its_nodes(number, tmp_path):
-    """At a Ctrl-C, at the end of a service, and when the terminal is closed."""
-    with Launched(NODE, tmp_path / "alive") as launched:
-        launched.wait_for_text("[simulator] caf\N{REPLACEMENT CHARACTER} ready")  # that it is no UTF-8 does not matter
-        launched.stop(number)
-        assert launched.nobody_is_left()
-    assert "[simulator] asked to end" in launched.output
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="others have no such signal")
-def test_launch_that_is_killed_leaves_nobody(tmp_path):
-    with Launched(NODE, tmp_path / "alive") as launched:
-        launched.wait_for_text("ready")
-        launched.signal(signal.SIGKILL)
-        launched.wait()
-        assert launched.nobody_is_left()
-
-
-def test_launch_kills_at_a_second_ctrl_c(tmp_path):
-    program = NODE + "signal.pause()\n"
-    with Launched(program, tmp_path / "alive") as launched:
-        launched.wait_for_text("ready")
-        launched.signal(signal.SIGINT)
-        launched.wait_for_text("asked to end")
-        launched.signal(signal.SIGINT)
-        assert launched.wait() == 1 and launched.nobody_is_left()
-    assert "simulator has been killed" in launched.output and "Traceback" not in launched.output
-
-
-def test_launch_that_nobody_reads_holds_no_node_up(tmp_path):
-    """What its nodes say is taken from them nevertheless."""
-    program = NODE + "print((100 * 'x' + '\\n') * 10000, flush=True)\n"
-    read, write = os.pipe()
-    with Launched(program, tmp_path / "alive", stdout=write, stderr=subprocess.PIPE) as launched:
-        os.close(write)
-        assert b"ready" in os.read(read, 100)
-        os.close(read)
-        launched.listen(launched.popen.stderr.fileno())
-        launched.signal(signal.SIGTERM)
-        assert launched.wait() == 0 and launched.nobody_is_left()
-    assert launched.output == ""
-
-
-def test_launch_tells_of_a_node_that_fails(tmp_path):
-    with Launched("import sys; open(sys.argv[1], 'w'); sys.exit(3)", tmp_path / "alive") as launched:
-        assert launched.wait() == 1
-    assert "simulator has ended with status 3" in launched.output
-
-
-def test_wrong_arguments(ros_domain):
-    assert "option --rte is not known; is --rate meant" in said_by_process("simulator", "--rte", "5", status=2)
-    assert "invalid choice: 'nothing'" in said_by_process("launch", "nothing", status=2)
-    assert "of the form name:=value" in said_by_process("launch", "demo", "urdf=x", status=1)
