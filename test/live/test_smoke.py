@@ -18,7 +18,7 @@ from controllers import Controller
 from nodes import PANDA, START, UR5, Monitor, S, Truth, assert_close, robot
 from processes import Process, node_process
 from simulators import Simulator
-from streams import get, get_json
+from streams import FRAME, Stream, get
 
 pytestmark = pytest.mark.live
 
@@ -92,14 +92,23 @@ def test_topic_echo_prints_a_message(left, panda):
     assert float(echo.output.split()[-1]) == pytest.approx(K, rel=1e-6)
 
 
-def test_the_page_is_served(ros_domain):
-    """The viewer node serves the page and the list of robots by HTTP."""
+def test_the_page_is_served(left, panda):
+    """The viewer node serves the page by HTTP, and a stream of frames: K is the state's."""
     with node_process("view", port=0) as view:
-        view.wait_for(lambda output: re.search(r"Page: (\S+)\n", output), "the page's address")
+        view.wait_for_text("Showing robot 'panda'")
         address = re.search(r"Page: (\S+)\n", view.output)[1]
         status, headers, body = get(address, "/")
         assert status == 200 and headers["Content-Type"].startswith("text/html") and b"<script" in body
-        assert isinstance(get_json(address, "/robots"), list)
+        with Stream(address, robot="/left", hz=10) as stream:
+
+            def frame():
+                """Publish a state, and read the next packet: a frame, or the heartbeat that always comes."""
+                left.serves(panda)
+                kind, content = stream.packet()
+                return content if kind == FRAME else None
+
+            shown = left.peer.wait_until(frame, "a frame", START)["K"]
+    assert shown == np.float32(left.topics["kinetic_energy"].messages[-1].total)
 
 
 def test_a_second_in_lockstep(peer):

@@ -342,40 +342,11 @@ def check(outcome):
     assert outcome.checked > 0.7 * sum(sent[fault] for fault in USABLE)
 
 
-def plot(outcome, path):
-    """Draw memory over time."""
-    import matplotlib as mpl
-
-    mpl.use("agg")
-    import matplotlib.pyplot as plt
-
-    time, memory, threads, descriptors, _ = map(np.array, zip(*outcome.usage, strict=True))
-    figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(8, 5), layout="constrained")
-    above.plot(time / 60, memory, color="tab:blue")
-    above.set_ylim(0, 1.2 * memory.max())
-    above.set_ylabel("resident memory [MB]")
-    below.plot(time / 60, threads, label="threads", color="tab:orange")
-    below.plot(time / 60, descriptors, label="file descriptors", color="tab:green")
-    below.set_ylim(0, 1.3 * max(threads.max(), descriptors.max()))
-    below.legend(loc="lower right", frameon=False)
-    below.set_xlabel("time [min]")
-    for axes in (above, below):
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(alpha=0.3)
-    figure.suptitle(
-        f"Monitor of a UR5, {len(outcome.sent):,} messages, of which {sum(s.fault != 'none' for s in outcome.sent):,} "
-        f"faulty; {outcome.checked:,} states published, none wrong",
-        fontsize=10,
-    )
-    figure.savefig(path, dpi=100)
-
-
 def main():
     """Feed, or run a soak and say what came of it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--figure", type=Path)
     parser.add_argument("--feed", type=Path, help=argparse.SUPPRESS)
     chosen = parser.parse_args()
     if chosen.feed:
@@ -390,8 +361,6 @@ def main():
     print(f"{len(outcome.sent)} messages, {outcome.checked} states published and checked, none wrong")
     print(f"memory {first.memory:.1f} -> {last.memory:.1f} MB, threads {first.threads} -> {last.threads}, ", end="")
     print(f"descriptors {first.descriptors} -> {last.descriptors}, {1e6 * per_message:.0f} us of CPU time a message")
-    if chosen.figure:
-        plot(outcome, chosen.figure)
 
 
 if __name__ == "__main__":
