@@ -31,8 +31,6 @@ LEASE = """<?xml version="1.0" encoding="UTF-8"?>
 """
 """Participants that are silent for 5 s are taken for gone, longer than any delay here; by default it is 20 s."""
 
-PAST = "rejected: stamp from the past"
-
 PERIOD = 0.005
 """Time between two states of a driver [s]."""
 
@@ -103,11 +101,6 @@ class Driver:
             return len(latest) == 30 and all(map(self.watch.topics["state"].at, latest))
 
         self.run_until(arrived, "all states", writers, timeout=START)
-
-    def run_until_report(self, condition, what):
-        """Publish until a report that comes from now on fulfils a condition."""
-        reports, begin = self.watch.reports, len(self.watch.reports)
-        self.run_until(lambda: any(map(condition, reports[begin:])), f"a report of {what}")
 
     def check(self):
         """Everything that came out is right and has the stamp of a state that was sent."""
@@ -201,49 +194,6 @@ def test_bad_wire(driver, loss):
     """Frames overtake each other, and a fifth of them is lost: states that come after newer ones are counted as late."""
     _, late = judge_bad_wire(driver, writers=2, loss=loss, delay=0.01, jitter=0.05)
     assert late > 0
-
-
-# --- a wire so slow that states are old when they arrive
-
-
-def test_delay_beyond_max_age(network, driver):
-    """States that arrive older than a second, after others have not, are rejected and never published; then all goes on."""
-    before = driver.watch.reports[-1].count(PAST)
-    network.wire.treat(delay=1.5)
-    since = time.time_ns()
-    driver.run_until_report(
-        lambda report: report.level == WARN and report.count(PAST) > before + 20, "states from the past"
-    )
-    until = list(driver.sent)[-1]
-    network.wire.treat()
-    driver.run_until_all_arrive()
-    driver.run_until_report(lambda report: report.level == OK, "all being well")
-    assert not [stamp for stamp in driver.watch.topics["state"].stamps if since < stamp <= until]
-    assert driver.check() >= 50
-
-
-def test_slow_from_the_first_on(network):
-    """Stamps that have never been those of the monitor's clock are used with a warning, or refused, as asked for.
-
-    When they are in step, both go on, and nothing is wrong any more: as long as the machine is not late by a second.
-    """
-    warned, refused = Driver(network, "/warned"), Driver(network, "/refused")
-    with (
-        warned.monitor(max_age=1.0, foreign_time="warn"),
-        refused.monitor(max_age=1.0, foreign_time="refuse"),
-    ):
-        for driver in (warned, refused):
-            network.wait_until(lambda driver=driver: driver.watch.reports, "the first report", START)
-        network.wire.treat(delay=2.0)
-        warned.run_until(lambda: len(warned.watch.topics["state"].stamps) >= 50, "states")
-        warned.run_until_report(lambda report: report.level == WARN and not rejected(report), "another time")
-        refused.run_until_report(lambda report: report.level == WARN and rejected(report) > 20, "another time")
-        assert not refused.watch.topics["state"].stamps
-        network.wire.treat()
-        for driver in (warned, refused):
-            driver.run_until_all_arrive()
-            driver.run_until_report(lambda report: report.level == OK, "all being well")
-            assert driver.check() >= 30
 
 
 # --- the package's own robot

@@ -117,3 +117,19 @@ def test_delay_beyond_max_age(far, panda):
     far.serves(panda)
     publish_at(far, [(far.peer.now() + 999 * MS, far.peer.now())])
     assert len(far.topics["state"].stamps) == 2
+
+
+@pytest.mark.parametrize(("foreign_time", "published"), [("warn", 20), ("refuse", 0)])
+def test_slow_from_the_first_on(peer, panda, foreign_time, published):
+    """Stamps that have never been those of the clock are used with a warning, or rejected; in step all is well."""
+    options = {"max_age": 1.0, "foreign_time": foreign_time, "robot_description": panda.path}
+    with Monitor(peer, f"/slow_{foreign_time}", live=True, **options) as monitor:
+        begin = peer.now()
+        publish_at(monitor, [(begin + 2000 * MS + 5 * MS * k, begin + 5 * MS * k) for k in range(20)])
+        report = monitor.wait_for_report(lambda report: report.count("received") == 20, "all states", 0)
+        assert len(monitor.topics["state"].stamps) == report.count("published") == published
+        assert report.level == b"\x01"
+        begin = peer.now()
+        publish_at(monitor, [(begin + 100 * MS * k, begin + 100 * MS * k) for k in range(100)])
+        assert len(monitor.topics["state"].stamps) > published
+        assert monitor.reports[-1].level == b"\x00"

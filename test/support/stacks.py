@@ -1,62 +1,34 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a process that hangs is at: the Python of all its threads, and where there is gdb, what is below that."""
+"""The stacks of a process that hangs: Python dumps those of all its threads."""
 
-import os
-import shutil
 import signal
-import subprocess
 import time
 from contextlib import suppress
-from pathlib import Path
 
 import psutil
 
 DUMP = signal.SIGABRT
-"""At this Python says where its threads are, and dies: faulthandler, which :data:`ENVIRONMENT` enables."""
+"""At this signal Python dumps the stacks of its threads and ends: faulthandler, which :data:`ENVIRONMENT` enables."""
 
 ENVIRONMENT = {"PYTHONFAULTHANDLER": "1"}
-"""For processes whose stacks may be asked for."""
+"""Variables of processes that dump their stacks."""
 
 
 def family(pid):
-    """A process and all that it has started, as far as they are alive, youngest first."""
+    """Return a process and its descendants that are alive, youngest first."""
     with suppress(psutil.NoSuchProcess):
         process = psutil.Process(pid)
         return [*reversed(process.children(recursive=True)), process]
     return []
 
 
-def of_threads(process):
-    """State and name of each thread of a process, and where in the kernel it waits; Fast DDS names its own."""
-    lines = []
-    for task in sorted(Path(f"/proc/{process.pid}/task").glob("*")):
-        with suppress(OSError):
-            name, place = ((task / file).read_text().strip() for file in ("comm", "wchan"))
-            state = (task / "stat").read_text().rpartition(")")[2].split()[0]
-            lines.append(f"  thread {task.name} {state} {name}: {place}")
-    return "\n".join(lines)
-
-
-def below_python(process):
-    """What gdb says of a process; empty where there is none, or where it may not."""
-    if not shutil.which("gdb"):
-        return ""
-    command = ["gdb", "-p", str(process.pid), "-batch", "-nx", "-ex", "thread apply all bt 25"]
-    with suppress(subprocess.SubprocessError):
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=60, env=os.environ | {"DEBUGINFOD_URLS": ""}
-        )
-        return "\n".join(line for line in done.stdout.splitlines() if line.startswith(("Thread", "#")))
-    return ""
-
-
 def known_of(process):
-    """What can be told of a process without its help."""
+    """Return pid, state and command of a process."""
     with suppress(psutil.NoSuchProcess):
         command = " ".join(process.cmdline()[:6])
-        return f"{process.pid}, {process.status()}: {command}\n{of_threads(process)}\n{below_python(process)}"
+        return f"{process.pid}, {process.status()}: {command}\n"
     return ""
 
 
