@@ -125,7 +125,7 @@ def test_slow_from_the_first_on(peer, panda, foreign_time, published):
     options = {"max_age": 1.0, "foreign_time": foreign_time, "robot_description": panda.path}
     with Monitor(peer, f"/slow_{foreign_time}", live=True, **options) as monitor:
         begin = peer.now()
-        publish_at(monitor, [(begin + 2000 * MS + 5 * MS * k, begin + 5 * MS * k) for k in range(20)])
+        publish_at(monitor, [(begin + 2000 * MS + S * k, begin + S * k) for k in range(20)])
         report = monitor.wait_for_report(lambda report: report.count("received") == 20, "all states", 0)
         assert len(monitor.topics["state"].stamps) == report.count("published") == published
         assert report.level == b"\x01"
