@@ -13,7 +13,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "test" / folder) for folder in ("library", "support")]  # the scenes are those of the tests
 
-import test_simulation_forces as forces  # noqa: E402
+import test_simulation as forces  # noqa: E402
 
 import diag_dynamics as dd  # noqa: E402
 from engines import SCENES, by_mujoco, by_pinocchio, distance, ours, scene  # noqa: E402

@@ -19,7 +19,7 @@ from diag_dynamics.cli.main import main
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.recordings.balance import Balance, WindowSums
 from motions import fourier
-from robots import description, joint, link, robot_path
+from robots import robot_path
 
 RECORDINGS = Path(
     os.environ.get("DIAG_DYNAMICS_RECORDINGS", Path(__file__).parents[2].parent / "shared" / "recordings")
@@ -177,9 +177,6 @@ def test_the_hand_that_the_panda_lacks(measured):
     assert "a payload of -0.7 kg at 'panda_link7'" in told
 
 
-# --- Recordings in degrees: commands reject them, and say how to read them
-
-
 UR5 = robot_path("ur_description/urdf/ur5_robot.urdf")
 DEGREES = 180.0 / np.pi
 
@@ -242,17 +239,3 @@ def test_garbage_is_not_taken_for_degrees(arm, rows, garbage, rejected, tmp_path
         q[rows], qd[rows] = garbage, garbage
     data = dd.read_recording(table(tmp_path / "garbage.csv", model.dof_names, t, q, qd, tau), model)
     assert data.counts["rejected: absurd value"] == rejected and not units(data)
-
-
-@pytest.mark.parametrize(("speed", "rejected"), [(20.0, False), (900.0, True)])
-def test_a_continuous_joint_may_be_far_round(speed, rejected, tmp_path):
-    """A wheel thousands of radians round is accepted, or too fast for its limit, and never in degrees."""
-    inertia = (0.02, 0.0, 0.0, 0.025, 0.0, 0.01)
-    wheel = link("wheel", 1.0, (0.0, 0.0, 0.0), inertia), joint("spin", "continuous", "base", "wheel")
-    model = dd.load_urdf(description("wheel", link("base"), *wheel))
-    t = np.arange(0.0, 20.0, 0.02)
-    turned = (100.0 + speed * t)[:, None]
-    path = table(tmp_path / "wheel.csv", model.dof_names, t, turned, np.full_like(turned, speed), 0.0 * turned)
-    data = dd.read_recording(path, model)
-    assert (data.counts["rejected: absurd value"] == len(t)) if rejected else (len(data) == len(t))
-    assert not units(data)

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import diag_dynamics as dd
-from described import PANDA, UR5, robot
+from described import PANDA, robot
 from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.simulator import PARAMETERS
@@ -25,9 +25,6 @@ from diag_dynamics.simulation.sensors import Errors, Sensors
 from examples import examples
 
 NAMES = ("shoulder", "elbow", "wrist")
-
-
-# --- Drives
 
 
 @pytest.mark.parametrize("without", [ZERO, BRAKE])
@@ -49,23 +46,6 @@ def test_a_command_holds_until_the_next_one_or_its_timeout(without):
     drives.forget()
     assert not drives.effort(6.06).any() and drives.phase == WAITING
 
-
-@pytest.mark.parametrize(
-    ("data", "cause", "key"),
-    [([1.0], "wrong length", "data has 1 entries"), ([1.0, math.nan, 2.0], "not finite", "'elbow' is nan")],
-)
-def test_bad_command(data, cause, key):
-    """It is counted and named, and the command before stays in force."""
-    drives = Drives(NAMES, (), 0.0, ZERO)
-    drives.command([1.0, 2.0, 3.0], 0.0)
-    with pytest.raises(RejectedError, match=key) as rejection:
-        drives.command(data, 1.0)
-    assert rejection.value.cause == cause and key in drives.last_rejection
-    assert drives.effort(1.0).tolist() == [1.0, 2.0, 3.0]
-    assert drives.counts == {"commands received": 2, f"commands rejected: {cause}": 1}
-
-
-# --- Sensors
 
 VALUES = np.array([0.1, -2.0]), np.array([1.0, 0.5]), np.array([3.0, 0.0])
 
@@ -114,9 +94,6 @@ def test_losses_and_seed():
     assert run(1) == run(1) != run(2)
 
 
-# --- Pace
-
-
 @examples(50)
 @given(
     factor=st.sampled_from((0.25, 1.0, 8.0)),
@@ -138,27 +115,6 @@ def test_pace(factor, gaps):
     assert pace.let_go / step == pytest.approx(round(pace.let_go / step))
 
 
-def test_lateness_and_overruns():
-    """Ticks that are late by a period or more are overruns, and each is counted once."""
-    pace, period = Pace(1.0, 0.01, 0.01), 0.01
-    pace.resume(0.0, 0.0)
-    simulated = 0.0
-    for now in (0.010, 0.021, 0.030, 0.065, 0.070):  # on time, 1 ms late, on time, 25 ms late, on time again
-        simulated += period * pace.steps(now, simulated)
-    kept = pace.kept()
-    assert simulated == pytest.approx(0.07)
-    assert kept.ticks == 5 and kept.overruns == pace.overruns == 2
-    assert kept.largest == pytest.approx(0.025) and kept.mean == pytest.approx(0.026 / 5)
-    assert pace.kept()._replace(let_go=0.0) == (0, 0.0, 0.0, 0, 0.0) and pace.overruns == 2
-
-
-def test_as_fast_as_can_be():
-    """A period with each tick, whatever the clock says."""
-    pace = Pace(0.0, 0.004, 0.001)
-    pace.resume(0.0, 0.0)
-    assert [pace.steps(now, 0.0) for now in (0.0, 1e-6, 5.0)] == [4, 4, 4]
-
-
 def test_clock_that_jumps_back():
     """Simulated time goes on from where it is."""
     pace = Pace(1.0, 0.01, 0.001)
@@ -168,9 +124,6 @@ def test_clock_that_jumps_back():
     assert taken <= 10 and pace.let_go == pytest.approx(0.49, abs=0.02)
     assert 50.0 + 0.5 + 0.001 * taken + pace.skipped == pytest.approx(10.0, abs=0.002)
     assert pace.steps(10.02, 0.5 + 0.001 * taken) == pytest.approx(20, abs=10)
-
-
-# --- Pushes
 
 
 def wrench(link, *six):
@@ -250,16 +203,6 @@ def test_steps_divide_the_period(rate, step, own):
     assert plant(rate=rate, step=step).simulation.step_size == pytest.approx(own, rel=1e-12)
 
 
-def test_floating_base_is_measured():
-    own = plant(UR5, floating=True)
-    own.advance(300)
-    own.measure()
-    (measured,) = own.known()
-    q, qd = measured.base
-    assert (q == own.simulation.q[:7]).all() and (qd == own.simulation.qd[:6]).all()
-    assert q[2] == pytest.approx(-0.5 * 9.81 * 0.3**2, rel=0.3) and len(measured.position) == 6
-
-
 @pytest.mark.parametrize(
     ("make", "key"),
     [
@@ -289,13 +232,6 @@ def test_measured_joints():
     assert measured.position[follower] == measured.position[leader] > 0.0
     assert measured.velocity[follower] == measured.velocity[leader] > 0.0
     assert measured.effort[follower] == 0.0
-
-
-def test_pushes_act_in_the_plant():
-    own = plant(UR5, wrench_axes="world", wrench_timeout=0.0)
-    own.pushes.push(wrench("tool0", 0.0, 5.0, 0.0, 0.0, 0.0, 0.0), 0.0)
-    own.advance(200)
-    assert own.simulation.audit.wrenches > 0.01
 
 
 def test_same_seed_same_trajectory():
@@ -332,9 +268,6 @@ def test_put():
     own.advance(20)
     assert own.known() == []
     assert plant(limits="none").put(beyond, qd) is None
-
-
-# --- Lockstep
 
 
 def answered(lockstep, now):

@@ -1,15 +1,17 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Views without a terminal, a viewer or a browser: `top`, layouts of viewers, the history of a push."""
+"""Views without a terminal, a viewer or a browser: `top`, layouts, data of plots."""
 
 import json
 import math
 import re
+import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from types import SimpleNamespace
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 
@@ -17,13 +19,16 @@ import diag_dynamics as dd
 from diag_dynamics.cli.main import main
 from diag_dynamics.layouts.tools import TOOLS, layout
 from diag_dynamics.nodes.support.topics import TOPICS
-from diag_dynamics.views.push_history import Moment, PushHistory, Seen
+from diag_dynamics.plot.drawing import MOST, envelope
 from diag_dynamics.views.top.choices import SORTS, WINDOWS, Choices, keys_of
-from diag_dynamics.views.top.drawing import chart, sparkline
 from diag_dynamics.views.top.frame import Shown, _cells, frame, line_of
-from diag_dynamics.views.top.history import LONGEST, RobotHistory
+from diag_dynamics.views.top.history import RobotHistory
 from diag_dynamics.views.top.quantities import ENERGY, EXTERNAL, QUANTITIES, TORQUE, columns
 from diag_dynamics.yaml_files import parsed_yaml
+from motions import recorded
+
+mpl.use("agg")
+import matplotlib.pyplot as plt
 
 CODES = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -53,9 +58,6 @@ def plain(lines):
     return [CODES.sub("", line) for line in lines]
 
 
-# --- The history of `top`
-
-
 def test_peaks_are_of_every_state():
     """However many come in a slot, and whatever their sign, until a restart."""
     history = RobotHistory(["a", "b"])
@@ -69,32 +71,6 @@ def test_peaks_are_of_every_state():
     assert np.isnan(history.last[EXTERNAL]).all()
     history.restart()
     assert not history.peak.any() and history.total_peak == 0.0
-
-
-def test_silence_is_a_gap():
-    history = moving(2, seconds=8.0, rate=10.0)
-    assert not np.isnan(history.recent(5.0, ENERGY, 400)[10:]).any()
-    history.add(history.newest + 2.0, columns(state([1.0, 1.0]), None))
-    assert 130 < np.isnan(history.recent(5.0, ENERGY, 400)[:, 0]).sum() < 160
-
-
-def test_the_last_minute_and_no_more():
-    history = moving(3, seconds=100.0)
-    known = ~np.isnan(history.recent(LONGEST, ENERGY, 60)[:, 0])
-    assert known.sum() >= 59
-    assert history.newest == pytest.approx(199.98)
-    history.add(3.0, columns(state([0.0, 0.0, 1.0]), None))  # time has gone back
-    assert history.newest == 3.0 and (~np.isnan(history.recent(60.0, ENERGY, 60)[:, 0])).sum() == 1
-
-
-# --- Frames of `top`
-
-
-def test_sparklines_and_charts():
-    values = np.array([0.0, 4.0, 8.0, np.nan])
-    assert sparkline(values, 8.0) == "▁▄█ " and sparkline(values, 8.0, fancy=False) == ".=@ "
-    assert chart(np.array([1.0, 2.0, np.nan, 8.0]), 8.0, 2) == ["⠀⢸", "⣠⢸"]
-    assert chart(np.array([1.0, 8.0]), 8.0, 2, fancy=False) == [" #", "##"]
 
 
 @pytest.mark.parametrize(("size", "colours"), [((80, 24), True), ((200, 60), False), ((3, 2), True)], ids=str)
@@ -168,8 +144,6 @@ def test_names_of_joints_do_nothing_to_the_terminal():
     assert "\x1b" not in "".join(lines) and "\x07" not in "".join(lines)
     assert max(map(_cells, lines)) <= 40 and any("関節" in line for line in lines)
 
-
-# --- Layouts
 
 MONITOR = "/cell/diag_dynamics"
 TYPES = {topic.name: topic.type for topic in TOPICS}
@@ -248,45 +222,180 @@ def test_layout_command(tmp_path, capsys):
         assert key in printed.err and not printed.out
 
 
-# --- The history of a push
-
-ONSET, END, STEP = 1.0, 2.0, 2e-3
+PUSH = slice(600, 800)
 
 
-def history(delay=0.02, late=0.05, energy=0.25, limited=True):
-    """Return a push of one second, seen `delay` after it began and until `late` after its end."""
-    made = PushHistory(30.0, 0.25, 8.0, 4.0)
-    made.onset, made.end = ONSET, END
-    for t in np.arange(0.0, 4.0, STEP):
-        pushed = ONSET <= t <= END
-        made.moments.append(Moment(t, energy if pushed else 0.0, limited and pushed, 0.1 if pushed else 1e-3))
-        seen = delay is not None and ONSET + delay <= t <= END + late
-        made.seen.append(Seen(t, 20.0 if seen else 0.5, seen))
-    return made
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    plt.close("all")
 
 
-def test_summary_of_a_push(tmp_path):
-    made = history(delay=0.021, late=0.05)
-    assert not made.failures() and not history(energy=0.255).failures()
-    push, norm, energy, limiter, hand = made.summary()
-    assert "30 N for 1.00 s" in push and "after 22 ms" in push and "52 ms after its end" in push
-    assert "20.0 J" in norm and "threshold 8" in norm
-    assert "0.2500 J" in energy and "100 %" in limiter
-    assert "100 mm" in hand and "1.0 mm" in hand
-    made.picture(tmp_path / "push.png", "a push")
-    assert (tmp_path / "push.png").stat().st_size > 1000
+@pytest.fixture(scope="module")
+def panda():
+    return dd.load_robot("panda")
 
 
-@pytest.mark.parametrize(
-    ("options", "key"),
-    [
-        ({"delay": None}, "not seen"),
-        ({"delay": -0.1}, "100 ms before there was a push"),
-        ({"late": 10.0}, "never over"),
-        ({"energy": 0.27}, "K rose to 0.27 J"),
-        ({"limited": False}, "limiter had nothing to do"),
-    ],
-)
-def test_failures_of_a_push(options, key):
-    (line,) = history(**options).failures()
-    assert key in line
+@pytest.fixture(scope="module")
+def dyn(panda):
+    return dd.DiagonalDynamics(panda)
+
+
+@pytest.fixture(scope="module")
+def motion(panda, dyn):
+    """Times, positions, rates, efforts and external efforts: a motion with a push at the hand in it."""
+    t = np.arange(6000) * 1e-3
+    rng = np.random.default_rng(1)
+    middle, wide = np.clip(panda.neutral, panda.lower, panda.upper), 0.2 * np.ones(panda.nv)
+    middle[3], wide[-1] = -1.5, 0.01
+    w, phase = rng.uniform(3.0, 7.0, panda.nv), rng.uniform(0.0, 6.0, panda.nv)
+    angle = w * t[:, None] + phase
+    q, qd, qdd = middle + wide * np.sin(angle), wide * w * np.cos(angle), -wide * w * w * np.sin(angle)
+    q[:, -1] += 0.02
+    external = np.zeros_like(q)
+    for k in range(*PUSH.indices(len(t))):
+        external[k] = dyn.jacobian(q[k], "panda_hand", frame="world")[:3].T @ [0.0, 8.0, 0.0]
+    tau = dyn.inverse_dynamics_batch(q, qd, qdd, friction=True) - external
+    return t, q, qd, tau, external
+
+
+@pytest.fixture(scope="module")
+def recording(panda, motion):
+    t, q, qd, tau, _ = motion
+    return recorded(panda, t, q, qd, tau)
+
+
+def curve(axes, label):
+    (line,) = [line for line in axes.lines if line.get_label() == label]
+    return np.array(line.get_data())
+
+
+def test_energy_is_stacked_by_joint(recording, dyn, panda):
+    """The top of the stack is K, each layer is as thick as the share of its joint."""
+    s = dyn.evaluate_batch(recording.q[:MOST], recording.qd[:MOST])
+    axes = dd.plot.energy(s, recording.t[:MOST])
+    t, K = curve(axes, "K")
+    assert np.array_equal(t, recording.t[:MOST] - recording.t[0]) and np.allclose(K, s.kinetic_energy, rtol=1e-12)
+    shares = dict(zip(panda.dof_names, s.energy_share.T, strict=True))
+    below, others = np.zeros(len(t)), set(panda.dof_names)
+    for layer in axes.collections:
+        at, top = layer.get_paths()[0].vertices.T
+        edge = np.array([top[at == x].max() for x in t[::100]])
+        if "other" in layer.get_label():
+            expected = sum(shares[joint] for joint in others)
+        else:
+            others.remove(layer.get_label())
+            expected = shares[layer.get_label()]
+        assert np.allclose(edge - below[::100], expected[::100], atol=1e-12)
+        below += expected
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("time [s]", "kinetic energy [J]")
+
+
+def test_gaps_and_peaks(panda, motion):
+    """Ten seconds without a state are a gap; the largest value of many is drawn."""
+    t, q, qd, tau, _ = motion
+    recording = recorded(panda, np.where(t < 3.0, t, t + 10.0), q, qd, tau)
+    for at, y in (curve(dd.plot.energy(recording), "K"), dd.plot.balance(recording).axes[1].lines[0].get_data()):
+        (gap,) = np.flatnonzero(np.isnan(y))
+        assert at[gap - 1] < 3.0 and 12.9 < at[gap + 1] < 13.2
+    seldom = recorded(panda, 2.0 * np.arange(30.0), q[:30], qd[:30], None)
+    assert not np.isnan(curve(dd.plot.energy(seldom), "K")).any()
+    values = np.zeros(50 * MOST)
+    values[12345] = -1.0
+    drawn, y = envelope(np.arange(len(values)) * 1.0, values)
+    assert len(drawn) == 2 * MOST and y.min() == -1.0 and drawn[y.argmin()] == pytest.approx(12345, abs=50)
+
+
+def test_shares_of_one_state_and_of_many(recording, dyn, panda):
+    s = dyn.evaluate(recording.q[700], recording.qd[700])
+    axes = dd.plot.shares(s)
+    assert [bar.get_width() for bar in axes.patches] == pytest.approx(s.energy_share.tolist())
+    assert [label.get_text() for label in axes.get_yticklabels()] == list(panda.dof_names)
+    many = dyn.evaluate_batch(recording.q, recording.qd)
+    axes = dd.plot.shares(recording)
+    assert [bar.get_width() for bar in axes.patches] == pytest.approx(many.energy_share.mean(axis=0).tolist())
+    assert np.allclose(curve(axes, "largest")[0], many.energy_share.max(axis=0))
+
+
+def test_rest_of_the_balance_is_the_power_of_a_push(recording, motion, panda):
+    t, _, qd, _, external = motion
+    figure = dd.plot.balance(recording)
+    both, rest = figure.axes
+    at, power = np.array(rest.lines[0].get_data())
+    pushing = (external * qd).sum(axis=1)
+    expected = np.array([pushing[(t >= x - 0.05 - 1e-9) & (t <= x + 0.05 + 1e-9)].mean() for x in at])
+    assert np.abs(expected).max() > 0.05
+    assert np.abs(power - expected).max() < 0.02 * np.abs(expected).max() + 2e-3
+    difference = curve(both, "dK/dt")[1] - curve(both, "explained by efforts, gravity and friction")[1]
+    assert np.allclose(difference, power)
+    assert re.search(r"panda: \d+\.\d % of dK/dt explained", both.get_title(loc="left"))
+    assert both.get_ylabel() == "power [W]"
+
+
+def test_external_torque_of_each_joint(recording, dyn, panda, motion):
+    thresholds = dd.AlarmThresholds({"panda_joint1": 0.5, "*": 100.0})
+    observed = dd.observe(dyn, recording, 40.0)
+    part = dd.Observed(*(column[:MOST] for column in observed))
+    seen = part.external_torque
+    panels = dd.plot.external_torque(part, thresholds, model=panda).axes
+    titles = [axes.get_title(loc="left") for axes in panels]
+    assert titles == [f"{n} [{'N' if 'finger' in n else 'N m'}]" for n in panda.dof_names]
+    for k, axes in enumerate(panels):
+        assert np.array_equal(axes.lines[1].get_ydata(), seen[:, k], equal_nan=True)
+    beyond = np.array(panels[0].lines[2].get_ydata())
+    assert np.array_equal(~np.isnan(beyond), np.abs(seen[:, 0]) > 0.5) and np.isfinite(beyond).any()
+    whole = dd.plot.external_torque(recording, {"panda_joint1": 0.5}, gain=40.0).axes
+    for k in (0, 1):  # a panel without a threshold has one curve
+        curves = np.concatenate([line.get_ydata() for line in whole[k].lines[1:]])
+        assert len(whole[k].lines) == 3 - k and np.nanmax(curves) == np.nanmax(observed.external_torque[:, k])
+
+
+def test_ellipsoid_says_what_a_push_meets(panda, dyn, recording):
+    q, qd = recording.q[100], recording.qd[100]
+    axes = dd.plot.ellipsoid(panda, q, "panda_hand", qd, point=[0.0, 0.0, 0.1])
+    J = dyn.jacobian(q, "panda_hand", [0.0, 0.0, 0.1], frame="world")[:3]
+    masses = 1.0 / np.linalg.eigvalsh(J @ np.linalg.solve(dyn.mass_matrix(q), J.T))
+    shown = [float(text.get_text().split()[0]) for text in axes.texts if text.get_text().endswith(" kg")]
+    assert sorted(shown) == pytest.approx(sorted(masses), rel=5e-3)
+    v = J @ qd
+    along = 1.0 / (v @ (J @ np.linalg.solve(dyn.mass_matrix(q), J.T)) @ v / (v @ v))
+    said = axes.get_title(loc="left")
+    assert float(re.search(r"mass along v ([\d.e+-]+) kg", said)[1]) == pytest.approx(along, rel=5e-3)
+    assert [axis.get_label_text() for axis in (axes.xaxis, axes.yaxis, axes.zaxis)] == ["x [m]", "y [m]", "z [m]"]
+
+
+def test_tree_has_every_freedom_with_its_inertia():
+    model = dd.load_robot("go2", floating_base=True)
+    dyn, q = dd.DiagonalDynamics(model), model.random(3)
+    names, bars = dd.plot.tree(model, q).axes
+    assert [text.get_text() for text in names.texts] == list(model.dof_names)
+    D, M = dyn.factors(q).D, np.diag(dyn.mass_matrix(q))
+    ends = {round(bar.get_y() + 0.5 * bar.get_height()): bar.get_x() + bar.get_width() for bar in bars.patches}
+    assert [ends[k] for k in range(model.nv)] == pytest.approx(D.tolist())
+    shown, rows = curve(bars, "M_kk: outboard joints held")
+    assert np.allclose(shown, M) and np.array_equal(rows, np.arange(model.nv))
+    # Lines go from a carrier to its children, a level further in where there are several.
+    lines = [line for line in names.lines if len(line.get_xdata()) == 3]
+    assert len(lines) == model.nv - 1
+    for line in lines:
+        assert line.get_ydata()[0] < line.get_ydata()[1] and line.get_xdata()[2] - line.get_xdata()[0] in (0, 1)
+
+
+def test_errors_name_the_argument(recording, panda, dyn, monkeypatch):
+    t, q, qd = recording.t, recording.q, recording.qd
+    without, empty = (recorded(panda, t[:n], q[:n], qd[:n], None) for n in (100, 0))
+    for draw, key in (
+        (lambda: dd.plot.energy([1.0]), "expected a Recording"),
+        (lambda: dd.plot.energy(dyn.evaluate_batch(q, qd), t=[0.0, 1.0, 2.0]), r"t has shape \(3,\)"),
+        (lambda: dd.plot.balance(without), "no efforts"),
+        (lambda: dd.plot.shares(empty), "no states"),
+        (lambda: dd.plot.external_torque(dd.observe(dyn, recording)), "model"),
+        (lambda: dd.plot.external_torque(recording, {"elbow": 1.0}), "'elbow'"),
+        (lambda: dd.plot.ellipsoid(panda, panda.neutral, "hand"), "'hand'"),
+    ):
+        with pytest.raises(dd.InputError, match=key):
+            draw()
+    for name in ("matplotlib", "matplotlib.pyplot"):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(dd.InputError, match="pip install matplotlib"):
+        dd.plot.tree(panda)

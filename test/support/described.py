@@ -5,9 +5,11 @@
 
 import copy
 from functools import cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
+import diag_dynamics as dd
 import robots
 from coupling import NAMED, Coupled
 from oracles import Oracle
@@ -58,3 +60,23 @@ class Robot:
 def robot(id, free=False):
     """Return a robot of the wheel, or one of `coupling.NAMED`, loaded once."""
     return Robot(id, free)
+
+
+class Subject(NamedTuple):
+    """A robot in the library and in Pinocchio."""
+
+    model: dd.RobotModel
+    dyn: dd.DiagonalDynamics
+    oracle: Coupled
+
+
+_subjects = {}
+
+
+def subject(robot):
+    """Return a `robots.Robot` in the library and in Pinocchio, loaded once for each id."""
+    if robot.id not in _subjects:
+        model = dd.load_urdf(robot.source, **robot.options)
+        oracle = Coupled(robot.urdf, model.dof_names, **robot.options)
+        _subjects[robot.id] = Subject(model, dd.DiagonalDynamics(model), oracle)
+    return _subjects[robot.id]
