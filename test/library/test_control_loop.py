@@ -186,6 +186,17 @@ def test_a_stall_does_not_let_efforts_jump(strong):
     assert np.abs(sent.effort).max() <= RATE * 0.02 + 1e-9
 
 
+def test_the_energy_limit_holds_under_a_push(strong):
+    values = {"energy_limit": 0.5, "observer_gain": 60.0, "effort_rate": ["*=1e5"]}
+    loop = slow_loop_of(strong, initial_mode="gravity_compensation", **values)
+    simulation, energies = dd.Simulation(strong, q=Q), []
+    for k in range(700):
+        sent = loop.step(state_at(S + k * MS, simulation.q, simulation.qd), S + k * MS)
+        simulation.advance(sent.effort, f_ext={"tool0": (0, 30.0, 20.0, 0, 0, 0)} if k > 50 else None)
+        energies.append(loop.energy)
+    assert 0.4 < max(energies) < 1.02 * 0.5
+
+
 def test_targets_end_with_a_stall_longer_than_the_hold(strong):
     """After a stall of the node longer than the hold the measured position is the target."""
     loop = slow_loop_of(strong, hold_time=0.3, following_energy=0.0)

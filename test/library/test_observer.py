@@ -1,10 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The disturbance observer against Pinocchio.
-
-Motions are prescribed; efforts are Pinocchio's inverse dynamics less a known external torque.
-"""
+"""The disturbance observer: on prescribed motions, with efforts of Pinocchio less a known external torque."""
 
 import numpy as np
 import pytest

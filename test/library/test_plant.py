@@ -149,8 +149,6 @@ def test_pushes():
     assert pushes.counts["wrenches received"] == 5
 
 
-# --- The plant
-
 DEFAULTS = {name: spec.default for name, spec in PARAMETERS.items()}
 
 

@@ -65,7 +65,6 @@ LOCKED = {"panda_joint2": 0.4, "panda_joint5": -0.3, "panda_finger_joint1": 0.03
 CASES = {
     "panda, damped": (robot_path(PANDA).read_text(), {}, 3.0),
     "panda, locked joints": (robot_path(PANDA).read_text(), {"locked_joints": LOCKED}, 0.0),
-    "ur5": (robot_path(UR5).read_text(), {}, 0.0),
     "brick": (BRICK, {"floating_base": True}, 0.0),
     "solo12": (robot_path(SOLO).read_text(), {"floating_base": True}, 0.0),
     "mobile_tree_20": (MOBILE["mobile_tree_20"], {}, 0.0),
@@ -427,7 +426,6 @@ def test_energy_is_accounted_for(name, limits, seconds):
         ({"limits": "soft"}, "limits is 'soft'"),
         ({"limits": dd.CompliantLimits(0.0)}, "stiffness of limits is 0.0"),
         ({"limits": dd.CompliantLimits(1.0, -1.0)}, "damping of limits is -1.0"),
-        ({"limits": dd.CompliantLimits([1.0, 2.0])}, "stiffness of limits"),
     ],
 )
 def test_bad_options(options, key):
@@ -441,7 +439,6 @@ def test_bad_options(options, key):
         (lambda sim: sim.advance([0.0]), "tau"),
         (lambda sim: sim.advance(steps=2**70), "steps"),
         (lambda sim: sim.advance(f_ext={"nowhere": np.zeros(6)}), "'nowhere' is not a link"),
-        (lambda sim: sim.advance(f_ext={"panda_hand": [np.nan] * 6}), "f_ext on link 'panda_hand'"),
         (lambda sim: sim.advance(f_ext={}, frame="body"), "frame is 'body'"),
         (lambda sim: setattr(sim, "damping", -np.ones(9)), "damping is"),
         (lambda sim: sim.reset(np.zeros(2), np.zeros(9)), "q has shape"),
