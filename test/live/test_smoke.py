@@ -112,7 +112,10 @@ def test_the_page_is_served(left, panda):
 
 
 def test_a_second_in_lockstep(peer):
-    """Controller and simulator take turns for a second of simulated time: each state has one command."""
+    """Controller and simulator take turns for a second of simulated time: every message is of a step.
+
+    Neither waits for this process, which may miss some of their messages.
+    """
     order = list(robot(UR5).names)
     simulated = {"lockstep": True, "rate": float(RATE), "command_joints": order, "autostart": True}
     own = {"robot_compensates_gravity": False, "autostart": True, "use_sim_time": True, "command_joints": order}
@@ -127,9 +130,9 @@ def test_a_second_in_lockstep(peer):
             "a second of simulated time",
             START,
         )
-        stamps = [stamp for stamp in sorted({*simulator.states.stamps}) if stamp >= first]
-        assert {*np.diff(stamps)} == {S // RATE}
-        assert {*controller.status.stamps} <= {*simulator.states.stamps}
+        states, statuses = simulator.states.stamps, controller.status.stamps
+        assert {(stamp - first) % (S // RATE) for stamp in (*states, *statuses)} == {0}
+        assert (np.diff(states) >= 0).all()  # a state that nobody answers is published again
 
 
 @pytest.mark.parametrize(("namespace", "number"), [("/left", signal.SIGINT), ("/right", signal.SIGTERM)])
