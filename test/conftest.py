@@ -22,7 +22,8 @@ WITH_ROS = [Path(__file__).parent / folder for folder in ("nodes", "live")]
 MAX_CPU_TIME = 10.0
 """CPU-seconds that a test of the gate may take, with the processes that it starts; wall time depends on the machine.
 
-Only workers fail a test for it, with few robots: before they start, the kernels are compiled.
+Only workers fail a test for it, with few robots: before they start, the kernels are compiled. Live tests are exempt, because
+the test that ends a process would be charged for all of its life.
 """
 
 
@@ -75,7 +76,10 @@ def pytest_pycollect_makemodule(module_path, parent):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_setupnodes(config):
-    """Compile before there are workers, each of which would wait for the same, or do it again."""
+    """Compile the largest kernels before there are workers, each of which would wait for the same, or do it again.
+
+    `make setup-tests` has compiled all of them; this is for those who call pytest.
+    """
     import compiling
 
     reporter = config.pluginmanager.get_plugin("terminalreporter")
@@ -101,7 +105,8 @@ def pytest_runtest_call(item):
     result = yield
     taken = sum(os.times()[:4]) - begin
     limited = "PYTEST_XDIST_WORKER" in os.environ and not examples.all_robots_selected()
-    if limited and taken > MAX_CPU_TIME and not item.get_closest_marker("full"):
+    exempt = item.get_closest_marker("full") or item.get_closest_marker("live")
+    if limited and taken > MAX_CPU_TIME and not exempt:
         pytest.fail(f"the test took {taken:.1f} CPU-s; expected at most {MAX_CPU_TIME:g} in the gate. Mark it `full`.")
     return result
 
@@ -140,10 +145,11 @@ def ros_domain(tmp_path_factory, compiled):
 
 
 @pytest.fixture(scope="session")
-def no_discovery(compiled):
+def no_discovery(compiled, tmp_path_factory):
     """Keep DDS from looking for other participants: nodes in the test's process meet on a graph of the test's."""
     with pytest.MonkeyPatch.context() as environment:
         environment.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+        environment.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
         environment.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
         environment.setenv("ROS_PYTHON_CHECK_FIELDS", "1")
         yield

@@ -176,7 +176,8 @@ def test_dicts(dyn, state):
 
 def test_series_and_frames(dyn, state):
     """Series without names are in the order of the joints."""
-    pandas = pytest.importorskip("pandas", reason="pandas is not installed")
+    import pandas
+
     names, order = dyn.model.dof_names, np.random.default_rng(0).permutation(dyn.model.nv)
     q, qd, tau = (pandas.Series(x, names).iloc[order] for x in state)
     expected = dyn.evaluate(*state)

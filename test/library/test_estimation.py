@@ -125,7 +125,8 @@ def test_open_and_damaged_meshes(tmp_path):
 
 
 def test_collada_in_centimetres(tmp_path):
-    collada = pytest.importorskip("collada", reason="pycollada is not installed")
+    import collada
+
     document = collada.Collada()
     document.assetInfo.unitmeter, document.assetInfo.unitname = 0.01, "centimeter"
     source = collada.source.FloatSource("v", 100.0 * BOX.ravel(), ("X", "Y", "Z"))

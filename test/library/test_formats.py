@@ -76,7 +76,6 @@ def test_robot_descriptions(robot_descriptions, capsys):
     ):
         with pytest.raises(dd.InputError, match=key):
             dd.load_robot(name)
-    pytest.importorskip("xacro", reason="xacro is not installed")
     assert dd.load_robot("xacro_description").nv == 6
 
 
@@ -109,7 +108,8 @@ def xacro_file(tmp_path):
 @pytest.mark.parametrize("arguments", [{}, {"mass": 3.5}, {"hand": True, "mass": "1"}])
 def test_xacro(xacro_file, arguments, monkeypatch, capsys):
     """The model is that of the text that xacro's own command prints."""
-    xacro = pytest.importorskip("xacro", reason="xacro is not installed")
+    import xacro
+
     typed = [f"{name}:={str(value).lower()}" for name, value in arguments.items()]
     monkeypatch.setattr(sys, "argv", ["xacro", str(xacro_file), *typed])
     xacro.main()
@@ -122,7 +122,6 @@ def test_xacro_errors(xacro_file, monkeypatch):
         with pytest.raises(kind, match=key):
             dd.load_urdf(source, **options)
 
-    pytest.importorskip("xacro", reason="xacro is not installed")
     assert_error(dd.UrdfError, "no such file", "nowhere.xacro")
     assert_error(dd.InputError, "xacro_args has mass", UR5, xacro_args={"mass": 1})
     assert_error(dd.InputError, "xacro_args is 3", xacro_file, xacro_args=3)
@@ -194,7 +193,9 @@ def with_flags(text, *flags):
 
 @pytest.fixture
 def mujoco():
-    return pytest.importorskip("mujoco", reason="mujoco is not installed")
+    import mujoco
+
+    return mujoco
 
 
 def needs(mujoco, attribute):

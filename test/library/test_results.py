@@ -231,7 +231,8 @@ def test_slice_of_a_reused_batch_is_permanent(dyn):
 
 
 def test_frames(dyn):
-    pandas = pytest.importorskip("pandas", reason="pandas is not installed")
+    import pandas
+
     batch = every_kind(dyn)["batch"]
     frame, table = batch[0].to_frame(), batch.to_frame()
     assert list(frame.index) == list(dyn.model.dof_names) and "external" in frame

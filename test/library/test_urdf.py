@@ -433,7 +433,6 @@ READ_BY_BOTH = {
 @pytest.mark.parametrize("case", READ_BY_BOTH)
 @pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 def test_both_readers_agree(case, monkeypatch):
-    pytest.importorskip("yourdfpy", reason="yourdfpy is not installed")
     first, second = read_by_both(READ_BY_BOTH[case], monkeypatch)
     assert first == second
     assert isinstance(first, str) or case not in BROKEN

@@ -30,6 +30,7 @@ from sensor_msgs.msg import BatteryState, JointState, LaserScan, RegionOfInteres
 from std_msgs.msg import Byte, Char, Empty, Header, Int8, Int64, String, UInt16
 
 import diag_dynamics as dd
+from commands import quiet_compiler  # noqa: F401 (a fixture)
 from diag_dynamics.assembly.assembler import JointStateAssembler, RobotState, joints_of
 from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.control.observer import Disturbance

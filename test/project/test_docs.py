@@ -139,7 +139,7 @@ def test_messages_and_comments_name_pages_that_exist():
 WAYS = {"run", "run in a folder of recordings", "parameters of monitor", "columns of a table"}
 WAYS_WITH_TEXT = {"run until", "run in the background", "hear", "end", "not run"}
 ELSEWHERE = {"tutorial", "control"}
-"""Pages whose programs test_programs.py and test_control_example.py run."""
+"""Pages whose programs test_programs.py and test_control.py run."""
 
 
 def pages_with_blocks():

@@ -158,7 +158,9 @@ def test_example(script, empty_folder, capsys):
 
 def test_notebook(empty_folder):
     """Its cells run one after the other; it is kept without outputs."""
-    pytest.importorskip("matplotlib", reason="matplotlib is not installed").use("agg")
+    import matplotlib
+
+    matplotlib.use("agg")
     cells = json.loads((EXAMPLES / "first_steps.ipynb").read_text(encoding="utf-8"))["cells"]
     names = {}
     for k, cell in enumerate(cell for cell in cells if cell["cell_type"] == "code"):

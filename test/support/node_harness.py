@@ -192,7 +192,7 @@ class GraphLogger:
         self.graph, self.name, self.filter_text, self.output = graph, name, filter_text, output
         self._last = {}
 
-    def _log(self, severity, message, once=False, throttle_duration_sec=0.0, **_):
+    def _log(self, severity, message, once=False, throttle_duration_sec=0.0):
         frame = sys._getframe(2)
         place, now = (frame.f_code, frame.f_lineno), self.graph.steady
         if place in self._last and (once or now - self._last[place] < throttle_duration_sec):
@@ -470,7 +470,8 @@ class Graph(contextlib.AbstractContextManager):
     def _serve(self, asked):
         name, request, respond = asked
         if service := self.services.get(name):
-            response = service.callback(request, service.srv_type.Response())
+            sent = deserialize_message(serialize_message(request), service.srv_type.Request)
+            response = service.callback(sent, service.srv_type.Response())
             service.send_response(response, respond)
 
     def serve_next(self):
@@ -483,8 +484,10 @@ class Graph(contextlib.AbstractContextManager):
             return self._fire()
         take, item = self._events.popleft()
         self._serving = True
-        take(item)
-        self._serving = False
+        try:
+            take(item)
+        finally:
+            self._serving = False
         return True
 
     def spin(self):

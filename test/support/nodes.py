@@ -436,10 +436,10 @@ class Monitor(contextlib.AbstractContextManager):
             self.feeder.publish(message)
             self.peer.graph.spin()
 
-    def feed(self, message, topics=None):
+    def feed(self, message, topics=None, timeout=TIMEOUT):
         """Publish a joint state and return what comes back by topic; its stamp is that of the message."""
         self.feeder.publish(message)
-        return self._all_at(nanoseconds(message.header.stamp), topics or self.topics)
+        return self._all_at(nanoseconds(message.header.stamp), topics or self.topics, timeout)
 
     def serves(self, robot, sample=0, truth=None):
         """Feed a whole state, and check all that comes of it against Pinocchio; return it by topic."""
