@@ -443,7 +443,7 @@ def test_deactivation_leaves_the_gravity_torque(damped):
 
 @ONE
 def test_another_robot(fed):
-    """While active it is refused, and said so; deactivated, it is taken over, or else nothing moves."""
+    """While active, the controller rejects another description and reports it; deactivated, it loads it."""
     panda = robot(PANDA)
     fed.descriptions.publish(description(panda.urdf))
     fed.wait_until_told("control", "another robot is not taken over while this one is controlled", b"\2")

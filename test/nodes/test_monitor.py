@@ -284,7 +284,7 @@ def test_latency_and_silence(peer, panda):
 
 
 def test_simulated_time(peer):
-    """Reception is by /clock; a jump back forgets all joints, what is ahead of it is rejected, and it may be switched off."""
+    """The time of reception is /clock's; a jump back resets all joints; states ahead of it are rejected."""
     ur5, clock = robot(UR5), peer.publisher(Clock, "/clock")
     q, qd, tau, _ = ur5.samples[0]
 

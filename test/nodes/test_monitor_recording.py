@@ -57,7 +57,7 @@ class Live:
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_recording_is_what_the_monitor_publishes(peer, tmp_path, name):
-    """Every state to the last bit and in this order; what comes of it is what comes of a single one in the library."""
+    """Published states equal the recording's bit for bit, in the same order."""
     case, urdf = CASES[name], tmp_path / "robot.urdf"
     text = case.urdf if isinstance(case.urdf, str) else case.urdf.read_text(encoding="utf-8")
     urdf.write_text(text, encoding="utf-8")

@@ -96,7 +96,7 @@ def test_set_while_running(made):
 
 
 def test_names_that_nobody_knows(made, tmp_path, capfd):
-    """What is nearly a parameter is told of, what is one of another node of the same file or nobody's is not."""
+    """The node warns of misspelt parameters; it ignores those of other nodes and unrelated names."""
     file = tmp_path / "shared.yaml"
     file.write_text(
         "/**:\n  ros__parameters:\n    joint_timeouts: [a=1.0]\n    rate: 100.0\n    step: 0.001\n    update_rate: 5\n"

@@ -280,7 +280,7 @@ def test_what_is_not_there_is_looked_for_elsewhere(monkeypatch, capsys, name, th
 
 
 def test_answer_that_is_lost(monkeypatch):
-    """What is called acts once, when it knows its client: an answer to a client that is not known is thrown away."""
+    """A call is sent once, after the server knows the client: responses to unknown clients are dropped."""
     asked = []
 
     class Client:

@@ -44,7 +44,7 @@ OUTCOMES = ("published", "incomplete", "foreign", "followers only", "awaiting ve
 
 
 def step(raw, outcome="published", *words, also=(), now=NOW, **state):
-    """Return a step; what is no outcome is the cause of a rejection."""
+    """Return a step; an unknown outcome is the cause of a rejection."""
     known = outcome in OUTCOMES or outcome.startswith(("odometry", "published"))
     also = (also,) if isinstance(also, str) else tuple(also)
     return Step(raw, outcome if known else f"rejected: {outcome}", state or None, also, words, now)

@@ -324,10 +324,9 @@ def report_of(array, name):
 
 
 class Reports(list):
-    """All that a node has said of itself on /diagnostics, in its order: see :class:`Report`.
+    """All reports of a node on /diagnostics, in their order: see :class:`Report`.
 
-    What happens is told of once, and with the next report that is over. So who makes it happen notes before, by `len`, with
-    which report to begin: the one that tells of it may have come by the time that it is waited for.
+    Record `len(reports)` before the event and pass it as `begin`, because the report may arrive before the wait starts.
     """
 
     def __init__(self, node, wait_until, name):
@@ -353,7 +352,7 @@ class Reports(list):
     def next(self):
         """Wait for a report of all entries that is made from now on, and return it.
 
-        Which one that is its stamp tells: the next to come may have been on its way. A node by simulated time has no such.
+        Its stamp is compared with the clock, because an older report may be in transit. Not for nodes in simulated time.
         """
         now = self._node.get_clock().now().nanoseconds
         return self.wait_for(lambda report: report.stamp > now and len(report.entries) > 1, "anything")

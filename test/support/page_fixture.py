@@ -116,4 +116,4 @@ def _text(data):
 
 
 if __name__ == "__main__":
-    PATH.write_text(json.dumps(content(), indent=1) + "\n", encoding="utf-8")
+    PATH.write_text(json.dumps(content(), separators=(",", ":")) + "\n", encoding="utf-8")

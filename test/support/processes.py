@@ -25,10 +25,10 @@ import stacks
 from nodes import START, TIMEOUT, Peer
 
 SLOW = 18.0
-"""Time [s] after which an end is overdue whose launcher would kill what hangs before :data:`TIMEOUT`, stacks and all."""
+"""Shutdown timeout [s], below :data:`TIMEOUT`, so that stacks are dumped before a launcher kills the process."""
 
 ASKED = "\n--- asked for stacks:\n"
-"""Parts what a process has said from what it is at."""
+"""Marker between the output of a process and its stack dump."""
 
 
 class Process(contextlib.AbstractContextManager):
