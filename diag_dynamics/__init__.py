@@ -29,6 +29,7 @@ _HOME = {
     "DiagDynamicsError": "exceptions",
     "InputError": "exceptions",
     "ModelError": "exceptions",
+    "ModelWarning": "exceptions",
     "MasslessLinkError": "exceptions",
     "InertiaWarning": "exceptions",
     "MimicJointError": "exceptions",
@@ -100,6 +101,7 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.exceptions import MasslessLinkError as MasslessLinkError
     from diag_dynamics.exceptions import MimicJointError as MimicJointError
     from diag_dynamics.exceptions import ModelError as ModelError
+    from diag_dynamics.exceptions import ModelWarning as ModelWarning
     from diag_dynamics.exceptions import SingularMassMatrixError as SingularMassMatrixError
     from diag_dynamics.exceptions import UnsupportedError as UnsupportedError
     from diag_dynamics.exceptions import UrdfError as UrdfError

@@ -45,11 +45,15 @@ class UnsupportedError(ModelError, NotImplementedError):
     """A feature of the robot, or an option, that this version does not offer yet."""
 
 
-class InertiaWarning(UserWarning):
-    """A link's inertia is not that of any rigid body, or was estimated; it is used as it is."""
+class ModelWarning(UserWarning):
+    """A robot is loaded, but its file has a probable mistake, or something that no quantity of the model includes."""
 
     def __str__(self) -> str:
         return shown(self)
+
+
+class InertiaWarning(ModelWarning):
+    """A link's inertia is not that of any rigid body, or was estimated; it is used as it is."""
 
 
 class MimicJointError(UrdfError):

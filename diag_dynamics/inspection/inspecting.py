@@ -18,7 +18,7 @@ from diag_dynamics.inspection.findings import SEVERITIES, Finding, Report
 from diag_dynamics.inspection.motion import Motion
 from diag_dynamics.inspection.subject import Check, Subject
 from diag_dynamics.model import RobotModel, load_urdf, urdf_text
-from diag_dynamics.model.options import inertias_told
+from diag_dynamics.model.options import warnings_told
 from diag_dynamics.model.urdf import folder_of
 from diag_dynamics.model.xacro_files import expanded
 
@@ -106,7 +106,7 @@ def _loaded(text: str, floating_base: bool) -> tuple[RobotModel | None, list[Fin
     findings: list[Finding] = []
     while True:
         try:
-            with inertias_told(lambda said: None):  # possible_inertias tells of them
+            with warnings_told(lambda said: None):  # possible_inertias tells of them
                 return load_urdf(text, **options), findings
         except MasslessLinkError as error:
             findings.append(

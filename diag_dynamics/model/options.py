@@ -15,7 +15,7 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import mapping, not_negative, numbers
-from diag_dynamics.exceptions import InertiaWarning, InputError
+from diag_dynamics.exceptions import InertiaWarning, InputError, ModelWarning
 from diag_dynamics.model.joint_types import SINGLE
 
 FRICTION_VELOCITY = 5e-3
@@ -190,8 +190,8 @@ _tell: ContextVar[Callable[[str], object] | None] = ContextVar("tell", default=N
 
 
 @contextmanager
-def inertias_told(tell: Callable[[str], object]) -> Iterator[None]:
-    """Context in which `tell` gets the text of each InertiaWarning: Python's warnings are shared by threads, this is not."""
+def warnings_told(tell: Callable[[str], object]) -> Iterator[None]:
+    """Context in which `tell` gets the text of each ModelWarning: Python's warnings are shared by threads, this is not."""
     token = _tell.set(tell)
     try:
         yield
@@ -212,7 +212,12 @@ def warn_of_inertias(robot: Any, estimated: str, lighter: Container[str] = ()) -
                 f"link '{link.name}' of robot '{robot.name}' has an inertia {reason}: no rigid body is like that."
             )
     for text in texts:
-        if tell := _tell.get():
-            tell(text)
-        else:
-            warnings.warn(text, InertiaWarning, stacklevel=3)
+        warn(text, InertiaWarning, stacklevel=4)
+
+
+def warn(text: str, category: type[ModelWarning] = ModelWarning, stacklevel: int = 3) -> None:
+    """Warn of a robot's file: to the function of :func:`warnings_told`, or as Python's own warning."""
+    if tell := _tell.get():
+        tell(text)
+    else:
+        warnings.warn(text, category, stacklevel=stacklevel)

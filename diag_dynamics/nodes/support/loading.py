@@ -7,11 +7,11 @@ from functools import cache
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.model import load_urdf
-from diag_dynamics.model.options import inertias_told
+from diag_dynamics.model.options import warnings_told
 from diag_dynamics.parameters.robots import model_of
 
 MOST_TOLD = 20
-"""Links whose inertias are warned of one by one."""
+"""Warnings of a robot that are logged one by one."""
 
 COMPILED = (
     "evaluate",
@@ -44,7 +44,7 @@ def compile_dynamics():
 
 
 def load_robot(node, description, values):
-    """Model of a description, with warnings of its inertias in the node's log.
+    """Model of a description, with its warnings in the node's log.
 
     Parameters
     ----------
@@ -61,10 +61,10 @@ def load_robot(node, description, values):
     """
     node.get_logger().info("Loading a robot.")
     told = []
-    with inertias_told(told.append):
+    with warnings_told(told.append):
         model = model_of(description, values)
     for text in told[:MOST_TOLD]:
         node.get_logger().warning(text)
     if len(told) > MOST_TOLD:
-        node.get_logger().warning(f"{len(told) - MOST_TOLD} more links have such inertias.")
+        node.get_logger().warning(f"{len(told) - MOST_TOLD} more such warnings.")
     return model

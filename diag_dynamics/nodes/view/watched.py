@@ -15,7 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.exceptions import InertiaWarning, InputError
+from diag_dynamics.exceptions import InputError, ModelWarning
 from diag_dynamics.model import urdf_text
 from diag_dynamics.msg import DiagonalizedState, ExternalTorque
 from diag_dynamics.nodes.support.descriptions import Descriptions
@@ -182,7 +182,7 @@ class WatchedRobot:
         text = urdf_text(source)
         folders = [*self._folders, *mesh_folders(source if isinstance(source, str) else None)]
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", InertiaWarning)  # the monitor has said so
+            warnings.simplefilter("ignore", ModelWarning)  # the monitor has said so
             try:
                 model = model_of(text, values)
             except InputError:
