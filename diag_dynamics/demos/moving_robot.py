@@ -3,7 +3,7 @@
 
 """A robot that moves by itself, for the page without ROS: ``python3 -m diag_dynamics.demos.moving_robot panda``.
 
-Every joint follows a sine, by the efforts that this takes; now and then something pushes the last link.
+Every joint follows a sine, by the efforts that this takes; now and then something pushes the end-effector link.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from diag_dynamics.arrays import Array
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
-from diag_dynamics.model import RobotModel, load_urdf
+from diag_dynamics.model import RobotModel, end_effector_link, load_urdf
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.page.frames import Seen, States, Told
 from diag_dynamics.page.meshes import MeshLibrary
@@ -56,6 +56,7 @@ class MovingRobot:
         self._centre = np.where(bounded, np.where(bounded, model.lower, 0.0) + 0.5 * span, model.neutral)
         self._swing = np.minimum(0.35 * span, 0.7)
         self._limits = (*np.full(model.nv, 12.0), math.inf, 8.0)
+        self._end_effector = end_effector_link(model)
         self._dynamics.epsilon_from_tau(*self.state(0.0)[:2])  # compiled before time begins
         self._first_clock, self._first_stamp, self._last = clock(), time.time(), -1
 
@@ -70,7 +71,7 @@ class MovingRobot:
             qd[k], qdd[k] = swing * pace * math.cos(pace * t), -swing * pace**2 * math.sin(pace * t)
         pushed = (t % EVERY) / LASTING
         force = FORCE * math.sin(math.pi * pushed) if pushed < 1.0 else 0.0
-        external = dyn.jacobian(q, model.link_names[-1], frame="world")[1] * force
+        external = dyn.jacobian(q, self._end_effector, frame="world")[1] * force
         return q, qd, dyn.inverse_dynamics(q, qd, qdd) + dyn.friction_torque(qd) - external, external
 
     def take(self, dynamics: DiagonalDynamics) -> Taken | None:

@@ -3,6 +3,7 @@
 
 """Robot models: what a URDF becomes."""
 
+from diag_dynamics.model.end_effector import end_effector_link
 from diag_dynamics.model.mimic import Mimic
 from diag_dynamics.model.mjcf import load_mjcf
 from diag_dynamics.model.named import load_robot
@@ -17,6 +18,7 @@ __all__ = [
     "Parameters",
     "Payload",
     "RobotModel",
+    "end_effector_link",
     "load_mjcf",
     "load_robot",
     "load_urdf",

@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from diag_dynamics.model import RobotModel
-from diag_dynamics.page.hand import hand_of
+from diag_dynamics.model import RobotModel, end_effector_link
 from diag_dynamics.sweeps.spatial import ANGULAR_X
 
 VERSION = 1
@@ -148,7 +147,7 @@ class Layout:
             "thresholds": dict(thresholds) if thresholds else none_of(model.nv),
             "causes": CAUSES,
             "scene": scene,
-            "hand": hand_of(model, scene),
+            "end_effector": end_effector_link(model),
         }
 
 

@@ -243,8 +243,7 @@ PARAMETERS = {
     "publish_inverse_factor": Spec(False, "Whether mass_matrix_factors carries l, the inverse of m."),
     "markers.link": Spec(
         "",
-        "Link at which ~/markers shows the ellipsoid of J M^-1 J^T and the velocity; empty: that which the outermost turning "
-        "joint moves.",
+        "Link at which ~/markers shows the ellipsoid of J M^-1 J^T and the velocity; empty: the end-effector link.",
     ),
     "friction_velocity": Spec(
         FRICTION_VELOCITY,

@@ -11,7 +11,7 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, PointLike, VectorLike
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.model import RobotModel
+from diag_dynamics.model import RobotModel, end_effector_link
 from diag_dynamics.plot.drawing import COLOURS, GREY, axes_or_new, name
 
 LARGEST = 0.25
@@ -21,7 +21,7 @@ LARGEST = 0.25
 def ellipsoid(
     of: DiagonalDynamics | RobotModel,
     q: VectorLike,
-    link: str,
+    link: str | None = None,
     qd: VectorLike | None = None,
     point: PointLike = (0.0, 0.0, 0.0),
     ax: Any = None,
@@ -37,8 +37,8 @@ def ellipsoid(
     of : DiagonalDynamics or RobotModel
     q : array_like, shape (nq,)
         Positions.
-    link : str
-        Name of the link.
+    link : str, optional
+        Name of the link; by default the end-effector link.
     qd : array_like, shape (nv,), optional
         Rates [rad/s, m/s].
     point : array_like, shape (3,)
@@ -57,6 +57,7 @@ def ellipsoid(
     """
     dynamics = of if isinstance(of, DiagonalDynamics) else DiagonalDynamics(of)
     model = dynamics.model
+    link = end_effector_link(model) if link is None else link
     inverse = dynamics.operational_inverse_inertia(q, link, point, "world")[:3, :3]
     values, directions = np.linalg.eigh(inverse)
     roots = np.sqrt(np.where(values > 1e-12 * values.max(initial=0.0), values, 0.0))

@@ -14,13 +14,10 @@ import numpy as np
 from diag_dynamics.arrays import Array
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError, UrdfError
-from diag_dynamics.model import RobotModel
+from diag_dynamics.model import RobotModel, end_effector_link
 from diag_dynamics.model.geometry import Shape, shapes_of
 from diag_dynamics.model.meshes import find_mesh
 from diag_dynamics.model.urdf import folder_of, parse_urdf, urdf_text
-
-TURNING = 3
-"""First direction of a degree of freedom that turns: ANGULAR_X."""
 
 REACH = 0.2
 """Longest half axis of the ellipsoid at positions of zero, as a part of the robot's reach."""
@@ -56,7 +53,7 @@ class Scene:
     description : str, bytes or os.PathLike
         The URDF that its model is of, or its path.
     link : str
-        Where the ellipsoid is drawn; empty: :func:`tip_of` the robot.
+        Where the ellipsoid is drawn; empty: the end-effector link.
 
     Attributes
     ----------
@@ -79,7 +76,7 @@ class Scene:
         self._dynamics, self.model = dynamics, dynamics.model
         if link and link not in self.model.link_names:
             raise InputError(f"'{link}' is not a link of robot '{self.model.name}'.")
-        self.link = link or tip_of(self.model)
+        self.link = link or end_effector_link(self.model)
         self.parts = tuple(_parts(self.model, description))
         self._links = sorted({part.link for part in self.parts})
         q = self.model.neutral
@@ -122,20 +119,6 @@ class Scene:
     def top(self, q: Array) -> float:
         """Height of the highest link above the root link, in its axes [m]."""
         return max(float(self.origin(q, link)[2]) for link in self._links or [self.model.root_link])
-
-
-def tip_of(model: RobotModel) -> str:
-    """The link that the outermost joint moves which turns; of equals the first, and of robots that only slide their last.
-
-    A finger that slides is left out: along its own axis it is lighter than what it is at the end of.
-    """
-    bodies = model.bodies
-    depth = [0] * len(bodies)
-    for k in range(1, len(bodies)):
-        depth[k] = depth[int(bodies["parent"][k])] + 1
-    turning = [k for k in range(1, len(bodies)) if bodies["direction"][k] >= TURNING]
-    outermost = max(turning or range(len(bodies)), key=lambda k: depth[k])
-    return model.link_names[bodies["link"][outermost]] if outermost else model.root_link
 
 
 def _parts(model: RobotModel, description: Any) -> list[Part]:

@@ -18,9 +18,9 @@ import trimesh
 
 import diag_dynamics as dd
 import page_fixture
+from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.page.contact import Touch, mass_of_half, told
 from diag_dynamics.page.frames import GAP, FrameMaker, Seen, States, Told
-from diag_dynamics.page.hand import hand_of
 from diag_dynamics.page.layout import CAUSES, CHOSEN, Layout
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.poses import LinkPoses, quaternions
@@ -331,15 +331,95 @@ def test_joints_of_a_panda(panda):
     assert not any(one["visuals"] for one in drawn["links"])
 
 
-def test_the_hand_is_the_link_that_fingers_are_on():
-    """It is no finger of some grams."""
-    parts = [link("upper", *BLOCK), link("hand", *BLOCK), joint("wrist", "revolute", "upper", "hand", xyz=(0, 0, 0.1))]
-    for name in ("left", "right"):
-        finger = joint(name, "prismatic", "hand", f"{name}_finger", xyz=(0, 0, 0.05))
-        parts += [link(f"{name}_finger", 0.02, (0, 0, 0), (1e-6, 0, 0, 1e-6, 0, 1e-6)), finger]
-    text = description("gripper", *parts)
-    model = dd.load_urdf(text).with_payload("hand", 4.0, (0.0, 0.0, 0.1))
-    assert hand_of(model, scene_of(model, text)) == "hand"
+HAND = (*(f"arm{k}" for k in range(1, 7)), "palm")
+TORSO = ("waist", "chest")
+
+
+def tree(*chains):
+    """Return a URDF of chains of links 0.2 m apart; each has the link that carries it, names, and how joints move."""
+    parts = [link("base", *BLOCK)]
+    for parent, names, kind in chains:
+        for name in names:
+            parts.append(link(name, *BLOCK))
+            parts.append(joint(f"to_{name}", kind, parent, name, xyz=(0.0, 0.0, 0.01 if "finger" in name else 0.2)))
+            parent = name
+    return description("tree", *parts)
+
+
+def arms(*names, length):
+    return [("chest", tuple(f"{name}{k}" for k in range(length)), "revolute") for name in names]
+
+
+def fingers(*names, length, parent="palm"):
+    return [(parent, tuple(f"{name}_finger{k}" for k in range(length)), "revolute") for name in names]
+
+
+@pytest.mark.parametrize(
+    ("expected", "chains", "options"),
+    [
+        ("base", [], {}),
+        ("base", [("base", ("plate",), "fixed")], {}),
+        ("palm", [("base", HAND, "revolute")], {}),
+        ("palm", [("base", HAND, "revolute"), *fingers("left", "right", length=1)], {}),
+        ("palm", [("base", HAND, "revolute"), *fingers("thumb", "index", "little", length=4)], {}),
+        ("tool", [("base", HAND, "revolute"), ("palm", ("tool",), "fixed")], {}),
+        (
+            "palm",
+            [("base", HAND, "revolute"), ("base", ("left_wheel",), "continuous"), ("base", ("mast",), "fixed")],
+            {},
+        ),
+        ("left3", [("base", TORSO, "revolute"), *arms("left", "right", length=4)], {}),
+        ("left1", [("base", TORSO, "revolute"), *arms("left", "right", length=2)], {}),
+        (
+            "front2",
+            [("base", ("front0", "front1", "front2"), "revolute"), ("base", ("hind0", "hind1"), "revolute")],
+            {},
+        ),
+        (
+            "front1",
+            [("base", ("front0", "front1"), "revolute"), ("base", ("hind0", "hind1"), "revolute")],
+            {"floating_base": True},
+        ),
+        ("base", [("base", (f"rotor{k}",), "continuous") for k in range(4)], {"floating_base": True}),
+        ("palm", [("base", HAND, "revolute")], {"locked_joints": {"to_palm": 0.3}}),
+    ],
+)
+def test_the_end_effector_link_of_trees(expected, chains, options):
+    """The last link of the longest chain, before fingers, also with 4 kg in the hand and with a camera on its side."""
+    text = tree(*chains)
+    model = dd.load_urdf(text, **options)
+    assert Layout(model).to_json()["end_effector"] == expected
+    carrying = model.with_payload(expected, 4.0, (0.0, 0.0, 0.1))
+    assert Layout(carrying).to_json(scene_of(carrying, text))["end_effector"] == expected
+    camera = link("camera", 0.01, (0, 0, 0), (1e-6, 0, 0, 1e-6, 0, 1e-6))
+    mount = joint("mount", "fixed", expected, "camera", xyz=(0.0, 0.3, 0.0))
+    with_camera = dd.load_urdf(text.replace("</robot>", f"{camera}{mount}</robot>"), **options)
+    assert Layout(with_camera).to_json()["end_effector"] == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("panda", "panda_hand"),
+        ("ur5", "wrist_3_link"),
+        ("tiago", "hand_palm_link"),
+        ("tiago_dual", "hand_left_palm_link"),
+        ("tiago_no_hand", "wrist_ft_tool_link"),
+        ("tiago_pro", "gripper_left_base_link"),
+        ("pr2", "l_gripper_palm_link"),
+        ("baxter", "left_gripper_base_link"),
+        ("talos_full_v2", "gripper_left_base_link"),
+        ("kinova", "j2s6s200_link_6"),
+        ("go2", "FL_foot"),
+        ("solo12", "FL_FOOT"),
+        ("anymal-kinova", "j2s6s200_link_6"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
+def test_the_end_effector_link_of_robots(name, expected):
+    """The page, markers and plots have one rule."""
+    model = dd.load_urdf(find_urdf(name), massless="lock")
+    assert Layout(model).to_json()["end_effector"] == expected
 
 
 def test_primitives_and_colours():

@@ -362,6 +362,7 @@ def test_ellipsoid_says_what_a_push_meets(panda, dyn, recording):
     said = axes.get_title(loc="left")
     assert float(re.search(r"mass along v ([\d.e+-]+) kg", said)[1]) == pytest.approx(along, rel=5e-3)
     assert [axis.get_label_text() for axis in (axes.xaxis, axes.yaxis, axes.zaxis)] == ["x [m]", "y [m]", "z [m]"]
+    assert "panda_hand" in dd.plot.ellipsoid(panda, q).get_title(loc="left")  # the end-effector link
 
 
 def test_tree_has_every_freedom_with_its_inertia():

@@ -13,7 +13,7 @@ from diag_dynamics.assembly.assembler import RobotState
 from diag_dynamics.control.observer import Disturbance
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.nodes.monitor.markers import AHEAD, COLD, HOT, LASTING, LITTLE, MarkerMaker
-from diag_dynamics.views.scene import Scene, tip_of
+from diag_dynamics.views.scene import Scene
 from nodes import MS, PANDA, Monitor, S, nanoseconds, robot
 
 ROBOTS = pytest.mark.parametrize(("name", "floating"), [("panda", False), ("ur5", False), ("go2", True)])
@@ -195,10 +195,10 @@ def test_meshes_are_named_for_viewers(tmp_path):
     ]
 
 
-@pytest.mark.parametrize(("name", "link"), [("panda", "panda_link7"), ("ur5", "wrist_3_link")])
-def test_the_ellipsoid_is_at_the_tip(name, link):
+@pytest.mark.parametrize(("name", "link"), [("panda", "panda_hand"), ("ur5", "wrist_3_link")])
+def test_the_ellipsoid_is_at_the_end_effector_link(name, link):
     model = dd.load_robot(name)
-    assert tip_of(model) == link
+    assert Scene(dd.DiagonalDynamics(model), find_urdf(name)).link == link
     assert Scene(dd.DiagonalDynamics(model), find_urdf(name), model.link_names[3]).link == model.link_names[3]
     with pytest.raises(dd.InputError, match="'nose' is not a link of robot"):
         Scene(dd.DiagonalDynamics(model), find_urdf(name), "nose")
@@ -226,10 +226,10 @@ def test_topic(peer, serialization):
         assert all(47 * MS < gap <= 50 * MS for gap in np.diff(stamps[:-1]))
         text = by_space(topic.messages[-1])["text"][0].text
         assert text.startswith(f"K {energy.total:.3g} J, most of it panda_joint")
-        assert "\npanda_link7: " in text
+        assert "\npanda_hand: " in text
         refused = monitor.set_parameters({"markers.link": "nose"})
         assert not refused.successful
         assert "'nose', which is no link of robot 'panda'" in refused.reason
-        monitor.set_parameter("markers.link", "panda_hand")
+        monitor.set_parameter("markers.link", "panda_link7")
         monitor.serves(panda)
-        assert "\npanda_hand: " in by_space(topic.messages[-1])["text"][0].text
+        assert "\npanda_link7: " in by_space(topic.messages[-1])["text"][0].text

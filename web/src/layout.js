@@ -79,9 +79,9 @@ export class Layout {
     return this.fields.get(name)?.size ?? 0;
   }
 
-  // The link that ellipsoid and arrow begin with.
-  get tip() {
-    return this.json.hand;
+  // The link whose ellipsoid and arrow are drawn before a link is chosen.
+  get endEffector() {
+    return this.json.end_effector;
   }
 }
 

@@ -77,15 +77,15 @@ export class Live {
     this.app.diagnosed([]);
     this.app.touched(null);
     this.app.listed(this.robots, robot);
-    const link = await this.#hand(robot);
+    const link = await this.#endEffector(robot);
     if (robot === this.robot) this.stream.open(robot, (this.link = link), RATE);
   }
 
-  // The link that ellipsoid and arrow begin with; null where nothing is known of the robot yet.
-  async #hand(robot) {
+  // Name of the end-effector link; null before the server has a layout of the robot.
+  async #endEffector(robot) {
     try {
       const answer = await fetch(`layout?${new URLSearchParams({ robot })}`);
-      return answer.ok ? new Layout(await answer.json()).tip : null;
+      return answer.ok ? new Layout(await answer.json()).endEffector : null;
     } catch {
       return null; // the stream says what is wrong
     }
@@ -111,7 +111,7 @@ export class Live {
       this.app.laidOut(this.layout, same);
     }
     if (this.layout.links.includes(this.link)) this.app.marked(this.link);
-    else this.follow(this.layout.tip);
+    else this.follow(this.layout.endEffector);
   }
 
   #shape({ robot, dofs, links, fields }) {

@@ -78,7 +78,7 @@ export class Stage {
 
   setLayout(layout) {
     this.layout = layout;
-    this.marked = layout.tip; // in a report the one link of which there is something
+    this.marked = layout.endEffector; // a report has mobility and velocity of this link only
     this.ends = {};
     this.scene?.setLayout(layout);
     this.#getters();

@@ -72,7 +72,7 @@ test("packets: in one piece, byte by byte, and empty", () => {
 });
 
 test("the layout: which joint moves which link, short names, names of numbers", () => {
-  assert.deepEqual([layout.short, layout.tip, layout.linkOfDof], [["shoulder", "elbow"], "lower", ["upper", "lower"]]);
+  assert.deepEqual([layout.short, layout.endEffector, layout.linkOfDof], [["shoulder", "elbow"], "lower", ["upper", "lower"]]);
   assert.deepEqual(["lower", "base", "nobody"].map((link) => layout.dofOfLink(link)), [1, -1, -1]);
   const names = shortFields(layout).map(({ name }) => name);
   assert.equal(new Set(names).size, layout.width);

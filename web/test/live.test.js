@@ -92,7 +92,7 @@ test("five minutes are stored; the same robot keeps them, another one begins ane
   const live = new Live(app);
   const { layout, frame } = live.stream.handlers;
   const fields = [{ name: "t", size: 1 }, { name: "q", size: 2 }];
-  const robot = { robot: "arm", dofs: ["a", "b"], links: ["base"], hand: "base", fields };
+  const robot = { robot: "arm", dofs: ["a", "b"], links: ["base"], end_effector: "base", fields };
   layout(robot);
   for (let k = 0; k < 30_000; k++) frame(k / 50, new Float32Array([k, 0]));
   frame(700, new Float32Array(3)); // of another layout

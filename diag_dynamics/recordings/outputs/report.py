@@ -11,9 +11,9 @@ import diag_dynamics
 from diag_dynamics.bags.part import Part
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.model import end_effector_link
 from diag_dynamics.page.contact import kept_about, kept_of, kept_width, mass_of_half
 from diag_dynamics.page.frames import FrameMaker, Seen, States, Told
-from diag_dynamics.page.hand import hand_of
 from diag_dynamics.page.layout import finite
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.packing import pack_meshes
@@ -59,7 +59,7 @@ class ReportOutput:
         self._dynamics = DiagonalDynamics(reading.model)
         self._maker = FrameMaker(self._dynamics)
         self._layout, self._drawn = self._maker.layout, self._scene()
-        self._hand = hand_of(reading.model, self._drawn[0])
+        self._end_effector = end_effector_link(reading.model)
         self._points, self._left_out = self._contact_points()
         width = self._layout.size + (kept_width(self._points) if self._points else 0)
         self._overview, self._contacts = Overview(max(200, OVERVIEW // (2 * width))), Contacts()
@@ -82,7 +82,7 @@ class ReportOutput:
             self._keep(run)
         rows, numbers = self._overview.all()
         self._put_powers(numbers, rows)
-        self._put_hand(numbers, rows)
+        self._put_end_effector(numbers, rows)
         whole, (scene, meshes) = overview(self._layout, rows.t, numbers, self._touch(rows)), self._drawn
         meshes = pack_meshes(meshes, MESHES)
         page = sum(len(part.encode()) for part in page_of())
@@ -134,10 +134,10 @@ class ReportOutput:
         for k, name in enumerate(("p_effort", "p_gravity", "p_friction", "p_external", "dK")):
             numbers[:, self._layout.place(name).start] = powers[:, k]
 
-    def _put_hand(self, numbers, rows, every=1):
-        """Mobility and velocity of the hand, of some states."""
+    def _put_end_effector(self, numbers, rows, every=1):
+        """Write mobility and velocity of the end-effector link into the numbers of some states."""
         for k in range(0, len(numbers), every):
-            numbers[k, self._layout.common :] = self._maker.chosen(rows.q[k], rows.nu[k], self._hand)
+            numbers[k, self._layout.common :] = self._maker.chosen(rows.q[k], rows.nu[k], self._end_effector)
 
     def _touch(self, rows):
         """What a touch would have cost at some states; None where nothing is looked at."""
@@ -149,7 +149,7 @@ class ReportOutput:
         """Keep a run at full rate."""
         numbers = self._numbers(rows)
         self._put_powers(numbers, rows)
-        self._put_hand(numbers, rows, EVERY)
+        self._put_end_effector(numbers, rows, EVERY)
         norm = float(np.nanmax(rows.norm, initial=0.0))
         self._runs.append(_Run(float(rows.t[0]), norm, full_rate(self._layout, rows.t, numbers, self._touch(rows))))
         self._fit(LARGEST)
