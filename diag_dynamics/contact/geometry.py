@@ -18,7 +18,7 @@ from diag_dynamics.contact.point import ContactPoint
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.geometry import Shape, shapes_of
 from diag_dynamics.model.meshes import Meshes
-from diag_dynamics.model.plain_reader import placement_of
+from diag_dynamics.model.origins import placement_of
 from diag_dynamics.model.urdf import folder_of, parse_urdf, urdf_text
 from diag_dynamics.model.xacro_files import expanded
 
@@ -229,6 +229,4 @@ def _frames_of(robot: Any, link: str) -> Iterator[Array]:
     for joint in robot.findall("joint"):
         parent, origin = joint.find("parent"), joint.find("origin")
         if parent is not None and parent.get("link") == link and origin is not None:
-            placement = placement_of(origin)
-            if placement is not None:
-                yield placement[:3, 3]
+            yield placement_of(origin, f"joint '{joint.get('name')}'")[:3, 3]

@@ -17,7 +17,7 @@ from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model.geometry import Shape, Solid, floats, moved, shapes_of, solid_of, united
 from diag_dynamics.model.meshes import Meshes
-from diag_dynamics.model.plain_reader import placement_of
+from diag_dynamics.model.origins import placement_of
 from diag_dynamics.model.urdf import parse_urdf
 
 ROLES = ("visual", "collision")
@@ -314,9 +314,10 @@ def _limit(text: str | None) -> float | None:
 
 def _placement(origin: Any) -> Array:
     """Placement (4, 4) of an <origin>, the identity where it is missing or has no numbers."""
-    numbers = origin is not None and all(floats(origin.get(name, "0 0 0"), 3) for name in ("xyz", "rpy"))
-    placement = placement_of(origin) if numbers else None
-    return np.eye(4) if placement is None else placement
+    try:
+        return np.eye(4) if origin is None else placement_of(origin, "")
+    except UrdfError:
+        return np.eye(4)
 
 
 def _tensor(element: Any, turn: Array) -> Array | None:

@@ -14,7 +14,7 @@ import numpy as np
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.meshes import Meshes
-from diag_dynamics.model.plain_reader import placement_of
+from diag_dynamics.model.origins import placement_of
 
 KINDS = {
     "box": {"size": 3},
@@ -120,14 +120,10 @@ def _shape(element: Any, shape: Any, where: str) -> Shape:
             raise UrdfError(f"{where}: <{shape.tag} {attribute}='{text}'> is not {count} finite number(s) > 0.")
         numbers += parts
     origin = element.find("origin")
-    if origin is not None:
-        for attribute in ("xyz", "rpy"):
-            if floats(origin.get(attribute, "0 0 0"), 3) is None:
-                raise UrdfError(f"{where}: <origin {attribute}='{origin.get(attribute)}'> is not 3 finite numbers.")
     if shape.tag == "mesh" and not shape.get("filename"):
         raise UrdfError(f"{where}: <mesh> has no filename.")
-    placement = placement_of(origin)
-    return Shape(shape.tag, tuple(numbers), np.eye(4) if placement is None else placement, shape.get("filename", ""))
+    placement = np.eye(4) if origin is None else placement_of(origin, where)
+    return Shape(shape.tag, tuple(numbers), placement, shape.get("filename", ""))
 
 
 def floats(text: str | None, count: int) -> list[float] | None:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from diag_dynamics.exceptions import MimicJointError
 from diag_dynamics.model.joint_types import SINGLE
-from diag_dynamics.model.urdf import LARGEST
+from diag_dynamics.model.origins import LARGEST
 
 _CURE = "mimic='free' takes every joint as independent."
 

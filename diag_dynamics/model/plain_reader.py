@@ -6,7 +6,6 @@
 What it gives has the attributes of yourdfpy's objects that are read here, and the same bits.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,7 +80,7 @@ class Robot:
 
 
 def read(element):
-    """Robot of a checked `<robot>` element, which has nothing but what dynamics needs."""
+    """Robot of a checked `<robot>` element, which has nothing but what dynamics needs, and no origins."""
     links = [Link(link.get("name"), _inertial(link.find("inertial"))) for link in element.findall("link")]
     return Robot(element.get("name"), links, [_joint(joint) for joint in element.findall("joint")])
 
@@ -94,7 +93,7 @@ def _joint(element):
         element.get("type"),
         element.find("parent").get("link"),
         element.find("child").get("link"),
-        placement_of(element.find("origin")),
+        None,
         _numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0")),
         None if limit is None else Limit(*(_number(limit, name) for name in ("effort", "velocity", "lower", "upper"))),
         None if dynamics is None else Dynamics(dynamics.get("damping"), dynamics.get("friction")),
@@ -111,7 +110,7 @@ def _inertial(element):
     return Inertial(
         None if mass is None else float(mass.get("value", 0.0)),
         None if inertia is None else _inertia(inertia),
-        placement_of(element.find("origin")),
+        None,
     )
 
 
@@ -119,26 +118,6 @@ def _inertia(element):
     xx, yy, zz = (float(element.get(name, 1.0)) for name in ("ixx", "iyy", "izz"))
     xy, xz, yz = (float(element.get(name, 0.0)) for name in ("ixy", "ixz", "iyz"))
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def placement_of(element):
-    """Placement (4, 4) that an <origin> has, None without: translation and roll, pitch, yaw: Rz(yaw) Ry(pitch) Rx(roll)."""
-    if element is None:
-        return None
-    place = np.eye(4)
-    place[:3, 3] = _numbers(element.get("xyz", "0 0 0"))
-    (sr, sp, sy), (cr, cp, cy) = zip(
-        *((math.sin(angle), math.cos(angle)) for angle in _numbers(element.get("rpy", "0 0 0"))), strict=True
-    )
-    turn = np.eye(4)
-    # Products in this order have the bits of yourdfpy's.
-    cc, cs, sc, ss = cr * cy, cr * sy, sr * cy, sr * sy
-    turn[:3, :3] = [
-        [cp * cy, sp * sc - cs, sp * cc + ss],
-        [cp * sy, sp * ss + cc, sp * cs - sc],
-        [-sp, cp * sr, cp * cr],
-    ]
-    return place @ turn
 
 
 def _numbers(text):

@@ -19,6 +19,7 @@ from lxml import etree
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import plain_reader
 from diag_dynamics.model.joint_types import JOINT_TYPES
+from diag_dynamics.model.origins import numbers_of, placement_of, short
 
 try:
     import yourdfpy
@@ -34,17 +35,12 @@ MAX_BYTES = 32 * 1024 * 1024
 MAX_JOINTS = 2000
 """Largest number of joints, by default; the largest public robots have some 200."""
 
-LARGEST = 1e30
-"""Largest number accepted, of whatever unit: products of a few must not overflow."""
-
 # Elements of a link and of a joint that matter to dynamics, each with the attributes that hold numbers.
 _INERTIAL_NUMBERS = {
-    "origin": {"xyz": 3, "rpy": 3},
     "mass": {"value": 1},
     "inertia": {"ixx": 1, "ixy": 1, "ixz": 1, "iyy": 1, "iyz": 1, "izz": 1},
 }
 _JOINT_NUMBERS = {
-    "origin": {"xyz": 3, "rpy": 3},
     "axis": {"xyz": 3},
     "limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
     "dynamics": {"damping": 1, "friction": 1},
@@ -78,14 +74,23 @@ def read_urdf(source, max_joints=MAX_JOINTS):
     robot = parse_urdf(urdf_text(source).encode(errors="replace"))
     _refuse_size(robot, max_joints)
     reduced = etree.Element("robot", name=_plain(robot.get("name"), "The robot's name") or "robot")
-    _add_links(robot, reduced)
-    _add_joints(robot, reduced)
+    inertials, joints = _add_links(robot, reduced), _add_joints(robot, reduced)
     root = _root_link(reduced)
+    read = _objects_of(reduced)
+    for link in read.links:
+        if link.name in inertials:
+            link.inertial.origin = inertials[link.name]
+    for joint in read.joints:
+        joint.origin = joints.get(joint.name)
+    return read, root
+
+
+def _objects_of(reduced):
+    """Links and joints of a checked <robot> element, by yourdfpy where it is installed."""
     if yourdfpy is None:
-        return plain_reader.read(reduced), root
+        return plain_reader.read(reduced)
     stream = io.BytesIO(etree.tostring(reduced))
-    urdf = yourdfpy.URDF.load(stream, build_scene_graph=False, load_meshes=False)
-    return urdf.robot, root
+    return yourdfpy.URDF.load(stream, build_scene_graph=False, load_meshes=False).robot
 
 
 def _refuse_size(robot, max_joints):
@@ -146,7 +151,7 @@ def _decoded(data):
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         encoding = "utf-16"
     if not re.fullmatch(r"(?i)utf-?8|utf-?16([bl]e)?|(us-)?ascii|iso-8859-\d+|latin-?1|windows-125\d", encoding):
-        raise UrdfError(f"The URDF declares the encoding {_short(encoding)}, expected UTF-8 or another usual one.")
+        raise UrdfError(f"The URDF declares the encoding {short(encoding)}, expected UTF-8 or another usual one.")
     try:
         return data.decode(encoding)
     except (LookupError, UnicodeError) as error:
@@ -220,18 +225,13 @@ def _check_xacro(robot):
 def _plain(value, where):
     """A name or type, which xacro must have expanded."""
     if value and ("${" in value or "$(" in value):
-        raise UrdfError(f"{where} is {_short(value)}, which is unexpanded xacro. Run xacro on it first.")
+        raise UrdfError(f"{where} is {short(value)}, which is unexpanded xacro. Run xacro on it first.")
     return value
 
 
-def _short(value):
-    """A value as it is shown in a message."""
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:60]}… ({len(text)} characters)"
-
-
 def _add_links(robot, reduced):
-    names = set()
+    """Copy the links; returns the placements of the inertials that have an origin, by the link's name."""
+    names, placements = set(), {}
     for link in robot.findall("link"):
         name = _name(link, names)
         copy = etree.SubElement(reduced, "link", name=name)
@@ -239,6 +239,8 @@ def _add_links(robot, reduced):
         if inertial is None:
             continue
         _copy_numbers(inertial, etree.SubElement(copy, "inertial"), _INERTIAL_NUMBERS, f"link '{name}'")
+        if inertial.find("origin") is not None:
+            placements[name] = placement_of(inertial.find("origin"), f"link '{name}'")
         for part in ("mass", "inertia"):
             element = inertial.find(part)
             missing = [a for a in _INERTIAL_NUMBERS[part] if element is None or element.get(a) is None]
@@ -248,22 +250,24 @@ def _add_links(robot, reduced):
             raise UrdfError(f"link '{name}': mass {inertial.find('mass').get('value')} kg is negative.")
     if not names:
         raise UrdfError("The URDF has no <link>.")
+    return placements
 
 
 def _add_joints(robot, reduced):
+    """Copy the joints; returns the placements of those that have an origin, by name."""
     links = {link.get("name") for link in reduced.findall("link")}
-    names, parents = set(), {}
+    names, parents, placements = set(), {}, {}
     for joint in robot.findall("joint"):
         name = _name(joint, names)
         kind = _plain(joint.get("type"), f"joint '{name}': type")
         if kind not in JOINT_TYPES:
-            raise UrdfError(f"joint '{name}': unknown type {_short(kind)}; known are {', '.join(JOINT_TYPES)}.")
+            raise UrdfError(f"joint '{name}': unknown type {short(kind)}; known are {', '.join(JOINT_TYPES)}.")
         copy = etree.SubElement(reduced, "joint", name=name, type=kind)
         for end in ("parent", "child"):
             element = joint.find(end)
             link = _plain(element.get("link"), f"joint '{name}': {end} link") if element is not None else None
             if link not in links:
-                raise UrdfError(f"joint '{name}': {end} link {_short(link)} is not a link of this URDF.")
+                raise UrdfError(f"joint '{name}': {end} link {short(link)} is not a link of this URDF.")
             etree.SubElement(copy, end, link=link)
         child = joint.find("child").get("link")
         if child in parents:
@@ -273,6 +277,8 @@ def _add_joints(robot, reduced):
             )
         parents[child] = name
         _copy_numbers(joint, copy, _JOINT_NUMBERS, f"joint '{name}'")
+        if joint.find("origin") is not None:
+            placements[name] = placement_of(joint.find("origin"), f"joint '{name}'")
         if copy.find("mimic") is not None:
             leader = _plain(joint.find("mimic").get("joint"), f"joint '{name}': the joint it mimics")
             copy.find("mimic").set("joint", leader or "")
@@ -284,6 +290,7 @@ def _add_joints(robot, reduced):
             xyz = [float(x) for x in axis.get("xyz", "1 0 0").split()]
             if math.hypot(*xyz) < 1e-9:
                 raise UrdfError(f"joint '{name}': axis '{axis.get('xyz')}' has no direction.")
+    return placements
 
 
 def _check_joint_numbers(joint, name):
@@ -322,19 +329,7 @@ def _copy_numbers(element, copy, wanted, where):
             text = child.get(attribute)
             if text is None or (tag == "limit" and not text.strip()):
                 continue
-            if "${" in text or "$(" in text:
-                shown = f"<{tag} {attribute}={_short(text)}>"
-                raise UrdfError(f"{where}: {shown} is unexpanded xacro. Run xacro on it first.")
-            try:
-                numbers = [float(part) for part in text.split() if part.isascii() and "_" not in part]
-            except ValueError:
-                numbers = []
-            finite = tag in _MAY_BE_INFINITE or all(map(math.isfinite, numbers))
-            if len(numbers) != count or not finite or any(map(math.isnan, numbers)):
-                expected = f"{count} finite numbers" if count > 1 else "a finite number"
-                raise UrdfError(f"{where}: <{tag} {attribute}={_short(text)}> is not {expected}.")
-            if tag not in _MAY_BE_INFINITE and any(abs(number) > LARGEST for number in numbers):
-                raise UrdfError(f"{where}: <{tag} {attribute}={_short(text)}> is beyond {LARGEST:g}.")
+            numbers = numbers_of(child, attribute, count, where, tag in _MAY_BE_INFINITE)
             target.set(attribute, " ".join(map(repr, numbers)))
 
 

@@ -13,6 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import diag_dynamics as dd
@@ -156,6 +157,55 @@ def test_tolerated(case):
     assert model.bodies.tobytes() == dd.load_urdf(ARM).bodies.tobytes()
 
 
+# --- Origins
+
+TURN = (0.3, -1.2, 2.1)
+QUATERNION = pin.Quaternion(pin.rpy.rpyToMatrix(*TURN)).coeffs()
+SHAPE = "<geometry><box size='0.1 0.2 0.3'/></geometry>"
+
+
+def with_origins(turn, version="1.2"):
+    """Return an arm whose joint, inertial, visual and collision have the same origin."""
+    origin = f'<origin xyz="0.1 0.2 0.3" {turn}/>'
+    shapes = f"<visual>{origin}{SHAPE}</visual><collision>{origin}{SHAPE}</collision>"
+    text = changed('<origin xyz="0.1 0.2 0.3" rpy="0.0 0.0 0.0"/>', origin)
+    text = changed("</link><joint", f"{shapes}</link><joint", text)
+    text = changed('<origin xyz="0.0 0.0 0.0" rpy="0.0 0.0 0.0"/>', origin, text)
+    return changed("<robot", f'<robot version="{version}"', text)
+
+
+def written(numbers):
+    return " ".join(map(repr, map(float, numbers)))
+
+
+RPY = f'rpy="{written(TURN)}"'
+
+
+@pytest.mark.parametrize("length", [1.0, -1.0, 0.5, 2.0, 1e-3, 1e20])
+def test_quaternions_turn_origins(length):
+    """Pinocchio reads rpy and quat_xyzw of joints and inertials, and normalizes; geometry turns with its own origin."""
+    quaternion = f'quat_xyzw="{written(length * QUATERNION)}"'
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", dd.ModelWarning)
+        model = dd.load_urdf(with_origins(quaternion))
+    for turn in (RPY, quaternion) if length < 1e100 else (RPY,):
+        reference = pin.buildModelFromXML(with_origins(turn))
+        data, dyn, q = reference.createData(), dd.DiagonalDynamics(model), np.array([0.7])
+        assert dyn.mass_matrix(q) == pytest.approx(pin.crba(reference, data, q), rel=1e-12)
+        gravity = pin.computeGeneralizedGravity(reference, data, q)
+        assert abs(gravity[0]) > 1.0 and dyn.gravity_torque(q) == pytest.approx(gravity, rel=1e-12)
+        pin.framesForwardKinematics(reference, data, q)
+        placed = data.oMf[reference.getFrameId("upper")].homogeneous
+        np.testing.assert_allclose(dyn.placement(q, "upper"), placed, atol=1e-12)
+    for source in (quaternion, RPY):
+        geometry = dd.link_geometry(model, with_origins(source), geometry="primitives")
+        (point,) = [point for point in geometry.points if point.link == "upper"]
+        corners = 0.5 * np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.2, 0.2) for z in (-0.3, 0.3)])
+        corners = corners @ pin.rpy.rpyToMatrix(*TURN).T + [0.1, 0.2, 0.3]
+        found = np.asarray(point.points)
+        assert all(np.linalg.norm(found - corner, axis=1).min() < 1e-12 for corner in corners)
+
+
 # --- Inertias
 
 
@@ -266,6 +316,14 @@ BROKEN = {
     "two coordinates": (changed(COM, 'xyz="0.1 0.2"'), "<origin xyz='0.1 0.2'> is not 3"),
     "zero axis": (changed('<axis xyz="0.0 0.0 1.0"/>', '<axis xyz="0 0 0"/>'), "joint 'shoulder': axis"),
     "words for limits": (changed(LOWER, 'lower="low"'), "joint 'shoulder': <limit lower='low'>"),
+    "rpy and quaternion": (with_origins(f'{RPY} quat_xyzw="0 0 0 1"'), "<origin> has rpy and quat_xyzw"),
+    "rpy and quaternion of a joint": (
+        changed('<origin xyz="0.0 0.0 0.0"', '<origin quat_xyzw="0 0 0 1"'),
+        "joint 'shoulder': <origin> has rpy and quat_xyzw",
+    ),
+    "zero quaternion": (with_origins('quat_xyzw="0 0 0 0"'), "'upper': <origin quat_xyzw='0 0 0 0'> is no rotation"),
+    "nan in a quaternion": (with_origins('quat_xyzw="0 0 nan 1"'), "<origin quat_xyzw='0 0 nan 1'> is not 4 finite"),
+    "short quaternion": (with_origins('quat_xyzw="0 0 1"'), "<origin quat_xyzw='0 0 1'> is not 4 finite numbers"),
     "crossed limits": (changed(LOWER, 'lower="11"'), "joint 'shoulder': lower limit 11.0"),
     "negative damping": (changed("</joint>", '<dynamics damping="-1"/></joint>'), "joint 'shoulder': damping -1.0"),
 }

@@ -1,0 +1,124 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Numbers of XML attributes, and the placement that an `<origin>` describes: every reader of origins calls this module."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from diag_dynamics.arrays import Array
+from diag_dynamics.exceptions import UrdfError
+
+LARGEST = 1e30
+"""Largest number accepted, of whatever unit: products of a few must not overflow."""
+
+
+def numbers_of(element: Any, attribute: str, count: int, where: str, may_be_infinite: bool = False) -> list[float]:
+    """Numbers of an attribute that the element has.
+
+    Parameters
+    ----------
+    element : lxml.etree.Element
+    attribute : str
+    count : int
+        Number of numbers expected.
+    where : str
+        What errors say of the element's place.
+    may_be_infinite : bool
+        Whether numbers may be infinite or beyond `LARGEST`.
+
+    Raises
+    ------
+    UrdfError
+        The attribute has other text than so many finite numbers.
+    """
+    text = element.get(attribute)
+    shown = f"{where}: <{element.tag} {attribute}={short(text)}>"
+    if "${" in text or "$(" in text:
+        raise UrdfError(f"{shown} is unexpanded xacro. Run xacro on it first.")
+    try:
+        numbers = [float(part) for part in text.split() if part.isascii() and "_" not in part]
+    except ValueError:
+        numbers = []
+    finite = may_be_infinite or all(map(math.isfinite, numbers))
+    if len(numbers) != count or not finite or any(map(math.isnan, numbers)):
+        expected = f"{count} finite numbers" if count > 1 else "a finite number"
+        raise UrdfError(f"{shown} is not {expected}.")
+    if not may_be_infinite and any(abs(number) > LARGEST for number in numbers):
+        raise UrdfError(f"{shown} is beyond {LARGEST:g}.")
+    return numbers
+
+
+def short(value: object) -> str:
+    """A value as messages show it."""
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:60]}… ({len(text)} characters)"
+
+
+def placement_of(element: Any, where: str) -> Array:
+    """Placement (4, 4) that an `<origin>` describes: xyz, then rpy (Rz(yaw) Ry(pitch) Rx(roll)) or quat_xyzw.
+
+    A quaternion is normalized, as urdfdom does.
+
+    Parameters
+    ----------
+    element : lxml.etree.Element
+    where : str
+        What errors say of the element's place.
+
+    Raises
+    ------
+    UrdfError
+        Numbers are missing or not finite, the quaternion is zero, or there are both rpy and a quaternion.
+    """
+    given = {
+        name: numbers_of(element, name, count, where)
+        for name, count in {"xyz": 3, "rpy": 3, "quat_xyzw": 4}.items()
+        if element.get(name) is not None
+    }
+    if "rpy" in given and "quat_xyzw" in given:
+        raise UrdfError(f"{where}: <{element.tag}> has rpy and quat_xyzw; expected one of them. Remove the other.")
+    placement, turn = np.eye(4), np.eye(4)
+    placement[:3, 3] = given.get("xyz", (0.0, 0.0, 0.0))
+    if "quat_xyzw" in given:
+        if not any(given["quat_xyzw"]):
+            shown = f"{where}: <{element.tag} quat_xyzw={short(element.get('quat_xyzw'))}>"
+            raise UrdfError(f"{shown} is no rotation; expected a quaternion x y z w of length 1.")
+        turn[:3, :3] = _of_quaternion(*given["quat_xyzw"])
+    elif "rpy" in given:
+        turn[:3, :3] = _of_angles(*given["rpy"])
+    return placement @ turn
+
+
+def _of_quaternion(*quaternion: float) -> Array:
+    """Rotation matrix of a quaternion x y z w of any length but zero."""
+    largest = max(map(abs, quaternion))
+    x, y, z, w = (number / largest for number in quaternion)
+    scale = 2.0 / (x * x + y * y + z * z + w * w)
+    return np.array(
+        [
+            [1.0 - scale * (y * y + z * z), scale * (x * y - z * w), scale * (x * z + y * w)],
+            [scale * (x * y + z * w), 1.0 - scale * (x * x + z * z), scale * (y * z - x * w)],
+            [scale * (x * z - y * w), scale * (y * z + x * w), 1.0 - scale * (x * x + y * y)],
+        ]
+    )
+
+
+def _of_angles(roll: float, pitch: float, yaw: float) -> Array:
+    """Rotation matrix Rz(yaw) Ry(pitch) Rx(roll)."""
+    (sr, sp, sy), (cr, cp, cy) = (
+        tuple(function(angle) for angle in (roll, pitch, yaw)) for function in (math.sin, math.cos)
+    )
+    # Products in this order have the bits of yourdfpy's.
+    cc, cs, sc, ss = cr * cy, cr * sy, sr * cy, sr * sy
+    return np.array(
+        [
+            [cp * cy, sp * sc - cs, sp * cc + ss],
+            [cp * sy, sp * ss + cc, sp * cs - sc],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
