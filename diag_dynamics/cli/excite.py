@@ -39,6 +39,22 @@ def run(name, arguments):
         default=[],
         help="of a joint's position [rad, m]",
     )
+    parser.add_argument(
+        "--velocity-limit",
+        metavar="JOINT=LIMIT",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="of a joint for which the robot's file has none [rad/s, m/s]; * for all that lack one",
+    )
+    parser.add_argument(
+        "--position-limit",
+        metavar="JOINT=LOWER:UPPER",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="of a joint for which the robot's file has none [rad, m]; * for all that lack one",
+    )
     parser.add_argument("--velocity", type=float, default=0.5, help="part of the limits that is used (default: 0.5)")
     parser.add_argument("--effort", type=float, default=0.7, help="part of the limits that is used (default: 0.7)")
     parser.add_argument("--rate", type=float, default=50.0, help="of points [1/s] (default: 50)")
@@ -74,7 +90,9 @@ def _excite(chosen):
         duration=chosen.duration,
         period=chosen.period,
         joints=None if chosen.joints is None else chosen.joints.split(","),
-        ranges=dict(map(_range, chosen.range)),
+        ranges=dict(_range("--range", one) for one in chosen.range),
+        velocity_limits=dict(map(_limit, chosen.velocity_limit)),
+        position_limits=dict(_range("--position-limit", one) for one in chosen.position_limit),
         velocity=chosen.velocity,
         effort=chosen.effort,
         rate=chosen.rate,
@@ -93,16 +111,26 @@ def _excite(chosen):
     return 0
 
 
-def _range(entry):
-    """Name and bounds of one entry."""
-    name, equals, bounds = entry.rpartition("=")
+def _limit(entry):
+    """Return name and limit of one entry."""
+    return _entry("--velocity-limit", entry, "JOINT=LIMIT", float)
+
+
+def _range(option, entry):
+    """Return name and bounds of one entry."""
+    return _entry(option, entry, "JOINT=LOWER:UPPER", lambda text: tuple(float(one) for one in text.split(":", 1)))
+
+
+def _entry(option, entry, expected, read):
+    """Return name and value of one entry of an option."""
+    name, _, text = entry.rpartition("=")
     try:
-        low, high = map(float, bounds.split(":"))
+        value = read(text)
     except ValueError:
-        equals = ""
-    if not equals or not name:
-        raise InputError(f"--range has {entry!r}, expected JOINT=LOWER:UPPER.")
-    return name, (low, high)
+        name = ""
+    if not name:
+        raise InputError(f"{option} has {entry!r}, expected {expected}.")
+    return name, value
 
 
 def _summary(model, found):
@@ -123,6 +151,10 @@ def _summary(model, found):
                 f" {effort:9.3g} {_part(effort, model.effort_limit[k]):>9}"
             )
         )
+    unbounded = [name for name, limit in zip(found.joints, model.effort_limit, strict=True) if not 0.0 < limit < np.inf]
+    if unbounded:
+        names = ", ".join(unbounded)
+        lines += ["", plain(f"Effort limits of {names} are missing: compare their efforts with the data sheet.")]
     lines += ["", "Nobody has looked whether the robot hits itself or something else: try it on the simulator first."]
     return "\n".join(lines)
 

@@ -37,6 +37,15 @@ UNSEEN = 1e-10
 UNLIMITED = np.pi
 """Range of a joint that turns round without an end [rad]."""
 
+MIN_TRAVEL, MIN_SPEED = 1e-3, 1e-3
+"""Travel [rad, m] and largest speed [rad/s, m/s] below which a joint stands still."""
+
+POINTS_PER_PERIOD = 2000
+"""Points of a period at which a trajectory is scaled to its limits, however few of them are asked for."""
+
+OTHERS = "*"
+"""Stands for all joints without a limit of their own, as in the parameter effort_scale."""
+
 
 class Excitation(NamedTuple):
     """A periodic trajectory that begins and ends at rest.
@@ -113,6 +122,8 @@ def excite(
     period: float = 10.0,
     joints: Sequence[str] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
+    velocity_limits: Mapping[str, float] | None = None,
+    position_limits: Mapping[str, tuple[float, float]] | None = None,
     velocity: float = 0.5,
     effort: float = 0.7,
     margin: float = 0.05,
@@ -140,8 +151,11 @@ def excite(
         Those that move, by default all; the others rest in the middle of their range.
     ranges : mapping, optional
         Lower and upper bound of a joint's position [rad, m], by name, within its limits.
+    velocity_limits, position_limits : mapping, optional
+        Limits [rad/s, m/s], and lower and upper limits [rad, m], by name, of joints for which the model has none: zero,
+        negative, infinite or absent ones, or a lower limit that is the upper one. ``*`` stands for all joints that lack one.
     velocity, effort : float
-        Parts of the limits of velocity and effort that may be used.
+        Parts of the limits of velocity and effort that may be used. A joint without an effort limit has no bound of it.
     margin : float
         Part of a joint's range at either end that is not.
     trials : int
@@ -160,11 +174,14 @@ def excite(
     Raises
     ------
     InputError
-        An argument has a wrong value, or a joint has not the effort to carry the robot along such a trajectory.
+        An argument has a wrong value, a joint that moves has no limit of velocity or position, no joint would move, the
+        robot has no degrees of freedom, or a joint has not the effort to carry the robot along such a trajectory.
     UnsupportedError
         The robot has a floating base, or a joint of several degrees of freedom.
     """
     instance("model", model, RobotModel)
+    if not model.nv:
+        raise InputError(f"robot '{model.name}' has no degrees of freedom; expected one joint at least that can move.")
     if model.floating_base or model.nq != model.nv:
         raise UnsupportedError(
             f"robot '{model.name}' has a floating base, or a joint of several degrees of freedom: nothing excites that."
@@ -176,13 +193,21 @@ def excite(
     cycles = round(duration / period)
     if cycles < 1 or abs(cycles * period - duration) > 1e-9 * duration:
         raise InputError(f"duration is {duration:g} s, expected a whole number of periods of {period:g} s.")
+    if rate < 2.0 * HARMONICS / period:
+        raise InputError(
+            f"rate is {rate:g} 1/s; expected {2.0 * HARMONICS / period:g} 1/s at least, two points for each swing of the "
+            f"fastest harmonic. Give a higher rate, or a longer period."
+        )
     what = (what,) if isinstance(what, str) else tuple(what)
-    family = _Family(model, period, cycles, rate, joints, ranges or {}, velocity, margin)
+    moving = _moving(model, joints)
+    limits = _Limits(model, moving, velocity_limits or {}, position_limits or {}, ranges or {})
+    family = _Family(limits, moving, period, cycles, rate, velocity, margin)
     judge = _Judge(model, family, what, effort)
     best, condition = _improved(family, judge, np.random.default_rng(seed), whole("trials", trials), progress)
     if best is None:
         raise InputError(judge.refusal())
     position, speed, acceleration = family.at(best)
+    family.refuse_standstill(position, speed)
     needed = judge.effort_of(position, speed, acceleration)
     return Excitation(model.dof_names, family.time, position, speed, acceleration, needed, period, condition, what)
 
@@ -210,36 +235,140 @@ def _up_to(most):
     return lambda x: 0.0 < x <= most
 
 
+def _moving(model, joints):
+    """Return which degrees of freedom move, bool, shape (nv,)."""
+    chosen = tuple(model.dof_names if joints is None else joints)
+    _refuse_unknown("joints", chosen, model)
+    if not chosen:
+        raise InputError("joints is empty; expected one joint at least that moves.")
+    return np.array([name in chosen for name in model.dof_names])
+
+
+def _refuse_unknown(what, names, model):
+    """Raise InputError unless all names are joints of the robot."""
+    for name in names:
+        if name not in model.dof_names:
+            raise InputError(
+                f"{what}: '{name}' is not a joint of robot '{model.name}'; {', '.join(model.dof_names)} are."
+            )
+
+
+class _Limits:
+    """Limits of the joints that move: those of the model, or given ones where the model has none.
+
+    Parameters
+    ----------
+    model : RobotModel
+    moving : ndarray of bool, shape (nv,)
+    velocities, positions, ranges : mapping
+        As `velocity_limits`, `position_limits` and `ranges` of :func:`excite`.
+    """
+
+    def __init__(self, model, moving, velocities, positions, ranges):
+        self._model, self.ranges = model, ranges
+        for what, given in (("velocity_limits", velocities), ("position_limits", positions), ("ranges", ranges)):
+            _refuse_unknown(what, [name for name in given if what == "ranges" or name != OTHERS], model)
+        self.velocity = model.velocity_limit.copy()
+        self.lower, self.upper = model.lower.copy(), model.upper.copy()
+        names = model.dof_names
+        slow = moving & ~((self.velocity > 0.0) & np.isfinite(self.velocity))
+        for k in _given(velocities, names, slow):
+            self.velocity[k] = _velocity(model, k, velocities.get(names[k], velocities.get(OTHERS)), slow[k])
+            slow[k] = False
+        turning = np.isin(names, model.continuous_joints)
+        open_ = moving & ~turning & ~(np.isfinite(self.lower) & np.isfinite(self.upper) & (self.lower < self.upper))
+        for k in _given(positions, names, open_):
+            given = positions.get(names[k], positions.get(OTHERS))
+            low, high = (-np.inf, np.inf) if open_[k] else (self.lower[k], self.upper[k])
+            self.lower[k], self.upper[k] = _pair("position_limits", names[k], given, low, high)
+            open_[k] = False
+        for name, given in ranges.items():
+            k = names.index(name)
+            low, high = (-np.inf, np.inf) if open_[k] else (self.lower[k], self.upper[k])
+            self.lower[k], self.upper[k] = _pair("ranges", name, given, low, high)
+            open_[k] = False
+        _refuse_missing(names, slow, open_)
+
+    @property
+    def names(self):
+        """Degrees of freedom."""
+        return self._model.dof_names
+
+    def within(self, margin):
+        """Return lower and upper bounds without the margins, and positions of rest; shape (nv,) each."""
+        low, high = self.lower.copy(), self.upper.copy()
+        bounded = np.isfinite(low) & np.isfinite(high)
+        rest = np.where(bounded, 0.5 * (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0)), 0.0)
+        rest = np.clip(rest, low, high)
+        low, high = (np.where(np.isinf(one), sign * 0.5 * UNLIMITED, one) for sign, one in ((-1.0, low), (1.0, high)))
+        own = np.array([0.0 if name in self.ranges else margin for name in self.names])
+        return low + own * (high - low), high - own * (high - low), rest
+
+
+def _given(given, names, missing):
+    """Return the joints that limits are given for: those with a name, and with ``*`` all that lack one."""
+    return [k for k, name in enumerate(names) if name in given or (OTHERS in given and missing[k])]
+
+
+def _velocity(model, k, given, missing):
+    """Return a given velocity limit."""
+    name, most = model.dof_names[k], np.inf if missing else model.velocity_limit[k]
+    if not isinstance(given, (int, float)) or not (0.0 < given < np.inf and given <= most):
+        bound = "a finite number > 0" if missing else f"a number > 0 up to the model's limit, {most:g}"
+        raise InputError(f"velocity_limits: '{name}' has {given!r}; expected {bound} [rad/s, m/s].")
+    return given
+
+
+def _pair(what, name, given, low, high):
+    """Return given bounds of a position."""
+    try:
+        least, most = map(float, given)
+    except (TypeError, ValueError):
+        least = most = np.nan
+    if not (low <= least < most <= high and np.isfinite([least, most]).all()):
+        raise InputError(
+            f"{what}: '{name}' has {given!r}, expected a lower and an upper bound within {low:g} … {high:g}."
+        )
+    return least, most
+
+
+def _refuse_missing(names, velocities, positions):
+    """Raise InputError if joints that move lack limits."""
+    told = []
+    for which, missing, expected, how in (
+        ("Velocity", velocities, "finite numbers > 0", "--velocity-limit JOINT=LIMIT (velocity_limits)"),
+        ("Position", positions, "lower < upper", "--position-limit JOINT=LOWER:UPPER (position_limits)"),
+    ):
+        if missing.any():
+            lacking = ", ".join(names[k] for k in np.flatnonzero(missing))
+            told.append(f"{which} limits of {lacking} are missing; expected {expected}. Give {how}.")
+    if told:
+        raise InputError(" ".join(told))
+
+
 class _Family:
     """Trajectories that keep to the limits of position and velocity, by genes: what chance changes."""
 
-    def __init__(self, model, period, cycles, rate, joints, ranges, velocity, margin):
-        names = model.dof_names
-        chosen = tuple(names if joints is None else joints)
-        for what, given in (("joints", chosen), ("ranges", ranges)):
-            for name in given:
-                if name not in names:
-                    raise InputError(
-                        f"{what}: '{name}' is not a joint of robot '{model.name}'; {', '.join(names)} are."
-                    )
+    def __init__(self, limits, moving, period, cycles, rate, velocity, margin):
         self.time = np.arange(round(cycles * period * rate) + 1) / rate
-        self.moving = np.array([name in chosen for name in names])
-        self._low, self._high = (
-            np.array([_bounds(model, k, ranges.get(name), margin)[end] for k, name in enumerate(names)])
-            for end in (0, 1)
-        )
-        limit = model.velocity_limit
-        self._fastest = velocity * np.where(limit > 0.0, limit, np.inf)
+        self.moving, self._names = moving, limits.names
+        self._low, self._high, self._rest = limits.within(margin)
+        self._fastest = velocity * limits.velocity
         w = 2.0 * np.pi / period * np.arange(1, HARMONICS + 1)
-        phase = np.outer(self.time, w)
         # Of velocities a cos wt + b sin wt: that they and their slopes begin at zero leaves two coefficients fewer.
         held = np.zeros((2, 2 * HARMONICS))
         held[0, :HARMONICS], held[1, HARMONICS:] = 1.0, w
         free = np.linalg.svd(held)[2][2:]
-        self._velocity = np.hstack([np.cos(phase), np.sin(phase)]) @ free.T
-        self._position = np.hstack([np.sin(phase) / w, -np.cos(phase) / w]) @ free.T
-        self._acceleration = np.hstack([-np.sin(phase) * w, np.cos(phase) * w]) @ free.T
         self.size = len(free)
+
+        def bases(time):
+            phase = np.outer(time, w)
+            sine, cosine = np.sin(phase), np.cos(phase)
+            columns = (sine / w, -cosine / w), (cosine, sine), (-sine * w, cosine * w)
+            return [np.hstack(pair) @ free.T for pair in columns]
+
+        self._bases = bases(self.time)
+        self._dense = bases(np.linspace(0.0, period, POINTS_PER_PERIOD, endpoint=False))
 
     def by_chance(self, rng):
         """Genes: coefficients of each joint, its place in its range, and the part of its range that it takes."""
@@ -248,36 +377,36 @@ class _Family:
     def at(self, genes):
         """Positions, velocities and accelerations, (T, nv) each."""
         shape = genes[:, : self.size].T
-        position, velocity, acceleration = (
-            base @ shape for base in (self._position, self._velocity, self._acceleration)
-        )
+        # Between the points the arm moves on: the scale keeps the whole period within the limits.
+        position, velocity = (base @ shape for base in self._dense[:2])
         low, high = position.min(axis=0), position.max(axis=0)
         place, part = 0.5 + 0.5 * np.tanh(genes[:, -2]), 0.75 + 0.25 * np.tanh(genes[:, -1])
         span = self._high - self._low
         scale = np.minimum(
             span / np.maximum(high - low, 1e-12), self._fastest / np.maximum(abs(velocity).max(axis=0), 1e-12)
         )
-        scale *= part * self.moving
+        scale = np.where(self.moving, scale * part, 0.0)
         left = span - scale * (high - low)
-        first = np.where(self.moving, self._low + place * left - scale * low, 0.5 * (self._low + self._high))
+        first = np.where(self.moving, self._low + place * left - scale * low, self._rest)
+        position, velocity, acceleration = (base @ shape for base in self._bases)
         return first + scale * position, scale * velocity, scale * acceleration
 
+    @property
+    def moving_names(self):
+        """Joints that move."""
+        return [name for name, moves in zip(self._names, self.moving, strict=True) if moves]
 
-def _bounds(model, k, given, margin):
-    """Range that a joint may use, the margins taken off."""
-    name, low, high = model.dof_names[k], model.lower[k], model.upper[k]
-    if given is not None:
-        try:
-            least, most = map(float, given)
-        except (TypeError, ValueError):
-            least = most = np.nan
-        if not (low <= least < most <= high):
+    def refuse_standstill(self, position, velocity):
+        """Raise InputError if a joint that should move stands still."""
+        travel, speed = np.ptp(position, axis=0), abs(velocity).max(axis=0)
+        still = self.moving & ((travel < MIN_TRAVEL) | (speed < MIN_SPEED))
+        if still.any():
+            k = int(np.flatnonzero(still)[0])
             raise InputError(
-                f"ranges: '{name}' has {given!r}, expected a lower and an upper bound within {low:g} … {high:g}."
+                f"joint '{self._names[k]}' stands still: it moves over {travel[k]:.2g} rad or m at {speed[k]:.2g} rad/s or "
+                f"m/s at most; expected {MIN_TRAVEL:g} and {MIN_SPEED:g}. Widen its limits or its range, or leave it out of "
+                "joints."
             )
-        return least, most
-    low, high = (0.5 * sign * UNLIMITED if np.isinf(limit) else limit for sign, limit in ((-1.0, low), (1.0, high)))
-    return low + margin * (high - low), high - margin * (high - low)
 
 
 class _Judge:
@@ -293,6 +422,11 @@ class _Judge:
         seen = 0.0
         for seed in range(8):  # what these together do not tell, no motion does
             seen = seen + self._told(*family.at(family.by_chance(np.random.default_rng(seed))))
+        if not np.any(np.diag(seen) > 0.0):
+            raise InputError(
+                f"what is {', '.join(what)}; expected unknowns that a motion of {', '.join(family.moving_names)} shows. Let "
+                "other joints move, or ask for something else."
+            )
         self._scale = 1.0 / np.sqrt(np.maximum(np.diag(seen), 1e-300))
         values, vectors = np.linalg.eigh(self._scale[:, None] * seen * self._scale)
         self._basis = vectors[:, values > UNSEEN * values[-1]]
@@ -347,6 +481,11 @@ class _Judge:
 
     def refusal(self):
         """Why no trajectory will do."""
+        if np.isinf(self._worst).all():
+            return (
+                "no trajectory shows all unknowns of what; expected a motion that tells them apart. Let more joints move, or "
+                "ask for fewer unknowns."
+            )
         k = int(np.argmax(np.where(np.isinf(self._worst), 0.0, self._worst)))
         return (
             f"joint '{self._model.dof_names[k]}' would need {self._worst[k]:.2g} times the effort that may be used: give a "
