@@ -20,7 +20,11 @@ def add_arguments(parser):
         "--urdf", help="the robot: URDF, or a name that `diag-dynamics robots` lists (default: the bag's own)"
     )
     parser.add_argument("--columns", metavar="MAP.yaml", help="map of the columns of a table (docs/recordings.md)")
-    parser.add_argument("--topic", help="topic of the joint states, where a bag has several")
+    parser.add_argument(
+        "--topic",
+        action="append",
+        help="topic of the joint states, where a bag has several; repeated, as for arm and gripper, it merges them",
+    )
     add_parameters(parser)
     parser.add_argument("--start", type=float, metavar="SECONDS", help="after the beginning: nothing before is read")
     parser.add_argument(

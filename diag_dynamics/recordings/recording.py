@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import chain
 from typing import Any
@@ -91,7 +91,7 @@ def read_recording(
     model: RobotModel | str | os.PathLike[str] | None = None,
     columns: Any = None,
     *,
-    topic: str | None = None,
+    topic: str | Sequence[str] | None = None,
     parameters: Mapping[str, Any] | None = None,
     start: float | None = None,
     end: float | None = None,
@@ -106,8 +106,9 @@ def read_recording(
         The robot, or its URDF; without it, ``robot_description`` of the bag.
     columns : str, Path or dict, optional
         Map of the columns of a table; without it they are guessed from its header, see docs/recordings.md.
-    topic : str, optional
-        That of the joint states, where a bag has several of them.
+    topic : str or sequence of str, optional
+        Topics of the joint states, where a bag has several. Those of an arm and its gripper are merged in the order of log
+        time, as messages of one topic are.
     parameters : mapping, optional
         Parameters of the monitor, by name, that are to have other values than there by default. Those that make a model of a
         description, such as `armature` and `parameters_file`, need one: a :class:`RobotModel` is made already.
@@ -138,7 +139,7 @@ def stream_recording(
     model: RobotModel | str | os.PathLike[str] | None = None,
     columns: Any = None,
     *,
-    topic: str | None = None,
+    topic: str | Sequence[str] | None = None,
     parameters: Mapping[str, Any] | None = None,
     start: float | None = None,
     end: float | None = None,

@@ -23,8 +23,37 @@ BAGS = {".mcap", ".db3", ".bag"}
 MAGIC = b"\x89MCAP", b"SQLite format 3", b"#ROSBAG"
 """Parts of names, and first bytes, of bags; anything else is taken for a table."""
 
-TOPICS = {JOINT_STATE: "joint_states", ODOMETRY: "odom", DESCRIPTION: "robot_description"}
+READ = "cdr"
+"""Encoding of messages that are read. Bags convert messages of ROS 1 to it."""
+
+USUAL = {JOINT_STATE: "joint_states", ODOMETRY: "odom", DESCRIPTION: "robot_description"}
 """Last part of the name of a topic that is read, by its type."""
+
+SEVERAL = {
+    JOINT_STATE: (
+        "Give the robot's topic, or all of them where arm and gripper publish apart: "
+        "--topic /arm/joint_states --topic /gripper/joint_states (topic=[…])."
+    ),
+    ODOMETRY: "One is read: the one called odom, or the one in the namespace of the joint states that --topic gives.",
+    DESCRIPTION: "Give the robot: --urdf ROBOT (model).",
+}
+"""What to do about several topics of a type."""
+
+
+def topics_of(topic):
+    """Return topics without repetition, as a tuple of str; empty for None.
+
+    Raises
+    ------
+    InputError
+        It is neither a name nor a sequence of names.
+    """
+    if topic is None:
+        return ()
+    topics = [topic] if isinstance(topic, str) else topic
+    if not isinstance(topics, list | tuple) or not all(isinstance(one, str) and one for one in topics):
+        raise InputError(f"topic is {topic!r}; expected the name of a topic or a list of names.")
+    return tuple(dict.fromkeys(topics))
 
 
 def source_of(path, columns=None, topic=None):
@@ -35,8 +64,8 @@ def source_of(path, columns=None, topic=None):
     path : str or Path
     columns : str, Path or dict, optional
         Map of the columns of a table.
-    topic : str, optional
-        Topic of the joint states, where a bag has several.
+    topic : str or sequence of str, optional
+        Topics of the joint states, where a bag has several.
     """
     path = Path(os.path.expanduser(os.fspath(path)))
     if not path.exists():
@@ -59,12 +88,13 @@ def _is_bag(path):
 
 
 class BagSource:
-    """Messages of a bag: joint states of one topic, from any number of publishers, and odometry.
+    """Messages of a bag: joint states of one robot, from any number of publishers and topics, and odometry.
 
     Parameters
     ----------
     path : Path
-    topic : str, optional
+    topic : str or sequence of str, optional
+        Topics of the joint states, which are merged in the order of log time.
 
     Attributes
     ----------
@@ -75,8 +105,8 @@ class BagSource:
     def __init__(self, path, topic=None):
         self.offset = 0
         self._path, self._bag = path, open_bag(path)
-        self._topic = topic
-        self._chosen = None
+        self._topics = topics_of(topic)
+        self._notes = []
 
     @property
     def unread(self):
@@ -86,7 +116,7 @@ class BagSource:
     @property
     def notes(self):
         """What is odd about the file, though nothing is lost: a list of str."""
-        return self._bag.findings
+        return [*self._bag.findings, *self._notes]
 
     def description(self):
         """The robot_description in the bag.
@@ -96,7 +126,7 @@ class BagSource:
         InputError
             There is none.
         """
-        wanted = self._of(DESCRIPTION, None)
+        wanted = self._connections(DESCRIPTION)
         for messages in self._bag.pieces(wanted) if wanted else ():
             for at, size in zip(messages.at.tolist(), messages.size.tolist(), strict=True):
                 if text := read_message(messages.data[at : at + size].tobytes(), DESCRIPTION).data:
@@ -124,10 +154,10 @@ class BagSource:
         return self._bag.starts(self._wanted(model))
 
     def _wanted(self, model):
-        wanted = self._of(JOINT_STATE, self._topic)
+        wanted = self._connections(JOINT_STATE)
         if not wanted and not model.floating_base:
             raise InputError(f"'{self._path}' has no joint states: {self._all()}.")
-        return wanted + self._of(ODOMETRY, None) if model.floating_base else wanted
+        return wanted + self._connections(ODOMETRY) if model.floating_base else wanted
 
     def pieces(self, model):
         """Pieces of messages and types of their connections, in the order of log time."""
@@ -136,35 +166,72 @@ class BagSource:
         for messages in self._bag.pieces(wanted):
             yield messages, kinds
 
-    def _of(self, kind, topic):
-        """Connections of a type, of one topic: the one that is wanted, or the only one, or the one of the usual name."""
+    def _connections(self, kind):
+        """Indices of the connections of a type that are read.
+
+        Raises
+        ------
+        InputError
+            There are several topics and no rule chooses, or a chosen one is not there or cannot be read.
+        """
         every = [(k, one) for k, one in enumerate(self._bag.connections) if one.type == kind]
-        topics = sorted({one.topic for _, one in every})
-        if topic is None and len(topics) > 1:
-            usual = [name for name in topics if name.split("/")[-1] == TOPICS[kind]]
-            if len(usual) != 1:
-                raise InputError(
-                    f"'{self._path}' has several topics of {kind}: {', '.join(topics)}. Say which one is meant (topic)."
-                )
-            topic = usual[0]
-        if topic is not None and topics and topic not in topics:
-            near = get_close_matches(topic, topics, n=1)
-            raise InputError(
-                f"'{self._path}' has no topic '{topic}' of {kind}, only {', '.join(topics)}."
-                f"{f' Is {near[0]!r} meant?' if near else ''}"
-            )
-        chosen = [(k, one) for k, one in every if topic in (None, one.topic)]
+        topics = list(self._topics) if kind == JOINT_STATE else []
+        for topic in topics:
+            if all(topic != one.topic for _, one in every):
+                raise self._missing_topic(topic, kind)
+        topics = topics or self._usual(kind, [one for _, one in every])
+        chosen = [(k, one) for k, one in every if one.topic in topics]
         for _, one in chosen:
-            if one.encoding != "cdr":
-                raise InputError(
-                    f"'{self._path}': messages of {one.topic} are encoded as '{one.encoding}', expected 'cdr', as of ROS 2."
-                )
+            if one.encoding != READ:
+                raise InputError(f"'{self._path}': {self._encoded(one)}")
         return [k for k, _ in chosen]
+
+    def _usual(self, kind, every):
+        """Topics that are read where none is chosen: the only one, or the one with the usual name."""
+        topics = sorted({one.topic for one in every})
+        if len(topics) < 2:
+            return topics
+        readable = sorted({one.topic for one in every if one.encoding == READ}) or topics
+        usual = [name for name in readable if name.split("/")[-1] == USUAL[kind]] if len(readable) > 1 else readable
+        beside = {
+            topic.rpartition("/")[0] for topic in self._topics
+        }  # as /left/robot_description of /left/joint_states
+        if len(usual) > 1 and kind != JOINT_STATE:
+            usual = [name for name in usual if name.rpartition("/")[0] in beside]
+        if len(usual) != 1:
+            raise InputError(f"'{self._path}' has several topics of {kind}: {', '.join(topics)}. {SEVERAL[kind]}")
+        others = ", ".join(name for name in topics if name not in usual)
+        note = f"'{self._path}': joint states of {usual[0]} are read, not those of {others} (--topic reads several)."
+        if kind == JOINT_STATE and note not in self._notes:
+            self._notes.append(note)
+        return usual
+
+    def _missing_topic(self, topic, kind):
+        """The error about a topic that is not there."""
+        types = {one.topic: self._typed(one) for one in self._bag.connections}
+        if topic in types:
+            return InputError(f"'{self._path}': topic {topic} is of {types[topic]}; expected {kind}. {self._all()}.")
+        topics = sorted(one.topic for one in self._bag.connections if one.type == kind)
+        near = get_close_matches(topic, topics or sorted(types), n=1)
+        only = f"of {kind}, only {', '.join(topics)}" if topics else f"of {kind}: {self._all()}"
+        return InputError(f"'{self._path}' has no topic '{topic}' {only}.{f' Is {near[0]!r} meant?' if near else ''}")
+
+    def _encoded(self, one):
+        """What is wrong with the encoding of a connection."""
+        why = "".join(f" {note}" for note in self._bag.findings if f"topic '{one.topic}' is not understood" in note)
+        return f"messages of {one.topic} are encoded as '{one.encoding}'; expected 'cdr' of ROS 2 or 'ros1'.{why}"
+
+    @staticmethod
+    def _typed(one):
+        """Type of a connection, and its encoding where that is not read."""
+        return (one.type or "no type") + (f", encoded as '{one.encoding}'" if one.encoding != READ else "")
 
     def _all(self):
         """What is in the bag."""
-        topics = sorted({f"{one.topic} ({one.type})" for one in self._bag.connections})
+        topics = sorted({f"{one.topic} ({self._typed(one)})" for one in self._bag.connections})
         lost = "".join(f"; {one.where}: {one.what}" for one in self.unread[:3])
+        other = any(one.encoding != READ for one in self._bag.connections)
+        lost += "; messages are read that are encoded as 'cdr' of ROS 2 or 'ros1'" if other else ""
         return (f"its topics are {', '.join(topics)}" if topics else "it has no topics that could be read") + lost
 
 

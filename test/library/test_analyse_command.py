@@ -23,7 +23,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import diag_dynamics as dd
-from bags import MCAP, Message, description, write_mcap, write_rosbag2
+from bags import MCAP, Message, description, serialized, write_mcap, write_rosbag2
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from diag_dynamics.cli.main import main
 from diag_dynamics.model.example_robots import find_urdf
@@ -459,6 +459,31 @@ def test_several_recordings(tmp_path, table, bag, analyse):
     for option in OUTPUTS[:3]:
         assert "is of a single recording, and there are 2: --fleet" in analyse(bag, table, option, tmp_path / "x")[2]
     assert "is read, so nothing is written there" in analyse(bag, table, "--json", table)[2]
+
+
+def parts(driven, topics, rename=str):
+    """Return messages of an arm and of its hand, by turns, on two topics; `rename` gives the names in the messages."""
+    names, stamps, *values = driven
+    sent = []
+    for k, stamp in enumerate(stamps.tolist()):
+        for topic, part in zip(topics, (slice(0, 7), slice(7, None)), strict=True):
+            numbers = [quantity[k, part] for quantity in values]
+            sent.append(Message(topic, stamp, serialized(stamp, map(rename, names[part]), *numbers)))
+    return sent
+
+
+def test_topics_of_one_robot(tmp_path, driven, analyse):
+    """--topic may be repeated; the summary is that of one topic with all messages."""
+    summaries = []
+    for topics in (("/joint_states", "/joint_states"), ("/arm/states", "/hand/states")):
+        path = write_mcap(tmp_path / "in.mcap", parts(driven, topics), chunk_size=20_000)
+        given = [word for topic in sorted(set(topics)) for word in ("--topic", topic)]
+        status, out, _ = analyse(path, *given, "--json", "-")
+        assert status in (0, 1)
+        summaries.append(json.loads(out))
+    assert summaries[0] == summaries[1] and summaries[0]["states"] == 2 * COUNT - 1
+    status, _, said = analyse(path)
+    assert status == 2 and "several topics" in said and "--topic /arm/joint_states --topic /gripper" in said
 
 
 def test_parameters_in_files(tmp_path, bag, panda, analyse):

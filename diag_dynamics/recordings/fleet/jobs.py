@@ -32,7 +32,8 @@ class Options(NamedTuple):
     """RobotModel; None: the one that the bag describes."""
     columns: object
     """Map of the columns of tables, or its absolute path."""
-    topic: str | None
+    topic: tuple
+    """Topics of the joint states; empty where a bag has one."""
     parameters: dict
     gain: float
     """Of the observer [1/s]."""

@@ -26,6 +26,7 @@ from diag_dynamics.recordings.fleet import tasks
 from diag_dynamics.recordings.fleet.jobs import OWN, Options, jobs_of
 from diag_dynamics.recordings.fleet.page import page_of
 from diag_dynamics.recordings.fleet.table import KINDS, report_of, rows_of
+from diag_dynamics.recordings.sources import topics_of
 
 PIECE = 600.0
 """Length of the pieces of long recordings [s]: the time to settle is less than a hundredth of it."""
@@ -39,7 +40,7 @@ def analyse_fleet(
     model: RobotModel | str | os.PathLike[str] | None = None,
     columns: Any = None,
     *,
-    topic: str | None = None,
+    topic: str | Sequence[str] | None = None,
     parameters: Mapping[str, Any] | None = None,
     gain: float = 25.0,
     scheduler: str | None = None,
@@ -137,7 +138,7 @@ def _options(model, columns, topic, parameters, gain, piece, parquet, reports):
     if isinstance(columns, str | os.PathLike):
         columns = str(Path(columns).expanduser().resolve())
     gain, piece = positive("gain", gain, "[1/s]"), positive("piece", piece, "[s]")
-    return Options(model, columns, topic, parameters, gain, parquet, reports, piece)
+    return Options(model, columns, topics_of(topic), parameters, gain, parquet, reports, piece)
 
 
 def _results(jobs, scheduler, workers):
