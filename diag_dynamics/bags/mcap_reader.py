@@ -5,6 +5,7 @@
 
 import struct
 import zlib
+from contextlib import suppress
 from functools import partial
 from typing import NamedTuple
 
@@ -40,8 +41,9 @@ from diag_dynamics.bags.kernels.records import (
     find,
     next_record,
 )
-from diag_dynamics.bags.messages import Connection, Messages
+from diag_dynamics.bags.messages import Connection, Messages, type_of
 from diag_dynamics.bags.ordered import Source, in_order
+from diag_dynamics.bags.ros1_messages import ENCODINGS, UnknownTypeError, converted, ros1_type
 
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -104,7 +106,7 @@ class McapFile(Bag):
 
     def __init__(self, path, name=None):
         super().__init__(path, name)
-        self._schemas, self._channels, self._parts = {}, {}, []
+        self._schemas, self._channels, self._parts, self._converters = {}, {}, [], {}
         self._has_summary = False
         with self.opened() as file:
             self._survey(_File(file))
@@ -314,19 +316,32 @@ class McapFile(Bag):
                 if self._schemas.setdefault(key, schema) != schema:
                     self.find(f", {where}: schema {key} is declared again, otherwise; the first one counts.")
                 return
-            key, schema, topic, encoding = _channel(content)
+            key, schema, topic, encoding, metadata = _channel(content)
         except DamagedError as error:
             self.lose(where, f"a {'schema' if kind == SCHEMA else 'channel'} is not readable: {error}")
             return
-        name, definition = self._schemas.get(schema, ("", ""))
+        name, form, definition = self._schemas.get(schema, ("", "", ""))
         if schema and schema not in self._schemas:
             self.find(f", {where}: topic '{topic}' is of schema {schema}, which is not declared.")
-        connection = Connection(topic, name, encoding, definition)
+        name, convert = type_of(name), None
+        if encoding in ENCODINGS:
+            encoding, form, definition, convert = self._ros1(topic, name, definition, metadata)
+        connection = Connection(topic, name, encoding, definition if form == "ros2msg" else "")
         if key not in self._channels:
-            self._channels[key] = len(self.connections)
+            k = self._channels[key] = len(self.connections)
             self.connections.append(connection)
+            if convert:
+                self._converters[k] = convert
         elif self.connections[self._channels[key]] != connection:
             self.find(f", {where}: channel {key} is declared again, otherwise; the first one counts.")
+
+    def _ros1(self, topic, name, definition, metadata):
+        """Encoding, form and definition of a channel's messages once they are converted, and what converts them."""
+        try:
+            return "cdr", "ros2msg", *ros1_type(name, definition, metadata.get("md5sum", ""))
+        except UnknownTypeError as error:
+            self.find(f": the type of topic '{topic}' is not understood: {error}.")
+            return "ros1", "", "", None
 
     # --- What is in it ---
 
@@ -396,7 +411,12 @@ class McapFile(Bag):
             self.misplaced = True
         if (np.diff(found[LOG_TIME]) < 0).any():
             found = np.take(found, np.argsort(found[LOG_TIME], kind="stable"), axis=1)
-        yield inflated(Messages(data, found[CONNECTION], found[AT], found[SIZE], found[LOG_TIME]))
+        messages = inflated(Messages(data, found[CONNECTION], found[AT], found[SIZE], found[LOG_TIME]))
+        if self._converters:
+            messages, failed = converted(messages, self._converters)
+            for k, count in failed.items():
+                self.lose(_where(part), f"{count} messages of '{self.connections[k].topic}' are not of its type")
+        yield messages
 
     def _size_of(self, file, chunk):
         """How much is lost with a chunk, in words."""
@@ -478,16 +498,26 @@ class _Fields:
 
 
 def _schema(content):
-    """Key of a schema; its name, and its definition if that is of `ros2msg`."""
+    """Key of a schema; its name, its encoding and its definition."""
     fields = _Fields(content)
-    key, name, encoding, definition = fields.number(2), fields.text(), fields.text(), fields.text()
-    return key, (name, definition if encoding == "ros2msg" else "")
+    return fields.number(2), (fields.text(), fields.text(), fields.text())
 
 
 def _channel(content):
-    """Key of a channel, that of its schema, its topic and the encoding of its messages."""
+    """Key of a channel, that of its schema, its topic, the encoding of its messages, and its metadata."""
     fields = _Fields(content)
-    return fields.number(2), fields.number(2), fields.text(), fields.text()
+    return fields.number(2), fields.number(2), fields.text(), fields.text(), _metadata(fields)
+
+
+def _metadata(fields):
+    """Texts by key; those that can be read."""
+    found = {}
+    with suppress(DamagedError):
+        rest = _Fields(fields.bytes())
+        while True:
+            key = rest.text()
+            found[key] = rest.text()
+    return found
 
 
 def _head(start):

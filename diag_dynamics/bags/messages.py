@@ -20,6 +20,18 @@ class Connection(NamedTuple):
     """Of its type, with all types in it, as ``ros2msg`` has them; empty where the file has none."""
 
 
+def type_of(name):
+    """Return the name of a type as ROS 2 has it: with ``/msg/``, and without the colons of IDL.
+
+    ROS 1 and the first releases of ROS 2 write ``sensor_msgs/JointState``, DDS ``sensor_msgs::msg::dds_::JointState_``.
+    """
+    name = name.replace("::", "/")
+    if "/dds_/" in name:
+        name = name.replace("/dds_/", "/").removesuffix("_")
+    package, slash, rest = name.partition("/")
+    return f"{package}/msg/{rest}" if slash and "/" not in rest else name
+
+
 class Messages(NamedTuple):
     """Messages in the order of their log time; message k is ``data[at[k] : at[k] + size[k]]``."""
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags of ROS 1, read by rosbags chunk by chunk, their messages turned into CDR."""
+"""Bags of ROS 1, read by rosbags chunk by chunk, their messages converted to CDR."""
 
 from collections import defaultdict
 from contextlib import contextmanager
@@ -13,10 +13,9 @@ import numpy as np
 
 from diag_dynamics.bags.bag import Bag
 from diag_dynamics.bags.compression import extra
-from diag_dynamics.bags.messages import Connection, Messages
+from diag_dynamics.bags.messages import Connection, Messages, type_of
 from diag_dynamics.bags.ordered import Source, in_order
-
-_HEADER = "std_msgs/msg/Header"
+from diag_dynamics.bags.ros1_messages import UnknownTypeError, ros1_type
 
 
 class Ros1Bag(Bag):
@@ -147,26 +146,13 @@ class Ros1Bag(Bag):
         """Take in a connection, and find out how to turn its messages."""
         text, encoding, convert = "", "cdr", None
         try:
-            store = self._store(one)
-            text, convert = store.generate_msgdef(one.msgtype, ros_version=2)[0], store.ros1_to_cdr
-        except Exception as error:  # a definition may be anything
-            self.find(f": the type of topic '{one.topic}' is not understood: {_said(error)}.")
+            text, convert = ros1_type(one.msgtype, one.msgdef.data, one.digest)
+        except UnknownTypeError as error:
+            self.find(f": the type of topic '{one.topic}' is not understood: {error}.")
             encoding = "ros1"
         self._declared.append(one)
         self._converters.append(convert)
-        self.connections.append(Connection(one.topic, one.msgtype, encoding, text))
-
-    @staticmethod
-    def _store(one):
-        """Types of a connection, with headers as ROS 2 has them: the library converts no others."""
-        typesys = extra("rosbags.typesys")
-        types = typesys.get_types_from_msg(one.msgdef.data, one.msgtype)
-        if _HEADER in types:
-            constants, fields = types[_HEADER]
-            types[_HEADER] = constants, [field for field in fields if field[0] != "seq"]
-        store = typesys.get_typestore(typesys.Stores.EMPTY)
-        store.register(types)
-        return store
+        self.connections.append(Connection(one.topic, type_of(one.msgtype), encoding, text))
 
     # --- What is in it ---
 
@@ -197,12 +183,7 @@ class Ros1Bag(Bag):
     def _converted(self, k, raw):
         """A message in CDR, None if it is not of its type; as it is, where that is not known."""
         convert = self._converters[k]
-        if convert is None:
-            return raw
-        try:
-            return convert(raw, self._declared[k].msgtype)
-        except Exception:  # code that the library makes of a definition checks little
-            return None
+        return raw if convert is None else convert(raw)
 
 
 class _Chunk(NamedTuple):

@@ -93,20 +93,43 @@ def numbered(count, topics=("/joint_states",), disorder=0, longest=40, seed=0):
     ]
 
 
-def write_mcap(path, messages, compression=ZSTD, chunk_size=400, encoding="cdr", **options):
-    """Write messages by the library mcap; return the path."""
+def write_mcap(
+    path,
+    messages,
+    compression=ZSTD,
+    chunk_size=400,
+    encoding="cdr",
+    schema="ros2msg",
+    definitions=DEFINITIONS,
+    metadata=None,
+    **options,
+):
+    """Write messages by the library mcap; return the path. `schema` is the encoding of `definitions`, by type."""
     with open(path, "wb") as file:
         writer = Writer(file, compression=compression, chunk_size=chunk_size, **options)
         writer.start(profile="ros2")
         schemas, channels = {}, {}
         for one in messages:
             if one.type not in schemas:
-                schemas[one.type] = writer.register_schema(one.type, "ros2msg", DEFINITIONS.get(one.type, "").encode())
+                schemas[one.type] = writer.register_schema(one.type, schema, definitions.get(one.type, "").encode())
             if one.topic not in channels:
-                channels[one.topic] = writer.register_channel(one.topic, encoding, schemas[one.type])
+                channels[one.topic] = writer.register_channel(one.topic, encoding, schemas[one.type], metadata or {})
             writer.add_message(channels[one.topic], one.log_time, one.data, one.log_time)
         writer.finish()
     return path
+
+
+def of_ros1(messages):
+    """Return messages in the encoding of ROS 1, their types without ``/msg/``."""
+    return [
+        one._replace(data=bytes(JAZZY.cdr_to_ros1(one.data, one.type)), type=one.type.replace("/msg/", "/"))
+        for one in messages
+    ]
+
+
+def definitions_of_ros1(*types):
+    """Return the definitions of ROS Noetic, with all types in them, by the name of the type without ``/msg/``."""
+    return {kind.replace("/msg/", "/"): NOETIC.generate_msgdef(kind, ros_version=1)[0] for kind in types}
 
 
 def description(urdf, log_time=START):

@@ -1,0 +1,119 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Messages of ROS 1, converted to CDR by rosbags: of ``.bag`` files, and of MCAP files made of them."""
+
+from collections import Counter
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.bags.compression import extra
+from diag_dynamics.bags.messages import Messages
+
+ENCODINGS = "ros1", "ros1msg"
+"""Names of the encoding in MCAP files."""
+
+_HEADER = "std_msgs/msg/Header"
+
+
+class UnknownTypeError(Exception):
+    """The type of a connection cannot be parsed; its text says why."""
+
+
+class Ros1Type(NamedTuple):
+    """A message type of ROS 1, as ROS 2 has it."""
+
+    definition: str
+    """As ``ros2msg`` has it."""
+    convert: Callable
+    """Return a message in CDR, or None if its bytes are not of the type."""
+
+
+@lru_cache(64)
+def ros1_type(name, definition, md5):
+    """Return the type of a connection. Headers have no `seq`, because CDR messages of ROS 2 have none.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``sensor_msgs/msg/JointState``.
+    definition : str
+        As the file has it. Types that it lacks are those of ROS Noetic; where it is empty, this is so of the type itself,
+        if the MD5 sums agree.
+    md5 : str
+        MD5 sum of the definition, empty or ``*`` if the file has none.
+
+    Raises
+    ------
+    UnknownTypeError
+        The definition cannot be parsed, or it is empty and the type is not one of ROS Noetic.
+    """
+    typesys = extra("rosbags.typesys")
+    noetic = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
+    try:
+        types = {}
+        for known in (_HEADER, name):
+            if known in noetic.types:
+                text, expected = noetic.generate_msgdef(known, ros_version=1)
+                types |= typesys.get_types_from_msg(text, known)
+        if definition.strip():
+            types |= typesys.get_types_from_msg(definition, name)
+        elif name not in types:
+            raise UnknownTypeError("its definition is empty, and the type is not one of ROS Noetic")
+        elif md5 not in ("", "*", expected):
+            raise UnknownTypeError(f"its definition is empty, and its MD5 sum is {md5}; expected {expected}")
+        constants, fields = types[_HEADER]
+        types[_HEADER] = constants, [field for field in fields if field[0] != "seq"]
+        store = typesys.get_typestore(typesys.Stores.EMPTY)
+        store.register(types)
+        text = store.generate_msgdef(name, ros_version=2)[0]
+    except UnknownTypeError:
+        raise
+    except Exception as error:  # a definition may be anything, and the library checks little
+        raise UnknownTypeError(str(error).rstrip(".") or type(error).__name__) from error
+
+    def convert(raw):
+        try:
+            return store.ros1_to_cdr(raw, name)
+        except Exception:  # the library generates code from a definition, which checks little
+            return None
+
+    return Ros1Type(text, convert)
+
+
+def converted(messages, converters):
+    """Convert the messages of some connections to CDR; leave those of others unchanged.
+
+    Parameters
+    ----------
+    messages : Messages
+    converters : dict
+        `Ros1Type.convert` by index of the connection.
+
+    Returns
+    -------
+    Messages
+        Without the messages that cannot be converted.
+    failed : Counter
+        Number of those by index of the connection.
+    """
+    old, failed = np.flatnonzero(np.isin(messages.connection, list(converters))), Counter()
+    if not len(old):
+        return messages, failed
+    parts, beyond = [messages.data], len(messages.data)
+    at, size, kept = messages.at.copy(), messages.size.copy(), np.ones(len(messages.at), dtype=bool)
+    for k in old.tolist():
+        connection = int(messages.connection[k])
+        content = converters[connection](messages.data[at[k] : at[k] + size[k]].tobytes())
+        if content is None:
+            failed[connection] += 1
+            kept[k] = False
+            continue
+        parts.append(np.frombuffer(content, np.uint8))
+        at[k], size[k] = beyond, len(content)
+        beyond += len(content)
+    columns = messages.connection, at, size, messages.log_time
+    return Messages(np.concatenate(parts), *(column[kept] for column in columns)), failed
