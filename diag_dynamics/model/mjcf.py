@@ -6,13 +6,16 @@
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Iterator
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from diag_dynamics.exceptions import InputError, UnsupportedError, UrdfError
+from diag_dynamics.model.options import warn
 from diag_dynamics.model.robot import RobotModel, load_urdf
 
 OPTIONS = ("gravity", "floating_base", "armature", "estimate_inertias")
@@ -30,6 +33,27 @@ FLAGS = {
 }
 """MuJoCo's flags that disable a thing, those that its version has."""
 
+MAX_PREAMBLE = 1 << 16
+"""Bytes in which the root element of an MJCF begins, after comments."""
+
+
+class Described(NamedTuple):
+    """What an MJCF becomes.
+
+    Attributes
+    ----------
+    text : str
+        A URDF.
+    options : dict
+        Options of :func:`load_urdf` that the MJCF says itself: floating_base, gravity, armature.
+    omitted : tuple of str
+        See :attr:`RobotModel.omitted`.
+    """
+
+    text: str
+    options: dict[str, Any]
+    omitted: tuple[str, ...]
+
 
 def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     """Build a model from an MJCF; `mujoco` has to be installed.
@@ -41,11 +65,18 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     Degrees of freedom are in the order of their names (see :class:`RobotModel`), which need not be MuJoCo's; of a free body
     q is x y z qx qy qz qw, and its rates are a twist in its own axes, linear first. A single free body is a floating base.
 
+    Springs, tendons, gravity compensation, fluids, flexible bodies, passive plugins, nonlinear damping, and damping and
+    friction loss of free joints change neither M nor C, ν, K and gravity. Forward and inverse dynamics omit their forces. A
+    warning at load names them, and so does :attr:`RobotModel.omitted`. `gravcomp` is such a force: g(q) is gravity alone.
+
+    A mocap body without joints below it is no part of the model, and neither are its children. A mocap body that carries
+    joints is fixed where the file places it. The warning names both.
+
     A joint's effort limit is the lesser of the largest magnitude in its `actuatorfrcrange` and of the sum over the enabled
     actuators at that joint; infinite where neither is limited. An actuator's part is its gear times the largest magnitude in
     `forcerange`, or, of a plain motor (fixed gain, neither bias nor activation), of the gain times `ctrlrange`, if that is
     less. One actuator without a limit makes the sum infinite. The `ctrlrange` of any other actuator is no limit of effort,
-    for it bounds a position, a velocity or an activation. Actuators at sites and bodies do not count.
+    for it bounds a position, a velocity or an activation. Actuators at sites, bodies and tendons do not count.
 
     Parameters
     ----------
@@ -65,32 +96,62 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     UrdfError
         MuJoCo refuses the file.
     UnsupportedError
-        The model has what no quantity here knows: ball joints, tendons, springs, equalities other than linear couplings of
-        two joints, two equalities for one joint, fluids, gravity compensation, flexible bodies, mocap bodies, stiffness or
-        damping with higher coefficients, armature, damping or friction loss of a free joint. The message names the first.
+        The file has what changes M, C, ν or K and cannot be modelled: ball joints, equalities that hold a body that moves,
+        equalities of joints other than linear couplings of two, two equalities for one joint, and armature of a free joint,
+        a tendon, or an actuator elsewhere than at a hinge or slide. The message names the first.
     DiagDynamicsError
         As :func:`load_urdf`.
+
+    Warns
+    -----
+    ModelWarning
+        Names everything in :attr:`RobotModel.omitted`.
     """
     for name in OPTIONS:
         if name in options:
             raise InputError(f"{name} is what the MJCF says; change the file, or use with_gravity of the model.")
+    described = read_mjcf(source)
+    model = load_urdf(described.text, **described.options, **options)
+    warn_of_omitted(model.name, described.omitted)
+    return model.with_omitted(described.omitted)
+
+
+def warn_of_omitted(name: str, omitted: tuple[str, ...], stacklevel: int = 4) -> None:
+    """Warn of what :attr:`RobotModel.omitted` will have, if that is anything."""
+    if omitted:
+        text = f"Forward and inverse dynamics of robot '{name}' omit: {'; '.join(omitted)}. "
+        warn(f"{text}M, C, ν and K do not depend on these.", stacklevel=stacklevel)
+
+
+def is_mjcf(source: object) -> bool:
+    """Whether this is the path of a file whose root element is <mujoco>."""
+    try:
+        if not isinstance(source, (str, os.PathLike)) or not os.path.isfile(path := os.path.expanduser(source)):
+            return False
+        with open(path, "rb") as file:
+            begin = file.read(MAX_PREAMBLE)
+    except (OSError, ValueError):  # a name with a NUL, no permission
+        return False
+    return re.match(rb"(\xef\xbb\xbf)?(\s|<\?.*?\?>|<!--.*?-->)*<mujoco[\s/>]", begin, re.S) is not None
+
+
+def read_mjcf(source: str | os.PathLike[str]) -> Described:
+    """Compile an MJCF, and describe it as a URDF; see :func:`load_mjcf`, also for what is raised."""
     try:
         mujoco = import_module("mujoco")
     except ImportError as error:
-        raise InputError("load_mjcf needs MuJoCo's parser: pip install mujoco.") from error
+        raise InputError("An MJCF needs MuJoCo's parser: pip install mujoco.") from error
     m = _compiled(mujoco, source)
     _refuse(mujoco, m)
     free = [j for j in range(m.njnt) if m.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE]
-    top = [b for b in range(1, m.nbody) if m.body_parentid[b] == 0]
+    top = [b for b in range(1, m.nbody) if m.body_parentid[b] == 0 and not _is_marker(m, b)]
     floating = len(free) == 1 and len(top) == 1
     writer = _Writer(mujoco, m, floating)
-    return load_urdf(
-        writer.urdf(),
-        floating_base=floating,
-        gravity=np.zeros(3) if _disabled(mujoco, m, "gravity") else m.opt.gravity.copy(),
-        armature=writer.armature,
-        **options,
-    )
+    options = {
+        "floating_base": floating,
+        "gravity": np.zeros(3) if _disabled(mujoco, m, "gravity") else m.opt.gravity.copy(),
+    }
+    return Described(writer.urdf(), options | {"armature": writer.armature}, tuple(_omitted(mujoco, m)))
 
 
 def _compiled(mujoco, source):
@@ -102,7 +163,7 @@ def _compiled(mujoco, source):
         if isinstance(source, str) and text.lstrip().startswith("<"):
             return mujoco.MjModel.from_xml_string(text)
         return mujoco.MjModel.from_xml_path(os.path.expanduser(text))
-    except ValueError as error:
+    except (ValueError, mujoco.FatalError) as error:
         raise UrdfError(f"MuJoCo refuses the MJCF: {' '.join(str(error).split())}") from error
 
 
@@ -113,28 +174,24 @@ def _disabled(mujoco, m, thing):
 
 
 def _refuse(mujoco, m):
-    """Refuse what would be left out in silence."""
+    """Refuse what changes M, C, ν or K and cannot be modelled."""
     name = _namer(mujoco, m)
     for j in range(m.njnt):
         _refuse_joint(mujoco, m, j, f"joint '{name('joint', j)}'")
     for a in range(_actuator_count(m)):
-        _refuse_actuator(mujoco, m, a, f"actuator '{name('actuator', a)}'")
-    if m.ntendon:
-        raise UnsupportedError(f"tendon '{name('tendon', 0)}': tendons are not supported.")
-    if getattr(m, "nflex", 0):
-        raise UnsupportedError("Flexible bodies are not supported.")
-    if m.opt.viscosity != 0.0 or m.opt.density != 0.0:
-        raise UnsupportedError("A fluid (option density or viscosity) is not supported.")
-    for b in range(1, m.nbody):
-        if m.body_gravcomp[b] != 0.0:
-            raise UnsupportedError(f"body '{name('body', b)}' compensates its gravity, which is not supported.")
-        if m.body_mocapid[b] >= 0:
-            raise UnsupportedError(f"body '{name('body', b)}' is a mocap body, which is not supported.")
+        if _joint_of(mujoco, m, a) is None and _any(m, "actuator_armature", a):
+            raise UnsupportedError(
+                f"actuator '{name('actuator', a)}' has armature, but is not at a hinge or slide, which is not supported."
+            )
+    for t in range(m.ntendon):
+        if _any(m, "tendon_armature", t):
+            raise UnsupportedError(f"tendon '{name('tendon', t)}' has armature, which is not supported.")
     coupled = {}
     for e in _equalities(mujoco, m):
         if not _couples(mujoco, m, e):
             raise UnsupportedError(
-                f"equality '{name('equality', e)}' is not a linear coupling of two joints, and is not supported."
+                f"equality '{name('equality', e)}' ({_ends_of(mujoco, m, e)}) is not a linear coupling of two joints, and is "
+                'not supported. Remove it, or set active="false", if the model may move without it.'
             )
         first = int(m.eq_obj1id[e])
         if first in coupled:
@@ -145,37 +202,111 @@ def _refuse(mujoco, m):
         coupled[first] = e
 
 
+def _ends_of(mujoco, m, e):
+    """Type of an equality, and the names of what it holds."""
+    kind = mujoco.mjtEq(int(m.eq_type[e])).name.removeprefix("mjEQ_").lower()
+    of = {"joint": "joint", "tendon": "tendon", "connect": "body", "weld": "body"}.get(kind, "flex")
+    of = "site" if hasattr(m, "eq_objtype") and m.eq_objtype[e] == mujoco.mjtObj.mjOBJ_SITE else of
+    return f"{kind} of {of} " + ", ".join(
+        f"'{_namer(mujoco, m)(of, int(k))}'" for k in (m.eq_obj1id[e], m.eq_obj2id[e]) if k >= 0
+    )
+
+
 def _refuse_joint(mujoco, m, j, named):
     """Refuse a joint that is not known, or has what is not known."""
-    free = m.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE
     if m.jnt_type[j] == mujoco.mjtJoint.mjJNT_BALL:
         raise UnsupportedError(f"{named} is a ball joint, which is not supported.")
-    if free and m.body_parentid[m.jnt_bodyid[j]] != 0:
-        raise UnsupportedError(f"{named} is free, but its body is not at the world.")
-    dofs = slice(m.jnt_dofadr[j], m.jnt_dofadr[j] + (6 if free else 1))
-    damped = not _disabled(mujoco, m, "damper")
-    if not _disabled(mujoco, m, "spring") and (m.jnt_stiffness[j] != 0.0 or _any(m, "jnt_stiffnesspoly", j)):
-        raise UnsupportedError(f"{named} has a spring, which is not supported.")
-    if damped and _any(m, "dof_dampingpoly", dofs):
-        raise UnsupportedError(f"{named} has damping with higher coefficients, which is not supported.")
-    if free and np.any(m.dof_armature[dofs]):
-        raise UnsupportedError(f"{named} is free and has armature, which is not supported.")
-    if free and damped and np.any(m.dof_damping[dofs]):
-        raise UnsupportedError(f"{named} is free and has damping, which is not supported.")
-    if free and not _disabled(mujoco, m, "frictionloss") and np.any(m.dof_frictionloss[dofs]):
-        raise UnsupportedError(f"{named} is free and has friction loss, which is not supported.")
+    if m.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE:
+        if m.body_parentid[m.jnt_bodyid[j]] != 0:
+            raise UnsupportedError(f"{named} is free, but its body is not at the world.")
+        if np.any(m.dof_armature[_dofs(mujoco, m, j)]):
+            raise UnsupportedError(f"{named} is free and has armature, which is not supported.")
 
 
-def _refuse_actuator(mujoco, m, a, named):
-    """Refuse an actuator whose armature or damping is not that of a hinge or slide, or is not linear."""
-    damped = not _disabled(mujoco, m, "damper")
-    if damped and _any(m, "actuator_dampingpoly", a):
-        raise UnsupportedError(f"{named} has damping with higher coefficients, which is not supported.")
-    if _joint_of(mujoco, m, a) is None:
-        if _any(m, "actuator_armature", a):
-            raise UnsupportedError(f"{named} has armature, but is not at a hinge or slide, which is not supported.")
-        if damped and _any(m, "actuator_damping", a):
-            raise UnsupportedError(f"{named} has damping, but is not at a hinge or slide, which is not supported.")
+def _omitted(mujoco, m) -> Iterator[str]:
+    """Texts of :attr:`RobotModel.omitted`, one for each kind, and for each tendon."""
+    name = _namer(mujoco, m)
+    for what, kind, which in (*_omitted_of_joints(mujoco, m), *_omitted_of_bodies(mujoco, m)):
+        if which:
+            yield f"{what} {', '.join(repr(name(kind, k)) for k in which)}"
+    tendons: dict[str, list[str]] = {}
+    for t in range(m.ntendon):
+        tendons.setdefault(", ".join(_parts_of_tendon(mujoco, m, t)), []).append(repr(name("tendon", t)))
+    for parts, names in tendons.items():
+        yield f"tendon {', '.join(names)}{f' ({parts})' if parts else ''}"
+    if _has_passive_forces(mujoco, m) and (m.opt.density or m.opt.viscosity):
+        yield f"fluid (density {m.opt.density:g}, viscosity {m.opt.viscosity:g})"
+
+
+def _omitted_of_joints(mujoco, m):
+    """What is omitted of joints and actuators: a text, the kind of its names, and their numbers."""
+    joints, actuators, free = range(m.njnt), range(_actuator_count(m)), mujoco.mjtJoint.mjJNT_FREE
+    dofs = [_dofs(mujoco, m, j) for j in joints]
+    if not _disabled(mujoco, m, "spring"):
+        yield "spring of joint", "joint", [j for j in joints if m.jnt_stiffness[j] or _any(m, "jnt_stiffnesspoly", j)]
+    if not _disabled(mujoco, m, "damper"):
+        damped = [j for j in joints if m.jnt_type[j] == free and np.any(m.dof_damping[dofs[j]])]
+        yield "damping of free joint", "joint", damped
+        yield "nonlinear damping of joint", "joint", [j for j in joints if _any(m, "dof_dampingpoly", dofs[j])]
+        elsewhere = [a for a in actuators if _joint_of(mujoco, m, a) is None]
+        yield "damping of actuator", "actuator", [a for a in elsewhere if _any(m, "actuator_damping", a)]
+        nonlinear = [a for a in actuators if _any(m, "actuator_dampingpoly", a)]
+        yield "nonlinear damping of actuator", "actuator", nonlinear
+    if not _disabled(mujoco, m, "frictionloss"):
+        rubbed = [j for j in joints if m.jnt_type[j] == free and np.any(m.dof_frictionloss[dofs[j]])]
+        yield "friction loss of free joint", "joint", rubbed
+
+
+def _omitted_of_bodies(mujoco, m):
+    """What is omitted of bodies, as :func:`_omitted_of_joints`."""
+    bodies = range(1, m.nbody)
+    if _has_passive_forces(mujoco, m):
+        if np.any(m.opt.gravity) and not _disabled(mujoco, m, "gravity"):
+            carried = [b for b in bodies if m.body_gravcomp[b] and m.body_mass[b] and _moves(m, b)]
+            yield "gravity compensation of body", "body", carried
+        yield "plugin of body", "body", [b for b in bodies if m.body_plugin[b] >= 0]
+        yield "flexible body", "flex", list(range(getattr(m, "nflex", 0)))
+    mocap = [b for b in bodies if m.body_mocapid[b] >= 0]
+    yield "mocap body", "body", [b for b in mocap if _is_marker(m, b)]
+    yield "motion of mocap body", "body", [b for b in mocap if not _is_marker(m, b)]
+
+
+def _parts_of_tendon(mujoco, m, t):
+    """Yield the forces of a tendon."""
+    if not _disabled(mujoco, m, "spring") and (m.tendon_stiffness[t] or _any(m, "tendon_stiffnesspoly", t)):
+        yield "spring"
+    if not _disabled(mujoco, m, "damper") and (m.tendon_damping[t] or _any(m, "tendon_dampingpoly", t)):
+        yield "damping"
+    if not _disabled(mujoco, m, "frictionloss") and m.tendon_frictionloss[t]:
+        yield "friction loss"
+    if not _disabled(mujoco, m, "limit") and m.tendon_limited[t]:
+        yield "limits"
+    name, at_tendon = _namer(mujoco, m), int(mujoco.mjtTrn.mjTRN_TENDON)
+    for a in range(_actuator_count(m)):
+        if int(m.actuator_trntype[a]) == at_tendon and int(m.actuator_trnid[a, 0]) == t:
+            yield f"actuator '{name('actuator', a)}'"
+
+
+def _has_passive_forces(mujoco, m):
+    """Whether MuJoCo computes passive forces: none if both springs and dampers are disabled."""
+    return not (_disabled(mujoco, m, "spring") and _disabled(mujoco, m, "damper"))
+
+
+def _moves(m, b):
+    """Whether a joint moves a body."""
+    return m.body_dofnum[m.body_weldid[b]] > 0
+
+
+def _is_marker(m, b):
+    """Whether a body is a mocap body, or on one, and no joint is on that."""
+    root = m.body_rootid[b]
+    return m.body_mocapid[root] >= 0 and not np.any(m.body_dofnum[m.body_rootid == root])
+
+
+def _dofs(mujoco, m, j):
+    """Degrees of freedom of a hinge, a slide or a free joint."""
+    begin = int(m.jnt_dofadr[j])
+    return slice(begin, begin + (6 if m.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE else 1))
 
 
 def _any(m, attribute, index):
@@ -245,8 +376,20 @@ def _effort(mujoco, m, a):
 
 
 def _equalities(mujoco, m):
-    """Numbers of the equalities that are active."""
-    return [] if _disabled(mujoco, m, "equality") else [e for e in range(m.neq) if m.eq_active0[e]]
+    """Numbers of the equalities that are active, but for those between bodies of which none moves against the other."""
+    if _disabled(mujoco, m, "equality"):
+        return []
+    return [e for e in range(m.neq) if m.eq_active0[e] and not _is_idle(mujoco, m, e)]
+
+
+def _is_idle(mujoco, m, e):
+    """Whether an equality holds two bodies that do not move, or that no joint is between."""
+    if int(m.eq_type[e]) not in (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)):
+        return False
+    ends = [int(m.eq_obj1id[e]), int(m.eq_obj2id[e])]
+    if hasattr(m, "eq_objtype") and int(m.eq_objtype[e]) == int(mujoco.mjtObj.mjOBJ_SITE):
+        ends = [int(m.site_bodyid[site]) for site in ends]
+    return m.body_weldid[ends[0]] == m.body_weldid[ends[1]] or not any(_moves(m, b) for b in ends)
 
 
 def _couples(mujoco, m, e):
@@ -263,6 +406,8 @@ def _namer(mujoco, m):
         "tendon": mujoco.mjtObj.mjOBJ_TENDON,
         "equality": mujoco.mjtObj.mjOBJ_EQUALITY,
         "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
+        "site": mujoco.mjtObj.mjOBJ_SITE,
+        "flex": getattr(mujoco.mjtObj, "mjOBJ_FLEX", None),
     }
     return lambda kind, k: mujoco.mj_id2name(m, kinds[kind], k) or f"{kind}{k}"
 
@@ -304,7 +449,8 @@ class _Writer:
         if not self._floating:
             self._link("world")
         for b in range(1, m.nbody):
-            self._body(b)
+            if not _is_marker(m, b):
+                self._body(b)
         robot = m.names[: m.names.index(b"\0")].decode() or "mjcf"
         return f"<robot name={quoteattr(robot)}>{''.join(self._elements)}</robot>"
 

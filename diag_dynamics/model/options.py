@@ -68,6 +68,7 @@ class Options(NamedTuple):
     held: dict[str, float] | None = None  # joints that massless="lock" has locked; None before that was decided
     friction_velocity: float = FRICTION_VELOCITY
     estimated_links: tuple[str, ...] = ()
+    omitted: tuple[str, ...] = ()
 
 
 def gravity_vector(value: object) -> Array:

@@ -169,6 +169,15 @@ class RobotModel:
         return self._options.estimated_links
 
     @property
+    def omitted(self) -> tuple[str, ...]:
+        """What forward and inverse dynamics omit of an MJCF, such as ``spring of joint 'knee'``; empty for a URDF."""
+        return self._options.omitted
+
+    def with_omitted(self, omitted: Sequence[str]) -> RobotModel:
+        """Return this model with these texts as :attr:`omitted`."""
+        return replace(self, _options=self._options._replace(omitted=tuple(omitted)))
+
+    @property
     def armature(self) -> Array:
         """Reflected rotor inertia [kg m², kg], shape (nv,), that of followers included."""
         moving, reflected = self.bodies[1:], np.zeros(self.nv)

@@ -4,6 +4,7 @@
 """Robots by name, xacro and MJCF, each compared with its own tool; and URDFs with parameters written into them."""
 
 import sys
+import warnings
 
 import numpy as np
 import pinocchio as pin
@@ -245,9 +246,19 @@ class Reference:
         return self.transform.T @ self.d.qfrc_bias
 
 
-def compare(mujoco, text, seed=5):
-    """Compare mass matrix, damping, kinetic energy, places and gravity with MuJoCo's; return both models."""
-    model = dd.load_mjcf(text)
+def quiet(text):
+    """Return the model of an MJCF, without its warnings."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", dd.ModelWarning)
+        return dd.load_mjcf(text)
+
+
+def compare(mujoco, text, seed=5, omits=False):
+    """Compare mass matrix, damping, kinetic energy, places and gravity with MuJoCo's; return both models.
+
+    With `omits`, MuJoCo has forces that the model omits: forward dynamics is MuJoCo's where these are among the torques.
+    """
+    model = quiet(text)
     reference, dyn, rng = Reference(mujoco, text, model), dd.DiagonalDynamics(model), np.random.default_rng(seed)
     assert model.nv == reference.m.nv
     for _ in range(3):
@@ -256,10 +267,18 @@ def compare(mujoco, text, seed=5):
         M = reference.mass_matrix()
         np.testing.assert_allclose(dyn.mass_matrix(q), M, rtol=0, atol=1e-11 * np.abs(M).max())
         assert dyn.evaluate(q, qd).kinetic_energy == pytest.approx(0.5 * qd @ M @ qd, rel=1e-11)
-        damping = reference.transform.T @ reference.d.qfrc_passive
-        np.testing.assert_allclose(-model.damping * qd, damping, rtol=0, atol=1e-12)
+        passive = reference.transform.T @ reference.d.qfrc_passive
+        if not omits:
+            np.testing.assert_allclose(-model.damping * qd, passive, rtol=0, atol=1e-12)
+        elif not any(name.endswith("/qw") for name in model.coordinate_names):
+            tau = passive + reference.transform.T @ reference.d.qfrc_constraint
+            qacc = np.linalg.solve(reference.transform, reference.d.qacc)
+            acceleration = dyn.forward_dynamics(q, qd, tau)
+            np.testing.assert_allclose(acceleration, qacc, rtol=0, atol=1e-8 * np.abs(qacc).max())
         for k in range(1, reference.m.nbody):
-            placement = dyn.placement(q, mujoco.mj_id2name(reference.m, mujoco.mjtObj.mjOBJ_BODY, k))
+            if (name := mujoco.mj_id2name(reference.m, mujoco.mjtObj.mjOBJ_BODY, k)) in ("target", "arrow"):
+                continue  # of a mocap body, whose place is not the file's
+            placement = dyn.placement(q, name)
             np.testing.assert_allclose(placement[:3, 3], reference.d.xpos[k], atol=1e-12)
             np.testing.assert_allclose(placement[:3, :3].ravel(), reference.d.xmat[k], atol=1e-12)
         if not any(name.endswith("/qw") for name in model.coordinate_names):  # else rates are not the same
@@ -294,26 +313,41 @@ OTHER, TENDON = '<joint name="other"/>', '<tendon><fixed name="wire"><joint join
 TWICE = "".join(
     f'<joint name="{name}" joint1="other" joint2="{on}"/>' for name, on in (("e1", "turn"), ("e2", "shift"))
 )
+TOOL, BODY_C = 'name="tool"><site name="tip"/>', f'<body name="c" pos="-0.5 0 0">{OTHER}<geom size="0.1"/></body>'
+
+
+def with_tendon(attributes, kind="fixed"):
+    """Return the end of an MJCF with a tendon that has these attributes."""
+    path = {"fixed": '<joint joint="turn" coef="1"/>', "spatial": '<site site="stand"/><site site="tip"/>'}[kind]
+    return f'<tendon><{kind} name="wire" {attributes}>{path}</{kind}></tendon>{END}'
+
 
 UNSUPPORTED = {
     "ball": (OTHER, '<joint name="other" type="ball"/>', "joint 'other'"),
-    "spring": (OTHER, '<joint name="other" stiffness="3"/>', "joint 'other' has a spring"),
-    "tendon": (END, TENDON + END, "tendon 'wire'"),
     "weld": (END, '<equality><weld name="glue" body1="c"/></equality>' + END, "equality 'glue'"),
+    "weld of sites": (
+        END,
+        '<equality><weld name="glue" site1="stand" site2="tip"/></equality>' + END,
+        "equality 'glue'",
+    ),
     "one joint twice": (END, f"<equality>{TWICE}</equality>{END}", "equality 'e2'"),
-    "fluid": ("<option gravity", '<option density="1.2" gravity', "fluid"),
-    "balance": ('<body name="c"', '<body name="c" gravcomp="1"', "body 'c'"),
-    "mocap": ("</worldbody>", '<body name="hand" mocap="true"/></worldbody>', "body 'hand'"),
+    "equality of a tendon": (
+        END,
+        with_tendon("", "spatial").replace(END, '<equality><tendon name="rope" tendon1="wire"/></equality>' + END),
+        "equality 'rope'",
+    ),
+    "armature of a tendon": (END, with_tendon('armature="0.1"'), "tendon 'wire' has armature"),
+    "mocap body that holds": (
+        "</worldbody>",
+        '<body name="hand" mocap="true"/></worldbody><equality><weld name="hold" body1="hand" body2="tool"/></equality>',
+        "equality 'hold'",
+    ),
 }
 
 PULL = f'{TENDON}<actuator><motor name="pull" tendon="wire" '
 
 UNSUPPORTED_SINCE_3_4 = {
-    "polynomial of a spring": (OTHER, '<joint name="other" stiffness="0 3"/>', "joint 'other' has a spring"),
-    "polynomial of damping": (OTHER, '<joint name="other" damping="0 0 3"/>', "joint 'other' has damping"),
-    "polynomial of an actuator": ("<motor ", '<motor name="drive" damping="0 3" ', "actuator 'drive' has damping"),
     "armature at a tendon": ("<actuator>", PULL + 'armature="0.1"/>', "actuator 'pull' has armature"),
-    "damping at a tendon": ("<actuator>", PULL + 'damping="0.1"/>', "actuator 'pull' has damping"),
 }
 """Attributes that older versions of MuJoCo do not read."""
 
@@ -327,24 +361,150 @@ def test_unsupported_features(mujoco, case):
         dd.load_mjcf(changed(old, new))
 
 
+MARKER = '<body name="target" mocap="true" pos="1 0 1"><geom size="0.1"/><body name="arrow"><geom size="0.02"/></body></body>'
+OMITTED = {  # what is replaced in ARM, by what, and what model.omitted then has
+    "spring": (OTHER, '<joint name="other" stiffness="3" springref="20"/>', ["spring of joint 'other'"]),
+    "springdamper": (OTHER, '<joint name="other" springdamper="0.2 1"/>', ["spring of joint 'other'"]),
+    "two springs": (
+        OTHER,
+        '<joint name="other" stiffness="3"/><joint name="r" stiffness="2" type="slide"/>',
+        ["spring of joint 'other', 'r'"],
+    ),
+    "tendon": (END, TENDON + END, ["tendon 'wire'"]),
+    "tendon of an actuator": ("<actuator>", PULL + 'gear="4"/>', ["tendon 'wire' (actuator 'pull')"]),
+    "tendon with forces": (
+        END,
+        with_tendon('stiffness="5" damping="2" frictionloss="0.4" limited="true" range="0 0.1"'),
+        ["tendon 'wire' (spring, damping, friction loss, limits)"],
+    ),
+    "spatial tendon": (END, with_tendon('stiffness="5" springlength="0.1"', "spatial"), ["tendon 'wire' (spring)"]),
+    "gravity compensation": ('<body name="c"', '<body name="c" gravcomp="1"', ["gravity compensation of body 'c'"]),
+    "more than gravity": (TOOL, 'gravcomp="1.5" ' + TOOL, ["gravity compensation of body 'tool'"]),
+    "density": ("<option gravity", '<option density="1.2" wind="0 3 0" gravity', ["fluid (density 1.2, viscosity 0)"]),
+    "viscosity": ("<option gravity", '<option viscosity="0.1" gravity', ["fluid (density 0, viscosity 0.1)"]),
+    "marker": ("</worldbody>", MARKER + "</worldbody>", ["mocap body 'target'"]),
+    "marker without geometry": (
+        "<worldbody>",
+        '<worldbody><body name="target" mocap="true"/>',
+        ["mocap body 'target'"],
+    ),
+    "welded marker": (
+        "</worldbody>",
+        f'{MARKER}</worldbody><equality><weld body1="target"/><weld body1="c" body2="tool" active="false"/></equality>',
+        ["mocap body 'target'"],
+    ),
+    "mocap body with a robot": (
+        BODY_C,
+        f'<body name="base" mocap="true" pos="0.1 0 1" euler="0.3 0 0.2"><geom size="0.2"/>{BODY_C}</body>',
+        ["motion of mocap body 'base'"],
+    ),
+    "all": (
+        END,
+        with_tendon('stiffness="5"').replace("<tendon>", f"<worldbody>{MARKER}</worldbody><tendon>"),
+        ["mocap body 'target'", "tendon 'wire' (spring)"],
+    ),
+}
+
+OMITTED_SINCE_3_4 = {
+    "polynomial of a spring": (OTHER, '<joint name="other" stiffness="0 3"/>', ["spring of joint 'other'"]),
+    "polynomial of damping": (OTHER, '<joint name="other" damping="0 0 3"/>', ["nonlinear damping of joint 'other'"]),
+    "polynomial of an actuator": (
+        "<motor ",
+        '<motor name="drive" damping="0 3" ',
+        ["nonlinear damping of actuator 'drive'"],
+    ),
+    "damping at a tendon": (
+        "<actuator>",
+        PULL + 'damping="0.1"/>',
+        ["damping of actuator 'pull'", "tendon 'wire' (actuator 'pull')"],
+    ),
+}
+"""Attributes that older versions of MuJoCo do not read."""
+
+
+@pytest.mark.parametrize("case", [*OMITTED, *OMITTED_SINCE_3_4])
+def test_omitted_forces(mujoco, case):
+    """One warning names what MuJoCo's forward dynamics has and ours has not; all other quantities are MuJoCo's."""
+    if case in OMITTED_SINCE_3_4:
+        needs(mujoco, "actuator_armature")
+    old, new, omitted = (OMITTED | OMITTED_SINCE_3_4)[case]
+    text = changed(old, new)
+    with pytest.warns(dd.ModelWarning) as warned:
+        model = dd.load_mjcf(text)
+    assert list(model.omitted) == omitted and len(warned) == 1
+    assert all(one in str(warned[0].message) for one in omitted)
+    assert model.with_gravity([0, 0, -1]).with_payload("tool", 0.1).omitted == model.omitted
+    compare(mujoco, text, omits=True)
+
+
 @pytest.mark.parametrize("text", [FREE, TWO_FREE], ids=["free", "two free"])
 @pytest.mark.parametrize(
-    ("attribute", "key"), [("armature", "armature"), ("damping", "damping"), ("frictionloss", "friction loss")]
+    ("attribute", "key"), [("armature", None), ("damping", "damping"), ("frictionloss", "friction loss")]
 )
-def test_unsupported_features_of_free_joints(mujoco, text, attribute, key):
-    """MuJoCo applies a default to <joint type="free"> but not to <freejoint>."""
+def test_resistance_of_free_joints(mujoco, text, attribute, key):
+    """MuJoCo applies a default to <joint type="free"> but not to <freejoint>. Armature changes M, and is refused."""
     as_joint = '<joint name="flight" type="free"/>'
     default = changed("<worldbody>", f'<default><joint {attribute}="0.3"/></default><worldbody>', text)
-    for supported in (changed(FREE_JOINT, as_joint, text), default):
-        assert dd.load_mjcf(supported).nv == dd.load_mjcf(text).nv
+    for without in (changed(FREE_JOINT, as_joint, text), default):
+        assert dd.load_mjcf(without).omitted == ()
     own = changed(FREE_JOINT, f'<joint name="flight" type="free" {attribute}="0.3"/>', text)
-    for unsupported in (own, changed(FREE_JOINT, as_joint, default)):
-        with pytest.raises(dd.UnsupportedError, match=f"joint 'flight' is free and has {key}"):
-            dd.load_mjcf(unsupported)
+    for resisting in (own, changed(FREE_JOINT, as_joint, default)):
+        if key is None:
+            with pytest.raises(dd.UnsupportedError, match="joint 'flight' is free and has armature"):
+                dd.load_mjcf(resisting)
+            continue
+        with pytest.warns(dd.ModelWarning, match=f"omit: {key} of free joint 'flight'"):
+            assert dd.load_mjcf(resisting).floating_base == (text is FREE)
+        compare(mujoco, resisting, omits=True)
     if attribute != "frictionloss" and hasattr(mujoco.MjModel, "actuator_armature"):
         actuator = f'<actuator><motor name="lift" joint="flight" {attribute}="0.3"/></actuator>'
-        with pytest.raises(dd.UnsupportedError, match=f"actuator 'lift' has {attribute}"):
-            dd.load_mjcf(changed(END, actuator + END, text))
+        driven = changed(END, actuator + END, text)
+        if key is None:
+            with pytest.raises(dd.UnsupportedError, match="actuator 'lift' has armature"):
+                dd.load_mjcf(driven)
+        else:
+            assert quiet(driven).omitted == ("damping of actuator 'lift'",)
+
+
+def test_flexible_bodies(mujoco):
+    """Their points are bodies with mass, which passive forces hold together, or else equalities."""
+    inside = '<elasticity young="9" poisson="0" thickness="0.01" elastic2d="both"/>'
+    flex = (
+        '<flexcomp name="sheet" type="grid" count="3 2 1" spacing="0.1 0.1 0.1" mass="1" radius="0.01">'
+        f"{inside}</flexcomp></worldbody>"
+    )
+    arm = changed('<default><joint armature="0.02" damping="0.5"/></default>', "")
+    text = changed("</worldbody>", flex, arm)
+    assert quiet(text).omitted == ("flexible body 'sheet'",)
+    compare(mujoco, text, omits=True)
+    with pytest.raises(dd.UnsupportedError, match="equality 'equality0'"):
+        dd.load_mjcf(changed(inside, '<edge equality="true"/>', text))
+
+
+def test_markers_beside_a_floating_robot(mujoco):
+    """A mocap body is no part of the robot: its mass does not count, and the base stays a floating one."""
+    plain, marked = dd.load_mjcf(FREE), quiet(changed("</worldbody>", MARKER + "</worldbody>", FREE))
+    assert marked.floating_base and marked.link_names == plain.link_names
+    assert marked.total_mass == plain.total_mass and marked.omitted == ("mocap body 'target'",)
+
+
+@pytest.mark.parametrize(
+    ("flags", "old", "new"),
+    [
+        (["spring"], OTHER, '<joint name="other" stiffness="3"/>'),
+        (["gravity"], '<body name="c"', '<body name="c" gravcomp="1"'),
+        (["spring", "damper"], '<body name="c"', '<body name="c" gravcomp="1"'),
+        (["spring", "damper"], "<option gravity", '<option density="1.2" gravity'),
+    ],
+    ids=["spring", "gravity", "compensation", "fluid"],
+)
+def test_disabled_forces_are_not_omitted(mujoco, flags, old, new):
+    """The model omits no force that MuJoCo does not compute either."""
+    if not hasattr(mujoco.mjtDisableBit, "mjDSBL_DAMPER"):
+        flags = list(dict.fromkeys("passive" if flag in ("spring", "damper") else flag for flag in flags))
+    text = changed(old, new)
+    assert quiet(text).omitted and quiet(with_flags(text, *flags)).omitted == ()
+    compare(mujoco, with_flags(text, *flags))
 
 
 PID = '<pid joint="{}" input="pos vel ff" kp="1" kv="1" gear="7"/>'
@@ -382,7 +542,7 @@ def test_disabled_features(mujoco, flag):
         "equality": changed(END, f"<equality>{EQUALITIES}</equality>{END}"),
         "constraint": changed(END, f"<equality>{EQUALITIES}</equality>{END}"),
     }.get(flag, ARM)
-    if flag in ("spring", "equality", "constraint"):
+    if flag in ("equality", "constraint"):
         with pytest.raises(dd.UnsupportedError):
             dd.load_mjcf(text)
     reference, model = compare(mujoco, with_flags(text, name))
