@@ -18,6 +18,7 @@ from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model.geometry import Shape, Solid, floats, moved, shapes_of, solid_of, united
 from diag_dynamics.model.meshes import Meshes
 from diag_dynamics.model.origins import placement_of
+from diag_dynamics.model.remarks import remarks_of
 from diag_dynamics.model.urdf import parse_urdf
 
 ROLES = ("visual", "collision")
@@ -150,6 +151,8 @@ class Description:
         Where the URDF lies.
     twice : list of (str, str, str)
         Elements that a link or joint has more than one of, though one is read: ("link" or "joint", its name, the element).
+    remarks : list of Remark
+        Unknown attributes, and values that are probably mistakes.
     bad_shapes : list of (str, str)
         Link, and what is wrong with a shape of it.
     """
@@ -158,6 +161,7 @@ class Description:
         robot = parse_urdf(text.encode(errors="replace"))
         self.name = robot.get("name") or "robot"
         self.folder, self.meshes = folder, Meshes(folder)
+        self.remarks = remarks_of(robot)
         self.twice: list[tuple[str, str, str]] = []
         self.bad_shapes: list[tuple[str, str]] = []
         self.links: dict[str, LinkText] = {}

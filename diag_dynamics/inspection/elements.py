@@ -14,6 +14,7 @@ from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.inspection.findings import Finding
 from diag_dynamics.inspection.subject import Subject, about_joints, about_links, named
 from diag_dynamics.model.meshes import find_mesh
+from diag_dynamics.model.remarks import Remark
 
 TURNS = 20.0
 """Angle that limits stay below [rad]: three turns, which cables allow; the same number in degrees is no range of a joint."""
@@ -81,6 +82,21 @@ def elements(subject: Subject) -> Iterator[Finding]:
         about = about_links if kind == "link" else about_joints
         what = f"more than one <{tag.rpartition('/')[2].replace('*', 'shape')}>; the first one counts"
         yield from about("warning", "elements", what, named([name]), "", "Take out the other.")
+
+
+def attributes(subject: Subject) -> Iterator[Finding]:
+    """Attributes that URDF has not, unknown versions, axes without xyz and angles in degrees."""
+    groups: dict[tuple[str, str], list[Remark]] = {}
+    for remark in subject.description.remarks:
+        groups.setdefault((remark.kind, remark.what), []).append(remark)
+    for (kind, what), remarks in groups.items():
+        about = {"link": about_links, "joint": about_joints}.get(kind)
+        severity, unit, remedy = "note" if remarks[0].harmless else "warning", remarks[0].unit, remarks[0].remedy
+        values = {remark.name: remark.value or 0.0 for remark in remarks}
+        if about is None:
+            yield Finding(severity, "attributes", what, remedy=remedy)
+        else:
+            yield from about(severity, "attributes", what, values, unit, remedy)
 
 
 def axes(subject: Subject) -> Iterator[Finding]:

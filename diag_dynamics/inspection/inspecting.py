@@ -34,6 +34,7 @@ OF_TEXT: dict[str, Check] = {
     "sides": inertias.sides,
     "meshes": elements.meshes,
     "elements": elements.elements,
+    "attributes": elements.attributes,
     "axes": elements.axes,
     "position_limits": elements.position_limits,
     "effort_limits": elements.effort_limits,

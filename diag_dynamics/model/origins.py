@@ -53,6 +53,11 @@ def numbers_of(element: Any, attribute: str, count: int, where: str, may_be_infi
     return numbers
 
 
+def local_name(element: Any) -> str:
+    """Tag of an element without namespace or prefix."""
+    return str(element.tag).rpartition("}")[2].rpartition(":")[2]
+
+
 def short(value: object) -> str:
     """A value as messages show it."""
     text = repr(value)

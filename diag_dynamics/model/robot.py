@@ -32,11 +32,13 @@ from diag_dynamics.model.options import (
     friction_velocity_of,
     gravity_vector,
     locked_positions,
+    warn,
     warn_of_inertias,
 )
 from diag_dynamics.model.parameters import Parameters, of_joints, perturbed_links, refuse_too_light, robot_with
+from diag_dynamics.model.remarks import remarks_of, warning_of
 from diag_dynamics.model.tree import Tree
-from diag_dynamics.model.urdf import MAX_JOINTS, folder_of, read_urdf, urdf_text
+from diag_dynamics.model.urdf import MAX_JOINTS, folder_of, parse_urdf, read_element, urdf_text
 from diag_dynamics.model.xacro_files import expanded
 from diag_dynamics.sweeps import Workspace
 
@@ -466,6 +468,9 @@ def load_urdf(
 
     Warns
     -----
+    ModelWarning
+        The URDF has probable mistakes: unknown attributes or version, an axis without xyz, angles in degrees. One warning
+        names all of them.
     InertiaWarning
         A link's inertia is not that of any rigid body. With `estimate_inertias`, which links' are estimated, and of which no
         inertia could be.
@@ -478,9 +483,12 @@ def load_urdf(
     if estimate_inertias is not None:
         found = estimated(urdf_text(source), estimate_inertias, folder)
         source = found.text
-    robot, root = read_urdf(source, whole("max_joints", max_joints))
+    element = parse_urdf(urdf_text(source).encode(errors="replace"))
+    robot, root = read_element(element, whole("max_joints", max_joints))
     beside = Parameters() if parameters is None else _parameters(parameters)
     robot = robot_with(robot, beside)
+    if mistakes := warning_of(robot.name, remarks_of(element)):
+        warn(mistakes)
     warn_of_inertias(robot, found.said(robot.name) if found else "", _lighter(beside))
     if friction_velocity is None:
         friction_velocity = FRICTION_VELOCITY if beside.friction_velocity is None else beside.friction_velocity

@@ -19,7 +19,7 @@ from lxml import etree
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import plain_reader
 from diag_dynamics.model.joint_types import JOINT_TYPES
-from diag_dynamics.model.origins import numbers_of, placement_of, short
+from diag_dynamics.model.origins import local_name, numbers_of, placement_of, short
 
 try:
     import yourdfpy
@@ -71,7 +71,11 @@ def read_urdf(source, max_joints=MAX_JOINTS):
     UrdfError
         Names the element, the value and what was expected.
     """
-    robot = parse_urdf(urdf_text(source).encode(errors="replace"))
+    return read_element(parse_urdf(urdf_text(source).encode(errors="replace")), max_joints)
+
+
+def read_element(robot, max_joints=MAX_JOINTS):
+    """Check a parsed <robot> element; see :func:`read_urdf`."""
     _refuse_size(robot, max_joints)
     reduced = etree.Element("robot", name=_plain(robot.get("name"), "The robot's name") or "robot")
     inertials, joints = _add_links(robot, reduced), _add_joints(robot, reduced)
@@ -201,15 +205,13 @@ def parse_urdf(data, comments=False):
         raise UrdfError("The URDF has a DOCTYPE, which is not accepted: entities are never expanded.")
     _check_xacro(robot)
     for element in robot.iter(etree.Element):
-        if element.prefix is None:  # a default namespace, as some schemas ask for, says nothing to us
-            element.tag = _tag(element)
+        if (
+            element.prefix is None and "}" in element.tag
+        ):  # a default namespace, as some schemas ask for, says nothing to us
+            element.tag = element.tag.rpartition("}")[2]
     if robot.tag != "robot":
         raise UrdfError(f"The root element is <{robot.tag}>, expected <robot>.")
     return robot
-
-
-def _tag(element):
-    return element.tag.rpartition("}")[2].rpartition(":")[2]
 
 
 def _check_xacro(robot):
@@ -217,7 +219,7 @@ def _check_xacro(robot):
     for element in robot.iter(etree.Element):
         if element.tag.startswith("xacro:") or ("xacro" in element.tag.partition("}")[0] and "}" in element.tag):
             raise UrdfError(
-                f"The URDF contains <xacro:{_tag(element)}>: it is unexpanded xacro. Run xacro on it first. "
+                f"The URDF contains <xacro:{local_name(element)}>: it is unexpanded xacro. Run xacro on it first. "
                 "A file whose path ends with .xacro is expanded."
             )
 
@@ -308,7 +310,7 @@ def _check_joint_numbers(joint, name):
 
 def _name(element, taken):
     """Name of a link or joint; refused if it is missing or taken."""
-    tag = _tag(element)
+    tag = local_name(element)
     name = _plain(element.get("name"), f"The name of a <{tag}> in line {element.sourceline}")
     if not name:
         raise UrdfError(f"A <{tag}> in line {element.sourceline} has no name.")

@@ -153,6 +153,16 @@ MISTAKES = {
     "a lost mesh": ("meshes", "warning", "left_upper", None, changed(BOX, '<mesh filename="package://no/a.stl"/>')),
     "an unknown shape": ("meshes", "note", "left_upper", None, changed(BOX, "<cone/>")),
     "an element twice": ("elements", "warning", "elbow", None, changed(LIMIT, LIMIT * 2)),
+    "an unknown attribute": ("attributes", "warning", "elbow", None, limit("lower", "Lower")),
+    "an attribute of a manufacturer": ("attributes", "note", "elbow", None, limit("/>", ' current="1"/>')),
+    "an origin in degrees": (
+        *("attributes", "warning", "flange", 90.0),
+        changed('<origin xyz="0.3 0 0"/></joint>', '<origin xyz="0.3 0 0" rpy="0 90 0"/></joint>'),
+    ),
+    "a visual in degrees": (
+        *("attributes", "warning", "left_upper", 180.0),
+        changed('<collision><origin xyz="0.2 0 0"/>', '<collision><origin xyz="0.2 0 0" rpy="0 0 180"/>'),
+    ),
     "a long axis": (
         *("axes", "note", "elbow", np.sqrt(2)),
         changed('<axis xyz="0 1 0"/>\n  ' + LIMIT, '<axis xyz="0 1 1"/>\n  ' + LIMIT),

@@ -3,6 +3,7 @@
 
 """URDFs: models of valid ones, named errors of the others, and bounds on the cost of untrusted ones."""
 
+import contextlib
 import ctypes
 import importlib.util
 import io
@@ -17,6 +18,7 @@ import pinocchio as pin
 import pytest
 
 import diag_dynamics as dd
+from diag_dynamics.inspection import inspect_robot
 from diag_dynamics.model import robot as loader
 from diag_dynamics.model import urdf
 from diag_dynamics.model.robot import MAX_COUPLED
@@ -33,6 +35,9 @@ def arm(*more, kind="revolute"):
 
 ARM = arm()
 WELD = joint("weld", "fixed", "upper", "l")
+
+
+COM = 'xyz="0.1 0.2 0.3"'
 
 
 def changed(old, new, text=ARM):
@@ -206,6 +211,137 @@ def test_quaternions_turn_origins(length):
         assert all(np.linalg.norm(found - corner, axis=1).min() < 1e-12 for corner in corners)
 
 
+# --- Probable mistakes
+
+AXIS = '<axis xyz="0.0 0.0 1.0"/>'
+LIMIT = '<limit lower="-10" upper="10" effort="100" velocity="100"/>'
+JOINT_ORIGIN = '<origin xyz="0.0 0.0 0.0" rpy="0.0 0.0 0.0"/>'
+FOLLOWER = (
+    '<joint name="follower" type="revolute"><parent link="upper"/><child link="l"/><mimic joint="shoulder"{}/></joint>'
+)
+
+MISTAKES = {
+    # the text, and what the warning names
+    "version": (changed("<robot", '<robot version="1.3"'), "robot 'arm': <robot version='1.3'> is unknown"),
+    "version without dot": (changed("<robot", '<robot version="one"'), "<robot version='one'>"),
+    "attribute of the robot": (changed("<robot", '<robot frame="z-up"'), "<robot> has the unknown attribute 'frame'"),
+    "attribute of a link": (changed('name="upper"', 'name="upper" mass="2"'), "link 'upper': <link> has the unknown "),
+    "attribute of <inertial>": (changed("<inertial>", '<inertial xyz="1 0 0">'), "<inertial> has the unknown"),
+    "attribute of a mass": (changed('<mass value="2.0"', '<mass value="2.0" unit="g"'), "attribute 'unit'"),
+    "attribute of an inertia": (
+        changed('ixy="0.0"', 'ixy="0.0" unit="g"'),
+        "<inertia> has the unknown attribute 'unit'",
+    ),
+    "unequal products": (changed('ixy="0.0"', 'ixy="0.0" iyx="0.01"'), "<inertia> has the unknown attribute 'iyx'"),
+    "rotation of an inertial": (changed(COM, f'{COM} quat="0 0 1 0"'), "<origin> has the unknown attribute 'quat'"),
+    "rotation of a joint": (
+        changed(JOINT_ORIGIN, '<origin rotation="0 0 1"/>'),
+        "'shoulder': <origin> has the unknown",
+    ),
+    "attribute of a joint": (
+        changed('type="revolute"', 'type="revolute" kp="2"'),
+        "<joint> has the unknown attribute 'kp'",
+    ),
+    "offset of a parent": (
+        changed('<parent link="base"', '<parent xyz="0 0 1" link="base"'),
+        "<parent> has the unknown",
+    ),
+    "offset of a child": (changed('<child link="upper"', '<child xyz="0 0 1" link="upper"'), "<child> has the unknown"),
+    "axis by angles": (
+        changed(AXIS, '<axis rpy="0 1 0"/>'),
+        "joint 'shoulder': <axis> has no xyz, so the axis is 1 0 0",
+    ),
+    "empty axis": (changed(AXIS, "<axis/>"), "joint 'shoulder': <axis> has no xyz"),
+    "axis with angles": (changed(AXIS, '<axis xyz="0 0 1" rpy="0 1 0"/>'), "<axis> has the unknown attribute 'rpy'"),
+    "attribute of a limit": (changed("<limit", '<limit max="3"'), "<limit> has the unknown attribute 'max'"),
+    "armature": (
+        changed("</joint>", '<dynamics armature="1"/></joint>'),
+        "<dynamics> has the unknown attribute 'armature'",
+    ),
+    "attribute of <mimic>": (arm(link("l", **BOX), FOLLOWER.format(' ratio="2"')), "<mimic> has the unknown attribute"),
+    "degrees of a joint": (
+        changed(JOINT_ORIGIN, '<origin rpy="90 0 0"/>'),
+        "'shoulder' (90 rad): <origin rpy> has an angle",
+    ),
+    "degrees of an inertial": (changed('rpy="0.0 0.0 0.0"/><mass', 'rpy="0 0 -90"/><mass'), "link 'upper' (-90 rad)"),
+    "degrees of a mimic joint": (arm(link("l", **BOX), FOLLOWER.format(' offset="45"')), "joint 'follower' (45 rad)"),
+    "quaternion of a length": (
+        with_origins('quat_xyzw="0 0 1 1"'),
+        "'shoulder' (1.41421): <origin quat_xyzw> is not of",
+    ),
+    "quaternion in 1.0": (with_origins('quat_xyzw="0 0 0 1"', "1.0"), "ignored by urdfdom"),
+    "misspelt element": (changed(AXIS, '<Axis xyz="1 0 0"/>'), "joint 'shoulder': <Axis> is no element of URDF"),
+    "element in the plural": (changed("<limit ", "<limits "), "joint 'shoulder': <limits> is no element of URDF"),
+    "mass outside": (
+        changed("<inertial>", '<mass value="1"/><inertial>'),
+        "link 'upper': <mass> outside of <inertial>",
+    ),
+    "joint of a simulator": (
+        changed("</robot>", '<gazebo><joint name="g" type="ball"><child>base</child></joint></gazebo></robot>'),
+        "joint 'g': <joint> of <gazebo> is ignored",
+    ),
+    "bushing": (changed("</robot>", "<drake:linear_bushing_rpy/></robot>"), "<linear_bushing_rpy> is ignored"),
+}
+
+NO_MISTAKES = {
+    **{
+        f"version {version}": changed("<robot", f'<robot version="{version}"')
+        for version in ("1.0", "1.1", "1.2", " 1.0")
+    },
+    "limits of 1.2": changed("<limit", '<limit acceleration="1" deceleration="2" jerk="3"'),
+    "namespaces": changed("<robot", '<robot xmlns:x="urn:x" x:a="1" xmlns="urn:d"').replace("<limit", '<limit x:b="1"'),
+    "undeclared prefix": changed("<limit", '<limit drake:acceleration="1"'),
+    "a full turn": changed(JOINT_ORIGIN, '<origin rpy="6.2832 -6.283186 3.15"/>'),
+    "transposed products": changed('ixy="0.0"', 'ixy="0.0" iyx="0.0"'),
+    "axis turned by nothing": changed(AXIS, '<axis xyz="0 0 1" rpy="0 0 0"/>'),
+    "axis of a fixed joint": arm(link("l"), changed(AXIS, '<axis rpy="1 0 0"/>', WELD)).replace(
+        '<axis rpy="1 0 0"/>', "<axis/>"
+    ),
+    "type of a link": changed('<link name="base"', '<link type="laser" name="base"'),
+    "Franka": changed("</joint>", '<dynamics D="1" K="7000" damping="0.003" mu_coulomb="0" mu_viscous="16"/></joint>'),
+    "ANYmal": changed("<limit", '<limit command_effort="80" current="10" gear_velocity="10"'),
+    "Unitree": changed('type="revolute"', 'type="revolute" dont_collapse="true"'),
+}
+
+
+@pytest.mark.parametrize("case", MISTAKES)
+def test_mistakes_are_named(case):
+    """One warning of load_urdf and a finding of inspect_robot name the element; the robot loads."""
+    text, named = MISTAKES[case]
+    with pytest.warns(dd.ModelWarning) as caught:
+        assert dd.load_urdf(text).nv == 1
+    assert len(caught) == 1 and named in str(caught[0].message)
+    findings = [finding for finding in inspect_robot(text).findings if finding.check == "attributes"]
+    assert findings and all(finding.severity == "warning" and finding.remedy for finding in findings)
+
+
+@pytest.mark.parametrize("case", NO_MISTAKES)
+def test_no_mistakes_are_named(case):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert dd.load_urdf(NO_MISTAKES[case]).nv == 1
+
+
+def test_many_mistakes_are_one_short_warning():
+    links = [link(f"l{k}") for k in range(100)]
+    joints = [joint(f"j{k}", "fixed", "upper", f"l{k}").replace("<axis", f'<axis a{k // 4}="1"') for k in range(100)]
+    with pytest.warns(dd.ModelWarning) as caught:
+        dd.load_urdf(arm(*links, *joints))
+    text = str(caught[0].message)
+    assert len(caught) == 1 and len(text) < 2000
+    assert "joints 'j0', 'j1', 'j2', 'j3': <axis>" in text and "And 15 more mistakes" in text
+
+
+@pytest.mark.parametrize("robot", shortened(all_robots(), all_robots()[::7]))
+def test_public_robots_have_no_mistakes(robot):
+    """Attributes of manufacturers are no mistakes."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", dd.ModelWarning)
+        warnings.simplefilter("ignore", dd.InertiaWarning)
+        with contextlib.suppress(dd.DiagDynamicsError):  # tested elsewhere
+            dd.load_urdf(robot_path(robot), massless="lock")
+
+
 # --- Inertias
 
 
@@ -254,7 +390,7 @@ MIMIC = '<joint name="follower" type="revolute"><parent link="upper"/><child lin
 
 ENTITY = '<!DOCTYPE robot [<!ENTITY m "7">]>'
 BOMB = '<!DOCTYPE r [<!ENTITY a "aaaaaaaa"><!ENTITY b "&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;">]><robot name="&c;"/>'
-MASS, COM, LOWER = '<mass value="2.0"/>', 'xyz="0.1 0.2 0.3"', 'lower="-10"'
+MASS, LOWER = '<mass value="2.0"/>', 'lower="-10"'
 RING = (link("a"), link("b"), joint("j", "fixed", "a", "b"), joint("k", "fixed", "b", "a"))
 TWINS = (
     *(link(name, **BOX) for name in "abc"),

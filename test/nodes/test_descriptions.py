@@ -137,7 +137,7 @@ def test_many_odd_inertias_are_summed_up():
     log, values = Log(), {name: spec.default for name, spec in PARAMETERS.items()}
     assert load_robot(log, text, values).nv == 29
     assert sum("triangle" in line for line in log) == MOST_TOLD
-    assert log[-1].startswith(f"{30 - MOST_TOLD} more links")
+    assert log[-1].startswith(f"{30 - MOST_TOLD} more such warnings")
 
 
 @pytest.mark.usefixtures("compiled")

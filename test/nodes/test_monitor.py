@@ -564,6 +564,16 @@ def test_odometry_of_an_attached_link(peer):
         monitor.check(monitor.answer(child="camera", attached=attached, in_header=True))
 
 
+def test_mistakes_of_a_description_are_logged_once(peer):
+    """The robot is served nevertheless."""
+    text = robot(UR5).urdf.replace("<axis ", '<axis rpy="0 1 0" ')
+    peer.publisher(String, "/mistaken/robot_description", LATCHED).publish(description(text))
+    with Monitor(peer, "/mistaken") as monitor:
+        monitor.process.wait_for_text("Ready")
+        monitor.connect(robot(UR5)).serves(robot(UR5))
+        assert monitor.process.output.count("<axis> has the unknown attribute 'rpy'") == 1
+
+
 def test_robot_that_is_all_base(peer):
     """A drone has no joint, so odometry alone makes a state, stamped by its reception where it has no stamp."""
     odom = peer.publisher(Odometry, "/drone/odom")
