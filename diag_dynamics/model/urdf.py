@@ -35,6 +35,9 @@ MAX_BYTES = 32 * 1024 * 1024
 MAX_JOINTS = 2000
 """Largest number of joints, by default; the largest public robots have some 200."""
 
+LOOPS = ("loop_joint", "loop", "constraint", "coupling", "closed_loop", "loop_closure")
+"""Elements that close loops or couple joints, of Isaac Sim, URDF+ and other dialects."""
+
 # Elements of a link and of a joint that matter to dynamics, each with the attributes that hold numbers.
 _INERTIAL_NUMBERS = {
     "mass": {"value": 1},
@@ -77,6 +80,7 @@ def read_urdf(source, max_joints=MAX_JOINTS):
 def read_element(robot, max_joints=MAX_JOINTS):
     """Check a parsed <robot> element; see :func:`read_urdf`."""
     _refuse_size(robot, max_joints)
+    _refuse_loops(robot)
     reduced = etree.Element("robot", name=_plain(robot.get("name"), "The robot's name") or "robot")
     inertials, joints = _add_links(robot, reduced), _add_joints(robot, reduced)
     root = _root_link(reduced)
@@ -105,6 +109,24 @@ def _refuse_size(robot, max_joints):
             f"The URDF has {joints} joints and {links} links, and no more than {max_joints} joints are accepted. Raise "
             "max_joints if it is to be loaded."
         )
+
+
+def _refuse_loops(robot):
+    """Refuse elements that change dynamics and that only dialects of URDF have."""
+    for element in robot.iterchildren(etree.Element):
+        tag = local_name(element)
+        shown = short(f"{element.prefix}:{tag}" if element.prefix else element.tag)[1:-1]
+        if tag == "joint" and element.tag != "joint":
+            raise UrdfError(
+                f"joint {short(element.get('name'))}: <{shown} type={short(element.get('type'))}> is not supported; "
+                f"expected <joint> of type {', '.join(JOINT_TYPES)}."
+            )
+        if tag in LOOPS or tag.endswith("_constraint"):
+            name = f" name={short(element.get('name'))}" if element.get("name") else ""
+            raise UrdfError(
+                f"<{shown}{name}> closes a loop or couples joints; expected a tree of joints. "
+                "Remove the element to model the open tree."
+            )
 
 
 def urdf_text(source):
@@ -267,6 +289,8 @@ def _add_joints(robot, reduced):
         copy = etree.SubElement(reduced, "joint", name=name, type=kind)
         for end in ("parent", "child"):
             element = joint.find(end)
+            if len(joint.findall(end)) > 1:
+                raise UrdfError(f"joint '{name}' has {len(joint.findall(end))} <{end}> elements; expected one.")
             link = _plain(element.get("link"), f"joint '{name}': {end} link") if element is not None else None
             if link not in links:
                 raise UrdfError(f"joint '{name}': {end} link {short(link)} is not a link of this URDF.")

@@ -439,6 +439,29 @@ BROKEN = {
         arm(link("l", **BOX), joint("e", "revolute", "upper", "l"), joint("back", "revolute", "base", "l")),
         "two joints, 'e' and 'back'",
     ),
+    "two parents": (
+        changed('<parent link="base"/>', '<parent link="base"/><parent link="upper"/>'),
+        "joint 'shoulder' has 2 <parent> elements; expected one",
+    ),
+    "two children": (
+        changed('<child link="upper"/>', '<child link="upper"/><child link="base"/>'),
+        "joint 'shoulder' has 2 <child> elements",
+    ),
+    "loop of Isaac Sim": (
+        changed("</robot>", '<loop_joint name="l" type="spherical"><link1 link="base"/></loop_joint></robot>'),
+        "<loop_joint name='l'> closes a loop",
+    ),
+    "loop of URDF+": (changed("</robot>", '<loop name="l"/></robot>'), "<loop name='l'> closes a loop"),
+    "coupling of URDF+": (changed("</robot>", '<coupling name="c"/></robot>'), "<coupling name='c'>"),
+    "constraint": (changed("</robot>", "<constraint/></robot>"), "<constraint> closes a loop or couples joints"),
+    "constraint of Drake": (
+        changed("</robot>", '<d:ball_constraint xmlns:d="http://drake.mit.edu"/></robot>'),
+        "<d:ball_constraint> closes",
+    ),
+    "joint of Drake": (
+        changed("</robot>", '<drake:joint name="s" type="screw"/></robot>'),
+        "joint 's': <drake:joint type='screw'> is not supported",
+    ),
     "ring": (description("r", *RING), "loop through 'a'"),
     "ring beside the tree": (arm(*RING), "'a' is part of a loop"),
     # numbers
