@@ -29,6 +29,16 @@ def is_named_as_bag(name):
     return any(name.removesuffix(_PACKED).removesuffix(_UNCLOSED).endswith(ending) for ending in _ENDINGS)
 
 
+def begins_as_bag(path):
+    """Return whether the first bytes of a file are those of a bag; False where it cannot be read."""
+    try:
+        with open(path, "rb") as file:
+            begin = file.read(16)
+    except OSError:
+        return False
+    return any(begin.startswith(sign) for sign in _BEGINNINGS)
+
+
 def open_file(path, name=None):
     """Open a file of messages, which is called `name` where it is another one's content.
 

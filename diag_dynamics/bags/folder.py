@@ -5,13 +5,14 @@
 
 import re
 from collections import Counter
+from contextlib import suppress
 from functools import partial
 
 import numpy as np
 
 from diag_dynamics.bags.bag import Bag
 from diag_dynamics.bags.compression import extra
-from diag_dynamics.bags.files import KNOWN, is_named_as_bag, open_file
+from diag_dynamics.bags.files import KNOWN, begins_as_bag, is_named_as_bag, open_file
 from diag_dynamics.bags.ordered import Source, in_order
 from diag_dynamics.exceptions import InputError
 
@@ -22,13 +23,13 @@ METADATA = "metadata.yaml"
 class BagFolder(Bag):
     """A folder of files of messages, which are one recording; see :class:`Bag`.
 
-    Those are read that its metadata.yaml lists; without one, all, in the order of their names and numbers. A topic of several
-    files is one connection.
+    Those are read that its metadata.yaml lists, renamed ones too; without one, all, in the order of their names and numbers.
+    A topic of several files is one connection.
     """
 
     def __init__(self, path):
         super().__init__(path)
-        self._told = {}  # numbers of messages, by topic, as metadata.yaml has them
+        self._told, self._signs = {}, {}  # of metadata.yaml: messages by topic; first time and messages by file
         self._bags, self._maps = [], []
         for file in self._files():
             bag = open_file(file)
@@ -91,29 +92,79 @@ class BagFolder(Bag):
 
     def _files(self):
         """Paths of the files."""
+        listed, names = self._listed(), self._names(is_named_as_bag)
+        if not listed:
+            names = names or self._names(lambda name: begins_as_bag(self.path / name))
+            if not names:
+                has = f"no {METADATA} and no" if listed is None else f"a {METADATA} that lists no files, and no"
+                raise InputError(f"'{self.name}' has {has} bags in it; there are {KNOWN}.")
+            if listed is not None:
+                self.find(f": {METADATA} lists no files. All bags in it are read, in the order of their names.")
+            return [self.path / name for name in names]
+        files = {name: self._stored(name) for name in listed}
+        missing = [name for name, file in files.items() if file is None]
+        others = [name for name in names if name not in files.values()]
+        if missing:
+            others = others or self._names(lambda name: name not in names and begins_as_bag(self.path / name))
+            files |= self._renamed(missing, others, len(missing) == len(listed))
+        for name, file in files.items():
+            if file is None:
+                self.lose(name, f"{METADATA} lists this file, which is not there")
+        read = [file for file in files.values() if file is not None]
+        if others := sorted(set(others) - set(read)):
+            self.find(f": {METADATA} does not list {', '.join(others)}: not read.")
+        return [self.path / file for file in read]
+
+    def _names(self, wanted):
+        """Names of the files in the folder for which a function is true, by their numbers."""
         try:
-            names = sorted((path.name for path in self.path.iterdir() if is_named_as_bag(path.name)), key=_by_number)
+            return sorted(
+                (one.name for one in self.path.iterdir() if one.is_file() and wanted(one.name)), key=_by_number
+            )
         except OSError as error:
             raise InputError(f"'{self.name}' cannot be read: {error.strerror}.") from error
-        listed = self._listed()
-        if listed is None:
-            if not names:
-                raise InputError(f"'{self.name}' has no {METADATA} and no bags in it; there are {KNOWN}.")
-            return [self.path / name for name in names]
-        files = []
-        for name in listed:
-            # rosbag2 lists what it has not compressed yet, or what it has.
-            there = next(
-                (one for one in (name, f"{name}.zstd", name.removesuffix(".zstd")) if (self.path / one).is_file()), None
-            )
-            if there is None:
-                self.lose(name, f"{METADATA} lists this file, which is not there")
-            else:
-                files.append(self.path / there)
-        others = sorted(set(names) - {file.name for file in files})
-        if others:
-            self.find(f": {METADATA} does not list {', '.join(others)}: not read.")
-        return files
+
+    def _stored(self, name):
+        """Name of a listed file as it is in the folder, compressed or not; None if it is not there."""
+        stored = name, f"{name}.zstd", name.removesuffix(".zstd")  # rosbag2 lists what it has, or had, compressed
+        return next((one for one in stored if (self.path / one).is_file()), None)
+
+    def _renamed(self, missing, others, is_every):
+        """Return files with other names by the listed name that each had.
+
+        A file is recognized by its first time, its topics and the number of its messages. Where none of the listed files is
+        there (`is_every`), as many others are taken for them.
+
+        Raises
+        ------
+        InputError
+            None of the listed files is there, and it is not certain which others are meant.
+        """
+        signs = [self._signs.get(name) for name in missing]
+        bags = {other: open_file(self.path / other) for other in others}
+        found = {}
+        for name, sign in zip(missing, signs, strict=True):
+            alike = [other for other, bag in bags.items() if self._fits(bag, sign)] if signs.count(sign) == 1 else []
+            if len(alike) == 1:
+                (found[name],) = alike
+        rest = [name for name in missing if name not in found]
+        left = [other for other in others if other not in found.values()]
+        if is_every and rest and left:
+            if len(rest) != len(left):
+                raise InputError(
+                    f"'{self.name}': {METADATA} lists {', '.join(missing)}; the folder has {', '.join(others)} instead, and "
+                    f"it is not certain which are meant. Give one file, or delete {METADATA} to read all of them."
+                )
+            found |= zip(rest, left, strict=True)
+        for name, other in found.items():
+            self.find(f": {METADATA} lists {name}, which is not there; {other} is read instead.")
+        return found
+
+    def _fits(self, bag, sign):
+        """Whether a bag has the first time [ns] and the number of messages of a listed file, and no other topics."""
+        if sign is None or bag.start != sign[0] or not {one.topic for one in bag.connections} <= self._told.keys():
+            return False
+        return sum(len(piece.at) for piece in bag.pieces()) == sign[1]
 
     def _listed(self):
         """Names of files that metadata.yaml lists; None without one that can be read."""
@@ -130,16 +181,17 @@ class BagFolder(Bag):
         yaml = extra("yaml")
         try:
             told = yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))["rosbag2_bagfile_information"]
-            listed = [str(name).replace("\\", "/").rpartition("/")[2] for name in told["relative_file_paths"]]
+            listed = [_last_part(name) for name in told["relative_file_paths"]]
             for topic in told.get("topics_with_message_count") or ():
                 self._told[str(topic["topic_metadata"]["name"])] = int(topic["message_count"])
+            self._signs = _signs(told, listed)
         except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
             self._find_damage(error)
             return None
-        return listed
+        return list(dict.fromkeys(listed))
 
     def _find_damage(self, error):
-        self._told = {}
+        self._told, self._signs = {}, {}
         what = " ".join(str(error).split()) or type(error).__name__
         self.find(f": {METADATA} is damaged ({what}). All bags in the folder are read, in the order of their names.")
 
@@ -181,6 +233,20 @@ def _renamed(bag, own, places):
     places = np.array(places, np.int64)
     for piece in bag.pieces(own):
         yield piece._replace(connection=places[piece.connection])
+
+
+def _last_part(path):
+    """Return the name of a file that metadata.yaml lists, whatever system has written its path."""
+    return str(path).replace("\\", "/").rpartition("/")[2]
+
+
+def _signs(told, listed):
+    """Return first time [ns] and number of messages of files by name, as far as metadata.yaml has them."""
+    signs = {}
+    for file in told.get("files") or ([told | {"path": listed[0]}] if len(listed) == 1 else []):
+        with suppress(KeyError, TypeError, AttributeError):
+            signs[_last_part(file["path"])] = file["starting_time"]["nanoseconds_since_epoch"], file["message_count"]
+    return signs
 
 
 def _by_number(name):

@@ -14,6 +14,7 @@ import sys
 
 import numpy as np
 import pytest
+import yaml
 import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -341,6 +342,67 @@ def test_folders_that_are_not_as_their_metadata(tmp_path):
     notes = " ".join(text for cause, text in findings if cause == "note")
     assert "does not list results.mcap" in notes
     assert f"tells of 900 messages of '/joint_states', and {300 + count} are there" in notes
+
+
+RENAMED = {
+    "one": {"bag_0": "monday"},
+    "one of three": {"bag_1": "tuesday"},
+    "two of three": {"bag_0": "z", "bag_2": "a"},
+    "all": {"bag_0": "9_run", "bag_1": "10_run", "bag_2": "11_run"},
+}
+
+
+@pytest.mark.parametrize("case", RENAMED)
+@pytest.mark.parametrize("suffix", ["", ".mcap", ".db3", ".mcap.zstd"])
+def test_renamed_files_of_a_folder(tmp_path, case, suffix):
+    """Whatever the new name ends with, they are read, and each has a note with both names."""
+    names, messages = RENAMED[case], numbered(90)
+    plugin, ending = (SQLITE, ".db3") if suffix == ".db3" else (MCAP, ".mcap")
+    parts = [messages] if case == "one" else [messages[:30], messages[30:61], messages[61:]]
+    folder = write_split(tmp_path / "bag", parts, plugin)
+    expected = []
+    for old, new in names.items():
+        path = (folder / f"{old}{ending}").rename(folder / f"{new}{suffix}")
+        if suffix.endswith(".zstd"):
+            path.write_bytes(zstandard.compress(path.read_bytes()))
+        what = f"metadata.yaml lists {old}{ending}, which is not there; {path.name} is read instead."
+        expected.append(("note", f"'{folder}': {what}"))
+    assert read(folder) == (list(range(90)), expected)
+
+
+def test_a_renamed_file_among_others(tmp_path):
+    """It is recognized by its first time, topics and number of messages; without these an error has both lists."""
+    folder = write_split(tmp_path / "bag", [numbered(100)], MCAP)
+    (folder / "bag_0.mcap").rename(folder / "monday.mcap")
+    write_mcap(folder / "longer.mcap", numbered(101))
+    write_mcap(folder / "results.mcap", [one._replace(topic="/energy") for one in numbered(100)])
+    numbers, findings = read(folder)
+    assert numbers == list(range(100)) and "monday.mcap is read instead" in findings[0][1]
+    assert "does not list longer.mcap, results.mcap: not read" in findings[1][1]
+    metadata = yaml.safe_load((folder / "metadata.yaml").read_text())
+    for key in ("starting_time", "files"):
+        del metadata["rosbag2_bagfile_information"][key]
+    (folder / "metadata.yaml").write_text(yaml.safe_dump(metadata))
+    what = (
+        r"lists bag_0\.mcap; the folder has longer\.mcap, monday\.mcap, results\.mcap instead, .* delete metadata\.yaml"
+    )
+    with pytest.raises(dd.InputError, match=what):
+        dd.read_recording(folder, arm("a"))
+    for name in ("longer.mcap", "results.mcap"):
+        (folder / name).unlink()
+    assert read(folder)[0] == list(range(100))
+
+
+def test_metadata_that_lists_no_files(tmp_path):
+    """As of a recorder that was ended, and a bag without a name that says so."""
+    folder = write_split(tmp_path / "bag", [numbered(50)], MCAP)
+    (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: {relative_file_paths: []}")
+    (folder / "bag_0.mcap").rename(folder / "recording")
+    numbers, ((cause, text),) = read(folder)
+    assert numbers == list(range(50)) and cause == "note" and "metadata.yaml lists no files" in text
+    (folder / "recording").unlink()
+    with pytest.raises(dd.InputError, match=r"has a metadata\.yaml that lists no files, and no bags in it"):
+        dd.read_recording(folder, arm("a"))
 
 
 def test_kinds_are_known_by_content(tmp_path):

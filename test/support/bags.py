@@ -171,6 +171,7 @@ def write_split(folder, parts, plugin=SQLITE):
             whole = own
             continue
         whole["relative_file_paths"] += own["relative_file_paths"]
+        whole["files"] += own["files"]
         counts = {topic["topic_metadata"]["name"]: topic for topic in whole["topics_with_message_count"]}
         for topic in own["topics_with_message_count"]:
             counts[topic["topic_metadata"]["name"]]["message_count"] += topic["message_count"]
