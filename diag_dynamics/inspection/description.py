@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +20,7 @@ from diag_dynamics.model.geometry import Shape, Solid, floats, moved, shapes_of,
 from diag_dynamics.model.meshes import Meshes
 from diag_dynamics.model.origins import placement_of
 from diag_dynamics.model.remarks import remarks_of
+from diag_dynamics.model.transmissions import reflected_inertias
 from diag_dynamics.model.urdf import parse_urdf
 
 ROLES = ("visual", "collision")
@@ -153,6 +155,8 @@ class Description:
         Elements that a link or joint has more than one of, though one is read: ("link" or "joint", its name, the element).
     remarks : list of Remark
         Unknown attributes, and values that are probably mistakes.
+    rotors : dict
+        Rotor inertia of transmissions, reflected to the joint [kg m², kg], by its name.
     bad_shapes : list of (str, str)
         Link, and what is wrong with a shape of it.
     """
@@ -162,6 +166,10 @@ class Description:
         self.name = robot.get("name") or "robot"
         self.folder, self.meshes = folder, Meshes(folder)
         self.remarks = remarks_of(robot)
+        self.rotors: dict[str, float] = {}
+        with suppress(UrdfError):  # the loader reports it
+            self.rotors, left_out = reflected_inertias(robot)
+            self.remarks += left_out
         self.twice: list[tuple[str, str, str]] = []
         self.bad_shapes: list[tuple[str, str]] = []
         self.links: dict[str, LinkText] = {}

@@ -49,9 +49,10 @@ def too_quick(model: RobotModel, D: Array) -> dict[str, float]:
 def rotor_inertia(subject: Subject) -> Iterator[Finding]:
     """Joints without the inertia of their motors' rotors.
 
-    A rotor behind a gear of ratio n has n² times its inertia at the joint, which often exceeds that of all links. URDF has no
-    place for it. What is left shows in the time D q̇_max/τ_max from rest to the velocity limit at the effort limit:
-    below a millisecond a motor's current has not risen yet, so that no drive does it, and no loop at 1 kHz could steer it.
+    A rotor behind a gear of ratio n has n² times its inertia at the joint, which often exceeds that of all links. Few
+    URDFs give it, in a <transmission>. Without it the time D q̇_max/τ_max from rest to the velocity limit at the effort
+    limit is too short: below a millisecond a motor's current has not risen yet, so no drive reaches it, and no loop at
+    1 kHz controls it.
     D is the largest over poses.
     """
     if not subject.motion or not subject.model:

@@ -99,6 +99,13 @@ def attributes(subject: Subject) -> Iterator[Finding]:
             yield from about(severity, "attributes", what, values, unit, remedy)
 
 
+def transmissions(subject: Subject) -> Iterator[Finding]:
+    """Rotor inertias that transmissions give: part of the model, and ignored by readers such as Pinocchio."""
+    what = "rotor inertia of <transmission>, reflected to the joint (N²J): part of the model"
+    remedy = "Other readers ignore it. The armature of load_urdf, or of a file of parameters, replaces it."
+    yield from about_joints("note", "transmissions", what, subject.description.rotors, "kg m², kg", remedy)
+
+
 def axes(subject: Subject) -> Iterator[Finding]:
     """Axes that are no unit vectors. They are normalized here; a reader that does not scales positions and efforts."""
     lengths = {

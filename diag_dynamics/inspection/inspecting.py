@@ -35,6 +35,7 @@ OF_TEXT: dict[str, Check] = {
     "meshes": elements.meshes,
     "elements": elements.elements,
     "attributes": elements.attributes,
+    "transmissions": elements.transmissions,
     "axes": elements.axes,
     "position_limits": elements.position_limits,
     "effort_limits": elements.effort_limits,

@@ -37,6 +37,7 @@ from diag_dynamics.model.options import (
 )
 from diag_dynamics.model.parameters import Parameters, of_joints, perturbed_links, refuse_too_light, robot_with
 from diag_dynamics.model.remarks import remarks_of, warning_of
+from diag_dynamics.model.transmissions import reflected_inertias
 from diag_dynamics.model.tree import Tree
 from diag_dynamics.model.urdf import MAX_JOINTS, folder_of, parse_urdf, read_element, urdf_text
 from diag_dynamics.model.xacro_files import expanded
@@ -428,7 +429,9 @@ def load_urdf(
         within ±1e9; those of the URDF within ±1e30.
     armature : dict or float
         Reflected rotor inertia [kg m², prismatic: kg] by joint name, or one number for all joints of one degree of
-        freedom. Of a joint that is held it has no effect.
+        freedom. Of a joint that is held it has no effect. It replaces what `parameters` give, and that replaces N²J of the
+        URDF's transmissions: their rotor inertia J (<drake:rotor_inertia>, <rotorInertia>) and reduction N
+        (<drake:gear_ratio>, <mechanicalReduction>, <mechanical_reduction>).
     payloads : dict
         :class:`Payload`, or a tuple of its fields, by link name.
     max_joints : int
@@ -487,7 +490,8 @@ def load_urdf(
     robot, root = read_element(element, whole("max_joints", max_joints))
     beside = Parameters() if parameters is None else _parameters(parameters)
     robot = robot_with(robot, beside)
-    if mistakes := warning_of(robot.name, remarks_of(element)):
+    rotors, left_out = reflected_inertias(element)
+    if mistakes := warning_of(robot.name, [*remarks_of(element), *left_out]):
         warn(mistakes)
     warn_of_inertias(robot, found.said(robot.name) if found else "", _lighter(beside))
     if friction_velocity is None:
@@ -498,7 +502,7 @@ def load_urdf(
         mimic,
         massless,
         locked_positions({} if locked_joints is None else locked_joints, robot),
-        armature_by_joint(of_joints(beside, "armature"), robot) | armature_by_joint(armature, robot),
+        rotors | armature_by_joint(of_joints(beside, "armature"), robot) | armature_by_joint(armature, robot),
         of_joints(beside, "effort_offset"),
         checked_payloads({} if payloads is None else payloads, robot),
         whole("max_coupled", max_coupled),

@@ -163,6 +163,13 @@ MISTAKES = {
         *("attributes", "warning", "left_upper", 180.0),
         changed('<collision><origin xyz="0.2 0 0"/>', '<collision><origin xyz="0.2 0 0" rpy="0 0 180"/>'),
     ),
+    "a rotor": (
+        *("transmissions", "note", "elbow", 0.02),
+        with_more(
+            '<transmission name="t"><joint name="elbow"/><actuator name="m"><drake:rotor_inertia value="2e-6"/>'
+            '<drake:gear_ratio value="100"/></actuator></transmission>'
+        ),
+    ),
     "a long axis": (
         *("axes", "note", "elbow", np.sqrt(2)),
         changed('<axis xyz="0 1 0"/>\n  ' + LIMIT, '<axis xyz="0 1 1"/>\n  ' + LIMIT),
