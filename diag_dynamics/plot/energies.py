@@ -25,6 +25,7 @@ from diag_dynamics.plot.drawing import (
 from diag_dynamics.plot.given import shares_of
 from diag_dynamics.recordings.recording import Recording
 from diag_dynamics.results import BatchEvaluation, Evaluation
+from diag_dynamics.views.parts import oscillates, parts_of
 
 ROWS = 30
 """Joints of which a bar is drawn, those with most energy; the others are one bar."""
@@ -34,7 +35,8 @@ def energy(of: Recording | BatchEvaluation, t: VectorLike | None = None, ax: Any
     """Kinetic energy over time [J], stacked by the shares ½ν_k² of the total joint rates, which sum to K.
 
     The joints with most energy have a layer each, all others are one. Of very many states those with the largest K are
-    drawn, so that no peak is lost.
+    drawn, so that no peak is lost. Of more than 100 oscillations the layers are means over a hundredth of the time, and a
+    grey band reaches up to the largest K.
 
     Parameters
     ----------
@@ -56,8 +58,17 @@ def energy(of: Recording | BatchEvaluation, t: VectorLike | None = None, ax: Any
     found = shares_of(of, t)
     total = found.energy.sum(axis=1)
     times = np.arange(len(total), dtype=float) if found.t is None else found.t
-    drawn = largest_of_bins(total)
-    times, energies = parted(times[drawn], found.energy[drawn])
+    axes, label = axes_or_new(ax, (9.0, 3.8)), "kinetic energy [J]"
+    if found.t is not None and oscillates(total):
+        means, largest = parts_of(times, found.energy), parts_of(times, total[:, None]).maximum[:, 0]
+        times, energies = means.time, means.mean
+        axes.fill_between(
+            times, energies.sum(axis=1), largest, color=GREY, alpha=0.18, linewidth=0, label="maximum of K"
+        )
+        label += f", mean of {means.length:.2g} s"
+    else:
+        drawn = largest_of_bins(total)
+        times, energies = parted(times[drawn], found.energy[drawn])
     total = energies.sum(axis=1)
     most = sorted(np.argsort(found.energy.mean(axis=0))[::-1][: len(COLOURS)].tolist())
     layers = [energies[:, k] for k in most]
@@ -66,10 +77,9 @@ def energy(of: Recording | BatchEvaluation, t: VectorLike | None = None, ax: Any
         layers.append(total - np.sum(layers, axis=0))
         labels.append(f"{others} other{'s' * (others > 1)}")
         colours.append(GREY)
-    axes = axes_or_new(ax, (9.0, 3.8))
     axes.stackplot(times, layers, labels=labels, colors=colours, linewidth=0)
     axes.plot(times, total, color=text_colour(), linewidth=0.9, label="K")
-    axes.set_ylabel("kinetic energy [J]")
+    axes.set_ylabel(label)
     axes.set_xlabel("state" if found.t is None else "time [s]")
     axes.set_title(f"{name(found.model.name)}: kinetic energy by total joint rate", fontsize="medium", loc="left")
     axes.margins(x=0)

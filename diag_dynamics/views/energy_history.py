@@ -8,12 +8,16 @@ from array import array
 import numpy as np
 
 from diag_dynamics.text import plain
+from diag_dynamics.views.parts import oscillates, parts_of
 
 PALETTE = (
     *("#4e79a7", "#f28e2b", "#59a14f", "#e15759", "#b07aa1", "#76b7b2", "#edc948", "#ff9da7", "#9c755f"),
     *("#86bcb6", "#d37295", "#8cd17d", "#b6992d", "#499894", "#d4a6c8", "#bab0ac"),
 )
 """Colours of joints, the same in the terminal and in the picture."""
+
+BAND = "#ececec"
+"""Colour from the mean to the maximum of a part of time."""
 
 
 class EnergyHistory:
@@ -52,7 +56,7 @@ class EnergyHistory:
         shares : array_like, shape (nv,)
             ½ν_k² [J].
         power : float
-            dK/dt from efforts [W]; nan if unknown.
+            Net power of efforts and gravity, νᵀ(ε − ε_g) [W]; nan if unknown.
         work_rate : float
             |νᵀC| / (|ν||C|), which is zero but for rounding.
         latency : float
@@ -97,48 +101,66 @@ class EnergyHistory:
             f"largest |νᵀC| / (|ν||C|): {np.nanmax(work_rate):.1e}",
         ]
         if np.isfinite(power).any():
-            lines.append(f"power of the efforts {np.nanmin(power):.3g} … {np.nanmax(power):.3g} W")
+            lines.append(f"net power of efforts and gravity {np.nanmin(power):.3g} … {np.nanmax(power):.3g} W")
         return lines
 
     def picture(self, path, title):
-        """Draw the energies over time into an image file (format by its suffix)."""
+        """Draw the energies over time into an image file (format by its suffix).
+
+        Of more oscillations than the picture has room for, layers and lines are means over parts of time. A grey band goes
+        from the minimum to the maximum.
+        """
         from matplotlib.backends.backend_agg import FigureCanvasAgg  # slow to import, and seldom needed
         from matplotlib.figure import Figure
 
         samples = self.samples()
-        samples = samples[:: max(1, len(samples) // 3000)]
         time = samples[:, 0] - samples[0, 0]
-        shares = samples[:, 4:]
+        span = time[-1]
+        power, shares = samples[:, 1], samples[:, 4:]
+        figure = Figure(figsize=(10, 6), layout="constrained")
+        FigureCanvasAgg(figure)
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+        total, label = shares.sum(axis=1), "kinetic energy ½ν² [J]"
+        if oscillates(total):
+            means, totals = parts_of(time, np.column_stack([power, shares])), parts_of(time, total[:, None])
+            above.fill_between(
+                means.time, totals.mean[:, 0], totals.maximum[:, 0], color=BAND, linewidth=0, label="maximum of K"
+            )
+            below.fill_between(means.time, means.minimum[:, 0], means.maximum[:, 0], color=BAND, linewidth=0)
+            label += f",\nmean of {means.length:.2g} s"
+            time, power, shares = means.time, means.mean[:, 0], means.mean[:, 1:]
+        else:
+            thin = slice(None, None, max(1, len(samples) // 3000))
+            time, power, shares = time[thin], power[thin], shares[thin]
+        self._stack(above, time, shares)
+        above.set_ylabel(label)
+        above.set_title(plain(title), parse_math=False)
+        handles, names = above.get_legend_handles_labels()
+        legend = above.legend(
+            handles[::-1], names[::-1], loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9
+        )
+        for text in legend.get_texts():
+            text.set_parse_math(False)  # a dollar in a name is a dollar
+        below.plot(time, power, color="#444444", linewidth=1.0)
+        below.axhline(0.0, color="#aaaaaa", linewidth=0.8)
+        below.set_ylabel("net power [W]")
+        below.set_xlabel("time [s]")
+        for axes in (above, below):
+            axes.spines[["top", "right"]].set_visible(False)
+        above.set_xlim(0.0, span)
+        above.set_ylim(bottom=0.0)
+        figure.savefig(path, dpi=120)
+
+    def _stack(self, axes, time, shares):
+        """Draw a layer for each of the joints with most energy, one for all others, and K."""
         total = shares.sum(axis=1)
-        # As many joints as there are colours, those with the most energy; the rest in grey on top.
-        shown = sorted(np.argsort(shares.mean(axis=0))[::-1][: len(PALETTE)])
-        layers = [shares[:, k] for k in shown]
-        labels = [plain(self.names[k]) for k in shown]
+        # As many joints as there are colours.
+        shown = sorted(np.argsort(np.nanmean(shares, axis=0))[::-1][: len(PALETTE)])
+        layers, labels = [shares[:, k] for k in shown], [plain(self.names[k]) for k in shown]
         colours = list(PALETTE[: len(shown)])
         if len(shown) < len(self.names):
             layers.append(total - shares[:, shown].sum(axis=1))
             labels.append(f"{len(self.names) - len(shown)} others")
             colours.append("#dddddd")
-
-        figure = Figure(figsize=(10, 6), layout="constrained")
-        FigureCanvasAgg(figure)
-        energy, power = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-        energy.stackplot(time, layers, labels=labels, colors=colours, linewidth=0)
-        energy.plot(time, total, color="black", linewidth=1.0, label="total K")
-        energy.set_ylabel("kinetic energy ½ν² [J]")
-        energy.set_title(plain(title), parse_math=False)
-        handles, names = energy.get_legend_handles_labels()
-        legend = energy.legend(
-            handles[::-1], names[::-1], loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9
-        )
-        for text in legend.get_texts():
-            text.set_parse_math(False)  # a dollar in a name is a dollar
-        power.plot(time, samples[:, 1], color="#444444", linewidth=1.0)
-        power.axhline(0.0, color="#aaaaaa", linewidth=0.8)
-        power.set_ylabel("power [W]")
-        power.set_xlabel("time [s]")
-        for axes in (energy, power):
-            axes.margins(x=0)
-            axes.spines[["top", "right"]].set_visible(False)
-        energy.set_ylim(bottom=0.0)
-        figure.savefig(path, dpi=120)
+        axes.stackplot(time, layers, labels=labels, colors=colours, linewidth=0)
+        axes.plot(time, total, color="black", linewidth=1.0, label="total K")

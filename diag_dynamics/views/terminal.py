@@ -86,7 +86,7 @@ def _headline(samples, last, total, rate, width):
     peak = f"  [cyan]{sparkline(energy, max(10, width - 66))}[/]  [dim]peak {energy.max():.3g} J in {WINDOW:.0f} s[/]"
     table.add_row("K" if narrow else "kinetic energy", f"[bold]{total:9.4f} J[/]{'' if narrow else peak}")
     known = f"{power:+9.4f} W" if np.isfinite(power) else "  unknown" if narrow else "  unknown: no efforts"
-    table.add_row("power" if narrow else "power νᵀ(ε − ε_g)", f"[bold]{known}[/]")
+    table.add_row("power" if narrow else "net power νᵀ(ε − ε_g)", f"[bold]{known}[/]")
     table.add_row("|νᵀC|/|ν||C|", f"{work_rate:9.1e}{'' if narrow else '    [dim]Coriolis does no work[/]'}")
     short = f" {latency:.1f} ms" if latency < 9.95 else f" {latency:.0f} ms"
     late = short if narrow else f"   latency {latency:.2f} ms, 99 % {late:.2f} ms"

@@ -14,21 +14,31 @@ from types import SimpleNamespace
 import matplotlib as mpl
 import numpy as np
 import pytest
+from PIL import Image, ImageColor
 
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
 from diag_dynamics.layouts.tools import TOOLS, layout
 from diag_dynamics.nodes.support.topics import TOPICS
 from diag_dynamics.plot.drawing import MOST, envelope
+from diag_dynamics.views.energy_history import PALETTE, EnergyHistory
 from diag_dynamics.views.top.choices import SORTS, WINDOWS, Choices, keys_of
 from diag_dynamics.views.top.frame import Shown, _cells, frame, line_of
 from diag_dynamics.views.top.history import RobotHistory
 from diag_dynamics.views.top.quantities import ENERGY, EXTERNAL, QUANTITIES, TORQUE, columns
 from diag_dynamics.yaml_files import parsed_yaml
 from motions import recorded
+from robots import description, joint, link
 
 mpl.use("agg")
 import matplotlib.pyplot as plt
+
+CUBE = (1.0, (0, 0, 0), (0.1, 0, 0, 0.1, 0, 0.1))
+TWO_SLIDES = (
+    *(link("base"), link("one", *CUBE), link("two", *CUBE)),
+    *(joint(f"to_{name}", "prismatic", "base", name) for name in ("one", "two")),
+)
+"""Two masses of 1 kg that slide by themselves: ½ν² is half the square of each velocity."""
 
 CODES = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -304,6 +314,47 @@ def test_gaps_and_peaks(panda, motion):
     values[12345] = -1.0
     drawn, y = envelope(np.arange(len(values)) * 1.0, values)
     assert len(drawn) == 2 * MOST and y.min() == -1.0 and drawn[y.argmin()] == pytest.approx(12345, abs=50)
+
+
+LONG = 600.0
+
+
+def swings(length):
+    """Return times [s], energy shares [J] of two joints, and powers [W], which all swing within 0.8 s."""
+    t = np.arange(0.0, length, 0.02)
+    angle = math.pi / 0.8 * t
+    return t, np.stack([2.0 * np.sin(angle) ** 2, np.cos(angle) ** 2 + t / length], axis=1), 8.0 * np.sin(2.0 * angle)
+
+
+def colour_fractions(path, *colours):
+    """Return the fraction of nearly black pixels of a picture, and of those of each colour."""
+    pixels = np.array(Image.open(path).convert("RGB"), dtype=int).reshape(-1, 3)
+    near = [(abs(pixels - ImageColor.getrgb(colour)).max(axis=1) < 25).mean() for colour in colours]
+    return (pixels.max(axis=1) < 100).mean(), *near
+
+
+@pytest.mark.parametrize("length", [12.0, LONG])
+def test_the_picture_of_a_long_time_is_not_black(tmp_path, length):
+    """Each joint has its colour after ten minutes, as after ten seconds."""
+    samples = EnergyHistory(["shoulder", "elbow"])
+    for t, shares, power in zip(*swings(length), strict=True):
+        samples.add(1.7e9 + t, shares, power, 1e-16, 1e-3)
+    samples.picture(tmp_path / "energy.png", "arm")
+    dark, *of_joints = colour_fractions(tmp_path / "energy.png", *PALETTE[:2])
+    assert dark < 0.06 and min(of_joints) > 2.0 * dark
+
+
+def test_a_plot_of_a_long_time_has_means_and_the_largest_energy():
+    """Layers are the mean shares, and the band reaches up to the largest K."""
+    t, shares, _ = swings(LONG)
+    model = dd.load_urdf(description("arm", *TWO_SLIDES))
+    s = dd.DiagonalDynamics(model).evaluate_batch(np.zeros_like(shares), np.sqrt(2.0 * shares))
+    axes = dd.plot.energy(s, t)
+    at, K = curve(axes, "K")
+    assert len(at) == 100 and np.mean(K) == pytest.approx(s.kinetic_energy.mean(), rel=1e-6)
+    (band,) = [one for one in axes.collections if one.get_label() == "maximum of K"]
+    assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(s.kinetic_energy.max())
+    assert "mean of 6 s" in axes.get_ylabel()
 
 
 def test_shares_of_one_state_and_of_many(recording, dyn, panda):

@@ -43,7 +43,7 @@ class Shown:
     late : float
         From a stamp to its arrival [s].
     power : float
-        ν·(ε − ε_g) [W]; NaN without efforts.
+        Net power of efforts and gravity, ν·(ε − ε_g) [W]; NaN without efforts.
     silent : float
         Since the last state [s].
     torque, residual : tuple of float
@@ -134,7 +134,7 @@ def _headlines(robot, width, colours):
         parts.append((f" {history.newest - history.total_peak_at:.0f} s ago", DIM))
     if not narrow:
         power = f"{short(robot.power)} W" if robot.power == robot.power else "unknown: no efforts"
-        parts += [("   power ", DIM), (power, PLAIN)]
+        parts += [("   net power ", DIM), (power, PLAIN)]
     lines = [_line(parts, width, colours)]
     if robot.torque[0] == robot.torque[0]:
         parts = [("m r ", DIM), *_judged(robot.torque, "N m"), ("  r ", DIM), *_judged(robot.residual, "J^.5/s")]
