@@ -10,6 +10,7 @@ from typing import NamedTuple
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.tables.headers import Column
 from diag_dynamics.tables.packed import chunks
+from diag_dynamics.tables.times import is_date
 from diag_dynamics.tables.units import is_unit
 
 SPACES = " "
@@ -25,8 +26,6 @@ _SIZE = 1 << 20
 
 _CANDIDATES = "\t;|,"
 """What may separate columns, first those that no number has in it; if none of them does, spaces do."""
-
-_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d")
 
 BOM = b"\xef\xbb\xbf"
 
@@ -160,7 +159,7 @@ def is_number(text):
     try:
         float(text.replace(",", "."))
     except ValueError:
-        return bool(_DATE.match(text))
+        return is_date(text)
     return text not in MISSING and "_" not in text
 
 

@@ -112,7 +112,7 @@ def times_of(texts, scale, decimal):
     """Times and stamps of texts in one column, or in two: seconds and nanoseconds."""
     if decimal == ",":
         texts = [
-            [text if ":" in text else "" if "." in text else text.replace(",", ".") for text in column]
+            [text if times.is_date(text) else "" if "." in text else text.replace(",", ".") for text in column]
             for column in texts
         ]
     if len(texts) == 2:

@@ -4,12 +4,14 @@
 """Times of rows, to the nanosecond where the file has them so."""
 
 import re
-from datetime import datetime
+from datetime import datetime, timedelta, timezone
 from decimal import Context, Decimal
 
 import numpy as np
 
 SECOND = 10**9
+
+EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
 
 LIMIT = 2**62
 """Largest stamp [ns], 146 years: the difference of two fits into 64 bits."""
@@ -20,7 +22,13 @@ _SHORT = 2.0**50 / SECOND
 _EXACT = Context(prec=60, Emax=999_999, Emin=-999_999, traps=[])
 """Without traps: 1e999999999 is a number that is cut, not an error."""
 
-_ISO = re.compile(r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)(?:[.,](\d+))?\s*(Z|[+-]\d\d:?\d\d)?", re.ASCII)
+_ISO = re.compile(
+    r"(?P<year>\d{4})(?P<dash>-?)(?P<month>\d\d)(?P=dash)(?P<day>\d\d)"
+    r"[T ]\s*(?P<hour>\d\d)(?P<colon>:?)(?P<minute>\d\d)(?P=colon)(?P<second>\d\d)(?:[.,](?P<fraction>\d+))?"
+    r"\s*(?:Z|UTC|GMT|(?P<sign>[+-])(?P<hours>\d\d)(?::?(?P<minutes>\d\d))?)?",
+    re.ASCII | re.IGNORECASE,
+)
+"""ISO 8601 in the extended and in the basic form."""
 
 
 def of_floats(values, scale):
@@ -95,12 +103,21 @@ def _seconds(text, unit):
     if date is None:
         value = _EXACT.create_decimal(text)
         return None if value.is_nan() else _EXACT.multiply(value, unit)
-    zone = (date[4] or "+0000").replace(":", "").replace("Z", "+0000")
     try:
-        whole = datetime.strptime(f"{date[1]} {date[2]} {zone}", "%Y-%m-%d %H:%M:%S %z").timestamp()
+        fields = ("year", "month", "day", "hour", "minute", "second")
+        whole = datetime(*(int(date[one]) for one in fields), tzinfo=timezone.utc)
+        zone = timedelta(hours=int(date["hours"] or 0), minutes=int(date["minutes"] or 0))
+        seconds = int((whole - EPOCH) / timedelta(seconds=1)) - int(f"{date['sign'] or '+'}1") * int(
+            zone.total_seconds()
+        )
     except (ValueError, OverflowError):  # the 30th of February
         return None
-    return Decimal(int(whole)) + Decimal(f"0.{date[3] or 0}")
+    return Decimal(seconds) + Decimal(f"0.{date['fraction'] or 0}")
+
+
+def is_date(text):
+    """Whether a text is a time as ISO 8601 has it."""
+    return bool(_ISO.fullmatch(text.strip()))
 
 
 def of_pairs(seconds, nanoseconds):

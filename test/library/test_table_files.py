@@ -614,6 +614,39 @@ def test_times_to_the_nanosecond(written, kind):
     assert recording.offset == 0 and recording.stamp.tolist() == [BEGIN, BEGIN + 1]
 
 
+ISO = [
+    "2023-11-14T22:13:20.123456789Z",
+    "2023-11-14T22:13:20.123456789z",
+    "2023-11-14t22:13:20,123456789",
+    "2023-11-14 22:13:20.123456789 UTC",
+    "2023-11-14T22:13:20.123456789+00",
+    "2023-11-14T22:13:20.123456789+0000",
+    "2023-11-14T22:13:20.123456789+00:00",
+    "2023-11-14T22:13:20.123456789-00:00",
+    "2023-11-15 03:43:20.123456789 +05:30",
+    "2023-11-14T15:13:20.123456789-07",
+    "20231114T221320.123456789Z",
+    "20231114T221320,123456789",
+    "20231115T001320.123456789+0200",
+    "20231114T151320.123456789-07:00",
+]
+"""One moment, BEGIN, as ISO 8601 has it, and as programs write it."""
+
+
+@pytest.mark.parametrize("text", ISO)
+def test_iso_times(written, text):
+    """In every form, in CSV with and without a header."""
+    after = text.replace("6789", "6790")
+    contents = [(f'time,q1,qd1\n"{text}",1,0\n"{after}",1,0\n', None)]
+    contents += [(f"time;q1;qd1\n{text};1,0;0,0\n{after};1,0;0,0\n", {"decimal": ","})]
+    contents += [
+        (f'"{text}",1,0\n"{after}",1,0\n', {"header": None, "time": 0, "position": [1], "velocity": [2]}),
+    ]
+    for content, columns in contents:
+        recording = read(written(content), columns, joints=("a",))
+        assert (recording.stamp.tolist(), lost(recording)) == ([BEGIN, BEGIN + 1], [])
+
+
 @pytest.mark.parametrize(("unit", "scale"), [("ms", 10**3), ("us", 10**6), ("ns", 10**9)])
 def test_times_in_doubt_are_an_error(written, unit, scale):
     path = written(f"time,q1,qd1\n{1_700_000_000 * scale},1,0\n{1_700_000_000 * scale + 1},2,0\n")
