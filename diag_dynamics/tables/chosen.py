@@ -63,6 +63,13 @@ class _Group(NamedTuple):
     unit: str | None = None
     """What they are in if their names do not say it."""
 
+    def without_doubles(self):
+        """The first column of each joint."""
+        first = {}
+        for member in self.members:
+            first.setdefault(member[0], member)
+        return self._replace(members=tuple(first.values()))
+
 
 def choose(columns, wanted, known, file):
     """Find the columns of a table.
@@ -167,12 +174,13 @@ class _Choosing:
             return joints, group, columns
         fitting, problems = [], []
         for group in self._by_name("position"):
-            problem, joints, columns = self._joints(group)
+            problem, joints, columns = self._joints(group.without_doubles())
             if problem:
-                problems.append(problem)
+                problems.append(self._doubled(group) or problem)
             else:
                 fitting.append((joints, group, columns))
         if len(fitting) == 1:
+            self._refuse_doubles(fitting[0][1])
             return fitting[0]
         if fitting:
             raise self._ambiguous("position", [group for _, group, _ in fitting])
@@ -243,14 +251,15 @@ class _Choosing:
         for quantity in ("effort", "current") if name == "effort" else (name,):
             fitting = []
             for group in self._by_name(quantity):
-                problem, columns = self._matched(group, joints, numbers)
+                problem, columns = self._matched(group.without_doubles(), joints, numbers)
                 if not problem:
                     fitting.append((group, columns))
                 elif group.ordered:
-                    self._notes.append(f"{name}: not taken: {problem}")
+                    self._notes.append(f"{name}: not taken: {self._doubled(group) or problem}")
             if len(fitting) > 1:
                 raise self._ambiguous(name, [group for group, _ in fitting])
             if fitting:
+                self._refuse_doubles(fitting[0][0])
                 return fitting[0]
         return None, ()
 
@@ -339,7 +348,9 @@ class _Choosing:
             names = self._names()
             near = self._near(before + (self._known[0] if self._known else "") + after, names)
             raise self._error(f"{quantity}: no column is like '{pattern}'{near}. There are {_list(names)}.")
-        return self._without_doubles(_Group(f"'{pattern}'", tuple(members)))
+        group = _Group(f"'{pattern}'", tuple(members))
+        self._refuse_doubles(group)
+        return group
 
     def _by_name(self, quantity):
         """The groups of a quantity by the rules for names."""
@@ -360,19 +371,22 @@ class _Choosing:
                 groups.append(_Group(f"'{pattern}'", (), k, True, unit))
             else:
                 groups.append(_Group(f"'{pattern}'", tuple(members), None, True, unit))
-        return [self._without_doubles(group) for group in groups]
+        return groups
 
-    def _without_doubles(self, group):
-        """The group, if no joint has two columns."""
+    def _doubled(self, group):
+        """A text on two columns of one joint; empty if there are none."""
         columns = {}
         for joint, _, k in group.members:
             if joint in columns:
                 names = f"'{self._columns[columns[joint]].name}' (column {columns[joint]})"
-                raise self._error(
-                    f"{names} and '{self._columns[k].name}' (column {k}) are both {group.pattern} of '{joint}'."
-                )
+                return f"{names} and '{self._columns[k].name}' (column {k}) are both {group.pattern} of '{joint}'."
             columns[joint] = k
-        return group
+        return ""
+
+    def _refuse_doubles(self, group):
+        """Refuse two columns of one joint."""
+        if text := self._doubled(group):
+            raise self._error(text)
 
     def _ambiguous(self, quantity, groups):
         listed = " or ".join(group.pattern for group in groups)

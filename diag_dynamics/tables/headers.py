@@ -31,11 +31,11 @@ Columns are known by their names, small letters or capitals, by these rules and 
    are the model's joints in their order, by themselves or behind joint, j or axis: `q1`, `pos[0]`, `tau_J[3]`,
    `joint2_velocity`. There have to be as many as the model has. Without a model, any other text is a joint's name:
    what follows the quantity, or, if the quantity ends the name, the last part before it between slashes or dots. x, y,
-   z and w are no joints.
+   z and w are no joints, and a word before a number in brackets is none: `q_d[0]` is a target.
 6. **Whole arrays**, of an npz or as lists in Parquet, are a quantity's if their name has its word and no joint.
 7. Columns that differ in the joint only belong together. If there are two such sets for one quantity, or two columns
-   for one joint, or two columns of times, that is an error which lists them. Velocities and efforts are those of
-   joints that have positions.
+   for one joint in the set that is read, or two columns of times, that is an error which lists them. Velocities and
+   efforts are those of joints that have positions.
 """
 """As docs/recordings.md has them, too."""
 
@@ -222,7 +222,7 @@ def _unnamed(column, name):
     if number := _NUMBER.fullmatch(rest[begin:end]):
         begin += number.start("number")
     joint = name[begin:end]
-    if joint.lower() in _NO_JOINTS:
+    if joint.lower() in _NO_JOINTS or re.search(r"[\[\](){}]", joint):  # q_d[0] is no 'd[0' of q
         return None
     stem, _ = split_unit(column.name.strip())  # with its word of a unit, which has been blanked in the name
     return Found(quantity, stem[:begin] + JOINT + stem[end:], joint, int(joint) if number else None)

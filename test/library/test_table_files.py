@@ -371,6 +371,10 @@ BY_NAME = {
     "t,q[0],q[1],q[2],q_d[0],q_d[1],q_d[2],tau_J[0],tau_J[1],tau_J[2],tau_ext[0],tau_ext[1],tau_ext[2]": (
         *(0, [1, 2, 3], None, [7, 8, 9]),
     ),
+    "t,q[0],q[1],q[2],q_d[0],q_d[1],q_d[2],dq[0],dq[1],dq[2],q_d[0],q_d[1],q_d[2],tau_J_d[0],tau_J_d[0]": (
+        *(0, [1, 2, 3], [7, 8, 9], None),
+    ),
+    "t,mode,mode,q1,q2,q3,temperature,temperature,pos_a,pos_a": (0, [3, 4, 5], None, None),
     "t,joint1_velocity,joint2_velocity,joint3_velocity,J1 angle,J2 angle,J3 angle": (0, [4, 5, 6], [1, 2, 3], None),
     "Elapsed,POS_1,POS_2,POS_3,name": (0, [1, 2, 3], None, None),
     "t,q0,q1,q2,tau1,tau2,tau3": (0, [1, 2, 3], None, [4, 5, 6]),
@@ -407,6 +411,7 @@ AMBIGUOUS = {
     "t,q1,q2,q3,tau1,tau2,tau3,effort1,effort2,effort3": "may be the effort",
     "t,time,q1,q2,q3": "one of t, time",
     "t,q1 [deg],q1 [rad],q2,q3": r"'q1 \[deg\]' \(column 1\) and 'q1 \[rad\]' \(column 2\)",
+    "t,q1,q2,q3,qd1,qd1,qd2,qd3": r"'qd1' \(column 4\) and 'qd1' \(column 5\)",
     "t,q1,q1,q2,q3": r"'q1' \(column 1\) and 'q1' \(column 2\)",
     "t,q1,q2,q3,q4": "has the numbers 1, 2, 3, 4, but there are 3 joints",
     "t,q1,q2,q4": "has the numbers 1, 2, 4",
