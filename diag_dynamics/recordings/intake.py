@@ -156,11 +156,13 @@ class Intake:
     @property
     def last_texts(self):
         """Texts on the last time that something was counted, by what."""
-        names = self.assembler.last_foreign
+        names, own = self.assembler.last_foreign, self.assembler.names
+        foreign = f"{', '.join(names[:FEW])}{' …' * (len(names) > FEW)}"
         return {
             "positions jumped": self.assembler.jumps.last,
             "mimic disagreement": self.assembler.last_disagreement,
-            "foreign": f"messages without a joint of this robot, of {', '.join(names[:FEW])}{' …' * (len(names) > FEW)}",
+            "foreign": f"messages without a joint of this robot, of {foreign}; the robot has {', '.join(own[:FEW])}"
+            f"{' …' * (len(own) > FEW)}",
         }
 
     def reject(self, now, error):

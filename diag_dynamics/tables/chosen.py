@@ -14,6 +14,8 @@ from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.tables.column_map import JOINT, UNSAID
 from diag_dynamics.tables.headers import found, time_columns, unit_of, unit_of_time
+from diag_dynamics.tables.names import RowNames
+from diag_dynamics.tables.names_in_data import NamesInData
 from diag_dynamics.tables.units import factor, split_unit
 
 
@@ -21,7 +23,7 @@ class Quantity(NamedTuple):
     """Columns of positions, velocities or efforts."""
 
     columns: tuple[int | None, ...]
-    """Index of each joint's, None where a joint has none; empty of a whole array."""
+    """Index of each joint's, None where a joint has none; empty of a whole array. Where rows name joints: of each place."""
     whole: int | None
     """Index of a whole array."""
     scale: np.ndarray
@@ -43,12 +45,26 @@ class Choice(NamedTuple):
     effort: Quantity | None
     notes: tuple[str, ...]
     """How the columns were understood, a sentence for each quantity; and which were not read."""
+    names: RowNames | None = None
+    """Columns that name the joints of each row."""
+    scale_of: Mapping = {}
+    """Scales by joint, by quantity, where rows name joints."""
+    overruled: RowNames | None = None
+    """Columns that name the joints of each row, while the map names others."""
 
     def used(self):
         """Indices of all columns that are read, in their order."""
         quantities = [one for one in (self.position, self.velocity, self.effort) if one]
         each = {k for one in quantities for k in (*one.columns, one.whole) if k is not None}
-        return sorted(each | set(self.time))
+        return sorted(each | set(self.time) | set(self.texts()))
+
+    def texts(self):
+        """Indices of columns of names."""
+        return [k for one in (self.names, self.overruled) if one for k in one.used]
+
+    def quantities(self):
+        """Positions, velocities and efforts; None where there are none."""
+        return self.position, self.velocity, self.effort
 
 
 class _Group(NamedTuple):
@@ -70,8 +86,13 @@ class _Group(NamedTuple):
             first.setdefault(member[0], member)
         return self._replace(members=tuple(first.values()))
 
+    def names_joints(self, model):
+        """Whether the headers name joints, and do not number them."""
+        joints = {joint for joint, *_ in self.members}
+        return not self.ordered and (None in [number for _, number, _ in self.members] or bool(joints & set(model)))
 
-def choose(columns, wanted, known, file):
+
+def choose(columns, wanted, known, file, stated=None):
     """Find the columns of a table.
 
     Parameters
@@ -83,6 +104,8 @@ def choose(columns, wanted, known, file):
         Names of the model's joints that move, in their order; empty: not known.
     file : str
         For messages.
+    stated : Stated, optional
+        Names of the joints outside of headers and rows.
 
     Returns
     -------
@@ -93,24 +116,28 @@ def choose(columns, wanted, known, file):
     InputError
         Something is missing, ambiguous, or has a unit that needs a scale.
     """
-    return _Choosing(columns, wanted, tuple(known), file).choice()
+    return _Choosing(columns, wanted, tuple(known), file, stated).choice()
 
 
 class _Choosing:
     """The state of :func:`choose`."""
 
-    def __init__(self, columns, wanted, known, file):
+    def __init__(self, columns, wanted, known, file, stated):
         self._columns = columns
         self._wanted = wanted
-        self._known = wanted.joints or known
+        self._model, self._known = known, wanted.joints or known
         self._file = file
         self._notes = []
         self._groups = None
+        self._in_data = NamesInData(columns, wanted, known, stated)
+        self._scale_of = {}
 
     def choice(self):
         """Everything, positions first: they say which joints there are."""
         time, time_scale, in_doubt = self._time()
         joints, group, columns = self._position()
+        names, overruled = self._in_data.judge(group, joints, self._error, self._notes)
+        self._by_rows = names
         chosen = {"position": self._quantity("position", group, columns, joints)}
         numbers = {number: k for k, number in enumerate(self._numbers_of(group, columns))}
         for name in ("velocity", "effort"):
@@ -119,7 +146,8 @@ class _Choosing:
         for name in self._wanted.scale:
             if name != "time" and chosen[name] is None:
                 raise self._error(f"there is a scale of {name}, but no column of it.")
-        choice = Choice(joints, time, time_scale, in_doubt, **chosen, notes=())
+        choice = Choice(joints, time, time_scale, in_doubt, **chosen, notes=(), names=names, overruled=overruled)
+        choice = choice._replace(scale_of=self._scale_of)
         unused = [column.name for k, column in enumerate(self._columns) if k not in set(choice.used())]
         if unused:
             self._notes.append(f"not read: {_list(unused)}.")
@@ -136,14 +164,7 @@ class _Choosing:
         """Columns of the times, their scale, and whether nothing says it."""
         columns = self._columns
         if self._wanted.time is UNSAID:
-            candidates = time_columns(columns)
-            if len(candidates) != 1:
-                what = f"one of {_list(candidates)}" if candidates else f"which of {_list(c.name for c in columns)}"
-                problem = (
-                    "several columns may be the times" if candidates else "no column is known as that of the times"
-                )
-                raise self._error(f"{problem}: name it by `time: …` in the map of columns, {what}.")
-            ((name, time),) = candidates.items()
+            name, time = self._time_by_name()
         else:
             time = tuple(self._index(one, "time") for one in self._wanted.time)
             name = " and ".join(columns[k].name for k in time)
@@ -160,6 +181,24 @@ class _Choosing:
         scale = given if given is not None else factor("time", unit, f"'{self._file}': column '{name}'")
         self._notes.append(f"time: {name}{_scaled(np.array([scale]), 's')}.")
         return time, scale, given is None and unit is None
+
+    def _time_by_name(self):
+        """The name of the times, and their columns, by the rules for names."""
+        columns, what = self._columns, "name it by `time: …` in the map of columns"
+        candidates = time_columns(columns)
+        if len(candidates) > 1:
+            raise self._error(f"several columns may be the times: {what}, one of {_list(candidates)}.")
+        if candidates:
+            return next(iter(candidates.items()))
+        for texts in time_columns([one._replace(dated=bool(one.sample)) for one in columns]).values():
+            column = columns[texts[0]]
+            raise self._error(
+                f"'{column.name}' holds text such as '{next(filter(None, column.sample), '')}', expected numbers or ISO 8601 "
+                "times."
+            )
+        raise self._error(
+            f"no column is known as that of the times: {what}, which of {_list(one.name for one in columns)}."
+        )
 
     # --- Joints ---
 
@@ -192,6 +231,9 @@ class _Choosing:
     def _joints(self, group):
         """Which joints the columns of positions are of: a problem or '', names, and the columns' indices."""
         known, asked = self._known, bool(self._wanted.joints)
+        by_data = self._in_data.joints(group, self._count(group))
+        if by_data:
+            return by_data
         whose = "joints that the map names" if asked else "joints of the model"
         if group.ordered:
             count = self._count(group)
@@ -304,8 +346,11 @@ class _Choosing:
 
     def _numeric(self, k, what):
         """The index, if the column holds numbers."""
-        if not self._columns[k].numeric:
-            raise self._error(f"{what}: '{self._columns[k].name}' does not hold numbers in one or two dimensions.")
+        column = self._columns[k]
+        if not (column.numeric or (column.dated and what == "time")):
+            text = next((f", but text such as '{one}'" for one in column.sample if one), "")
+            expected = " or ISO 8601 times" if what == "time" else " in one or two dimensions"
+            raise self._error(f"{what}: '{column.name}' does not hold numbers{expected}{text}.")
         return k
 
     def _names(self):
@@ -400,6 +445,8 @@ class _Choosing:
         if given is None:
             joint_of = {k: joint for joint, _, k in group.members}
             scales = [self._factor(name, group, k, joint_of.get(k)) for k in columns or (group.whole,) * len(joints)]
+        elif isinstance(given, Mapping) and self._by_rows:
+            scales, self._scale_of[name] = [1.0] * len(joints), given
         elif isinstance(given, Mapping):
             odd = [joint for joint in given if joint != ALL and joint not in joints]
             lacking = [joint for joint in joints if joint not in given and ALL not in given]
@@ -417,7 +464,10 @@ class _Choosing:
         without = [joint for joint, k in zip(joints, columns, strict=False) if k is None]
         lack = f", none for {_list(without)}" if without else ""
         unit = {"position": "rad or m", "velocity": "rad/s or m/s", "effort": "N m or N"}[name]
-        self._notes.append(f"{name}: {group.pattern} of {len(joints)} joints{_scaled(scale, unit)}{lack}.")
+        whose = f"{len(joints)} joints"
+        if self._by_rows:
+            whose, lack = f"the joints that '{self._by_rows.pattern}' names in each row", ""
+        self._notes.append(f"{name}: {group.pattern} of {whose}{_scaled(scale, unit)}{lack}.")
         return Quantity(columns, group.whole, scale)
 
     def _factor(self, quantity, group, k, joint):

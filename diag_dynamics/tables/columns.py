@@ -28,3 +28,6 @@ class Columns(NamedTuple):
     rows: np.ndarray
     """Row of the file that each is, from 0 after the header: int64, shape (n,). Rows that are left out count, empty lines and
     comments do not."""
+    names: np.ndarray | None = None
+    """Joint of each value, str, shape (n, k), where rows name their joints; empty where a row has fewer. None: every row has
+    the reader's `joints`."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from diag_dynamics.tables import times
 from diag_dynamics.tables.csv_head import MISSING, SPACES
-from diag_dynamics.tables.csv_plain import times_of
+from diag_dynamics.tables.csv_plain import listed_numbers, times_of
 
 
 class ByArrow:
@@ -27,12 +27,15 @@ class ByArrow:
     def __init__(self, arrow, head, choice, decimal):
         self.arrow, self.choice, self.decimal = arrow, choice, decimal
         csv, used = arrow.csv, choice.used()
+        self.listed = {k for k in used if head.columns[k].width}
+        texts = {*choice.time, *choice.texts(), *self.listed}
+        self.names = [column.name for column in head.columns]
         names = [str(k) for k in range(len(head.columns))]  # those in the file may be there twice
         # With Arrow's threads six of 148 processes were aborted at their end, without none of 220; a block takes as long.
         self._read = csv.ReadOptions(column_names=names, block_size=1 << 26, use_threads=False)
         self._parse = csv.ParseOptions(delimiter=head.delimiter)
         self._convert = csv.ConvertOptions(
-            column_types={str(k): arrow.string() if k in choice.time else arrow.float64() for k in used},
+            column_types={str(k): arrow.string() if k in texts else arrow.float64() for k in used},
             include_columns=[str(k) for k in used],
             null_values=sorted(MISSING),
             strings_can_be_null=False,
@@ -51,7 +54,7 @@ class ByArrow:
             return None
         return cls(import_module("pyarrow"), head, choice, decimal)
 
-    def rows(self, block, line, row):
+    def rows(self, block, line, row, losses):
         """Rows of a block, as of :meth:`ByLine.rows`; None if any line of it is no row, or any field no number."""
         if b"\0" in block or block.startswith(b"#") or b"\n#" in block:
             return None
@@ -62,14 +65,14 @@ class ByArrow:
         lines = block.count(b"\n") + (not block.endswith(b"\n"))
         if read.num_rows != lines:  # empty lines, or some between quotes
             return None
-        return _Rows(self, read, range(line, line + lines), np.arange(row, row + lines), row + lines)
+        return _Rows(self, read, range(line, line + lines), np.arange(row, row + lines), row + lines, losses)
 
 
 class _Rows:
     """Rows of one block as a table of pyarrow's."""
 
-    def __init__(self, reader, read, lines, indices, following):
-        self._reader, self._read = reader, read
+    def __init__(self, reader, read, lines, indices, following, losses):
+        self._reader, self._read, self._losses = reader, read, losses
         self.lines, self.indices, self.following = lines, indices, following
 
     def times(self):
@@ -86,6 +89,16 @@ class _Rows:
             return times.of_floats(floats[0], choice.time_scale)
         return times_of([column.to_pylist() for column in columns], choice.time_scale, self._reader.decimal)
 
+    def name_of(self, column):
+        """Header of a column."""
+        return self._reader.names[column]
+
+    def texts(self, column):
+        """Texts of a column."""
+        return self._read.column(str(column)).to_pylist()
+
     def numbers(self, column):
         """Numbers of a column, NaN where there are none."""
+        if column in self._reader.listed:
+            return listed_numbers(self, self._reader.choice, column, self._losses)
         return self._read.column(str(column)).to_numpy()

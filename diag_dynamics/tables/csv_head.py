@@ -8,7 +8,9 @@ import re
 from typing import NamedTuple
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.tables.column_map import UNSAID
 from diag_dynamics.tables.headers import Column
+from diag_dynamics.tables.names import Stated, numbers_of, stated_in_comment
 from diag_dynamics.tables.packed import chunks
 from diag_dynamics.tables.times import is_date
 from diag_dynamics.tables.units import is_unit
@@ -20,6 +22,9 @@ MISSING = frozenset(
     ("", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "none", "-", "--")
 )
 """Texts that stand for no number."""
+
+SAMPLE, COMMENTED = 6, 100
+"""First rows that show what a column holds, and first lines whose comments may name joints."""
 
 _SIZE = 1 << 20
 """Bytes in which the header and the first row have to lie."""
@@ -39,6 +44,8 @@ class Head(NamedTuple):
     """Lines of the file before the first row."""
     length: int
     """Bytes of a line, of the first ones on average."""
+    stated: Stated | None = None
+    """Names of joints that a comment states."""
 
 
 def head(path, wanted):
@@ -59,37 +66,28 @@ def head(path, wanted):
         It is no text; it has no header, or what may be one, or decimal commas, and the map does not say so.
     """
     lines = _first_lines(path)
-    at = wanted.skip
-    if at >= len(lines):
-        raise InputError(f"'{path}': {at} lines are to be skipped, but there are {len(lines)}.")
-    delimiter, comment = wanted.delimiter, None
-    while at < len(lines):
-        line = lines[at].strip()
-        if found := re.fullmatch(r'"?sep=(.)"?', line):  # of a spreadsheet
-            delimiter = delimiter or found[1]
-        elif line.startswith("#") or re.match(r"%[%\s]", line):
-            comment = line
-        elif line:
-            break
-        at += 1
-    rows = [line for line in lines[at:] if line.strip() and not line.startswith("#")][:6]
+    at, delimiter, comment = _above(lines, wanted, path)
+    stated = _stated(lines)
+    rows = [line for line in lines[at:] if line.strip() and not line.startswith("#")][:SAMPLE]
     if not rows:
         if comment is None:
             raise InputError(f"'{path}' has {len(lines)} lines and nothing in them.")
         rows, comment = [comment.lstrip("#% \t")], None
     delimiter = delimiter or _delimiter(rows, wanted.decimal)
     split = [fields_of(row, delimiter) for row in rows]
-    has_header = wanted.header
+    has_header, echoed = wanted.header, _echoed(split[0], wanted)
+    if echoed:
+        has_header = False
     if has_header is None:
         has_header = _is_header(split[0], path, at + 1)
     if has_header:
         names, at, below = split[0], at + 1, split[1:]
     else:
-        names, below = [str(k) for k in range(len(split[0]))], split
+        names, below = echoed or [str(k) for k in range(len(split[0]))], split
         named = fields_of(comment.lstrip("#% \t"), delimiter) if comment and wanted.header is None else []
         if len(named) == len(names):
             names = named
-        elif wanted.header is None and not _by_numbers(wanted):
+        elif wanted.header is None and not echoed and not _by_numbers(wanted):
             raise InputError(
                 f"'{path}' has no header, line {at + 1} is of numbers: give a map of columns (--columns MAP.yaml) with "
                 f"`header: false`, and with `time`, `position` … as numbers of columns, from 0 to {len(names) - 1}."
@@ -101,8 +99,69 @@ def head(path, wanted):
         columns = [
             column._replace(unit=None if unit in MISSING else unit) for column, unit in zip(columns, units, strict=True)
         ]
-        at = lines.index(rows[1], at) + 1
-    return Head(columns, delimiter, at, sum(map(len, lines)) // len(lines) + 1)
+        at, below = lines.index(rows[1], at) + 1, below[1:]
+    columns = [sampled(column, [row[k] if k < len(row) else "" for row in below]) for k, column in enumerate(columns)]
+    return Head(columns, delimiter, at, sum(map(len, lines)) // len(lines) + 1, stated)
+
+
+def _above(lines, wanted, path):
+    """Number of lines above the first that is neither empty nor a comment, the delimiter, and the last comment."""
+    at, delimiter, comment = wanted.skip, wanted.delimiter, None
+    if at >= len(lines):
+        raise InputError(f"'{path}': {at} lines are to be skipped, but there are {len(lines)}.")
+    while at < len(lines):
+        line = lines[at].strip()
+        if found := re.fullmatch(r'"?sep=(.)"?', line):  # of a spreadsheet
+            delimiter = delimiter or found[1]
+        elif line.startswith("#") or re.match(r"%[%\s]", line):
+            comment = line
+        elif line:
+            break
+        at += 1
+    return at, delimiter, comment
+
+
+def _stated(lines):
+    """Names of joints that one of the first comments states; None if there are none."""
+    for at, line in enumerate(lines[:COMMENTED], 1):
+        if line.startswith(("#", "%")) and (found := stated_in_comment(line, f"the comment in line {at}")):
+            return found
+    return None
+
+
+def _echoed(fields, wanted):
+    """Names of columns of `ros2 topic echo --csv` of joint states, which has no header; None of any other line.
+
+    They are stamp and frame, all names, all positions, and all velocities and efforts or neither.
+    """
+    if wanted.header is not None or wanted.position is not UNSAID or len(fields) < 5:
+        return None
+    kinds = ["number" if is_number(one) else "text" for one in fields]
+    if (
+        kinds[:2] != ["number", "number"]
+        or kinds[2] == "number"
+        or not all(re.fullmatch(r"\d+", one) for one in fields[:2])
+    ):
+        return None
+    count = next((k for k, kind in enumerate(kinds[3:]) if kind == "number"), 0)
+    values = [one for one in kinds[3 + count :] if one == "number"]
+    rest = [one for one in fields[3 + count :] if one.strip()]
+    if not count or len(rest) != len(values) or len(rest) % count or len(rest) // count not in (1, 3):
+        return None
+    fieldnames = ("name", "position", "velocity", "effort")[: 1 + len(rest) // count]
+    return ["sec", "nanosec", "frame_id", *(f"{one}{k}" for one in fieldnames for k in range(count))]
+
+
+def sampled(column, texts):
+    """The column with the texts of its first rows: lists of numbers, times, or whatever is no number."""
+    texts = tuple("" if text is None else text.strip() for text in texts)
+    given = [text for text in texts if text not in MISSING]
+    if any(map(is_number, given)):
+        return column._replace(dated=True)
+    lists = [numbers_of(text) for text in given]
+    if given and None not in lists and any(lists):
+        return column._replace(width=max(map(len, lists)), listed=True, numeric=True)
+    return column._replace(sample=texts, listed=bool(given) and all(text.endswith((")", "]")) for text in given))
 
 
 def _first_lines(path):

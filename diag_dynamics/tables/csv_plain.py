@@ -7,13 +7,15 @@ import numpy as np
 
 from diag_dynamics.tables import times
 from diag_dynamics.tables.csv_head import MISSING, fields_of
-from diag_dynamics.tables.pieces import LEFT_OUT
+from diag_dynamics.tables.names import numbers_of, padded
+from diag_dynamics.tables.pieces import LEFT_OUT, of_one_length
 
 LONGEST = 1 << 20
 """Bytes of a line."""
 
 WRONG_COUNT = "another number of columns than the header has"
 NO_NUMBER = "text where a number belongs"
+NO_LIST = "text where a list of numbers belongs"
 NUL = "NUL bytes, as files have them of a machine that lost its power"
 TOO_LONG = f"line of more than {LONGEST} bytes"
 
@@ -31,6 +33,7 @@ class ByLine:
     def __init__(self, head, choice, decimal):
         self.names = [column.name for column in head.columns]
         self.choice, self.decimal = choice, decimal
+        self.listed = {k for k, column in enumerate(head.columns) if column.width}
         self._delimiter = head.delimiter
 
     def rows(self, block, line, row, losses):
@@ -83,8 +86,18 @@ class _Rows:
         texts = [[row[k] for row in self._rows] for k in choice.time]
         return times_of(texts, choice.time_scale, self._reader.decimal)
 
+    def name_of(self, column):
+        """Header of a column."""
+        return self._reader.names[column]
+
+    def texts(self, column):
+        """Texts of a column."""
+        return [row[column] for row in self._rows]
+
     def numbers(self, column):
         """Numbers of a column, NaN where there are none."""
+        if column in self._reader.listed:
+            return listed_numbers(self, self._reader.choice, column, self._losses)
         texts = [row[column] for row in self._rows]
         try:
             if any("_" in text or "," in text or ("." in text and self._reader.decimal == ",") for text in texts):
@@ -106,6 +119,21 @@ class _Rows:
             example = f"column '{self._reader.names[column]}': '{plain[:40]}'"
             self._losses.add(NO_NUMBER, f"line {line}", "fields are NaN", example=example)
             return np.nan
+
+
+def listed_numbers(rows, choice, column, losses):
+    """Numbers of a column of lists in text, (n, k): NaN where a list is too short, or has another length than others."""
+    lists = [numbers_of(text) for text in rows.texts(column)]
+    odd = [k for k, one in enumerate(lists) if one is None and rows.texts(column)[k].strip() not in MISSING]
+    if odd:
+        text = rows.texts(column)[odd[0]].strip()[:40]
+        example = f"column '{rows.name_of(column)}': '{text}'"
+        losses.add(NO_LIST, f"line {rows.lines[odd[0]]}", "rows of it are NaN", len(odd), example)
+    values, lengths = padded([one or () for one in lists])
+    if choice.names:
+        return values
+    name = rows.name_of(column)
+    return of_one_length(values, lengths, len(choice.joints), losses, lambda k: f"line {rows.lines[k]}", name)
 
 
 def times_of(texts, scale, decimal):

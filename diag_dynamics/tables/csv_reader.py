@@ -3,12 +3,15 @@
 
 """Text with a row on each line: CSV, TSV and the like, packed or not."""
 
+from functools import partial
+
 from diag_dynamics.tables.chosen import choose
 from diag_dynamics.tables.csv_arrow import ByArrow
 from diag_dynamics.tables.csv_head import BOM, head
 from diag_dynamics.tables.csv_plain import LONGEST, ByLine
 from diag_dynamics.tables.packed import chunks
-from diag_dynamics.tables.pieces import ROWS, piece, refuse_doubtful
+from diag_dynamics.tables.pieces import ROWS, Read, piece, refuse_doubtful
+from diag_dynamics.tables.together import Together
 from diag_dynamics.tables.unread import Losses
 
 _MOST = 1 << 25
@@ -33,7 +36,9 @@ class CsvReader:
     ----------
     joints : tuple of str
     notes : tuple of str
-        How the columns were understood.
+        How the columns were understood; complete when all pieces have been read.
+    without_values : int
+        Rows that have no value of any joint; likewise.
     unread : list of Unread
         Complete when all pieces have been read.
     """
@@ -42,15 +47,25 @@ class CsvReader:
         self._path = path
         self._losses = Losses(path)
         self._head = head(path, wanted)
-        self._choice = choose(self._head.columns, wanted, joints, path)
+        self._choice = choose(self._head.columns, wanted, joints, path, self._head.stated)
         self._arrow = ByArrow.there(self._head, self._choice, wanted.decimal)
         self._plain = ByLine(self._head, self._choice, wanted.decimal)
-        self.joints, self.notes = self._choice.joints, self._choice.notes
+        self.joints = self._choice.joints
 
     @property
     def unread(self):
         """What could not be read."""
         return self._losses.listed()
+
+    @property
+    def notes(self):
+        """How the columns were understood."""
+        return (*self._choice.notes, *self._losses.notes())
+
+    @property
+    def without_values(self):
+        """Number of rows without a value of any joint."""
+        return self._losses.without_values
 
     def pieces(self):
         """Each piece as :class:`Columns`; a second call begins anew.
@@ -62,23 +77,20 @@ class CsvReader:
         """
         self._losses = Losses(self._path)
         row, first = 0, True
+        together = Together(self._choice, self._path)
         for line, block in self._blocks():
-            rows = self._arrow.rows(block, line, row) if self._arrow else None
+            rows = self._arrow.rows(block, line, row, self._losses) if self._arrow else None
             rows = rows or self._plain.rows(block, line, row, self._losses)
-            columns = piece(
-                self._choice,
-                *rows.times(),
-                rows.indices,
-                rows.numbers,
-                self._losses,
-                lambda k, lines=rows.lines: f"line {lines[k]}",
-            )
+            where = partial(_line, rows.lines)
+            read = Read(*rows.times(), rows.indices, rows.numbers, rows.texts, where)
+            columns = piece(self._choice, read, self._losses)
             row = rows.following
             if len(columns.rows):
                 if first:
                     refuse_doubtful(self._choice, columns.time, self._path)
                 first = False
-                yield columns
+                yield from together.take(columns)
+        yield from together.end()
         if not row:
             self._losses.add("there is no row below the header", f"line {self._head.lines + 1}", "")
 
@@ -112,6 +124,10 @@ class CsvReader:
             self._losses.add(f"{broken[0]}: all behind this line is lost{lost}", f"line {line + count - 1}", "")
         if text:
             yield from _below(skip, line, text)
+
+
+def _line(lines, k):
+    return f"line {lines[k]}"
 
 
 def _below(skip, line, text):

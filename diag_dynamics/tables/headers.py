@@ -27,12 +27,14 @@ Columns are known by their names, small letters or capitals, by these rules and 
    torques for efforts. current, currents are amperes, and looked at where a column has no other of these words and no
    column has efforts. A column with words of two quantities is not looked at.
 5. **Joints** are found in what else is in the name. If the names of the model's joints are in the columns, these are
-   the joints: `q_elbow`, `elbow_position`, `/joint_states/elbow/position`. Otherwise numbers that count up from 0 or 1
-   are the model's joints in their order, by themselves or behind joint, j or axis: `q1`, `pos[0]`, `tau_J[3]`,
-   `joint2_velocity`. There have to be as many as the model has. Without a model, any other text is a joint's name:
-   what follows the quantity, or, if the quantity ends the name, the last part before it between slashes or dots. x, y,
-   z and w are no joints, and a word before a number in brackets is none: `q_d[0]` is a target.
-6. **Whole arrays**, of an npz or as lists in Parquet, are a quantity's if their name has its word and no joint.
+   the joints: `q_elbow`, `elbow_position`, `/joint_states/elbow/position`. Otherwise the joints are those that rows,
+   comments or metadata name. Without such names, numbers that count up from 0 or 1 are the model's joints in their
+   order, by themselves or behind joint, j or axis: `q1`, `pos[0]`, `tau_J[3]`, `joint2_velocity`. There have to be as
+   many as the model has. Without a model, any other text is a joint's name: what follows the quantity, or, if the
+   quantity ends the name, the last part before it between slashes or dots. x, y, z and w are no joints, and a word
+   before a number in brackets is none: `q_d[0]` is a target.
+6. **Whole arrays**, of an npz, as lists in Parquet or as text in brackets, `(0.1, 0.2)`, are a quantity's if their
+   name has its word and no joint.
 7. Columns that differ in the joint only belong together. If there are two such sets for one quantity, or two columns
    for one joint in the set that is read, or two columns of times, that is an error which lists them. Velocities and
    efforts are those of joints that have positions.
@@ -73,9 +75,6 @@ _NUMBER = re.compile(r"(?:(?:joints?|j|axis)[^a-z0-9]*)?(?P<number>\d{1,4})")
 
 _NO_JOINTS = {"x", "y", "z", "w"}
 
-NAMES = ("name", "names", "joints", "joint_names")
-"""What lists of joints' names are called, in small letters."""
-
 _BETWEEN = "_./[]()<>{}|: -\t"
 """What stands between words."""
 
@@ -91,6 +90,12 @@ class Column(NamedTuple):
     """Where it is said elsewhere than in the name: in a line of units."""
     numeric: bool = True
     """Whether it holds numbers or times at all: no rule takes what does not."""
+    sample: tuple = ()
+    """Texts of the first rows, or lists of them, of a column without numbers; empty strings where there is none."""
+    listed: bool = False
+    """Whether each row has a list: of texts, or numbers in a text."""
+    dated: bool = False
+    """Whether these texts are times."""
 
 
 class Found(NamedTuple):
@@ -122,7 +127,7 @@ def time_columns(columns):
     """
     first, last, seconds, nanoseconds = {}, {}, {}, {}
     for k, column in enumerate(columns):
-        if not column.numeric:
+        if not (column.numeric or column.dated):
             continue
         name, _ = split_unit(column.name.strip())
         name = name.lower()

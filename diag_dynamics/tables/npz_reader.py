@@ -14,8 +14,11 @@ import numpy as np
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.tables import times
 from diag_dynamics.tables.chosen import choose
-from diag_dynamics.tables.headers import NAMES, Column
-from diag_dynamics.tables.pieces import ROWS, piece, refuse_doubtful
+from diag_dynamics.tables.csv_head import SAMPLE, sampled
+from diag_dynamics.tables.headers import Column
+from diag_dynamics.tables.names import NAMES, Stated, names_of
+from diag_dynamics.tables.pieces import ROWS, Read, piece, refuse_doubtful
+from diag_dynamics.tables.together import Together
 from diag_dynamics.tables.unread import Losses
 
 BROKEN = (
@@ -31,7 +34,7 @@ class NpzReader:
 
     Parameters, attributes and exceptions are those of :class:`~diag_dynamics.tables.csv_reader.CsvReader`. Arrays are (n,) or
     (n, k); one that is (k, n), where n is the length of an array of one dimension and k is none, is turned round. An array of
-    strings called name, names, joints or joint_names names the joints.
+    strings with a row for each time names the joints of each row; another one called joint_names or the like those of all.
     """
 
     def __init__(self, path, wanted, joints):
@@ -44,19 +47,15 @@ class NpzReader:
         with self._opened() as file:
             shapes = {name: self._shape(file, name) for name in file.namelist() if name.endswith(".npy")}
             shapes = {name.removesuffix(".npy"): shape for name, shape in shapes.items() if shape}
-            names = self._named_joints(file, shapes)
+            texts = {name: self._texts_of(file, name) for name, (_, kind) in shapes.items() if kind in "US"}
         if not shapes:
             raise InputError(f"'{path}' has no array that can be read{self._why()}.")
         self._layouts = _layouts({name: shape for name, (shape, kind) in shapes.items() if kind in "iufMm"})
-        columns = [
-            Column(name, self._layouts[name].width) if name in self._layouts else Column(name, numeric=False)
-            for name in shapes
-        ]
+        stated = self._stated(shapes, texts, joints)
+        columns = [self._column_of(name, texts.get(name)) for name in shapes]
         self._names = list(shapes)
-        if names and not wanted.joints and len(names) in {column.width for column in columns}:
-            wanted = wanted._replace(joints=names)
         try:
-            self._choice = choose(columns, wanted, joints, path)
+            self._choice = choose(columns, wanted, joints, path, stated)
         except InputError as error:
             raise InputError(f"{error.args[0]}{self._why()}") if self._broken else error from None
         self._kinds = [kind for _, kind in shapes.values()]
@@ -64,12 +63,22 @@ class NpzReader:
         self.joints = self._choice.joints
         used = [self._names[k] for k in self._choice.used()]
         turned = [name for name in used if self._layouts[name].turned and self._layouts[name].width]
-        self.notes = (*self._choice.notes, *(f"{name}: turned round, it has a row for each joint." for name in turned))
+        self._turned = [f"{name}: turned round, it has a row for each joint." for name in turned]
 
     @property
     def unread(self):
         """What could not be read."""
         return self._losses.listed()
+
+    @property
+    def notes(self):
+        """How the columns were understood."""
+        return (*self._choice.notes, *self._turned, *self._losses.notes())
+
+    @property
+    def without_values(self):
+        """Number of rows without a value of any joint."""
+        return self._losses.without_values
 
     def pieces(self):
         """Each piece as :class:`Columns`; a second call begins anew."""
@@ -84,22 +93,23 @@ class NpzReader:
                 if (one := getattr(self._choice, name)) and one.whole is not None and one.whole not in arrays
             }
         )
-        count = self._count
+        count, together = self._count, Together(choice, self._path)
         for begin in range(0, count, ROWS):
             rows = np.arange(begin, min(begin + ROWS, count))
             part = {k: array[rows[0] : rows[-1] + 1] for k, array in arrays.items()}
-            columns = piece(
-                choice,
+            read = Read(
                 *self._times([part[k] for k in choice.time]),
                 rows,
                 lambda k, part=part, rows=rows: part[k].astype(float) if k in part else np.full(len(rows), np.nan),
-                self._losses,
+                lambda k, part=part: part[k].tolist(),
                 lambda k, rows=rows: f"row {rows[k]}",
             )
+            columns = piece(choice, read, self._losses)
             if len(columns.rows):
                 if begin == 0:
                     refuse_doubtful(choice, columns.time, self._path)
-                yield columns
+                yield from together.take(columns)
+        yield from together.end()
         if not count:
             self._losses.add("there are no rows", "row 0", "")
 
@@ -130,15 +140,41 @@ class NpzReader:
             return None
         return shape, dtype.kind
 
-    def _named_joints(self, file, shapes):
-        """Names of the joints, of the one array that has them; nothing otherwise."""
-        names = [
-            one for one, (shape, kind) in shapes.items() if one.lower() in NAMES and kind == "U" and len(shape) == 1
-        ]
-        if len(names) != 1:
-            return ()
-        array = self._array(file, names[0])
-        return () if array is None or len(set(array.tolist())) != len(array) else tuple(map(str, array))
+    def _texts_of(self, file, name):
+        """An array of texts; None if it cannot be read."""
+        array = self._array(file, name)
+        return None if array is None else array.astype(str)
+
+    def _stated(self, shapes, texts, known):
+        """Names of joints, of the one array that has them and is not of rows; None otherwise."""
+        lengths = {layout.rows for layout in self._layouts.values()}
+        found = []
+        for name, array in texts.items():
+            if array is not None and array.ndim < 2 and (array.ndim == 0 or len(array) not in lengths):
+                names = names_of(str(array)) if array.ndim == 0 else names_of(array.tolist())
+                if any(names) and (_is_label(name) or set(names) <= set(known)):
+                    found.append(Stated(names, f"array '{name}'"))
+        if not found:
+            for name, (_, kind) in shapes.items():
+                if kind == "O" and _is_label(name):
+                    raise InputError(
+                        f"'{self._path}': array '{name}' holds Python objects, which are not loaded. Save names as "
+                        f"np.array({name}, dtype=str)."
+                    )
+        return found[0] if len(found) == 1 else None
+
+    def _column_of(self, name, texts):
+        """What a column is by its array; one of texts gets a layout if it has a row for each time."""
+        if name in self._layouts:
+            return Column(name, self._layouts[name].width)
+        column = Column(name, numeric=False)
+        if texts is None or texts.ndim not in (1, 2):
+            return column
+        if len(texts) not in {layout.rows for layout in self._layouts.values()} and texts.ndim == 2:
+            return column
+        self._layouts[name] = _Layout(len(texts), 0 if texts.ndim == 1 else texts.shape[1], False)
+        first = texts[:SAMPLE].tolist()
+        return sampled(column, first) if texts.ndim == 1 else column._replace(sample=tuple(first), listed=True)
 
     def _check(self, shapes, wanted):
         """Refuse arrays of different lengths, and what types say against a choice by names."""
@@ -176,7 +212,7 @@ class NpzReader:
                 name = self._names[k]
                 array = self._array(file, name)
                 if array is not None:
-                    layout = self._layouts[name]
+                    layout, array = self._layouts[name], array.astype(str) if array.dtype.kind in "US" else array
                     arrays[k] = (array.T if layout.turned else array) if layout.width else array.reshape(-1)
                 elif k in needed:
                     raise InputError(f"'{self._path}'{self._why()}.")
@@ -196,6 +232,8 @@ class NpzReader:
         if len(columns) == 2:
             return times.of_pairs(*(column.astype(float) for column in columns))
         (column,) = columns
+        if column.dtype.kind == "U":
+            return times.of_texts(column.tolist(), self._choice.time_scale)
         if column.dtype.kind in "Mm":
             known = ~np.isnat(column)
             integers = np.where(known, column.astype(f"{column.dtype.kind}8[ns]").astype(np.int64), 0)
@@ -204,6 +242,11 @@ class NpzReader:
         if column.dtype.kind in "iu":
             return times.of_integers(column, self._choice.time_scale)
         return times.of_floats(column.astype(float), self._choice.time_scale)
+
+
+def _is_label(name):
+    """Whether an array of this name lists joints."""
+    return name.replace("/", ".").split(".")[-1].lower() in NAMES
 
 
 class _Layout(NamedTuple):

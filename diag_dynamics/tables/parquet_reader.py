@@ -11,12 +11,12 @@ import numpy as np
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.tables import times
 from diag_dynamics.tables.chosen import choose
-from diag_dynamics.tables.headers import NAMES, Column
-from diag_dynamics.tables.pieces import LEFT_OUT, ROWS, piece, refuse_doubtful
+from diag_dynamics.tables.csv_head import SAMPLE, sampled
+from diag_dynamics.tables.headers import Column
+from diag_dynamics.tables.names import numbers_of, padded, stated_in_metadata
+from diag_dynamics.tables.pieces import ROWS, Read, of_one_length, piece, refuse_doubtful
+from diag_dynamics.tables.together import Together
 from diag_dynamics.tables.unread import Losses
-
-OTHER_LENGTH = "list of another length than there are joints"
-OTHER_NAMES = "names of other joints than the first row has"
 
 _UNIT = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
@@ -24,9 +24,8 @@ _UNIT = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 class ParquetReader:
     """Rows of a Parquet file in pieces: one row group after another, those that are damaged left out.
 
-    Parameters, attributes and exceptions are those of :class:`~diag_dynamics.tables.csv_reader.CsvReader`. A list of strings
-    beside the lists of numbers, in a column called name, names, joints or joint_names, names the joints; rows with other
-    names than the first are left out.
+    Parameters, attributes and exceptions are those of :class:`~diag_dynamics.tables.csv_reader.CsvReader`. Columns of
+    strings, or of lists of them, may name the joints of each row; the metadata of the schema may name those of all rows.
     """
 
     def __init__(self, path, wanted, joints):
@@ -42,41 +41,33 @@ class ParquetReader:
             ) from error
         with self._opened() as file:
             fields = list(_flat(self._arrow.types, file.schema_arrow))
-            self._names_at, names = self._named_joints(file, fields)
-            widths = {name: self._width(file, name, kind) for name, kind in fields}
-            units = _units(file.schema_arrow)
-        self._kinds = [kind for _, kind in fields]
-        self._columns = [
-            Column(
-                name,
-                widths[name],
-                units.get(name),
-                numeric=self._is_numeric(kind) and (widths[name] > 0 or not self._is_list(kind)),
-            )
-            for name, kind in fields
-        ]
-        if wanted.joints or len(names) not in widths.values():
-            self._names_at = None
-        else:
-            wanted = wanted._replace(joints=names)
-        self._first_names = list(names)
-        self._choice = choose(self._columns, wanted, joints, path)
-        if self._names_at is not None and self._choice.position.whole is None:
-            self._names_at = None
+            units, stated = _units(file.schema_arrow), _stated(file.schema_arrow)
+            self._kinds = [kind for _, kind in fields]
+            self._columns = [self._column_of(file, name, kind, units.get(name)) for name, kind in fields]
+        self._choice = choose(self._columns, wanted, joints, path, stated)
         self._check(wanted)
-        self.joints, self.notes = self._choice.joints, self._choice.notes
+        self.joints = self._choice.joints
 
     @property
     def unread(self):
         """What could not be read."""
         return self._losses.listed()
 
+    @property
+    def notes(self):
+        """How the columns were understood."""
+        return (*self._choice.notes, *self._losses.notes())
+
+    @property
+    def without_values(self):
+        """Number of rows without a value of any joint."""
+        return self._losses.without_values
+
     def pieces(self):
         """Each piece as :class:`Columns`; a second call begins anew."""
         self._losses = Losses(self._path)
         first, row = True, 0
-        used = [self._columns[k].name for k in self._choice.used()]
-        used += [] if self._names_at is None else [self._names_at]
+        used, together = [self._columns[k].name for k in self._choice.used()], Together(self._choice, self._path)
         with self._opened() as file:
             for group in range(file.num_row_groups):
                 end = row + file.metadata.row_group(group).num_rows
@@ -88,13 +79,14 @@ class ParquetReader:
                             if first:
                                 refuse_doubtful(self._choice, columns.time, self._path)
                             first = False
-                            yield columns
+                            yield from together.take(columns)
                 except (self._arrow.ArrowException, OSError) as error:
                     why = " ".join(str(error).split())
                     self._losses.add(
                         "row group cannot be read", f"row {row}, row group {group}", "rows lost", end - row, why
                     )
                 row = end
+            yield from together.end()
             if not file.metadata.num_rows:
                 self._losses.add("there are no rows", "row 0", "")
 
@@ -110,23 +102,35 @@ class ParquetReader:
                 "says where everything is, and is missing in a file that was not closed or not copied whole."
             ) from error
 
-    def _named_joints(self, file, fields):
-        """The column that names joints, and their names; None and nothing if there is none, or several."""
+    def _column_of(self, file, name, kind, unit):
+        """What a column is by its type, and by its first rows if it has texts."""
+        column = Column(name, self._width(file, name, kind), unit, numeric=self._is_numeric(kind))
+        if self._is_list(kind):
+            column = column._replace(numeric=column.numeric and column.width > 0)
+        if not self._is_text(kind.value_type if self._is_list(kind) else kind):
+            return column
+        texts = []
+        for batch in self._beginning(file, name):
+            texts += self._texts(batch, name)
+            if any(texts):
+                break
+        texts = texts[: max(SAMPLE, next((k for k, text in enumerate(texts) if text), 0) + 1)]
+        if self._is_list(kind):
+            return column._replace(sample=tuple(one or () for one in texts), listed=True)
+        return sampled(column, texts)
+
+    def _is_text(self, kind):
         types = self._arrow.types
-        columns = [
-            name
-            for name, kind in fields
-            if name.split(".")[-1].lower() in NAMES
-            and self._is_list(kind)
-            and (types.is_string(kind.value_type) or types.is_large_string(kind.value_type))
-        ]
-        if len(columns) != 1:
-            return None, ()
-        for batch in self._beginning(file, columns[0]):
-            for names in self._column(batch, columns[0]).to_pylist():
-                if names and None not in names and len(set(names)) == len(names):
-                    return columns[0], tuple(names)
-        return None, ()
+        if types.is_dictionary(kind):
+            kind = kind.value_type
+        return types.is_string(kind) or types.is_large_string(kind)
+
+    def _texts(self, batch, name):
+        """Texts of a column, or lists of them; None of null."""
+        column = self._column(batch, name)
+        if self._arrow.types.is_dictionary(column.type):
+            column = column.dictionary_decode()
+        return column.to_pylist()
 
     def _width(self, file, name, kind):
         """Columns of a list, which its first row that is not empty has; 0 of what is none."""
@@ -186,21 +190,14 @@ class ParquetReader:
     def _piece(self, batch, row):
         """Rows of a batch."""
         rows = np.arange(row, row + batch.num_rows)
-        if self._names_at is not None:
-            names = self._column(batch, self._names_at).to_pylist()
-            same = np.array([one == self._first_names for one in names], bool)
-            if not same.all():
-                where = f"row {rows[np.argmin(same)]}"
-                self._losses.add(OTHER_NAMES, where, LEFT_OUT, int(len(same) - same.sum()))
-                batch, rows = batch.filter(self._arrow.array(same)), rows[same]
-        return piece(
-            self._choice,
+        read = Read(
             *self._times(batch),
             rows,
             lambda k: self._numbers(batch, k, rows),
-            self._losses,
+            lambda k: self._texts(batch, self._columns[k].name),
             lambda k: f"row {rows[k]}",
         )
+        return piece(self._choice, read, self._losses)
 
     def _column(self, batch, name):
         """A column of a batch, also one in a struct."""
@@ -223,6 +220,8 @@ class ParquetReader:
         column, scale, types = columns[0], self._choice.time_scale, self._arrow.types
         if types.is_dictionary(column.type):
             column = column.dictionary_decode()
+        if self._is_text(column.type):
+            return times.of_texts(["" if one is None else one for one in column.to_pylist()], scale)
         if self._is_temporal(self._choice.time[0]):
             column, scale = column.cast(self._arrow.int64()), _UNIT[column.type.unit]
         if types.is_integer(column.type):
@@ -242,25 +241,31 @@ class ParquetReader:
 
     def _numbers(self, batch, k, rows):
         """Numbers of a column by its index."""
-        column, width = self._column(batch, self._columns[k].name), self._columns[k].width
+        name, width = self._columns[k].name, self._columns[k].width
+        column = self._column(batch, name)
         if not width:
             return self._floats(column)
-        lengths = np.nan_to_num(self._compute.list_value_length(column).to_numpy(zero_copy_only=False)).astype(int)
-        fit = lengths == width
-        odd = ~fit & (lengths > 0)
-        if odd.any():
-            at = int(np.argmax(odd))
-            example = f"column '{self._columns[k].name}': {lengths[at]} instead of {width}"
-            self._losses.add(OTHER_LENGTH, f"row {rows[at]}", "rows of it are NaN", int(odd.sum()), example)
-        values = np.full((len(rows), width), np.nan)
-        values[fit] = self._floats(column.filter(self._arrow.array(fit)).flatten()).reshape(-1, width)
-        return values
+        if self._is_text(column.type):
+            values, lengths = padded([numbers_of(text or "") or () for text in self._texts(batch, name)])
+        else:
+            lengths = np.nan_to_num(self._compute.list_value_length(column).to_numpy(zero_copy_only=False)).astype(int)
+            values = np.full((len(rows), lengths.max(initial=0)), np.nan)
+            values[np.arange(values.shape[1]) < lengths[:, None]] = self._floats(column.flatten())
+        if self._choice.names:
+            return values
+        return of_one_length(values, lengths, width, self._losses, lambda at: f"row {rows[at]}", name)
 
 
 def _units(schema):
     """Units of columns by name, where the metadata of their fields have one."""
     found = ((field.name, (field.metadata or {}).get(b"unit")) for field in schema)
     return {name: unit.decode(errors="replace") for name, unit in found if unit}
+
+
+def _stated(schema):
+    """Names of joints in the metadata of the schema, or of a field; None if there are none."""
+    every = [schema.metadata, *(field.metadata for field in schema)]
+    return next((found for found in map(stated_in_metadata, every) if found), None)
 
 
 def _flat(types, fields, prefix=""):

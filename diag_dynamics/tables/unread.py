@@ -22,11 +22,17 @@ class Losses:
     Parameters
     ----------
     file : str
+
+    Attributes
+    ----------
+    without_values : int
+        Rows that have no value of any joint.
     """
 
     def __init__(self, file):
         self._file = file
         self._causes = {}
+        self._overruled, self._choice, self.without_values = None, None, 0
 
     def add(self, cause, where, unit, count=1, example=""):
         """Count one kind of loss.
@@ -42,6 +48,21 @@ class Losses:
         """
         first, example, before = self._causes.get((cause, unit), (where, example, 0))
         self._causes[cause, unit] = first, example, before + count
+
+    def overrule(self, choice, where, names, count):
+        """Count rows whose names of joints the map of columns overrules."""
+        first, others, before = self._overruled or (where, names, 0)
+        self._overruled, self._choice = (first, others, before + count), choice
+
+    def notes(self):
+        """What the map of columns has overruled: a list of str."""
+        if not self._overruled:
+            return []
+        (where, names, count), choice = self._overruled, self._choice
+        return [
+            f"joints: the map of columns gives {', '.join(choice.joints)}; '{choice.overruled.pattern}' names "
+            f"{', '.join(names)} in {where} and differs from the map in {count} rows. It is not used."
+        ]
 
     def listed(self):
         """All of them as a list of :class:`Unread`, in the order in which they were met first."""

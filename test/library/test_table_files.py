@@ -38,7 +38,7 @@ LOOSE = {"joint_timeout": 0.0, "frozen_timeout": 0.0} | {
 """Parameters by which every finite number with a velocity is a state."""
 FREE = LOOSE | {"missing_velocity": "estimate", "velocity_filter_time": 0.0}
 """The same, and velocities may be missing: they are estimated, which takes longer."""
-NO_TIME = "no time, or one that is no number: {} rows left out"
+NO_TIME = "no time, or one that is no number{}: {} rows left out"
 
 
 def read(path, columns=None, joints=PAIR, parameters=FREE):
@@ -209,7 +209,7 @@ HOSTILE = {
         [0, 3],
         ["line 3: text where a number belongs (column 'q_a': 'x'): 4 fields are NaN"],  # each one is read twice
     ),
-    "times": ("0,1,2\nx,2,2\n,3,2\nnan,4,2\n2,5,2\n", [0, 2], ["line 3: " + NO_TIME.format(3)]),
+    "times": ("0,1,2\nx,2,2\n,3,2\nnan,4,2\n2,5,2\n", [0, 2], ["line 3: " + NO_TIME.format(" ('x')", 3)]),
     "NUL": (
         b"0,1,2\n\0\0\0\0\n1,2\0,2\n2,3,4\n" + b"\0" * 5000,
         [0, 2],
@@ -640,16 +640,42 @@ ISO = [
 
 @pytest.mark.parametrize("text", ISO)
 def test_iso_times(written, text):
-    """In every form, in CSV with and without a header."""
+    """In every form, in CSV with and without a header, in Parquet and in npz."""
     after = text.replace("6789", "6790")
+    numbers = {"q1": [1.0, 1.0], "qd1": [0.0, 0.0]}
     contents = [(f'time,q1,qd1\n"{text}",1,0\n"{after}",1,0\n', None)]
     contents += [(f"time;q1;qd1\n{text};1,0;0,0\n{after};1,0;0,0\n", {"decimal": ","})]
     contents += [
         (f'"{text}",1,0\n"{after}",1,0\n', {"header": None, "time": 0, "position": [1], "velocity": [2]}),
+        ({"time": np.array([text, after])} | {name: np.array(values) for name, values in numbers.items()}, None),
     ]
+    for kind in (pa.string(), pa.large_string(), pa.dictionary(pa.int32(), pa.string())):
+        contents += [(pa.table({"time": pa.array([text, after]).cast(kind)} | numbers), None)]
     for content, columns in contents:
         recording = read(written(content), columns, joints=("a",))
         assert (recording.stamp.tolist(), lost(recording)) == ([BEGIN, BEGIN + 1], [])
+
+
+@pytest.mark.parametrize("zone", [None, "UTC", "Europe/Berlin", "America/New_York"])
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_times_of_pandas(tmp_path, zone, unit):
+    """Timestamps with a zone or none, as columns, and as text that pandas writes."""
+    times = pd.Series(pd.to_datetime([10**18, 10**18 + 10**7], utc=True).tz_convert(zone).as_unit(unit))
+    frame = pd.DataFrame({"time": times, "q1": [1.0, 1.0], "qd1": [0.0, 0.0]})
+    frame.to_parquet(tmp_path / "times.parquet")
+    frame.to_csv(tmp_path / "times.csv", index=False)
+    frame.assign(time=times.astype(str)).to_parquet(tmp_path / "texts.parquet")
+    frame.assign(time=times.astype(str).astype("category")).to_parquet(tmp_path / "categories.parquet")
+    for path in tmp_path.iterdir():
+        assert read(path, joints=("a",)).stamp.tolist() == [10**18, 10**18 + 10**7]
+
+
+def test_times_that_cannot_be_read_are_quoted(written):
+    rows = "".join(f"{second:02}.1.2026 noon,1,0\n" for second in range(3))
+    recording = read(written(f"time,q1,qd1\n{rows}"), joints=("a",))
+    assert lost(recording) == ["line 2: " + NO_TIME.format(" ('00.1.2026 noon')", 3)] and not len(recording)
+    texts = pa.table({"time": ["2026-01-01 12:00:00", "noon"], "q1": [1.0, 1.0], "qd1": [0.0, 0.0]})
+    assert lost(read(written(texts), joints=("a",))) == ["row 1: " + NO_TIME.format(" ('noon')", 1)]
 
 
 @pytest.mark.parametrize(("unit", "scale"), [("ms", 10**3), ("us", 10**6), ("ns", 10**9)])
@@ -718,15 +744,15 @@ def test_lists(written, kind):
 
 
 def test_joint_states_in_parquet(written):
-    """A struct of lists, as a message is, names included; rows of other joints are left out."""
+    """A struct of lists, as a message is, names included; rows of other joints are messages of another robot."""
     states = [{"name": ["b", "a"], "position": [k, k + 10], "velocity": [1, 2], "effort": [1, 2]} for k in range(4)]
-    states[2] |= {"name": ["gripper"], "position": [9]}
+    states[2] = {"name": ["gripper"], "position": [9], "velocity": [1], "effort": [1]}
     numbers = [(name, pa.list_(pa.float64())) for name in ("position", "velocity", "effort")]
     kind = pa.struct([("name", pa.list_(pa.string())), *numbers])
     table = pa.table({"stamp": [0.0, 1.0, 2.0, 3.0], "joint_states": pa.array(states, kind)})
     recording = read(written(table))
     assert recording.q.tolist() == [[10, 0], [11, 1], [13, 3]] and recording.tau[0].tolist() == [2, 1]
-    assert lost(recording) == ["row 2: names of other joints than the first row has: 1 rows left out"]
+    assert recording.counts["foreign"] == 1 and not lost(recording)
 
 
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
@@ -739,7 +765,7 @@ def test_missing_times(written, unit):
         recording = read(
             written(table, version="2.6") if isinstance(table, pa.Table) else written(table), joints=("a",)
         )
-        assert lost(recording) == ["row 1: " + NO_TIME.format(1)]
+        assert lost(recording) == ["row 1: " + NO_TIME.format("", 1)]
         assert np.diff(recording.stamp) == 2 * {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}[unit]
     with pytest.raises(dd.InputError, match="'t' says its unit itself"):
         read(written(pa.table({"t": pa.array([5], pa.timestamp(unit)), "q_a": [1.0]})), {"scale": {"time": 1}})
@@ -789,7 +815,8 @@ def test_a_damaged_array(written, at):
     [
         (pa.table({"t": [0.0], "q1": ["1"]}), None, "no column is known as a position"),
         (pa.table({"t": [0.0], "q1": ["1"]}), {"position": "q1"}, "'q1' does not hold numbers"),
-        (pa.table({"t": ["0"], "q1": [1.0]}), None, "no column is known as that of the times"),
+        (pa.table({"t": ["noon"], "q1": [1.0]}), None, "'t' holds text such as 'noon', expected numbers or ISO 8601"),
+        (pa.table({"t": ["noon"], "q1": [1.0]}), {"time": "t"}, "numbers or ISO 8601 times, but text such as 'noon'"),
         (pa.table({"t": [[0.0]], "q1": [1.0]}), {"time": "t"}, "time: 't' has 1 columns"),
         (pa.table({"t": [0.0], "q_a": pa.array([1], pa.timestamp("s"))}), None, "column 'q_a' is of times"),
         (pa.table({"t": [0.0], "q": [[1.0]], "q2": [1.0]}), {"position": ["q", "q2"]}, "'q' is a whole array"),

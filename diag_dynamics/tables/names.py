@@ -1,0 +1,225 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Names of joints in the data of a table: in columns of text row by row, in comments, in metadata."""
+
+import json
+import re
+from contextlib import suppress
+from typing import NamedTuple
+
+import numpy as np
+
+NAMES = ("name", "names", "joint", "joints", "joint_name", "joint_names", "joint_order")
+"""Names of lists of joint names, in small letters."""
+
+_LABEL = re.compile(r"(?:.*[./:\s|])?(?:(?:joints?[_ -]?)?names?|joints?|joint[_ -]?(?:order|ids?))")
+"""Header of a column of joint names without its index, in small letters."""
+
+_STATEMENT = re.compile(r"[#%\s]*(?P<label>[^:=#]*)[:=](?P<names>.*\S)")
+
+_WORDS = re.compile(r"\b(?:joints?|joint_?names?|joint_?order|names?|order)\b", re.IGNORECASE)
+"""Words of which the label of a list of joint names has one."""
+
+_QUOTED = re.compile(r"""b?'([^']*)'|b?"([^"]*)\"""")
+
+_SCALAR = re.compile(r"\b(?:np|numpy)\.\w+\(([^()\[\]]*)\)")
+
+_NO_NAMES = frozenset(("", "nan", "none", "null", "na", "n/a", "-", "--"))
+
+
+class Stated(NamedTuple):
+    """Names of the joints of a table in the order of its columns."""
+
+    joints: tuple[str, ...]
+    where: str
+    """Place in the file, for messages."""
+    sure: bool = True
+    """Whether these must be joints, whatever the names are."""
+
+
+class RowNames(NamedTuple):
+    """Columns of text that name the joints of each row: one for each place, or one for all places."""
+
+    pattern: str
+    columns: tuple[int, ...] = ()
+    numbers: tuple[int, ...] = ()
+    """Index of each of these columns in its header, ascending; empty of a single column without one."""
+    whole: int | None = None
+    """Column of lists."""
+    first: tuple[str, ...] = ()
+    """Names in the first row that has any."""
+
+    @property
+    def used(self):
+        """Indices of the columns."""
+        return self.columns if self.whole is None else (self.whole,)
+
+
+def names_of(text):
+    """Return the names in a text: ``['a', 'b']``, ``(a; b)``, ``a, b``, ``a b`` or ``a``."""
+    if not isinstance(text, str):
+        return () if text is None else tuple("" if one is None else _clean(str(one)) for one in text)
+    body = _inner(text)
+    quoted = _QUOTED.findall(body)
+    if quoted:
+        return tuple(_clean(one or other) for one, other in quoted)
+    separator = next((one for one in ",;|\t" if one in body), None)
+    return tuple(filter(None, map(_clean, body.split(separator))))
+
+
+def numbers_of(text):
+    """Return the numbers in the text of an array, ``(0.1, 0.2)`` or ``[0.1 0.2]``; None if it is none."""
+    text = text.strip()
+    if not text or text[-1] not in "])}":
+        return None
+    body = _inner(text)
+    try:
+        return tuple(map(float, re.split(r"\s*[,;]\s*|\s+", body.strip(" \t,;")))) if body.strip() else ()
+    except ValueError:
+        return None
+
+
+def _inner(text):
+    """The text between the innermost brackets, or the text; scalars of numpy are what is in them."""
+    text = _SCALAR.sub(r"\1", text.strip())
+    found = re.search(r"[\[({]([^\[\](){}]*)[\])}]", text)
+    return found[1] if found and text[-1] in "])}" else text
+
+
+def _clean(text):
+    """A name without quotes and blanks; empty for texts that stand for no value."""
+    text = text.strip().strip("'\"").strip()
+    return "" if text.lower() in _NO_NAMES else text
+
+
+def stated_in_comment(line, where):
+    """Return the names that a comment states, such as ``# joints: elbow, wrist``; None otherwise."""
+    found = _STATEMENT.fullmatch(line.strip())
+    if found is None or not _WORDS.search(found["label"]):
+        return None
+    names = names_of(found["names"])
+    if not names or not all(re.search(r"[^\W\d]", one) and not re.search(r"\s", one) for one in names):
+        return None
+    return Stated(names, where, "joint" in found["label"].lower())
+
+
+def stated_in_metadata(metadata):
+    """Return the names that metadata state, a dict of bytes or texts, and their key; None otherwise."""
+    for key, value in (metadata or {}).items():
+        key, value = (one.decode(errors="replace") if isinstance(one, bytes) else one for one in (key, value))
+        if str(key).lower() not in (*NAMES, "pandas_attrs"):
+            continue
+        with suppress(TypeError, ValueError):
+            value = json.loads(value)
+        if isinstance(value, dict):
+            found = stated_in_metadata(value)
+            if found:
+                return found
+        elif names := names_of(value) if isinstance(value, str | list) else ():
+            return Stated(names, f"metadata '{key}'")
+    return None
+
+
+def row_names(columns, known):
+    """Return the sets of columns that name joints row by row.
+
+    A column is one of them by its header, such as ``name0``, or because names of the model's joints are among its texts.
+
+    Parameters
+    ----------
+    columns : list of Column
+    known : sequence of str
+        Names of the model's joints.
+
+    Returns
+    -------
+    list of RowNames
+    """
+    sets = {}
+    for k, column in enumerate(columns):
+        if not column.sample:
+            continue
+        stem, number = _stem(column.name)
+        texts = [name for text in column.sample for name in names_of(text)]
+        labelled = bool(_LABEL.fullmatch(stem.replace("{}", "").strip(" _.[](){}/-:|")))
+        if labelled or (any(name in known for name in texts)):
+            sets.setdefault(stem, []).append((number, k, column.sample, labelled))
+    found = []
+    for stem, members in sets.items():
+        names = [[names_of(text) for text in sample] for *_, sample, _ in members]
+        if not any(any(one) for sample in names for one in sample):
+            continue
+        if len(members) == 1 and (members[0][0] is None or any(len(one) > 1 for one in names[0])):
+            k = members[0][1]
+            first = next(one for one in names[0] if any(one))
+            several = any(len(one) != 1 for one in names[0] if one) or columns[k].listed
+            found.append(
+                RowNames(columns[k].name, whole=k, first=first)
+                if several
+                else RowNames(columns[k].name, (k,), first=first)
+            )
+        elif all(number is not None for number, *_ in members):
+            members.sort(key=lambda one: one[0])
+            rows = zip(*(sample for *_, sample, _ in members), strict=False)
+            first = next((row for row in rows if any(map(_clean, row))), ())
+            indices, places = (tuple(one[at] for one in members) for at in (0, 1))
+            found.append(RowNames(stem.replace("{}", "*"), places, indices, first=tuple(map(_clean, first))))
+    return found
+
+
+def _stem(header):
+    """A header in small letters with {} for its last number, and the number; None where it has none."""
+    header = header.strip().lower()
+    found = list(re.finditer(r"\d{1,4}", header))
+    if not found:
+        return header, None
+    at = found[-1]
+    return f"{header[: at.start()]}{{}}{header[at.end() :]}", int(at[0])
+
+
+def nearest(sets, pattern):
+    """Return those of several sets whose headers begin most like a pattern."""
+    common = [_common(one.pattern.lower(), pattern.lower()) for one in sets]
+    return [one for one, length in zip(sets, common, strict=True) if length == max(common)]
+
+
+def _common(one, other):
+    """Number of characters at the beginning of two texts that are the same."""
+    pairs = enumerate(zip(one, other, strict=False))
+    return next((k for k, (a, b) in pairs if a != b), min(len(one), len(other)))
+
+
+def names_in_rows(names, texts, count):
+    """Return the names of each row, (n, k) of str, empty where a place has none.
+
+    Parameters
+    ----------
+    names : RowNames
+    texts : callable
+        Texts, or lists of them, of a column by its index.
+    count : int
+        Rows.
+    """
+    if names.whole is None:
+        columns = [texts(k) for k in names.columns]
+        known = {text: _clean(text) if isinstance(text, str) else "" for column in columns for text in set(column)}
+        return np.array([[known[text] for text in column] for column in columns], object).T.reshape(count, -1)
+    rows = list(map(_key, texts(names.whole)))
+    known = {row: names_of(list(row) if isinstance(row, tuple) else row) for row in set(rows)}
+    width = max(map(len, known.values()), default=0)
+    padded = {row: (*one, *[""] * (width - len(one))) for row, one in known.items()}
+    return np.array([padded[row] for row in rows], object).reshape(count, width)
+
+
+def _key(text):
+    """A text as it is, a list of texts as a tuple."""
+    return text if text is None or isinstance(text, str) else tuple(text)
+
+
+def padded(lists):
+    """Return lists of numbers as (n, k), NaN behind the end of each, and their lengths."""
+    lengths = np.array([len(one) for one in lists], int)
+    values = np.full((len(lists), max(lengths, default=0)), np.nan)
+    values[np.arange(values.shape[1]) < lengths[:, None]] = [number for one in lists for number in one]
+    return values, lengths

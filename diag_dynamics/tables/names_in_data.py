@@ -1,0 +1,150 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The choice of joints by names that stand in rows, comments and metadata."""
+
+from diag_dynamics.tables.names import nearest, row_names
+
+
+class NamesInData:
+    """Names of joints in rows, and in a comment or in metadata.
+
+    Parameters
+    ----------
+    columns : list of Column
+    wanted : ColumnMap
+    model : sequence of str
+        Names of the model's joints.
+    stated : Stated or None
+    """
+
+    def __init__(self, columns, wanted, model, stated):
+        self._columns, self._wanted, self._model, self._stated = columns, wanted, tuple(model), stated
+        self._by_map = bool(wanted.joints) or isinstance(wanted.position, list)
+        self._sets = row_names(columns, self._model)
+
+    def joints(self, group, count):
+        """Joints of columns of positions by the data: a problem or '', joints or places, and columns; None without names."""
+        if self._by_map or group.names_joints(self._model):
+            return None
+        rows = self._rows_for(group, count)
+        if rows:
+            return _places(group, rows, count)
+        return self._by_statement(group, count)
+
+    def judge(self, group, joints, error, notes):
+        """Compare names in the data with those that were chosen.
+
+        Parameters
+        ----------
+        group
+            Columns of positions.
+        joints : tuple of str
+            Those of its columns.
+        error : callable
+            Makes an error of a text.
+        notes : list of str
+            Receives what the map overrules.
+
+        Returns
+        -------
+        tuple
+            The names in rows that are used, and those that the map overrules; None where there are none.
+        """
+        count = len(joints)
+        rows = self._rows_for(group, count)
+        stated = self._stated if self._stated and self._are_joints(self._stated.joints) else None
+        if self._by_map:
+            if stated and stated.joints != joints:
+                notes.append(
+                    f"joints: the map of columns gives {_list(joints)}; {stated.where} names {_list(stated.joints)} and is "
+                    "not used."
+                )
+            return None, rows
+        if group.names_joints(self._model):
+            for names, where in ((stated and stated.joints, stated and stated.where), *self._first_rows()):
+                odd = [joint for joint in joints if joint not in (names or joints)]
+                if odd:
+                    raise error(
+                        f"headers name the joints {_list(joints)}, but {where} names {_list(names)}: {_list(odd)} is not "
+                        "among them. Say which by `joints` and `position` in the map of columns."
+                    )
+            return None, None
+        if rows and stated and len(rows.first) == len(stated.joints) and rows.first != stated.joints:
+            raise error(
+                f"{stated.where} names the joints {_list(stated.joints)}, but '{rows.pattern}' names {_list(rows.first)} in "
+                "the first row. Say which by `joints` and `position` in the map of columns."
+            )
+        return rows, None
+
+    def _first_rows(self):
+        """Names of the first row, and where they are, of sets of the model's joints."""
+        return [(one.first, f"'{one.pattern}'") for one in self._sets if self._are_joints(one.first)]
+
+    def _are_joints(self, names):
+        return any(name in self._model for name in names)
+
+    def _rows_for(self, group, count):
+        """The columns of names that belong to columns of positions; None if there are none."""
+        fitting = [one for one in self._sets if self._fits(one, group, count)]
+        fitting = nearest(fitting, group.pattern.strip("'")) if len(fitting) > 1 else fitting
+        return fitting[0] if fitting else None
+
+    def _fits(self, rows, group, count):
+        if rows.whole is None and not rows.numbers:  # a joint a row
+            return count == 1
+        if rows.whole is not None:
+            return len(rows.first) == count or group.whole is not None or self._are_joints(rows.first)
+        return len(rows.numbers) == count or self._are_joints(rows.first)
+
+    def _by_statement(self, group, count):
+        """As :meth:`joints`, of the names in a comment or in metadata."""
+        stated = self._stated
+        if not stated or not (self._are_joints(stated.joints) or (stated.sure and len(stated.joints) == count)):
+            return None
+        names, where, _ = stated
+        if len(set(names)) != len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            return f"{where} names the joint '{twice}' twice.", (), ()
+        if len(names) != count:
+            return (
+                f"{group.pattern} has {count} columns, but {where} names {len(names)} joints: {_list(names)}.",
+                (),
+                (),
+            )
+        if self._model and not self._are_joints(names):
+            problem = (
+                f"{where} names {_list(names)}, none of which is among the joints of the model: {_list(self._model)}."
+            )
+            return problem, (), ()
+        return "", names, _in_order(group)
+
+
+def _places(group, rows, count):
+    """Places of columns of positions among those of names: a problem or '', labels, and columns."""
+    labels = tuple(joint if number is None else str(number) for joint, number, _ in _sorted(group))
+    if not rows.numbers or group.ordered:
+        return "", labels or tuple(map(str, range(count))), _in_order(group)
+    by_number = {number: k for _, number, k in group.members}
+    if by_number.keys() <= set(rows.numbers):
+        return "", tuple(map(str, rows.numbers)), tuple(by_number.get(number) for number in rows.numbers)
+    if len({one - other for one, other in zip(sorted(by_number), rows.numbers, strict=False)}) == 1:  # from 1, from 0
+        return "", labels, _in_order(group)
+    problem = (
+        f"{group.pattern} has the numbers {_list(by_number)}, but the joints' names are in '{rows.pattern}' with the "
+        f"numbers {_list(rows.numbers)}."
+    )
+    return problem, (), ()
+
+
+def _sorted(group):
+    """Members in the order of their numbers, or as they are."""
+    return group.members if group.ordered else sorted(group.members, key=lambda one: one[1])
+
+
+def _in_order(group):
+    return tuple(k for *_, k in _sorted(group))
+
+
+def _list(names):
+    return ", ".join(map(str, names))

@@ -1,0 +1,391 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Joint names in the data of tables: in rows, comments and metadata. The joints are those that the data name.
+
+Text is read twice, with pyarrow and without it: the same states, counts and findings.
+"""
+
+import json
+import sys
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from pyarrow import parquet
+
+import diag_dynamics as dd
+from bags import arm
+
+JOINTS = ("shoulder", "elbow", "wrist")
+"""Of the robot, from the base to the tip."""
+ALPHABETICAL = tuple(sorted(JOINTS))
+ROWS = 6
+LOOSE = {"joint_timeout": 0.0, "frozen_timeout": 0.0, "absurd.jump": 0.0, "absurd.position": 0.0}
+FIELDS = ("position", "velocity", "effort")
+
+
+def value(field, joint, row):
+    """Return a number that tells its quantity, joint and row."""
+    return FIELDS.index(field) + 0.1 * JOINTS.index(joint) + 0.001 * row if joint in JOINTS else 9.0
+
+
+def time(row):
+    """Return the time of a row [ns]."""
+    return 1_660_000_000_000_000_000 + 10_000_000 * row
+
+
+def expected(field):
+    """Return the numbers of all rows by the robot's joints."""
+    return np.array([[value(field, joint, row) for joint in JOINTS] for row in range(ROWS)])
+
+
+def fixed(row):
+    """Return joints in alphabetical order, as drivers send them."""
+    return ALPHABETICAL
+
+
+def changing(row):
+    """Return joints in an order that changes from row to row."""
+    return tuple(np.roll(ALPHABETICAL, row))
+
+
+def with_others(row):
+    """Return joints among joints of another robot, in a changing order."""
+    return ("gripper", *changing(row), "lamp") if row % 2 else (*changing(row), "lamp", "gripper")
+
+
+ORDERS = [fixed, changing, with_others]
+
+
+# --- Writers: each makes the content of a file of the joints of each row ---
+
+
+def rostopic(order, separator=",", ending="\n", name="field.{}{}", decimal=".", quote="", echo=True):
+    """Return what `rostopic echo -p` writes; with other options, what others make of it."""
+    width = max(len(order(row)) for row in range(ROWS))
+    begin = ["%time", "field.header.seq", "field.header.stamp", "field.header.frame_id"] if echo else ["Time"]
+    lines = [[*begin, *(name.format(field, k) for field in ("name", *FIELDS) for k in range(width))]]
+    for row in range(ROWS):
+        joints = order(row)
+        line = [str(time(row) + 77), str(row), str(time(row)), ""] if echo else [f"{time(row) * 1e-9:.9f}"]
+        lacking = [""] * (width - len(joints))
+        line += [*(f"{quote}{joint}{quote}" for joint in joints), *lacking]
+        for field in FIELDS:
+            line += [*(f"{value(field, joint, row):.4f}" for joint in joints), *lacking]
+        lines.append([one.replace(".", decimal) if one and one[-1].isdigit() else one for one in line])
+        if decimal != ".":
+            lines[0] = [one.replace(",", ".") for one in lines[0]]
+    return "".join(separator.join(line) + ending for line in lines)
+
+
+def bagpy(order, numbers="({})", names="['{}']", between="', '", comma=", ", separator=","):
+    """Return what bagpy writes where lists stay together."""
+    lines = [separator.join(["Time", "header.seq", "header.frame_id", "name", *FIELDS])]
+    for row in range(ROWS):
+        lists = [numbers.format(comma.join(f"{value(field, j, row):.4f}" for j in order(row))) for field in FIELDS]
+        cells = [names.format(between.join(order(row))), *lists]
+        lines.append(separator.join([f"{time(row) * 1e-9:.9f}", str(row), "base", *(f'"{one}"' for one in cells)]))
+    return "\n".join(lines) + "\n"
+
+
+def bagpy_flat(order):
+    """Return what bagpy writes of tuples: a column for each number, one for all names."""
+    count = len(order(0))
+    lines = [",".join(["Time", "name", *(f"{field}_{k}" for field in FIELDS for k in range(count))])]
+    for row in range(ROWS):
+        numbers = [f"{value(field, joint, row):.4f}" for field in FIELDS for joint in order(row)]
+        lines.append(",".join([f"{time(row) * 1e-9:.9f}", f'"{list(order(row))}"', *numbers]))
+    return "\n".join(lines)
+
+
+def long_table(order, header="time,joint,position,velocity,effort"):
+    """Return a row for each joint and time."""
+    rows = [
+        ",".join([f"{time(row) * 1e-9:.9f}", joint, *(f"{value(field, joint, row):.4f}" for field in FIELDS)])
+        for row in range(ROWS)
+        for joint in order(row)
+    ]
+    return "\n".join([header, *rows]) + "\n"
+
+
+def echoed(order):
+    """Return what `ros2 topic echo --csv` writes."""
+    lines = []
+    for row in range(ROWS):
+        numbers = [f"{value(field, joint, row):.4f}" for field in FIELDS for joint in order(row)]
+        lines.append(",".join([*map(str, divmod(time(row), 10**9)), "base", *order(row), *numbers]))
+    return "\n".join(lines)
+
+
+def lists_in_parquet(order, kind=None):
+    """Return a table of lists, as messages have them."""
+    names = pa.array([list(order(row)) for row in range(ROWS)], pa.list_(kind or pa.string()))
+    lists = {field: [[value(field, joint, row) for joint in order(row)] for row in range(ROWS)] for field in FIELDS}
+    return pa.table({"stamp": pa.array(map(time, range(ROWS)), pa.timestamp("ns")), "name": names, **lists})
+
+
+def columns_in_parquet(order, kind=None):
+    """Return a table with a column for each name and number."""
+    columns = {"stamp": pa.array(map(time, range(ROWS)), pa.timestamp("ns"))}
+    for k in range(len(order(0))):
+        columns[f"name_{k}"] = pa.array([order(row)[k] for row in range(ROWS)], kind or pa.string())
+        for field in FIELDS:
+            columns[f"{field}_{k}"] = [value(field, order(row)[k], row) for row in range(ROWS)]
+    return pa.table(columns)
+
+
+def arrays(order, kind=str):
+    """Return arrays with a row of names for each time."""
+    names = np.array([order(row) for row in range(ROWS)], kind)
+    numbers = {
+        field: np.array([[value(field, joint, row) for joint in order(row)] for row in range(ROWS)]) for field in FIELDS
+    }
+    return {"time": np.array([time(row) for row in range(ROWS)], "M8[ns]"), "names": names} | numbers
+
+
+WRITERS = {
+    "rostopic": rostopic,
+    "rostopic with CR LF": lambda order: rostopic(order, ending="\r\n"),
+    "rostopic with a BOM": lambda order: "\ufeff" + rostopic(order),
+    "rostopic in capitals": lambda order: rostopic(order, name="FIELD.{}{}").replace("field.name", "FIELD.NAME"),
+    "rostopic with semicolons": lambda order: rostopic(order, separator=";"),
+    "rostopic with tabs": lambda order: rostopic(order, separator="\t"),
+    "rostopic with quotes": lambda order: rostopic(order, quote='"'),
+    "rostopic with single quotes": lambda order: rostopic(order, quote="'"),
+    "brackets": lambda order: rostopic(order, name="/joint_states/{}[{}]", echo=False),
+    "dots": lambda order: rostopic(order, name="joint_states.{}.{}", echo=False),
+    "bagpy": bagpy,
+    "bagpy of numbers": bagpy_flat,
+    "bagpy with semicolons": lambda order: bagpy(order, separator=";"),
+    "arrays of ROS 2": lambda order: bagpy(order, numbers="array('d', [{}])"),
+    "arrays of numpy": lambda order: bagpy(order, "[{}]", "['{}']", "' '", " "),
+    "names with commas": lambda order: bagpy(order, "[{}]", "{}", ","),
+    "names with blanks": lambda order: bagpy(order, "[{}]", "{}", " "),
+    "long": long_table,
+    "long with other headers": lambda order: long_table(order, "Stamp,Joint Name,Pos [rad],Vel [rad/s],Tau [Nm]"),
+    "long by content": lambda order: long_table(order, "t,axis,q,qd,tau"),
+    "ros2 topic echo --csv": echoed,
+    "lists in Parquet": lists_in_parquet,
+    "large lists in Parquet": lambda order: lists_in_parquet(order, pa.large_string()),
+    "columns in Parquet": columns_in_parquet,
+    "dictionaries in Parquet": lambda order: columns_in_parquet(order, pa.dictionary(pa.int8(), pa.string())),
+    "npz": arrays,
+    "bytes in npz": lambda order: arrays(order, bytes),
+}
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Write a content and read it, text with pyarrow and without; return the recording."""
+
+    def run(content, columns=None, joints=JOINTS, parameters=LOOSE):
+        path = tmp_path / "table.csv"
+        if isinstance(content, dict):
+            path = tmp_path / "table.npz"
+            np.savez(path, **content)
+        elif isinstance(content, pa.Table):
+            path = tmp_path / "table.parquet"
+            parquet.write_table(content, path, row_group_size=4)
+        else:
+            path.write_bytes(content.encode())
+        recording = dd.read_recording(path, arm(*joints), columns, parameters=parameters)
+        if path.suffix == ".csv":
+            with pytest.MonkeyPatch.context() as patch:
+                for module in ("pyarrow", "pyarrow.csv"):
+                    patch.setitem(sys.modules, module, None)
+                plain = dd.read_recording(path, arm(*joints), columns, parameters=parameters)
+            assert (plain.counts, plain.findings) == (recording.counts, recording.findings)
+            np.testing.assert_array_equal(plain.q, recording.q)
+        return recording
+
+    return run
+
+
+def require_expected(recording):
+    """Require the numbers of all rows, each at its joint."""
+    assert [one.text for one in recording.findings if one.cause != "note"] == []
+    for field, values in (("position", recording.q), ("velocity", recording.qd), ("effort", recording.tau)):
+        np.testing.assert_allclose(values, expected(field), rtol=0, atol=1e-12)
+    assert np.diff(recording.stamp).tolist() == pytest.approx([10_000_000] * (ROWS - 1), abs=300)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("writer", WRITERS)
+def test_rows_name_their_joints(read, writer, order):
+    require_expected(read(WRITERS[writer](order)))
+
+
+def test_decimal_commas(read):
+    require_expected(read(rostopic(changing, separator=";", decimal=","), {"decimal": ","}))
+
+
+@pytest.mark.parametrize("writer", ["rostopic", "bagpy", "long", "lists in Parquet"])
+def test_joints_in_messages_of_their_own(read, writer):
+    """Rows of fewer joints are messages of fewer joints: a state is there when all have come."""
+
+    def one_or_two(row):
+        return ("wrist",) if row % 2 else ("elbow", "shoulder")
+
+    recording = read(WRITERS[writer](one_or_two))
+    assert recording.counts["incomplete"] == 1 and len(recording) == ROWS - 1
+    odd = np.arange(1, ROWS) % 2 == 1
+    by_name = dict(zip(JOINTS, recording.q.T, strict=True))
+    for joint, own in (("wrist", odd), ("elbow", ~odd), ("shoulder", ~odd)):
+        rows = [row if is_own else row - 1 for row, is_own in zip(range(1, ROWS), own, strict=True)]
+        np.testing.assert_allclose(by_name[joint], [value("position", joint, row) for row in rows], atol=1e-12)
+
+
+# --- Comments and metadata ---
+
+PLAIN = "t,q1,q2,q3\n" + "".join(f"{row},{row}.1,{row}.2,{row}.3\n" for row in range(ROWS))
+COMMENTS = [
+    "# joints: elbow, shoulder, wrist",
+    "# Joint names = [elbow, shoulder, wrist]",
+    "#joint_names: ['elbow', 'shoulder', 'wrist']",
+    "% joint order (as sent): elbow shoulder wrist",
+    "# order of the joints: elbow; shoulder; wrist",
+    "# names: elbow | shoulder | wrist",
+]
+NUMBERS = {"t": np.arange(ROWS) * 1.0, "q": np.arange(ROWS)[:, None] + [0.1, 0.2, 0.3]}
+LIST = list(ALPHABETICAL)
+
+
+def in_parquet(**metadata):
+    table = pa.table({"t": NUMBERS["t"], "q": NUMBERS["q"].tolist()})
+    return table.replace_schema_metadata({key: json.dumps(one) for key, one in metadata.items()})
+
+
+STATED = {
+    **{comment: f"{comment}\n{PLAIN}" for comment in COMMENTS},
+    "comment below the header": PLAIN.replace("\n", f"\n{COMMENTS[0]}\n", 1),
+    "metadata": in_parquet(joint_names=LIST),
+    "metadata as text": in_parquet(joints="elbow, shoulder, wrist"),
+    "attributes of pandas": in_parquet(PANDAS_ATTRS={"joint_names": LIST}),
+    "array": NUMBERS | {"joint_names": np.array(LIST)},
+    "array of bytes": NUMBERS | {"names": np.array(LIST, bytes)},
+    "array of one text": NUMBERS | {"joints": np.array("elbow, shoulder, wrist")},
+    "array of each joint": {
+        "t": NUMBERS["t"],
+        **{f"q{k}": NUMBERS["q"][:, k] for k in range(3)},
+        "joint_names": np.array(LIST),
+    },
+}
+
+
+ESTIMATED = LOOSE | {"missing_velocity": "estimate"}
+
+
+def require_alphabetical(recording):
+    """Require that the columns of NUMBERS are those of the joints in alphabetical order."""
+    np.testing.assert_allclose(recording.q[-1] - np.floor(recording.q[-1]), [0.2, 0.1, 0.3], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", STATED)
+def test_comments_and_metadata_name_joints(read, kind):
+    require_alphabetical(read(STATED[kind], parameters=ESTIMATED))
+
+
+UNRELATED = {
+    "prose": f"# elbow: greased, then: shoulder\n{PLAIN}",
+    "a name": f"# name: run_17\n{PLAIN}",
+    "a number of joints": f"# joints: 3\n{PLAIN}",
+    "names of something else": PLAIN.replace("t,", "name,t,", 1).replace("\n", "\nrun_17,")[: -len("run_17,")],
+}
+
+
+def by_joint(text):
+    """Return the lines of a long table in the order of joints."""
+    header, *lines = text.splitlines()
+    return "\n".join([header, *sorted(lines, key=lambda line: line.split(",")[1])])
+
+
+CONTRADICTIONS = {
+    "comment and header": (
+        "# joints: elbow, shoulder, hip\nt,q_shoulder,q_elbow,q_wrist\n0,1,2,3\n",
+        "headers name the joints shoulder, elbow, wrist, but the comment in line 1 names elbow, shoulder, hip: wrist",
+    ),
+    "comment and rows": (
+        "# joints: shoulder, elbow, wrist\n" + rostopic(fixed),
+        "comment in line 1 names the joints shoulder, elbow, wrist, but 'field.name.*' names elbow, shoulder, wrist",
+    ),
+    "rows and header": (
+        't,name,q_shoulder,q_elbow,q_wrist\n0,"[shoulder, elbow, wrist_2]",1,2,3\n',
+        "headers name the joints shoulder, elbow, wrist, but 'name' names shoulder, elbow, wrist_2: wrist is not",
+    ),
+    "names twice": (f"# joints: elbow, elbow, wrist\n{PLAIN}", "comment in line 1 names the joint 'elbow' twice"),
+    "too few names": (f"# joints: elbow, wrist\n{PLAIN}", "has 3 columns, but the comment in line 1 names 2 joints"),
+    "other names": (
+        f"# joints: hip, knee, toe\n{PLAIN}",
+        "names hip, knee, toe, none of which is among the joints of the model: shoulder, elbow, wrist",
+    ),
+    "other names in rows": (
+        rostopic(lambda row: ("hip", "knee", "toe")),
+        "without a joint of this robot, of hip, knee, toe; the robot has shoulder, elbow, wrist",
+    ),
+    "names twice in rows": (rostopic(lambda row: ("elbow", "elbow", "wrist")), "'elbow' is listed twice"),
+    "objects": (NUMBERS | {"joint_names": np.array(LIST, object)}, "'joint_names' holds Python objects"),
+    "metadata": (in_parquet(joint_names=["hip", "knee", "toe"]), "metadata 'joint_names' names hip, knee, toe, none"),
+    "numbers without names": (
+        rostopic(fixed).replace("field.position2", "field.position7"),
+        r"has the numbers 0, 1, 7, but the joints' names are in 'field.name.*' with the numbers 0, 1, 2",
+    ),
+    "order of joints": (
+        by_joint(long_table(fixed)),
+        "in the order of joints, 'elbow' before 'shoulder'; .* Sort the rows",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", CONTRADICTIONS)
+def test_contradictions_are_errors(tmp_path, read, kind):
+    content, message = CONTRADICTIONS[kind]
+    with pytest.raises(dd.InputError, match=message):
+        if not len(read(content)):
+            raise dd.InputError("; ".join(map(str, read(content).findings)))
+
+
+@pytest.mark.parametrize("kind", UNRELATED)
+def test_what_names_no_joints_is_ignored(read, kind):
+    recording = read(UNRELATED[kind], parameters=ESTIMATED)
+    np.testing.assert_allclose(recording.q[-1] - np.floor(recording.q[-1]), [0.1, 0.2, 0.3], rtol=0, atol=1e-9)
+
+
+def test_a_map_has_priority_and_says_so(read):
+    """The order of a map stands, whatever the data name; a map that gives no order leaves names to the data."""
+    listed = {"joints": ["wrist", "elbow", "shoulder"]}
+    for content, where in (
+        (
+            rostopic(changing),
+            r"'field.name\*' names elbow, shoulder, wrist in line 2 and differs from the map in 4 rows",
+        ),
+        (f"{COMMENTS[0]}\n{PLAIN}", "the comment in line 1 names elbow, shoulder, wrist and is not used"),
+    ):
+        recording = read(content, listed, parameters=ESTIMATED)
+        (note,) = [one.text for one in recording.findings if one.text.startswith("joints: ")]
+        assert (
+            note.startswith("joints: the map of columns gives wrist, elbow, shoulder; ")
+            and where.replace("\\", "") in note
+        )
+    first = [value("position", joint, 5) for joint in changing(5)]
+    recording = read(rostopic(changing), listed)
+    np.testing.assert_allclose(recording.q[-1], first[::-1], atol=1e-12)
+    columns = {"position": [7, 8, 9], "velocity": [10, 11, 12], "time": "field.header.stamp"}
+    np.testing.assert_allclose(read(rostopic(changing), columns).q[-1], first, atol=1e-12)
+    pattern = {field: f"field.{field}{{joint}}" for field in FIELDS} | {"time": "field.header.stamp"}
+    require_expected(read(rostopic(changing), pattern))
+
+
+def test_a_scale_by_joint_follows_the_names_in_rows(read):
+    recording = read(rostopic(changing), {"scale": {"effort": {"elbow": 2, "*": 0.5}, "velocity": 3}})
+    np.testing.assert_allclose(recording.tau, expected("effort") * [0.5, 2, 0.5], atol=1e-12)
+    np.testing.assert_allclose(recording.qd, expected("velocity") * 3, atol=1e-12)
+    with pytest.raises(dd.InputError, match="scale: effort has nothing for 'shoulder', which rows name"):
+        read(rostopic(changing), {"scale": {"effort": {"elbow": 2}}})
+
+
+def test_values_without_a_name_are_counted(read):
+    text = rostopic(fixed).replace("elbow", "", 1)
+    recording = read(text)
+    assert "line 2: values without the name of a joint (position 0.1): 3 values left out" in recording.findings[0].text
+    assert recording.counts["incomplete"] == 1 and len(recording) == ROWS - 1
