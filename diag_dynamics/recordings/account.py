@@ -28,12 +28,16 @@ class Finding(NamedTuple):
         return f"{self.cause} ({self.count} ×): {self.text}" if self.count > 1 else f"{self.cause}: {self.text}"
 
 
+WITHOUT_VALUES = "rows of other topics"
+"""Name of the count of rows of a table that have no value of any joint."""
+
 FEW = 8
 """Joints that are named."""
 
 TEXTS = {
     "incomplete": None,
     "foreign": None,
+    WITHOUT_VALUES: "rows without a value of any joint, such as rows of other topics; they are no messages",
     LOST: "states that never came, by the gaps in the stamps",
     "positions jumped": None,
     "mimic disagreement": None,
@@ -75,10 +79,12 @@ class Account:
         What else is odd about the file.
     misplaced : bool
         Whether messages were not where the file says that those of their time are: pieces of it may lack some.
+    without_values : int
+        Rows of a table that have no value of any joint.
     """
 
-    def __init__(self, intake, unread=(), notes=(), misplaced=False):
-        self._counts, self._gaps = intake.counts, intake.assembler.gaps
+    def __init__(self, intake, unread=(), notes=(), misplaced=False, without_values=0):
+        self._counts, self._gaps = intake.counts + Counter({WITHOUT_VALUES: without_values}), intake.assembler.gaps
         self._counts.pop(LOST, None)  # these are of the gaps, which go on
         self._first, self._last, self._frozen = {}, intake.last_texts, Counter(intake.frozen.told)
         self._missing, self._units = intake.assembler.missing, intake.units.text()

@@ -293,7 +293,8 @@ class Reading:
 
     def account(self):
         """What is known of the messages by now."""
-        return Account(self.intake, self._source.unread, self._source.notes, self._source.misplaced)
+        source = self._source
+        return Account(self.intake, source.unread, source.notes, source.misplaced, source.without_values)
 
 
 def _nanoseconds(start, end):

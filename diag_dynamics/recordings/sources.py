@@ -113,6 +113,8 @@ class BagSource:
         """What could not be read: a list of Unread."""
         return self._bag.unread
 
+    without_values = 0  # as of TableSource
+
     @property
     def notes(self):
         """What is odd about the file, though nothing is lost: a list of str."""
@@ -253,6 +255,11 @@ class TableSource:
     def notes(self):
         """How the columns and times were understood: a list of str."""
         return [*self._rows.notes, *self._table.notes] if self._rows else []
+
+    @property
+    def without_values(self):
+        """Number of rows without a value of any joint."""
+        return self._table.without_values if self._table else 0
 
     def description(self):
         """Nothing but an error: a table does not describe its robot."""

@@ -64,14 +64,16 @@ def piece(choice, read, losses):
         values, names = _by_place(values, names, choice, read, losses)
     if choice.overruled:
         _compare(choice, read, losses)
-    kept = ~np.isnan(read.time)
+    kept, empty = ~np.isnan(read.time), _without_values(values, names, count)
     if not kept.all():
         at = int(np.argmin(kept))
         texts = [read.texts(k)[at] for k in choice.time]
         text = " and ".join(f"'{one[:40]}'" for one in texts if isinstance(one, str))
         losses.add(NO_TIME, read.where(at), LEFT_OUT, int(count - kept.sum()), text)
+    kept &= ~empty
     values = [one if one is None else one[kept] for one in values]
     names = None if names is None else names[kept]
+    losses.without_values += int((empty & ~np.isnan(read.time)).sum())
     return Columns(read.time[kept], read.stamp[kept], *values, read.rows[kept], names)
 
 
@@ -96,6 +98,15 @@ def _common(scale):
             f"scale has {len(scale)} numbers; expected one number, or one by joint, for rows that name different joints."
         )
     return scale[0] if len(scale) else 1.0
+
+
+def _without_values(values, names, count):
+    """Whether rows have neither a value nor the name of any joint: bool, shape (n,)."""
+    empty = np.ones(count, bool)
+    for one in values:
+        if one is not None:
+            empty &= np.isnan(one).all(axis=1)
+    return empty if names is None else empty & (names == "").all(axis=1)
 
 
 def _by_place(values, names, choice, read, losses):

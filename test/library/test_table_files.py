@@ -698,6 +698,21 @@ def test_times_that_no_stamp_can_be_of(written):
     assert note.startswith("2 rows") and "row 5, of 1e+15 s" in note
 
 
+def test_rows_of_other_topics_are_no_messages(written):
+    """Rows without any value are counted, not rejected; rows with some values are messages."""
+    rows = [f"{k / 100},{0.01 * k},1,3,,\n{k / 100 + 0.003},,,,1.5,\n{k / 100 + 0.004},NaN,,,,on\n" for k in range(20)]
+    text = "__time,/js/a/position,/js/a/velocity,/js/a/effort,/imu/x,/mode\n" + "".join(rows) + "0.3,,1,,,\n"
+    numbers = {name: [0.01, None, 0.03] for name in ("/js/a/position", "/js/a/velocity", "/js/a/effort")}
+    table = pa.table({"__time": [0.0, 0.1, 0.2], **numbers, "/imu/x": [None, 1.0, None]})
+    recording = dd.read_recording(written(text), arm("a"))
+    assert recording.counts["rows of other topics"] == 40 and len(recording) == recording.counts["received"] - 1 == 20
+    assert [cause for cause in recording.counts if "rejected" in cause] == ["rejected: no position"]
+    (finding,) = [one for one in recording.findings if one.cause == "rows of other topics"]
+    assert finding.count == 40 and not lost(recording)
+    recording = dd.read_recording(written(table), arm("a"))
+    assert recording.counts["rows of other topics"] == 1 and len(recording) == 2
+
+
 def test_losses_come_before_notes(written):
     """Rows of garbage are rejected by the monitor's rules, and counted."""
     lines = [f"{k / 100},{0.01 * k},1" for k in range(100)]
