@@ -26,10 +26,11 @@ GAIN = 25.0
 """Of the observer on the page of plots [1/s]."""
 
 DONE, DOUBTFUL, FAILED = range(3)
-"""Exit statuses: identified; nothing was gained; it could not be identified."""
+"""Exit statuses: identified; nothing was gained, or the unit of the efforts is not known; it could not be identified."""
 
 EPILOG = """exit status: 0 identified; 1 nothing of it makes the model better on the part held out, so that it stays as it
-was; 2 it could not be identified. docs/identify.md says which motions and recordings it takes."""
+was, or the motion does not show whether efforts are torques; 2 it could not be identified, as where efforts have another
+unit, sign or order than the model. docs/identify.md says which motions and recordings it takes."""
 
 
 def run(name, arguments):
@@ -123,7 +124,7 @@ def _identify(chosen):
             )
         if not chosen.output:
             print("Nothing is kept: -o arm.yaml would write the parameters.", file=sys.stderr)
-    return DONE if found.quality["taken"] else DOUBTFUL
+    return DONE if found.quality["taken"] and found.quality["efforts_judged"] else DOUBTFUL
 
 
 def _draw(path, recording, model, found):

@@ -208,6 +208,8 @@ class Attempt:
             "taken": self._named(taken),
             "kept": self._kept,
             "ladder": rungs,
+            "effort_factor": _factors(names, self._gathered.relations),
+            "efforts_judged": any(one.judged().any() for one in self._gathered.relations),
             "velocity_delay": [one.delay for one in self._loaded],
             "effective_parameters": {},
             "payload": None,
@@ -292,6 +294,17 @@ def _kept(step, joint, without, own):
         f"{own:.3g} would be left of the effort, and without {without:.3g}"
     )
     return text if own >= without else f"{text}: less than the {GAIN:.0%} that is asked of what was refused before"
+
+
+def _factors(names, relations):
+    """Factor and standard error of each joint's effort, of the recording that tells it best; None where none does."""
+    errors = np.array([one.error for one in relations])
+    best = np.argmin(errors, axis=0)
+    found = {}
+    for k, name in enumerate(names):
+        factor, error = relations[best[k]].factor[k], errors[best[k], k]
+        found[name] = [float(factor), float(error)] if np.isfinite([factor, error]).all() else None
+    return found
 
 
 def _pairs(names, before, after):

@@ -57,6 +57,8 @@ class Gathered:
         Of the unloaded ones.
     excitation : Excitation
         Of all recordings.
+    relations : list of Relation
+        Of the efforts of each recording to the torques of the model.
     begin : float
         Where the part held out begins, in times of the last loaded recording: of that a third of all time, or the whole of it
         if that is less [s].
@@ -69,7 +71,7 @@ class Gathered:
 
     def __init__(self, model, carriers, loaded, unloaded, tolerant):
         self._model, self.loaded, self.unloaded = model, loaded, unloaded
-        self.excitation = Excitation(model)
+        self.excitation, self.relations = Excitation(model), []
         self.begin, early = self._split()
         self.equations = Equations(model, RATE, model.friction_velocity, carriers)
         cut, self.bounds, block = Cut(early), [self.equations.sums()], 0
@@ -101,6 +103,7 @@ class Gathered:
             self.excitation.take(states, begins)
             yield states, begins
         efforts.judge(tolerant, one.findings)
+        self.relations.append(efforts.relation)
 
     def _split(self):
         """Where the part held out begins, and the time before it [s]."""

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.identification.torques import smoothed
 from diag_dynamics.recordings.balance import Balance, Moments, WindowSums
 from diag_dynamics.recordings.observed import Observer
+from diag_dynamics.recordings.smoothing import smoothed
 
 GAIN = 25.0
 """Of the observer whose spread is told [1/s]: the monitor's default."""

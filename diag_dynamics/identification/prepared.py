@@ -13,6 +13,7 @@ from diag_dynamics.identification.segments import SIZE, in_portions, since, with
 from diag_dynamics.identification.sifting import Sifter
 from diag_dynamics.identification.velocities import Velocities
 from diag_dynamics.recordings.account import Finding, without_efforts, without_states
+from diag_dynamics.recordings.effort_range import EffortRange
 from diag_dynamics.recordings.recording import Recording
 from diag_dynamics.recordings.refused_units import refuse_units
 
@@ -81,6 +82,7 @@ class Prepared:
         self.zero, self.delay = 0, 0.0
         sifter, velocities, spans = Sifter(model), Velocities(model), []
         self._counts, self._refused, self._with_efforts, self._estimated = {}, [], False, 0
+        self._efforts = EffortRange(model.dof_names)
         for states, begins in in_portions(sifter.sifted(self._noted())):
             velocities.take(states, begins)
             if begins:
@@ -89,6 +91,9 @@ class Prepared:
         refuse_units(self._refused)
         if not self.states:
             raise without_states(self._name, self._refused)
+        unmeasured = self._efforts.complaint()
+        if unmeasured:
+            raise InputError(f"{unmeasured}. Record the efforts of these joints, or lock the joints (locked_joints).")
         if not self._with_efforts:
             raise InputError(f"{without_efforts(self._counts)}, without which nothing can be identified.")
         self.findings = sifter.findings()
@@ -150,6 +155,7 @@ class Prepared:
                     self.path, self.robot = piece.path, piece.model.name
                     self.start, self.zero = float(piece.t[0]), int(piece.stamp[0])
                 self.states, self.end = self.states + len(piece), float(piece.t[-1])
+            self._efforts.take(piece.states.position[:, -piece.model.nv :], piece.states.effort)
             yield from _small(piece.states)
 
     def _again(self):

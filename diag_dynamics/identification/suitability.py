@@ -5,18 +5,14 @@
 
 import numpy as np
 
-from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.identification.torques import smoothed
 from diag_dynamics.recordings.account import Finding
-from diag_dynamics.recordings.balance import Moments
+from diag_dynamics.recordings.effort_causes import complaint
+from diag_dynamics.recordings.effort_relation import ERRORS, EffortRelation
 from diag_dynamics.sweeps.spatial import ANGULAR_X
 
-HEAVY = 3.0
-"""Standard deviation of gravity's effort from which it can be looked for in what was measured [N m, N]."""
-
-COLUMNS = 6
-"""Of the regression: gravity, what resists (three), acceleration, and the effort itself."""
+NOT_JUDGED = "efforts not judged"
+"""Cause of the finding that the motion does not show the unit of the efforts."""
 
 MOVING, EACH_WAY, RANGE = 0.05, 1.0, 0.5
 """Velocity [rad/s], time above it in each direction [s] and range of positions [rad] that a joint's friction needs."""
@@ -26,29 +22,24 @@ PRISMATIC = 0.1
 
 
 class Efforts:
-    """Looks for the model's gravity in efforts, portion by portion.
+    """Looks for the torques that the model needs in efforts, portion by portion.
 
     Parameters
     ----------
     model : RobotModel
+
+    Attributes
+    ----------
+    relation : Relation or None
+        What was found; known once they were judged.
     """
 
     def __init__(self, model):
-        self._model, self._dynamics = model, DiagonalDynamics(model)
-        self._gravity = Moments(model.nv)
-        self._products = np.zeros((model.nv, COLUMNS, COLUMNS))  # of columns with one another, by degree of freedom
+        self._compared, self.relation = EffortRelation(model), None
 
     def take(self, states):
         """Take in states one after the other."""
-        if len(states.t) < 2:
-            return
-        q, qd, tau, qdd = smoothed(states, states.tau)
-        gravity = self._dynamics.gravity_torque_batch(q)
-        self._gravity.take(gravity)
-        turned = np.tanh(qd / max(self._model.friction_velocity, 1e-9))
-        # The acceleration is a column, for in a swing it goes with gravity: a rotor's inertia would be taken for less weight.
-        columns = np.stack([gravity.T, qd.T, turned.T, np.ones_like(qd.T), qdd.T, tau.T], axis=1)
-        self._products += columns @ columns.transpose(0, 2, 1)
+        self._compared.take(states)
 
     def judge(self, tolerant, findings):
         """Judge all that was taken in; what cannot be judged is added to the findings.
@@ -62,45 +53,28 @@ class Efforts:
         Raises
         ------
         InputError
-            Gravity is not in them, of the other sign, or much too large or small.
+            Gravity is not in them, of the other sign, or much too large or small; or the joints are in another order.
         """
-        names, spread = self._model.dof_names, np.sqrt(self._gravity.variance)
-        heavy = np.flatnonzero(spread > HEAVY)
-        if not len(heavy):
-            findings.append(
-                Finding(
-                    "efforts not judged",
-                    1,
-                    f"gravity changes the effort of no joint by {HEAVY:g} N m or N: whether efforts are in these units, and "
-                    "hold gravity, is for you to know",
-                )
-            )
-            return
-        slopes = {}
-        for k in heavy.tolist():
-            square, right = self._products[k, :-1, :-1], self._products[k, :-1, -1]
-            slopes[k] = float(np.linalg.lstsq(square, right, rcond=None)[0][0])
-        if all(abs(slope) < 0.35 for slope in slopes.values()):
-            k = max(slopes, key=lambda k: spread[k])
-            raise InputError(
-                f"gravity is not in the efforts: that of joint '{names[k]}' changes by {slopes[k]:.2f} times what the "
-                "model's gravity does. If the driver has taken it out, read the recording with "
-                "parameters={'effort_includes_gravity': ['*=false']}."
-            )
-        low, high = (0.2, 5.0) if tolerant else (0.6, 1.6)
-        wrong = {k: slope for k, slope in slopes.items() if not low <= slope <= high}
-        for k, slope in wrong.items():
-            if -1.6 <= slope <= -0.4:
-                raise InputError(
-                    f"the effort of joint '{names[k]}' is of the other sign: it changes by {slope:.2f} times what the "
-                    f"model's gravity does (effort_scale: '{names[k]}=-1')."
-                )
-        for k, slope in wrong.items():
-            raise InputError(
-                f"the effort of joint '{names[k]}' changes by {slope:.3g} times what the model's gravity does, expected "
-                f"{low:g} to {high:g}: is it in N m or N, on the joint's side of the gear, and are the joints in order? "
-                "(effort_scale, docs/recordings.md)"
-            )
+        self.relation = of = self._compared.relation()
+        wrong = complaint(self._compared, of, tolerant)
+        if wrong:
+            raise InputError(f"{wrong}.")
+        if not of.judged().any():
+            findings.append(Finding(NOT_JUDGED, 1, _not_judged(self._compared.model.dof_names, of)))
+
+
+def _not_judged(names, of):
+    """Return why efforts say nothing of their unit, in words."""
+    if not np.isfinite(of.error).any():
+        return (
+            "the motion shows no torque of the model apart from friction and offset: whether efforts are in N m or N, and "
+            "hold gravity, is for you to know"
+        )
+    k = int(np.nanargmin(np.where(np.isfinite(of.error), of.error + of.model_error, np.nan)))
+    return (
+        f"no effort has a clear relation to the motion: that of joint '{names[k]}' changes by {of.factor[k]:.2g} ± "
+        f"{ERRORS * of.error[k]:.2g} times what the model needs. Whether efforts are in N m or N is for you to know"
+    )
 
 
 class Excitation:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Errors of efforts over time, by inverse dynamics: what a fit is judged by, in no way what it is fitted by."""
+"""Smoothed columns of a recording, through which efforts are compared with those of inverse dynamics."""
 
 import numpy as np
 

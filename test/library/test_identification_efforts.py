@@ -1,0 +1,142 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Efforts that are judged before anything is fitted to them: unit, sign, gravity, order of joints, at any size of a robot."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+import desk_arm
+import diag_dynamics as dd
+from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
+from desk_arm import DOWN, URDF, motion, recording, worn, write_table
+from diag_dynamics.cli.main import main
+
+UP = tuple(-one for one in DOWN)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return dd.load_urdf(URDF)
+
+
+def noise(tau, size, seed=5):
+    return size * tau.std(axis=0) * np.random.default_rng(seed).normal(size=tau.shape)
+
+
+CAUSES = {
+    "mN m": (DOWN, lambda tau: 1000.0 * tau, r"another unit: they are [\d.e+]+ times .* as of mN m"),
+    "motor current": (DOWN, lambda tau: -640.0 * tau, r"another unit and the other sign: they are -6\d\d times"),
+    "per cent of the largest": (DOWN, lambda tau: tau / 0.015, r"another unit: they are 6\d(\.\d)? times"),
+    "load of the servo": (DOWN, lambda tau: np.round(tau / 0.0015), r"another unit: they are 6\d\d times"),
+    "kgf cm": (DOWN, lambda tau: 10.2 * tau, r"another unit: they are 10.* as of kgf cm"),
+    "each joint's own unit": (DOWN, lambda tau: tau * [900.0, 400.0, 30.0], r"changes by (9|4)\d\d ± .* is it in N m"),
+    "sign of all": (DOWN, lambda tau: -tau, r"all joints seem to have the other sign \(effort_scale: '\*=-1'\)"),
+    "sign of one": (DOWN, lambda tau: tau * [1.0, 1.0, -1.0], r"joint 'elbow' is of the other sign: .*'elbow=-1'\)"),
+    "no relation": (DOWN, lambda tau: noise(tau, 1.0), "has no relation to the motion"),
+    "an offset and noise": (DOWN, lambda tau: 0.4 + noise(tau, 0.01), "has no relation to the motion"),
+    "exchanged": (DOWN, lambda tau: tau[:, [0, 2, 1]], "lift and elbow seem to be exchanged"),
+    "order": (
+        DOWN,
+        lambda tau: tau[:, [1, 2, 0]],
+        "another order: those of pan, lift, elbow are in .* elbow, pan, lift",
+    ),
+    "no gravity": ((0.0, 0.0, 0.0), lambda tau: tau, "gravity (seems not to be|is not) in the efforts"),
+    "ceiling": (UP, lambda tau: tau, r"gravity seems to point along .*180° from .* on a ceiling"),
+    "wall": (
+        (9.81, 0.0, 0.0),
+        lambda tau: tau,
+        r"gravity seems to point along \[(9|10)[\d.]*, .*(8[5-9]|9[0-5])° .* on a wall",
+    ),
+    "slope": ((0.0, -6.94, -6.94), lambda tau: tau, r"gravity seems to point along .* on a slope"),
+}
+
+
+@pytest.mark.parametrize("wear", [False, True], ids=["alone", "with friction and noise"])
+@pytest.mark.parametrize("cause", CAUSES)
+def test_causes_are_named_on_a_desk_arm(arm, cause, wear):
+    gravity, changed, key = CAUSES[cause]
+    t, q, qd, tau = motion(gravity=gravity)
+    tau = changed(worn(tau, qd) if wear else tau)
+    with pytest.raises(dd.InputError, match=key):
+        dd.identify(recording(t, q, qd, tau), arm, "friction")
+
+
+@pytest.mark.parametrize("wear", [False, True], ids=["alone", "with friction and noise"])
+def test_efforts_of_a_desk_arm_that_are_right(arm, wear):
+    """The factor is 1 within its standard errors, and friction is found."""
+    t, q, qd, tau = motion()
+    found = dd.identify(recording(t, q, qd, worn(tau, qd) if wear else tau), arm, "friction")
+    assert found.quality["efforts_judged"]
+    factor, error = np.transpose([found.quality["effort_factor"][name] for name in arm.dof_names])
+    assert (abs(factor - 1.0) < 4.0 * error + 1e-3).all() and error[1] < 0.1
+    assert found.quality["taken"] == (["friction"] if wear else [])
+    if wear:
+        np.testing.assert_allclose(found.model.friction, 0.3 * tau.std(axis=0).max(), rtol=0.15)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_residuals_of_neighbours_in_time_are_alike(arm, seed):
+    """A slow drift as large as the arm's torque, at 1 kHz: 12 s hold few errors, though many states. Nothing is refused."""
+    t, q, qd, tau = motion(rate=1000.0)
+    knots = np.random.default_rng(seed).normal(size=(13, 3)) * tau.std(axis=0).max()
+    drift = np.column_stack([np.interp(t, np.arange(13.0), one) for one in knots.T])
+    found = dd.identify(recording(t, q, qd, tau + drift), arm, "friction")
+    factor, error = found.quality["effort_factor"]["lift"]
+    assert abs(factor - 1.0) < 4.0 * error < 2.0
+
+
+def commanded(tmp_path, capsys, command, columns, *options):
+    """Run a command on a table; return its status and what it said."""
+    urdf = tmp_path / "desk.urdf"
+    urdf.write_text(URDF)
+    status = main([command, str(write_table(tmp_path / "log.csv", *columns)), "--urdf", str(urdf), *options])
+    return status, " ".join("".join(capsys.readouterr()).split())
+
+
+UNMEASURED = {
+    "all": (lambda tau: 0.0 * tau, "efforts of pan, lift, elbow are 0 throughout"),
+    "minus 0": (lambda tau: -0.0 * abs(tau), "efforts of pan, lift, elbow are 0 throughout"),
+    "denormal": (lambda tau: 0.0 * tau + 1e-308, "efforts of pan, lift, elbow are 0 throughout"),
+    "one": (lambda tau: tau * [1.0, 0.0, 1.0], "efforts of lift are 0 throughout"),
+    "constant": (lambda tau: 0.0 * tau + 0.25, "efforts of pan, lift, elbow are 0.25 throughout"),
+    "one constant": (lambda tau: tau * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.5], "efforts of elbow are 1.5 throughout"),
+}
+
+
+@pytest.mark.parametrize("case", UNMEASURED)
+def test_efforts_that_nothing_measured(tmp_path, capsys, case):
+    changed, key = UNMEASURED[case]
+    t, q, qd, tau = motion()
+    for command, expected in (("identify", 2),):
+        status, said = commanded(tmp_path, capsys, command, (t, q, qd, changed(tau)))
+        assert status == expected and f"{key} (effort_available)" in said and "Traceback" not in said
+
+
+def test_efforts_in_which_nothing_is_seen(tmp_path, capsys):
+    """Noise hides a torque of any unit: what is identified then has the exit status 1, and the finding says so."""
+    t, q, qd, tau = motion()
+    tau = 0.7 * noise(tau, 15.0) / 15.0 / tau.std(axis=0) + 0.5 * np.tanh(qd / 5e-3) + [0.2, 0.1, 0.3]
+    out = tmp_path / "quality.json"
+    status, said = commanded(tmp_path, capsys, "identify", (t, q, qd, tau), "--what", "friction", "--json", str(out))
+    quality = json.loads(out.read_text())
+    assert status == 1 and not quality["efforts_judged"] and quality["taken"]
+    assert re.search(r"efforts not judged: no effort has a clear relation to the motion: that of joint '\w+'", said)
+
+
+def test_the_command_names_the_cause(tmp_path, capsys):
+    t, q, qd, tau = motion()
+    out = tmp_path / "arm.yaml"
+    status, said = commanded(tmp_path, capsys, "identify", (t, q, qd, 9.0 * tau), "-o", str(out))
+    assert status == 2 and "another unit" in said and not out.exists()
+
+
+def test_the_robot_of_the_oracle_is_that_of_the_library(arm):
+    t, q, qd, tau = motion(duration=0.1)
+    qdd = np.gradient(qd, t, axis=0)
+    found = dd.DiagonalDynamics(arm).inverse_dynamics_batch(q[1:-1], qd[1:-1], qdd[1:-1])
+    np.testing.assert_allclose(found, tau[1:-1], atol=1e-4)
+    assert 0.01 < motion()[3].std(axis=0).max() < 0.2 and arm.dof_names == desk_arm.JOINTS
