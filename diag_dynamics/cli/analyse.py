@@ -33,8 +33,8 @@ DESCRIPTION = """A recording in, everything that the library says of it out: ene
 quality of the data. docs/recordings.md says what is read, and what the numbers mean."""
 
 EPILOG = """exit status: 0 all is well; 1 analysed, but part of it could not be read, messages were rejected, the balance of
-power explains less than 80 % (see the summary), or there is none though there are efforts, or one of several recordings
-failed; 2 nothing could be analysed."""
+power explains less than 80 % (see the summary), or there is none though there are efforts, or units do not agree, or one
+of several recordings failed; 2 nothing could be analysed."""
 
 THRESHOLDS = {"alarm.joints", "alarm.external_torque", "alarm.norm", "external_torque.threshold"}
 """Parameters without any of which a file has no alarms."""

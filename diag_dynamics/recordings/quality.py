@@ -65,11 +65,19 @@ RATIOS = {
     1e-3: "times seem to be milliseconds (scale: {time: ms} in a map of columns)",
     1e-6: "times seem to be microseconds (scale: {time: us} in a map of columns)",
     1e-9: "times seem to be nanoseconds (scale: {time: ns} in a map of columns)",
+    60.0: "times seem to be minutes, 60 s each (scale: {time: min} in a map of columns)",
+    3600.0: "times seem to be hours, 3600 s each (scale: {time: h} in a map of columns)",
+    86400.0: "times seem to be days, 86400 s each (scale: {time: d} in a map of columns)",
     np.pi / 180.0: "velocities seem to be in degrees (scale: {velocity: deg/s} in a map of columns)",
     180.0 / np.pi: "positions seem to be in degrees (scale: {position: deg} in a map of columns)",
     -1.0: "velocities seem to have the wrong sign",
 }
-"""What ratios of Δq to q̇dt say."""
+"""Causes by the ratio of Δq to q̇dt; the nearest counts."""
+
+UNKNOWN = "times, positions or velocities seem to have a wrong unit"
+
+SURE = 1.5
+"""Factor beyond which a ratio without a known cause is a wrong unit if all joints have it."""
 
 NEAR = 1.1
 """Factor up to which a ratio is one of these, and from which it is none of 1."""
@@ -241,7 +249,8 @@ class Quality:
             `rate` [Hz]; `jitter`, root mean square distance of intervals from their median [s]; `gaps`, their number;
             `longest_gap` [s] and `longest_gap_at`, the stamp before it [ns]; numbers of states: `repeated_states`,
             `repeated_stamps`, `without_effort`, `estimated_velocity`; `velocity_delay`, by how much q̇ comes late [s], the
-            median over joints that tell. `joints`, of each one: `velocity_error`, root mean square of Δq − ∫q̇dt over
+            median over joints that tell; `wrong_unit`, None or `cause` and `factor` of positions against velocities, on
+            which all joints in motion agree. `joints`, of each one: `velocity_error`, root mean square of Δq − ∫q̇dt over
             :data:`LENGTH` in parts of that of Δq; `velocity_delay`; `velocity_error_without_delay`; `still`, the number of
             states in motion with no new position; `largest_velocity`, `largest_effort`; `clipped`, which of the two is a
             bound that is often reached; `steps`, the smallest step by quantity.
@@ -259,6 +268,7 @@ class Quality:
             "without_effort": self._without_effort,
             "estimated_velocity": self._estimated,
             "velocity_delay": _delay(joints.values()),
+            "wrong_unit": self._wrong_unit(),
             "joints": joints,
         }
 
@@ -313,21 +323,37 @@ class Quality:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(together**2 > ALIKE * travel * change, together / change, np.nan)
 
-    def _about_ratios(self):
-        """What positions and velocities say of each other's units: sentences."""
-        told = {}
+    def _causes_of_ratios(self):
+        """Names and ratios of joints whose positions and velocities disagree, by cause."""
+        found = {}
         for name, ratio in zip(self._joints, self._ratios(), strict=True):
             if 1.0 / NEAR < ratio < NEAR or not np.isfinite(ratio):
                 continue
-            meant = next((text for one, text in RATIOS.items() if 1.0 / NEAR < ratio / one < NEAR), None)
-            told.setdefault(meant or "times, positions or velocities seem to have a wrong unit", []).append(
-                (name, ratio)
-            )
+            found.setdefault(_cause(ratio), []).append((name, ratio))
+        return found
+
+    def _about_ratios(self):
+        """What positions and velocities say of each other's units: sentences."""
         sentences = []
-        for text, found in told.items():
+        for cause, found in self._causes_of_ratios().items():
             which = "all joints" if len(found) == len(self._joints) else ", ".join(name for name, _ in found)
-            sentences.append(f"{which}: positions change {found[0][1]:.3g} times as fast as velocities say: {text}")
+            sentences.append(
+                f"{which}: positions change {four_digits(found[0][1])} times as fast as velocities say: {cause}"
+            )
         return sentences
+
+    def _wrong_unit(self):
+        """The cause for which no number is right: that on which all joints in motion agree; None if there is none."""
+        causes, ratios = self._causes_of_ratios(), self._ratios()
+        if len(causes) != 1:
+            return None
+        ((cause, found),) = causes.items()
+        values = np.array([ratio for _, ratio in found])
+        if len(found) < np.isfinite(ratios).sum():
+            return None
+        if cause == UNKNOWN and (values.max() > NEAR * values.min() or 1.0 / SURE < values[0] < SURE):
+            return None
+        return {"cause": cause.partition(" (")[0], "factor": float(np.median(values))}
 
     def warnings(self):
         """What is worth telling, a sentence each."""
@@ -363,6 +389,18 @@ class Quality:
         if self._count and report["repeated_states"] > 0.01 * self._count:
             told.append(f"{report['repeated_states']} of {self._count} states repeat the one before")
         return told
+
+
+def _cause(ratio):
+    """The cause of a ratio of Δq to q̇dt."""
+    apart = {cause: abs(np.log(ratio / one)) for one, cause in RATIOS.items() if ratio / one > 0.0}
+    cause = min(apart, key=apart.get)
+    return cause if apart[cause] < np.log(NEAR) else UNKNOWN
+
+
+def four_digits(value):
+    """A number with four digits, without an exponent where it has five places."""
+    return f"{float(f'{value:.4g}'):g}"
 
 
 def _delay(joints):

@@ -10,6 +10,7 @@ from diag_dynamics.alarms.found import Alarm
 from diag_dynamics.recordings.account import NOTE, Finding, without_efforts
 from diag_dynamics.recordings.balance import WINDOW
 from diag_dynamics.recordings.explained import LEAST, PART
+from diag_dynamics.recordings.quality import four_digits
 
 REJECTED = "rejected: "
 """Begins the names of counts of joint states that were rejected."""
@@ -148,9 +149,17 @@ def wrongs_of(summary):
                 explained is not None and explained < PART,
             ),
             ("there are efforts, but no balance of power", _is_unjudged(summary)),
+            (_about_unit(summary["quality"]["wrong_unit"]), summary["quality"]["wrong_unit"] is not None),
         )
         if is_so
     ]
+
+
+def _about_unit(wrong):
+    """The cause for which units of positions, velocities and times do not agree."""
+    return (
+        wrong and f"{wrong['cause']} (positions change {four_digits(wrong['factor'])} times as fast as velocities say)"
+    )
 
 
 def _is_unjudged(summary):

@@ -16,8 +16,9 @@ UNITS = {
         **dict.fromkeys(("ms", "msec", "millisec", "milliseconds"), 1e-3),
         **dict.fromkeys(("us", "µs", "usec", "microsec", "microseconds"), 1e-6),
         **dict.fromkeys(("ns", "nsec", "nanosec", "nanoseconds"), 1e-9),
-        "min": 60.0,
-        "h": 3600.0,
+        **dict.fromkeys(("min", "minute", "minutes"), 60.0),
+        **dict.fromkeys(("h", "hour", "hours"), 3600.0),
+        **dict.fromkeys(("d", "day", "days"), 86400.0),
     },
     "position": {
         **dict.fromkeys(("rad", "radian", "radians", "m"), 1.0),

@@ -462,6 +462,43 @@ def test_units_that_do_not_agree_are_named(analysed, motion, change, said):
     assert (said or "") in "".join(told)
 
 
+@pytest.mark.parametrize(
+    ("seconds", "said"),
+    [
+        (86400.0, "times seem to be days, 86400 s each"),
+        (3600.0, "times seem to be hours, 3600 s each"),
+        (60.0, "times seem to be minutes, 60 s each"),
+        (1e-3, "times seem to be milliseconds"),
+        (1e-6, "times seem to be microseconds"),
+        (0.2, "times, positions or velocities seem to have a wrong unit"),
+        (1.0, None),
+    ],
+)
+@pytest.mark.parametrize("efforts", [True, False])
+def test_times_in_a_wrong_unit_are_no_good_recording(tmp_path, motion, capsys, seconds, said, efforts):
+    """The factor is among the numbers, and the exit status is 1, with efforts and without."""
+    t, q, qd, tau = (x[:500] for x in motion)
+    path = write_columns(tmp_path / "x.npz", t / seconds, q, qd, tau if efforts else None)
+    out, loose = tmp_path / "x.json", [word for one in (*LOOSE, "frozen_timeout=0") for word in ("--set", one)]
+    status = main(["analyse", str(path), "--urdf", "ur5", "--json", str(out), *loose])
+    printed = capsys.readouterr()
+    wrong = json.loads(out.read_text())["quality"]["wrong_unit"]
+    if said is None:
+        assert wrong is None and "seem to" not in printed.err
+        return
+    assert status == 1 and said in printed.err and said in " ".join(printed.out.split())
+    assert wrong["cause"] == said and wrong["factor"] == pytest.approx(seconds, rel=2e-3)
+
+
+@pytest.mark.parametrize("unit", ["d", "day", "days", "h", "hours", "min", "minutes"])
+def test_long_units_of_times(tmp_path, ur5, motion, unit):
+    t, q, qd, _ = (x[:50] for x in motion)
+    seconds = {"d": 86400.0, "h": 3600.0, "m": 60.0}[unit[0]]
+    path = write_columns(tmp_path / "x.npz", t / seconds, q, qd)
+    recording = dd.read_recording(path, ur5, {"scale": {"time": unit}})
+    np.testing.assert_allclose(recording.t, t, rtol=0, atol=2e-9)
+
+
 def test_quality_of_good_data(analysed, motion):
     """Steps of an encoder are no disagreement."""
     report = analysed(*motion)[0]["quality"]
