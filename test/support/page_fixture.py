@@ -66,7 +66,7 @@ def content():
         "frames": [_text(frame) for frame in frames],
         "contact": json.loads(told(contact, model)),
         "columns": _columns(),
-        "times": _text(pack_times(np.array([0.0, 0.25, 0.25, 4000.0, 4000.000001]))),
+        "times": _text(pack_times(np.array([0.0, 0.25, 0.25, 4000.0, 4000.000001, 10_000.0, 9e8]))),
         "mesh": _text(pack_mesh(_tetrahedron())),
         "tracks": _tracks(dyn),
     }

@@ -31,7 +31,7 @@ export function timesOf(bytes, rows) {
   const out = new Float64Array(rows);
   let micro = 0;
   for (let i = 0; i < rows; i++) {
-    micro += bytes[i] + bytes[rows + i] * 0x100 + bytes[2 * rows + i] * 0x10000 + bytes[3 * rows + i] * 0x1000000;
+    for (let [plane, weight] = [0, 1]; plane < 8; plane++, weight *= 0x100) micro += bytes[plane * rows + i] * weight;
     out[i] = micro / 1e6;
   }
   return out;
