@@ -46,7 +46,8 @@ def parsed_yaml(text: str, what: str) -> Any:
     try:
         return yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: of a date that is none
-        raise InputError(f"{what} is no YAML: {' '.join(str(error).split())}") from error
+        hint = ". Put a text that begins with * in quotes." if "scanning an alias" in str(error) else ""
+        raise InputError(f"{what} is no YAML: {' '.join(str(error).split())}{hint}") from error
 
 
 def yaml_text(content: Any) -> str:

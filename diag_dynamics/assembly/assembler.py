@@ -140,6 +140,8 @@ class JointStateAssembler:
     ----------
     joints : Joints
     options : Options
+    name_of : callable, optional
+        Returns the robot's name of a joint by its name in messages; without it they are the same.
 
     Attributes
     ----------
@@ -160,8 +162,9 @@ class JointStateAssembler:
         The options name a joint that is not there.
     """
 
-    def __init__(self, joints, options):
+    def __init__(self, joints, options, name_of=None):
         count = len(joints.names)
+        self._name_of = name_of
         self.names = tuple(joints.names)
         self.followers = Followers(self.names, joints.mimics, options.mimic_tolerance, joints.continuous)
         self.counts = Counter()
@@ -358,10 +361,11 @@ class JointStateAssembler:
         """Places of the joints in the message and in the state; the same for the followers."""
         names = message.name
         if self._columns is None or names != self._columns[0]:
-            if len(set(names)) != len(names):
-                twice = next(name for name, count in Counter(names).items() if count > 1)
+            joints = [self._name_of(name) for name in names] if self._name_of else names
+            if len(set(joints)) != len(joints):
+                twice = next(name for name, count in Counter(joints).items() if count > 1)
                 raise RejectedError("duplicate name", f"joint '{twice}' is listed twice in one message")
-            self._columns = (list(names), [_places(names, index) for index in (self._index, self.followers.index)])
+            self._columns = (list(names), [_places(joints, index) for index in (self._index, self.followers.index)])
         return self._columns[1]
 
     def _judge_stamp(self, stamp, unstamped, now, here, following):

@@ -157,9 +157,7 @@ def _common(chosen):
 
 def _summary(chosen, recording, parameters, robot):
     """Analyse one recording, and write what is wanted of it."""
-    reading = Reading(
-        recording, robot, chosen.columns, topic=chosen.topic, parameters=parameters, start=chosen.start, end=chosen.end
-    )
+    reading = Reading(recording, robot, parameters=parameters, **given.reading_of(chosen))
     messages = partial(McapOutput, topics=WRITTEN if chosen.topics is None else chosen.topics.split(","))
     kinds = (chosen.mcap, messages), (chosen.parquet, ParquetOutput), (chosen.csv, CsvOutput)
     analysis, outputs = Analysis(reading, gain=given.gain_of(chosen), threads=chosen.threads), []

@@ -25,6 +25,13 @@ def add_arguments(parser):
         action="append",
         help="topic of the joint states, where a bag has several; repeated, as for arm and gripper, it merges them",
     )
+    parser.add_argument(
+        "--joint-names",
+        metavar="NAME=JOINT",
+        nargs="+",
+        action="extend",
+        help="the robot's joint of a name in the recording; * is any text: 'fer_*=panda_*' (docs/recordings.md)",
+    )
     add_parameters(parser)
     parser.add_argument("--start", type=float, metavar="SECONDS", help="after the beginning: nothing before is read")
     parser.add_argument(
@@ -49,6 +56,33 @@ def add_parameters(parser):
         default=[],
         help="parameters of the monitor (docs/parameters.md), as effort_scale='*=0.5'",
     )
+
+
+def joint_names_of(chosen):
+    """Robot's names of joints by those of the recording, None without any.
+
+    Raises
+    ------
+    InputError
+        One has no =, or a name comes twice.
+    """
+    found = {}
+    for text in chosen.joint_names or ():
+        name, equals, joint = text.partition("=")
+        if not equals or found.setdefault(name.strip(), joint.strip()) != joint.strip():
+            raise InputError(f"--joint-names has {text!r}; expected NAME=JOINT, each name once.")
+    return found or None
+
+
+def reading_of(chosen):
+    """Arguments of :class:`Reading` that say how a recording is read."""
+    return {
+        "columns": chosen.columns,
+        "topic": chosen.topic,
+        "joint_names": joint_names_of(chosen),
+        "start": chosen.start,
+        "end": chosen.end,
+    }
 
 
 def robot_of(urdf):
@@ -110,8 +144,7 @@ def streamed(chosen, paths, parameters, robot):
     InputError
         One cannot be read.
     """
-    how = {"columns": chosen.columns, "topic": chosen.topic, "start": chosen.start, "end": chosen.end}
-    found = []
+    how, found = reading_of(chosen), []
     for path in paths:
         found.append(Streamed(path, found[0].model if found else robot, how | {"parameters": parameters}))
     return found

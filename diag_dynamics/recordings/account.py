@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.intake import ABSURD, LOST
+from diag_dynamics.recordings.joint_names import listed, proposal
 from diag_dynamics.recordings.refused_units import MOST, UNITS
 
 NOTE = "note"
@@ -30,9 +31,6 @@ class Finding(NamedTuple):
 
 WITHOUT_VALUES = "rows of other topics"
 """Name of the count of rows of a table that have no value of any joint."""
-
-FEW = 8
-"""Joints that are named."""
 
 TEXTS = {
     "incomplete": None,
@@ -88,6 +86,8 @@ class Account:
         self._counts.pop(LOST, None)  # these are of the gaps, which go on
         self._first, self._last, self._frozen = {}, intake.last_texts, Counter(intake.frozen.told)
         self._missing, self._units = intake.assembler.missing, intake.units.text()
+        self._arrived, self._joints = dict(intake.arrived), {*intake.assembler.names, *intake.assembler.followers.names}
+        self._names, self._count = intake.names, len(intake.assembler.names)
         for rejection in intake.rejections:
             self._first.setdefault(rejection.cause, rejection.text)
         self._unread, self._notes, self.misplaced = list(unread), list(notes), misplaced
@@ -105,6 +105,7 @@ class Account:
         self._last |= {what: text for what, text in other._last.items() if other._counts[what]}
         self._frozen += other._frozen
         self._missing = [name for name in self._missing if name in other._missing]
+        self._arrived |= other._arrived
         self._units = self._units or other._units
         self._unread += [one for one in other._unread if one not in self._unread]
         self._notes += [one for one in other._notes if one not in self._notes]
@@ -132,10 +133,29 @@ class Account:
         return without_states(path, self.findings())
 
     def _text(self, cause):
-        if cause != "incomplete":
-            return self._last[cause]
-        text, missing = "messages before all joints were known", self._missing
-        if not missing:
-            return text
-        names = ", ".join(missing[:FEW]) + (f" and {len(missing) - FEW} more" if len(missing) > FEW else "")
-        return f"{text}; never came: {names}. A joint that does not move is held by locked_joints={missing[0]}=0"
+        missing = self._missing
+        if not missing or cause not in ("incomplete", "foreign"):
+            return "messages before all joints were known" if cause == "incomplete" else self._last[cause]
+        own, name_of = self._joints, self._names.of if self._names else str
+        others = [name for name in self._arrived if name_of(name) not in own]
+        if cause == "foreign":
+            what = "the robot has " if len(missing) == self._count else "never came: "
+            text = f"messages without a joint of this robot, of {listed(others)}; {what}{listed(missing)}"
+            return f"{text}. {self._advice(others)}"
+        text = f"messages before all joints were known; never came: {listed(missing)}. "
+        if self._counts["foreign"] or not others:
+            return f"{text}{self._lock()}"
+        return f"{text}Messages have {listed(others)}, which the robot has not. {self._advice(others)}"
+
+    def _lock(self):
+        return f"A joint that does not move is held by locked_joints={self._missing[0]}=0"
+
+    def _advice(self, others):
+        """The map that leads from names that came to joints that did not."""
+        found = proposal(others, self._missing)
+        if not found:
+            text = "Another name of a joint is given by --joint-names NAME=JOINT (joint_names)"
+            return text if len(self._missing) == self._count else f"{text}. {self._lock()}"
+        options = " or ".join(f"--joint-names '{name}={joint}'" for name, joint, _ in found)
+        count = found[0][2]
+        return f"With {options} (joint_names) {'they' if count == len(others) else f'{count} of them'} are the robot's"

@@ -34,6 +34,9 @@ LOST = "lost by gaps in stamps"
 FEW = 7
 """Names of joints that a text has."""
 
+MAX_ARRIVED = 1000
+"""Names of joints in messages that are kept."""
+
 MOST_TOLD = 20
 """Rejections whose text is kept, of each cause."""
 
@@ -101,20 +104,26 @@ class Intake:
     model : RobotModel
     settings : Settings
         The monitor's.
+    names : JointNames, optional
+        Map of the names of joints in messages.
 
     Attributes
     ----------
     assembler : JointStateAssembler
+    names : JointNames or None
+    arrived : dict
+        Names of joints in messages, in their order, at most :data:`MAX_ARRIVED` of them; values are None.
     rejections : list of Rejection
         The first :data:`MOST_TOLD` of each cause.
     units : RefusedUnits
     """
 
-    def __init__(self, model, settings):
+    def __init__(self, model, settings, names=None):
         values = settings.values
+        self.names, self.arrived = names, {}
         self._model, self._settings, self._dynamics = model, settings, DiagonalDynamics(model)
-        self.assembler = JointStateAssembler(joints_of(model), settings.inputs)
-        self._joint_states = KnownJointStates(self.assembler, partial(read_message, kind=JOINT_STATE))
+        self.assembler = JointStateAssembler(joints_of(model), settings.inputs, names.of if names else None)
+        self._joint_states = KnownJointStates(self.assembler, self._read)
         self._joint_states.configure()
         self._refuses_frozen = values["frozen_values"] == "refuse"
         self.frozen = Frozen(self.assembler.names, values["frozen_timeout"], self._refuses_frozen)
@@ -243,6 +252,13 @@ class Intake:
         run.note(begin, end)
         return refused
 
+    def _read(self, raw):
+        """The JointState of its bytes, whose names are kept."""
+        message = read_message(raw, JOINT_STATE)
+        if len(self.arrived) < MAX_ARRIVED:
+            self.arrived |= dict.fromkeys(message.name[: MAX_ARRIVED - len(self.arrived)])
+        return message
+
     def _of_one(self, messages, k):
         """The state that one message makes."""
         at, size = int(messages.at[k]), int(messages.size[k])
@@ -252,7 +268,9 @@ class Intake:
             state = self._joint_states.update(raw, now)
         except RejectedError as error:
             if error.cause == ABSURD and not self.units.full:
-                self.units.take(read_message(raw, JOINT_STATE))
+                message = self._read(raw)
+                message.name = [self.names.of(name) for name in message.name] if self.names else message.name
+                self.units.take(message)
             raise
         if state is None:
             return None

@@ -92,6 +92,7 @@ def read_recording(
     columns: Any = None,
     *,
     topic: str | Sequence[str] | None = None,
+    joint_names: Mapping[str, str] | None = None,
     parameters: Mapping[str, Any] | None = None,
     start: float | None = None,
     end: float | None = None,
@@ -109,6 +110,9 @@ def read_recording(
     topic : str or sequence of str, optional
         Topics of the joint states, where a bag has several. Those of an arm and its gripper are merged in the order of log
         time, as messages of one topic are.
+    joint_names : mapping of str to str, optional
+        The robot's name of a joint by that of the recording. ``*`` stands for any text: ``{"fer_*": "panda_*"}``. An entry
+        that names no joint of the recording or of the robot is an error. Beside it, `columns` has the key ``joint_names``.
     parameters : mapping, optional
         Parameters of the monitor, by name, that are to have other values than there by default. Those that make a model of a
         description, such as `armature` and `parameters_file`, need one: a :class:`RobotModel` is made already.
@@ -128,7 +132,9 @@ def read_recording(
     DiagDynamicsError
         The robot's description is refused.
     """
-    stream = stream_recording(path, model, columns, topic=topic, parameters=parameters, start=start, end=end)
+    stream = stream_recording(
+        path, model, columns, topic=topic, joint_names=joint_names, parameters=parameters, start=start, end=end
+    )
     pieces = list(stream)
     whole, last = States.together([piece.states for piece in pieces]), pieces[-1]
     return Recording(last.model, whole, last.offset, last.counts, last.findings, last.path)
@@ -140,6 +146,7 @@ def stream_recording(
     columns: Any = None,
     *,
     topic: str | Sequence[str] | None = None,
+    joint_names: Mapping[str, str] | None = None,
     parameters: Mapping[str, Any] | None = None,
     start: float | None = None,
     end: float | None = None,
@@ -149,7 +156,7 @@ def stream_recording(
 
     Parameters
     ----------
-    path, model, columns, topic, parameters, start, end
+    path, model, columns, topic, joint_names, parameters, start, end
         As of :func:`read_recording`.
     size : int
         States of a piece, about.
@@ -159,7 +166,9 @@ def stream_recording(
     Recording
         Of one piece; `counts` and `findings` are those of all that came until then. The last one may be empty.
     """
-    reading = Reading(path, model, columns, topic=topic, parameters=parameters, start=start, end=end)
+    reading = Reading(
+        path, model, columns, topic=topic, joint_names=joint_names, parameters=parameters, start=start, end=end
+    )
     if isinstance(model, RobotModel):
         require_as_made(reading.settings.values)
     yield from reading.pieces(size)
@@ -170,7 +179,7 @@ class Reading:
 
     Parameters
     ----------
-    path, model, columns, topic, parameters, start, end
+    path, model, columns, topic, joint_names, parameters, start, end
         As of :func:`read_recording`.
 
     Attributes
@@ -185,21 +194,23 @@ class Reading:
         Whether :meth:`settling` comes before :meth:`pieces`.
     """
 
-    def __init__(self, path, model=None, columns=None, *, topic=None, parameters=None, start=None, end=None):
+    def __init__(
+        self, path, model=None, columns=None, *, topic=None, joint_names=None, parameters=None, start=None, end=None
+    ):
         unknown = set(parameters or {}) - set(PARAMETERS)
         if unknown:
             raise InputError(f"the monitor has no parameter '{min(unknown)}'.")
         defaults = {name: spec.default for name, spec in PARAMETERS.items()}
         self.settings = Settings.of(defaults | dict(parameters or {}))
         self._after, self._path = _nanoseconds(start, end), os.fspath(path)
-        self._source = source_of(path, columns, topic)
+        self._source = source_of(path, columns, topic, joint_names)
         if isinstance(model, RobotModel):
             require_single_joints(model)
             self.model, self.described = model, None
         else:
             self.described = self._source.description() if model is None else os.fspath(model)
             self.model = model_of(self.described, self.settings.values)
-        self.intake = Intake(self.model, self.settings)
+        self.intake = Intake(self.model, self.settings, self._source.names)
         self._begin = self._end = None
         self.settles, self._first, self._stream = False, [], None
         if self._after != (None, None) and self._source.start is not None:

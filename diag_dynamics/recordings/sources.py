@@ -13,7 +13,9 @@ from diag_dynamics.bags.opening import open_bag
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY
+from diag_dynamics.recordings.joint_names import joint_names_of
 from diag_dynamics.recordings.rows import Rows
+from diag_dynamics.tables.column_map import ColumnMap, column_map
 from diag_dynamics.tables.opening import open_table
 from diag_dynamics.wire.definitions import read_message
 
@@ -56,26 +58,38 @@ def topics_of(topic):
     return tuple(dict.fromkeys(topics))
 
 
-def source_of(path, columns=None, topic=None):
+def source_of(path, columns=None, topic=None, joint_names=None):
     """BagSource or TableSource of a path.
 
     Parameters
     ----------
     path : str or Path
     columns : str, Path or dict, optional
-        Map of the columns of a table.
+        Map of the columns of a table; of a bag, with `joint_names` alone.
     topic : str or sequence of str, optional
         Topics of the joint states, where a bag has several.
+    joint_names : mapping, optional
+        See :class:`JointNames`.
     """
+    wanted = column_map(columns)
+    if wanted.joint_names is not None and joint_names is not None:
+        raise InputError(f"joint_names is given by {wanted.source}, too; expected one of them.")
+    given, where = joint_names, "joint_names"
+    if joint_names is None:
+        given, where = wanted.joint_names, f"{wanted.source}: joint_names"
+    names = joint_names_of(given, where)
     path = Path(os.path.expanduser(os.fspath(path)))
     if not path.exists():
         near = get_close_matches(path.name, os.listdir(path.parent) if path.parent.is_dir() else [], n=1)
         raise InputError(f"there is no file or folder '{path}'.{f' Is {near[0]!r} meant?' if near else ''}")
     if not _is_bag(path):
-        return TableSource(path, columns)
-    if columns is not None:
-        raise InputError(f"'{path}' is a bag: its messages name their joints, so that no map of columns can be used.")
-    return BagSource(path, topic)
+        return TableSource(path, wanted, names)
+    for key, value in wanted._asdict().items():
+        if key not in ("joint_names", "source") and value != ColumnMap._field_defaults[key]:
+            raise InputError(
+                f"'{path}' is a bag; expected joint_names alone in a map of columns, and {wanted.source} has {key}."
+            )
+    return BagSource(path, topic, names)
 
 
 def _is_bag(path):
@@ -95,15 +109,17 @@ class BagSource:
     path : Path
     topic : str or sequence of str, optional
         Topics of the joint states, which are merged in the order of log time.
+    names : JointNames, optional
 
     Attributes
     ----------
     offset : int
         0: times are as they are.
+    names : JointNames or None
     """
 
-    def __init__(self, path, topic=None):
-        self.offset = 0
+    def __init__(self, path, topic=None, names=None):
+        self.offset, self.names = 0, names
         self._path, self._bag = path, open_bag(path)
         self._topics = topics_of(topic)
         self._notes = []
@@ -164,9 +180,20 @@ class BagSource:
     def pieces(self, model):
         """Pieces of messages and types of their connections, in the order of log time."""
         wanted = self._wanted(model)
+        if self.names:
+            self.names.check(self._joint_states(), model)
         kinds = np.array([connection.type for connection in self._bag.connections])
         for messages in self._bag.pieces(wanted):
             yield messages, kinds
+
+    def _joint_states(self):
+        """Pieces of all joint states, whatever the limits are."""
+        begin, end, wanted = self._bag.begin, self._bag.end, self._connections(JOINT_STATE)
+        self._bag.limit(None, None)
+        try:
+            yield from self._bag.pieces(wanted) if wanted else ()
+        finally:
+            self._bag.limit(begin, end)
 
     def _connections(self, kind):
         """Indices of the connections of a type that are read.
@@ -242,9 +269,9 @@ class TableSource:
 
     start, misplaced = None, False  # as of BagSource
 
-    def __init__(self, path, columns=None):
+    def __init__(self, path, columns=None, names=None):
         self._path, self._columns, self._table, self._rows = path, columns, None, None
-        self.offset = 0
+        self.offset, self.names = 0, names
 
     @property
     def unread(self):
@@ -274,10 +301,24 @@ class TableSource:
 
     def pieces(self, model):
         """Pieces of messages and the type of all of them."""
-        self._table = open_table(self._path, self._columns, single_joints(model))
+        joints = single_joints(model)
+        if self.names:
+            joints = self._own_names(model, joints)
+        self._table = open_table(self._path, self._columns, joints)
         rows, kinds = Rows(self._table.joints), np.array([JOINT_STATE])
         self._rows = rows
         for columns in self._table.pieces():
             messages = rows.messages(columns)
             self.offset = rows.offset
             yield messages, kinds
+
+    def _own_names(self, model, joints):
+        """The table's names of the joints of a robot, as its map leads to them."""
+        undone = tuple(map(self.names.undo, joints))
+        try:
+            table = open_table(self._path, self._columns, ())
+        except InputError:  # without names it is not certain which columns are read
+            table = open_table(self._path, self._columns, undone)
+        rows = Rows(table.joints)
+        own = self.names.check(map(rows.messages, table.pieces()), model)
+        return tuple(name for name in own if self.names.of(name) in joints) or undone

@@ -24,7 +24,7 @@ UNSAID = object()
 DELIMITERS = {"tab": "\t", "\\t": "\t", "comma": ",", "semicolon": ";", "space": " "}
 """Words for what separates columns; a space is any number of spaces and tabs."""
 
-_KEYS = ("time", *QUANTITIES, "joints", "scale", "header", "delimiter", "decimal", "skip")
+_KEYS = ("time", *QUANTITIES, "joints", "joint_names", "scale", "header", "delimiter", "decimal", "skip")
 
 
 class ColumnMap(NamedTuple):
@@ -46,6 +46,8 @@ class ColumnMap(NamedTuple):
     decimal: str = "."
     skip: int = 0
     """Lines before the header."""
+    joint_names: Mapping[str, str] | None = None
+    """The robot's name of a joint by that of the file; checked by who uses it."""
     source: str = "columns"
     """Where it comes from, for messages."""
 
@@ -106,6 +108,7 @@ def column_map(columns):
         delimiter=_delimiter(columns.get("delimiter"), source),
         decimal=_decimal(columns, source),
         skip=_count(columns.get("skip", 0), f"{source}: skip"),
+        joint_names=columns.get("joint_names"),
         source=source,
     )
 

@@ -366,6 +366,10 @@ WRONG = {
     ("--start", "50"): "no message is within --start and --end",
     ("--alarms", "{arm}"): "'{arm}' has no thresholds",
     ("--parameters", "{nonsense}"): "no parameter 'nonsense'",
+    ("--joint-names", "fer"): "--joint-names has 'fer'; expected NAME=JOINT",
+    ("--joint-names", "a=b", "a=c"): "--joint-names has 'a=c'; expected NAME=JOINT, each name once",
+    ("--joint-names", "a=panda_joint1"): "joint_names has 'a', which is no joint of the recording",
+    ("--topic", "/a"): "has no topic '/a' of sensor_msgs/msg/JointState, only /joint_states",
     ("--parameters", "{elbow}"): "'elbow' is not a joint of robot 'panda'",
 }
 
@@ -484,6 +488,24 @@ def test_topics_of_one_robot(tmp_path, driven, analyse):
     assert summaries[0] == summaries[1] and summaries[0]["states"] == 2 * COUNT - 1
     status, _, said = analyse(path)
     assert status == 2 and "several topics" in said and "--topic /arm/joint_states --topic /gripper" in said
+
+
+def test_names_of_joints(tmp_path, driven, analyse, capsys):
+    """Commands do the same as on a recording with the robot's names; without a map the error has the map."""
+    said = []
+    for rename, given in ((str, ()), (lambda name: name.replace("panda", "fer"), ("--joint-names", "fer_*=panda_*"))):
+        path = write_mcap(tmp_path / "in.mcap", parts(driven, ["/joint_states"] * 2, rename), chunk_size=20_000)
+        assert main(["analyse", str(path), "--urdf", "panda", "--json", "-", *given]) in (0, 1)
+        for command in ("calibrate", "identify"):
+            arguments = [str(path), "--urdf", "panda", "-o", str(tmp_path / "out.yaml"), *given]
+            assert main([command, *arguments]) in (0, 1, 2)
+        said.append(capsys.readouterr())
+        (tmp_path / "out.yaml").unlink(missing_ok=True)
+    assert said[0] == said[1] and "no joint of" not in said[0].err
+    status, _, text = analyse(path)
+    assert status == 2 and "of this robot, of fer_joint1, " in text and "With --joint-names 'fer_*=panda_*'" in text
+    (tmp_path / "map.yaml").write_text("joint_names: {fer_*: panda_*}")
+    assert analyse(path, "--columns", tmp_path / "map.yaml")[0] in (0, 1)
 
 
 def test_parameters_in_files(tmp_path, bag, panda, analyse):

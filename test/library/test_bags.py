@@ -6,7 +6,6 @@
 Files are written by the libraries mcap and rosbags. Of a damaged file, the findings name what is lost.
 """
 
-import re
 import shutil
 import sqlite3
 import struct
@@ -32,29 +31,21 @@ from bags import (
     NO_INDEX,
     NO_MESSAGES,
     NOETIC,
-    ODOMETRY,
     PLAIN,
     SQLITE,
-    STRING,
     TEXT,
     ZSTD,
-    Message,
     arm,
-    definitions_of_ros1,
-    description,
     file_of,
     numbered,
-    odometry,
-    of_ros1,
-    serialized,
-    urdf_of,
+    read,
+    unread,
     write_mcap,
     write_ros1,
     write_rosbag2,
     write_split,
 )
 from examples import examples, some_of
-from hostile import MS, START
 
 COMPRESSIONS = (ZSTD, LZ4, PLAIN)
 ROS1_COMPRESSIONS = (None, *rosbag1.Writer.CompressionFormat)
@@ -63,28 +54,6 @@ ROS1_COMPRESSIONS = (None, *rosbag1.Writer.CompressionFormat)
 def in_one_folder(count):
     """Return hypothesis settings: every example may use the folder of the test."""
     return settings(examples(count), suppress_health_check=[HealthCheck.function_scoped_fixture])
-
-
-def read(path, topic=None):
-    """Return the numbers of the messages read, and the findings; nothing read is a finding, too.
-
-    No message is changed, and none comes twice or before an earlier one.
-    """
-    try:
-        recording = dd.read_recording(path, arm("a"), topic=topic)
-    except dd.InputError as error:
-        return [], [("unread", str(error))]
-    numbers = (recording.stamp - START) // MS
-    np.testing.assert_array_equal(recording.stamp, START + numbers * MS)
-    np.testing.assert_allclose(recording.q[:, 0], 1e-4 * numbers, rtol=1e-15)
-    assert (np.diff(numbers) > 0).all()
-    gaps = "lost by gaps in stamps"  # of what is missing
-    return numbers.tolist(), [(one.cause, one.text) for one in recording.findings if one.cause != gaps]
-
-
-def unread(findings):
-    """Return the texts of what could not be read."""
-    return [text for cause, text in findings if cause == "unread"]
 
 
 # --- Whole files ---
@@ -144,126 +113,6 @@ def test_ros1(tmp_path, compression):
     path = write_ros1(tmp_path / "x.bag", numbered(100, topics=("/a", "/b")), compression)
     for k, topic in enumerate(("/a", "/b")):
         assert read(path, topic) == (list(range(k, 100, 2)), [])
-
-
-ROS1_DEFINITIONS = {
-    "whole": definitions_of_ros1(JOINT_STATE),
-    "without its header": {"sensor_msgs/JointState": TEXT},
-    "empty": {},
-}
-MD5 = NOETIC.generate_msgdef(JOINT_STATE, ros_version=1)[1]
-
-
-@pytest.mark.parametrize("schema", ["ros1msg", "msg", ""])
-@pytest.mark.parametrize("definitions", ROS1_DEFINITIONS)
-@pytest.mark.parametrize(
-    ("compression", "options"), [(ZSTD, {}), (LZ4, {"index_types": NO_INDEX}), (PLAIN, {"use_chunking": False})]
-)
-def test_ros1_in_mcap(tmp_path, compression, options, definitions, schema):
-    """`mcap convert` keeps messages, types and definitions of a ROS 1 bag, its first releases as schema ``msg``."""
-    messages = of_ros1(numbered(60, topics=("/a", "/b")))
-    encoded = {"encoding": "ros1", "schema": schema, "definitions": ROS1_DEFINITIONS[definitions]}
-    path = write_mcap(tmp_path / "x.mcap", messages, compression, metadata={"md5sum": MD5}, **encoded, **options)
-    for k, topic in enumerate(("/a", "/b")):
-        assert read(path, topic) == (list(range(k, 60, 2)), [])
-    path.write_bytes(path.read_bytes()[:-500])
-    numbers, findings = read(path, "/a")
-    assert 0 < len(numbers) <= 30 and numbers == list(range(0, 2 * len(numbers), 2)) and unread(findings)
-
-
-def test_a_robot_of_ros1_in_mcap(tmp_path):
-    """Its description and its odometry are read; the states are those of the same messages of ROS 2."""
-    stamps = [START + k * MS for k in range(20)]
-    inertial = '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
-    sent = [description(urdf_of("a").replace('<link name="base"/>', f'<link name="base">{inertial}</link>'))]
-    for k, stamp in enumerate(stamps):
-        pose, twist = [0.1 * k, 0, 0, 0, 0, 0, 1], [0.1, 0, 0, 0, 0, 0.2]
-        sent.append(Message("/odom", stamp, odometry(stamp, "base", pose, twist), ODOMETRY))
-        sent.append(Message("/joint_states", stamp, serialized(stamp, ["a"], [0.01 * k], [0.1], [2.0])))
-    new = write_mcap(tmp_path / "new.mcap", sent)
-    definitions = definitions_of_ros1(JOINT_STATE, ODOMETRY, STRING)
-    old = write_mcap(tmp_path / "old.mcap", of_ros1(sent), encoding="ros1", schema="ros1msg", definitions=definitions)
-    expected, found = (dd.read_recording(path, parameters={"floating_base": True}) for path in (new, old))
-    assert len(expected) > 15 and found.findings == expected.findings
-    for ours, theirs in zip(found.states, expected.states, strict=True):
-        np.testing.assert_array_equal(ours, theirs)
-
-
-@pytest.mark.parametrize(
-    ("data", "metadata", "type", "what"),
-    [
-        (b"short", {}, "sensor_msgs/JointState", "40 messages of '/joint_states' are not of its type"),
-        (None, {"md5sum": "1" * 32}, "sensor_msgs/JointState", f"its MD5 sum is {'1' * 32}; expected {MD5}"),
-        (
-            None,
-            {},
-            "my_msgs/JointState",
-            "has no joint states: its topics are /joint_states .my_msgs/msg/JointState, enc",
-        ),
-    ],
-)
-def test_ros1_in_mcap_that_is_not_understood(tmp_path, data, metadata, type, what):
-    messages = [one._replace(data=data or one.data, type=type) for one in of_ros1(numbered(40))]
-    path = write_mcap(
-        tmp_path / "x.mcap", messages, chunk_size=10**6, encoding="ros1", metadata=metadata, definitions={}
-    )
-    try:
-        said = " ".join(unread([(one.cause, one.text) for one in dd.read_recording(path, arm("a")).findings]))
-    except dd.InputError as error:
-        said = str(error)
-    assert re.search(what, said)
-
-
-@pytest.mark.parametrize("name", ["sensor_msgs/JointState", "sensor_msgs::msg::dds_::JointState_"])
-@pytest.mark.parametrize("kind", ["mcap", "db3"])
-def test_names_of_types(tmp_path, kind, name):
-    """Releases and vendors write them without ``/msg/``, or as DDS has them."""
-    messages, path = numbered(40), tmp_path / f"x.{kind}"
-    if kind == "mcap":
-        write_mcap(path, [one._replace(type=name) for one in messages])
-    else:
-        file_of(write_rosbag2(tmp_path / "bag", messages)).rename(path)
-        with sqlite3.connect(path) as database:
-            database.execute("UPDATE topics SET type = ?", [name])
-        database.close()
-    assert read(path) == (list(range(40)), [])
-
-
-@pytest.mark.parametrize("encoding", ["json", "protobuf", "cbor", "flatbuffer", ""])
-@pytest.mark.parametrize("type", [JOINT_STATE, "foxglove.JointStates", ""])
-def test_encodings_that_are_not_read_are_named(tmp_path, encoding, type):
-    """With the topic; a second topic that can be read is read."""
-    odd = [one._replace(topic="/odd/joint_states", type=type, data=b"{}") for one in numbered(20)]
-    path = write_mcap(tmp_path / "odd.mcap", odd, encoding=encoding)
-    for topic in (None, "/odd/joint_states"):
-        with pytest.raises(
-            dd.InputError, match=rf"/odd/joint_states.* encoded as '{encoding}'.* 'cdr' of ROS 2 or 'ros1'"
-        ):
-            dd.read_recording(path, arm("a"), topic=topic)
-    with open(tmp_path / "both.mcap", "wb") as file:
-        writer = Writer(file)
-        writer.start()
-        channels = [
-            writer.register_channel(topic, form, writer.register_schema(kind, "ros2msg", b""))
-            for topic, form, kind in (("/odd/joint_states", encoding, type), ("/a", "cdr", JOINT_STATE))
-        ]
-        for one, other in zip(odd, numbered(20), strict=True):
-            writer.add_message(channels[0], one.log_time, one.data, one.log_time)
-            writer.add_message(channels[1], one.log_time, other.data, one.log_time)
-        writer.finish()
-    numbers, findings = read(tmp_path / "both.mcap")
-    assert numbers == list(range(20)) and unread(findings) == []
-
-
-@pytest.mark.parametrize("md5", [MD5, "*"])
-def test_ros1_without_definitions(tmp_path, md5):
-    """Its type and MD5 sum say which definition it is."""
-    path = tmp_path / "x.bag"
-    with rosbag1.Writer(path) as writer:
-        connection = writer.add_connection("/joint_states", JOINT_STATE, msgdef="", md5sum=md5)
-        for one in of_ros1(numbered(30)):
-            writer.write(connection, one.log_time, one.data)
-    assert read(path) == (list(range(30)), [])
 
 
 def test_records_that_are_no_messages_are_ignored(tmp_path):
@@ -465,84 +314,6 @@ def test_a_library_that_is_missing_is_named(tmp_path, monkeypatch, compression, 
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(dd.InputError, match=f"pip install {package}"):
         dd.read_recording(path, arm("a"))
-
-
-# --- Several topics of one robot ---
-
-
-def arm_and_gripper(topics):
-    """Return messages of an arm (joints a, b) and its gripper (c) on two topics; some have the same log time."""
-    sent = []
-    for k in range(60):
-        names, topic = (["c"], topics[1]) if k % 3 == 2 else (["b", "a"], topics[0])
-        stamp = START + 2 * k * MS
-        values = [0.01 * k + place for place in range(len(names))], [0.1] * len(names), [1.0 * k] * len(names)
-        sent.append(Message(topic, stamp - (k % 30 == 29) * 2 * MS, serialized(stamp, names, *values)))
-    return sent
-
-
-WRITERS = {
-    "mcap": lambda folder, sent: write_mcap(folder / "x.mcap", sent),
-    "db3": lambda folder, sent: write_rosbag2(folder / "bag", sent),
-    "ROS 1": lambda folder, sent: write_ros1(folder / "x.bag", sent),
-    "ROS 1 in MCAP": lambda folder, sent: write_mcap(
-        folder / "x.mcap",
-        of_ros1(sent),
-        encoding="ros1",
-        schema="ros1msg",
-        definitions=ROS1_DEFINITIONS["whole"],
-    ),
-}
-
-
-@pytest.mark.parametrize("kind", WRITERS)
-def test_topics_of_one_robot_are_merged(tmp_path, kind):
-    """States, counts and findings are those of one topic with the same messages, whatever the order of the names."""
-    robot, two = arm("a", "b", "c"), ("/arm/joint_states", "/gripper/joint_states")
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-    one = WRITERS[kind](tmp_path / "one", arm_and_gripper(["/joint_states"] * 2))
-    path = WRITERS[kind](tmp_path / "two", arm_and_gripper(two))
-    expected = dd.read_recording(one, robot)
-    assert len(expected) == 58 and np.isfinite(expected.tau).all()
-    for topics in (two, list(reversed(two)), [*two, two[0]]):
-        found = dd.read_recording(path, robot, topic=topics)
-        assert found.counts == expected.counts and found.findings == expected.findings
-        for ours, theirs in zip(found.states, expected.states, strict=True):
-            np.testing.assert_array_equal(ours, theirs)
-    with pytest.raises(dd.InputError, match=r"/arm/joint_states, /gripper/joint_states\. .*--topic .* --topic"):
-        dd.read_recording(path, robot)
-    with pytest.raises(dd.InputError, match=r"no topic '/gripper' .*, only /arm/joint_states, /gripper/joint_states"):
-        dd.read_recording(path, robot, topic=[two[0], "/gripper"])
-
-
-def test_topics_that_are_not_read_are_named(tmp_path):
-    """One topic has the usual name, others have another name or another type."""
-    sent = [*arm_and_gripper(("/joint_states", "/gripper")), description(urdf_of("a"))]
-    path = write_mcap(tmp_path / "x.mcap", sent)
-    notes = [one.text for one in dd.read_recording(path, arm("a", "b")).findings if one.cause == "note"]
-    assert notes == [
-        f"'{path}': joint states of /joint_states are read, not those of /gripper (--topic reads several)."
-    ]
-    with pytest.raises(dd.InputError, match="topic /robot_description is of std_msgs/msg/String; expected sensor_msgs"):
-        dd.read_recording(path, arm("a"), topic=["/joint_states", "/robot_description"])
-    for topic in ("", 3, ["/joint_states", None]):
-        with pytest.raises(dd.InputError, match=r"topic is .*; expected the name of a topic or a list of names"):
-            dd.read_recording(path, arm("a"), topic=topic)
-
-
-def test_robots_of_several_namespaces(tmp_path):
-    """The description is that in the namespace of the topics."""
-    sent = [one._replace(topic=f"/{side}/joint_states") for side in ("left", "right") for one in numbered(10)]
-    sent += [description(urdf_of(*names))._replace(topic=f"/{side}/robot_description") for side, names in SIDES.items()]
-    path = write_mcap(tmp_path / "x.mcap", sorted(sent, key=lambda one: one.log_time))
-    for side, names in SIDES.items():
-        assert dd.read_recording(path, topic=f"/{side}/joint_states").model.joint_names == names
-    with pytest.raises(dd.InputError, match=r"several topics of std_msgs/msg/String: .*\. Give the robot: --urdf"):
-        dd.read_recording(path)
-
-
-SIDES = {"left": ("a",), "right": ("a", "b")}
 
 
 # --- Damaged MCAP ---

@@ -276,6 +276,27 @@ def test_lying_chunks_are_one_piece(tmp_path, scheduler):
     compare(summary, alone(path, tmp_path / "alone.json"))
 
 
+def test_topics_and_names_of_joints(tmp_path, scheduler):
+    """Those of all recordings; another map is another result."""
+    sent = [
+        Message(topic, START + k * MS, serialized(START + k * MS, [name], [0.01 * k], [0.1], [1.0]))
+        for k in range(40)
+        for topic, name in (("/one", "left_a"), ("/two", "left_b"))
+    ]
+    path, given = write_mcap(tmp_path / "x.mcap", sent), {"topic": ["/one", "/two"], "joint_names": {"left_*": "*"}}
+    for joint_names, computed, states in ((given["joint_names"], 1, 79), (given["joint_names"], 0, 79), (None, 0, 0)):
+        report = dd.analyse_fleet(
+            [path],
+            tmp_path / "out",
+            arm("a", "b"),
+            scheduler=scheduler,
+            parquet=False,
+            **given | {"joint_names": joint_names},
+        )
+        assert report["computed"] == computed and sum(row["states"] for row in report["recordings"]) == states
+    assert "--joint-names 'left_*=*'" in report["failed"][str(path)]
+
+
 def test_the_command(tmp_path, archive, scheduler, capsys):
     arguments = ["analyse", "--fleet", str(archive / "tuesday" / "*.mcap"), "--out", str(tmp_path), "--no-parquet"]
     run = [*arguments, "--scheduler", scheduler]

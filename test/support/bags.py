@@ -227,3 +227,25 @@ def write_floating(path, joints, bases):
     sent = [(now, 0, Message("/odom", now, raw, ODOMETRY)) for now, raw in bases]
     sent += [(now, 1, Message("/joint_states", now, raw)) for raw, now in joints]
     return write_mcap(path, [one for _, _, one in sorted(sent, key=lambda one: one[:2])], chunk_size=20_000)
+
+
+def read(path, topic=None):
+    """Return the numbers of the messages read, and the findings; nothing read is a finding, too.
+
+    No message is changed, and none comes twice or before an earlier one.
+    """
+    try:
+        recording = dd.read_recording(path, arm("a"), topic=topic)
+    except dd.InputError as error:
+        return [], [("unread", str(error))]
+    numbers = (recording.stamp - START) // MS
+    np.testing.assert_array_equal(recording.stamp, START + numbers * MS)
+    np.testing.assert_allclose(recording.q[:, 0], 1e-4 * numbers, rtol=1e-15)
+    assert (np.diff(numbers) > 0).all()
+    gaps = "lost by gaps in stamps"  # of what is missing
+    return numbers.tolist(), [(one.cause, one.text) for one in recording.findings if one.cause != gaps]
+
+
+def unread(findings):
+    """Return the texts of what could not be read."""
+    return [text for cause, text in findings if cause == "unread"]

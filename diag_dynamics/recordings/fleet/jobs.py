@@ -34,6 +34,8 @@ class Options(NamedTuple):
     """Map of the columns of tables, or its absolute path."""
     topic: tuple
     """Topics of the joint states; empty where a bag has one."""
+    joint_names: object
+    """The robot's name of a joint by that of the recording, or None."""
     parameters: dict
     gain: float
     """Of the observer [1/s]."""
@@ -54,6 +56,7 @@ class Options(NamedTuple):
             "model": None if self.model is None else _digest(self.model),
             "columns": columns,
             "topic": self.topic,
+            "joint_names": self.joint_names,
             "parameters": self.parameters,
             "gain": self.gain,
             "parquet": self.parquet,
@@ -103,7 +106,12 @@ class Job(NamedTuple):
         """The recording, opened."""
         options = self.options
         return Reading(
-            self.path, options.model, options.columns, topic=options.topic, parameters=dict(options.parameters)
+            self.path,
+            options.model,
+            options.columns,
+            topic=options.topic,
+            joint_names=options.joint_names,
+            parameters=dict(options.parameters),
         )
 
     def finished(self):

@@ -41,6 +41,7 @@ def analyse_fleet(
     columns: Any = None,
     *,
     topic: str | Sequence[str] | None = None,
+    joint_names: Mapping[str, str] | None = None,
     parameters: Mapping[str, Any] | None = None,
     gain: float = 25.0,
     scheduler: str | None = None,
@@ -62,7 +63,7 @@ def analyse_fleet(
     out : str or Path
         Folder for the outputs, which all workers share: of each recording a summary in JSON and its columns in Parquet; and
         fleet.json, fleet.parquet and fleet.html, the table of all. No two runs may write into one folder at the same time.
-    model, columns, topic, parameters
+    model, columns, topic, joint_names, parameters
         As of :func:`read_recording`.
     gain : float
         Of the observer [1/s], where the parameters have none.
@@ -95,7 +96,7 @@ def analyse_fleet(
     """
     if isinstance(patterns, str | os.PathLike):
         raise InputError(f"patterns is {patterns!r}, expected a list of paths and patterns.")
-    options = _options(model, columns, topic, parameters, gain, piece, parquet, reports)
+    options = _options(model, columns, topic, joint_names, parameters, gain, piece, parquet, reports)
     out = Path(out).expanduser()
     out.mkdir(parents=True, exist_ok=True)
     jobs = jobs_of(patterns, out, options)
@@ -125,7 +126,7 @@ def analyse_fleet(
     return report
 
 
-def _options(model, columns, topic, parameters, gain, piece, parquet, reports):
+def _options(model, columns, topic, joint_names, parameters, gain, piece, parquet, reports):
     parameters = dict(parameters or {})
     unknown = set(parameters) - set(PARAMETERS)
     if unknown:
@@ -138,7 +139,7 @@ def _options(model, columns, topic, parameters, gain, piece, parquet, reports):
     if isinstance(columns, str | os.PathLike):
         columns = str(Path(columns).expanduser().resolve())
     gain, piece = positive("gain", gain, "[1/s]"), positive("piece", piece, "[s]")
-    return Options(model, columns, topics_of(topic), parameters, gain, parquet, reports, piece)
+    return Options(model, columns, topics_of(topic), joint_names, parameters, gain, parquet, reports, piece)
 
 
 def _results(jobs, scheduler, workers):

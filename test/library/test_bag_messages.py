@@ -1,0 +1,443 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Messages of bags: encodings, names of types, topics, and names of joints.
+
+Files are written by the libraries mcap and rosbags.
+"""
+
+import re
+import sqlite3
+
+import numpy as np
+import pytest
+import yaml
+from mcap.writer import Writer
+from rosbags import rosbag1
+
+import diag_dynamics as dd
+from bags import (
+    JAZZY,
+    JOINT_STATE,
+    LZ4,
+    NO_INDEX,
+    NOETIC,
+    ODOMETRY,
+    PLAIN,
+    STRING,
+    TEXT,
+    ZSTD,
+    Message,
+    arm,
+    definitions_of_ros1,
+    description,
+    file_of,
+    numbered,
+    odometry,
+    of_ros1,
+    read,
+    serialized,
+    unread,
+    urdf_of,
+    write_mcap,
+    write_ros1,
+    write_rosbag2,
+)
+from hostile import MS, START
+
+# --- Encodings ---
+
+
+ROS1_DEFINITIONS = {
+    "whole": definitions_of_ros1(JOINT_STATE),
+    "without its header": {"sensor_msgs/JointState": TEXT},
+    "empty": {},
+}
+MD5 = NOETIC.generate_msgdef(JOINT_STATE, ros_version=1)[1]
+
+
+@pytest.mark.parametrize("schema", ["ros1msg", "msg", ""])
+@pytest.mark.parametrize("definitions", ROS1_DEFINITIONS)
+@pytest.mark.parametrize(
+    ("compression", "options"), [(ZSTD, {}), (LZ4, {"index_types": NO_INDEX}), (PLAIN, {"use_chunking": False})]
+)
+def test_ros1_in_mcap(tmp_path, compression, options, definitions, schema):
+    """`mcap convert` keeps messages, types and definitions of a ROS 1 bag, its first releases as schema ``msg``."""
+    messages = of_ros1(numbered(60, topics=("/a", "/b")))
+    encoded = {"encoding": "ros1", "schema": schema, "definitions": ROS1_DEFINITIONS[definitions]}
+    path = write_mcap(tmp_path / "x.mcap", messages, compression, metadata={"md5sum": MD5}, **encoded, **options)
+    for k, topic in enumerate(("/a", "/b")):
+        assert read(path, topic) == (list(range(k, 60, 2)), [])
+    path.write_bytes(path.read_bytes()[:-500])
+    numbers, findings = read(path, "/a")
+    assert 0 < len(numbers) <= 30 and numbers == list(range(0, 2 * len(numbers), 2)) and unread(findings)
+
+
+def test_a_robot_of_ros1_in_mcap(tmp_path):
+    """Its description and its odometry are read; the states are those of the same messages of ROS 2."""
+    stamps = [START + k * MS for k in range(20)]
+    inertial = '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    sent = [description(urdf_of("a").replace('<link name="base"/>', f'<link name="base">{inertial}</link>'))]
+    for k, stamp in enumerate(stamps):
+        pose, twist = [0.1 * k, 0, 0, 0, 0, 0, 1], [0.1, 0, 0, 0, 0, 0.2]
+        sent.append(Message("/odom", stamp, odometry(stamp, "base", pose, twist), ODOMETRY))
+        sent.append(Message("/joint_states", stamp, serialized(stamp, ["a"], [0.01 * k], [0.1], [2.0])))
+    new = write_mcap(tmp_path / "new.mcap", sent)
+    definitions = definitions_of_ros1(JOINT_STATE, ODOMETRY, STRING)
+    old = write_mcap(tmp_path / "old.mcap", of_ros1(sent), encoding="ros1", schema="ros1msg", definitions=definitions)
+    expected, found = (dd.read_recording(path, parameters={"floating_base": True}) for path in (new, old))
+    assert len(expected) > 15 and found.findings == expected.findings
+    for ours, theirs in zip(found.states, expected.states, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize(
+    ("data", "metadata", "type", "what"),
+    [
+        (b"short", {}, "sensor_msgs/JointState", "40 messages of '/joint_states' are not of its type"),
+        (None, {"md5sum": "1" * 32}, "sensor_msgs/JointState", f"its MD5 sum is {'1' * 32}; expected {MD5}"),
+        (
+            None,
+            {},
+            "my_msgs/JointState",
+            "has no joint states: its topics are /joint_states .my_msgs/msg/JointState, enc",
+        ),
+    ],
+)
+def test_ros1_in_mcap_that_is_not_understood(tmp_path, data, metadata, type, what):
+    messages = [one._replace(data=data or one.data, type=type) for one in of_ros1(numbered(40))]
+    path = write_mcap(
+        tmp_path / "x.mcap", messages, chunk_size=10**6, encoding="ros1", metadata=metadata, definitions={}
+    )
+    try:
+        said = " ".join(unread([(one.cause, one.text) for one in dd.read_recording(path, arm("a")).findings]))
+    except dd.InputError as error:
+        said = str(error)
+    assert re.search(what, said)
+
+
+@pytest.mark.parametrize("name", ["sensor_msgs/JointState", "sensor_msgs::msg::dds_::JointState_"])
+@pytest.mark.parametrize("kind", ["mcap", "db3"])
+def test_names_of_types(tmp_path, kind, name):
+    """Releases and vendors write them without ``/msg/``, or as DDS has them."""
+    messages, path = numbered(40), tmp_path / f"x.{kind}"
+    if kind == "mcap":
+        write_mcap(path, [one._replace(type=name) for one in messages])
+    else:
+        file_of(write_rosbag2(tmp_path / "bag", messages)).rename(path)
+        with sqlite3.connect(path) as database:
+            database.execute("UPDATE topics SET type = ?", [name])
+        database.close()
+    assert read(path) == (list(range(40)), [])
+
+
+@pytest.mark.parametrize("encoding", ["json", "protobuf", "cbor", "flatbuffer", ""])
+@pytest.mark.parametrize("type", [JOINT_STATE, "foxglove.JointStates", ""])
+def test_encodings_that_are_not_read_are_named(tmp_path, encoding, type):
+    """With the topic; a second topic that can be read is read."""
+    odd = [one._replace(topic="/odd/joint_states", type=type, data=b"{}") for one in numbered(20)]
+    path = write_mcap(tmp_path / "odd.mcap", odd, encoding=encoding)
+    for topic in (None, "/odd/joint_states"):
+        with pytest.raises(
+            dd.InputError, match=rf"/odd/joint_states.* encoded as '{encoding}'.* 'cdr' of ROS 2 or 'ros1'"
+        ):
+            dd.read_recording(path, arm("a"), topic=topic)
+    with open(tmp_path / "both.mcap", "wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channels = [
+            writer.register_channel(topic, form, writer.register_schema(kind, "ros2msg", b""))
+            for topic, form, kind in (("/odd/joint_states", encoding, type), ("/a", "cdr", JOINT_STATE))
+        ]
+        for one, other in zip(odd, numbered(20), strict=True):
+            writer.add_message(channels[0], one.log_time, one.data, one.log_time)
+            writer.add_message(channels[1], one.log_time, other.data, one.log_time)
+        writer.finish()
+    numbers, findings = read(tmp_path / "both.mcap")
+    assert numbers == list(range(20)) and unread(findings) == []
+
+
+@pytest.mark.parametrize("md5", [MD5, "*"])
+def test_ros1_without_definitions(tmp_path, md5):
+    """Its type and MD5 sum say which definition it is."""
+    path = tmp_path / "x.bag"
+    with rosbag1.Writer(path) as writer:
+        connection = writer.add_connection("/joint_states", JOINT_STATE, msgdef="", md5sum=md5)
+        for one in of_ros1(numbered(30)):
+            writer.write(connection, one.log_time, one.data)
+    assert read(path) == (list(range(30)), [])
+
+
+# --- Several topics of one robot ---
+
+
+def arm_and_gripper(topics):
+    """Return messages of an arm (joints a, b) and its gripper (c) on two topics; some have the same log time."""
+    sent = []
+    for k in range(60):
+        names, topic = (["c"], topics[1]) if k % 3 == 2 else (["b", "a"], topics[0])
+        stamp = START + 2 * k * MS
+        values = [0.01 * k + place for place in range(len(names))], [0.1] * len(names), [1.0 * k] * len(names)
+        sent.append(Message(topic, stamp - (k % 30 == 29) * 2 * MS, serialized(stamp, names, *values)))
+    return sent
+
+
+WRITERS = {
+    "mcap": lambda folder, sent: write_mcap(folder / "x.mcap", sent),
+    "db3": lambda folder, sent: write_rosbag2(folder / "bag", sent),
+    "ROS 1": lambda folder, sent: write_ros1(folder / "x.bag", sent),
+    "ROS 1 in MCAP": lambda folder, sent: write_mcap(
+        folder / "x.mcap",
+        of_ros1(sent),
+        encoding="ros1",
+        schema="ros1msg",
+        definitions=ROS1_DEFINITIONS["whole"],
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_topics_of_one_robot_are_merged(tmp_path, kind):
+    """States, counts and findings are those of one topic with the same messages, whatever the order of the names."""
+    robot, two = arm("a", "b", "c"), ("/arm/joint_states", "/gripper/joint_states")
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+    one = WRITERS[kind](tmp_path / "one", arm_and_gripper(["/joint_states"] * 2))
+    path = WRITERS[kind](tmp_path / "two", arm_and_gripper(two))
+    expected = dd.read_recording(one, robot)
+    assert len(expected) == 58 and np.isfinite(expected.tau).all()
+    for topics in (two, list(reversed(two)), [*two, two[0]]):
+        found = dd.read_recording(path, robot, topic=topics)
+        assert found.counts == expected.counts and found.findings == expected.findings
+        for ours, theirs in zip(found.states, expected.states, strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+    with pytest.raises(dd.InputError, match=r"/arm/joint_states, /gripper/joint_states\. .*--topic .* --topic"):
+        dd.read_recording(path, robot)
+    with pytest.raises(dd.InputError, match=r"no topic '/gripper' .*, only /arm/joint_states, /gripper/joint_states"):
+        dd.read_recording(path, robot, topic=[two[0], "/gripper"])
+
+
+def test_topics_that_are_not_read_are_named(tmp_path):
+    """One topic has the usual name, others have another name or another type."""
+    sent = [*arm_and_gripper(("/joint_states", "/gripper")), description(urdf_of("a"))]
+    path = write_mcap(tmp_path / "x.mcap", sent)
+    notes = [one.text for one in dd.read_recording(path, arm("a", "b")).findings if one.cause == "note"]
+    assert notes == [
+        f"'{path}': joint states of /joint_states are read, not those of /gripper (--topic reads several)."
+    ]
+    with pytest.raises(dd.InputError, match="topic /robot_description is of std_msgs/msg/String; expected sensor_msgs"):
+        dd.read_recording(path, arm("a"), topic=["/joint_states", "/robot_description"])
+    for topic in ("", 3, ["/joint_states", None]):
+        with pytest.raises(dd.InputError, match=r"topic is .*; expected the name of a topic or a list of names"):
+            dd.read_recording(path, arm("a"), topic=topic)
+
+
+def test_robots_of_several_namespaces(tmp_path):
+    """The description is that in the namespace of the topics."""
+    sent = [one._replace(topic=f"/{side}/joint_states") for side in ("left", "right") for one in numbered(10)]
+    sent += [description(urdf_of(*names))._replace(topic=f"/{side}/robot_description") for side, names in SIDES.items()]
+    path = write_mcap(tmp_path / "x.mcap", sorted(sent, key=lambda one: one.log_time))
+    for side, names in SIDES.items():
+        assert dd.read_recording(path, topic=f"/{side}/joint_states").model.joint_names == names
+    with pytest.raises(dd.InputError, match=r"several topics of std_msgs/msg/String: .*\. Give the robot: --urdf"):
+        dd.read_recording(path)
+
+
+SIDES = {"left": ("a",), "right": ("a", "b")}
+
+
+# --- Names of joints ---
+
+
+def write_table(folder, sent):
+    """Write messages of two joints, all of one order, as CSV; return its path."""
+    messages = [JAZZY.deserialize_cdr(one.data, JOINT_STATE) for one in sent]
+    quantities = {"q": "position", "qd": "velocity", "tau": "effort"}
+    header = ["t", *(f"{short}_{name}" for short in quantities for name in messages[0].name)]
+    rows = [
+        [1e-9 * one.log_time, *(number for field in quantities.values() for number in getattr(message, field))]
+        for one, message in zip(sent, messages, strict=True)
+    ]
+    np.savetxt(folder / "x.csv", rows, fmt="%.17g", delimiter=",", header=",".join(header), comments="")
+    return folder / "x.csv"
+
+
+def moving(*names, count=12):
+    """Return joint states with these names and with different values of each joint."""
+    return [
+        Message(
+            "/joint_states",
+            START + k * MS,
+            serialized(
+                START + k * MS,
+                names,
+                [0.001 * k + n for n in range(len(names))],
+                [1.0] * len(names),
+                [0.1 * k - n for n in range(len(names))],
+            ),
+        )
+        for k in range(count)
+    ]
+
+
+MAPS = {
+    "every joint": (("fer_a", "fer_b"), {"fer_a": "panda_a", "fer_b": "panda_b"}),
+    "exchanged": (("panda_b", "panda_a"), {"panda_a": "panda_b", "panda_b": "panda_a"}),
+    "prefix": (("fer_a", "fer_b"), {"fer_*": "panda_*"}),
+    "prefix of the recording": (("left/panda_a", "left/panda_b"), {"left/*": "*"}),
+    "prefix of the robot": (("a", "b"), {"*": "panda_*"}),
+    "suffix": (("panda_a_joint", "panda_b_joint"), {"*_joint": "*"}),
+    "the longer prefix": (("fer_a", "fer_x_b"), {"fer_*": "panda_*", "fer_x_*": "panda_*"}),
+    "one joint": (("panda_a", "tool"), {"tool": "panda_b"}),
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "case"),
+    [*((kind, "prefix") for kind in WRITERS), *((kind, case) for kind in ("mcap", "csv") for case in MAPS)],
+)
+def test_joint_names(tmp_path, kind, case):
+    """States and findings are those of a recording with the robot's names. Options are by the robot's names."""
+    names, given = MAPS[case]
+    robot, options = arm("panda_a", "panda_b"), {"parameters": {"effort_scale": ["panda_b=2.0"]}}
+    write = WRITERS.get(kind, write_table)
+    recordings = []
+    for folder, written in (("own", ("panda_a", "panda_b")), ("other", names)):
+        (tmp_path / folder).mkdir()
+        recordings.append(write(tmp_path / folder, moving(*written)))
+    expected = dd.read_recording(recordings[0], robot, **options)
+    assert len(expected) == 12 and np.isfinite(expected.tau).all()
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump({"joint_names": given}))
+    for how in ({"joint_names": given}, {"columns": {"joint_names": given}}, {"columns": tmp_path / "map.yaml"}):
+        found = dd.read_recording(recordings[1], robot, **how, **options)
+        assert found.counts == expected.counts and [one for one in found.findings if one.cause != "note"] == []
+        for ours, theirs in zip(found.states, expected.states, strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+
+
+def test_joint_names_of_later_messages(tmp_path):
+    """Names of every message count: those of a gripper that comes late, of a locked joint, and of a part of the file."""
+    arm_alone, gripper = moving("fer_a", count=30), moving("fer_b", count=30)[20:]
+    path = write_mcap(tmp_path / "x.mcap", sorted([*arm_alone, *gripper], key=lambda one: one.log_time))
+    given = {"fer_a": "panda_a", "fer_b": "panda_b"}
+    locked = {"parameters": {"locked_joints": ["panda_b=0.0"]}}
+    assert len(dd.read_recording(path, urdf_of("panda_a", "panda_b"), joint_names=given, **locked)) == 30
+    assert len(dd.read_recording(path, arm("panda_a", "panda_b"), joint_names=given)) == 1 + 2 * 9
+    pieces = dd.stream_recording(path, urdf_of("panda_a", "panda_b"), joint_names=given, end=0.01, size=4, **locked)
+    assert sum(map(len, pieces)) == 10
+
+
+def test_joint_names_of_a_message_that_has_both(tmp_path):
+    """A name that is mapped to a joint, and the joint's own, are named, be it in one message or in two."""
+    one = moving("fer_a", "panda_a", "panda_b")
+    two = sorted([*moving("fer_a"), *moving("panda_a", "panda_b")], key=lambda one: one.log_time)
+    for sent in (one, two):
+        with pytest.raises(dd.InputError, match="leads from 'fer_a' and from 'panda_a' to joint 'panda_a'"):
+            path = write_mcap(tmp_path / "x.mcap", sent)
+            dd.read_recording(path, arm("panda_a", "panda_b"), joint_names={"fer_a": "panda_a"})
+
+
+WRONG_MAPS = {
+    "no joint of the recording": (
+        {"fer_*": "panda_*", "fer_c": "panda_a"},
+        "has 'fer_c', which is no joint of the rec",
+    ),
+    "no prefix of the recording": (
+        {"left_*": "panda_*"},
+        r"has 'left_\*', which is .*\. Its joints are fer_a, fer_b\.",
+    ),
+    "no joint of the robot": ({"fer_b": "panda_c"}, "maps 'fer_b' to 'panda_c', which is no joint of robot 'arm'"),
+    "no prefix of the robot": ({"fer_*": "ur_*"}, r"maps 'fer_a' to 'ur_a', .* Its joints are panda_a, panda_b\."),
+    "two of one joint": ({"fer_a": "panda_a", "fer_b": "panda_a"}, "maps 'fer_a' and 'fer_b' to 'panda_a'"),
+    "two by a prefix": ({"fer_*": "panda_*", "fer_b": "panda_a"}, "from 'fer_a' and from 'fer_b' to joint 'panda_a'"),
+    "one star": ({"fer_*": "panda_a"}, r"maps 'fer_\*' to 'panda_a'; expected one \* in both names or in neither"),
+    "two stars": ({"*_*": "*"}, r"expected one \* in both"),
+    "a list": (["fer_a"], r"joint_names is \['fer_a'\]; expected a mapping such as"),
+    "a number": ({"fer_a": 1}, "maps 'fer_a' to 1; expected names of joints"),
+    "none": ({}, r"is \{\}; expected a mapping"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_MAPS)
+@pytest.mark.parametrize("kind", ["mcap", "csv"])
+def test_joint_names_that_are_wrong(tmp_path, kind, case):
+    given, what = WRONG_MAPS[case]
+    path = WRITERS.get(kind, write_table)(tmp_path, moving("fer_a", "fer_b"))
+    for how in ({"joint_names": given}, {"columns": {"joint_names": given}}):
+        with pytest.raises(dd.InputError, match=what):
+            dd.read_recording(path, arm("panda_a", "panda_b"), **how)
+
+
+def test_maps_of_bags(tmp_path):
+    """Other keys of a map of columns, two maps, and a star that YAML takes for an alias."""
+    path, robot = write_mcap(tmp_path / "x.mcap", moving("fer_a", "fer_b")), arm("panda_a", "panda_b")
+    given = {"fer_*": "panda_*"}
+    with pytest.raises(dd.InputError, match=r"is a bag; expected joint_names alone in a map of columns, .* has effort"):
+        dd.read_recording(path, robot, columns={"joint_names": given, "effort": None})
+    with pytest.raises(dd.InputError, match="joint_names is given by columns, too"):
+        dd.read_recording(path, robot, columns={"joint_names": given}, joint_names=given)
+    (tmp_path / "map.yaml").write_text("joint_names: {left_*: *}")
+    with pytest.raises(dd.InputError, match=r"Put a text that begins with \* in quotes"):
+        dd.read_recording(path, robot, columns=tmp_path / "map.yaml")
+
+
+PROPOSALS = {
+    "prefix": (
+        ["fer_a", "fer_b"],
+        ["panda_a", "panda_b"],
+        ["With --joint-names 'fer_*=panda_*'", "they are the robot's"],
+    ),
+    "namespace": (["r1/a", "r1/b"], ["a", "b"], ["With --joint-names 'r1/*=*'"]),
+    "none in the recording": (["a1", "a2"], ["left_a1", "left_a2"], ["With --joint-names '*=left_*'"]),
+    "number": (["J1", "J2", "J3"], ["joint_1", "joint_2", "joint_3"], ["With --joint-names 'J*=joint_*'"]),
+    "suffix": (["pan", "lift"], ["pan_joint", "lift_joint"], ["With --joint-names '*=*_joint'"]),
+    "and other joints": (["fer_a", "fer_b", "hand"], ["panda_a", "panda_b"], ["'fer_*=panda_*'", "2 of them are"]),
+    "two arms": (["l_a", "l_b", "r_a", "r_b"], ["a", "b"], ["'l_*=*' or --joint-names 'r_*=*'", "2 of them are"]),
+    "nothing alike": (
+        ["x", "y"],
+        ["a", "b"],
+        ["given by --joint-names NAME=JOINT"],
+    ),
+    "letters alike": (["banana", "x"], ["a", "b"], ["--joint-names NAME=JOINT"]),
+    "one is there": (["a", "fer_b"], ["a", "panda_b"], ["With --joint-names 'fer_*=panda_*'"]),
+}
+
+
+@pytest.mark.parametrize("case", PROPOSALS)
+def test_names_that_came_and_a_map_for_them(tmp_path, case):
+    """Without a complete state, a finding has the joints that came, those that did not, and a map that explains them."""
+    came, own, expected = PROPOSALS[case]
+    recording = dd.read_recording(write_mcap(tmp_path / "x.mcap", moving(*came)), arm(*own))
+    (finding,) = recording.findings
+    if case == "one is there":
+        assert "never came: panda_b. Messages have fer_b, which the robot has not. " in finding.text
+    else:
+        assert f"without a joint of this robot, of {', '.join(came)}; the robot has {', '.join(own)}. " in finding.text
+    assert len(recording) == 0 and all(text in finding.text for text in expected)
+
+
+def test_many_names_that_came(tmp_path):
+    """Lists are short."""
+    came, own = [f"other_{k}" for k in range(30)], [f"joint_{k}" for k in range(20)]
+    (finding,) = dd.read_recording(write_mcap(tmp_path / "x.mcap", moving(*came, count=3)), arm(*own)).findings
+    assert "the robot has joint_0, joint_1, " in finding.text and "joint_7 and 12 more. With" in finding.text
+    assert "other_7 and 22 more; the robot" in finding.text and "With --joint-names 'other_*=joint_*'" in finding.text
+
+
+def test_names_in_rows(tmp_path):
+    """A table whose rows name their joints has a map, too, whatever the order of a row is."""
+    lines = ["%time,field.name0,field.name1,field.position0,field.position1,field.velocity0,field.velocity1"]
+    for k in range(12):
+        order = ("fer_a", "fer_b") if k % 2 else ("fer_b", "fer_a")
+        values = {"fer_a": (0.01 * k, 1.0), "fer_b": (0.02 * k, 2.0)}
+        numbers = [values[name][what] for what in (0, 1) for name in order]
+        lines.append(",".join(map(str, [START + k * 10 * MS, *order, *numbers])))
+    (tmp_path / "x.csv").write_text("\n".join(lines))
+    found = dd.read_recording(tmp_path / "x.csv", arm("panda_b", "panda_a"), joint_names={"fer_*": "panda_*"})
+    assert found.model.dof_names == ("panda_b", "panda_a")
+    np.testing.assert_allclose(found.q, np.outer(np.arange(12), [0.02, 0.01]))
+    np.testing.assert_allclose(found.qd, [[2.0, 1.0]] * 12)
+    with pytest.raises(
+        dd.InputError, match=r"has 'ur_\*', which is no joint of the recording. Its joints are fer_b, fer_a"
+    ):
+        dd.read_recording(tmp_path / "x.csv", arm("panda_b", "panda_a"), joint_names={"ur_*": "panda_*"})
