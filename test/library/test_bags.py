@@ -544,6 +544,36 @@ def test_ros1_that_is_cut(tmp_path, compression):
     assert before == 120
 
 
+def chunks_of_ros1(content):
+    """Return where the chunks of a ROS 1 bag begin and end."""
+    found, at = [], content.index(b"\n") + 1
+    while at < len(content):
+        (head,) = struct.unpack_from("<I", content, at)
+        (size,) = struct.unpack_from("<I", content, at + 4 + head)
+        end = at + 8 + head + size
+        if b"op=\5" in content[at : at + head + 4]:
+            found.append((at, end))
+        at = end
+    return found
+
+
+@pytest.mark.parametrize("compression", [None, rosbag1.Writer.CompressionFormat.LZ4])
+@pytest.mark.parametrize("lacking", [0, 1, 8, 300, 1000])
+def test_ros1_that_ends_within_a_chunk(tmp_path, compression, lacking):
+    """The loss is the whole chunk, however few bytes of it are lacking; without any lacking there is none."""
+    path = write_ros1(tmp_path / "x.bag", numbered(120), compression)
+    content = path.read_bytes()
+    begin, end = chunks_of_ros1(content)[3]
+    path.write_bytes(content[:end])
+    whole, _ = read(path)
+    path.write_bytes(content[: end - lacking])
+    numbers, findings = read(path)
+    lost = f"{path}, byte {begin}: the file ends within a chunk: {end - lacking - begin} bytes"
+    closed = f"{path}, byte {end}: the file was not closed: what came here, if anything, is lost"
+    assert unread(findings) == [lost if lacking else closed]
+    assert numbers == list(range(len(numbers))) and (numbers == whole) == (lacking == 0)
+
+
 def test_a_damaged_chunk_of_ros1(tmp_path):
     path = write_ros1(tmp_path / "x.bag", numbered(300), rosbag1.Writer.CompressionFormat.BZ2)
     content = bytearray(path.read_bytes())
