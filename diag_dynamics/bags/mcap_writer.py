@@ -149,14 +149,12 @@ class McapWriter:
         lengths = [len(rows) for _, rows, _ in pieces]
         channel = np.repeat(np.array([one for one, _, _ in pieces]), lengths)
         size = np.repeat(np.array([rows.shape[1] for _, rows, _ in pieces]), lengths)
-        sequence = np.concatenate([self._numbered(one, len(rows)) for one, rows, _ in pieces])
         log_time = _joined([times for _, _, times in pieces])
         begin = np.cumsum(size) - size
-        columns = begin, size, channel, sequence, log_time
         if (np.diff(log_time) < 0).any():
             order = np.argsort(log_time, kind="stable")
-            columns = tuple(column[order] for column in columns)
-        self._lay(data, *columns)
+            begin, size, channel, log_time = (column[order] for column in (begin, size, channel, log_time))
+        self._lay(data, begin, size, channel, self._numbered(channel), log_time)
 
     def close(self):
         """Write what is left, and give the file its name."""
@@ -194,11 +192,14 @@ class McapWriter:
             raise InputError(f"the log time of message {k} of '{topic}' is {log_time[k]} ns, which MCAP cannot hold.")
         return channel, rows, log_time
 
-    def _numbered(self, channel, count):
-        """Numbers of the next messages of a channel."""
-        first = self._counts[channel]
-        self._counts[channel] += count
-        return np.arange(first, first + count)
+    def _numbered(self, channel):
+        """Sequence numbers of the next messages, whose channels these are: they count each channel's messages."""
+        sequence = np.empty(len(channel), np.int64)
+        for one in np.unique(channel).tolist():
+            own = np.flatnonzero(channel == one)
+            sequence[own] = self._counts[one] + np.arange(len(own))
+            self._counts[one] += len(own)
+        return sequence
 
     # --- Chunks ---
 
