@@ -82,7 +82,7 @@ def _print_json(document):
 def _estimate(path, density, output, as_json):
     """Write a URDF with estimated inertias; returns the exit status: 1 where some could not be, or none had to be."""
     from diag_dynamics.model.estimation import estimated
-    from diag_dynamics.model.urdf import urdf_text
+    from diag_dynamics.model.sources import urdf_text
     from diag_dynamics.model.xacro_files import expanded
 
     if output.exists():

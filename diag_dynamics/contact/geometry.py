@@ -19,7 +19,8 @@ from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.geometry import Shape, shapes_of
 from diag_dynamics.model.meshes import Meshes
 from diag_dynamics.model.origins import placement_of
-from diag_dynamics.model.urdf import folder_of, parse_urdf, urdf_text
+from diag_dynamics.model.sources import folder_of, urdf_text
+from diag_dynamics.model.urdf import parse_urdf
 from diag_dynamics.model.xacro_files import expanded
 
 if TYPE_CHECKING:

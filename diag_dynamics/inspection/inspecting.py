@@ -19,7 +19,7 @@ from diag_dynamics.inspection.motion import Motion
 from diag_dynamics.inspection.subject import Check, Subject
 from diag_dynamics.model import RobotModel, load_urdf, urdf_text
 from diag_dynamics.model.options import warnings_told
-from diag_dynamics.model.urdf import folder_of
+from diag_dynamics.model.sources import folder_of
 from diag_dynamics.model.xacro_files import expanded
 
 OF_TEXT: dict[str, Check] = {

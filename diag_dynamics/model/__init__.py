@@ -10,7 +10,7 @@ from diag_dynamics.model.named import load_robot
 from diag_dynamics.model.options import Payload
 from diag_dynamics.model.parameters import JointParameters, Parameters
 from diag_dynamics.model.robot import RobotModel, load_urdf
-from diag_dynamics.model.urdf import urdf_text
+from diag_dynamics.model.sources import urdf_text
 
 __all__ = [
     "JointParameters",

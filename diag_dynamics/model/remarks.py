@@ -111,10 +111,15 @@ def remarks_of(robot: Any) -> list[Remark]:
         if local_name(element) in FORCES:
             what = f"<{short(local_name(element))[1:-1]}> is ignored: forward dynamics lacks its forces"
             remarks.append(Remark("robot", robot.get("name") or "robot", what, "Give them as f_ext or tau."))
-    if (robot.get("version") or "1.0").strip() == "1.0" and robot.find(".//origin[@quat_xyzw]") is not None:
+    if (robot.get("version") or "1.0").strip() == "1.0" and _has_quaternion(robot):
         what = "quat_xyzw in a URDF of version 1.0: read here, ignored by urdfdom"
         remarks.append(Remark("robot", robot.get("name") or "robot", what, 'Give <robot version="1.1">.'))
     return remarks
+
+
+def _has_quaternion(robot: Any) -> bool:
+    places = ("joint/origin", "link/*/origin")
+    return any(robot.find(f"{place}[@quat_xyzw]") is not None for place in places)
 
 
 def warning_of(robot: str, remarks: Iterable[Remark]) -> str:

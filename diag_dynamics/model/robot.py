@@ -37,9 +37,10 @@ from diag_dynamics.model.options import (
 )
 from diag_dynamics.model.parameters import Parameters, of_joints, perturbed_links, refuse_too_light, robot_with
 from diag_dynamics.model.remarks import remarks_of, warning_of
+from diag_dynamics.model.sources import folder_of, urdf_text
 from diag_dynamics.model.transmissions import reflected_inertias
 from diag_dynamics.model.tree import Tree
-from diag_dynamics.model.urdf import MAX_JOINTS, folder_of, parse_urdf, read_element, urdf_text
+from diag_dynamics.model.urdf import MAX_JOINTS, parse_urdf, read_element
 from diag_dynamics.model.xacro_files import expanded
 from diag_dynamics.sweeps import Workspace
 

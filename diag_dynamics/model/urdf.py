@@ -10,9 +10,6 @@ Only what dynamics needs is handed on to yourdfpy: a broken visual or an unknown
 import io
 import logging
 import math
-import os
-import re
-from pathlib import Path
 
 from lxml import etree
 
@@ -20,6 +17,7 @@ from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import plain_reader
 from diag_dynamics.model.joint_types import JOINT_TYPES
 from diag_dynamics.model.origins import local_name, numbers_of, placement_of, short
+from diag_dynamics.model.sources import refuse_root, urdf_text
 
 try:
     import yourdfpy
@@ -29,11 +27,16 @@ except Exception as error:  # of a library for meshes that does not go with this
     logging.getLogger(__name__).warning("yourdfpy cannot be imported, its work is done without it: %r", error)
     yourdfpy = None
 
-MAX_BYTES = 32 * 1024 * 1024
-"""Largest URDF accepted [bytes]; the largest public robot descriptions have some 200 kB."""
-
 MAX_JOINTS = 2000
 """Largest number of joints, by default; the largest public robots have some 200."""
+
+DEFINITIONS = ("property", "macro", "arg")
+"""Elements of xacro that define something for others."""
+
+UNEXPANDED = "it is unexpanded xacro. Run xacro on it first. A file whose path ends with .xacro is expanded."
+
+SEMANTIC = ("group", "group_state", "end_effector", "virtual_joint", "disable_collisions", "disable_default_collisions")
+"""Elements of an SRDF."""
 
 LOOPS = ("loop_joint", "loop", "constraint", "coupling", "closed_loop", "loop_closure")
 """Elements that close loops or couple joints, of Isaac Sim, URDF+ and other dialects."""
@@ -129,66 +132,6 @@ def _refuse_loops(robot):
             )
 
 
-def urdf_text(source):
-    """XML text of a URDF given as text or as a path, without its XML declaration; see :func:`read_urdf`."""
-    if isinstance(source, str) and not _is_path(source):
-        text = source
-    elif isinstance(source, (bytes, bytearray)):
-        text = _decoded(bytes(source))
-    elif isinstance(source, (str, os.PathLike)):
-        text = _decoded(_file(Path(os.path.expanduser(source))))
-    elif hasattr(source, "read"):
-        read = source.read(MAX_BYTES + 1)
-        text = read if isinstance(read, str) else _decoded(bytes(read))
-    else:
-        raise UrdfError(f"A URDF is a path or XML text, not a {type(source).__name__}.")
-    if len(text) > MAX_BYTES:
-        raise UrdfError(f"The URDF has more than the {MAX_BYTES} bytes accepted.")
-    text = re.sub(r"^\ufeff?\s*(<\?xml[^>]*\?>)?\s*", "", text)
-    if not text:
-        raise UrdfError("The URDF is empty.")
-    if "<!DOCTYPE" in text[: text.find("<robot")]:
-        raise UrdfError("The URDF has a DOCTYPE, which is not accepted: entities are never expanded.")
-    return text
-
-
-def folder_of(source):
-    """Folder of the file that a URDF is read from; None of text, or of an open file without a place."""
-    if isinstance(source, str) and not _is_path(source):
-        return None
-    place = getattr(source, "name", None) if hasattr(source, "read") else source
-    return Path(os.path.expanduser(place)).parent if isinstance(place, (str, os.PathLike)) else None
-
-
-def _file(path):
-    try:
-        if not path.exists() or path.is_file():
-            with path.open("rb") as file:
-                return file.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        raise UrdfError(f"Cannot read the URDF file '{path}': {getattr(error, 'strerror', None) or error}.") from error
-    raise UrdfError(f"Cannot read the URDF file '{path}': it is no file.")
-
-
-def _decoded(data):
-    """Text of XML bytes, in the encoding of their byte-order mark, the one that they declare, or else UTF-8."""
-    declared = re.match(rb"\s*<\?xml[^>]*?encoding\s*=\s*[\"']([\w.-]+)", data)
-    encoding = declared[1].decode("ascii", "replace") if declared else "utf-8"
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        encoding = "utf-16"
-    if not re.fullmatch(r"(?i)utf-?8|utf-?16([bl]e)?|(us-)?ascii|iso-8859-\d+|latin-?1|windows-125\d", encoding):
-        raise UrdfError(f"The URDF declares the encoding {short(encoding)}, expected UTF-8 or another usual one.")
-    try:
-        return data.decode(encoding)
-    except (LookupError, UnicodeError) as error:
-        raise UrdfError(f"The URDF is not {encoding} text: {error}.") from error
-
-
-def _is_path(text):
-    stripped = text.lstrip("\ufeff \t\r\n")
-    return bool(stripped) and not stripped.startswith("<") and "\n" not in stripped
-
-
 def parse_urdf(data, comments=False):
     """The <robot> element of XML, which is neither unexpanded xacro nor brings entities; nothing in it is checked yet.
 
@@ -232,18 +175,36 @@ def parse_urdf(data, comments=False):
         ):  # a default namespace, as some schemas ask for, says nothing to us
             element.tag = element.tag.rpartition("}")[2]
     if robot.tag != "robot":
-        raise UrdfError(f"The root element is <{robot.tag}>, expected <robot>.")
+        refuse_root(robot.tag)
     return robot
 
 
 def _check_xacro(robot):
-    """Refuse a document that xacro has yet to expand."""
-    for element in robot.iter(etree.Element):
-        if element.tag.startswith("xacro:") or ("xacro" in element.tag.partition("}")[0] and "}" in element.tag):
-            raise UrdfError(
-                f"The URDF contains <xacro:{local_name(element)}>: it is unexpanded xacro. Run xacro on it first. "
-                "A file whose path ends with .xacro is expanded."
-            )
+    """Refuse a document that xacro has yet to expand; definitions that nothing uses stay without effect."""
+    stack = [robot]
+    while stack:
+        for element in stack.pop().iterchildren(etree.Element):
+            tag = local_name(element)
+            if not _is_xacro(element):
+                stack.append(element)
+            elif tag not in DEFINITIONS:
+                raise UrdfError(f"The URDF contains <xacro:{tag}>: {UNEXPANDED}")
+
+
+def _is_xacro(element):
+    namespace = element.tag.rpartition("}")[0]
+    return "xacro" in namespace or element.prefix == "xacro" or element.tag.startswith("xacro:")
+
+
+def _refuse_no_links(robot):
+    """Refuse a robot without links, and name what it is instead."""
+    what = "The URDF has no <link>."
+    if any(robot.find(tag) is not None for tag in SEMANTIC):
+        what = "The file is no URDF: it is an SRDF of MoveIt, without links. Load the URDF that belongs to it."
+    for element in robot.iterchildren(etree.Element):
+        if _is_xacro(element):
+            what = f"The URDF has no <link>, but <xacro:{local_name(element)}>: {UNEXPANDED}"
+    raise UrdfError(what)
 
 
 def _plain(value, where):
@@ -273,7 +234,7 @@ def _add_links(robot, reduced):
         if float(inertial.find("mass").get("value")) < 0.0:
             raise UrdfError(f"link '{name}': mass {inertial.find('mass').get('value')} kg is negative.")
     if not names:
-        raise UrdfError("The URDF has no <link>.")
+        _refuse_no_links(robot)
     return placements
 
 

@@ -4,10 +4,13 @@
 """Xacro files, expanded by ROS's own package `xacro`."""
 
 import os
+import re
 from collections.abc import Mapping
 from importlib import import_module
+from pathlib import Path
 
 from diag_dynamics.exceptions import InputError, UrdfError
+from diag_dynamics.model.sources import refuse_other_kinds
 
 
 def expanded(source, arguments):
@@ -23,7 +26,7 @@ def expanded(source, arguments):
     Raises
     ------
     UrdfError
-        The package `xacro`, or one that a $(find …) needs, is not installed; or it cannot expand the file.
+        The package `xacro`, or one that a $(find …) names, is not installed; or xacro cannot expand the file.
     InputError
         Arguments of what is no xacro file, or which are no dict.
     """
@@ -41,6 +44,8 @@ def expanded(source, arguments):
     path = os.path.expanduser(os.fspath(source))
     if not os.path.isfile(path):
         raise UrdfError(f"Cannot read the xacro file '{path}': no such file.")
+    with open(path, "rb") as file:
+        refuse_other_kinds(file.read(10_000))
     try:
         xacro = import_module("xacro")
     except ImportError as error:
@@ -51,10 +56,23 @@ def expanded(source, arguments):
     try:
         return xacro.process_file(path, mappings=mappings).toxml()
     except Exception as error:  # it has exceptions of a dozen modules
-        why = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        if "ament_index_python" in why:  # of $(find package)
-            why = "it has a $(find …) of a package, for which ament_index_python is needed: source a ROS 2 that has it."
+        why = _missing_package(path, str(error)) or f"{type(error).__name__}: {' '.join(str(error).split())}"
         raise UrdfError(f"xacro cannot expand '{path}': {why}") from error
+
+
+def _missing_package(path, said):
+    """What a $(find …) lacks, by the name of the package; empty where that is not the error."""
+    if found := re.search(r"package '([^']+)' not found", said):
+        return f"package '{found[1]}' of a $(find …) is not installed. Install it, or source the workspace that has it."
+    if "ament_index_python" not in said:
+        return ""
+    try:
+        text = re.sub(r"(?s)<!--.*?-->", "", Path(path).read_text(encoding="utf-8", errors="replace"))
+    except OSError:
+        text = ""
+    names = dict.fromkeys(re.findall(r"\$\(\s*find\s+([^)\s]+)\s*\)", text))
+    listed = " or ".join(f"'{name}'" for name in names) or "of an included file"
+    return f"package {listed} of a $(find …) cannot be found without ROS 2. Source a ROS 2 workspace that has it."
 
 
 def _text(value):

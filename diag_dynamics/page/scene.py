@@ -15,7 +15,8 @@ from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.example_robots import example_urdfs
 from diag_dynamics.model.geometry import Shape, floats, shape_of
-from diag_dynamics.model.urdf import folder_of, parse_urdf, urdf_text
+from diag_dynamics.model.sources import folder_of, urdf_text
+from diag_dynamics.model.urdf import parse_urdf
 from diag_dynamics.page.layout import finite
 from diag_dynamics.page.meshes import DrawnMesh, MeshLibrary, corners_of
 from diag_dynamics.page.poses import LinkPoses

@@ -17,7 +17,8 @@ from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model import RobotModel, end_effector_link
 from diag_dynamics.model.geometry import Shape, shapes_of
 from diag_dynamics.model.meshes import find_mesh
-from diag_dynamics.model.urdf import folder_of, parse_urdf, urdf_text
+from diag_dynamics.model.sources import folder_of, urdf_text
+from diag_dynamics.model.urdf import parse_urdf
 
 REACH = 0.2
 """Longest half axis of the ellipsoid at positions of zero, as a part of the robot's reach."""

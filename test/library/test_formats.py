@@ -4,6 +4,7 @@
 """Robots by name, xacro and MJCF, each compared with its own tool; and URDFs with parameters written into them."""
 
 import sys
+import types
 import warnings
 
 import numpy as np
@@ -118,6 +119,11 @@ def test_xacro(xacro_file, arguments, monkeypatch, capsys):
     assert_same(dd.load_urdf(xacro_file, xacro_args=arguments), expected)
 
 
+def not_found(name):
+    """Raise the error of ament_index_python."""
+    raise KeyError(f"package '{name}' not found, searching: ['/opt/ros/jazzy']")
+
+
 def test_xacro_errors(xacro_file, monkeypatch):
     def assert_error(kind, key, source, **options):
         with pytest.raises(kind, match=key):
@@ -128,13 +134,22 @@ def test_xacro_errors(xacro_file, monkeypatch):
     assert_error(dd.InputError, "xacro_args is 3", xacro_file, xacro_args=3)
     xacro_file.write_text(XACRO.replace("${0.1 * 2}", "${nothing}"))
     assert_error(dd.UrdfError, "xacro cannot expand .*nothing", xacro_file)
-    xacro_file.write_text(XACRO.replace('<link name="base"/>', '<xacro:include filename="$(find arm)/x.xacro"/>'))
+    include = '<!-- $(find old) --><xacro:include filename="$(find arm)/x.xacro"/>'
+    xacro_file.write_text(XACRO.replace('<link name="base"/>', include))
+    with monkeypatch.context() as context:  # a ROS 2 without the package
+        packages = types.ModuleType("ament_index_python.packages")
+        context.setitem(sys.modules, "ament_index_python", types.ModuleType("ament_index_python"))
+        context.setitem(sys.modules, "ament_index_python.packages", packages)
+        packages.get_package_share_directory = not_found
+        assert_error(dd.UrdfError, r"package 'arm' of a \$\(find …\) is not installed", xacro_file)
     for name in ("ament_index_python", "ament_index_python.packages"):
         monkeypatch.setitem(sys.modules, name, None)
-    assert_error(dd.UrdfError, "ament_index_python.* is needed", xacro_file)
+    assert_error(dd.UrdfError, r"package 'arm' of a \$\(find …\) cannot be found without ROS 2", xacro_file)
     monkeypatch.setitem(sys.modules, "xacro", None)
     assert_error(dd.UrdfError, "pip install xacro", xacro_file)
     assert_error(dd.UrdfError, "unexpanded xacro", XACRO)
+    xacro_file.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 12\n")
+    assert_error(dd.UrdfError, "a pointer of Git LFS", xacro_file)
 
 
 # --- MJCF

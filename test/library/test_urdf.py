@@ -218,8 +218,6 @@ BROKEN = {
     "a folder": (".", "'.': it is no file"),
     "a number": (7, "int"),
     "empty": ("", "is empty"),
-    "wrong bytes": (b"<robot>\xff</robot>", "not utf-8"),
-    "odd encoding": (b'<?xml version="1.0" encoding="punycode"?><robot/>', "'punycode'"),
     "too large": ("<robot>" + " " * (33 << 20) + "</robot>", "33554432 bytes"),
     # XML
     "blank": ("<!-- nothing -->", "not well-formed XML"),

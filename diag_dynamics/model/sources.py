@@ -1,0 +1,242 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Text of a URDF from a path, text, bytes or an open file: decoded, with well-formed comments, or rejected by its kind."""
+
+from __future__ import annotations
+
+import codecs
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.model.origins import short
+
+MAX_BYTES = 32 * 1024 * 1024
+"""Largest URDF accepted [bytes]; the largest public robot descriptions have some 200 kB."""
+
+MARKS = (
+    (b"\xff\xfe\x00\x00", "utf-32"),
+    (b"\x00\x00\xfe\xff", "utf-32"),
+    (b"\xff\xfe", "utf-16"),
+    (b"\xfe\xff", "utf-16"),
+    (b"<\x00\x00\x00", "utf-32-le"),
+    (b"\x00\x00\x00<", "utf-32-be"),
+    (b"<\x00", "utf-16-le"),
+    (b"\x00<", "utf-16-be"),
+)
+"""First bytes of files that are not in an extension of ASCII, and their encodings."""
+
+WIDER = {"gb2312": "gb18030", "gbk": "gb18030", "shift_jis": "cp932", "euc_kr": "cp949", "big5": "cp950"}
+"""Encodings that editors write where they declare a part of them."""
+
+PROBE = b"<?xml version=\"1.0\"?><a b='1.5e-3'>+AB- ~{\\x41}</a>"
+"""Text that every extension of ASCII reads as it is."""
+
+_SINGLE_BYTES = re.compile(r"ascii|utf-8|iso8859-\d+|cp\d+|mac-\w+|koi8-\w")
+
+UNREADABLE = {0xDC00 + byte: chr(byte) for byte in range(128, 256)}
+"""Latin-1 for each byte that an encoding does not have, as Python's surrogateescape marks it."""
+
+FORMATS = (
+    (b"version https://git-lfs", "a pointer of Git LFS. Run git lfs pull"),
+    (b"\x1f\x8b", "compressed by gzip. Unpack it"),
+    (b"PK\x03\x04", "a zip archive. Unpack it, and load the URDF in it"),
+    (b"BZh", "compressed by bzip2. Unpack it"),
+    (b"\xfd7zXZ", "compressed by xz. Unpack it"),
+    (b"\x28\xb5\x2f\xfd", "compressed by zstd. Unpack it"),
+    (b"7z\xbc\xaf", "a 7z archive. Unpack it, and load the URDF in it"),
+    (b"solid ", "a mesh (STL). Load the URDF that names it"),
+    (b"ply\n", "a mesh (PLY). Load the URDF that names it"),
+    (b"ply\r", "a mesh (PLY). Load the URDF that names it"),
+    (b"glTF", "a mesh (glTF). Load the URDF that names it"),
+    (b"# Blender", "a mesh (OBJ). Load the URDF that names it"),
+    (b"v ", "a mesh (OBJ). Load the URDF that names it"),
+    (b"mtllib ", "a mesh (OBJ). Load the URDF that names it"),
+    (b"Kaydara FBX", "a mesh (FBX). Load the URDF that names it"),
+    (b"ISO-10303-21", "a CAD model (STEP). Export a URDF from it"),
+    (b"PXR-USDC", "a USD scene. Load a URDF or MJCF of the robot"),
+    (b"#usda", "a USD scene. Load a URDF or MJCF of the robot"),
+    (b"#VRML", "a VRML scene. Load the URDF of the robot"),
+    (b"#ROSBAG", "a recording (ROS 1 bag). Load the URDF of its robot"),
+    (b"\x89MCAP", "a recording (MCAP). Load the URDF of its robot"),
+    (b"SQLite format 3", "a database, as recordings are. Load the URDF of its robot"),
+    (b"\x89PNG", "a picture. Load the URDF of the robot"),
+    (b"\xff\xd8\xff", "a picture. Load the URDF of the robot"),
+    (b"%PDF", "a PDF. Load the URDF of the robot"),
+    (b"#!", "a program. Load the URDF that it writes"),
+)
+"""First bytes of files that are no XML: their kind, and what to do."""
+
+ROOTS = {
+    "mujoco": "an MJCF of MuJoCo. Load it with load_mjcf",
+    "mujocoinclude": "a part of an MJCF of MuJoCo. Load the whole MJCF with load_mjcf",
+    "sdf": "an SDF of Gazebo. Load the URDF that it was made from",
+    "gazebo": "an SDF of Gazebo. Load the URDF that it was made from",
+    "world": "an SDF of Gazebo. Load the URDF of the robot in it",
+    "model": "an SDF or its configuration. Load the URDF that it was made from",
+    "collada": "a mesh (COLLADA). Load the URDF that names it",
+    "environment": "a scene of OpenRAVE. Load the URDF of the robot in it",
+    "launch": "a launch file. Load the URDF that it names",
+    "package": "a package.xml. Load a URDF of the package",
+    "svg": "a picture. Load the URDF of the robot",
+    "error": "an error message of a server. Download the URDF again",
+}
+"""Root elements of XML files that are no URDF, in lower case: their kind, and what to do."""
+
+_OPENING = re.compile(r"<!--|<!\[CDATA\[|<\?")
+_COMMENT = re.compile(r"(?s)\s*<!--.*?-->")
+_HTML = re.compile(r"(?i)\s*<(?:!doctype\s+html|html|head|body|title|meta|script)\b")
+_CONTROL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def urdf_text(source: Any) -> str:
+    """Return the XML text of a URDF given as text, bytes, path or open file, without its XML declaration.
+
+    Encodings are those that files have, declared or not: bytes that are not in the encoding count as Latin-1. Comments
+    that XML forbids, with ``--`` in them, are mended. Lines keep their numbers.
+
+    Raises
+    ------
+    UrdfError
+        The source cannot be read, is too large, or is another kind of file.
+    """
+    if isinstance(source, str) and not _is_path(source):
+        text = source
+    elif isinstance(source, (bytes, bytearray)):
+        text = _decoded(bytes(source))
+    elif isinstance(source, (str, os.PathLike)):
+        text = _decoded(_file(Path(os.path.expanduser(source))))
+    elif hasattr(source, "read"):
+        text = _of_file(source)
+    else:
+        raise UrdfError(f"A URDF is a path or XML text, not a {type(source).__name__}.")
+    if len(text) > MAX_BYTES:
+        raise UrdfError(f"The URDF has more than the {MAX_BYTES} bytes accepted.")
+    text = re.sub(r"^\ufeff?\s*(<\?xml[^>]*\?>)?\s*", lambda found: "\n" * found[0].count("\n"), text.rstrip("\0"))
+    if not text.strip():
+        raise UrdfError("The URDF is empty.")
+    start = text[:10_000].lstrip()
+    refuse_other_kinds(start.encode(errors="replace"))
+    if not start.startswith("<"):
+        raise UrdfError(f"The URDF is no XML: it begins with {short(start.splitlines()[0])}, expected <robot>.")
+    if "<!DOCTYPE" in text[: text.find("<robot")]:
+        raise UrdfError("The URDF has a DOCTYPE, which is not accepted: entities are never expanded.")
+    return _mended(text)
+
+
+def folder_of(source: Any) -> Path | None:
+    """Folder of the file that a URDF is read from; None of text, or of an open file without a place."""
+    if isinstance(source, str) and not _is_path(source):
+        return None
+    place = getattr(source, "name", None) if hasattr(source, "read") else source
+    return Path(os.path.expanduser(place)).parent if isinstance(place, (str, os.PathLike)) else None
+
+
+def refuse_root(tag: str) -> None:
+    """Reject the root element of another kind of file.
+
+    Raises
+    ------
+    UrdfError
+        The kind of the file, and what to do.
+    """
+    found = f"The root element is <{short(tag)[1:-1]}>, expected <robot>"
+    kind = ROOTS.get(tag.lower())
+    raise UrdfError(f"{found}: the file is {kind}." if kind else f"{found}.")
+
+
+def _is_path(text: str) -> bool:
+    stripped = text.lstrip("\ufeff \t\r\n")
+    return bool(stripped) and not stripped.startswith("<") and "\n" not in stripped
+
+
+def _file(path: Path) -> bytes:
+    try:
+        if not path.exists() or path.is_file():
+            with path.open("rb") as file:
+                return file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise UrdfError(f"Cannot read the URDF file '{path}': {getattr(error, 'strerror', None) or error}.") from error
+    raise UrdfError(f"Cannot read the URDF file '{path}': it is no file.")
+
+
+def _of_file(source: Any) -> str:
+    """Text of an open file."""
+    try:
+        read = source.read(MAX_BYTES + 1)
+    except UnicodeError as error:
+        raise UrdfError(f"The open file is not {source.encoding} text: {error}. Open it in binary mode.") from error
+    return read if isinstance(read, str) else _decoded(bytes(read))
+
+
+def refuse_other_kinds(start: bytes) -> None:
+    """Reject the first bytes of a file that is no XML, or HTML.
+
+    Raises
+    ------
+    UrdfError
+        The kind of the file, and what to do.
+    """
+    for first, kind in FORMATS:
+        if start.startswith(first):
+            raise UrdfError(f"The file is no URDF: it is {kind}.")
+    text, at = start[:10_000].decode("latin-1"), 0
+    while comment := _COMMENT.match(text, at):
+        at = comment.end()
+    if _HTML.match(text, at):
+        raise UrdfError("The file is no URDF: it is HTML, a page of the web. Download the URDF itself.")
+
+
+def _decoded(data: bytes) -> str:
+    """Text of XML bytes: in the encoding of their first bytes, the one that they declare, or else UTF-8."""
+    for mark, encoding in MARKS:
+        if data.startswith(mark):
+            return data.decode(encoding, "replace")
+    refuse_other_kinds(data[:10_000])
+    if len(data) > 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
+        raise UrdfError("The file is no URDF: it is a mesh (STL). Load the URDF that names it.")
+    data = data.removeprefix(codecs.BOM_UTF8)
+    declared = _declared(data)
+    if b"\0" in data.rstrip(b"\0"):
+        raise UrdfError("The file is no URDF: it is binary. Load the URDF of the robot.")
+    # A single-byte encoding reads anything; text that is valid UTF-8 all the same hardly ever is anything else.
+    for encoding in ("utf-8", declared) if _SINGLE_BYTES.fullmatch(declared) else (declared, "utf-8"):
+        try:
+            return data.decode(encoding)
+        except UnicodeError:
+            continue
+    return data.decode(declared, "surrogateescape").translate(UNREADABLE)
+
+
+def _declared(data: bytes) -> str:
+    """Name of the encoding that XML bytes declare; UTF-8 where it is none that extends ASCII."""
+    found = re.match(rb"\s*<\?xml[^>]*?encoding\s*=\s*[\"']([\w.:-]+)", data)
+    try:
+        name = codecs.lookup(found[1].decode("ascii") if found else "utf-8").name
+        name = WIDER.get(name, name)
+        if PROBE.decode(name) == PROBE.decode("ascii"):
+            return "utf-8" if name == "ascii" else name
+    except (LookupError, UnicodeError):
+        pass
+    return "utf-8"
+
+
+def _mended(text: str) -> str:
+    """The text, with comments that XML allows: tinyxml2, so all of ROS, reads any up to the next ``-->``."""
+    parts, at = [], 0
+    while found := _OPENING.search(text, at):
+        closing = {"<!--": "-->", "<?": "?>"}.get(found[0], "]]>")
+        end = text.find(closing, found.end())
+        if end < 0:
+            break
+        if found[0] == "<!--":
+            body = re.sub("-(?=-)", "- ", _CONTROL.sub(" ", text[found.end() : end]))
+            parts += [text[at : found.end()], f"{body} " if body.endswith("-") else body]
+            at = end
+        else:
+            parts.append(text[at:end])
+            at = end
+    return "".join([*parts, text[at:]])

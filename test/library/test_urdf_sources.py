@@ -1,0 +1,266 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Files of URDFs: encodings, comments and leftovers of xacro that ROS reads, and kinds of files that are no URDF."""
+
+import gzip
+import io
+import struct
+import zipfile
+
+import pytest
+
+import diag_dynamics as dd
+from diag_dynamics.cli.main import main
+from diag_dynamics.inspection import inspect_robot
+from robots import description, joint, link
+
+BOX = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0.0, 0.0, 0.2, 0.0, 0.3)}
+ARM = description("arm", link("base"), link("upper", **BOX), joint("shoulder", "revolute", "base", "upper"))
+XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+
+
+def with_comment(text, source=ARM):
+    return source.replace("<link", f"<!--{text}--><link", 1)
+
+
+def declaring(encoding, text):
+    return f'<?xml version="1.0" encoding="{encoding}"?>\n{text}'
+
+
+def assert_same_model(source, names=("shoulder",)):
+    model, expected = dd.load_urdf(source), dd.load_urdf(ARM)
+    assert model.bodies.tobytes() == expected.bodies.tobytes()
+    assert model.dof_names == names
+    assert inspect_robot(source).checks["loading"] == "ok"
+
+
+# --- Encodings
+
+CHINESE, JAPANESE, KOREAN = "机器人的手臂", "ロボットの腕 ソ表", "로봇 팔 뷁"
+
+ENCODED = {
+    "Latin-1, undeclared": with_comment(" Gehäuse ").encode("latin-1"),
+    "Latin-1, declared UTF-8": declaring("utf-8", with_comment(" Gehäuse ")).encode("latin-1"),
+    "Latin-1, declared ASCII": declaring("us-ascii", with_comment(" Gehäuse ")).encode("latin-1"),
+    "Latin-1, declared UTF-16": declaring("utf-16", with_comment(" Gehäuse ")).encode("latin-1"),
+    "Latin-1, declared gb2312": declaring("gb2312", with_comment(" Gehäuse ")).encode("latin-1"),
+    "cp1252": declaring("windows-1252", with_comment(" „5 €“ ")).encode("cp1252"),
+    "cp1252, undeclared": with_comment(" „5 €“ ").encode("cp1252"),
+    "gb2312": declaring("gb2312", with_comment(CHINESE)).encode("gb2312"),
+    "GBK, declared gb2312": declaring("gb2312", with_comment(CHINESE + "镕")).encode("gbk"),
+    "gb18030": declaring("GB18030", with_comment(CHINESE)).encode("gb18030"),
+    "GBK, undeclared": with_comment(CHINESE).encode("gbk"),
+    "UTF-8, declared gb2312": declaring("gb2312", with_comment(CHINESE)).encode(),
+    "Shift JIS": declaring("Shift_JIS", with_comment(JAPANESE)).encode("shift_jis"),
+    "Shift JIS, undeclared": with_comment(JAPANESE).encode("shift_jis"),
+    "EUC-JP": declaring("euc-jp", with_comment(JAPANESE)).encode("euc_jp"),
+    "ISO-2022-JP": declaring("iso-2022-jp", with_comment(JAPANESE)).encode("iso2022_jp"),
+    "Big5": declaring("big5", with_comment("機器人")).encode("big5"),
+    "EUC-KR": declaring("euc-kr", with_comment(KOREAN)).encode("cp949"),
+    "KOI8": declaring("koi8-r", with_comment("рука")).encode("koi8-r"),
+    "UTF-8 with a mark": b"\xef\xbb\xbf" + declaring("gb2312", with_comment(CHINESE)).encode(),
+    "UTF-16": declaring("utf-16", with_comment(CHINESE)).encode("utf-16"),
+    "UTF-16 without a mark": declaring("utf-16", with_comment(CHINESE)).encode("utf-16-le"),
+    "UTF-16, big end first": declaring("utf-16", with_comment(CHINESE)).encode("utf-16-be"),
+    "UTF-32": declaring("utf-32", with_comment(CHINESE)).encode("utf-32"),
+    "unknown encoding": declaring("x-editor", with_comment(" ä ")).encode(),
+    "no extension of ASCII": declaring("punycode", with_comment(" ä ")).encode(),
+    "EBCDIC": declaring("cp037", with_comment(" ä ")).encode(),
+    "damaged UTF-8": with_comment(CHINESE).encode()[:40] + b"\xff\xfe" + with_comment(CHINESE).encode()[40:],
+    "zero at the end": ARM.encode() + b"\0",
+}
+
+
+@pytest.mark.parametrize("case", ENCODED)
+def test_encodings(case, tmp_path):
+    """All that URDF defines is ASCII: comments may be in any encoding, declared or not."""
+    data, file = ENCODED[case], tmp_path / "arm.urdf"
+    file.write_bytes(data)
+    sources = [data, file, str(file), io.BytesIO(data)]
+    if b"robot" in data:  # text, as the topic brings it
+        sources.append(data.decode("utf-8", "replace"))
+    expected = dd.load_urdf(ARM)
+    for source in sources:
+        assert dd.load_urdf(source).bodies.tobytes() == expected.bodies.tobytes()
+
+
+def test_names_in_other_encodings():
+    """They are those of the encoding; UTF-8 is recognized despite another declaration and damage."""
+    for name, encoding in (("Schläger", "latin-1"), ("关节", "gb2312"), ("関節ソ", "shift_jis"), ("관절", "euc-kr")):
+        text = ARM.replace("shoulder", name)
+        assert_same_model(declaring(encoding, text).encode(encoding), (name,))
+        assert_same_model(declaring("iso-8859-1", text).encode(), (name,))
+        assert_same_model(with_comment("?", text).encode().replace(b"?", b"\xe4"), (name,))
+    assert_same_model(ARM.replace("shoulder", "Schläger").encode("latin-1"), ("Schläger",))
+
+
+# --- Comments
+
+COMMENTS = (
+    " gripper -- 2023 ",
+    "--",
+    "---",
+    "-",
+    "-- arm --",
+    " arm -",
+    "----- ----- -----",
+    " a > b < c & d ",
+    "->",
+    "\x0b\x1b\x07",
+)
+
+
+@pytest.mark.parametrize("comment", COMMENTS)
+def test_comments(comment):
+    """A comment ends at the next -->, as in tinyxml2, and means nothing; a rewritten URDF keeps it."""
+    text = with_comment(comment)
+    assert_same_model(text)
+    assert_same_model(text.encode())
+    assert_same_model(f"<!--{comment}-->\n{text}<!--{comment}-->")
+    shape = "<visual><geometry><sphere radius='1'/></geometry></visual>"
+    shaped = text.replace('<link name="base"/>', f'<link name="base">{shape}</link>')
+    with pytest.warns(dd.InertiaWarning):
+        model = dd.load_urdf(shaped, estimate_inertias=1000.0)
+    assert model.total_mass > 1000.0
+
+
+def test_many_comments():
+    """Reading takes time in proportion to their number."""
+    assert_same_model("<!-- -- -->\n" * 20_000 + ARM)
+    with pytest.raises(dd.UrdfError, match="not well-formed XML"):
+        dd.load_urdf(ARM.replace("</robot>", "<!-- " * 100_000))
+
+
+def test_markup_in_comments_and_text():
+    """Neither hides elements nor shows those of a comment."""
+    assert_same_model(with_comment(' <link name="no"/> -- <![CDATA[ '))
+    assert_same_model(
+        ARM.replace("</robot>", "<gazebo><plugin><![CDATA[ <!-- -- ]]></plugin></gazebo><?pi <!-- ?></robot>")
+    )
+    assert dd.load_urdf(
+        with_comment("-- a --").replace("</robot>", f"{link('l')}{joint('w', 'fixed', 'upper', 'l')}</robot>")
+    )
+    for text in ("<!-- -- " + ARM, ARM.replace("</robot>", "<!-- -- </robot>")):
+        with pytest.raises(dd.UrdfError, match="not well-formed XML"):
+            dd.load_urdf(text)
+
+
+def test_line_numbers():
+    """Errors name the line of the file."""
+    broken = with_comment("\n -- \n--\n").replace("</link>", "</lonk>", 1)
+    line = broken[: broken.index("</lonk>")].count("\n") + 1
+    for before in (
+        "",
+        '<?xml version="1.0"?>\n',
+        '\n\n<?xml version="1.0"?>\n\n',
+        '<?xml version="1.0" encoding="gb2312"?>\n\n',
+    ):
+        text = before + broken
+        with pytest.raises(dd.UrdfError, match=rf"\(line {line + before.count(chr(10))}\)"):
+            dd.load_urdf(text.encode())
+        nameless = before + with_comment("\n--\n").replace(' name="base"', "", 1)
+        with pytest.raises(dd.UrdfError, match=rf"line {3 + before.count(chr(10))} has no name"):
+            dd.load_urdf(nameless)
+
+
+# --- Leftovers of xacro
+
+LEFTOVERS = {
+    "property": '<xacro:property name="width" value=".2"/>',
+    "property with an expression": '<xacro:property name="width" value="${2 * 3}"/>',
+    "property with a block": '<xacro:property name="origin"><origin xyz="${x} 0 0" quat_xyzw="a"/></xacro:property>',
+    "argument": '<xacro:arg name="hand" default="false"/>',
+    "macro": '<xacro:macro name="m" params="a *b"><link name="${a}"/><xacro:m a="1"/><xacro:if value="${a}"/></xacro:macro>',
+    "unused text": '<link name="l"><visual><geometry><mesh filename="$(find p)/${a}.stl"/></geometry></visual></link>'
+    + joint("w", "fixed", "upper", "l"),
+}
+
+
+@pytest.mark.parametrize("case", LEFTOVERS)
+@pytest.mark.parametrize("namespace", [XACRO, 'xmlns:xacro="http://ros.org/wiki/xacro"', 'xmlns:xacro="urn:x"', ""])
+def test_leftovers_of_xacro(case, namespace):
+    """Definitions that nothing uses say nothing of the robot."""
+    text = ARM.replace("<robot", f"<robot {namespace}").replace("<link", LEFTOVERS[case] + "<link", 1)
+    assert_same_model(text)
+    assert_same_model(text.encode())
+
+
+@pytest.mark.parametrize(
+    ("content", "named"),
+    [
+        ('<xacro:arm prefix="a"/>', "<xacro:arm>"),
+        ('<xacro:include filename="a.xacro"/>', "<xacro:include>"),
+        ('<xacro:if value="1"><link name="l"/></xacro:if>', "<xacro:if>"),
+        ('<link name="l"><xacro:inertia/></link>', "<xacro:inertia>"),
+        ('<link name="${p}l"/>', "'${p}l'"),
+        ('<link name="l"><inertial><mass value="${m}"/></inertial></link>', "<mass value='${m}'>"),
+    ],
+)
+def test_unexpanded_xacro(content, named):
+    more = f'<xacro:property name="a" value="1"/>{content}</robot>'
+    with pytest.raises(dd.UrdfError, match="unexpanded xacro") as caught:
+        dd.load_urdf(ARM.replace("<robot", f"<robot {XACRO}").replace("</robot>", more))
+    assert named in str(caught.value)
+
+
+# --- What is no URDF
+
+
+def zipped(text):
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        archive.writestr("arm.urdf", text)
+    return buffer.getvalue()
+
+
+OTHERS = {
+    "Git LFS": (b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 12\n", "Git LFS. Run git lfs pull"),
+    "HTML 5": (b"<!DOCTYPE html>\n<html><body>404</body></html>", "HTML, a page of the web"),
+    "HTML in small letters": (b"\n<!doctype html><html lang=en><meta charset=utf-8>", "HTML, a page of the web"),
+    "HTML without a type": (b"<!-- x --><HTML><br><p>&nbsp;</HTML>", "HTML, a page of the web"),
+    "XHTML": (b'<?xml version="1.0"?><html xmlns="http://www.w3.org/1999/xhtml"/>', "HTML, a page of the web"),
+    "MJCF": (
+        b"<mujoco><worldbody><body><joint/></body></worldbody></mujoco>",
+        "MJCF of MuJoCo. Load it with load_mjcf",
+    ),
+    "SDF": (b'<?xml version="1.0"?><sdf version="1.7"><model name="m"/></sdf>', "an SDF of Gazebo"),
+    "world": (b"<world name='w'/>", "an SDF of Gazebo"),
+    "SRDF": (b'<robot name="x"><group name="arm"><chain/></group></robot>', "an SRDF of MoveIt"),
+    "SRDF of collisions": (b'<robot name="x"><disable_collisions link1="a" link2="b"/></robot>', "an SRDF of MoveIt"),
+    "COLLADA": (b'<?xml version="1.0"?><COLLADA xmlns="urn:c"/>', "a mesh (COLLADA)"),
+    "STL": (b"solid part\n facet normal 0 0 1\n", "a mesh (STL)"),
+    "binary STL": (b"\0" * 80 + struct.pack("<I", 2) + b"\1" * 100, "a mesh (STL)"),
+    "binary STL of a name": (b"robot".ljust(80) + struct.pack("<I", 1) + b"\1" * 50, "a mesh (STL)"),
+    "PLY": (b"ply\nformat ascii 1.0\n", "a mesh (PLY)"),
+    "OBJ": (b"v 0 0 0\nv 1 0 0\n", "a mesh (OBJ)"),
+    "GLB": (b"glTF\2\0\0\0", "a mesh (glTF)"),
+    "gzip": (gzip.compress(ARM.encode()), "compressed by gzip. Unpack it"),
+    "zip": (zipped(ARM), "a zip archive. Unpack it"),
+    "empty": (b"", "The URDF is empty"),
+    "blank": (b" \n\n", "The URDF is empty"),
+    "YAML": (b"joints:\n  a: 1\n", "begins with 'joints:', expected <robot>"),
+    "binary": (b"\1\2\0\3", "it is binary"),
+    "macro of xacro": (
+        f'<robot {XACRO}><xacro:macro name="m"/></robot>'.encode(),
+        "<xacro:macro>: it is unexpanded xacro",
+    ),
+    "package.xml": (b"<package><name>p</name></package>", "a package.xml"),
+    "launch file": (b"<launch/>", "a launch file"),
+    "robot of OpenRAVE": (b"<Robot/>", "root element is <Robot>, expected <robot>"),
+}
+
+
+@pytest.mark.parametrize("case", OTHERS)
+def test_other_files(case, tmp_path, capsys):
+    """The library and inspect say what the file is, in one line."""
+    data, named = OTHERS[case]
+    file = tmp_path / "arm.urdf"
+    file.write_bytes(data)
+    for source in (data, file, str(file), io.BytesIO(data)):
+        with pytest.raises(dd.UrdfError) as caught:
+            dd.load_urdf(source)
+        assert named in str(caught.value)
+    assert main(["inspect", str(file)]) == 2
+    printed = capsys.readouterr()
+    assert named in " ".join((printed.out + printed.err).split()).replace("│", "")
