@@ -15,7 +15,7 @@ from diag_dynamics.assembly.bounds import Bounds
 from diag_dynamics.assembly.efforts import Efforts
 from diag_dynamics.assembly.followers import Followers
 from diag_dynamics.assembly.gaps import Gaps
-from diag_dynamics.assembly.jumps import Jumps
+from diag_dynamics.assembly.jumps import INTERLEAVED, Accepted, Jumps
 from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.assembly.stamps import SECOND, Stamps, nanoseconds, stamp_of
 from diag_dynamics.assembly.velocities import VelocityEstimator
@@ -181,7 +181,7 @@ class JointStateAssembler:
         self._follower_stamp = np.zeros(len(self.followers.names), dtype=np.int64)
         turns = [name in joints.continuous for name in self.names]
         self._estimator = VelocityEstimator(turns)
-        self.jumps = Jumps(self.names, turns, joints.velocity)
+        self.jumps = Jumps(self.names, turns, joints.velocity, joints.lower, joints.upper)
         self.configure(options)
 
     def configure(self, options):
@@ -200,6 +200,8 @@ class JointStateAssembler:
             self._estimated[:] = False
             self._estimator.forget()
         self.followers.tolerance, self.jumps.slack = options.mimic_tolerance, options.jump
+        if not options.jump:
+            self.jumps.forget()
         self.stamps.max_age, self.stamps.refuse_foreign = options.max_age, options.refuse_foreign
 
     def judges(self, options):
@@ -260,6 +262,11 @@ class JointStateAssembler:
             follower_effort=self._follower_effort,
             follower_stamp=self._follower_stamp,
         )
+
+    @property
+    def mode(self):
+        """By which rule compiled code may accept a stamp, see :attr:`Stamps.mode`; None where it may accept no message."""
+        return None if self.jumps.interleaved else self.stamps.mode
 
     @property
     def missing(self):
@@ -325,7 +332,8 @@ class JointStateAssembler:
         Raises
         ------
         RejectedError
-            The message is malformed, out of time, absurd, a jump or without velocity, or a joint is stale.
+            The message is malformed, out of time, absurd, a jump or without velocity: it leaves no trace but what a later
+            restart of time, setting of a clock or jump is judged by. Or the message is accepted, and another joint is stale.
         """
         (there, here), (beside, following) = self._match(message)
         if not len(here) and not len(following):
@@ -338,9 +346,13 @@ class JointStateAssembler:
         )
         self._require(position, "position", here)
         self._bounds.check(position, velocity, here)
-        self._judge_stamp(stamp, unstamped, now, here, following)
-        if self.jumps.slack:
-            self._judge_steps(stamp, unstamped, here, position, velocity)
+        self._require_velocity(velocity, here, position, stamp, unstamped)
+        judged = self._judge_stamp(stamp, unstamped, now, here, following)
+        steps = self._judge_steps(stamp, unstamped, here, position, velocity)
+        if self.options.estimate_velocity:
+            velocity = self._with_estimates(stamp, unstamped, here, position, velocity, steps.moved)
+        # The message is accepted. What rejects it must stand above, for a rejected message leaves no trace.
+        self._accept(judged, steps, here, stamp, unstamped)
         absurd = False
         if len(here):
             absurd |= self._take(stamp, unstamped, here, position, velocity, effort)
@@ -369,7 +381,7 @@ class JointStateAssembler:
         return self._columns[1]
 
     def _judge_stamp(self, stamp, unstamped, now, here, following):
-        """Refuse a stamp that is out of time; forget all joints if time has started anew."""
+        """Reject a stamp that is out of time; forget all joints if time has started anew."""
         if len(here):
             # A stamp may be of another clock than a time of reception: comparing the two would refuse good messages.
             comparable = self._known[here] & (self._without_stamp[here] == unstamped)
@@ -382,20 +394,32 @@ class JointStateAssembler:
             source = last = None
             what, span = f"joint '{self.followers.names[following[0]]}'", 0.0
         span = max(int(span), SECOND) if math.isfinite(span) else SECOND
-        if self.stamps.judge(source, what, stamp, 0 if unstamped else now, last, span):
+        judged = self.stamps.judge(source, what, stamp, 0 if unstamped else now, last, span)
+        if judged.anew:  # then nothing is left that the message could contradict
             self.counts["time jumped back"] += 1
             self.forget()
-        if source is not None and not unstamped:
-            self.gaps.take(source, stamp)
+        return judged
+
+    def _last_of(self, here, unstamped):
+        """Last positions, velocities and stamps of joints, and whether they are known by the same clock."""
+        known = self._known[here] & (self._without_stamp[here] == unstamped)
+        return self._position[here], self._velocity[here], self._stamp[here], known
 
     def _judge_steps(self, stamp, unstamped, here, position, velocity):
-        """Refuse positions that no motion explains, until three messages agree on them."""
-        known = self._known[here] & (self._without_stamp[here] == unstamped)
-        before = self._position[here], self._velocity[here], self._stamp[here], known
-        moved = self.jumps.judge(here, position, velocity, self._bounds.fastest[here], stamp, before)
-        if len(moved):
-            self._estimator.forget(moved)
-            self.counts["positions jumped"] += 1
+        """Reject positions that no motion explains, until three messages agree on them."""
+        if not self.jumps.slack or not len(here):
+            return Accepted()
+        before = self._last_of(here, unstamped)
+        return self.jumps.judge(here, position, velocity, self._bounds.fastest[here], stamp, before)
+
+    def _accept(self, judged, steps, here, stamp, unstamped):
+        """Store what later messages are judged by."""
+        self.stamps.accept(judged)
+        self.jumps.accept(steps)
+        self.counts["positions jumped"] += len(steps.moved) > 0
+        self.counts[INTERLEAVED] += steps.contradicts
+        if len(here) and not unstamped:
+            self.gaps.take(int(here.min()), stamp)
 
     def _field(self, message, field, there):
         """Values of one field of a message at some places; NaN for all if the array is empty."""
@@ -420,28 +444,44 @@ class JointStateAssembler:
                 f"no {what}", f"joint '{self.names[here[k]]}': {what} is {values[k]}, expected a finite number{hint}"
             )
 
+    def _require_velocity(self, velocity, here, position, stamp, unstamped):
+        """Reject a message without a velocity, but for missing ones that are to be estimated."""
+        if self.options.estimate_velocity:
+            self._require(np.where(np.isnan(velocity), 0.0, velocity), "velocity", here)
+            return
+        try:
+            self._require(velocity, "velocity", here)
+        except RejectedError as error:
+            if not self.jumps.slack or not self.jumps.contradicts(
+                here, position, stamp, self._last_of(here, unstamped)
+            ):
+                raise
+            self.counts[INTERLEAVED] += 1
+            raise RejectedError(error.cause, f"{error}; {self.jumps.contradiction}") from error
+
     def _take(self, stamp, unstamped, here, position, velocity, effort):
         """Keep the values of joints; return whether an effort is absurd."""
-        if self.options.estimate_velocity:
-            self._estimator.forget(
-                here[self._without_stamp[here] != unstamped]
-            )  # a difference of two clocks is no interval
-            missing = np.isnan(velocity)
-            velocity = np.where(missing, self._estimate(stamp, here, position, missing), velocity)
-            self._estimated[here] = missing
-        else:
-            self._estimated[here] = False
         effort, absurd = self.efforts.of(effort, here)
         self._position[here], self._velocity[here], self._effort[here] = position, velocity, effort
         self._stamp[here], self._without_stamp[here] = stamp, unstamped
         self._known[here] = True
         return absurd
 
-    def _estimate(self, stamp, here, position, missing):
+    def _with_estimates(self, stamp, unstamped, here, position, velocity, moved):
+        """Velocities, where they are missing estimated from positions."""
+        missing = np.isnan(velocity)
+        # A difference of two clocks is no interval, and a jump no motion.
+        anew = (self._without_stamp[here] != unstamped) | np.isin(here, moved)
+        estimate = self._estimate(stamp, here, position, missing, anew)
+        self._estimated[here] = missing
+        return np.where(missing, estimate, velocity)
+
+    def _estimate(self, stamp, here, position, missing, anew):
         """Velocities estimated from positions; those that stand in for missing ones are judged."""
         longest = np.where(np.isfinite(self._spans[here]), self._spans[here], 0.0)
         fastest = np.where(missing, self.options.max_velocity or math.inf, math.inf)
-        estimate = self._estimator.update(here, position, stamp, self.options.velocity_filter_time, longest, fastest)
+        time = self.options.velocity_filter_time
+        estimate = self._estimator.update(here, position, stamp, time, longest, fastest, anew)
         absurd = np.isinf(estimate)
         if absurd.any():
             k = int(np.argmax(absurd))

@@ -89,7 +89,9 @@ class OdometryBase:
                 )
         # A stamp may be of another clock than a time of reception: comparing the two would refuse good odometry.
         last = self.stamp if unstamped == self._unstamped else None
-        self.jumps += self.stamps.judge("odom", "odom", stamp, 0 if unstamped else now, last, SECOND)
+        accepted = self.stamps.judge("odom", "odom", stamp, 0 if unstamped else now, last, SECOND)
+        self.stamps.accept(accepted)
+        self.jumps += accepted.anew
         self.position, self.velocity, self.stamp, self._unstamped = position, velocity, stamp, unstamped
 
     def with_joints(self, state, timeout):

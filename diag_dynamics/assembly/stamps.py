@@ -3,6 +3,8 @@
 
 """Judge of stamps, by this node's clock and by earlier stamps."""
 
+from typing import NamedTuple
+
 from diag_dynamics.assembly.rejected import RejectedError
 
 SECOND = 1_000_000_000
@@ -44,6 +46,19 @@ def stamp_of(message, now):
     return now, True
 
 
+class AcceptedStamp(NamedTuple):
+    """Verdict on a stamp: :meth:`Stamps.accept` stores what later verdicts depend on."""
+
+    source: object
+    """Source with an earlier stamp; None for none."""
+    anew: bool
+    """Whether time has started anew, so that all that came before has to be forgotten."""
+    far: bool | None
+    """Whether the stamp is far from this node's clock; None where that is not judged."""
+    apart: int
+    """This node's clock less the stamp [ns]."""
+
+
 class Stamps:
     """Judge that tells apart stamps that are right, late, of another time, or of a time that has started anew.
 
@@ -65,7 +80,7 @@ class Stamps:
     limit : str
         Name of `max_age` in messages.
     offset : float
-        This node's clock less the stamp, of the last one that was judged [s].
+        This node's clock less the stamp, of the last message that was accepted [s].
     suspects : dict
         Sources whose last stamp was older than the one before.
     """
@@ -100,7 +115,7 @@ class Stamps:
         return FAR if self.in_step is False and not self.refuse_foreign else None
 
     def judge(self, source, what, stamp, now, last, span):
-        """Accept a stamp; return whether time has started anew, so that all that came before has to be forgotten.
+        """Return the verdict on a stamp.
 
         Parameters
         ----------
@@ -115,10 +130,14 @@ class Stamps:
         span : int
             How much older than `last` a stamp is merely late [ns].
 
+        Returns
+        -------
+        AcceptedStamp
+
         Raises
         ------
         RejectedError
-            It is late, from the past or from the future.
+            It is late, from the past or from the future. Only what this source, or this clock, is suspected of is stored.
         """
         far = None
         if self.max_age and now:
@@ -126,33 +145,36 @@ class Stamps:
         anew = last is not None and stamp < last
         if anew:
             self._suspect(source, what, stamp, last, span)
+        return AcceptedStamp(None if last is None else source, anew, far, now - stamp)
+
+    def accept(self, accepted):
+        """Store what a verdict changes, once the whole message is accepted."""
+        if accepted.anew:
             self.suspects.clear()
-        elif last is not None:
-            self.suspects.pop(source, None)
-        if far is not None:
-            self._refused = None
+        elif accepted.source is not None:
+            self.suspects.pop(accepted.source, None)
+        if accepted.far is not None:
+            self._refused, self.offset = None, accepted.apart * 1e-9
             # A foreign stamp must come within half of the bound before the bound holds for its source: at the bound itself,
             # a clock that differs by just that much would be accepted and refused by turns.
-            well_within = 2 * abs(now - stamp) <= nanoseconds(self.max_age)
-            self.in_step = not far and (self.in_step is not False or well_within)
+            well_within = 2 * abs(accepted.apart) <= nanoseconds(self.max_age)
+            self.in_step = not accepted.far and (self.in_step is not False or well_within)
         elif not self.max_age:
             self.in_step = self._refused = None
-        return anew
 
     def _far(self, what, stamp, now):
         """Whether a stamp is far from the clock and accepted all the same."""
         apart, most = now - stamp, nanoseconds(self.max_age)
-        self.offset = apart * 1e-9
         far = abs(apart) > most
         if not far or not (self.in_step or self.refuse_foreign):
             return far
         if self._refused is None or abs(apart - self._refused[1]) > most or now < self._refused[0]:
             self._refused = now, apart
         if self.refuse_foreign or now - self._refused[0] < PATIENCE:
-            when, word = ("past", "behind") if self.offset > 0.0 else ("future", "ahead of")
+            when, word = ("past", "behind") if apart > 0 else ("future", "ahead of")
             raise RejectedError(
                 f"stamp from the {when}" if self.in_step else "foreign time",
-                f"{what}: stamp {abs(self.offset):.3f} s {word} this node's clock, expected within {self.limit} = "
+                f"{what}: stamp {abs(apart) * 1e-9:.3f} s {word} this node's clock, expected within {self.limit} = "
                 f"{self.max_age:g} s",
             )
         return True

@@ -47,7 +47,7 @@ class VelocityEstimator:
         since = np.where(ready, 0, self._since)
         return [known.copy(), *(values[known] for values in (*counts, since))]
 
-    def update(self, here, position, stamp, time, longest, fastest=np.inf):
+    def update(self, here, position, stamp, time, longest, fastest=np.inf, anew=False):
         """Velocities of joints by their newest positions.
 
         Parameters
@@ -63,7 +63,9 @@ class VelocityEstimator:
         longest : ndarray, shape (k,)
             Time between two positions [ns] up to which the estimate goes on, as it does up to :data:`PERIODS` periods.
         fastest : float or ndarray, shape (k,)
-            Quotients beyond it are no velocities [rad/s, m/s]: the joint starts anew.
+            Quotients beyond it are no velocities [rad/s, m/s]: nothing of the message is kept.
+        anew : bool or ndarray of bool, shape (k,)
+            Joints whose last position is not to be compared with this one.
 
         Returns
         -------
@@ -71,7 +73,8 @@ class VelocityEstimator:
             [rad/s, m/s]; NaN where it is not known yet, infinite where a quotient was beyond `fastest`.
         """
         elapsed = stamp - self._stamp[here]
-        goes_on = self._known[here] & (elapsed >= 0) & (elapsed <= np.maximum(longest, PERIODS * self._period[here]))
+        goes_on = self._known[here] & ~np.broadcast_to(anew, len(here)) & (elapsed >= 0)
+        goes_on &= elapsed <= np.maximum(longest, PERIODS * self._period[here])
         moved = goes_on & (elapsed > 0)
         at = here[moved]
         dt = elapsed[moved] / SECOND
@@ -79,8 +82,7 @@ class VelocityEstimator:
         step = np.where(self._turns[at], np.remainder(step + np.pi, 2.0 * np.pi) - np.pi, step)
         quotient = step / dt
         absurd = np.abs(quotient) > np.broadcast_to(fastest, len(here))[moved]
-        if absurd.any():  # of the others nothing is kept either
-            self._known[at[absurd]] = False
+        if absurd.any():
             velocity = np.full(len(here), np.nan)
             velocity[np.flatnonzero(moved)[absurd]] = np.inf
             return velocity

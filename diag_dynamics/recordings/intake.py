@@ -11,6 +11,7 @@ import numpy as np
 
 from diag_dynamics.assembly.assembler import JointStateAssembler, joints_of
 from diag_dynamics.assembly.frozen import Frozen
+from diag_dynamics.assembly.jumps import INTERLEAVED
 from diag_dynamics.assembly.odometry import OdometryBase
 from diag_dynamics.assembly.rejected import RejectedError, cause_of
 from diag_dynamics.assembly.whole import WithBase
@@ -169,6 +170,7 @@ class Intake:
         foreign = f"{', '.join(names[:FEW])}{' …' * (len(names) > FEW)}"
         return {
             "positions jumped": self.assembler.jumps.last,
+            INTERLEAVED: self.assembler.jumps.contradiction,
             "mimic disagreement": self.assembler.last_disagreement,
             "foreign": f"messages without a joint of this robot, of {foreign}; the robot has {', '.join(own[:FEW])}"
             f"{' …' * (len(own) > FEW)}",

@@ -188,7 +188,7 @@ class KnownJointStates:
         tuple or None
             What `take` returns; None if nothing is taken in, and nothing has changed.
         """
-        mode = self._stamps.mode
+        mode = self._assembler.mode
         if mode is None or not now or not self._addresses:
             return None
         suspects, here = self._stamps.suspects, self._addresses.at
@@ -215,7 +215,7 @@ class KnownJointStates:
         layouts : list of tuple
             Length of messages, the second argument, and whose stamps they have.
         """
-        mode = self._stamps.mode
+        mode = self._assembler.mode
         if mode is None or not self._addresses:
             return 0, 0, 0, []
         layouts = [
@@ -330,6 +330,7 @@ def take(known, layout, now, mode):
         return nothing
 
     newest = oldest = stamp
+    rests = rested = True
     for j in range(len(stamps)):
         if not own.known[j] or own.without_stamp[j] or (needed[j] and stamp < stamps[j]):
             return nothing
@@ -347,6 +348,9 @@ def take(known, layout, now, mode):
         if _absurd(effort, rules.strongest):
             return nothing
         elapsed = (stamp - stamps[j]) * 1e-9
+        rests, rested = rests and velocity == 0.0, rested and own.velocity[j] == 0.0
+        if own.slack > 0.0 and elapsed == 0.0 and position != own.position[j]:
+            return nothing
         if own.slack > 0.0 and elapsed <= rules.lasting:
             step, speed = abs(position - own.position[j]), _faster(velocity, own.velocity[j], rules.reach)
             if rules.turns > 0.0:
@@ -355,6 +359,8 @@ def take(known, layout, now, mode):
             if step > speed * max(elapsed, SHORTEST) + own.slack:  # as Jumps has it
                 return nothing
         draft_position[j], draft_velocity[j], draft_effort[j] = position, velocity, effort
+    if own.slack > 0.0 and rests and not rested:  # it stops, or another source rests
+        return nothing
 
     with_effort = True
     for j in range(len(stamps)):

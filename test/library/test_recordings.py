@@ -18,7 +18,7 @@ import pytest
 from lxml import etree
 
 import diag_dynamics as dd
-from bags import ODOMETRY, Message, arm, description, write_mcap
+from bags import ODOMETRY, Message, arm, description, serialized, write_mcap
 from diag_dynamics.assembly.assembler import JointStateAssembler, joints_of
 from diag_dynamics.assembly.frozen import Frozen
 from diag_dynamics.assembly.odometry import OdometryBase
@@ -127,6 +127,24 @@ def test_counts_do_not_depend_on_where_a_recording_is_cut(tmp_path, panda):
     for size in (1, 37, 10_000):
         *_, last = dd.stream_recording(path, panda, parameters={"frozen_timeout": 0.05}, size=size)
         assert (last.counts, last.findings) == (whole.counts, whole.findings)
+
+
+@pytest.mark.parametrize("velocity", [(), (0.0, 0.0)], ids=["no velocities", "zeros"])
+@pytest.mark.parametrize("shift", [0, 5, -5], ids="{} ms".format)
+def test_two_sources_in_one_topic(tmp_path, velocity, shift):
+    """joint_state_publisher's zeros beside a driver: every state of the driver is served, and a finding names the sources."""
+    names, times = ("shoulder", "elbow"), 0.01 * np.arange(100)
+    q, qd = (scale * of(3.0 * times + 1.0)[:, None] * (1.0, -0.7) for scale, of in ((0.8, np.sin), (2.4, np.cos)))
+    stamps = [START + 10 * MS * k for k in range(1, 101)]
+    moving = [(at, serialized(at, names, *row)) for at, *row in zip(stamps, q, qd, strict=True)]
+    zeros = [(at + shift * MS, serialized(at + shift * MS, names, (0.0, 0.0), velocity)) for at in stamps]
+    messages = [Message("/joint_states", at, raw) for at, raw in sorted(moving + zeros, key=lambda one: one[0])]
+    recording = dd.read_recording(write_mcap(tmp_path / "x.mcap", messages), arm(*names))
+    served = {row.tobytes() for row in recording.q}
+    assert all(row.tobytes() in served for row in q)
+    assert len(recording.t) <= 101  # one of the zeros, where these came first
+    (finding,) = [one for one in recording.findings if "interleaved sources" in one.cause]
+    assert "publish" in finding.text and finding.count >= 98
 
 
 # --- Reading ---

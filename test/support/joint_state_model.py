@@ -34,6 +34,17 @@ DEFAULTS = {
 """Parameters that a sequence does not set."""
 
 
+def _rest(entries):
+    """Return whether all velocities are 0 or missing."""
+    return not any(abs(entry["velocity"]) > 0.0 for entry in entries)
+
+
+def _default(name):
+    """Return where joint_state_publisher puts a joint."""
+    lower, upper = LIMITS[name]
+    return 0.5 * (lower + upper) if lower > 0.0 or upper < 0.0 else 0.0
+
+
 class RejectionError(Exception):
     """A message is rejected."""
 
@@ -46,6 +57,7 @@ class Model:
         self.counts, self.states, self.causes = Counter(), [], []
         self.known, self.efforts, self.tracks, self.away = {}, {}, {}, {}
         self.in_step = self.far_since = None
+        self.bare = {}  # by first joint, the last message without velocity
         self.runs = {}  # by source, stamps in a row that were too old
 
     def read(self, message, now):
@@ -81,11 +93,14 @@ class Model:
         at, stamped = self._stamp(stamp, now)
         sent = self._fields(names, fields, joints)
         self._check_bounds(sent, joints)
-        self._check_stamp(at, stamped, now, joints)
-        self._check_steps(sent, at, stamped, joints)
+        self._check_velocities(sent, joints, at, stamped)
+        accept_stamp = self._check_stamp(at, stamped, now, joints)
+        moved, accept_steps = self._check_steps(sent, at, stamped, joints)
         new = {name: sent[name] | {"at": at, "stamped": stamped, "estimated": False} for name in joints}
         if self._parameters["missing_velocity"] == "estimate":
-            self._estimate(new, at)
+            self._estimate(new, at, moved)
+        accept_stamp()
+        accept_steps()
         self.known |= new
         for name in mimics:
             self.efforts[name] = at, self._effort(name, sent[name]["effort"])
@@ -126,8 +141,30 @@ class Model:
             if outside or (math.isfinite(velocity) and abs(velocity) > self._fastest(name)):
                 raise RejectionError("absurd value")
 
+    def _check_velocities(self, sent, joints, at, stamped):
+        """Reject a message without velocities, and count those that another source contradicts."""
+        missing = self._parameters["missing_velocity"] == "estimate"
+        velocities = [sent[name]["velocity"] for name in joints]
+        if all(math.isfinite(v) or (missing and math.isnan(v)) for v in velocities):
+            return
+        if self._parameters["absurd.jump"] and not missing:
+            before = self._alike(joints, stamped)
+            newest = max((entry["at"] for entry in before.values()), default=-1)
+            first = min(joints, key=NAMES.index)
+            place, then, since = self.bare.get(first, (None, 0, 0))
+            own = [sent[name]["position"] for name in joints]
+            self.bare[first] = own, at, newest
+            again = place == own and since != newest and abs(at - then) <= 5 * S
+            apart = any(self._step(name, sent[name], old) > 1e-3 for name, old in before.items())
+            self.counts["interleaved sources"] += apart and (again or at == newest)
+        raise RejectionError("no velocity")
+
+    def _alike(self, joints, stamped):
+        """Return the last values of joints by the same clock."""
+        return {name: self.known[name] for name in joints if self.known.get(name, {}).get("stamped") == stamped}
+
     def _check_stamp(self, at, stamped, now, joints):
-        """Reject a stamp that is out of time; forget all joints where time has jumped back."""
+        """Reject a stamp that is out of time; forget all joints where time has jumped back. Return what acceptance does."""
         far, most = None, round(self._parameters["max_age"] * 1000) * MS
         refuses = self._parameters["foreign_time"] == "refuse"
         if stamped and now and most:
@@ -135,15 +172,21 @@ class Model:
             if far and (self.in_step or refuses) and self._is_early(now, now - at, most, refuses):
                 side = "past" if at < now else "future"
                 raise RejectionError(f"stamp from the {side}" if self.in_step else "foreign time")
-        alike = [name for name in joints if self.known.get(name, {}).get("stamped") == stamped]
+        alike, source = self._alike(joints, stamped), None
         if alike:
             newest = max(alike, key=lambda name: self.known[name]["at"])
             span = self._timeout(newest)
             span = max(S, span) if span < INF else S
-            self._check_order(at, self.known[newest]["at"], span, min(joints, key=NAMES.index))
-        if far is not None:
-            self.far_since = None
-            self.in_step = abs(now - at) <= most / 2 if self.in_step is False else not far
+            source = min(joints, key=NAMES.index)
+            self._check_order(at, self.known[newest]["at"], span, source)
+
+        def accept():
+            self.runs.pop(source, None)
+            if far is not None:
+                self.far_since = None
+                self.in_step = abs(now - at) <= most / 2 if self.in_step is False else not far
+
+        return accept
 
     def _is_early(self, now, offset, most, refuses):
         """Return whether ten seconds of one distance from the clock are not over yet."""
@@ -154,7 +197,6 @@ class Model:
 
     def _check_order(self, at, last, span, source):
         if at >= last:
-            self.runs.pop(source, None)
             return
         run = self.runs.setdefault(source, [])
         if run and not run[-1] <= at <= run[-1] + span:
@@ -166,45 +208,131 @@ class Model:
         elif len(run) < 2:
             raise RejectionError("stamp from the past")
         self.counts["time jumped back"] += 1
-        self.known, self.efforts, self.tracks, self.away, self.runs = {}, {}, {}, {}, {}
+        self.known, self.efforts, self.tracks, self.away, self.runs, self.bare = {}, {}, {}, {}, {}, {}
 
-    def _is_far(self, name, new, at, old, old_at):
+    def _step(self, name, new, old):
+        """Return how far apart two positions of a joint are."""
+        step = abs(new["position"] - old["position"])
+        return min(step % (2 * PI), 2 * PI - step % (2 * PI)) if name in CONTINUOUS else step
+
+    def _is_far(self, name, new, at, old, old_at, always=False):
         """Return whether velocities at both ends explain no such step."""
         limit = VELOCITY_LIMITS[name]
         seconds = (at - old_at) * 1e-9
         speeds = [abs(entry["velocity"]) for entry in (new, old) if not math.isnan(entry["velocity"])]
         reach = max(2.0 * max(speeds, default=0.0), limit)
         reach = self._fastest(name) if math.isnan(new["velocity"]) else reach
-        step = abs(new["position"] - old["position"])
-        if name in CONTINUOUS:
-            step = min(step % (2 * PI), 2 * PI - step % (2 * PI))
+        step = self._step(name, new, old)
         most = reach * max(seconds, 0.01) + self._parameters["absurd.jump"]
-        return step > most and seconds <= (0.5 if limit else 0.05)
+        return step > most and (always or seconds <= (0.5 if limit else 0.05))
 
     def _check_steps(self, sent, at, stamped, joints):
-        """Reject steps that no velocity explains, until three messages agree."""
-        if not self._parameters["absurd.jump"]:
-            return
-        before = {name: self.known[name] for name in joints if self.known.get(name, {}).get("stamped") == stamped}
-        far = [name for name, old in before.items() if self._is_far(name, sent[name], at, old, old["at"])]
-        for name in far:
-            count, since, place, place_at = self.away.get(name, (0, None, None, None))
-            agrees = count and since == before[name]["at"] and not self._is_far(name, sent[name], at, place, place_at)
-            self.away[name] = (count + 1 if agrees else 1), before[name]["at"], sent[name], at
-        if not far:
-            return
-        if any(self.away[name][0] < 3 for name in far):
-            raise RejectionError("jump")
-        for name in far:
+        """Reject steps that no velocity explains, and messages of a second source. Return the joints that are elsewhere now,
+        and what acceptance does.
+        """
+        if not self._parameters["absurd.jump"] or not joints:
+            return [], lambda: None
+        for name in [name for name, entry in self.away.items() if abs(at - entry["at"]) > 5 * S]:
             del self.away[name]
-            self.tracks.pop(name, None)
-        self.counts["positions jumped"] += 1
+        before = self._alike(joints, stamped)
+        far = [name for name, old in before.items() if self._is_far(name, sent[name], at, old, old["at"])]
+        twice = any(at == old["at"] and self._step(name, sent[name], old) > 1e-3 for name, old in before.items())
 
-    def _estimate(self, new, at):
+        def contradict():
+            self.counts["interleaved sources"] += twice
+
+        stops = len(before) == len(joints) and self._stops_elsewhere(sent, at, before)
+        is_known = any(entry["returns"] > 0 for entry in self.away.values())
+        if not far and not stops and not is_known:
+            return [], contradict
+        new, same = self._candidate(sent, at, joints, before, far or list(before))
+        if not far:
+            apart = any(self._step(name, sent[name], old) > 0.0 for name, old in before.items())
+            again = same and apart and _rest(sent[name] for name in joints)
+
+            def store():
+                contradict()
+                self.away |= new
+
+            if not again:
+                return [], store if stops and not is_known else contradict
+            if not any(new[name]["returns"] >= 2 for name in before):
+                return [], store
+        return self._judge_candidate(sent, at, before, far, new, same)
+
+    def _stops_elsewhere(self, sent, at, before):
+        """Return whether joints that moved rest at once where no motion leads."""
+        if not _rest(sent[name] for name in before) or _rest(before.values()):
+            return False
+        speed = {name: 0.0 if math.isnan(old["velocity"]) else abs(old["velocity"]) for name, old in before.items()}
+        return any(
+            self._step(name, sent[name], old) > 2.0 * speed[name] * max(at - old["at"], 0) * 1e-9 + 1e-3
+            for name, old in before.items()
+        )
+
+    def _candidate(self, sent, at, joints, before, which):
+        """Return the candidate that a message makes, by joint, and whether its positions are those of the last one."""
+        none = {"count": 0, "returns": 0, "position": 0.0, "velocity": 0.0, "at": 0, "since": None}
+        last = {name: self.away.get(name, none) for name in joints}
+        same = {name: last[name]["count"] > 0 and last[name]["position"] == sent[name]["position"] for name in joints}
+        agrees = all(
+            last[name]["count"] > 0 and not self._is_far(name, sent[name], at, last[name], last[name]["at"], True)
+            for name in which
+        )
+        new = {}
+        for name in joints:
+            since = (before[name]["at"], before[name]["position"]) if name in before else None
+            row = agrees and since is not None and since == last[name]["since"]
+            equal = sent[name]["position"] == last[name]["position"]
+            back = agrees and not row and (equal or (at - last[name]["at"]) * 1e-9 <= 0.5)
+            new[name] = sent[name] | {
+                "at": at,
+                "since": since,
+                "count": last[name]["count"] + 1 if row else 1,
+                "returns": last[name]["returns"] + back if row or back else 0,
+            }
+        return new, all(same.values())
+
+    def _judge_candidate(self, sent, at, before, far, new, same):
+        """Reject a message elsewhere, or return the joints that are elsewhere now, and what acceptance does."""
+        which = far or list(before)
+        interleaved = any(new[name]["returns"] >= (1 if far else 2) for name in which)
+        silence = at - max(before[name]["at"] for name in which)
+        believed = all(new[name]["count"] >= 3 for name in which) and (not interleaved or silence * 1e-9 > 0.5)
+        rested = _rest(before.values())
+        resting = _rest(sent[name] for name in new)
+        default = all(abs(old["position"] - _default(name)) <= 1e-9 for name, old in before.items())
+        first = far and not interleaved and default and rested and not resting
+        goes_on = not same and (not resting or any(math.isnan(sent[name]["velocity"]) for name in new))
+        moves = far and interleaved and rested and goes_on
+        if not (believed or first or moves):
+            self.away |= new
+            raise RejectionError("interleaved sources" if interleaved else "jump")
+        displaced = {}
+        for name in new:
+            old = self.known.get(name)
+            if old is None or name not in before:
+                displaced[name] = None
+                continue
+            last = self.away.get(name, {"count": 0, "position": None, "returns": 0})
+            unseen = max(last["returns"], 0) if last["count"] and last["position"] == old["position"] else -1
+            returns = unseen if first else max(new[name]["returns"], 1) if moves else 0
+            displaced[name] = old | {"since": (old["at"], old["position"]), "count": 1, "returns": returns}
+
+        def accept():
+            for name, entry in displaced.items():
+                self.away.pop(name, None)
+                if entry:
+                    self.away[name] = entry
+            self.counts["positions jumped"] += bool(far)
+
+        return far, accept
+
+    def _estimate(self, new, at, moved):
         """Keep the steps that joints make, and put estimates where velocities are missing."""
         tracks, fast = {}, []
         for name, entry in new.items():
-            track = self.tracks.get(name)
+            track = None if name in moved else self.tracks.get(name)
             if track and self.known.get(name, entry)["stamped"] == entry["stamped"] and at >= track["at"]:
                 seconds = (at - track["at"]) / S
                 period = track["steps"][-1][1] if track["steps"] else 10.0 / 3.0
@@ -223,8 +351,6 @@ class Model:
                     continue
             tracks[name] = {"since": at, "at": at, "position": entry["position"], "steps": []}
         if fast:
-            for name in fast:
-                del self.tracks[name]
             raise RejectionError("absurd value")
         self.tracks |= tracks
         for name, entry in new.items():

@@ -109,3 +109,4 @@ def case(name, *steps, robot="arm", **parameters):
 ARM, GRIPPER = NAMES[:2], NAMES[2:]
 PAST, FUTURE, LATE, JUMPED = "stamp from the past", "stamp from the future", "late", "time jumped back"
 ABSURD = "absurd value"
+INTERLEAVED = "interleaved sources"

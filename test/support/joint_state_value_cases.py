@@ -107,8 +107,8 @@ NUMBER_CASES = [
     ),
     case(
         "velocity unknown in a piece",
-        whole(NOW, "incomplete", names=GRIPPER, velocity=[]),
-        whole(NOW, "no velocity", "wrist", names=ARM),
+        whole(NOW, "no velocity", "wrist", names=GRIPPER, velocity=[]),
+        whole(NOW, "incomplete", names=ARM),
         whole(NOW, names=GRIPPER, state_position=[1, 2, 3]),
     ),
     *(
@@ -368,9 +368,13 @@ STEP_CASES = [
         *(
             step
             for k in range(1, 30, 3)
-            for step in (_rest(k, (1, 0, 0), "jump"), _rest(k + 1, (1, 0, 0), "jump"), _rest(k + 2))
+            for step in (
+                _rest(k, (1 + 0.15 * k, 0, 0), "jump"),
+                _rest(k + 1, (1 + 0.15 * k, 0, 0), "jump"),
+                _rest(k + 2),
+            )
         ),
-        *(_rest(k, ((-1) ** k, 0, 0), "jump") for k in range(31, 40)),
+        *(_rest(k, (2 * (-1) ** k, 0, 0), "jump") for k in range(31, 40)),
         absurd__jump=0.1,
     ),
     case(
@@ -379,7 +383,7 @@ STEP_CASES = [
         _rest(1, (2, 0, 0), "jump"),
         _rest(2, (2.05, 0, 0), "jump"),
         _rest(3, (2.1, 0, 0), also="positions jumped"),
-        _rest(4, (0, 0, 0), "jump"),
+        _rest(4, (0, 1, 0), "jump"),
         absurd__jump=0.1,
     ),
     case(
@@ -496,7 +500,7 @@ ESTIMATE_CASES = [
             f"a step too fast: {moved}",
             *_ramp(0, (100, 100, 100), 11),
             positions(NOW + 110 * MS, 11, 10 + moved, 11, outcome=ABSURD, words=("'elbow'", "faster than 120")),
-            *_ramp(12, (100, 100, 100), 23, ready=22),
+            *_ramp(12, (100, 100, 100), 15),
             missing_velocity="estimate",
             velocity_filter_time=0.1,
             absurd__velocity=120.0,

@@ -279,6 +279,7 @@ OTHER_COUNTERS = (
     "mimic disagreement",
     "absurd effort",
     "positions jumped",
+    "interleaved sources",
     "lost in transport",
 )
 

@@ -5,6 +5,7 @@
 
 from collections import Counter
 
+from diag_dynamics.assembly.jumps import INTERLEAVED
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, shortened, steady
 
 OVERLOAD = "skipped: overload"
@@ -124,6 +125,8 @@ class Traffic:
             problems.append(robot.frozen.text)
         if robot and recent["positions jumped"]:
             problems.append(f"positions jumped, and stayed: {steady(robot.assembler.jumps.last)}")
+        if robot and recent[INTERLEAVED]:
+            problems.append(f"{INTERLEAVED}: {steady(robot.assembler.jumps.contradiction)}")
         for jump in ("time jumped back", "clock jumped back"):
             if recent[jump]:
                 problems.append(f"{jump}: all joints were forgotten")
