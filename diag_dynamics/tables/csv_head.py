@@ -10,7 +10,7 @@ from typing import NamedTuple
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.tables.column_map import UNSAID
 from diag_dynamics.tables.headers import Column
-from diag_dynamics.tables.names import Stated, numbers_of, stated_in_comment
+from diag_dynamics.tables.names import Stated, numbers_of, stated_in_comments
 from diag_dynamics.tables.packed import chunks
 from diag_dynamics.tables.times import is_date
 from diag_dynamics.tables.units import is_unit
@@ -48,13 +48,15 @@ class Head(NamedTuple):
     """Names of joints that a comment states."""
 
 
-def head(path, wanted):
+def head(path, wanted, known=()):
     """Read the beginning of a text.
 
     Parameters
     ----------
     path : str
     wanted : ColumnMap
+    known : sequence of str
+        Names of the model's joints.
 
     Returns
     -------
@@ -67,7 +69,7 @@ def head(path, wanted):
     """
     lines = _first_lines(path)
     at, delimiter, comment = _above(lines, wanted, path)
-    stated = _stated(lines)
+    stated = _stated(lines, wanted.skip, known)
     rows = [line for line in lines[at:] if line.strip() and not line.startswith("#")][:SAMPLE]
     if not rows:
         if comment is None:
@@ -75,7 +77,7 @@ def head(path, wanted):
         rows, comment = [comment.lstrip("#% \t")], None
     delimiter = delimiter or _delimiter(rows, wanted.decimal)
     split = [fields_of(row, delimiter) for row in rows]
-    has_header, echoed = wanted.header, _echoed(split[0], wanted)
+    has_header, echoed = wanted.header, _echoed(split[0], wanted, path)
     if echoed:
         has_header = False
     if has_header is None:
@@ -93,6 +95,8 @@ def head(path, wanted):
                 f"`header: false`, and with `time`, `position` … as numbers of columns, from 0 to {len(names) - 1}."
             )
     _refuse_decimal_commas(below, delimiter, wanted.decimal, path)
+    if has_header and below and (joined := _joined(names, below[0], known)):
+        names, at, below = joined, lines.index(rows[1], at) + 1, below[1:]
     columns = [Column(name.strip()) for name in names]
     if has_header and below and _are_units(below[0], len(columns)):
         units = [field.strip().strip("[]()") for field in below[0]]
@@ -121,15 +125,17 @@ def _above(lines, wanted, path):
     return at, delimiter, comment
 
 
-def _stated(lines):
-    """Names of joints that one of the first comments states; None if there are none."""
-    for at, line in enumerate(lines[:COMMENTED], 1):
-        if line.startswith(("#", "%")) and (found := stated_in_comment(line, f"the comment in line {at}")):
-            return found
-    return None
+def _stated(lines, end, known):
+    """Names of joints that comments above the first row, or lines that are skipped, state; None if there are none."""
+    comments = [
+        (at, re.sub(r"^[#%\s]+", "", line))
+        for at, line in enumerate(lines[:COMMENTED], 1)
+        if at <= end or line.startswith(("#", "%"))
+    ]
+    return stated_in_comments(comments, known)
 
 
-def _echoed(fields, wanted):
+def _echoed(fields, wanted, path):
     """Names of columns of `ros2 topic echo --csv` of joint states, which has no header; None of any other line.
 
     They are stamp and frame, all names, all positions, and all velocities and efforts or neither.
@@ -146,8 +152,13 @@ def _echoed(fields, wanted):
     count = next((k for k, kind in enumerate(kinds[3:]) if kind == "number"), 0)
     values = [one for one in kinds[3 + count :] if one == "number"]
     rest = [one for one in fields[3 + count :] if one.strip()]
-    if not count or len(rest) != len(values) or len(rest) % count or len(rest) // count not in (1, 3):
+    if not count or len(rest) != len(values) or len(rest) % count or len(rest) // count > 3:
         return None
+    if len(rest) == 2 * count:
+        raise InputError(
+            f"'{path}' has no header and two numbers for each of {count} names: position, and velocity or effort. Write a "
+            "header such as sec,nanosec,frame_id,name0,position0,velocity0, with as many names."
+        )
     fieldnames = ("name", "position", "velocity", "effort")[: 1 + len(rest) // count]
     return ["sec", "nanosec", "frame_id", *(f"{one}{k}" for one in fieldnames for k in range(count))]
 
@@ -273,6 +284,28 @@ def _refuse_decimal_commas(rows, delimiter, decimal, path):
                     f"'{path}': numbers such as '{field.strip()}' have a decimal comma: say `decimal: ','` in the map of "
                     "columns."
                 )
+
+
+def _joined(names, below, known):
+    """Names of columns of which two lines hold quantities and joints, either above the other; None of any other lines."""
+    if len(names) != len(below) or any(map(is_number, below)):
+        return None
+    for joints, others in ((below, names), (names, below)):
+        joints = [one.strip() for one in joints]
+        if not any(one in known for one in joints):
+            continue
+        if joints == [one.strip() for one in names]:  # merged cells of a spreadsheet
+            for k, one in enumerate(joints):
+                joints[k] = joints[k - 1] if k and not one and joints[k - 1] in known else one
+        if any(
+            one in known and any(joint in other for joint in known) for one, other in zip(joints, others, strict=True)
+        ):
+            return None
+        return [
+            f"{re.sub(r'[ _.([{]*[0-9]+[])}]*$', '', other.strip())}.{one}" if one in known else other.strip() or one
+            for one, other in zip(joints, others, strict=True)
+        ]
+    return None
 
 
 def _are_units(fields, count):

@@ -46,7 +46,7 @@ class CsvReader:
     def __init__(self, path, wanted, joints):
         self._path = path
         self._losses = Losses(path)
-        self._head = head(path, wanted)
+        self._head = head(path, wanted, joints)
         self._choice = choose(self._head.columns, wanted, joints, path, self._head.stated)
         self._arrow = ByArrow.there(self._head, self._choice, wanted.decimal)
         self._plain = ByLine(self._head, self._choice, wanted.decimal)

@@ -13,13 +13,22 @@ import numpy as np
 NAMES = ("name", "names", "joint", "joints", "joint_name", "joint_names", "joint_order")
 """Names of lists of joint names, in small letters."""
 
-_LABEL = re.compile(r"(?:.*[./:\s|])?(?:(?:joints?[_ -]?)?names?|joints?|joint[_ -]?(?:order|ids?))")
+_LABEL = re.compile(r"(?:.*[./:\s|])?(?:(?:joints?[_ -]*)?names?|joints?|joint[_ -]?order)")
 """Header of a column of joint names without its index, in small letters."""
 
-_STATEMENT = re.compile(r"[#%\s]*(?P<label>[^:=#]*)[:=](?P<names>.*\S)")
+_LIST = re.compile(
+    r"\b(?P<label>(?:joints?|joint[_ -]?(?:names?|order)|names?|order)\b[^:=,;\[]*)(?P<quote>[\"']?)\s*[:=]\s*(?P<names>.*)",
+    re.IGNORECASE,
+)
+"""A label, and what it lists."""
 
-_WORDS = re.compile(r"\b(?:joints?|joint_?names?|joint_?order|names?|order)\b", re.IGNORECASE)
-"""Words of which the label of a list of joint names has one."""
+_PAIR = re.compile(
+    r"(?:^|[\s,;([{])(?:[a-z]+[\s_]?)?[\[(]?(?P<number>\d{1,3})[\])]?\s*(?:[:=]|->|=>)\s*['\"]?(?P<name>[a-z_/][\w./-]*)",
+    re.IGNORECASE,
+)
+"""The number of a joint, and its name: ``q1 = elbow``."""
+
+_ENTRY = re.compile(r"-?\s*(?P<name>[\w./-]+)")
 
 _QUOTED = re.compile(r"""b?'([^']*)'|b?"([^"]*)\"""")
 
@@ -93,15 +102,45 @@ def _clean(text):
     return "" if text.lower() in _NO_NAMES else text
 
 
-def stated_in_comment(line, where):
-    """Return the names that a comment states, such as ``# joints: elbow, wrist``; None otherwise."""
-    found = _STATEMENT.fullmatch(line.strip())
-    if found is None or not _WORDS.search(found["label"]):
-        return None
-    names = names_of(found["names"])
-    if not names or not all(re.search(r"[^\W\d]", one) and not re.search(r"\s", one) for one in names):
-        return None
-    return Stated(names, where, "joint" in found["label"].lower())
+def stated_in_comments(lines, known):
+    """Return the names that comments state, such as ``# joints: elbow, wrist``; None otherwise.
+
+    Parameters
+    ----------
+    lines : list of (int, str)
+        Numbers and texts of comments, without what marks them.
+    known : sequence of str
+        Names of the model's joints.
+    """
+    pairs = [(int(one["number"]), one["name"], at) for at, line in lines for one in _PAIR.finditer(line)]
+    pairs = [one for one in pairs if one[1] in known] if known else []
+    if len(pairs) > 1 and len({number for number, *_ in pairs}) == len(pairs):
+        return Stated(tuple(name for _, name, _ in sorted(pairs)), f"the comment in line {pairs[0][2]}")
+    for k, (at, line) in enumerate(lines):
+        found = _LIST.search(line)
+        if found:
+            text = re.split(r"\s+\w+\s*=", found["names"])[0]
+            names = names_of(text) if text.strip() else _entries(lines[k + 1 :])
+            if names and all(map(_is_name, names)):
+                return Stated(names, f"the comment in line {at}", "joint" in line[: found.start("names")].lower())
+        elif len(names := names_of(line)) > 1 and set(names) <= set(known):
+            return Stated(names, f"the comment in line {at}")
+    return None
+
+
+def _entries(lines):
+    """Names on lines of their own."""
+    names = []
+    for _, line in lines:
+        found = _ENTRY.fullmatch(line.strip())
+        if found is None:
+            return tuple(names) or names_of(line)
+        names.append(found["name"])
+    return tuple(names)
+
+
+def _is_name(text):
+    return bool(re.search(r"[^\W\d]", text)) and not re.search(r"\s", text)
 
 
 def stated_in_metadata(metadata):
@@ -178,10 +217,10 @@ def _stem(header):
     return f"{header[: at.start()]}{{}}{header[at.end() :]}", int(at[0])
 
 
-def nearest(sets, pattern):
-    """Return those of several sets whose headers begin most like a pattern."""
-    common = [_common(one.pattern.lower(), pattern.lower()) for one in sets]
-    return [one for one, length in zip(sets, common, strict=True) if length == max(common)]
+def nearest(headers, pattern):
+    """Return those of several headers that begin most like a pattern."""
+    common = [_common(one.lower(), pattern.lower()) for one in headers]
+    return [one for one, length in zip(headers, common, strict=True) if length == max(common)]
 
 
 def _common(one, other):

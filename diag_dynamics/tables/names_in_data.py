@@ -3,7 +3,12 @@
 
 """The choice of joints by names that stand in rows, comments and metadata."""
 
+import re
+
 from diag_dynamics.tables.names import nearest, row_names
+
+_NUMBERED = re.compile(r"joints?|joint[_ ]?(?:names?|ids?|index|no|number)|axis|motor")
+"""Headers of columns that number the joint of a row."""
 
 
 class NamesInData:
@@ -30,6 +35,9 @@ class NamesInData:
         rows = self._rows_for(group, count)
         if rows:
             return _places(group, rows, count)
+        numbered = next((one.name for one in self._columns if _NUMBERED.fullmatch(one.name.strip().lower())), None)
+        if count == 1 < len(self._model) and numbered and not self._stated:
+            return f"'{numbered}' numbers the joints of rows. Write their names in its place.", (), ()
         return self._by_statement(group, count)
 
     def judge(self, group, joints, error, notes):
@@ -87,8 +95,10 @@ class NamesInData:
     def _rows_for(self, group, count):
         """The columns of names that belong to columns of positions; None if there are none."""
         fitting = [one for one in self._sets if self._fits(one, group, count)]
-        fitting = nearest(fitting, group.pattern.strip("'")) if len(fitting) > 1 else fitting
-        return fitting[0] if fitting else None
+        if not fitting:
+            return None
+        near = nearest([one.pattern for one in fitting], group.pattern.strip("'"))
+        return next(one for one in fitting if one.pattern == near[0])
 
     def _fits(self, rows, group, count):
         if rows.whole is None and not rows.numbers:  # a joint a row

@@ -246,6 +246,16 @@ COMMENTS = [
     "% joint order (as sent): elbow shoulder wrist",
     "# order of the joints: elbow; shoulder; wrist",
     "# names: elbow | shoulder | wrist",
+    "# elbow shoulder wrist",
+    "# elbow, shoulder, wrist",
+    '# {"robot": "arm", "joint_names": ["elbow", "shoulder", "wrist"], "rate": 100}',
+    "# robot=arm joints=elbow,shoulder,wrist rate=100",
+    "# q1 = elbow, q2 = shoulder, q3 = wrist",
+    "# 0: elbow, 1: shoulder, 2: wrist (recorded at 12:30)",
+    "# joint 1: elbow\n# joint 3: wrist\n# joint 2: shoulder",
+    "# q[0] -> elbow\n# q[1] -> shoulder\n# q[2] -> wrist",
+    "# joints:\n#   - elbow\n#   - shoulder\n#   - wrist\n# recorded by hand",
+    "# arm: 3\n# joints:\n# elbow, shoulder, wrist",
 ]
 NUMBERS = {"t": np.arange(ROWS) * 1.0, "q": np.arange(ROWS)[:, None] + [0.1, 0.2, 0.3]}
 LIST = list(ALPHABETICAL)
@@ -259,6 +269,9 @@ def in_parquet(**metadata):
 STATED = {
     **{comment: f"{comment}\n{PLAIN}" for comment in COMMENTS},
     "comment below the header": PLAIN.replace("\n", f"\n{COMMENTS[0]}\n", 1),
+    "names below the header": PLAIN.replace("\n", "\n,elbow,shoulder,wrist\n", 1),
+    "names below one quantity": PLAIN.replace("t,q1,q2,q3\n", "t,q,q,q\ns,elbow,shoulder,wrist\n", 1),
+    "names above the header": PLAIN.replace("t,q1,q2,q3\n", ",elbow,shoulder,wrist\nt,q,q,q\n", 1),
     "metadata": in_parquet(joint_names=LIST),
     "metadata as text": in_parquet(joints="elbow, shoulder, wrist"),
     "attributes of pandas": in_parquet(PANDAS_ATTRS={"joint_names": LIST}),
@@ -281,6 +294,19 @@ def require_alphabetical(recording):
     np.testing.assert_allclose(recording.q[-1] - np.floor(recording.q[-1]), [0.2, 0.1, 0.3], rtol=0, atol=1e-9)
 
 
+def test_merged_cells_above_the_header(read):
+    """A name stands above the first of its columns."""
+    lines = [",elbow,,,shoulder,,,wrist,,", "time,q,qd,tau,q,qd,tau,q,qd,tau"]
+    for row in range(ROWS):
+        numbers = [f"{value(field, joint, row):.4f}" for joint in ALPHABETICAL for field in FIELDS]
+        lines.append(",".join([f"{time(row) * 1e-9:.9f}", *numbers]))
+    require_expected(read("\n".join(lines)))
+
+
+def test_names_in_lines_that_a_map_skips(read):
+    require_alphabetical(read(f"joints: elbow, shoulder, wrist\n{PLAIN}", {"skip": 1}, parameters=ESTIMATED))
+
+
 @pytest.mark.parametrize("kind", STATED)
 def test_comments_and_metadata_name_joints(read, kind):
     require_alphabetical(read(STATED[kind], parameters=ESTIMATED))
@@ -289,6 +315,8 @@ def test_comments_and_metadata_name_joints(read, kind):
 UNRELATED = {
     "prose": f"# elbow: greased, then: shoulder\n{PLAIN}",
     "a name": f"# name: run_17\n{PLAIN}",
+    "prose with names": f"# shoulder and elbow were cold, wrist = warm\n{PLAIN}",
+    "units below the header": PLAIN.replace("\n", "\ns,rad,rad,rad\n", 1),
     "a number of joints": f"# joints: 3\n{PLAIN}",
     "names of something else": PLAIN.replace("t,", "name,t,", 1).replace("\n", "\nrun_17,")[: -len("run_17,")],
 }
@@ -329,6 +357,18 @@ CONTRADICTIONS = {
     "numbers without names": (
         rostopic(fixed).replace("field.position2", "field.position7"),
         r"has the numbers 0, 1, 7, but the joints' names are in 'field.name.*' with the numbers 0, 1, 2",
+    ),
+    "numbers in place of names": (
+        "t,joint,position,velocity\n0,0,1,1\n0,1,1,1\n0,2,1,1\n",
+        "'joint' numbers the joints of rows. Write their names in its place",
+    ),
+    "two of three fields": (
+        "1660000000,0,base,shoulder,elbow,wrist,1,2,3,4,5,6\n",
+        "no header and two numbers for each of 3 names: position, and velocity or effort",
+    ),
+    "names below a header with names": (
+        "# joints: hip, elbow\nt,q_shoulder,q_elbow,q_wrist\n0,1,2,3\n",
+        "headers name the joints shoulder, elbow, wrist, but the comment in line 1 names hip, elbow: shoulder, wrist",
     ),
     "order of joints": (
         by_joint(long_table(fixed)),
