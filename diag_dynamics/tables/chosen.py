@@ -14,7 +14,7 @@ from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.tables.column_map import JOINT, UNSAID
 from diag_dynamics.tables.headers import found, time_columns, unit_of, unit_of_time
-from diag_dynamics.tables.names import RowNames
+from diag_dynamics.tables.names import RowNames, nearest
 from diag_dynamics.tables.names_in_data import NamesInData
 from diag_dynamics.tables.units import factor, split_unit
 
@@ -186,6 +186,10 @@ class _Choosing:
         """The name of the times, and their columns, by the rules for names."""
         columns, what = self._columns, "name it by `time: …` in the map of columns"
         candidates = time_columns(columns)
+        if len(candidates) > 1 and all("stamp" in name.lower() for name in candidates):
+            pattern = self._position()[1].pattern.strip("'")
+            near = nearest(list(candidates), pattern)
+            candidates = {near[0]: candidates[near[0]]} if len(near) == 1 else candidates
         if len(candidates) > 1:
             raise self._error(f"several columns may be the times: {what}, one of {_list(candidates)}.")
         if candidates:

@@ -20,8 +20,9 @@ Columns are known by their names, small letters or capitals, by these rules and 
 3. **Time** is a column named t, time, times, timestamp, timestamps, time_stamp, stamp, sec, secs, second, seconds,
    elapsed, elapsed_time or unix_time, with or without a unit behind it (`t_ms`, `timestamp_ns`), or one whose name
    ends with `header.stamp`, with dots or slashes. Or two that differ in `sec` and `nanosec` (`secs` and `nsecs`) only.
-   `%time` and `__time`, which tools add to a recording, are taken if there is nothing else. `field.header.stamp`,
-   `%time` and `rosbagTimestamp` are nanoseconds.
+   Stamps of messages, `header.stamp`, come before other times; of several, those of the topic of the positions.
+   `%time`, `__time` and `rosbagTimestamp`, which tools add to a recording, are taken if there is nothing else.
+   `field.header.stamp`, `%time` and `rosbagTimestamp` are nanoseconds.
 4. **Quantities** are words that no letter touches: position, positions, pos, q, angle, angles, theta for positions;
    velocity, velocities, vel, qd, dq, qdot, q_dot, speed, speeds for velocities; effort, efforts, eff, tau, torque,
    torques for efforts. current, currents are amperes, and looked at where a column has no other of these words and no
@@ -66,8 +67,11 @@ _TIME = re.compile(
     r"|(?:.*[./])?header[./]stamp)(?:_(?P<unit>s|sec|ms|msec|us|usec|µs|ns|nsec|nanosec))?"
 )
 
-_LAST_TIMES = {"%time": "ns", "__time": None}
-_NANOSECONDS = {"field.header.stamp", "rosbagtimestamp"}
+_LAST_TIMES = {"%time": "ns", "__time": None, "rosbagtimestamp": "ns"}
+_NANOSECONDS = {"field.header.stamp"}
+
+_STAMP = re.compile(r"(?:.*[./_ ])?header[./_ ]stamp(?:[./_ ]n?secs?)?")
+"""Stamps of messages, beside which other times are those of a tool."""
 
 _PAIR = re.compile(r"(?P<prefix>(?:.*[^a-z])?)(?P<nano>n|nano)?secs?")
 
@@ -127,7 +131,7 @@ def time_columns(columns):
     """
     first, last, seconds, nanoseconds = {}, {}, {}, {}
     for k, column in enumerate(columns):
-        if not (column.numeric or column.dated):
+        if not (column.numeric or column.dated) or (column.sample and not any(column.sample)):
             continue
         name, _ = split_unit(column.name.strip())
         name = name.lower()
@@ -141,7 +145,8 @@ def time_columns(columns):
         two = seconds[prefix], nanoseconds[prefix]
         first.pop(columns[two[0]].name, None)
         first[" and ".join(columns[k].name for k in two)] = two
-    return first or last
+    stamps = {name: ks for name, ks in first.items() if _STAMP.fullmatch(columns[ks[0]].name.strip().lower())}
+    return stamps or first or last
 
 
 def unit_of_time(column):

@@ -12,6 +12,7 @@ from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.tables.column_map import QUANTITIES
 from diag_dynamics.tables.columns import Columns
+from diag_dynamics.tables.csv_head import MISSING
 from diag_dynamics.tables.names import names_in_rows
 from diag_dynamics.tables.times import unit_in_doubt
 
@@ -64,17 +65,24 @@ def piece(choice, read, losses):
         values, names = _by_place(values, names, choice, read, losses)
     if choice.overruled:
         _compare(choice, read, losses)
-    kept, empty = ~np.isnan(read.time), _without_values(values, names, count)
-    if not kept.all():
-        at = int(np.argmin(kept))
-        texts = [read.texts(k)[at] for k in choice.time]
-        text = " and ".join(f"'{one[:40]}'" for one in texts if isinstance(one, str))
-        losses.add(NO_TIME, read.where(at), LEFT_OUT, int(count - kept.sum()), text)
-    kept &= ~empty
+    untimed, empty = np.isnan(read.time), _without_values(values, names, count)
+    if untimed.any():
+        texts = [read.texts(k) for k in choice.time]
+        lost = [k for k in np.flatnonzero(untimed) if not empty[k] or any(map(_is_said, (one[k] for one in texts)))]
+        empty[lost] = False
+        if lost:
+            text = " and ".join(f"'{one[lost[0]][:40]}'" for one in texts if isinstance(one[lost[0]], str))
+            losses.add(NO_TIME, read.where(lost[0]), LEFT_OUT, len(lost), text)
+    kept = ~(untimed | empty)
     values = [one if one is None else one[kept] for one in values]
     names = None if names is None else names[kept]
-    losses.without_values += int((empty & ~np.isnan(read.time)).sum())
+    losses.without_values += int(empty.sum())
     return Columns(read.time[kept], read.stamp[kept], *values, read.rows[kept], names)
+
+
+def _is_said(text):
+    """Whether a text is more than a sign of no value."""
+    return isinstance(text, str) and text.strip() not in MISSING
 
 
 def _gathered(quantity, count, numbers):

@@ -24,11 +24,11 @@ _EXACT = Context(prec=60, Emax=999_999, Emin=-999_999, traps=[])
 
 _ISO = re.compile(
     r"(?P<year>\d{4})(?P<dash>-?)(?P<month>\d\d)(?P=dash)(?P<day>\d\d)"
-    r"[T ]\s*(?P<hour>\d\d)(?P<colon>:?)(?P<minute>\d\d)(?P=colon)(?P<second>\d\d)(?:[.,](?P<fraction>\d+))?"
-    r"\s*(?:Z|UTC|GMT|(?P<sign>[+-])(?P<hours>\d\d)(?::?(?P<minutes>\d\d))?)?",
+    r"[T ]\s*(?P<hour>\d\d)(?P<colon>:?)(?P<minute>\d\d)(?:(?P=colon)(?P<second>\d\d)(?:[.,](?P<fraction>\d+))?)?"
+    r"\s*(?:Z|UTC|GMT|(?P<sign>[+-])(?P<hours>\d\d)(?::?(?P<minutes>\d\d))?)?(?:\[[\w/+-]+\])?",
     re.ASCII | re.IGNORECASE,
 )
-"""ISO 8601 in the extended and in the basic form."""
+"""ISO 8601 in the extended and in the basic form; the name of a zone behind its offset, as Java has it, adds nothing."""
 
 
 def of_floats(values, scale):
@@ -105,7 +105,7 @@ def _seconds(text, unit):
         return None if value.is_nan() else _EXACT.multiply(value, unit)
     try:
         fields = ("year", "month", "day", "hour", "minute", "second")
-        whole = datetime(*(int(date[one]) for one in fields), tzinfo=timezone.utc)
+        whole = datetime(*(int(date[one] or 0) for one in fields), tzinfo=timezone.utc)
         zone = timedelta(hours=int(date["hours"] or 0), minutes=int(date["minutes"] or 0))
         seconds = int((whole - EPOCH) / timedelta(seconds=1)) - int(f"{date['sign'] or '+'}1") * int(
             zone.total_seconds()

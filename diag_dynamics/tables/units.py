@@ -12,7 +12,7 @@ _DEG, _RPM = pi / 180, 2 * pi / 60
 
 UNITS = {
     "time": {
-        **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
+        **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "utc", "gmt", "unix", "epoch"), 1.0),
         **dict.fromkeys(("ms", "msec", "millisec", "milliseconds"), 1e-3),
         **dict.fromkeys(("us", "µs", "usec", "microsec", "microseconds"), 1e-6),
         **dict.fromkeys(("ns", "nsec", "nanosec", "nanoseconds"), 1e-9),

@@ -634,6 +634,7 @@ ISO = [
     "20231114T221320,123456789",
     "20231115T001320.123456789+0200",
     "20231114T151320.123456789-07:00",
+    "2023-11-14T23:13:20.123456789+01:00[Europe/Berlin]",
 ]
 """One moment, BEGIN, as ISO 8601 has it, and as programs write it."""
 
@@ -668,6 +669,16 @@ def test_times_of_pandas(tmp_path, zone, unit):
     frame.assign(time=times.astype(str).astype("category")).to_parquet(tmp_path / "categories.parquet")
     for path in tmp_path.iterdir():
         assert read(path, joints=("a",)).stamp.tolist() == [10**18, 10**18 + 10**7]
+
+
+def test_iso_times_without_seconds_and_in_headers(written):
+    for header, texts in (
+        ("time", ("2023-11-14T22:13Z", "2023-11-14 22:14")),
+        ("Time [UTC]", ("20231114T2213", "20231114T2314+01")),
+        ("timestamp (UTC)", ("2023-11-14 22:13:00", "2023-11-14 22:14:00.000")),
+    ):
+        path = written(f"{header},q1,qd1\n{texts[0]},1,0\n{texts[1]},1,0\n")
+        assert read(path, joints=("a",)).stamp.tolist() == [1_699_999_980 * 10**9, 1_700_000_040 * 10**9]
 
 
 def test_times_that_cannot_be_read_are_quoted(written):
@@ -711,6 +722,13 @@ def test_rows_of_other_topics_are_no_messages(written):
     assert finding.count == 40 and not lost(recording)
     recording = dd.read_recording(written(table), arm("a"))
     assert recording.counts["rows of other topics"] == 1 and len(recording) == 2
+    stamped = [f"{k}.9,{k},,1,3\n{k}.95,,{k},,\n" for k in range(20)]  # no stamp where another topic has its own
+    text = (
+        "__time,/js/header/stamp,/imu/header/stamp,/js/a/position,/js/a/velocity\n" + "".join(stamped) + "1,noon,,,\n"
+    )
+    recording = read(written(text), joints=("a",), parameters=LOOSE)
+    assert recording.counts["rows of other topics"] == 20 and np.rint(recording.t).tolist() == list(range(20))
+    assert lost(recording) == ["line 42: " + NO_TIME.format(" ('noon')", 1)]
 
 
 def test_losses_come_before_notes(written):

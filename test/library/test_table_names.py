@@ -307,6 +307,35 @@ def test_names_in_lines_that_a_map_skips(read):
     require_alphabetical(read(f"joints: elbow, shoulder, wrist\n{PLAIN}", {"skip": 1}, parameters=ESTIMATED))
 
 
+STAMPS = {
+    "bagpy": ("Time,header.seq,header.stamp.secs,header.stamp.nsecs", "{second}.9,{row},{second},{rest}"),
+    "bag2csv": ("rosbagTimestamp,header,seq,stamp,secs,nsecs", "{stamp},,{row},,{second},{rest}"),
+    "ROS 2": ("time,header.stamp.sec,header.stamp.nanosec", "{second}.9,{second},{rest}"),
+    "PlotJuggler": (
+        "__time,/imu/header/stamp,/js/header/stamp,/other/header/stamp",
+        "{second}.9,,{second}.{rest:09},5",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", STAMPS)
+def test_stamps_of_messages_come_before_other_times(read, kind):
+    """What bagpy, bag2csv and PlotJuggler write beside the stamps of joint states."""
+    header, begin = STAMPS[kind]
+    lists = "name,position,velocity,effort"
+    if kind == "PlotJuggler":
+        lists = ",".join(f"/js/{one}" for one in lists.split(","))
+    lines = [f"{header},{lists}"]
+    for row in range(ROWS):
+        second, rest = divmod(time(row), 10**9)
+        numbers = [", ".join(f"{value(field, joint, row):.4f}" for joint in changing(row)) for field in FIELDS]
+        names, first = ", ".join(changing(row)), begin.format(second=second, rest=rest, row=row, stamp=time(row) + 7)
+        lines.append(",".join([first, *(f'"[{one}]"' for one in (names, *numbers))]))
+    recording = read("\n".join(lines))
+    require_expected(recording)
+    assert recording.stamp.tolist() == [time(row) for row in range(ROWS)]
+
+
 @pytest.mark.parametrize("kind", STATED)
 def test_comments_and_metadata_name_joints(read, kind):
     require_alphabetical(read(STATED[kind], parameters=ESTIMATED))
