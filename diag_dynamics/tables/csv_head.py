@@ -97,6 +97,8 @@ def head(path, wanted, known=()):
     _refuse_decimal_commas(below, delimiter, wanted.decimal, path)
     if has_header and below and (joined := _joined(names, below[0], known)):
         names, at, below = joined, lines.index(rows[1], at) + 1, below[1:]
+        if below and below[0][0].strip() and not any(one.strip() for one in below[0][1:]):  # pandas' name of the index
+            names[0], at, below = below[0][0], lines.index(rows[2], at) + 1, below[1:]
     columns = [Column(name.strip()) for name in names]
     if has_header and below and _are_units(below[0], len(columns)):
         units = [field.strip().strip("[]()") for field in below[0]]
@@ -168,7 +170,7 @@ def sampled(column, texts):
     texts = tuple("" if text is None else text.strip() for text in texts)
     given = [text for text in texts if text not in MISSING]
     if any(map(is_number, given)):
-        return column._replace(dated=True)
+        return column._replace(dated=True, moments=all(map(is_date, given)))
     lists = [numbers_of(text) for text in given]
     if given and None not in lists and any(lists):
         return column._replace(width=max(map(len, lists)), listed=True, numeric=True)

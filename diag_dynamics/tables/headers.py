@@ -21,7 +21,8 @@ Columns are known by their names, small letters or capitals, by these rules and 
    elapsed, elapsed_time or unix_time, with or without a unit behind it (`t_ms`, `timestamp_ns`), or one whose name
    ends with `header.stamp`, with dots or slashes. Or two that differ in `sec` and `nanosec` (`secs` and `nsecs`) only.
    Stamps of messages, `header.stamp`, come before other times; of several, those of the topic of the positions.
-   `%time`, `__time` and `rosbagTimestamp`, which tools add to a recording, are taken if there is nothing else.
+   `%time`, `__time` and `rosbagTimestamp`, which tools add to a recording, are taken if there is nothing else,
+   and then the only column of ISO 8601 times or of a type of times, as an index of pandas, whatever its name.
    `field.header.stamp`, `%time` and `rosbagTimestamp` are nanoseconds.
 4. **Quantities** are words that no letter touches: position, positions, pos, q, angle, angles, theta for positions;
    velocity, velocities, vel, qd, dq, qdot, q_dot, speed, speeds for velocities; effort, efforts, eff, tau, torque,
@@ -100,6 +101,8 @@ class Column(NamedTuple):
     """Whether each row has a list: of texts, or numbers in a text."""
     dated: bool = False
     """Whether these texts are times."""
+    moments: bool = False
+    """Whether values are times by themselves: ISO 8601, or of a type of times."""
 
 
 class Found(NamedTuple):
@@ -129,7 +132,7 @@ def time_columns(columns):
 
     Those that count as last resort are among them only if there are no others.
     """
-    first, last, seconds, nanoseconds = {}, {}, {}, {}
+    first, last, seconds, nanoseconds, moments = {}, {}, {}, {}, {}
     for k, column in enumerate(columns):
         if not (column.numeric or column.dated) or (column.sample and not any(column.sample)):
             continue
@@ -139,6 +142,8 @@ def time_columns(columns):
             last[column.name] = (k,)
         elif _TIME.fullmatch(name) or name in _NANOSECONDS:
             first.setdefault(column.name, (k,))
+        if column.moments:
+            moments[column.name] = (k,)
         if pair := _PAIR.fullmatch(name):
             (nanoseconds if pair["nano"] else seconds).setdefault(pair["prefix"], k)
     for prefix in seconds.keys() & nanoseconds.keys():
@@ -146,7 +151,7 @@ def time_columns(columns):
         first.pop(columns[two[0]].name, None)
         first[" and ".join(columns[k].name for k in two)] = two
     stamps = {name: ks for name, ks in first.items() if _STAMP.fullmatch(columns[ks[0]].name.strip().lower())}
-    return stamps or first or last
+    return stamps or first or last or moments
 
 
 def unit_of_time(column):

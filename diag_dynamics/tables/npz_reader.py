@@ -52,7 +52,7 @@ class NpzReader:
             raise InputError(f"'{path}' has no array that can be read{self._why()}.")
         self._layouts = _layouts({name: shape for name, (shape, kind) in shapes.items() if kind in "iufMm"})
         stated = self._stated(shapes, texts, joints)
-        columns = [self._column_of(name, texts.get(name)) for name in shapes]
+        columns = [self._column_of(name, kind, texts.get(name)) for name, (_, kind) in shapes.items()]
         self._names = list(shapes)
         try:
             self._choice = choose(columns, wanted, joints, path, stated)
@@ -163,10 +163,10 @@ class NpzReader:
                     )
         return found[0] if len(found) == 1 else None
 
-    def _column_of(self, name, texts):
+    def _column_of(self, name, kind, texts):
         """What a column is by its array; one of texts gets a layout if it has a row for each time."""
         if name in self._layouts:
-            return Column(name, self._layouts[name].width)
+            return Column(name, self._layouts[name].width, moments=kind == "M")
         column = Column(name, numeric=False)
         if texts is None or texts.ndim not in (1, 2):
             return column

@@ -105,6 +105,7 @@ class ParquetReader:
     def _column_of(self, file, name, kind, unit):
         """What a column is by its type, and by its first rows if it has texts."""
         column = Column(name, self._width(file, name, kind), unit, numeric=self._is_numeric(kind))
+        column = column._replace(moments=self._arrow.types.is_timestamp(kind))
         if self._is_list(kind):
             column = column._replace(numeric=column.numeric and column.width > 0)
         if not self._is_text(kind.value_type if self._is_list(kind) else kind):

@@ -330,7 +330,8 @@ def test_mutated_texts(tmp_path_factory, changes):
         int(text.rsplit(": ", 1)[1].split()[0]) for text in lost(recording) if text.endswith("rows left out")
     )
     lines = [line for line in body.split("\n") if line.strip() and not line.startswith("#")]
-    assert recording.counts.get("received", 0) + left_out == len(lines) or not recording.counts
+    counted = sum(recording.counts.get(what, 0) for what in ("received", "rows of other topics"))
+    assert counted + left_out == len(lines) or not recording.counts
 
 
 # --- Columns by their names ---
@@ -679,6 +680,23 @@ def test_iso_times_without_seconds_and_in_headers(written):
     ):
         path = written(f"{header},q1,qd1\n{texts[0]},1,0\n{texts[1]},1,0\n")
         assert read(path, joints=("a",)).stamp.tolist() == [1_699_999_980 * 10**9, 1_700_000_040 * 10**9]
+
+
+@pytest.mark.parametrize("zone", [None, "Europe/Berlin"])
+def test_the_only_column_of_times_needs_no_name(tmp_path, written, zone):
+    """An index of pandas, or a column of whatever name; two of them are an error."""
+    index = pd.to_datetime([10**18, 10**18 + 10**7], utc=True).tz_convert(zone)
+    frame = pd.DataFrame({"q1": [1.0, 1.0], "qd1": [0.0, 0.0]}, index)
+    frame.to_csv(tmp_path / "index.csv")
+    frame.to_parquet(tmp_path / "index.parquet")
+    frame.rename_axis("when").reset_index().to_parquet(tmp_path / "column.parquet", index=False)
+    for path in list(tmp_path.iterdir()):
+        assert read(path, joints=("a",)).stamp.tolist() == [10**18, 10**18 + 10**7]
+    moments = np.array([10**18, 10**18 + 10**7], "M8[ns]")
+    numbers = {"q1": np.ones(2), "qd1": np.zeros(2)}
+    assert read(written({"when": moments} | numbers), joints=("a",)).stamp.tolist() == moments.astype(int).tolist()
+    with pytest.raises(dd.InputError, match="one of when, then"):
+        read(written({"when": moments, "then": moments} | numbers), joints=("a",))
 
 
 def test_times_that_cannot_be_read_are_quoted(written):

@@ -10,6 +10,7 @@ import json
 import sys
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pytest
 from pyarrow import parquet
@@ -301,6 +302,17 @@ def test_merged_cells_above_the_header(read):
         numbers = [f"{value(field, joint, row):.4f}" for joint in ALPHABETICAL for field in FIELDS]
         lines.append(",".join([f"{time(row) * 1e-9:.9f}", *numbers]))
     require_expected(read("\n".join(lines)))
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_columns_of_pandas_with_two_levels(tmp_path, swapped):
+    """Quantities above joints or below them; the name of the index has a line of its own."""
+    columns = {(field, joint): expected(field)[:, JOINTS.index(joint)] for field in FIELDS for joint in ALPHABETICAL}
+    index = pd.Index([time(row) * 1e-9 for row in range(ROWS)], name="time")
+    frame = pd.DataFrame(columns, index)
+    path = tmp_path / "levels.csv"
+    (frame.swaplevel(axis=1) if swapped else frame).to_csv(path)
+    require_expected(dd.read_recording(path, arm(*JOINTS), parameters=LOOSE))
 
 
 def test_names_in_lines_that_a_map_skips(read):
