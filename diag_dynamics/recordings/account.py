@@ -147,7 +147,7 @@ class Account:
         text = f"messages before all joints were known; never came: {listed(missing)}. "
         if self._counts["foreign"] or not others:
             return f"{text}{self._lock()}"
-        return f"{text}Messages have {listed(others)}, which the robot has not. {self._advice(others)}"
+        return f"{text}Messages name {listed(others)}, which the robot lacks. {self._advice(others)}"
 
     def _lock(self):
         return f"A joint that does not move is held by locked_joints={self._missing[0]}=0"

@@ -384,7 +384,8 @@ class Quality:
             told.append(f"{report['gaps']} gaps, the longest of {report['longest_gap']:.3g} s")
         if self._count and report["repeated_stamps"] > 0.01 * self._count:
             told.append(
-                f"{report['repeated_stamps']} of {self._count} states have the time of the one before: times need more digits"
+                f"{report['repeated_stamps']} of {self._count} states have the time of the one before: several messages have "
+                "one time, as those of an arm and its gripper, or times need more digits"
             )
         if self._count and report["repeated_states"] > 0.01 * self._count:
             told.append(f"{report['repeated_states']} of {self._count} states repeat the one before")

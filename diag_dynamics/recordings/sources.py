@@ -32,10 +32,7 @@ USUAL = {JOINT_STATE: "joint_states", ODOMETRY: "odom", DESCRIPTION: "robot_desc
 """Last part of the name of a topic that is read, by its type."""
 
 SEVERAL = {
-    JOINT_STATE: (
-        "Give the robot's topic, or all of them where arm and gripper publish apart: "
-        "--topic /arm/joint_states --topic /gripper/joint_states (topic=[…])."
-    ),
+    JOINT_STATE: "Give one, or all those of one robot: {options} (topic=[…]).",
     ODOMETRY: "One is read: the one called odom, or the one in the namespace of the joint states that --topic gives.",
     DESCRIPTION: "Give the robot: --urdf ROBOT (model).",
 }
@@ -222,13 +219,14 @@ class BagSource:
             return topics
         readable = sorted({one.topic for one in every if one.encoding == READ}) or topics
         usual = [name for name in readable if name.split("/")[-1] == USUAL[kind]] if len(readable) > 1 else readable
-        beside = {
-            topic.rpartition("/")[0] for topic in self._topics
-        }  # as /left/robot_description of /left/joint_states
+        beside = {topic.rpartition("/")[0] for topic in self._topics}  # namespaces
         if len(usual) > 1 and kind != JOINT_STATE:
             usual = [name for name in usual if name.rpartition("/")[0] in beside]
         if len(usual) != 1:
-            raise InputError(f"'{self._path}' has several topics of {kind}: {', '.join(topics)}. {SEVERAL[kind]}")
+            options = " ".join(f"--topic {topic}" for topic in topics[:2])
+            raise InputError(
+                f"'{self._path}' has several topics of {kind}: {', '.join(topics)}. {SEVERAL[kind].format(options=options)}"
+            )
         others = ", ".join(name for name in topics if name not in usual)
         note = f"'{self._path}': joint states of {usual[0]} are read, not those of {others} (--topic reads several)."
         if kind == JOINT_STATE and note not in self._notes:

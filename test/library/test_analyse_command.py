@@ -496,8 +496,9 @@ def test_topics_of_one_robot(tmp_path, driven, analyse):
         assert status in (0, 1)
         summaries.append(json.loads(out))
     assert summaries[0] == summaries[1] and summaries[0]["states"] == 2 * COUNT - 1
+    assert any("several messages have one time, as those of an arm" in text for text in summaries[0]["warnings"])
     status, _, said = analyse(path)
-    assert status == 2 and "several topics" in said and "--topic /arm/joint_states --topic /gripper" in said
+    assert status == 2 and "several topics" in said and "--topic /arm/states --topic /hand/states" in said
 
 
 def test_names_of_joints(tmp_path, driven, analyse, capsys):

@@ -211,7 +211,10 @@ def test_topics_of_one_robot_are_merged(tmp_path, kind):
         assert found.counts == expected.counts and found.findings == expected.findings
         for ours, theirs in zip(found.states, expected.states, strict=True):
             np.testing.assert_array_equal(ours, theirs)
-    with pytest.raises(dd.InputError, match=r"/arm/joint_states, /gripper/joint_states\. .*--topic .* --topic"):
+    with pytest.raises(
+        dd.InputError,
+        match=r"/arm/joint_states, /gripper/joint_states\. .* --topic /arm/joint_states --topic /gripper/joint_states",
+    ):
         dd.read_recording(path, robot)
     with pytest.raises(dd.InputError, match=r"no topic '/gripper' .*, only /arm/joint_states, /gripper/joint_states"):
         dd.read_recording(path, robot, topic=[two[0], "/gripper"])
@@ -410,7 +413,7 @@ def test_names_that_came_and_a_map_for_them(tmp_path, case):
     recording = dd.read_recording(write_mcap(tmp_path / "x.mcap", moving(*came)), arm(*own))
     (finding,) = recording.findings
     if case == "one is there":
-        assert "never came: panda_b. Messages have fer_b, which the robot has not. " in finding.text
+        assert "never came: panda_b. Messages name fer_b, which the robot lacks. " in finding.text
     else:
         assert f"without a joint of this robot, of {', '.join(came)}; the robot has {', '.join(own)}. " in finding.text
     assert len(recording) == 0 and all(text in finding.text for text in expected)
