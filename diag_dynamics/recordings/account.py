@@ -9,7 +9,7 @@ from typing import NamedTuple
 from diag_dynamics.assembly.jumps import INTERLEAVED
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.intake import ABSURD, LOST
-from diag_dynamics.recordings.joint_names import listed, proposal
+from diag_dynamics.recordings.joint_names import advice, listed, proposal
 from diag_dynamics.recordings.refused_units import MOST, UNITS
 
 NOTE = "note"
@@ -158,6 +158,4 @@ class Account:
         if not found:
             text = "Another name of a joint is given by --joint-names NAME=JOINT (joint_names)"
             return text if len(self._missing) == self._count else f"{text}. {self._lock()}"
-        options = " or ".join(f"--joint-names '{name}={joint}'" for name, joint, _ in found)
-        count = found[0][2]
-        return f"With {options} (joint_names) {'they' if count == len(others) else f'{count} of them'} are the robot's"
+        return advice(found, len(others))

@@ -211,6 +211,13 @@ def proposal(names, joints):
     return []
 
 
+def advice(found, count):
+    """Return entries of :func:`proposal` as a sentence without its point; `count` names were to be mapped."""
+    options = " or ".join(f"--joint-names '{name}={joint}'" for name, joint, _ in found)
+    which = "they" if found[0][2] == count else f"{found[0][2]} of them"
+    return f"With {options} (joint_names) {which} are the robot's"
+
+
 def _fits(entry, name):
     """Return whether a name is an entry, or an entry with * fits it."""
     head, star, tail = entry.partition(ANY)

@@ -13,7 +13,7 @@ from diag_dynamics.bags.opening import open_bag
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY
-from diag_dynamics.recordings.joint_names import joint_names_of
+from diag_dynamics.recordings.joint_names import advice, joint_names_of, proposal
 from diag_dynamics.recordings.rows import Rows
 from diag_dynamics.tables.column_map import ColumnMap, column_map
 from diag_dynamics.tables.opening import open_table
@@ -302,7 +302,10 @@ class TableSource:
         joints = single_joints(model)
         if self.names:
             joints = self._own_names(model, joints)
-        self._table = open_table(self._path, self._columns, joints)
+        try:
+            self._table = open_table(self._path, self._columns, joints)
+        except InputError as error:
+            raise InputError(f"{error}{self._proposal(joints)}") from error
         rows, kinds = Rows(self._table.joints), np.array([JOINT_STATE])
         self._rows = rows
         for columns in self._table.pieces():
@@ -320,3 +323,14 @@ class TableSource:
         rows = Rows(table.joints)
         own = self.names.check(map(rows.messages, table.pieces()), model)
         return tuple(name for name in own if self.names.of(name) in joints) or undone
+
+    def _proposal(self, joints):
+        """The map of names by which a table that cannot be read can be read, as a sentence; empty without one."""
+        if self.names:
+            return ""
+        try:
+            own = [name for name in open_table(self._path, self._columns, ()).joints if name not in joints]
+        except InputError:
+            return ""
+        found = proposal(own, [joint for joint in joints if joint not in own])
+        return f" {advice(found, len(own))}." if found else ""

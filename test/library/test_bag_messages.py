@@ -419,6 +419,19 @@ def test_names_that_came_and_a_map_for_them(tmp_path, case):
     assert len(recording) == 0 and all(text in finding.text for text in expected)
 
 
+@pytest.mark.parametrize("case", ["prefix", "none in the recording", "suffix", "two arms"])
+def test_a_map_for_the_columns_of_a_table(tmp_path, case):
+    """The error about columns of other joints has it, too, and with it the table is read."""
+    came, own, expected = PROPOSALS[case]
+    path = write_table(tmp_path, moving(*came))
+    with pytest.raises(dd.InputError) as error:
+        dd.read_recording(path, arm(*own))
+    assert all(text in str(error.value) for text in expected)
+    name, joint = re.search(r"--joint-names '(.*?)=(.*?)'", str(error.value)).groups()
+    found = dd.read_recording(path, arm(*own), joint_names={name: joint})
+    np.testing.assert_allclose(found.q[:, 1], 0.001 * np.arange(12) + 1)
+
+
 def test_many_names_that_came(tmp_path):
     """Lists are short."""
     came, own = [f"other_{k}" for k in range(30)], [f"joint_{k}" for k in range(20)]
