@@ -120,6 +120,29 @@ def test_limits_alarms_and_silence():
     assert line.startswith("/robot_0: K ") and line.isascii()
 
 
+@pytest.mark.parametrize(
+    "thresholds",
+    [{"joints": 100.0}, {"torque": (5.0, 100.0)}, {"residual": (2.0, 40.0)}],
+    ids=["of joints", "of the norm of m r", "of |r|"],
+)
+def test_external_torque_far_below_its_threshold_looks_small(thresholds):
+    """The threshold is the scale of the chart and of the bars of joints: noise of 5 N m is not a contact of 100 N m."""
+    (shown,) = robots(4)
+    shown.history.set_thresholds([thresholds.get("joints", math.inf)] * 4)
+    shown.torque, shown.residual = (
+        thresholds.get("torque", (5.0, math.inf)),
+        thresholds.get("residual", (2.0, math.inf)),
+    )
+    choices = Choices()
+    choices.quantity = EXTERNAL
+    for factor, tall in ((1.0, False), (30.0, True)):
+        shown.history.add(shown.history.newest + 0.1, columns(state(np.ones(4)), np.full(4, 5.0 * factor)))
+        shown.residual = shown.residual[0] * factor, shown.residual[1]
+        lines = plain(frame([shown], choices, 80, 30))
+        drawn = "".join(line[-50:] for line in lines[2:-1])
+        assert ("█" in drawn or "⣿" in drawn) == tall, drawn
+
+
 def names_shown(choices):
     lines = plain(frame(robots(20), choices, 80, 30))
     return [line.split()[0] for line in lines if line.startswith("joint_")]

@@ -121,9 +121,9 @@ def _robot(robot, choices, width, rows, colours, fancy):
     left = rows - len(lines) - 1  # but for the heading of the table
     drawn = max(min(max(left - len(order), left // 4), left // 2, TALLEST), 0)
     if drawn >= 2:
-        lines += _chart(history, choices, width, drawn, colours, fancy)
+        lines += _chart(robot, choices, width, drawn, colours, fancy)
     left -= drawn if drawn >= 2 else 0
-    return lines + _table(history, choices, order, width, left, colours, fancy, of)
+    return lines + _table(robot, choices, order, width, left, colours, fancy, of)
 
 
 def _headlines(robot, width, colours):
@@ -177,8 +177,8 @@ def _order(history, choices):
     return order
 
 
-def _chart(history, choices, width, rows, colours, fancy):
-    of, q, margin = QUANTITIES[choices.quantity], choices.quantity, 9
+def _chart(robot, choices, width, rows, colours, fancy):
+    history, of, q, margin = robot.history, QUANTITIES[choices.quantity], choices.quantity, 9
     count = max(1, width - margin) * (2 if fancy else 1)
     limits = history.limits[q]
     limited = bool(np.isfinite(limits).any())
@@ -193,17 +193,19 @@ def _chart(history, choices, width, rows, colours, fancy):
             values[known] = np.nanmax(each[known], axis=1)
         what, unit = (f"of {of.of_limit[:5]}", "") if limited else (of.symbol, of.unit)
     most = float(np.nanmax(values)) if not np.isnan(values).all() else 0.0
+    shade = _colour(most, limited) if q != ENERGY else BLUE
+    if q == EXTERNAL:
+        most = max(most, 1.0 if limited else _threshold_of_norms(robot))
     lines = []
     drawn = chart(values, most, rows, fancy)
-    shade = _colour(most, limited) if q != ENERGY else BLUE
     for k, text in enumerate(drawn):
         label = f"{short(most)} {unit}" if k == 0 else what if k == 1 and rows > 2 else "0" if k == rows - 1 else ""
         lines.append(_line([(_cut(label, margin - 1).rjust(margin - 1) + " ", DIM), (text, shade)], width, colours))
     return lines
 
 
-def _table(history, choices, order, width, rows, colours, fancy, of):
-    q = choices.quantity
+def _table(robot, choices, order, width, rows, colours, fancy, of):
+    history, q = robot.history, choices.quantity
     limits = history.limits[q]
     limited = bool(np.isfinite(limits).any())
     wide = width >= 60
@@ -226,6 +228,7 @@ def _table(history, choices, order, width, rows, colours, fancy, of):
         heading += f" ({first + 1}-{first + len(shown)} of {len(order)})"
     lines = [_line([(heading, f"{DIM};4")], width, colours)]
     sparks = history.recent(choices.window, q, max(left, 1)) if left else None
+    least = _threshold_of_norms(robot) if q == EXTERNAL else 0.0
     for k in shown:
         value, limit = history.last[q, k], limits[k]
         part = abs(value) / limit
@@ -240,12 +243,22 @@ def _table(history, choices, order, width, rows, colours, fancy, of):
         if limited:
             parts.append(((f"{100 * part:.0f} %" if math.isfinite(limit) and part == part else "").rjust(6), shade))
         if sparks is not None:
-            most = limit if math.isfinite(limit) else _most(sparks, shown)
+            most = limit if math.isfinite(limit) else max(_most(sparks, shown), least)
             parts.append(("  " + sparkline(sparks[:, k], most, fancy), shade))
         lines.append(_line(parts, width, colours))
     if not order:
         lines.append(_line([(f"no joint has '{plain(choices.wanted)}' in its name", DIM)], width, colours))
     return lines
+
+
+def _threshold_of_norms(robot):
+    """External torque of a joint at which ‖m r‖ or |r| reaches its threshold [N m, N]; 0 without one."""
+    (_, threshold), (norm, norm_threshold) = robot.torque, robot.residual
+    if threshold < math.inf:
+        return threshold
+    if norm_threshold < math.inf and norm > 0.0:
+        return float(np.nanmax(np.abs(robot.history.last[EXTERNAL]), initial=0.0)) * norm_threshold / norm
+    return 0.0
 
 
 def _most(sparks, shown):
