@@ -51,7 +51,8 @@ export class App {
     this.keys = new Keys(this.#actions());
     this.bar = new Bar(this);
     this.tableBox = el("div", { class: "tablebox" });
-    this.main = el("main", {}, el("div", { class: "left" }, this.stage.node, this.tableBox), this.cards.node);
+    this.left = el("div", { class: "left" }, this.stage.node, this.tableBox);
+    this.main = el("main", {}, this.left, this.cards.node);
     this.foot = el("footer", {}, this.bar.transport, this.timeline.node);
     body.append(this.bar.node, this.main, this.foot, this.keys.dialog);
     toggle(body, "report", report);
@@ -95,6 +96,7 @@ export class App {
     this.cards.setLayout(layout);
     if (!this.report && !same) this.view.follow();
     if (this.chosen.link !== null) this.details.show(this.chosen.link, this.chosen.dof);
+    toggle(this.left, "detailed", this.chosen.link !== null);
     document.title = `${layout.json.robot} · diag_dynamics`;
     this.#want("plots", "numbers", "robot", "strip");
   }
@@ -146,6 +148,7 @@ export class App {
   #select(link, dof) {
     this.chosen = { link, dof };
     this.details.show(link, dof);
+    toggle(this.left, "detailed", link !== null);
     if (link !== null) this.source.follow?.(link);
     this.#want("plots", "numbers", "robot");
   }

@@ -5,8 +5,9 @@
 
 import { powerOfTen } from "./format.js";
 
-// Range of a linear axis: zero is always inside. A stack begins at zero.
-export function linearRange(low, high, stacked = false) {
+// Range of a linear axis: zero and all thresholds are always inside. A stack begins at zero.
+export function linearRange(low, high, stacked = false, thresholds = []) {
+  if (thresholds.length) [low, high] = [Math.min(low ?? 0, ...thresholds), Math.max(high ?? 0, ...thresholds)];
   if (low === null || high === null) return stacked ? [0, 1] : [-1, 1];
   if (stacked) return [0, Math.max(1e-6, 1.08 * high)];
   const size = Math.max(Math.abs(low), Math.abs(high), 1e-6);

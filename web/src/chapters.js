@@ -4,9 +4,9 @@
 // What a report tells in words and numbers: cards before the plots.
 
 import { breakable, el, scrolling } from "./dom.js";
-import { number, percent, span, UNKNOWN } from "./format.js";
+import { number, percent, quantity, span, UNKNOWN } from "./format.js";
 
-// act: go(t) shows a moment, see(t0, t1, t) a time and a moment in it; both in seconds after the beginning.
+// act: go(t) shows a moment, see(start, end) a contact and its largest |r|; both in seconds after the first state.
 export function chapters(told, act) {
   return [overall(told, act), contacts(told, act), ...(told.summary.contact ? [touches(told, act)] : []), quality(told), parameters(told)];
 }
@@ -18,23 +18,29 @@ const at = (t, act) => el("button", { class: "link", text: `${t.toFixed(3)} s`, 
 const PEAKS = {
   kinetic_energy: ["K", "J"],
   energy_share: ["share ½ν²", "J"],
-  velocity: ["velocity", "rad/s or m/s"],
-  effort: ["effort", "N m or N"],
-  external_torque: ["external torque", "N m or N"],
+  velocity: ["velocity", "rad/s", "m/s"],
+  effort: ["joint torque", "N m", "N"],
+  external_torque: ["external torque", "N m", "N"],
   residual_norm: ["|r|", "√J/s"],
 };
 
-function overall({ summary, begin }, act) {
+// Unit of a peak: of a joint that turns, or of one that slides.
+function unitOf([, turns, slides = turns], { dofs, angular }, dof) {
+  return angular?.[dofs.indexOf(dof)] === false ? slides : turns;
+}
+
+function overall({ summary, begin, layout }, act) {
   const { balance } = summary;
   const rows = [line("duration", `${span(summary.duration)}, ${summary.states} states`)];
-  if (summary.kinetic_energy.mean !== null) rows.push(line("mean of K", `${number(summary.kinetic_energy.mean)} J`));
+  if (summary.kinetic_energy.mean !== null) rows.push(line("mean of K", `${quantity(summary.kinetic_energy.mean, "J")}`));
   for (const [name, { value, at: when, of }] of Object.entries(summary.peaks)) {
-    const [label, unit] = PEAKS[name] ?? [name, ""];
-    rows.push(line(`largest ${label}`, `${number(value)} ${unit} at `, at(when - begin, act), ...(of ? [", ", ...breakable(of)] : [])));
+    const peak = PEAKS[name] ?? [name, ""];
+    const [label, unit] = [peak[0], unitOf(peak, layout, of)];
+    rows.push(line(`largest ${label}`, `${quantity(value, unit)} at `, at(when - begin, act), ...(of ? [", ", ...breakable(of)] : [])));
   }
   const shares = Object.entries(summary.kinetic_energy.share).sort((a, b) => b[1] - a[1]).slice(0, 3);
-  if (shares.length) rows.push(line("largest shares", shares.map(([name, value]) => `${name} ${number(value)} J`).join(", ")));
-  rows.push(line("balance explains", summary.explained === null ? UNKNOWN : percent(summary.explained), summary.explained === null ? "" : ` of dK/dt; residual ${number(summary.residual_power)} W rms`));
+  if (shares.length) rows.push(line("largest shares", shares.map(([name, value]) => `${name} ${quantity(value, "J")}`).join(", ")));
+  rows.push(line("balance explains", summary.explained === null ? UNKNOWN : percent(summary.explained), summary.explained === null ? "" : ` of dK/dt; residual ${quantity(summary.residual_power, "W")} rms`));
   if (summary.explained_with_potential !== null) rows.push(line("with potential energy", percent(summary.explained_with_potential)));
   return card("overall", `${summary.robot}: what happened`, el("dl", {}, ...rows), el("p", { text: balance.says ?? "" }));
 }
@@ -43,16 +49,15 @@ function contacts({ summary, begin, without_full_rate: without }, act) {
   const { observer, collisions } = summary;
   const rows = collisions.map((one) => {
     const [start, end] = [one.start - begin, one.end - begin];
-    const middle = Math.min(end, start + 0.5);
     return line(
-      el("button", { class: "link", text: `${start.toFixed(3)} s`, title: "see it", onclick: () => act.see(start - 2, end + 2, middle) }),
+      el("button", { class: "link", text: `${start.toFixed(3)} s`, title: "show the largest |r|", onclick: () => act.see(start, end) }),
       `${span(end - start)}, `,
-      ...breakable(one.told ?? `|r| ${number(one.norm)} √J/s at ${one.joints.join(", ")}`),
+      ...breakable(one.told ?? `|r| ${quantity(one.norm, "√J/s")} at ${one.joints.join(", ")}`),
     );
   });
   const known = !observer.missing.length && observer.observed > 0;
-  const judged = observer.judged.length ? `thresholds of ${observer.judged.length} detectors` : `|r| above ${number(observer.threshold)} √J/s`;
-  const texts = known ? [`By ${judged}; observer of gain ${number(observer.gain)}/s.`] : [];
+  const judged = observer.judged.length ? `thresholds of ${observer.judged.length} detectors` : `|r| above ${quantity(observer.threshold, "√J/s")}`;
+  const texts = known ? [`By ${judged}; observer of gain ${quantity(observer.gain, "1/s")}.`] : [];
   if (observer.says) texts.push(observer.says);
   if (without) texts.push(`There was no room for every state around ${without} of the weakest.`);
   const count = collisions.length === 1 ? "1 contact" : `${collisions.length || "No"} contacts`;
@@ -67,8 +72,8 @@ function touches({ summary, begin, half }, act) {
     line(
       at(one.at - begin, act),
       ...breakable(one.point),
-      ` at ${percent(one.usage)} of the speed allowed by ${one.region}: ${number(one.speed)} m/s, ${number(one.reflected_mass)} kg, `,
-      `${number(one.energy)} J (by M/2 + payload, ${number(half)} kg: ${number(0.5 * half * one.speed ** 2)} J), ${number(one.force)} N`,
+      ` at ${percent(one.usage)} of the speed allowed by ${one.region}: ${quantity(one.speed, "m/s")}, ${quantity(one.reflected_mass, "kg")}, `,
+      `${quantity(one.energy, "J")} (by M/2 + payload, ${quantity(half, "kg")}: ${quantity(0.5 * half * one.speed ** 2, "J")}), ${quantity(one.force, "N")}`,
     ),
   );
   const words = `Limits exceeded for ${span(contact.above)} of ${span(contact.of)}. Advisory: rigid bodies, no safety function.`;

@@ -84,9 +84,9 @@ export class ContactCard {
     if (!this.told) return;
     const told = moment === null ? this.newest : this.stored.at(moment);
     this.shown = moment === null && !this.fresh ? null : told;
-    say(this.title, moment === null ? "If it touched now (advisory)" : "If it had touched then (advisory)");
+    say(this.title, moment === null ? "Predicted contact now (advisory)" : "Predicted contact at this moment (advisory)");
     toggle(this.node, "old", !this.shown);
-    if (!told) say(this.says, "nothing was told at this moment");
+    if (!told) say(this.says, "no predicted contact at this moment");
     if (!told || (told.t === this.drawn?.t && told.points.length === this.drawn.points.length)) {
       if (told) say(this.says, this.drawn.said);
       return;
@@ -107,7 +107,7 @@ export class ContactCard {
 
   #notes(estimated) {
     const links = this.kept?.leftOut;
-    const frames = links ? [`shapes of ${links === 1 ? "a link" : `${links} links`} not looked at (contact.geometry)`] : [];
+    const frames = links ? [`without the shapes of ${links === 1 ? "a link" : `${links} links`} (contact.geometry)`] : [];
     return estimated ? ["velocities estimated", ...frames] : frames;
   }
 

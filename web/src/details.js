@@ -4,7 +4,7 @@
 // All quantities of the joint or link that was chosen.
 
 import { el, say } from "./dom.js";
-import { number, percent } from "./format.js";
+import { metres, number, percent } from "./format.js";
 import { exchange, K, ofLimit, share } from "./quantities.js";
 
 export class Details {
@@ -52,7 +52,8 @@ export class Details {
       add("link energy", f("link_energy", k), "J");
       const mass = layout.scene.links.find((one) => one.name === link)?.inertia?.mass;
       if (Number.isFinite(mass)) add("mass", () => mass, "kg");
-      ["x", "y", "z"].forEach((axis, n) => add(axis, f("pose", 7 * k + n), "m"));
+      const place = [0, 1, 2].map((n) => f("pose", 7 * k + n));
+      add("x, y, z", (d, b) => place.map((get) => get(d, b)), "m", (xyz) => xyz.map((x) => metres(x)).join(", "));
     }
     this.lines = lines;
     const joints = dof >= 0 && layout.dofs[dof] !== link ? `${layout.dofs[dof]} · ` : "";

@@ -13,6 +13,16 @@ export function number(x, digits = 3) {
   return text.replace(/^-/, "−").replace("e-", "e−").replace("e+", "e");
 }
 
+// A number with its unit, in one line.
+export function quantity(x, unit, digits = 3) {
+  return `${number(x, digits)}\u00a0${unit.replace("/", "/\u2060").replace(" ", "\u00a0")}`;
+}
+
+// A coordinate, to a millimetre.
+export function metres(x) {
+  return Number.isFinite(x) ? x.toFixed(3).replace(/^-(?=.*[1-9])/, "−").replace(/^-/, "") : UNKNOWN;
+}
+
 function precise(x, size, digits) {
   const decimals = Math.max(0, digits - 1 - Math.floor(Math.log10(size)));
   return x.toFixed(Math.min(decimals, digits + 1));
@@ -59,10 +69,10 @@ const CLOCK = 1e8; // [s]: later stamps are times of day, earlier ones those of 
 export function clock(t) {
   if (!Number.isFinite(t)) return UNKNOWN;
   if (t < CLOCK) return `${t.toFixed(3)} s`;
-  const date = new Date(1000 * t);
-  const two = (x) => String(x).padStart(2, "0");
-  const ms = String(Math.floor(1000 * (t % 1))).padStart(3, "0");
-  return `${two(date.getHours())}:${two(date.getMinutes())}:${two(date.getSeconds())}.${ms}`;
+  const date = new Date(Math.round(1000 * t));
+  const digits = (x, count) => String(x).padStart(count, "0");
+  const [hours, minutes, seconds] = [date.getHours(), date.getMinutes(), date.getSeconds()].map((x) => digits(x, 2));
+  return `${hours}:${minutes}:${seconds}.${digits(date.getMilliseconds(), 3)}`;
 }
 
 export function span(seconds) {

@@ -6,7 +6,8 @@
 import { jointColour, OTHERS } from "./colours.js";
 import { breakable, el, say, toggle } from "./dom.js";
 import { number } from "./format.js";
-import { exchange, hasLimits, largestJoints, ofLimit, share } from "./quantities.js";
+import { barLength, columnsOf, largestOf, together } from "./bars.js";
+import { largestJoints } from "./quantities.js";
 
 const ALL = 14; // joints of which all are shown
 const TOP = 10; // of more than these, so many
@@ -20,17 +21,10 @@ export class JointTable {
     this.whole = layout.dofs.length <= ALL;
     this.recent = new Float64Array(layout.dofs.length); // largest shares, that fade
     this.ends = {};
-    const limits = hasLimits(layout);
-    this.columns = [
-      { id: "share", title: "½ν²", unit: "J", get: (k) => share(layout, k) },
-      { id: "exchange", title: "gives νC", unit: "W", both: true, get: (k) => exchange(layout, k) },
-      limits
-        ? { id: "torque", title: "torque", unit: "% of limit", both: true, factor: 100, end: 100, get: (k) => ofLimit(layout, "effort", k), mark: (k) => ofLimit(layout, "gravity_torque", k) }
-        : { id: "torque", title: "torque", unit: "N m", both: true, get: (k) => at(layout, "effort", k), mark: (k) => at(layout, "gravity_torque", k) },
-      { id: "external", title: "external", unit: "N m", both: true, get: (k) => at(layout, "external_torque", k), threshold: layout.thresholds.external_torque ?? [] },
-    ];
+    this.columns = columnsOf(layout);
     this.getters = this.columns.map((column) => layout.dofs.map((_, k) => column.get(k)));
     this.marks = this.columns.map((column) => layout.dofs.map((_, k) => column.mark?.(k)));
+    this.bars = this.columns.map((column) => layout.dofs.map((_, k) => column.bar?.(k)));
     this.body = el("tbody");
     this.node = el(
       "table",
@@ -47,13 +41,14 @@ export class JointTable {
       this.whole = true;
       this.chosenAt = -Infinity;
     });
-    this.rest.node.title = "show all";
+    this.rest.node.title = "Show all. Energies and powers are sums, torques those of the joint nearest to its limit or threshold.";
+    for (const cell of this.rest.cells) cell.node.append((cell.whose = el("small", { class: "whose" })));
     this.chosenAt = -Infinity;
   }
 
   #row(name, short, colour, chosen) {
     const cells = this.columns.map((column) => {
-      const bar = el("i", { class: column.both ? "bar both" : "bar", style: `background:${colour}` });
+      const bar = el("i", { class: column.signed ? "bar both" : "bar", style: `background:${colour}` });
       const mark = el("i", { class: "mark" });
       const value = el("b", { text: "–" });
       return { bar, mark, value, node: el("td", {}, el("div", {}, bar, ...(column.mark ? [mark] : []), value)) };
@@ -76,20 +71,23 @@ export class JointTable {
 
   #column(column, c, values, data, base) {
     const factor = column.factor ?? 1;
-    const biggest = values.reduce((most, value) => Math.max(most, Math.abs(value) || 0), 0) * factor;
-    const end = column.end ?? (this.ends[column.id] = Math.max(biggest, 0.99 * (this.ends[column.id] ?? 0), 1e-9));
-    const put = (cell, value, mark, limit) => {
-      const part = Number.isFinite(value) ? Math.max(-1, Math.min(1, (value * factor) / end)) : 0;
-      cell.bar.style.transform = `scaleX(${part.toFixed(4)})`;
+    const whole = Math.max(largestOf(values) * factor, 0.99 * (this.ends[column.id] ?? 0), 1e-9);
+    const end = column.end ?? (this.ends[column.id] = whole);
+    const length = (k, value) => (this.bars[c][k] ? barLength(this.bars[c][k](data, base), 1) : barLength(value * factor, end));
+    const put = (cell, value, bar, mark, threshold) => {
+      cell.bar.style.transform = `scaleX(${bar.toFixed(4)})`;
       say(cell.value, number(value * factor));
-      if (column.mark) {
-        const at = Number.isFinite(mark) ? Math.max(-1, Math.min(1, (mark * factor) / end)) : NaN;
-        cell.mark.style.left = Number.isFinite(at) ? `${50 + 50 * at}%` : "-9px";
-      }
-      toggle(cell.node, "above", limit != null && Math.abs(value) > limit);
+      if (column.mark) cell.mark.style.left = Number.isFinite(mark) ? `${50 + 50 * barLength(mark * factor, end)}%` : "-9px";
+      toggle(cell.node, "above", threshold > 0 && Math.abs(value) > threshold);
     };
-    this.shown.forEach((k) => put(this.rows[k].cells[c], values[k], this.marks[c][k]?.(data, base), column.threshold?.[k]));
-    if (this.others.length) put(this.rest.cells[c], this.others.reduce((sum, k) => sum + (values[k] || 0), 0), NaN, null);
+    for (const k of this.shown) {
+      put(this.rows[k].cells[c], values[k], length(k, values[k]), this.marks[c][k]?.(data, base), column.thresholds?.[k]);
+    }
+    if (!this.others.length) return;
+    const { value, dof } = together(column, values, this.others);
+    const cell = this.rest.cells[c];
+    put(cell, value, dof === null ? barLength(value * factor, end) : length(dof, value), NaN, column.thresholds?.[dof]);
+    say(cell.whose, dof === null ? (column.adds ? "sum" : "") : this.layout.short[dof]);
   }
 
   // Those with most energy lately, in the robot's order.
@@ -105,9 +103,4 @@ export class JointTable {
     say(this.rest.label, `${this.others.length} others`);
     this.body.replaceChildren(...shown.map((k) => this.rows[k].node), ...(this.others.length ? [this.rest.node] : []));
   }
-}
-
-function at(layout, name, k) {
-  const place = layout.at(name, k);
-  return (d, b) => d[b + place];
 }

@@ -8,7 +8,7 @@ import { decadeLabel, linearRange, logRange } from "./axes.js";
 import { faded } from "./colours.js";
 import { el, resized, say, scrolling, toggle } from "./dom.js";
 import { number, powerOfTen, tick } from "./format.js";
-import { chosenLines, othersLine } from "./quantities.js";
+import { chosenLines, othersLine, thresholdsOf } from "./quantities.js";
 import { envelope, largest, stacked } from "./sampling.js";
 
 const MOST = 9; // lines
@@ -170,6 +170,7 @@ export class Plot {
     const font = `${Math.round(0.72 * size)}px ${getComputedStyle(document.body).fontFamily}`;
     const { colours } = theme;
     const axis = { stroke: colours.dim, font, grid: { stroke: colours.grid, width: 1 }, ticks: { show: false }, gap: 4 };
+    const thresholds = this.lines.flatMap(thresholdsOf);
     const extra = this.lines.some((line) => line.scale === "rate");
     const options = {
       ...this.#size(),
@@ -179,7 +180,7 @@ export class Plot {
       pxAlign: 0,
       scales: {
         x: { time: false, range: () => this.limits ?? [0, 1] },
-        y: spec.log ? { distr: 3, range: (u, low, high) => logRange(low, high) } : { range: (u, low, high) => linearRange(low, high, spec.stacked) },
+        y: spec.log ? { distr: 3, range: (u, low, high) => logRange(low, high) } : { range: (u, low, high) => linearRange(low, high, spec.stacked, thresholds) },
         ...(extra ? { rate: { range: (u, low, high) => [0, Math.max(1, 1.15 * (high ?? 1))] } } : {}),
       },
       axes: [
@@ -244,8 +245,7 @@ export class Plot {
     ctx.lineWidth = devicePixelRatio;
     ctx.setLineDash([6 * devicePixelRatio, 4 * devicePixelRatio]);
     for (const line of this.lines) {
-      if (line.threshold == null) continue;
-      for (const value of line.dof === undefined ? [line.threshold] : [-line.threshold, line.threshold]) {
+      for (const value of thresholdsOf(line)) {
         const y = u.valToPos(value, "y", true);
         ctx.strokeStyle = faded(line.colour, 0.55);
         ctx.beginPath();

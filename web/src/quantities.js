@@ -6,7 +6,7 @@
 
 import { jointColour, OTHERS } from "./colours.js";
 
-const field = (layout, name, k = 0) => {
+export const field = (layout, name, k = 0) => {
   const at = layout.at(name, k);
   return (d, b) => d[b + at];
 };
@@ -34,6 +34,38 @@ export const K = (layout) => field(layout, "K");
 
 export function hasLimits(layout) {
   return (layout.limits.effort ?? []).some((limit) => limit > 0);
+}
+
+export function hasThresholds({ thresholds }) {
+  return [...(thresholds.external_torque ?? []), thresholds.norm, thresholds.external_torque_norm].some((threshold) => threshold > 0);
+}
+
+// |r| or |m r| as a fraction of its threshold, the larger of the two; NaN without such a threshold.
+export function ofNormThresholds(layout) {
+  const { norm, external_torque_norm: torqueNorm } = layout.thresholds;
+  const ratios = [["norm", norm], ["torque_norm", torqueNorm]].filter(([, threshold]) => threshold > 0);
+  const getters = ratios.map(([name, threshold]) => [field(layout, name), threshold]);
+  return (d, b) => getters.map(([get, threshold]) => get(d, b) / threshold).reduce(largestKnown, NaN);
+}
+
+// External torque of a joint as a fraction of its threshold. A joint without one has its part of the norms' fraction: the
+// joint with the largest external torque has all of it.
+export function ofThreshold(layout, k) {
+  const own = field(layout, "external_torque", k);
+  const threshold = layout.thresholds.external_torque?.[k];
+  if (threshold > 0) return (d, b) => own(d, b) / threshold;
+  const all = layout.dofs.map((_, n) => field(layout, "external_torque", n));
+  const together = ofNormThresholds(layout);
+  return (d, b) => {
+    const largest = all.map((get) => Math.abs(get(d, b))).reduce(largestKnown, NaN);
+    return largest > 0 ? (together(d, b) * own(d, b)) / largest : together(d, b) * own(d, b);
+  };
+}
+
+// Values at which a plot of some lines draws thresholds: on both sides of zero for a joint, above it for a norm.
+export function thresholdsOf(line) {
+  if (!(line.threshold > 0) || !Number.isFinite(line.threshold)) return [];
+  return line.dof === undefined ? [line.threshold] : [-line.threshold, line.threshold];
 }
 
 function ofJoints(layout, getter, { colours = true } = {}) {
@@ -81,7 +113,7 @@ export function plotsOf(layout) {
         single(layout, "p_external", "external", COLOURS.external),
         single(layout, "dK", "dK/dt", COLOURS.dK, { width: 2 }),
       ],
-      help: "What flows into the kinetic energy; the four together are dK/dt where the model is right.",
+      help: "Power into the kinetic energy. Effort, gravity, friction and external torque sum to dK/dt if the model is right.",
     },
     {
       id: "external",
@@ -91,11 +123,11 @@ export function plotsOf(layout) {
         ...line,
         threshold: thresholds[line.dof] ?? null,
       })),
-      help: "m r of the disturbance observer, by joint; dashed: thresholds of alarms.",
+      help: "External torque m r of the disturbance observer, by joint. Dashed: thresholds of alarms.",
     },
     {
       id: "norm",
-      title: "External, all joints",
+      title: "External torque, all joints",
       unit: "√J/s · N m",
       lines: [
         single(layout, "norm", "|r|", "#f28e2b", { threshold: layout.thresholds.norm ?? null, unit: "√J/s" }),
@@ -104,7 +136,7 @@ export function plotsOf(layout) {
           unit: "N m",
         }),
       ],
-      help: "Norms of the residual r and of m r; dashed: thresholds of alarms.",
+      help: "Norms of the residual r and of the external torque m r. Dashed: thresholds of alarms.",
     },
     {
       id: "exchange",
@@ -115,14 +147,14 @@ export function plotsOf(layout) {
     },
     {
       id: "torque",
-      title: limits ? "Torque, in parts of the limit" : "Torque",
+      title: limits ? "Joint torque, % of its limit" : "Joint torque",
       unit: limits ? "%" : "N m",
       factor: limits ? 100 : 1,
       lines: ofJoints(layout, (k) => (limits ? ofLimit(layout, "effort", k) : field(layout, "effort", k))).map((line) => ({
         ...line,
         twin: limits ? ofLimit(layout, "gravity_torque", line.dof) : field(layout, "gravity_torque", line.dof),
       })),
-      help: "Measured, and dashed what gravity needs.",
+      help: "Measured. Dashed: gravity torque.",
     },
     {
       id: "inertia",
@@ -186,44 +218,61 @@ export function othersLine(plot, others) {
   };
 }
 
-// What links can be coloured by: a value of each, and the end of the ramp; null: a round number above what was seen.
+// Quantities that links can be coloured by. `value`: of each link. `end`: of the scale; null: a round number above the largest
+// value of late. `root`: whether colours go by the root of the value: of 32 joints one has some per cent of the energy.
 // A link has the energy share of all degrees of freedom of its joint, and of its torques the largest.
 export const COLOURINGS = {
   share: {
     label: "Energy share",
-    unit: "% of K",
+    unit: () => "% of K",
     value: (layout) => {
       const total = K(layout);
       const part = (own) => (d, b) => (total(d, b) > 1e-9 ? (100 * own(d, b)) / total(d, b) : 0);
       return byDof(layout, (k) => part(share(layout, k)), (a, b) => a + b);
     },
-    end: 100,
+    end: () => null,
+    root: true,
   },
   energy: {
     label: "Link energy",
-    unit: "J",
+    unit: () => "J",
     value: (layout) => (link) => field(layout, "link_energy", layout.links.indexOf(link)),
-    end: null,
+    end: () => null,
+    root: true,
   },
   torque: {
-    label: "Torque of limit",
-    unit: "% of limit",
+    label: "Joint torque",
+    unit: () => "% of limit",
     value: (layout) => {
       const part = (of) => (d, b) => 100 * Math.abs(of(d, b));
       return byDof(layout, (k) => part(ofLimit(layout, "effort", k)), Math.max);
     },
-    end: 100,
+    end: () => 100,
   },
   external: {
     label: "External torque",
-    unit: "N m",
+    unit: (layout) => (hasThresholds(layout) ? "% of threshold" : "N m"),
     value: (layout) => {
-      const part = (own) => (d, b) => Math.abs(own(d, b));
-      return byDof(layout, (k) => part(field(layout, "external_torque", k)), Math.max);
+      const [own, factor] = hasThresholds(layout) ? [ofThreshold, 100] : [(_, k) => field(layout, "external_torque", k), 1];
+      const part = (get) => (d, b) => factor * Math.abs(get(d, b));
+      return byDof(layout, (k) => part(own(layout, k)), largestKnown);
     },
-    end: null,
+    end: (layout) => (hasThresholds(layout) ? 100 : null),
   },
 };
+
+// Where on the ramp the colour of a value is, 0 to 1; and the value of a place on it.
+export function placeOf({ root }, value, end) {
+  return root ? Math.sqrt(value / end) : value / end;
+}
+
+export function valueAt({ root }, place, end) {
+  return end * (root ? place * place : place);
+}
+
+function largestKnown(a, b) {
+  return Number.isNaN(a) ? b : Number.isNaN(b) ? a : Math.max(a, b);
+}
 
 function byDof(layout, getter, together) {
   return (link) => {
@@ -235,7 +284,7 @@ function byDof(layout, getter, together) {
 
 // The next of 1, 2, 5 times a power of ten.
 export function roundUp(x) {
-  if (!(x > 0)) return 1;
+  if (!(x > 0) || !Number.isFinite(x)) return 1;
   const power = 10 ** Math.floor(Math.log10(x));
   return [1, 2, 5, 10].map((k) => k * power).find((end) => end >= x * 0.999);
 }

@@ -7,8 +7,13 @@ import { Layout } from "./layout.js";
 import { Kept } from "./kept.js";
 import { Rows } from "./rows.js";
 import { chapters } from "./chapters.js";
+import { field } from "./quantities.js";
+import { timeOfLargest } from "./sampling.js";
 import { rowsOf } from "./tracks.js";
 import { bytesOf, meshOf } from "./unpack.js";
+
+const AROUND = 2; // [s] before and after a contact that its click shows
+const ROUNDING = 1e-6; // [s] of times in the summary
 
 export class Report {
   constructor(app, block) {
@@ -32,9 +37,10 @@ export class Report {
     if (touches) app.cards.contact.keep(new Kept({ points, half, leftOut }, touches, rows, layout));
     app.cards.told = chapters(told, {
       go: (t) => app.view.go(t),
-      see: (t0, t1, t) => {
-        app.view.see(t0, t1);
-        app.view.go(t);
+      see: (start, end) => {
+        const t = timeOfLargest(rows, start - ROUNDING, end + ROUNDING, field(layout, "norm"));
+        app.view.see(start - AROUND, end + AROUND);
+        app.view.go(Number.isFinite(t) ? t : start);
       },
     });
     app.laidOut(layout);

@@ -35,7 +35,10 @@ export class Rows {
     }
     const row = (this.start + this.length) % this.room;
     this.times[row] = t;
-    this.data.set(values, row * this.width);
+    const base = row * this.width;
+    this.data.set(values, base);
+    // One infinite value would be the end of every scale.
+    for (let k = base; k < base + this.width; k++) if (!Number.isFinite(this.data[k])) this.data[k] = NaN;
     this.length++;
     return true;
   }

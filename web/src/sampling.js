@@ -130,6 +130,16 @@ export function largest(rows, i0, i1, getters, most = 2000) {
   return found;
 }
 
+// Time of the row from t0 to t1 at which a quantity is largest; NaN if it is known at none of them.
+export function timeOfLargest(rows, t0, t1, getter) {
+  let [time, most] = [NaN, -Infinity];
+  for (let i = rows.indexAt(t0); i < rows.length && rows.time(i) <= t1; i++) {
+    const value = rows.time(i) < t0 ? NaN : getter(rows.data, rows.base(i));
+    if (value > most) [time, most] = [rows.time(i), value];
+  }
+  return time;
+}
+
 function finite(value) {
   return Number.isFinite(value) ? value : null;
 }

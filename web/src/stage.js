@@ -3,11 +3,12 @@
 
 // The left of the page: the robot, what its colours mean, and what is told of the marked link.
 
-import { COLOURINGS, K, roundUp } from "./quantities.js";
+import { largestOf } from "./bars.js";
+import { COLOURINGS, K, placeOf, roundUp, valueAt } from "./quantities.js";
 import { hex, ramp, rampGradient, store, stored } from "./colours.js";
 import { el, say, toggle } from "./dom.js";
 import { axesOf, effectiveMass, linearBlock } from "./ellipsoid.js";
-import { number } from "./format.js";
+import { number, quantity } from "./format.js";
 import { Scene3D } from "./scene3d.js";
 
 const IDS = Object.keys(COLOURINGS);
@@ -64,7 +65,7 @@ export class Stage {
 
   #told(link) {
     const value = this.values?.get(link);
-    return Number.isFinite(value) ? `${number(value)} ${COLOURINGS[this.colouring].unit}` : "";
+    return Number.isFinite(value) ? `${number(value)} ${COLOURINGS[this.colouring].unit(this.layout)}` : "";
   }
 
   // Says in small print what cannot be drawn.
@@ -129,17 +130,16 @@ export class Stage {
   }
 
   #paint(data, base) {
-    const { unit, end: fixed } = COLOURINGS[this.colouring];
+    const colouring = COLOURINGS[this.colouring];
     this.values = new Map(this.getters.map(([name, get]) => [name, get(data, base)]));
-    let most = 0;
-    for (const value of this.values.values()) if (value > most) most = value;
-    const seen = Math.max(most, 0.999 * (this.ends[this.colouring] ?? 0));
+    const seen = Math.max(largestOf([...this.values.values()]), 0.999 * (this.ends[this.colouring] ?? 0));
     this.ends[this.colouring] = seen;
-    const end = fixed ?? roundUp(Math.max(seen, 1e-6));
+    const end = colouring.end(this.layout) ?? roundUp(Math.max(seen, 1e-6));
     this.end = end;
-    [0, 0.5, 1].forEach((part, k) => say(this.ticks[k], part === 1 ? `${number(end)} ${unit}` : number(part * end)));
+    const told = (place) => number(valueAt(colouring, place, end));
+    [0, 0.5, 1].forEach((place, k) => say(this.ticks[k], place < 1 ? told(place) : `${told(1)} ${colouring.unit(this.layout)}`));
     for (const [name, value] of this.values) {
-      const rgb = ramp(value / end);
+      const rgb = ramp(placeOf(colouring, value, end));
       this.colours.set(name, hex(rgb));
       if (this.scene?.robot.paint(name, rgb, name === this.app.chosen.link)) this.scene.dirty = true;
     }
@@ -164,8 +164,8 @@ export class Stage {
     // With 1 J of kinetic energy a link can be as fast as √(2λ) along an axis.
     this.scene?.mark(this.marked, vectors, values.map((value) => Math.sqrt(2 * Math.max(value, 0))), moving ? velocity : [0, 0, 0]);
     this.told = { link: this.marked, speed, mass, mobilities: values };
-    const along = Number.isFinite(mass) ? `, ${number(mass)} kg along it` : "";
-    say(this.marksNote, `${this.marked}: ${number(speed)} m/s${along}`);
+    const along = Number.isFinite(mass) ? `, ${quantity(mass, "kg")} along it` : "";
+    say(this.marksNote, `${this.marked}: ${quantity(speed, "m/s")}${along}`);
     this.marksNote.title = "Ellipsoid of J M⁻¹ Jᵀ: velocities that 1 J allows; arrow: the link's velocity; effective mass along it";
   }
 

@@ -43,7 +43,7 @@ function put(rows, part, i) {
   if (rows.length && t <= rows.last) return;
   const base = rows.length * rows.width;
   rows.times[rows.length++] = t;
-  for (let k = 0; k < part.columns.length; k++) rows.data[base + k] = part.columns[k][i];
+  for (let k = 0; k < part.columns.length; k++) rows.data[base + k] = Number.isFinite(part.columns[k][i]) ? part.columns[k][i] : NaN;
 }
 
 async function read(layout, track) {

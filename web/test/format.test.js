@@ -5,7 +5,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { decadeLabel, linearRange, logRange } from "../src/axes.js";
 import { faded, hex, jointColour, NEUTRAL, ramp, rampGradient } from "../src/colours.js";
-import { clock, decimalsOf, number, percent, powerOfTen, span, tick } from "../src/format.js";
+import { clock, decimalsOf, metres, number, percent, powerOfTen, quantity, span, tick } from "../src/format.js";
 import { shortened, shortNames, statusName } from "../src/format.js";
 
 function table(name, call, rows) {
@@ -47,12 +47,20 @@ table("shortNames", shortNames, [
 test("clock: seconds of a recording, the time of day of a stamp", () => {
   assert.equal(clock(NaN), "–");
   assert.equal(clock(12.3456), "12.346 s");
-  const noon = new Date(2030, 5, 1, 12, 3, 4, 250);
-  assert.equal(clock(noon.getTime() / 1000), "12:03:04.250");
+  const noon = new Date(2030, 5, 1, 12, 3, 4, 0).getTime() / 1000;
+  for (const [expected, part] of [["04.000", 0], ["04.250", 0.25], ["04.007", 0.0069999], ["04.290", 0.29], ["05.000", 0.9996]]) {
+    assert.equal(clock(noon + part), `12:03:${expected}`, `${part} s`);
+  }
+  const wrong = Array.from({ length: 1000 }, (_, ms) => ms).filter((ms) => !clock(noon + ms / 1000).endsWith(`.${String(ms).padStart(3, "0")}`));
+  assert.deepEqual(wrong, []);
 });
+
+table("quantity", quantity, [["1.50\u00a0N\u00a0m", 1.5, "N m"], ["25.0\u00a01/\u2060s", 25, "1/s"], ["–\u00a0J", NaN, "J"]]);
+table("metres", metres, [["0.123", 0.1234], ["−0.100", -0.1], ["0.000", -1e-9], ["–", NaN], ["–", Infinity]]);
 
 table("linearRange", linearRange, [
   [[-1, 1], null, null], [[0, 1], null, null, true], [[0, 2.16], -5, 2, true], [[0, 1e-6], 0, 0, true],
+  [[-0.64, 8.64], 0, 0.1, false, [8]], [[-13.92, 13.92], -0.1, 0.2, false, [-12, 12]], [[-13.92, 13.92], null, null, false, [-12, 12]],
 ]);
 table("logRange", logRange, [
   [[1e-3, 1], null, null], [[1e-3, 1], 0, 5], [[1e-3, 1], NaN, 1], [[0.1, 100], 0.2, 30], [[1, 100], 10, 10],

@@ -8,12 +8,13 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { gunzipSync } from "node:zlib";
+import { barLength, columnsOf as tableColumns, largestOf, together } from "../src/bars.js";
 import { creased } from "../src/crease.js";
 import { csv } from "../src/csv.js";
 import { axesOf, effectiveMass, linearBlock } from "../src/ellipsoid.js";
 import { FLAGS, Layout, shortFields } from "../src/layout.js";
 import { chosenLines, COLOURINGS, largestJoints, othersLine, plotsOf, roundUp } from "../src/quantities.js";
-import { exchange, K, ofLimit, share } from "../src/quantities.js";
+import { exchange, K, ofLimit, placeOf, share, thresholdsOf, valueAt } from "../src/quantities.js";
 import { Rows } from "../src/rows.js";
 import { KIND, Packets } from "../src/stream.js";
 import { Touches } from "../src/touches.js";
@@ -103,12 +104,69 @@ test("quantities of a frame: shares, exchange, torque in parts of the limit, col
   const unlimited = new Layout({ ...fixture.layout, limits: {} });
   assert.ok(Number.isNaN(of(ofLimit(unlimited, "effort", 0))));
   assert.equal(plotsOf(unlimited).find(({ id }) => id === "torque").unit, "N m");
-  const expected = { share: [100 * 6 / 6.5, 100 * 0.5 / 6.5], energy: [4, 2.5], torque: [5, 1], external: [0.5, 0.25] };
+  const expected = { share: [100 * 6 / 6.5, 100 * 0.5 / 6.5], energy: [4, 2.5], torque: [5, 1], external: [100 * 0.5 / 12, 100 * 0.25 * (known[layout.at("norm")] / 8) / 0.5] };
   for (const [id, numbers] of Object.entries(expected)) {
-    near(["upper", "lower"].map((link) => of(COLOURINGS[id].value(layout)(link))), numbers, 1e-6, id);
+    const found = ["upper", "lower"].map((link) => of(COLOURINGS[id].value(layout)(link)));
+    found.forEach((value, k) => (Number.isNaN(numbers[k]) ? assert.ok(Number.isNaN(value), id) : near(value, numbers[k], 1e-6, id)));
   }
   assert.ok(Number.isNaN(of(COLOURINGS.share.value(layout)("base"))));
   assert.equal(of(COLOURINGS.share.value(layout)("upper"), new Float32Array(layout.width)), 0); // at rest
+});
+
+test("external torque is a fraction of the threshold where one is set", () => {
+  const without = new Layout({ ...fixture.layout, thresholds: {} });
+  const { external } = COLOURINGS;
+  assert.deepEqual([external.unit(layout), external.end(layout)], ["% of threshold", 100]);
+  assert.deepEqual([external.unit(without), external.end(without)], ["N m", null]);
+  near(["upper", "lower"].map((link) => external.value(without)(link)(known, 0)), [0.5, 0.25]);
+  for (const [expected, ...given] of [[1, 30, 12], [-1, -30, 12], [0, NaN, 12], [0, Infinity, 12], [0, 1, 0], [0.5, 6, 12]]) {
+    assert.equal(barLength(...given), expected, String(given));
+  }
+  assert.deepEqual(thresholdsOf({ threshold: 12, dof: 0 }), [-12, 12]);
+  assert.deepEqual([{ threshold: 8 }, { threshold: null, dof: 0 }, { threshold: Infinity }, {}].map(thresholdsOf), [[8], [], [], []]);
+});
+
+test("bars of external torque: of a joint's threshold, or of that of a norm; noise below it stays small", () => {
+  const bars = (thresholds) => {
+    const one = new Layout({ ...fixture.layout, thresholds });
+    return [0, 1].map((k) => tableColumns(one).find(({ id }) => id === "external").bar?.(k)(known, 0));
+  };
+  const r = known[layout.at("norm")];
+  const [norm, torque] = [10 * r, 10 * Math.hypot(0.5, 0.25)];
+  const none = { external_torque: [null, null], norm: null, external_torque_norm: null };
+  assert.deepEqual(bars(none), [undefined, undefined]);
+  near(bars({ ...none, external_torque: [12, 1] }), [0.5 / 12, -0.25]);
+  near(bars({ ...none, norm }), [0.1, -0.05]);
+  near(bars({ ...none, external_torque_norm: torque }), [0.1, -0.05]);
+  near(bars({ ...none, external_torque: [null, 1], norm: 2 * norm, external_torque_norm: torque }), [0.1, -0.25]);
+  const judged = new Layout({ ...fixture.layout, thresholds: { ...none, norm } });
+  near(["upper", "lower"].map((link) => COLOURINGS.external.value(judged)(link)(known, 0)), [10, 5]);
+  assert.equal(COLOURINGS.external.unit(judged), "% of threshold");
+});
+
+test("several joints together: a sum of energies, and of torques the one nearest to its limit", () => {
+  const columns = Object.fromEntries(tableColumns(layout).map((column) => [column.id, column]));
+  const all = [0, 1, 2, 3];
+  assert.deepEqual(together(columns.share, [1, 2, NaN, 4], all), { value: 7, dof: null });
+  assert.deepEqual(together(columns.exchange, [1, -2, Infinity, 4], [0, 1, 2]), { value: -1, dof: null });
+  assert.deepEqual(together(columns.torque, [0.4, -0.9, NaN, 0.8], all), { value: -0.9, dof: 1 });
+  const external = { ...columns.external, thresholds: [10, 1, null, 100] };
+  assert.deepEqual(together(external, [5, 0.9, 80, -70], all), { value: 0.9, dof: 1 });
+  assert.deepEqual(together(external, [5, 0.9, 80, -70], [2]), { value: 80, dof: 2 });
+  assert.ok(Number.isNaN(together(external, [NaN, NaN], [0, 1]).value));
+});
+
+test("colours of energies tell 32 joints apart, and one infinite value spoils no scale", () => {
+  const { share: colouring } = COLOURINGS;
+  const places = [30, 3, 0.3].map((percent) => placeOf(colouring, percent, roundUp(30)));
+  assert.ok(places[0] > 0.7 && places[1] > 0.2 && places[2] > 0.05, String(places));
+  near([0, 0.5, 1].map((place) => valueAt(colouring, place, 100)), [0, 25, 100]);
+  near([0, 0.5, 1].map((place) => valueAt(COLOURINGS.torque, place, 100)), [0, 50, 100]);
+  for (const x of [Infinity, -Infinity, NaN]) assert.equal(roundUp(x), 1);
+  assert.equal(largestOf([1, -3, Infinity, NaN]), 3);
+  const rows = new Rows(2, 4);
+  rows.push(0, [Infinity, 2]);
+  assert.deepEqual([...rows.data.subarray(0, 2)], [NaN, 2]);
 });
 
 test("plots: a line for each joint, thresholds, and none of what a report lacks", () => {

@@ -5,7 +5,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Kept } from "../src/kept.js";
 import { Rows } from "../src/rows.js";
-import { envelope, largest, stacked, tellingRows } from "../src/sampling.js";
+import { envelope, largest, stacked, tellingRows, timeOfLargest } from "../src/sampling.js";
 import { byMargin, inWords, Touches } from "../src/touches.js";
 import { View } from "../src/view.js";
 
@@ -65,6 +65,14 @@ test("a stack ends at the sum; what is not finite adds nothing", () => {
   [[1, 2], [NaN, 4], [Infinity, 0]].forEach((row, k) => rows.push(k, row));
   const [x, total, own] = stacked(rows, 0, 3, 10, [value, (d, b) => d[b + 1]], value);
   assert.deepEqual([x, total, own], [[0, 1, 2], [3, 4, 0], [2, 4, 0]]);
+});
+
+test("the moment of the largest value of a contact, which neither its beginning nor its end is", () => {
+  const rows = stored([0, 1, 2, 3, 4, 5, 6], [9, 1, 3, NaN, 4, 2, 9]);
+  assert.equal(timeOfLargest(rows, 1, 5, value), 4);
+  assert.equal(timeOfLargest(rows, 1.5, 2.5, value), 2);
+  assert.equal(timeOfLargest(rows, -3, 0, value), 0);
+  for (const [t0, t1] of [[3, 3], [4.2, 4.8], [7, 9], [-9, -8]]) assert.ok(Number.isNaN(timeOfLargest(rows, t0, t1, value)), `${t0} to ${t1}`);
 });
 
 test("rows that tell: of each bucket smallest and largest", () => {
