@@ -11,7 +11,7 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import InputError, UrdfError
-from diag_dynamics.inspection.description import Body, LinkText
+from diag_dynamics.inspection.description import ROLES, Body, LinkText
 from diag_dynamics.inspection.findings import Finding
 from diag_dynamics.inspection.subject import Subject, about_links, least, named
 from diag_dynamics.model.geometry import Solid
@@ -24,6 +24,15 @@ DENSEST = 20000.0
 
 DENSE = 9000.0
 """Density of solid copper; a link of motors, steel and air stays below [kg/m³]."""
+
+STEEL = (7000.0, 8300.0)
+"""Densities of steels and cast iron [kg/m³]. Links of arms, with motors and air, have 1000 to 3000."""
+
+MOSTLY = 0.9
+"""Fraction of the measured mass from which the robot as a whole is of one material."""
+
+ALIKE = 0.02
+"""Relative difference of densities that rounding of masses to two or three digits leaves."""
 
 LIGHTEST = 50.0
 """Density of foam [kg/m³]. Hollow links of the example robots have some 100 and more, a drone within its hull 20."""
@@ -189,6 +198,31 @@ def density(subject: Subject) -> Iterator[Finding]:
     yield from about_links("warning", check, f"denser than anything{by}", found["impossible"], unit, remedy)
     yield from about_links("note", check, f"denser than solid copper{by}", found["dense"], unit, remedy)
     yield from about_links("note", check, f"lighter than foam{by}", found["light"], unit, remedy, least)
+
+
+def uniform_density(subject: Subject) -> Iterator[Finding]:
+    """Masses that CAD computed from volumes at one density.
+
+    A link holds motors, gears, cables and air, so that links differ in density. CAD gives every part its default material;
+    as solid steel an arm weighs several times as much as it does.
+    """
+    for role in ROLES:
+        densities, masses = {}, {}
+        for body in subject.description.bodies:
+            solid = subject.description.solids(body).get(role)
+            if solid and not subject.is_negligible(body.mass):
+                densities[body.heavy[0]], masses[body.heavy[0]] = body.mass / solid.volume, body.mass
+        steel = {name: value for name, value in densities.items() if STEEL[0] <= value <= STEEL[1]}
+        if len(steel) > 1 and sum(masses[name] for name in steel) > MOSTLY * sum(masses.values()):
+            what = "links as dense as solid steel, CAD's default material: masses are probably several times too large"
+            remedy = "Weigh the links, or give each part its material in CAD and export again."
+            yield from about_links("warning", "uniform_density", what, steel, "kg/m³", remedy)
+            return
+        if len(densities) >= SAME and max(densities.values()) < (1.0 + ALIKE) * min(densities.values()):
+            what = "one density at all links: masses are computed from geometry, not measured"
+            remedy = "Fine for first trials. Weigh the links, or identify them from a recording."
+            yield from about_links("note", "uniform_density", what, densities, "kg/m³", remedy)
+            return
 
 
 def centre_of_mass(subject: Subject) -> Iterator[Finding]:

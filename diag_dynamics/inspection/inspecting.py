@@ -16,9 +16,9 @@ from diag_dynamics.inspection import dynamics, elements, inertias
 from diag_dynamics.inspection.description import Description
 from diag_dynamics.inspection.findings import SEVERITIES, Finding, Report
 from diag_dynamics.inspection.motion import Motion
-from diag_dynamics.inspection.subject import Check, Subject
+from diag_dynamics.inspection.subject import Check, Subject, about_links
 from diag_dynamics.model import RobotModel, load_urdf, urdf_text
-from diag_dynamics.model.options import warnings_told
+from diag_dynamics.model.options import negative_moments, warnings_told
 from diag_dynamics.model.sources import folder_of
 from diag_dynamics.model.xacro_files import expanded
 
@@ -27,6 +27,7 @@ OF_TEXT: dict[str, Check] = {
     "missing_inertias": inertias.missing_inertias,
     "mass_without_geometry": inertias.mass_without_geometry,
     "density": inertias.density,
+    "uniform_density": inertias.uniform_density,
     "centre_of_mass": inertias.centre_of_mass,
     "gyration": inertias.gyration,
     "inertia_axes": inertias.inertia_axes,
@@ -84,7 +85,7 @@ def inspect_robot(source: str | bytes | os.PathLike[str] | IO[Any], floating_bas
     model, findings = _loaded(text, floating_base)
     with np.errstate(all="ignore"):  # of numbers that no robot has, which findings tell of
         motion, more = _motion(model)
-        findings += more
+        findings = [*_negative(description), *findings, *more] if findings or more else []
         subject, checks = Subject(description, model, motion), {}
         for title, check in OF_TEXT.items():
             checks[title] = _worst(found := list(check(subject)))
@@ -134,6 +135,18 @@ def _loaded(text: str, floating_base: bool) -> tuple[RobotModel | None, list[Fin
         if again.items() <= options.items():
             return None, findings
         options |= again
+
+
+def _negative(description: Description) -> list[Finding]:
+    """Negative principal moments, the cause of errors about D."""
+    least = {
+        link.name: float(np.linalg.eigvalsh(link.inertia)[0])
+        for link in description.links.values()
+        if link.inertia is not None and negative_moments(link.inertia, link.mass or 0.0)
+    }
+    what, remedy = "negative principal moments of inertia; the least", "Correct the inertia in the URDF."
+    found = about_links("error", LOADING, what, least, "kg m²", remedy, lambda value: -value)
+    return list(found)
 
 
 def _motion(model: RobotModel | None) -> tuple[Motion | None, list[Finding]]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from diag_dynamics import sweeps
 from diag_dynamics.exceptions import MasslessLinkError
+from diag_dynamics.model.options import negative_moments
 
 
 def massless_freedoms(model):
@@ -52,6 +53,14 @@ def refuse_massless(model, tree, found):
         lines.append(f"joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): link '{link}' {why}")
     if len(massless) > MOST_LISTED:
         lines.append(f"… and {len(massless) - MOST_LISTED} more")
+    if negative := _negative(tree):
+        joints = ", ".join(f"'{model.dof_names[k]}' (D = {smallest[k]:.3g})" for k in massless[:MOST_LISTED])
+        raise MasslessLinkError(
+            f"robot '{model.name}': {negative}. Expected positive moments, because the mass matrix is not positive definite "
+            f"with these, at the joint(s) {joints}. Correct the inertia in the URDF.",
+            [model.dof_names[k] for k in massless],
+            smallest[massless],
+        )
     advice = "Give the link mass and inertia in the URDF, or make the joint fixed."
     single = next((joints[k].name for k in massless if joints[k].is_single), None)
     if single is not None:
@@ -65,6 +74,16 @@ def refuse_massless(model, tree, found):
         [model.dof_names[k] for k in massless],
         smallest[massless],
     )
+
+
+def _negative(tree):
+    """Links whose inertia has negative principal moments, with these, in words; empty without any."""
+    found = []
+    for link in tree.robot.links:
+        own = link.inertial
+        if own is not None and (moments := negative_moments(own.inertia, own.mass)):
+            found.append(f"link '{link.name}' has negative principal moments of inertia, {moments} kg m²")
+    return "; ".join(found[:MOST_LISTED])
 
 
 def positions_to_hold(model, tree, found):

@@ -170,14 +170,24 @@ def checked_inertia(where: Callable[[str], str], body: Payload, may_be_negative:
     return Payload(mass, com, inertia)
 
 
-def not_physical(inertia: Array, mass: float) -> str | None:
-    """Why an inertia about the centre of mass is that of no rigid body, or None."""
-    moments = np.linalg.eigvalsh(inertia)
+def negative_moments(inertia: Array, mass: float) -> str:
+    """Principal moments of an inertia, if one is negative beyond rounding; else an empty text."""
+    moments: Array = np.linalg.eigvalsh(np.asarray(inertia, np.float64))
+    return _short(moments) if moments[0] < -_rounding(moments, mass) else ""
+
+
+def _rounding(moments: Array, mass: float) -> float:
     # The moments of plates and rods lie on the bound; rounded to four digits, they are beyond it by this much. A radius
     # of gyration of a micrometre counts as that of a point.
-    rounding = max(1e-3 * np.abs(moments).max(), 1e-12 * mass)
-    if moments[0] < -rounding:
-        return f"whose principal moments {_short(moments)} are not all positive"
+    return float(max(1e-3 * np.abs(moments).max(), 1e-12 * mass))
+
+
+def not_physical(inertia: Array, mass: float) -> str | None:
+    """Why an inertia about the centre of mass is that of no rigid body, or None."""
+    if negative := negative_moments(inertia, mass):
+        return f"whose principal moments {negative} are not all positive"
+    moments: Array = np.linalg.eigvalsh(np.asarray(inertia, np.float64))
+    rounding = _rounding(moments, mass)
     if moments[2] > moments[0] + moments[1] + rounding:
         return f"whose principal moments {_short(moments)} break the triangle inequality"
     return None

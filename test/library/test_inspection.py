@@ -101,6 +101,22 @@ BALLS = "".join(ball(f"ball{k}", 0.5, 0.001, 0.05 + 0.01 * k) for k in range(3))
 VOLUME = 0.4 * 0.09**2
 REACH_UPPER, REACH_LOWER = np.hypot(0.2, np.hypot(0.045, 0.045)), np.hypot(0.15, np.hypot(0.03, 0.03))
 
+VOLUMES = {"10": 0.3 * 0.3 * 0.1, "3.2": 0.4 * 0.09**2, "1.2": np.pi * 0.03**2 * 0.3}
+"""Volumes of the arm's shapes [m³] by the mass of their links, as it is written."""
+
+
+def made_of(*densities):
+    """Return the arm at densities of its links [kg/m³], with masses of three digits and the inertias of solids."""
+    text = ARM
+    for (mass, volume), density in zip(VOLUMES.items(), densities * (3 // len(densities)), strict=True):
+        text = mass_of(mass, f"{density * volume:.3g}", text)
+    for moments, (link_mass, k) in {UPPER: ("3.2", 1), LOWER: ("1.2", 2)}.items():
+        factor = (densities * 3)[k % len(densities)] * VOLUMES[link_mass] / float(link_mass)
+        scaled = re.sub(r'"([\d.]+)"', lambda found, factor=factor: f'"{float(found[1]) * factor:.4g}"', moments)
+        text = changed(moments, scaled, text)
+    return text
+
+
 # the mistake: check, severity, link or joint, its number (None: there is none), the arm with the mistake
 MISTAKES = {
     "inertia beyond a plate's": (
@@ -128,6 +144,15 @@ MISTAKES = {
     ),
     "lead in grams": ("density", "warning", "left_upper", 3200 / VOLUME, mass_of("3.2", "3200")),
     "dense": ("density", "note", "left_upper", 39 / VOLUME, mass_of("3.2", "39")),
+    "an arm of steel": (
+        *("uniform_density", "warning", "base left_upper left_lower", 7850.0),
+        made_of(7850.0),
+    ),
+    "an arm of several steels": (
+        *("uniform_density", "warning", "base left_upper left_lower", 7200.0),
+        made_of(7200.0, 8000.0, 7800.0),
+    ),
+    "an arm of water": ("uniform_density", "note", "base left_upper left_lower", 1000.0, made_of(1000.0)),
     "another frame": (
         *("centre_of_mass", "warning", "left_upper", 0.2),
         changed('<origin xyz="0.2 0 0"/><mass', '<origin xyz="0.6 0 0"/><mass'),

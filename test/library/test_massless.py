@@ -10,6 +10,7 @@ import diag_dynamics as dd
 import robots
 from accuracy import assert_close, norm, tolerance
 from derivative_oracles import RateOracle
+from diag_dynamics.inspection import inspect_robot
 from laws import everything
 from oracles import Oracle
 from robots import description, in_other_units, joint, link
@@ -371,3 +372,25 @@ def test_empty(id):
     assert "<link" not in robots.robot(id).urdf
     with pytest.raises(dd.UrdfError, match="link"):
         dd.load_urdf(robots.robot_path(id), mimic="free")
+
+
+# --- Negative moments
+
+NEGATIVE = (-0.02, 0.0, 0.0, -0.03, 0.0, -0.04)
+
+
+@pytest.mark.parametrize("options", [{}, {"floating_base": True}])
+def test_negative_moments_are_named_before_d(options):
+    """They are the cause of an articulated inertia below zero."""
+    arm = (link("base", 1.0, inertia=(1, 0, 0, 1, 0, 1)), link("a", 1.0, inertia=NEGATIVE))
+    text = description("odd", *arm, joint("j", "revolute", "base", "a"))
+    with pytest.raises(dd.MasslessLinkError) as caught:
+        dd.load_urdf(text, **options)
+    message = str(caught.value)
+    assert "link 'a' has negative principal moments of inertia, -0.04, -0.03, -0.02 kg m²" in message
+    assert message.index("negative principal moments") < message.index("D = ")
+    assert caught.value.joints == ("j",) and "locked_joints" not in message
+    first, second, *_ = inspect_robot(text, **options).findings
+    assert first.links == ("a",) and "negative principal moments" in first.what
+    assert first.values["a"] == pytest.approx(-0.04) and first.severity == second.severity == "error"
+    assert "with D" in second.what
