@@ -14,10 +14,7 @@ from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.inspection.findings import Finding
 from diag_dynamics.inspection.subject import Subject, about_joints, about_links, named
 from diag_dynamics.model.meshes import find_mesh
-from diag_dynamics.model.remarks import Remark
-
-TURNS = 20.0
-"""Angle that limits stay below [rad]: three turns, which cables allow; the same number in degrees is no range of a joint."""
+from diag_dynamics.model.remarks import TURNS, Remark
 
 TRAVEL = 10.0
 """Length that limits of a slide stay below [m]: a number in mm is above."""

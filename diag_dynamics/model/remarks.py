@@ -54,6 +54,12 @@ ROTOR = ("armature", "rotor_inertia", "motor_inertia")
 ANGLE = 2.0 * math.pi + 1e-3
 """Largest angle of an origin or a mimic offset [rad]: a full turn, rounded."""
 
+TURNS = 20.0
+"""Limit of revolute joints [rad]: three turns, which cables allow; the same number in degrees is no range of a joint."""
+
+PLACEHOLDER = 1000.0
+"""Limit of revolute joints [rad] that stands for none, in no unit."""
+
 LENGTH = 1e-2
 """Difference of a quaternion's length from 1 beyond rounding."""
 
@@ -114,6 +120,19 @@ def remarks_of(robot: Any) -> list[Remark]:
     if (robot.get("version") or "1.0").strip() == "1.0" and _has_quaternion(robot):
         what = "quat_xyzw in a URDF of version 1.0: read here, ignored by urdfdom"
         remarks.append(Remark("robot", robot.get("name") or "robot", what, 'Give <robot version="1.1">.'))
+    return remarks
+
+
+def limits_in_degrees(robot: Any) -> list[Remark]:
+    """Position limits of revolute joints beyond three turns; inspect has a check of limits instead."""
+    remarks = []
+    for joint in robot.iterfind("joint[@type='revolute']"):
+        limit = joint.find("limit")
+        values = [] if limit is None else [floats(limit.get(name), 1) or [0.0] for name in ("lower", "upper")]
+        largest = max((value for (value,) in values), key=abs, default=0.0)
+        if TURNS < abs(largest) < PLACEHOLDER:
+            what, remedy = "<limit> is beyond three turns", "Is it in degrees? URDF has radians."
+            remarks.append(Remark("joint", joint.get("name") or "", what, remedy, largest, "rad"))
     return remarks
 
 

@@ -36,7 +36,7 @@ from diag_dynamics.model.options import (
     warn_of_inertias,
 )
 from diag_dynamics.model.parameters import Parameters, of_joints, perturbed_links, refuse_too_light, robot_with
-from diag_dynamics.model.remarks import remarks_of, warning_of
+from diag_dynamics.model.remarks import limits_in_degrees, remarks_of, warning_of
 from diag_dynamics.model.sources import folder_of, urdf_text
 from diag_dynamics.model.transmissions import reflected_inertias
 from diag_dynamics.model.tree import Tree
@@ -492,7 +492,7 @@ def load_urdf(
     beside = Parameters() if parameters is None else _parameters(parameters)
     robot = robot_with(robot, beside)
     rotors, left_out = reflected_inertias(element)
-    if mistakes := warning_of(robot.name, [*remarks_of(element), *left_out]):
+    if mistakes := warning_of(robot.name, [*remarks_of(element), *limits_in_degrees(element), *left_out]):
         warn(mistakes)
     warn_of_inertias(robot, found.said(robot.name) if found else "", _lighter(beside))
     if friction_velocity is None:

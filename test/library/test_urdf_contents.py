@@ -190,6 +190,19 @@ def test_mistakes_are_named(case):
     assert findings and all(finding.severity == "warning" and finding.remedy for finding in findings)
 
 
+def test_limits_in_degrees_are_named():
+    """Multi-turn joints and placeholders are no degrees."""
+    for lower, upper in ((-170, 170), (0, -90), (-30, 0)):
+        text = changed(LIMIT, f'<limit lower="{min(lower, upper)}" upper="{max(lower, upper)}"/>')
+        with pytest.warns(dd.ModelWarning, match=r"joint 'shoulder' \(-?\d+ rad\): <limit> is beyond three turns"):
+            dd.load_urdf(text)
+        assert inspect_robot(text).checks["position_limits"] == "warning"
+    for lower, upper in ((-12.57, 12.57), (-1e16, 1e16), (-999999, 999999)):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            dd.load_urdf(changed(LIMIT, f'<limit lower="{lower}" upper="{upper}"/>'))
+
+
 @pytest.mark.parametrize("case", NO_MISTAKES)
 def test_no_mistakes_are_named(case):
     with warnings.catch_warnings():
