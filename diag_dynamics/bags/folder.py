@@ -97,7 +97,7 @@ class BagFolder(Bag):
             names = names or self._names(lambda name: begins_as_bag(self.path / name))
             if not names:
                 has = f"no {METADATA} and no" if listed is None else f"a {METADATA} that lists no files, and no"
-                raise InputError(f"'{self.name}' has {has} bags in it; there are {KNOWN}.")
+                raise InputError(f"'{self.name}' has {has} bags in it; there are {KNOWN}.{self._inner()}")
             if listed is not None:
                 self.find(f": {METADATA} lists no files. All bags in it are read, in the order of their names.")
             return [self.path / name for name in names]
@@ -123,6 +123,11 @@ class BagFolder(Bag):
             )
         except OSError as error:
             raise InputError(f"'{self.name}' cannot be read: {error.strerror}.") from error
+
+    def _inner(self):
+        """A sentence with the folders in this one that are bags; empty without any."""
+        names = sorted(path.parent.name for path in self.path.glob(f"*/{METADATA}"))
+        return f" Is one of its folders meant: {', '.join(names[:8])}?" if names else ""
 
     def _stored(self, name):
         """Name of a listed file as it is in the folder, compressed or not; None if it is not there."""

@@ -41,8 +41,8 @@ def ros1_type(name, definition, md5):
     name : str
         Such as ``sensor_msgs/msg/JointState``.
     definition : str
-        As the file has it. Types that it lacks are those of ROS Noetic; where it is empty, this is so of the type itself,
-        if the MD5 sums agree.
+        As the file has it. Types that it lacks are those of ROS Noetic. Where it is empty or cannot be parsed, the type
+        itself is that of ROS Noetic if the MD5 sums agree.
     md5 : str
         MD5 sum of the definition, empty or ``*`` if the file has none.
 
@@ -52,28 +52,24 @@ def ros1_type(name, definition, md5):
         The definition cannot be parsed, or it is empty and the type is not one of ROS Noetic.
     """
     typesys = extra("rosbags.typesys")
-    noetic = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
-    try:
-        types = {}
-        for known in (_HEADER, name):
-            if known in noetic.types:
-                text, expected = noetic.generate_msgdef(known, ros_version=1)
-                types |= typesys.get_types_from_msg(text, known)
-        if definition.strip():
-            types |= typesys.get_types_from_msg(definition, name)
-        elif name not in types:
+    noetic, types, expected = typesys.get_typestore(typesys.Stores.ROS1_NOETIC), {}, None
+    for known in (_HEADER, name):
+        if known in noetic.types:
+            text, expected = noetic.generate_msgdef(known, ros_version=1)
+            types |= typesys.get_types_from_msg(text, known)
+    if not definition.strip():
+        if name not in types:
             raise UnknownTypeError("its definition is empty, and the type is not one of ROS Noetic")
-        elif md5 not in ("", "*", expected):
+        if md5 not in ("", "*", expected):
             raise UnknownTypeError(f"its definition is empty, and its MD5 sum is {md5}; expected {expected}")
-        constants, fields = types[_HEADER]
-        types[_HEADER] = constants, [field for field in fields if field[0] != "seq"]
-        store = typesys.get_typestore(typesys.Stores.EMPTY)
-        store.register(types)
-        text = store.generate_msgdef(name, ros_version=2)[0]
-    except UnknownTypeError:
-        raise
+        definition = text
+    try:
+        store, text = _store(typesys, types, name, definition)
     except Exception as error:  # a definition may be anything, and the library checks little
-        raise UnknownTypeError(str(error).rstrip(".") or type(error).__name__) from error
+        if name not in types or md5 != expected:
+            why = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
+            raise UnknownTypeError(why) from error
+        store, text = _store(typesys, types, name, text)
 
     def convert(raw):
         try:
@@ -82,6 +78,15 @@ def ros1_type(name, definition, md5):
             return None
 
     return Ros1Type(text, convert)
+
+
+def _store(typesys, types, name, definition):
+    """Type store of a definition, and of types that it lacks, without `seq` in headers; and the definition of ROS 2."""
+    types = types | typesys.get_types_from_msg(definition.replace("\r\n", "\n"), name)
+    constants, fields = types[_HEADER]
+    store = typesys.get_typestore(typesys.Stores.EMPTY)
+    store.register(types | {_HEADER: (constants, [field for field in fields if field[0] != "seq"])})
+    return store, store.generate_msgdef(name, ros_version=2)[0]
 
 
 def converted(messages, converters):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from diag_dynamics.bags.folder import METADATA
 from diag_dynamics.bags.opening import open_bag
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.single_joints import single_joints
@@ -79,6 +80,8 @@ def source_of(path, columns=None, topic=None, joint_names=None):
     if not path.exists():
         near = get_close_matches(path.name, os.listdir(path.parent) if path.parent.is_dir() else [], n=1)
         raise InputError(f"there is no file or folder '{path}'.{f' Is {near[0]!r} meant?' if near else ''}")
+    if path.name == METADATA:
+        path = path.parent
     if not _is_bag(path):
         return TableSource(path, wanted, names)
     for key, value in wanted._asdict().items():

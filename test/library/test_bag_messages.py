@@ -52,6 +52,8 @@ ROS1_DEFINITIONS = {
     "whole": definitions_of_ros1(JOINT_STATE),
     "without its header": {"sensor_msgs/JointState": TEXT},
     "empty": {},
+    "of Windows": {"sensor_msgs/JointState": TEXT.replace("\n", "\r\n")},
+    "not understood": {"sensor_msgs/JointState": "what is this?!"},
 }
 MD5 = NOETIC.generate_msgdef(JOINT_STATE, ros_version=1)[1]
 
@@ -166,6 +168,22 @@ def test_ros1_without_definitions(tmp_path, md5):
         for one in of_ros1(numbered(30)):
             writer.write(connection, one.log_time, one.data)
     assert read(path) == (list(range(30)), [])
+
+
+def test_types_of_ros1_that_are_not_understood(tmp_path):
+    path = tmp_path / "x.bag"
+    with rosbag1.Writer(path) as writer:
+        odd = writer.add_connection("/odd", JOINT_STATE, msgdef="what is this?!", md5sum="0" * 32)
+        short = writer.add_connection("/a", JOINT_STATE, typestore=NOETIC)
+        writer.write(odd, 1, b"raw")
+        writer.write(short, 2, b"short")
+    with pytest.raises(dd.InputError, match=r"encoded as 'ros1'.* the type of topic '/odd' is not understood"):
+        dd.read_recording(path, arm("a"), topic="/odd")
+    recording = dd.read_recording(path, arm("a"), topic="/a")
+    assert len(recording) == 0
+    assert [one.text.split(": ")[-1] for one in recording.findings if one.cause == "unread"] == [
+        "1 messages of '/a' are not of its type"
+    ]
 
 
 # --- Several topics of one robot ---

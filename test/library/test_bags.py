@@ -30,7 +30,6 @@ from bags import (
     NO_CHUNKS,
     NO_INDEX,
     NO_MESSAGES,
-    NOETIC,
     PLAIN,
     SQLITE,
     TEXT,
@@ -252,6 +251,15 @@ def test_metadata_that_lists_no_files(tmp_path):
     (folder / "recording").unlink()
     with pytest.raises(dd.InputError, match=r"has a metadata\.yaml that lists no files, and no bags in it"):
         dd.read_recording(folder, arm("a"))
+
+
+def test_paths_beside_a_folder(tmp_path):
+    """Its metadata.yaml is read as the folder; a folder of folders has their names in the error."""
+    for name in ("monday", "tuesday"):
+        folder = write_rosbag2(tmp_path / name, numbered(20))
+    assert read(folder / "metadata.yaml") == (list(range(20)), [])
+    with pytest.raises(dd.InputError, match=r"no bags in it.* Is one of its folders meant: monday, tuesday\?"):
+        dd.read_recording(tmp_path, arm("a"))
 
 
 def test_kinds_are_known_by_content(tmp_path):
@@ -584,19 +592,3 @@ def test_a_damaged_chunk_of_ros1(tmp_path):
     (lost,) = unread(findings)
     assert 200 < len(numbers) < 300
     assert "chunk at byte " in lost and lost.endswith(f": {300 - len(numbers)} messages")
-
-
-def test_types_of_ros1_that_are_not_understood(tmp_path):
-    path = tmp_path / "x.bag"
-    with rosbag1.Writer(path) as writer:
-        odd = writer.add_connection("/odd", JOINT_STATE, msgdef="what is this?!", md5sum="0" * 32)
-        short = writer.add_connection("/a", JOINT_STATE, typestore=NOETIC)
-        writer.write(odd, 1, b"raw")
-        writer.write(short, 2, b"short")
-    with pytest.raises(dd.InputError, match=r"encoded as 'ros1'.* the type of topic '/odd' is not understood"):
-        dd.read_recording(path, arm("a"), topic="/odd")
-    recording = dd.read_recording(path, arm("a"), topic="/a")
-    assert len(recording) == 0
-    assert [one.text.split(": ")[-1] for one in recording.findings if one.cause == "unread"] == [
-        "1 messages of '/a' are not of its type"
-    ]
