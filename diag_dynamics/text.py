@@ -1,9 +1,13 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Text that others have written, such as the names of joints, made safe to show: on terminals, in logs, in files."""
+"""Text for people: names of joints without control characters, numbers, and lengths of time."""
 
+import math
 import unicodedata
+
+UNKNOWN = "-"
+"""Text of an unknown number."""
 
 _HIDDEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 """Categories of characters that act instead of being seen: controls, formats (those that turn the direction of writing among
@@ -38,3 +42,48 @@ def plain(text: str) -> str:
         Of one line.
     """
     return text if text.isprintable() else text.translate(_ESCAPES)
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Return a number with so many significant digits, as the page shows it (web/src/format.js), in ASCII.
+
+    Parameters
+    ----------
+    value : float
+    digits : int
+
+    Returns
+    -------
+    str
+        :data:`UNKNOWN` for NaN and infinity; with an exponent from 10⁵ on and below 10⁻³.
+    """
+    if not math.isfinite(value):
+        return UNKNOWN
+    if value == 0.0:
+        return "0"
+    size = abs(value)
+    if size >= 1e5 or size < 1e-3:
+        mantissa, exponent = f"{value:.{max(0, digits - 2)}e}".split("e")
+        return f"{mantissa}e{int(exponent)}"
+    decimals = max(0, digits - 1 - math.floor(math.log10(size)))
+    return f"{value:.{min(decimals, digits + 1)}f}"
+
+
+def duration(seconds: float) -> str:
+    """Return a length of time with its unit: ms, s, min or h, as the page shows it.
+
+    Parameters
+    ----------
+    seconds : float
+        [s].
+    """
+    if not math.isfinite(seconds):
+        return UNKNOWN
+    if seconds < -1e-6:
+        return f"-{duration(-seconds)}"
+    if seconds < 1e-6:
+        return "0 ms"
+    for below, factor, unit, digits in ((1.0, 1e3, "ms", 2), (120.0, 1.0, "s", 3), (7200.0, 1.0 / 60.0, "min", 3)):
+        if seconds < below:
+            return f"{number(factor * seconds, digits)} {unit}"
+    return f"{number(seconds / 3600.0)} h"

@@ -178,7 +178,7 @@ def payload_certainty(layout, fit, payload):
     told["inertia_known"] = (
         "its inertia is known to 20 to 50 % only"
         if relative <= ROUGHLY
-        else "its inertia is not known from this motion: what stands there is that of a ball"
+        else "its inertia is not known from this motion: the value depends on the sphere that the fit assumes"
     )
     return told
 

@@ -13,6 +13,7 @@ from diag_dynamics.arrays import Array, PointLike, VectorLike
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.model import RobotModel, end_effector_link
 from diag_dynamics.plot.drawing import COLOURS, GREY, axes_or_new, name
+from diag_dynamics.text import number
 
 LARGEST = 0.25
 """Length of the longest half axis, as a part of the robot's size in the plot."""
@@ -75,15 +76,15 @@ def ellipsoid(
         if root > 0.0:
             half = scale * root * direction
             axes.plot(*np.stack([centre - half, centre + half]).T, color=COLOURS[3], linewidth=1)
-            axes.text(*(centre + 1.15 * half), f"{1.0 / root**2:.3g} kg", fontsize="small", ha="center")
+            axes.text(*(centre + 1.15 * half), f"{number(1.0 / root**2)} kg", fontsize="small", ha="center")
     title = f"{name(model.name)}, {name(link)}: JM⁻¹Jᵀ"
     if qd is not None:
         v = dynamics.link_velocity(q, qd, link, point, frame="world")[:3]
         speed = float(np.linalg.norm(v))
-        title += f"; |v| = {speed:.3g} m/s"
+        title += f"; |v| = {number(speed)} m/s"
         if speed > 0.0:
             mass = dynamics.reflected_mass(q, link, v, point, "world")
-            title += f", mass along v {mass:.3g} kg"
+            title += f", mass along v {number(mass)} kg"
             axes.quiver(*centre, *(v * 1.6 * LARGEST * size / speed), color=COLOURS[1], linewidth=2.2)
     _equal(axes, np.vstack([everything, centre + LARGEST * size * np.array([[1, 1, 1], [-1, -1, -1]])]))
     axes.set_title(title, fontsize="medium", loc="left")

@@ -25,6 +25,7 @@ from diag_dynamics.plot.drawing import (
 from diag_dynamics.plot.given import shares_of
 from diag_dynamics.recordings.recording import Recording
 from diag_dynamics.results import BatchEvaluation, Evaluation
+from diag_dynamics.text import duration, number
 from diag_dynamics.views.parts import oscillates, parts_of
 
 ROWS = 30
@@ -65,7 +66,7 @@ def energy(of: Recording | BatchEvaluation, t: VectorLike | None = None, ax: Any
         axes.fill_between(
             times, energies.sum(axis=1), largest, color=GREY, alpha=0.18, linewidth=0, label="maximum of K"
         )
-        label += f", mean of {means.length:.2g} s"
+        label += f", mean of {duration(means.length)}"
     else:
         drawn = largest_of_bins(total)
         times, energies = parted(times[drawn], found.energy[drawn])
@@ -135,7 +136,9 @@ def shares(of: Recording | Evaluation, ax: Any = None) -> Any:
     axes.invert_yaxis()
     axes.set_xlabel("energy share ½ν² [J]" + ("" if one else "; in percent: part of the mean of K"))
     title = (
-        f"K = {total:.3g} J" if one else f"K = {total:.3g} J on average, at most {found.energy.sum(axis=1).max():.3g} J"
+        f"K = {number(total)} J"
+        if one
+        else f"K = {number(total)} J on average, at most {number(found.energy.sum(axis=1).max())} J"
     )
     axes.set_title(f"{name(found.model.name)}: {title}", fontsize="medium", loc="left")
     tidy(axes)

@@ -289,7 +289,7 @@ def _about_collisions(summary):
     norm, torque = peaks["residual_norm"], peaks["external_torque"]
     lines = [
         "",
-        f"External torque (observer of gain {observer['gain']:g}/s): at most {torque['value']:.4g} N m or N at "
+        f"External torque (observer of {_gain_in_words(observer)}): at most {torque['value']:.4g} N m or N at "
         f"{torque['of']}, {_after(summary, torque['at'])}; |r| at most {norm['value']:.4g} J^0.5/s",
     ]
     found = summary["collisions"]
@@ -306,6 +306,12 @@ def _about_collisions(summary):
         for one in found
     ]
     return [*lines, *says, *_some(told, "more")]
+
+
+def _gain_in_words(observer):
+    """Return the gain, and why it is not the parameter's."""
+    why = " because external_torque.gain is not set" if "external_torque.gain" in observer["missing"] else ""
+    return f"gain {observer['gain']:g}/s{why}"
 
 
 def _some(texts, more):

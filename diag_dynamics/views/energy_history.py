@@ -7,7 +7,7 @@ from array import array
 
 import numpy as np
 
-from diag_dynamics.text import plain
+from diag_dynamics.text import duration, number, plain
 from diag_dynamics.views.parts import oscillates, parts_of
 
 PALETTE = (
@@ -93,15 +93,17 @@ class EnergyHistory:
         mean = shares.mean(axis=0)
         most = np.argsort(mean)[::-1][:3]
         parts = ", ".join(f"{plain(self.names[k])} {100 * mean[k] / max(mean.sum(), 1e-300):.0f} %" for k in most)
+        median, late = np.quantile(latency, (0.5, 0.99))
         lines = [
-            f"{self.count} states in {span:.1f} s ({(self.count - 1) / span:.0f} Hz), "
-            f"latency {1e3 * np.median(latency):.2f} ms median, {1e3 * np.quantile(latency, 0.99):.2f} ms 99 %",
-            f"kinetic energy {total.min():.3g} … {total.max():.3g} J, mean {total.mean():.3g} J",
+            f"{self.count} states in {duration(span)} ({(self.count - 1) / span:.0f} Hz), "
+            f"latency {duration(median)} median, {duration(late)} 99 %",
+            f"kinetic energy {number(total.min())} … {number(total.max())} J, mean {number(total.mean())} J",
             f"most of it: {parts}",
-            f"largest |νᵀC| / (|ν||C|): {np.nanmax(work_rate):.1e}",
+            f"largest |νᵀC| / (|ν||C|): {number(np.nanmax(work_rate))}",
         ]
         if np.isfinite(power).any():
-            lines.append(f"net power of efforts and gravity {np.nanmin(power):.3g} … {np.nanmax(power):.3g} W")
+            lowest, highest = number(np.nanmin(power)), number(np.nanmax(power))
+            lines.append(f"net power of efforts and gravity {lowest} … {highest} W")
         return lines
 
     def picture(self, path, title):
@@ -127,7 +129,7 @@ class EnergyHistory:
                 means.time, totals.mean[:, 0], totals.maximum[:, 0], color=BAND, linewidth=0, label="maximum of K"
             )
             below.fill_between(means.time, means.minimum[:, 0], means.maximum[:, 0], color=BAND, linewidth=0)
-            label += f",\nmean of {means.length:.2g} s"
+            label += f",\nmean of {duration(means.length)}"
             time, power, shares = means.time, means.mean[:, 0], means.mean[:, 1:]
         else:
             thin = slice(None, None, max(1, len(samples) // 3000))

@@ -121,7 +121,7 @@ class PushHistory:
         )
         norm.set_ylim(0.0, 1.35 * max(self.threshold, seen[:, 1].max()))
         _strip(norm, seen_time, seen[:, 2], "#e8998d", "collision")
-        norm.set_ylabel("external torque |r| [J$^{1/2}$/s]")
+        norm.set_ylabel("external torque |r| [J^½/s]")
         way.plot(time, 1e3 * moments[:, 3], color="#3d7a4a", linewidth=1.5, label="displacement")
         way.set_ylim(bottom=0.0)
         way.set_ylabel("hand off its place [mm]")

@@ -10,7 +10,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from diag_dynamics.text import plain
+from diag_dynamics.text import duration, number, plain
 from diag_dynamics.views.energy_history import PALETTE
 
 _LEVELS = "▁▂▃▄▅▆▇█"
@@ -69,7 +69,7 @@ def energy_panel(robot, history, height, width, silent=0.0, waiting=""):
             _shares(history.names, samples[:, 4:], shares, total, height - 9, width),
         ),
         title=Text(plain(robot), style="bold"),
-        subtitle=f"[bold red]no state for {silent:.0f} s[/]" if silent > 1.0 else "[dim]Ctrl-C ends[/]",
+        subtitle=f"[bold red]no state for {duration(silent)}[/]" if silent > 1.0 else "[dim]Ctrl-C ends[/]",
         border_style="red" if silent > 1.0 else "none",
         padding=(1, 2),
         width=width,
@@ -78,18 +78,19 @@ def energy_panel(robot, history, height, width, silent=0.0, waiting=""):
 
 def _headline(samples, last, total, rate, width):
     power, work_rate, narrow = last[-1, 1], np.nanmax(last[:, 2], initial=0.0), width < NARROW
-    latency, late = 1e3 * np.quantile(last[:, 3], (0.5, 0.99))
+    latency, late = np.quantile(last[:, 3], (0.5, 0.99))
     table = Table.grid(padding=(0, 1 if narrow else 2))
     table.add_column(style="dim")
     table.add_column(justify="left")
     energy = samples[:, 4:].sum(axis=1)
-    peak = f"  [cyan]{sparkline(energy, max(10, width - 66))}[/]  [dim]peak {energy.max():.3g} J in {WINDOW:.0f} s[/]"
-    table.add_row("K" if narrow else "kinetic energy", f"[bold]{total:9.4f} J[/]{'' if narrow else peak}")
-    known = f"{power:+9.4f} W" if np.isfinite(power) else "  unknown" if narrow else "  unknown: no efforts"
+    peak = (
+        f"  [cyan]{sparkline(energy, max(10, width - 66))}[/]  [dim]peak {number(energy.max())} J in {WINDOW:.0f} s[/]"
+    )
+    table.add_row("K" if narrow else "kinetic energy", f"[bold]{number(total):>9} J[/]{'' if narrow else peak}")
+    known = f"{number(power):>9} W" if np.isfinite(power) else "  unknown" if narrow else "  unknown: no efforts"
     table.add_row("power" if narrow else "net power νᵀ(ε − ε_g)", f"[bold]{known}[/]")
-    table.add_row("|νᵀC|/|ν||C|", f"{work_rate:9.1e}{'' if narrow else '    [dim]Coriolis does no work[/]'}")
-    short = f" {latency:.1f} ms" if latency < 9.95 else f" {latency:.0f} ms"
-    late = short if narrow else f"   latency {latency:.2f} ms, 99 % {late:.2f} ms"
+    table.add_row("|νᵀC|/|ν||C|", f"{number(work_rate):>9}{'' if narrow else '    [dim]Coriolis does no work[/]'}")
+    late = f" {duration(latency)}" if narrow else f"   latency {duration(latency)}, 99 % {duration(late)}"
     table.add_row("states", f"{rate:9.0f} Hz{late}")
     return table
 
@@ -111,8 +112,8 @@ def _shares(names, recent, shares, total, rows, width):
         name, percent = plain(names[k]), f"{100 * part:3.0f} %"
         if narrow:
             name, percent = name if len(name) <= LONGEST else f"…{name[1 - LONGEST :]}", ""
-        table.add_row(Text(name), bar, f"{shares[k]:.4f} J", percent)
+        table.add_row(Text(name), bar, f"{number(shares[k])} J", percent)
     if len(kept) < len(names):
         others = total - sum(shares[k] for k in kept)
-        table.add_row(f"{len(names) - len(kept)} others", "", f"{others:.4f} J", "")
+        table.add_row(f"{len(names) - len(kept)} others", "", f"{number(others)} J", "")
     return table

@@ -220,6 +220,7 @@ def test_contacts_of_which_nothing_is_known(recording, capsys, given, efforts, m
     said = " ".join(capsys.readouterr().out.split())
     assert "0 collisions" not in said
     assert all(word in said for word in ("Nothing is known of contacts", *words)), said
+    assert ("gain 25/s because external_torque.gain is not set" in said) == (GAIN in missing)
 
 
 def test_states_without_an_effort_are_counted(recording):

@@ -4,6 +4,7 @@
 """Names from files and messages: shown without any character that acts on a terminal, a log or a picture."""
 
 import io
+import math
 import pickle
 import unicodedata
 import warnings
@@ -17,7 +18,7 @@ from rich.console import Console
 
 import diag_dynamics as dd
 from diag_dynamics.assembly.rejected import RejectedError
-from diag_dynamics.text import plain
+from diag_dynamics.text import duration, number, plain
 from diag_dynamics.views.energy_history import EnergyHistory
 from diag_dynamics.views.push_history import Moment, PushHistory, Seen
 from diag_dynamics.views.terminal import energy_panel
@@ -115,6 +116,30 @@ def test_names_of_a_model():
     assert shown.splitlines()[0].isprintable()
 
 
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        *((math.nan, "-"), (math.inf, "-"), (0.0, "0"), (-0.0, "0"), (1.0, "1.00"), (-1.0, "-1.00"), (12.34, "12.3")),
+        *((1234.6, "1235"), (0.12345, "0.123"), (0.00123, "0.0012"), (99999.0, "99999"), (1e5, "1.0e5")),
+        *((-1e300, "-1.0e300"), (1e-4, "1.0e-4"), (5e-324, "4.9e-324")),
+    ],
+)
+def test_numbers_are_those_of_the_page(value, expected):
+    """Terminal views and plots have the rows of web/test/format.test.js, in ASCII."""
+    assert number(value) == expected
+
+
+@pytest.mark.parametrize(
+    ("seconds", "expected"),
+    [
+        *((math.nan, "-"), (0.0, "0 ms"), (1e-3, "1.0 ms"), (0.25, "250 ms"), (1.0, "1.00 s"), (90.0, "90.0 s")),
+        *((120.0, "2.00 min"), (10800.0, "3.00 h"), (-0.0038, "-3.8 ms")),
+    ],
+)
+def test_lengths_of_time_are_those_of_the_page(seconds, expected):
+    assert duration(seconds) == expected
+
+
 # --- Views
 
 NAMES = [FORGED, "\x1b[31mred", "[red]wrist[/]", "[/nothing]", r"$\frac", "a\x9b2J", "\u202etip"]
@@ -155,9 +180,9 @@ def test_terminal_view_fits(width, count):
     assert "Ctrl-C ends" in lines[-1]
     assert "others" in lines[-3] if count > height - 9 else f"{count - 1}_joint" in lines[-3]
     text = "\n".join(lines)
-    assert "123.4567 W" in text and "3.0e-16" in text and " Hz" in text
+    assert "123 W" in text and "3.0e-16" in text and " Hz" in text
     assert width > 40 or " Hz 1.0 ms " in text
-    assert "no state for 3 s" in panel(history(names=names), width, height, silent=3.0)[-1]
+    assert "no state for 3.00 s" in panel(history(names=names), width, height, silent=3.0)[-1]
 
 
 def test_summaries_and_pictures(tmp_path):

@@ -113,8 +113,8 @@ def test_limits_alarms_and_silence():
         assert f"\x1b[1;{code}m" in rows[name] and part in rows[name]
     shown[0].alarm, shown[0].silent = "collision: joint_2", 4.2
     text = "".join(frame(shown, Choices(), 80, 24))
-    assert "\x1b[1;31mALARM collision: joint_2" in text and "no state for 4 s" in text
-    assert line_of(shown[0]) == "/robot_0: no state for 4 s"
+    assert "\x1b[1;31mALARM collision: joint_2" in text and "no state for 4.20 s" in text
+    assert line_of(shown[0]) == "/robot_0: no state for 4.20 s"
     shown[0].silent = 0.0
     line = line_of(shown[0])
     assert line.startswith("/robot_0: K ") and line.isascii()
@@ -377,7 +377,7 @@ def test_a_plot_of_a_long_time_has_means_and_the_largest_energy():
     assert len(at) == 100 and np.mean(K) == pytest.approx(s.kinetic_energy.mean(), rel=1e-6)
     (band,) = [one for one in axes.collections if one.get_label() == "maximum of K"]
     assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(s.kinetic_energy.max())
-    assert "mean of 6 s" in axes.get_ylabel()
+    assert "mean of 6.00 s" in axes.get_ylabel()
 
 
 def test_shares_of_one_state_and_of_many(recording, dyn, panda):

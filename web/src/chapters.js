@@ -15,13 +15,15 @@ const card = (id, title, ...children) => el("section", { class: "card words", id
 const line = (label, ...value) => el("div", {}, el("dt", {}, ...(typeof label === "string" ? breakable(label) : [label])), el("dd", {}, ...value));
 const at = (t, act) => el("button", { class: "link", text: `${t.toFixed(3)} s`, onclick: () => act.go(t) });
 
+const GAIN = "external_torque.gain";
+
 const PEAKS = {
   kinetic_energy: ["K", "J"],
   energy_share: ["share ½ν²", "J"],
   velocity: ["velocity", "rad/s", "m/s"],
   effort: ["joint torque", "N m", "N"],
   external_torque: ["external torque", "N m", "N"],
-  residual_norm: ["|r|", "√J/s"],
+  residual_norm: ["|r|", "J^½/s"],
 };
 
 // Unit of a peak: of a joint that turns, or of one that slides.
@@ -52,13 +54,14 @@ function contacts({ summary, begin, without_full_rate: without }, act) {
     return line(
       el("button", { class: "link", text: `${start.toFixed(3)} s`, title: "show the largest |r|", onclick: () => act.see(start, end) }),
       `${span(end - start)}, `,
-      ...breakable(one.told ?? `|r| ${quantity(one.norm, "√J/s")} at ${one.joints.join(", ")}`),
+      ...breakable(one.told ?? `|r| ${quantity(one.norm, "J^½/s")} at ${one.joints.join(", ")}`),
     );
   });
   const known = !observer.missing.length && observer.observed > 0;
-  const judged = observer.judged.length ? `thresholds of ${observer.judged.length} detectors` : `|r| above ${quantity(observer.threshold, "√J/s")}`;
-  const texts = known ? [`By ${judged}; observer of gain ${quantity(observer.gain, "1/s")}.`] : [];
+  const judged = observer.judged.length ? `thresholds of ${observer.judged.length} detectors` : `|r| above ${quantity(observer.threshold, "J^½/s")}`;
+  const texts = known ? [`By ${judged}; observer of gain ${number(observer.gain)}/s.`] : [];
   if (observer.says) texts.push(observer.says);
+  if (observer.missing.includes(GAIN) && observer.observed) texts.push(`The gain of the observer is ${number(observer.gain)}/s because ${GAIN} is not set.`);
   if (without) texts.push(`There was no room for every state around ${without} of the weakest.`);
   const count = collisions.length === 1 ? "1 contact" : `${collisions.length || "No"} contacts`;
   return card("contacts", known ? count : "Contacts: nothing known", ...texts.map((text) => el("p", {}, ...breakable(text))), el("dl", {}, ...rows));

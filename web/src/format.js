@@ -77,6 +77,7 @@ export function clock(t) {
 
 export function span(seconds) {
   if (!Number.isFinite(seconds)) return UNKNOWN;
+  if (seconds < -1e-6) return `−${span(-seconds)}`;
   if (seconds < 1e-6) return "0 ms";
   if (seconds < 1) return `${number(1000 * seconds, 2)} ms`;
   if (seconds < 120) return `${number(seconds, 3)} s`;

@@ -28,7 +28,7 @@ table("powerOfTen", powerOfTen, [
 table("percent", percent, [["50.0 %", 0.5], ["−5.0 %", -0.05], ["0 %", 0], ["100 %", 1], ["–", NaN], ["–", Infinity]]);
 table("span", span, [
   ["–", NaN], ["–", Infinity], ["0 ms", 0], ["1.0 ms", 1e-3], ["250 ms", 0.25], ["1.00 s", 1], ["90.0 s", 90],
-  ["2.00 min", 120], ["3.00 h", 10800],
+  ["2.00 min", 120], ["3.00 h", 10800], ["−3.8 ms", -0.0038],
 ]);
 table("shortened", shortened, [["abc", "abc", 3], ["ab…", "abcd", 3], ["a…", "a bcd", 3], ["", "", 3]]);
 table("statusName", statusName, [

@@ -23,7 +23,7 @@ from diag_dynamics.msg import DiagonalizedState
 from diag_dynamics.nodes.support.graph import NOT_YET_KNOWN, publishers, topics_of
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.runner import run
-from diag_dynamics.text import plain
+from diag_dynamics.text import duration, number, plain
 from diag_dynamics.views.energy_history import EnergyHistory
 from diag_dynamics.views.terminal import energy_panel
 
@@ -176,10 +176,10 @@ class EnergyView(Node):
             self._said = int(elapsed)
             last = self._history.recent(1.0)
             if time.monotonic() - self._received > 1.0:
-                self._console.print(f"{self._said:4d} s   no state for {time.monotonic() - self._received:.0f} s")
+                self._console.print(f"{self._said:4d} s   no state for {duration(time.monotonic() - self._received)}")
             else:
                 self._console.print(
-                    f"{self._said:4d} s   K = {last[-1, 4:].sum():8.4f} J   {len(last) - 1:4d} states/s"
+                    f"{self._said:4d} s   K = {number(last[-1, 4:].sum()):>8} J   {len(last) - 1:4d} states/s"
                 )
 
     def destroy_node(self):

@@ -46,20 +46,3 @@ def chart(values, most, height, fancy=True):
     cells = lit.reshape(height, 4, -1, 2)
     codes = 0x2800 + (cells * _DOTS[None, :, None, :]).sum(axis=(1, 3))
     return ["".join(map(chr, row)) for row in codes.tolist()]
-
-
-def number(value, width=8):
-    """A number in a few characters; a dash where it is not known."""
-    if value != value:
-        return "-".rjust(width)
-    size = abs(value)
-    if size >= 99999.5 or 0.0 < size < 5e-4:
-        text = f"{value:.1e}"
-    else:
-        text = f"{value:.3f}" if size < 9.9995 else f"{value:.2f}" if size < 99.995 else f"{value:.1f}"
-    return text.rjust(width)
-
-
-def short(value):
-    """A number with three digits that matter."""
-    return "-" if value != value else f"{value:.3g}"

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diag_dynamics.text import plain
+from diag_dynamics.text import duration, number, plain
 from diag_dynamics.views.top.choices import HELP, SORTS
-from diag_dynamics.views.top.drawing import chart, number, short, sparkline
+from diag_dynamics.views.top.drawing import chart, sparkline
 from diag_dynamics.views.top.history import RobotHistory
 from diag_dynamics.views.top.quantities import ENERGY, EXTERNAL, QUANTITIES
 
@@ -104,9 +104,9 @@ def frame(robots, choices, width, height, colours=True, fancy=True):
 def _title(robots, robot, choices, width, colours):
     silent = robot.history is not None and robot.silent > SILENT
     count = f" {choices.robot % len(robots) + 1}/{len(robots)}" if len(robots) > 1 else ""
-    said = f" no state for {robot.silent:.0f} s" if silent else ""
+    said = f" no state for {duration(robot.silent)}" if silent else ""
     if not said and robot.history is not None:
-        late = f"  {1e3 * robot.late:.1f} ms late" if width >= 60 and robot.late == robot.late else ""
+        late = f"  {duration(robot.late)} late" if width >= 60 and robot.late == robot.late else ""
         said = f" {robot.rate:.0f} Hz{late}"
     said += " PAUSED" if choices.paused else ""
     rest = f"{count}{said} "
@@ -129,15 +129,15 @@ def _robot(robot, choices, width, rows, colours, fancy):
 def _headlines(robot, width, colours):
     history, narrow = robot.history, width < 60
     peak = history.total_peak
-    parts = [("K ", DIM), (f"{number(history.total).strip()} J", BOLD), ("  peak ", DIM), (f"{short(peak)} J", PLAIN)]
+    parts = [("K ", DIM), (f"{number(history.total)} J", BOLD), ("  peak ", DIM), (f"{number(peak)} J", PLAIN)]
     if not narrow and peak > 0.0:
         parts.append((f" {history.newest - history.total_peak_at:.0f} s ago", DIM))
     if not narrow:
-        power = f"{short(robot.power)} W" if robot.power == robot.power else "unknown: no efforts"
+        power = f"{number(robot.power)} W" if robot.power == robot.power else "unknown: no efforts"
         parts += [("   net power ", DIM), (power, PLAIN)]
     lines = [_line(parts, width, colours)]
     if robot.torque[0] == robot.torque[0]:
-        parts = [("m r ", DIM), *_judged(robot.torque, "N m"), ("  r ", DIM), *_judged(robot.residual, "J^.5/s")]
+        parts = [("m r ", DIM), *_judged(robot.torque, "N m"), ("  r ", DIM), *_judged(robot.residual, "J^½/s")]
         lines.append(_line(parts, width, colours))
     if robot.refused:
         lines.append(_line([(f"{robot.refused} messages made no sense", NEAR)], width, colours))
@@ -149,8 +149,8 @@ def _headlines(robot, width, colours):
 def _judged(pair, unit):
     value, threshold = pair
     part = value / threshold
-    bound = f" of {short(threshold)}" if threshold < math.inf else ""
-    return [(f"{short(value)}{bound} {unit}", _colour(part, threshold < math.inf))]
+    bound = f" of {number(threshold)}" if threshold < math.inf else ""
+    return [(f"{number(value)}{bound} {unit}", _colour(part, threshold < math.inf))]
 
 
 def _colour(part, limited):
@@ -199,7 +199,7 @@ def _chart(robot, choices, width, rows, colours, fancy):
     lines = []
     drawn = chart(values, most, rows, fancy)
     for k, text in enumerate(drawn):
-        label = f"{short(most)} {unit}" if k == 0 else what if k == 1 and rows > 2 else "0" if k == rows - 1 else ""
+        label = f"{number(most)} {unit}" if k == 0 else what if k == 1 and rows > 2 else "0" if k == rows - 1 else ""
         lines.append(_line([(_cut(label, margin - 1).rjust(margin - 1) + " ", DIM), (text, shade)], width, colours))
     return lines
 
@@ -234,9 +234,9 @@ def _table(robot, choices, order, width, rows, colours, fancy, of):
         part = abs(value) / limit
         shade = _colour(part, math.isfinite(limit))
         parts = [(_padded(_cut(plain(history.names[k]), name_width, tail=True), name_width) + " ", PLAIN)]
-        parts.append((number(value), f"{BOLD};{shade}" if shade != BLUE else BOLD))
+        parts.append((number(value).rjust(8), f"{BOLD};{shade}" if shade != BLUE else BOLD))
         if wide:
-            parts.append((number(history.peak[q, k], 9), DIM))
+            parts.append((number(history.peak[q, k]).rjust(9), DIM))
         if ages:
             ago = history.newest - history.peak_at[q, k]
             parts.append(((f"{ago:.0f} s" if ago == ago else "-").rjust(8), DIM))
@@ -282,7 +282,7 @@ def _overview(robots, choices, width, rows, colours, fancy):
         spark = robot.history.recent_total(choices.window, max(left, 1))
         most = float(np.nanmax(spark)) if not np.isnan(spark).all() else 0.0
         mark = BOLD if k == choices.robot % len(robots) else PLAIN
-        numbers = f"{number(robot.history.total)} {number(robot.history.total_peak)} {robot.rate:5.0f}  "
+        numbers = f"{number(robot.history.total):>8} {number(robot.history.total_peak):>8} {robot.rate:5.0f}  "
         lines.append(
             _line([(name, mark), (numbers, shade), (sparkline(spark, most, fancy)[:left], shade)], width, colours)
         )
@@ -375,15 +375,15 @@ def line_of(shown):
     if history is None:
         return f"{shown.title}: {shown.waiting}"
     if shown.silent > SILENT:
-        return f"{shown.title}: no state for {shown.silent:.0f} s"
+        return f"{shown.title}: no state for {duration(shown.silent)}"
     shares = history.last[ENERGY]
-    most = [f"{history.names[k]} {short(shares[k])}" for k in np.argsort(shares)[::-1][:FEW]]
-    said = [f"{shown.title}: K {short(history.total)} J, peak {short(history.total_peak)}", f"{', '.join(most)} J"]
+    most = [f"{history.names[k]} {number(shares[k])}" for k in np.argsort(shares)[::-1][:FEW]]
+    said = [f"{shown.title}: K {number(history.total)} J, peak {number(history.total_peak)}", f"{', '.join(most)} J"]
     limits, values = history.limits[EXTERNAL], history.last[EXTERNAL]
     part = np.abs(values) / limits
     if np.isfinite(limits).any() and not np.isnan(part).all():
         k = int(np.nanargmax(part))
-        said.append(f"external {history.names[k]} {short(values[k])} of {short(limits[k])} N m")
+        said.append(f"external {history.names[k]} {number(values[k])} of {number(limits[k])} N m")
     said.append(f"{shown.rate:.0f} Hz")
     if shown.alarm:
         said.append(f"ALARM {shown.alarm}")
