@@ -64,6 +64,7 @@ class Judge:
     def __init__(self, model, friction):
         self._dynamics, self._friction = DiagonalDynamics(model), friction
         self._sums, self._balance = WindowSums(model.nv), Balance(model.dof_names)
+        self._balance.moved = True  # what does not move is not identified
         self._observer = Observer(self._dynamics, GAIN)
         self._torque, self._errors, self._kinetic = Moments(model.nv), Moments(model.nv), Moments()
 

@@ -58,7 +58,7 @@ class Efforts:
         self.relation = of = self._compared.relation()
         wrong = complaint(self._compared, of, tolerant)
         if wrong:
-            raise InputError(f"{wrong}.")
+            raise InputError(f"{wrong.text}.")
         if not of.judged().any():
             findings.append(Finding(NOT_JUDGED, 1, _not_judged(self._compared.model.dof_names, of)))
 

@@ -187,6 +187,8 @@ class Analysis:
         windows = self._windows.take(states, s)
         self.outcome.balance.take(windows)
         self.outcome.quality.take(states)
+        self.outcome.efforts.take(states.position[:, -self.model.nv :], states.effort)
+        self.outcome.motion.take(states)
         self._note(states, s, observed, judged)
         if self.outcome.touches and states.number:
             self._touch(states)

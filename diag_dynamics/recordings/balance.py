@@ -168,10 +168,15 @@ class Balance:
     ----------
     names : sequence of str
         Degrees of freedom.
+
+    Attributes
+    ----------
+    moved : bool or None
+        Whether any joint has moved; None where that is not known, and dK/dt must tell.
     """
 
     def __init__(self, names):
-        self._names = tuple(names)
+        self._names, self.moved = tuple(names), None
         self.kinetic, self.total, self.residual = Moments(), Moments(), Moments()
         self.effort, self.needed, self.weightless = Moments(), Moments(), Moments()
         self.joints = Moments(len(names))
@@ -203,9 +208,15 @@ class Balance:
         return self._share(self.total)
 
     def _share(self, moments):
-        if not is_judged(self.kinetic.count, self.kinetic.square):
+        if not self._is_judged():
             return None
         return explained_share(self.residual.variance, moments.variance)
+
+    def _is_judged(self):
+        """Return whether there are windows enough of a robot in motion, of any size."""
+        if self.moved is None:
+            return is_judged(self.kinetic.count, self.kinetic.square)
+        return self.moved and self.kinetic.count >= LEAST
 
     @property
     def residual_power(self):
@@ -221,17 +232,30 @@ class Balance:
             for name, square in zip(self._names, squares, strict=True)
         }
 
-    def judgement(self):
-        """What the balance says, in words, or why it says nothing."""
+    def cause(self):
+        """Return a likely cause by the powers of all joints together, in words; empty where they show none."""
+        names = "residual", "effort", "needed", "kinetic", "weightless"
+        return likely_cause(Variances(*(getattr(self, name).variance for name in names)))
+
+    def judgement(self, cause="", instead=False):
+        """What the balance says, in words, or why it says nothing.
+
+        Parameters
+        ----------
+        cause : str
+            Likely one by the efforts of joints.
+        instead : bool
+            Whether it takes the place of the one that powers show.
+        """
         explained, count = self.explained, self.kinetic.count
         if explained is None:
             if count >= LEAST:
-                return f"the robot is at rest, or nearly so: dK/dt is less than {STILL:g} W rms"
+                how = f"dK/dt is less than {STILL:g} W rms" if self.moved is None else "no joint moves"
+                return f"the robot is at rest, or nearly so: {how}"
             return (
                 f"there are {count} windows of {WINDOW:g} s, of at least {LEAST}, in which all states have efforts and are "
                 f"no more than {MAX_GAP:g} s apart"
             )
         culprits = culprits_of(self._names, self.joints.square)
-        names = "residual", "effort", "needed", "kinetic", "weightless"
-        cause = likely_cause(Variances(*(getattr(self, name).variance for name in names)))
-        return judgement(explained, self.explained_total, culprits, cause)
+        shown = "" if instead else self.cause()
+        return judgement(explained, self.explained_total, culprits, "; ".join(filter(None, (shown, cause))))

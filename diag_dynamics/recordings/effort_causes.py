@@ -73,6 +73,7 @@ class Cause(NamedTuple):
     """What would explain the efforts, in words, and what it leaves of their squares."""
 
     kind: str
+    """sign, unit, weightless, gravity or order; or joint, where it is of single joints."""
     left: float
     text: str
     noise: float = 0.0
@@ -296,22 +297,27 @@ def _dissipated(relation, needed):
     return 0.0 if abs(power) < 0.02 * scale else float(np.sign(power))
 
 
-def complaint(relation: EffortRelation, of: Relation, tolerant: bool = False) -> str:
-    """Return what is wrong with the efforts, in words; empty where nothing is."""
+def complaint(relation: EffortRelation, of: Relation, tolerant: bool = False) -> Cause | None:
+    """Return what is wrong with the efforts; None where nothing is."""
     cause = likely_cause(relation)
-    if cause:
-        return cause.text
     wrong = np.flatnonzero(of.wrong(tolerant))
-    if not len(wrong):
-        return ""
+    if cause or not len(wrong):
+        return cause
+    weightless = _all_weightless(of, relation.model.dof_names, tolerant)
+    return (
+        Cause("weightless", 1.0, weightless)
+        if weightless
+        else Cause("joint", 1.0, _of_joint(relation, of, wrong, tolerant))
+    )
+
+
+def _of_joint(relation, of, wrong, tolerant):
+    """Return what is wrong with the effort of a joint, or of some, in words."""
     names = relation.model.dof_names
     low, high = of.limits(tolerant)
     turned = wrong[(of.factor[wrong] >= OTHER_SIGN[0]) & (of.factor[wrong] <= OTHER_SIGN[1]) & ~of.unrelated()[wrong]]
     if len(turned):
         return _turned(turned, of, names)
-    weightless = _all_weightless(of, names, tolerant)
-    if weightless:
-        return weightless
     k = wrong[int(np.argmax(of.torque[wrong]))]
     factor, error = of.factor[k], ERRORS * of.error[k]
     told = f"{factor:.3g} ± {error:.2g} times what the model needs, expected {low[k]:g} to {high[k]:g}"

@@ -12,7 +12,7 @@ CONSTANT = 1e-9
 """Range of an effort, in parts of its largest value, up to which it is constant."""
 
 MOVES = 0.01
-"""Travel of a joint from which its effort cannot be constant [rad, m]."""
+"""Travel from which a joint has moved, so that its effort cannot be constant [rad, m]."""
 
 
 class EffortRange:
@@ -47,6 +47,11 @@ class EffortRange:
         """Take in what another one has."""
         self.states += other.states
         self.low, self.high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)
+
+    @property
+    def moved(self):
+        """Whether any joint has moved."""
+        return bool(np.any(self.high[1] - self.low[1] > MOVES))
 
     def complaint(self):
         """Return which efforts cannot have been measured, in words; empty where all can."""

@@ -37,6 +37,19 @@ SINGULAR = 1e-9
 """Part of a column's square below which it depends on others."""
 
 
+class Run(NamedTuple):
+    """States that follow one another without gaps."""
+
+    t: np.ndarray
+    """[s], rising, shape (T,)."""
+    q: np.ndarray
+    """[rad, m], shape (T, nq)."""
+    qd: np.ndarray
+    """[rad/s, m/s], shape (T, nv)."""
+    tau: np.ndarray
+    """[N m, N], shape (T, nv)."""
+
+
 class Relation(NamedTuple):
     """Factors from the model's torque to the measured effort, by joint; shape (nv,) each."""
 

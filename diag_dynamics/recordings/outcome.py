@@ -4,7 +4,9 @@
 """What is left of an analysis when it is over: it can be sent to another process, and that of the next piece added to it."""
 
 from diag_dynamics.recordings.balance import Balance
+from diag_dynamics.recordings.effort_range import EffortRange
 from diag_dynamics.recordings.histogram import Histogram
+from diag_dynamics.recordings.motion_sample import MotionSample
 from diag_dynamics.recordings.peaks import Peaks
 from diag_dynamics.recordings.seams import agree
 
@@ -31,6 +33,8 @@ class Outcome:
         Name of the model, and of its degrees of freedom.
     balance : Balance
     quality : Quality
+    efforts : EffortRange
+    motion : MotionSample
     peaks : Peaks
     collisions : Collisions or Alarms
     touches : Touches or None
@@ -50,6 +54,7 @@ class Outcome:
         self.robot, self.names, self.gain, self.threshold = model.name, tuple(model.dof_names), gain, threshold
         self.missing = tuple(missing)
         self.balance, self.quality, self.peaks = Balance(self.names), quality, Peaks()
+        self.efforts, self.motion = EffortRange(self.names), MotionSample(model)
         self.collisions, self.histogram, self.touches = collisions, Histogram(), touches
         self.states, self.observed, self._kinetic = 0, 0, 0.0
         self.account = self.begin = self.end = None
@@ -72,7 +77,7 @@ class Outcome:
 
     def add(self, other):
         """Take in that of the next piece."""
-        for name in ("account", "balance", "quality", "peaks", "collisions", "histogram"):
+        for name in ("account", "balance", "quality", "efforts", "motion", "peaks", "collisions", "histogram"):
             getattr(self, name).add(getattr(other, name))
         if self.touches:
             self.touches.add(other.touches)

@@ -9,7 +9,7 @@ import textwrap
 from diag_dynamics.alarms.found import Alarm
 from diag_dynamics.recordings.account import NOTE, Finding, without_efforts
 from diag_dynamics.recordings.balance import WINDOW
-from diag_dynamics.recordings.explained import LEAST, PART
+from diag_dynamics.recordings.explained import PART
 from diag_dynamics.recordings.quality import four_digits
 
 REJECTED = "rejected: "
@@ -38,7 +38,9 @@ def summary_of(outcome):
         `robot`, `degrees_of_freedom`; `states`, `duration`, `begin`, `end` [s]; `counts` of messages by what became of them,
         and `rejected` by cause; `kinetic_energy`: `mean`, `max` [J], `at` [s], `share`, the largest of each joint, and
         `histogram`: `from`, `to` [J], `states`; `peaks`; `explained`, `explained_with_potential`, `residual_power` [W]: None
-        without efforts; `balance`; `observer`, with `missing`, parameters without which no collision is told of,
+        without efforts; `balance`; `efforts`: in words `unmeasured`, those that are 0, constant or missing throughout, and
+        `says`, their fault where the balance is bad; `observer`, with `missing`, parameters without which no collision is
+        told of,
         `observed`, the number of states of which the observer has a result, and `says`, what is not known therefore;
         `collisions`: `start`, `end`, `joints`, `norm`, and where thresholds of alarms were given `first`, `exceeded` and
         `told`; `contact`, with limits of it: `above`, how long any point was above its limit, `of`, both [s],
@@ -51,6 +53,9 @@ def summary_of(outcome):
     def time(stamp):
         return None if stamp is None else (stamp - offset) * 1e-9
 
+    balance.moved, unmeasured = outcome.efforts.moved, outcome.efforts.complaint()
+    good = balance.explained is not None and balance.explained >= PART
+    wrong_efforts = None if good or unmeasured else outcome.motion.complaint()
     energy, energy_at, _ = peaks.largest.get("kinetic_energy", (None, None, None))
     report = quality.report()
     report["longest_gap_at"] = time(report["longest_gap_at"])
@@ -84,11 +89,12 @@ def summary_of(outcome):
             "windows": balance.residual.count,
             "length": WINDOW,
             "moments": {name: getattr(balance, name).told() for name in ("kinetic", "total", "residual")},
-            "says": balance.judgement(),
+            "says": _judgement(balance, unmeasured, wrong_efforts),
             "joints": {
                 name: {"residual_power": rms, "share": share} for name, (rms, share) in balance.of_joints().items()
             },
         },
+        "efforts": {"unmeasured": unmeasured, "says": wrong_efforts.text if wrong_efforts else ""},
         "observer": {
             "gain": outcome.gain,
             "threshold": None if outcome.threshold == float("inf") else outcome.threshold,
@@ -104,9 +110,20 @@ def summary_of(outcome):
         ],
         "contact": outcome.touches.told(time) if outcome.touches else None,
         "quality": report,
-        "warnings": quality.warnings(),
+        "warnings": [text for text in (unmeasured, *quality.warnings()) if text],
         "findings": [{"cause": one.cause, "count": one.count, "text": one.text} for one in outcome.account.findings()],
     }
+
+
+def _judgement(balance, unmeasured, wrong):
+    """Return what the balance says, with what is wrong with the efforts; powers show faults of all joints, too."""
+    if unmeasured:
+        return balance.judgement(unmeasured, instead=True)
+    if wrong is None:
+        return balance.judgement()
+    if wrong.kind in ("gravity", "order"):
+        return balance.judgement(wrong.text, instead=True)
+    return balance.judgement() if wrong.kind != "joint" and balance.cause() else balance.judgement(wrong.text)
 
 
 def _says_of_contacts(outcome, without_effort):
@@ -138,7 +155,7 @@ def _says_of_contacts(outcome, without_effort):
 def wrongs_of(summary):
     """What is not right about a recording, or about its robot, in words, of a summary."""
     rejected = sum(summary["rejected"].values())
-    explained = summary["explained"]
+    explained, efforts = summary["explained"], summary["efforts"]
     return [
         text
         for text, is_so in (
@@ -148,8 +165,9 @@ def wrongs_of(summary):
                 f"the balance of power explains less than {100 * PART:.0f} % of dK/dt",
                 explained is not None and explained < PART,
             ),
-            ("there are efforts, but no balance of power", _is_unjudged(summary)),
+            ("there are efforts, but no balance of power", explained is None and _has_efforts(summary)),
             (_about_unit(summary["quality"]["wrong_unit"]), summary["quality"]["wrong_unit"] is not None),
+            (efforts["says"], efforts["says"]),
         )
         if is_so
     ]
@@ -162,12 +180,9 @@ def _about_unit(wrong):
     )
 
 
-def _is_unjudged(summary):
-    """Whether efforts are there for so long that there should be a balance, but states are too far apart."""
-    quality = summary["quality"]
-    if quality["rate"] is None or summary["balance"]["windows"] >= LEAST:
-        return False
-    return (summary["states"] - quality["without_effort"]) / quality["rate"] > 2.0 * LEAST * WINDOW
+def _has_efforts(summary):
+    """Return whether any state has efforts."""
+    return summary["states"] > summary["quality"]["without_effort"]
 
 
 def _exceeded(alarm):
@@ -261,8 +276,9 @@ def _about_energy(summary):
 
 def _about_balance(summary):
     if summary["explained"] is None:
-        efforts = summary["states"] > summary["quality"]["without_effort"]
-        return ["", f"No balance of power: {summary['balance']['says'] if efforts else 'no efforts'}."]
+        says = summary["balance"]["says"] if _has_efforts(summary) else "no efforts"
+        wrong = summary["efforts"]["says"]
+        return ["", f"No balance of power: {says}.", *([f"  {wrong}"] if wrong else [])]
     total = summary["explained_with_potential"]
     also = "" if total is None else f" (with potential energy {total:.3f})"
     lines = [

@@ -111,9 +111,31 @@ UNMEASURED = {
 def test_efforts_that_nothing_measured(tmp_path, capsys, case):
     changed, key = UNMEASURED[case]
     t, q, qd, tau = motion()
-    for command, expected in (("identify", 2),):
+    for command, expected in (("identify", 2), ("analyse", 1)):
         status, said = commanded(tmp_path, capsys, command, (t, q, qd, changed(tau)))
         assert status == expected and f"{key} (effort_available)" in said and "Traceback" not in said
+
+
+@pytest.mark.parametrize("cause", CAUSES)
+def test_the_balance_names_the_same_causes(tmp_path, capsys, cause):
+    gravity, changed, key = CAUSES[cause]
+    t, q, qd, tau = motion(gravity=gravity)
+    options = "--set", "absurd.beyond_effort=0", "--json", str(tmp_path / "summary.json")
+    status, said = commanded(tmp_path, capsys, "analyse", (t, q, qd, changed(tau)), *options)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert status == 1 and re.search(key, summary["efforts"]["says"]) and summary["efforts"]["says"] in said
+    assert summary["explained"] < 0.8
+
+
+def test_a_balance_is_what_efforts_need(tmp_path, capsys):
+    """A desk arm has one in motion, though its dK/dt is less than 1 mW; two seconds of it and a standing arm have none."""
+    t, q, qd, tau = motion()
+    status, said = commanded(tmp_path, capsys, "analyse", (t, q, qd, tau))
+    assert status == 0 and re.search(r"explained (0\.99|1\.00)", said)
+    for rows, scale, why in ((150, 1.0, "there are 1[34] windows"), (len(t), 0.0, "the robot is at rest")):
+        columns = t[:rows], scale * q[:rows] + 0.1, scale * qd[:rows], tau[:rows]
+        status, said = commanded(tmp_path, capsys, "analyse", columns)
+        assert status == 1 and "there are efforts, but no balance of power" in said and re.search(why, said)
 
 
 def test_efforts_in_which_nothing_is_seen(tmp_path, capsys):

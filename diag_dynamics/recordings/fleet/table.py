@@ -112,6 +112,7 @@ def _robot(name, summaries):
     histogram, balance = Histogram(), Balance(())
     rejected, findings = Counter(), Counter()
     known = [number for one in summaries if (number := _collisions(one)) is not None]
+    balance.moved = any(one["explained"] is not None for one in summaries)
     for one in summaries:
         histogram.add(Histogram.of(one["kinetic_energy"]["histogram"]))
         for moments in MOMENTS:
