@@ -36,10 +36,13 @@ class Rows:
         By how much stamps are later than times in the table [ns].
     notes : list of str
         What is odd about times.
+    named : dict
+        Joints that rows have named as keys, in the order in which they came.
     """
 
     def __init__(self, joints):
         self._joints, self._templates = list(joints), {}
+        self.named = {}
         self.offset = None
         self._beyond, self._first_beyond = 0, ""  # rows of times that no stamp can be of
 
@@ -76,6 +79,7 @@ class Rows:
             rows.setdefault(names, []).append(k)
         parts = []
         for names, which in rows.items():
+            self.named |= dict.fromkeys(filter(None, names))
             there = [place for place, name in enumerate(names) if name]
             part = Columns(*(None if one is None else one[which] for one in columns))
             part = part._replace(**{field: _places(getattr(part, field), there) for field in FIELDS})

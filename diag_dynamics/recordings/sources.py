@@ -14,7 +14,7 @@ from diag_dynamics.bags.opening import open_bag
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY
-from diag_dynamics.recordings.joint_names import advice, joint_names_of, proposal
+from diag_dynamics.recordings.joint_names import advice, joint_names_of, listed, proposal
 from diag_dynamics.recordings.rows import Rows
 from diag_dynamics.tables.column_map import ColumnMap, column_map
 from diag_dynamics.tables.opening import open_table
@@ -315,6 +315,18 @@ class TableSource:
             messages = rows.messages(columns)
             self.offset = rows.offset
             yield messages, kinds
+        self._refuse_other_robot(model, list(rows.named))
+
+    def _refuse_other_robot(self, model, named):
+        """Refuse a table whose rows name joints, none of which the robot has."""
+        own = [*single_joints(model), *model.mimics]
+        if not named or any((self.names.of(name) if self.names else name) in own for name in named):
+            return
+        found = [] if self.names else proposal(named, own)
+        raise InputError(
+            f"'{self._path}': rows name {listed(named)}, none of which the robot has. Its joints are {listed(own)}."
+            f"{f' {advice(found, len(named))}.' if found else ''}"
+        )
 
     def _own_names(self, model, joints):
         """The table's names of the joints of a robot, as its map leads to them."""

@@ -58,6 +58,10 @@ class RowNames(NamedTuple):
     """Column of lists."""
     first: tuple[str, ...] = ()
     """Names in the first row that has any."""
+    labelled: bool = False
+    """Whether the header says that these are names."""
+    known: bool = False
+    """Whether a name of the model's joints is in the first rows."""
 
     @property
     def used(self):
@@ -180,30 +184,27 @@ def row_names(columns, known):
         if not column.sample:
             continue
         stem, number = _stem(column.name)
-        texts = [name for text in column.sample for name in names_of(text)]
         labelled = bool(_LABEL.fullmatch(stem.replace("{}", "").strip(" _.[](){}/-:|")))
-        if labelled or (any(name in known for name in texts)):
-            sets.setdefault(stem, []).append((number, k, column.sample, labelled))
+        names = [names_of(text) for text in column.sample]
+        is_known = any(name in known for one in names for name in one)
+        if labelled or is_known:
+            sets.setdefault(stem, []).append((-1 if number is None else number, k, names, labelled, is_known))
     found = []
     for stem, members in sets.items():
-        names = [[names_of(text) for text in sample] for *_, sample, _ in members]
+        members.sort(key=lambda one: one[:2])
+        numbers, places, names, labels, knows = zip(*members, strict=True)
         if not any(any(one) for sample in names for one in sample):
             continue
-        if len(members) == 1 and (members[0][0] is None or any(len(one) > 1 for one in names[0])):
-            k = members[0][1]
-            first = next(one for one in names[0] if any(one))
-            several = any(len(one) != 1 for one in names[0] if one) or columns[k].listed
-            found.append(
-                RowNames(columns[k].name, whole=k, first=first)
-                if several
-                else RowNames(columns[k].name, (k,), first=first)
-            )
-        elif all(number is not None for number, *_ in members):
-            members.sort(key=lambda one: one[0])
-            rows = zip(*(sample for *_, sample, _ in members), strict=False)
-            first = next((row for row in rows if any(map(_clean, row))), ())
-            indices, places = (tuple(one[at] for one in members) for at in (0, 1))
-            found.append(RowNames(stem.replace("{}", "*"), places, indices, first=tuple(map(_clean, first))))
+        flags = {"labelled": all(labels), "known": any(knows)}
+        first, column = next((one for one in names[0] if any(one)), ()), columns[places[0]]
+        if len(members) == 1 and (column.listed or any(len(one) > 1 for one in names[0])):
+            found.append(RowNames(column.name, whole=places[0], first=first, **flags))
+        elif len(members) == 1 and numbers == (-1,):
+            found.append(RowNames(column.name, places, first=first, **flags))
+        elif -1 not in numbers:
+            rows = ([next(iter(one), "") for one in row] for row in zip(*names, strict=False))
+            first = tuple(next((row for row in rows if any(row)), ()))
+            found.append(RowNames(stem.replace("{}", "*"), places, numbers, first=first, **flags))
     return found
 
 

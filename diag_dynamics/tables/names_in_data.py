@@ -87,7 +87,8 @@ class NamesInData:
 
     def _first_rows(self):
         """Names of the first row, and where they are, of sets of the model's joints."""
-        return [(one.first, f"'{one.pattern}'") for one in self._sets if self._are_joints(one.first)]
+        sets = [one for one in self._sets if one.labelled and one.known and len(one.first) > 1]
+        return [(one.first, f"'{one.pattern}'") for one in sets]
 
     def _are_joints(self, names):
         return any(name in self._model for name in names)
@@ -102,10 +103,9 @@ class NamesInData:
 
     def _fits(self, rows, group, count):
         if rows.whole is None and not rows.numbers:  # a joint a row
-            return count == 1
-        if rows.whole is not None:
-            return len(rows.first) == count or group.whole is not None or self._are_joints(rows.first)
-        return len(rows.numbers) == count or self._are_joints(rows.first)
+            return count == 1 and (rows.known or "joint" in rows.pattern.lower())
+        places = len(rows.numbers) if rows.whole is None else len(rows.first)
+        return places == count or (rows.labelled and (rows.known or group.whole is not None))
 
     def _by_statement(self, group, count):
         """As :meth:`joints`, of the names in a comment or in metadata."""

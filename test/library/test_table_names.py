@@ -356,6 +356,8 @@ def test_comments_and_metadata_name_joints(read, kind):
 UNRELATED = {
     "prose": f"# elbow: greased, then: shoulder\n{PLAIN}",
     "a name": f"# name: run_17\n{PLAIN}",
+    "the joint that moves": PLAIN.replace("\n", ",elbow\n").replace("q3,elbow", "q3,joint", 1),
+    "joints that move": PLAIN.replace("\n", ',"elbow, wrist"\n').replace('q3,"elbow, wrist"', "q3,moving", 1),
     "prose with names": f"# shoulder and elbow were cold, wrist = warm\n{PLAIN}",
     "units below the header": PLAIN.replace("\n", "\ns,rad,rad,rad\n", 1),
     "a number of joints": f"# joints: 3\n{PLAIN}",
@@ -390,7 +392,7 @@ CONTRADICTIONS = {
     ),
     "other names in rows": (
         rostopic(lambda row: ("hip", "knee", "toe")),
-        "without a joint of this robot, of hip, knee, toe; the robot has shoulder, elbow, wrist",
+        "rows name hip, knee, toe, none of which the robot has. Its joints are shoulder, elbow, wrist",
     ),
     "names twice in rows": (rostopic(lambda row: ("elbow", "elbow", "wrist")), "'elbow' is listed twice"),
     "objects": (NUMBERS | {"joint_names": np.array(LIST, object)}, "'joint_names' holds Python objects"),
@@ -432,6 +434,16 @@ def test_what_names_no_joints_is_ignored(read, kind):
     np.testing.assert_allclose(recording.q[-1] - np.floor(recording.q[-1]), [0.1, 0.2, 0.3], rtol=0, atol=1e-9)
 
 
+def test_texts_beside_headers_with_names(read):
+    """A column that has the name of one joint contradicts no header."""
+    text = "t,worst joint,q_shoulder,q_elbow,q_wrist\n" + "".join(f"{k},elbow,{k},1,2\n" for k in range(ROWS))
+    recording = read(text, parameters=ESTIMATED)
+    assert recording.q[-1].tolist() == [ROWS - 1, 1, 2]
+    for name in ("name", "label"):
+        text = f"t,{name},q1\n" + "".join(f"{k},run,{k}\n" for k in range(ROWS))
+        assert len(read(text, joints=("shoulder",), parameters=ESTIMATED)) == ROWS - 1
+
+
 def test_a_map_has_priority_and_says_so(read):
     """The order of a map stands, whatever the data name; a map that gives no order leaves names to the data."""
     listed = {"joints": ["wrist", "elbow", "shoulder"]}
@@ -470,3 +482,30 @@ def test_values_without_a_name_are_counted(read):
     recording = read(text)
     assert "line 2: values without the name of a joint (position 0.1): 3 values left out" in recording.findings[0].text
     assert recording.counts["incomplete"] == 1 and len(recording) == ROWS - 1
+
+
+@pytest.mark.parametrize("writer", ["rostopic", "bagpy", "long", "ros2 topic echo --csv", "npz", "lists in Parquet"])
+def test_a_map_of_names_applies_to_names_in_rows(tmp_path, read, writer):
+    """Names of the table are mapped to those of the robot; without a map the error has both, and proposes one."""
+
+    def prefixed(row):
+        return tuple(f"left_{joint}" for joint in changing(row))
+
+    def own(row):
+        return changing(row)
+
+    content = WRITERS[writer](own)
+    if isinstance(content, str):
+        for joint in JOINTS:
+            content = content.replace(joint, f"left_{joint}")
+    elif isinstance(content, dict):
+        content["names"] = np.array([prefixed(row) for row in range(ROWS)])
+    else:
+        names = pa.array([list(prefixed(row)) for row in range(ROWS)])
+        content = content.set_column(content.schema.get_field_index("name"), "name", names)
+    with pytest.raises(
+        dd.InputError, match=r"rows name left_.*none of which the robot has.*--joint-names 'left_\*=\*'"
+    ):
+        read(content)
+    (path,) = tmp_path.iterdir()
+    require_expected(dd.read_recording(path, arm(*JOINTS), parameters=LOOSE, joint_names={"left_*": "*"}))
