@@ -16,6 +16,10 @@ NOTE = "note"
 """Cause of findings about how a file was understood, of which nothing is wrong."""
 
 
+OTHER_TOPICS = "(--topic reads several)"
+"""In the note about topics of joint states that are not read."""
+
+
 class Finding(NamedTuple):
     """Something about a recording that a reader of its numbers should know."""
 
@@ -64,7 +68,8 @@ def without_states(path, findings):
     """The error about a recording without a single state: it says what became of its messages."""
     found = sorted((one for one in findings if one.cause != NOTE), key=lambda one: -one.count)
     told = "; ".join(map(str, found[:3])) or "it has no messages"
-    return InputError(f"'{path}' has not a single state: {told.removesuffix('.')}.")
+    topics = "".join(f" {one.text}" for one in findings if one.cause == NOTE and OTHER_TOPICS in one.text)
+    return InputError(f"'{path}' has not a single state: {told.removesuffix('.')}.{topics}")
 
 
 class Account:
@@ -158,4 +163,4 @@ class Account:
         if not found:
             text = "Another name of a joint is given by --joint-names NAME=JOINT (joint_names)"
             return text if len(self._missing) == self._count else f"{text}. {self._lock()}"
-        return advice(found, len(others))
+        return advice(found, others, self._joints)

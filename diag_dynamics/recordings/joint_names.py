@@ -211,10 +211,19 @@ def proposal(names, joints):
     return []
 
 
-def advice(found, count):
-    """Return entries of :func:`proposal` as a sentence without its point; `count` names were to be mapped."""
+def advice(found, names, joints):
+    """Return entries of :func:`proposal` as a sentence without its point.
+
+    Parameters
+    ----------
+    found : list of tuple
+    names, joints : iterable of str
+        Names of the recording, and all joints of the robot.
+    """
     options = " or ".join(f"--joint-names '{name}={joint}'" for name, joint, _ in found)
-    which = "they" if found[0][2] == count else f"{found[0][2]} of them"
+    names, (entry, joint, _) = list(names), found[0]
+    count = sum(_fits(entry, name) and _replaced(entry, joint, name) in joints for name in names)
+    which = "they" if count == len(names) else f"{count} of them"
     return f"With {options} (joint_names) {which} are the robot's"
 
 

@@ -13,6 +13,7 @@ from diag_dynamics.bags.folder import METADATA
 from diag_dynamics.bags.opening import open_bag
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.single_joints import single_joints
+from diag_dynamics.recordings.account import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY
 from diag_dynamics.recordings.joint_names import advice, joint_names_of, listed, proposal
 from diag_dynamics.recordings.rows import Rows
@@ -231,7 +232,7 @@ class BagSource:
                 f"'{self._path}' has several topics of {kind}: {', '.join(topics)}. {SEVERAL[kind].format(options=options)}"
             )
         others = ", ".join(name for name in topics if name not in usual)
-        note = f"'{self._path}': joint states of {usual[0]} are read, not those of {others} (--topic reads several)."
+        note = f"'{self._path}': joint states of {usual[0]} are read, not those of {others} {OTHER_TOPICS}."
         if kind == JOINT_STATE and note not in self._notes:
             self._notes.append(note)
         return usual
@@ -348,4 +349,4 @@ class TableSource:
         except InputError:
             return ""
         found = proposal(own, [joint for joint in joints if joint not in own])
-        return f" {advice(found, len(own))}." if found else ""
+        return f" {advice(found, own, joints)}." if found else ""

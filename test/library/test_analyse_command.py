@@ -504,6 +504,14 @@ def test_topics_of_one_robot(tmp_path, driven, analyse):
     assert status == 2 and "several topics" in said and "--topic /arm/states --topic /hand/states" in said
 
 
+def test_a_topic_that_is_not_read(tmp_path, driven, analyse):
+    """The error about joints that never came has the topics that may have them."""
+    path = write_mcap(tmp_path / "in.mcap", parts(driven, ("/joint_states", "/hand/states")), chunk_size=20_000)
+    status, _, said = analyse(path)
+    assert status == 2 and "never came: panda_finger_joint1." in said
+    assert "joint states of /joint_states are read, not those of /hand/states (--topic reads several)." in said
+
+
 def test_names_of_joints(tmp_path, driven, analyse, capsys):
     """Commands do the same as on a recording with the robot's names; without a map the error has the map."""
     said = []

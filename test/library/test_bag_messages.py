@@ -450,6 +450,16 @@ def test_a_map_for_the_columns_of_a_table(tmp_path, case):
     np.testing.assert_allclose(found.q[:, 1], 0.001 * np.arange(12) + 1)
 
 
+def test_followers_are_the_robots(tmp_path):
+    """A name that the map leads to a mimic joint counts."""
+    mimic = '<joint name="b" type="continuous"><mimic joint="a"/>'
+    robot = urdf_of("a", "b").replace('<joint name="b" type="continuous">', mimic)
+    recording = dd.read_recording(write_mcap(tmp_path / "x.mcap", moving("left_a", "left_b")), robot)
+    (finding,) = recording.findings
+    assert finding.text.endswith("With --joint-names 'left_*=*' (joint_names) they are the robot's")
+    assert len(dd.read_recording(recording.path, robot, joint_names={"left_*": "*"})) == 12
+
+
 def test_many_names_that_came(tmp_path):
     """Lists are short."""
     came, own = [f"other_{k}" for k in range(30)], [f"joint_{k}" for k in range(20)]
