@@ -69,6 +69,7 @@ def _calibrate(chosen):
     parameters = parameters_of(chosen.parameters, chosen.set)
     recordings = given.streamed(chosen, chosen.recording, parameters, given.robot_of(chosen.urdf))
     model = recordings[0].model
+    chosen_friction = parameters.get("external_torque.friction", PARAMETERS["external_torque.friction"].default)
     found = calibrate(
         [one.pieces() for one in recordings],
         DiagonalDynamics(model),
@@ -77,6 +78,7 @@ def _calibrate(chosen):
         release=chosen.release,
         hold_off=chosen.hold_off,
         standing=chosen.standing or math.inf,
+        friction=chosen_friction and model.has_friction,
         max_gap=parameters.get("external_torque.max_gap", PARAMETERS["external_torque.max_gap"].default),
         threads=chosen.threads,
     )

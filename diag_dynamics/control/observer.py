@@ -83,8 +83,9 @@ class DisturbanceObserver:
         Whether `tau` was measured with the state, or has been held on the joints since the last sample, as a controller
         that knows its own command can tell.
     friction : bool
-        Whether to take the friction of the model into account, see :meth:`DiagonalDynamics.friction_torque`. What friction
-        holds a joint that stands still is not known, and remains in r.
+        Whether to take the friction of the model into account, where it has any: see
+        :meth:`DiagonalDynamics.friction_torque`. What friction holds a joint that stands still is not known, and remains in
+        r.
     max_gap : float
         Longest interval that is integrated over [s]; a longer one resets.
 
@@ -102,7 +103,7 @@ class DisturbanceObserver:
         release: float | None = None,
         *,
         effort: Literal["sampled", "held"] = "sampled",
-        friction: bool = False,
+        friction: bool = True,
         max_gap: float = 0.1,
     ) -> None:
         instance("dynamics", dynamics, DiagonalDynamics)
@@ -180,7 +181,7 @@ class DisturbanceObserver:
         if before and interval == 0.0:
             return self._last
         dynamics = self._dynamics
-        s = dynamics.evaluate(q, qd, effort, friction=self._friction)
+        s = dynamics.evaluate(q, qd, effort, friction=self._friction and dynamics.model.has_friction)
         resisting, applied = s.coriolis + s.gravity, cast(Array, s.epsilon)  # there are efforts
         if s.friction is not None:
             resisting += s.friction

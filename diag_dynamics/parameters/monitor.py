@@ -189,9 +189,9 @@ PARAMETERS = {
         0.0, "Norm below which the collision is over [J^0.5/s]; 0: half of the threshold.", minimum=0.0
     ),
     "external_torque.friction": Spec(
-        False,
-        "Whether the observer knows of the URDF's damping and friction; else they are seen as external torque. Of those in a "
-        "parameters_file it always knows.",
+        True,
+        "Whether the observer takes the damping and friction of the URDF or parameters_file into account; false: they are "
+        "part of the external torque.",
     ),
     "external_torque.max_gap": Spec(
         0.1,
@@ -379,8 +379,7 @@ def _observation(values):
     release = release or 0.5 * threshold
     if alarms:
         threshold, release = alarms.norm, alarms.release * alarms.norm
-    friction = values["external_torque.friction"] or bool(values["parameters_file"])
-    max_gap = values["external_torque.max_gap"]
+    friction, max_gap = values["external_torque.friction"], values["external_torque.max_gap"]
     return Observation(gain, threshold, release, friction, max_gap, alarms)
 
 

@@ -69,7 +69,7 @@ class Analysis:
             gain,
             threshold,
             None if threshold == np.inf else release,
-            friction=self.friction,
+            friction=self.friction and settings.values["external_torque.friction"],
             max_gap=settings.values["external_torque.max_gap"],
             threads=threads,
         )

@@ -55,7 +55,7 @@ class Motion:
 
 def observe(motion, times, gain=GAIN, **options):
     """The observer's results at these times."""
-    observer = dd.DisturbanceObserver(motion.s.dyn, gain, np.inf, **options)
+    observer = dd.DisturbanceObserver(motion.s.dyn, gain, np.inf, **{"friction": False} | options)
     return [observer.update(t, motion.q(t), motion.rate, motion.effort(t)) for t in times]
 
 
@@ -96,7 +96,7 @@ def held(efforts, period, sub=8):
     options = {"damping": np.zeros(N), "friction": np.zeros(N), "effort_limits": False, "limits": False}
     plant = dd.Simulation(s.model, READY, np.full(N, 0.2), step=period / sub, **options)
     push = np.array([3.0, -5.0, 2.0, 4.0, 0.5, -0.5, 0.2])
-    observer = dd.DisturbanceObserver(s.dyn, GAIN, np.inf, effort=efforts)
+    observer = dd.DisturbanceObserver(s.dyn, GAIN, np.inf, effort=efforts, friction=False)
     result, truth, tau = observer.update(0.0, plant.q, plant.qd, np.zeros(N)), np.zeros(N), None
     for k in range(round(0.24 / period)):
         tau = s.dyn.gravity_torque(plant.q) + 10.0 * np.sin(40.0 * k * period + np.arange(N))
@@ -116,7 +116,7 @@ def test_held_efforts():
     assert held("sampled", 2e-3) > 10 * errors[1]
 
 
-@pytest.mark.parametrize("subtracted", [False, True])
+@pytest.mark.parametrize("subtracted", [False, True, None], ids=["not", "subtracted", "by default"])
 def test_friction(subtracted):
     """Without friction in the observer r follows −ε_fric; Coulomb friction and damping are those of the description."""
     urdf = PANDA.urdf.replace('damping="0.003" friction="0.0"', 'damping="2.0" friction="1.5"')
@@ -125,11 +125,12 @@ def test_friction(subtracted):
     motion = Motion("panda_arm")
     motion.push[:] = 0.0
     friction = 2.0 * motion.rate + 1.5 * np.tanh(motion.rate / 5e-3)
-    observer = dd.DisturbanceObserver(dd.DiagonalDynamics(model), GAIN, np.inf, friction=subtracted)
+    options = {} if subtracted is None else {"friction": subtracted}
+    observer = dd.DisturbanceObserver(dd.DiagonalDynamics(model), GAIN, np.inf, **options)
     for t in np.arange(0, 0.4, 1e-3):
         seen = observer.update(t, motion.q(t), motion.rate, motion.effort(t) + friction)
     expected = np.linalg.solve(subject(ARM).oracle.factor(motion.q(t)), -friction)
-    if subtracted:
+    if subtracted is not False:
         assert seen.norm < 1e-4
     else:
         assert np.linalg.norm(seen.residual - expected) < 0.05 * np.linalg.norm(expected)

@@ -95,7 +95,7 @@ def test_it_proposes_what_calibrate_does(monitor, panda, tmp_path):
     found = call(monitor, END)
     assert found.success, found.message
     recording = recorded(tmp_path / "free.csv", panda, stamps, states)
-    expected = dd.calibrate(recording, dd.DiagonalDynamics(recording.model), GAIN, 1.0, friction=False)
+    expected = dd.calibrate(recording, dd.DiagonalDynamics(recording.model), GAIN, 1.0)
     assert (found.states, found.gain, found.running) == (499, GAIN, False)
     assert found.duration == pytest.approx(expected.duration, abs=1e-6)
     assert dict(zip(found.dof_names, found.joint_thresholds, strict=True)) == pytest.approx(expected.joints, rel=1e-6)

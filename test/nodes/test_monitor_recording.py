@@ -1,15 +1,25 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording fed to a monitor, message by message, and the same recording read: the same states, the same counters."""
+"""A recording fed to a monitor and the same recording read: the same states, counters, external torque and collisions."""
+
+import json
 
 import numpy as np
+import pinocchio as pin
 import pytest
-from diag_dynamics.msg import DiagonalizedState
+import yaml
+from diag_dynamics.msg import DiagonalizedState, ExternalTorque
+from mcap.reader import make_reader
 from nav_msgs.msg import Odometry
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 import diag_dynamics as dd
+from bags import Message, serialized, write_mcap
+from diag_dynamics.cli.main import main
+from diag_dynamics.parameters.monitor import PARAMETERS
+from hostile import MS, START
 from nodes import Reports, nanoseconds
 from recording_cases import CASES, hostile_messages, write_case
 
@@ -36,6 +46,7 @@ class Live:
             "/odom": peer.publisher(Odometry, f"{namespace}/odom"),
         }
         self.states = peer.topic(DiagonalizedState, f"{self.name}/state")
+        self.torque = peer.topic(ExternalTorque, f"{self.name}/external_torque")
         self.reports = Reports(peer.node, peer.wait_until, self.name)
         parameters = {"robot_description": urdf, "max_rate.state": 0.0} | parameters
         self.process = peer.start("monitor", "-r", f"__ns:={namespace}", **parameters)
@@ -86,3 +97,158 @@ def test_a_recording_is_what_the_monitor_publishes(peer, tmp_path, name):
             expected = getattr(s, field)
             assert np.array(getattr(one, field)).tobytes() == (b"" if expected is None else expected.tobytes()), field
         assert (one.kinetic_energy, one.power) == (s.kinetic_energy, s.effort_power or 0.0)
+
+
+# --- external torque and collisions, for each parameter
+
+ARM = """<robot name="arm"><link name="base"/>
+<link name="upper"><inertial><origin xyz="0 0 0.2"/><mass value="2"/>
+<inertia ixx="0.03" iyy="0.03" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="lower"><inertial><origin xyz="0.02 0 0.15"/><mass value="1"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.004" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="lift" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" velocity="4" effort="90"/><dynamics damping="0.8" friction="1.5"/></joint>
+<joint name="turn" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0 0 0.4"/><axis xyz="0 1 0.5"/>
+<limit lower="-0.45" upper="3" velocity="4" effort="90"/><dynamics damping="0.3" friction="0.6"/></joint></robot>"""
+JOINTS = ("lift", "turn")
+PUSHED = {"external_torque.gain": 30.0, "external_torque.threshold": 6.0, "max_age": 0.0}
+ALARMS = {"external_torque.gain": 30.0, "max_age": 0.0, "alarm.joints": ["lift=2.5", "turn=1"], "alarm.release": 0.5}
+
+OBSERVED = {
+    # by parameter: the value that differs from the one in force
+    "external_torque.gain": (PUSHED, 60.0),
+    "external_torque.threshold": (PUSHED, 12.0),
+    "external_torque.release_threshold": (PUSHED, 0.5),
+    "external_torque.friction": (PUSHED, False),
+    "external_torque.max_gap": (PUSHED, 0.3),
+    "alarm.joints": (ALARMS, ["*=1.5"]),
+    "alarm.external_torque": (ALARMS, 1.5),
+    "alarm.norm": (ALARMS, 3.0),
+    "alarm.release": (ALARMS, 0.9),
+    "alarm.hold_off": (ALARMS, 0.05),
+    "alarm.standing": (ALARMS, 0.3),
+    "payloads": (PUSHED, ["lower=0.8 0 0 0.3"]),
+    "gravity": (PUSHED, [0.0, 3.0, -9.0]),
+    "locked_joints": (PUSHED, ["turn=0.1"]),
+    "armature": (PUSHED, ["lift=0.2"]),
+    "parameters_file": (PUSHED, "joints: {lift: {friction: 4.0, damping: 0.1}, turn: {effort_offset: 0.5}}"),
+    "friction_velocity": (PUSHED, 0.5),
+    "effort_available": (PUSHED, ["turn=false"]),
+    "effort_scale": (PUSHED, ["turn=0.8"]),
+    "effort_includes_gravity": (PUSHED, ["lift=false"]),
+    "missing_velocity": (PUSHED, "estimate"),
+    "velocity_filter_time": (PUSHED | {"missing_velocity": "estimate"}, 0.05),
+    "absurd.effort": (PUSHED, 9.0),
+    "absurd.beyond_effort": (PUSHED, 0.1),
+    "absurd.velocity": (PUSHED, 1.2),
+    "absurd.beyond_velocity": (PUSHED, 0.3),
+    "absurd.position": (PUSHED, 0.6),
+    "absurd.beyond_limits": (PUSHED, 1e-3),
+    "absurd.jump": (PUSHED, 0.0),
+    "frozen_values": (PUSHED, "refuse"),
+    "frozen_timeout": (PUSHED | {"frozen_values": "refuse"}, 0.0),
+    "joint_timeout": (PUSHED, 0.02),
+    "joint_timeouts": (PUSHED, ["turn=0.02"]),
+}
+"""Parameters on which external torque or collisions depend."""
+
+NOT_OBSERVED = {
+    *(
+        "autostart",
+        "robot_description",
+        "serialization",
+        "max_joints",
+        "max_coupled",
+        "floating_base",
+        "mimic",
+        "massless",
+    ),
+    *("odom_twist_frame", "odom_timeout", "max_age", "foreign_time", "mimic_tolerance", "publish_inverse_factor"),
+    *("warn_energy", "error_energy", "warn_energy_share", "error_energy_share", "markers.link", "publish_friction"),
+}
+"""Parameters that choose the robot, clocks or outputs: other tests compare these."""
+
+
+def pushed_messages():
+    """Return messages of an arm in motion that is pushed twice: with a gap, a jump, and values that are missing or held."""
+    model, rng = pin.buildModelFromXML(ARM), np.random.default_rng(3)
+    data, messages = model.createData(), []
+    damping, friction = np.array([0.8, 0.3]), np.array([1.5, 0.6])
+    for k in range(600):
+        t, phase = 0.01 * k, np.array([0.0, 1.0])
+        w, a = np.array([2.0, 3.1]), np.array([0.7, 0.5])
+        q, qd, qdd = a * np.sin(w * t + phase), a * w * np.cos(w * t + phase), -a * w * w * np.sin(w * t + phase)
+        tau = pin.rnea(model, data, q, qd, qdd) + damping * qd + friction * np.tanh(qd / 5e-3)
+        tau -= np.array([4.0, 1.5]) * (150 <= k < 210 or 218 <= k < 230 or 400 <= k < 520) + 0.02 * rng.normal(size=2)
+        if 300 <= k < 320:
+            continue
+        qd = [] if 330 <= k < 340 else qd
+        q = q + 0.9 if k == 100 else np.array([0.3, 0.3]) if k >= 540 else q
+        names = JOINTS[:1] if k % 50 in (20, 21, 22, 23) else JOINTS
+        count = len(names)
+        stamp = START + 10 * MS * (k + 1)
+        raw = serialized(stamp, names, q[:count], qd[:count], tau[:count])
+        messages.append(Message("/joint_states", stamp, raw))
+    return messages
+
+
+def external_torque(messages):
+    """Return stamps, torques, norms and flags of messages of external_torque."""
+    return [
+        (
+            nanoseconds(one.header.stamp),
+            list(one.external_torque),
+            one.norm,
+            *(one.valid, one.collision, list(one.joint_collision), one.threshold, list(one.torque_threshold)),
+        )
+        for one in messages
+    ]
+
+
+def analysed(folder, parameters):
+    """Return what `analyse` writes of external torque, and how many collisions it counts, by the same parameters."""
+    (folder / "monitor.yaml").write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}), encoding="utf-8")
+    given = ["--urdf", str(folder / "arm.urdf"), "--parameters", str(folder / "monitor.yaml")]
+    out, summary = folder / "out.mcap", folder / "summary.json"
+    outputs = ["--json", str(summary), "--mcap", str(out), "--topics", "external_torque", "--quiet"]
+    assert main(["analyse", str(folder / "in.mcap"), *given, *outputs]) < 2
+    with out.open("rb") as stream:
+        raw = [message.data for _, _, message in make_reader(stream).iter_messages()]
+    found = external_torque(deserialize_message(one, ExternalTorque) for one in raw)
+    count = len(json.loads(summary.read_text(encoding="utf-8"))["collisions"])
+    out.unlink()
+    summary.unlink()
+    return found, count
+
+
+def test_every_parameter_is_compared():
+    """A new parameter needs a row in OBSERVED, or a reason why external torque does not depend on it."""
+    others = {name for name in PARAMETERS if name.startswith(("contact.", "max_rate."))}
+    assert OBSERVED.keys() | NOT_OBSERVED | others == PARAMETERS.keys()
+
+
+@pytest.mark.parametrize("name", OBSERVED)
+def test_live_and_offline_agree(peer, tmp_path, name):
+    """The monitor and `analyse` have the same external torque and collisions, and the parameter changes these."""
+    common, value = OBSERVED[name]
+    if name == "parameters_file":
+        (tmp_path / "arm.yaml").write_text(value, encoding="utf-8")
+        value = str(tmp_path / "arm.yaml")
+    (tmp_path / "arm.urdf").write_text(ARM, encoding="utf-8")
+    messages = pushed_messages()
+    write_mcap(tmp_path / "in.mcap", messages)
+    parameters = common | {name: value}
+    (offline, count), others = analysed(tmp_path, parameters), analysed(tmp_path, common)
+    live = Live(peer, f"/pushed{list(OBSERVED).index(name)}", tmp_path / "arm.urdf", parameters)
+    with live.process:
+        live.feed(messages)
+        published = external_torque(live.torque.messages)
+        values = {pair.key: pair.value for pair in live.reports.next().entries["external torque"].values}
+    assert int(values["collisions"]) == count
+    assert len(published) == len(offline) > 50
+    for one, other in zip(published, offline, strict=True):
+        assert one[0] == other[0] and one[3:] == other[3:]
+        np.testing.assert_allclose(one[1], other[1], rtol=1e-6, atol=1e-6)
+        assert one[2] == pytest.approx(other[2], rel=1e-6, abs=1e-6)
+    assert any(one[3] for one in published) or name == "effort_available"
+    assert repr((offline, count)) != repr(others)

@@ -52,8 +52,12 @@ def through(steps, gain=GAIN):
 
 @pytest.fixture(scope="module")
 def running(peer):
-    """Start a monitor of the Panda that observes external torque, and subscribe to torque and contact."""
-    parameters = {"robot_description": robot(PANDA).path, "external_torque.gain": GAIN}
+    """Start a monitor of the Panda that observes external torque without friction, and subscribe to torque and contact."""
+    parameters = {
+        "robot_description": robot(PANDA).path,
+        "external_torque.gain": GAIN,
+        "external_torque.friction": False,
+    }
     with Monitor(peer, "/pushed", outputs=["state"], **parameters) as monitor:
         yield subscribed(monitor).connect(robot(PANDA))
 
@@ -234,7 +238,7 @@ def test_meaning_of_efforts(monitor, standing, panda):
 
 
 def test_friction(monitor, panda):
-    """The URDF's friction is external torque by default, and not with external_torque.friction."""
+    """The URDF's friction is no external torque, and part of it without external_torque.friction."""
     motion, xml, friction = Motion(panda), ET.fromstring(panda.urdf), dict.fromkeys(panda.names, (0.0, 0.0))
     for k, joint in enumerate(xml.findall("joint")):
         for dynamics in joint.findall("dynamics"):
@@ -433,7 +437,8 @@ def test_highest_rate(monitor, standing, panda):
 def test_nobody_listens(peer, panda):
     """Every state is observed, and no message is made."""
     motion = Motion(panda, 5.0)
-    parameters = {"robot_description": panda.path, "external_torque.gain": GAIN, "max_age": 0.0} | BELIEVING
+    parameters = {"robot_description": panda.path, "max_age": 0.0} | BELIEVING
+    parameters |= {"external_torque.gain": GAIN, "external_torque.friction": False}
     with peer.start("monitor", "-r", "__ns:=/alone", **parameters) as running:
         watched, feeder = running.node._robot, peer.publisher(type(joint_state()), "/alone/joint_states")
         with mock.patch.object(watched, "encoder", wraps=watched.encoder) as encoder:

@@ -89,7 +89,7 @@ class CalibrationRun:
             self.observation.gain,
             false_alarms,
             AlarmThresholds({}, release=release, hold_off=hold_off, standing=standing or math.inf),
-            friction=self.observation.friction,
+            friction=self.observation.friction and self.robot.model.has_friction,
             warnings=self.warnings(),
         )
 
@@ -196,10 +196,7 @@ class CalibrationService:
         if robot is None:
             raise InputError("there is no robot model yet: waiting for a valid robot_description.")
         if robot.torque is None:
-            raise InputError(
-                "external_torque.gain is 0, and nothing is observed: set it first, to 25.0 say, and "
-                "external_torque.friction to true where the URDF has friction."
-            )
+            raise InputError("external_torque.gain is 0, and nothing is observed: set it first, to 25.0 say.")
         self._run = robot.torque.run = CalibrationRun(robot, rate or FALSE_ALARMS)
         needed = (
             f"{time_needed(self._run.false_alarms):.3g} s without an alarm vouch for {per_time(self._run.false_alarms)}"
