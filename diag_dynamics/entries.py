@@ -1,15 +1,26 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Values by name, as they are written in lists of parameters: ``joint=0.5``, ``*`` for all others."""
+"""Values by name, as they are written in lists of parameters: ``joint=0.5``, ``*`` for all others; xacro arguments."""
 
 import math
+import os
+import re
+import shlex
 
 from diag_dynamics.exceptions import InputError
 
 ALL = "*"
 """Stands for every joint that has no entry of its own."""
 
+
+ARGUMENT = re.compile(r"([A-Za-z_][\w.-]*):=(.*)", re.S)
+"""One argument of a xacro file, ``NAME:=VALUE``, as xacro's own command line takes it."""
+
+_WITH_ARGUMENTS = re.compile(r"(?P<path>.*?)\s+(?P<arguments>[A-Za-z_][\w.-]*:=.*)", re.S)
+
+ASSIGNMENT = re.compile(r"[A-Za-z_][\w.-]*=.*", re.S)
+"""What is easily written instead of it."""
 
 LARGEST = 1e9
 """Largest number that a parameter takes, but for those that say otherwise."""
@@ -69,6 +80,56 @@ def _parsed(text, kind):
     except ValueError:
         return None
     return number if math.isfinite(number) else None
+
+
+def split_arguments(source):
+    """Split ``PATH NAME:=VALUE …`` as a shell does.
+
+    Parameters
+    ----------
+    source : str
+
+    Returns
+    -------
+    str
+        The path; all of `source` if no argument follows it, or if there is a file of that name.
+    dict
+        Values by name.
+
+    Raises
+    ------
+    InputError
+        What follows the path is not all NAME:=VALUE.
+    """
+    match = None if source.lstrip("\ufeff \t\r\n").startswith("<") else _WITH_ARGUMENTS.fullmatch(source)
+    if match is None or os.path.isfile(os.path.expanduser(source)):
+        return source, {}
+    try:
+        words = shlex.split(match["arguments"])
+    except ValueError as error:
+        raise InputError(f"The xacro arguments are {match['arguments']!r}; expected NAME:=VALUE …: {error}.") from error
+    return match["path"], arguments_of(words)
+
+
+def arguments_of(words):
+    """Values by name of xacro arguments such as ``prefix:=left_``.
+
+    Raises
+    ------
+    InputError
+        A word is not of that form, or a name has two values.
+    """
+    values = {}
+    for word in words:
+        match = ARGUMENT.fullmatch(word)
+        if match is None:
+            hint = f" Write {word.replace('=', ':=', 1)}." if ASSIGNMENT.fullmatch(word) else ""
+            raise InputError(f"The xacro argument is {word!r}; expected NAME:=VALUE.{hint}")
+        name, value = match.groups()
+        if values.get(name, value) != value:
+            raise InputError(f"The xacro argument '{name}' is {values[name]!r} and {value!r}; expected one value.")
+        values[name] = value
+    return values
 
 
 def by_name(parameter, entries, names):

@@ -14,6 +14,7 @@ from pathlib import Path
 from diag_dynamics.bags.part import Part
 from diag_dynamics.cli import fleet, given
 from diag_dynamics.cli.interrupted import orderly
+from diag_dynamics.cli.robot_argument import parsed, robot_of
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
@@ -68,7 +69,7 @@ def run(name, arguments):
     parser.add_argument("--threads", type=int, help="for evaluation (default: as many as there are processors)")
     parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
     fleet.add_arguments(parser)
-    chosen = parser.parse_args(arguments)
+    chosen = parsed(parser, arguments)
     if not chosen.recording and not chosen.fleet:
         parser.error("a recording is expected, before --set, or --fleet PATTERN…")
     try:
@@ -152,7 +153,7 @@ def _common(chosen):
     fleet.refuse(chosen)
     if chosen.topics is not None and chosen.mcap is None:
         raise InputError("--topics are those of a file that --mcap writes.")
-    return _parameters(chosen), given.robot_of(chosen.urdf)
+    return _parameters(chosen), robot_of(chosen.urdf, chosen.xacro_args)
 
 
 def _summary(chosen, recording, parameters, robot):
@@ -225,7 +226,7 @@ def _shown(text):
 
 def _analyse_fleet(chosen):
     parameters = _parameters(chosen)
-    report = fleet.analyse(chosen, parameters, given.robot_of(chosen.urdf))
+    report = fleet.analyse(chosen, parameters, robot_of(chosen.urdf, chosen.xacro_args))
     if not report["recordings"]:
         return FAILED
     return WORTH_KNOWING if report["failed"] or any(row["wrong"] for row in report["recordings"]) else DONE

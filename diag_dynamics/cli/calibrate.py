@@ -15,6 +15,7 @@ import numpy as np
 from diag_dynamics.alarms.thresholds import HOLD_OFF, RELEASE, STANDING
 from diag_dynamics.cli import given
 from diag_dynamics.cli.interrupted import orderly
+from diag_dynamics.cli.robot_argument import parsed, robot_of
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.parameters.files import parameters_of
@@ -52,7 +53,7 @@ def run(name, arguments):
     parser.add_argument("-o", "--output", metavar="ALARMS.yaml", required=True, help="for monitor and analyse --alarms")
     parser.add_argument("--threads", type=int, help="for evaluation (default: as many as there are processors)")
     parser.add_argument("--quiet", action="store_true", help="no summary")
-    chosen = parser.parse_args(arguments)
+    chosen = parsed(parser, arguments)
     try:
         with orderly(name, [chosen.output]):
             return _calibrate(chosen)
@@ -67,7 +68,7 @@ def _calibrate(chosen):
         raise InputError(f"--threads is {chosen.threads}, expected at least 1.")
     given.refuse_outputs([*chosen.recording, chosen.urdf, chosen.columns, *chosen.parameters], {"-o": chosen.output})
     parameters = parameters_of(chosen.parameters, chosen.set)
-    recordings = given.streamed(chosen, chosen.recording, parameters, given.robot_of(chosen.urdf))
+    recordings = given.streamed(chosen, chosen.recording, parameters, robot_of(chosen.urdf, chosen.xacro_args))
     model = recordings[0].model
     chosen_friction = parameters.get("external_torque.friction", PARAMETERS["external_torque.friction"].default)
     found = calibrate(

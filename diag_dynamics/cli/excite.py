@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from diag_dynamics.cli import given
+from diag_dynamics.cli.robot_argument import ROBOT, parsed, robot_of
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.identification.exciting import excite
 from diag_dynamics.parameters.files import parameters_of
@@ -24,7 +25,7 @@ EPILOG = """Nobody looks whether the robot hits itself or something else. Try th
 def run(name, arguments):
     """Write a trajectory; returns the exit status."""
     parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
-    parser.add_argument("urdf", help="the robot: URDF, or a name that `diag-dynamics robots` lists")
+    parser.add_argument("urdf", metavar="ROBOT", help=ROBOT)
     parser.add_argument(
         "--what", default="friction,rotors", help="as of diag-dynamics identify (default: friction,rotors)"
     )
@@ -68,7 +69,7 @@ def run(name, arguments):
     parser.add_argument(
         "--trajectory", metavar="OUT.yaml", help="trajectory_msgs/JointTrajectory, for the controller's mode tracking"
     )
-    chosen = parser.parse_args(arguments)
+    chosen = parsed(parser, arguments)
     if not (chosen.output or chosen.trajectory):
         parser.error("-o OUT.json or --trajectory OUT.yaml is expected: else nothing is kept")
     try:
@@ -82,7 +83,7 @@ def run(name, arguments):
 
 def _excite(chosen):
     values = {name: spec.default for name, spec in PARAMETERS.items()} | parameters_of(chosen.parameters, chosen.set)
-    model = model_of(given.robot_of(chosen.urdf), values)
+    model = model_of(robot_of(chosen.urdf, chosen.xacro_args), values)
     told = _Progress(chosen.trials)
     found = excite(
         model,

@@ -5,8 +5,9 @@
 
 from pathlib import Path
 
+from diag_dynamics.cli.robot_argument import ROBOT
+from diag_dynamics.entries import split_arguments
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.named import robot_path
 from diag_dynamics.recordings.account import without_states
 from diag_dynamics.recordings.recording import Reading
 
@@ -16,9 +17,7 @@ GAIN = 25.0
 
 def add_arguments(parser):
     """Arguments that say which robot a recording is of, and how it is read."""
-    parser.add_argument(
-        "--urdf", help="the robot: URDF, or a name that `diag-dynamics robots` lists (default: the bag's own)"
-    )
+    parser.add_argument("--urdf", metavar="ROBOT", help=f"{ROBOT} (default: the bag's own)")
     parser.add_argument("--columns", metavar="MAP.yaml", help="map of the columns of a table (docs/recordings.md)")
     parser.add_argument(
         "--topic",
@@ -83,13 +82,6 @@ def reading_of(chosen):
         "start": chosen.start,
         "end": chosen.end,
     }
-
-
-def robot_of(urdf):
-    """What the robot is made of: a file, that of an example by its name."""
-    if urdf is None or Path(urdf).expanduser().is_file() or "/" in urdf or "." in urdf:
-        return urdf
-    return str(robot_path(urdf))  # the parameters shape it, as they do a file
 
 
 def gain_of(chosen):
@@ -165,7 +157,7 @@ def refuse_outputs(read, written):
     InputError
         It names the option.
     """
-    taken = {_place(path): f"'{path}' is read" for path in read if path}
+    taken = {_place(split_arguments(path)[0]): f"'{path}' is read" for path in read if path}
     outputs = {}
     for option, path in written.items():
         if path in (None, "-"):

@@ -10,13 +10,15 @@ from pathlib import Path
 
 from diag_dynamics.cli import given
 from diag_dynamics.cli.interrupted import orderly
-from diag_dynamics.exceptions import DiagDynamicsError, UnsupportedError
+from diag_dynamics.cli.robot_argument import parsed, robot_of
+from diag_dynamics.exceptions import DiagDynamicsError, InputError, UnsupportedError
 from diag_dynamics.identification.identifying import identify
 from diag_dynamics.identification.result import without_impossible_links
 from diag_dynamics.identification.unexplained import unexplained
-from diag_dynamics.model import Parameters, urdf_text
+from diag_dynamics.model import Parameters
+from diag_dynamics.model.mjcf import is_mjcf
 from diag_dynamics.model.rewriting import urdf_with
-from diag_dynamics.model.xacro_files import expanded
+from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.sources import source_of
 from diag_dynamics.text import plain
@@ -61,7 +63,7 @@ def run(name, arguments):
         help="a copy of the URDF with inertias, payloads, damping and friction in it; it has no place for the rest",
     )
     parser.add_argument("--quiet", action="store_true", help="no summary")
-    chosen = parser.parse_args(arguments)
+    chosen = parsed(parser, arguments)
     try:
         with orderly(name, [chosen.output, chosen.json, chosen.plots, chosen.write_urdf]):
             return _identify(chosen)
@@ -76,13 +78,17 @@ def _identify(chosen):
     read = [*chosen.recording, *chosen.reference, chosen.urdf, chosen.columns, *chosen.parameters]
     written = {"-o": chosen.output, "--json": chosen.json, "--plots": chosen.plots, "--write-urdf": chosen.write_urdf}
     given.refuse_outputs(read, written)
-    parameters, robot = parameters_of(chosen.parameters, chosen.set), given.robot_of(chosen.urdf)
+    parameters, robot = parameters_of(chosen.parameters, chosen.set), robot_of(chosen.urdf, chosen.xacro_args)
     if parameters.get("floating_base"):
         raise UnsupportedError(
             "floating_base is true: a floating base is not identified, for nothing measures its support."
         )
+    if chosen.write_urdf and is_mjcf(robot):
+        raise InputError(f"--write-urdf writes a URDF, but '{robot}' is an MJCF. -o ARM.yaml keeps all parameters.")
     recordings = given.streamed(chosen, chosen.recording, parameters, robot)
     model = recordings[0].model
+    if model.floating_base:
+        raise UnsupportedError(f"robot '{model.name}' has a floating base, which identify does not support.")
     reference = given.streamed(chosen, chosen.reference, parameters, model)
     shared = []
     loaded, unloaded = ([one.pieces for one in some] for some in (recordings, reference))
@@ -95,7 +101,7 @@ def _identify(chosen):
     if chosen.write_urdf:
         text = source_of(chosen.recording[0], chosen.columns, chosen.topic).description() if robot is None else robot
         possible, shared = without_impossible_links(found.model, everything)
-        written = urdf_with(urdf_text(expanded(text, None)), possible)
+        written = urdf_with(read_source(text).text, possible)
         Path(chosen.write_urdf).write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{written}\n', encoding="utf-8")
     if chosen.plots:
         _draw(chosen.plots, recordings[-1], model, found)

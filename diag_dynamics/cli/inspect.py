@@ -5,11 +5,11 @@
 
 import argparse
 import json
-import os
 import sys
 import textwrap
 from pathlib import Path
 
+from diag_dynamics.cli.robot_argument import ROBOT, parsed, robot_of
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.text import plain
 
@@ -35,7 +35,7 @@ def run(name, arguments):
         epilog=STATUS,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("robot", metavar="ROBOT", help="a URDF or xacro file, or a name as diag-dynamics robots lists")
+    parser.add_argument("robot", metavar="ROBOT", help=ROBOT)
     parser.add_argument("--json", action="store_true", help="for machines")
     parser.add_argument("--floating-base", action="store_true", help="the root link moves freely")
     parser.add_argument(
@@ -46,7 +46,7 @@ def run(name, arguments):
         "that have none",
     )
     parser.add_argument("-o", "--output", metavar="NEW.urdf", help="where to; a file that is not there yet")
-    chosen = parser.parse_args(arguments)
+    chosen = parsed(parser, arguments)
     if (chosen.estimate_inertias is None) != (chosen.output is None):
         parser.error("--estimate-inertias DENSITY and -o NEW.urdf belong together")
     try:
@@ -62,12 +62,11 @@ def run(name, arguments):
 def _run(chosen):
     """Do what was chosen; what computes is imported only now, which --help and mistakes need not wait for."""
     from diag_dynamics.inspection import inspect_robot
-    from diag_dynamics.model.named import robot_path
 
-    path = Path(chosen.robot) if os.path.isfile(chosen.robot) else Path(robot_path(chosen.robot))
+    robot = robot_of(chosen.robot, chosen.xacro_args)
     if chosen.output is not None:
-        return _estimate(path, chosen.estimate_inertias, Path(chosen.output), chosen.json)
-    report = inspect_robot(path, chosen.floating_base)
+        return _estimate(robot, chosen.estimate_inertias, Path(chosen.output), chosen.json)
+    report = inspect_robot(robot, chosen.floating_base)
     if chosen.json:
         _print_json(report.to_dict())
     else:
@@ -79,15 +78,20 @@ def _print_json(document):
     print(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
 
 
-def _estimate(path, density, output, as_json):
+def _estimate(robot, density, output, as_json):
     """Write a URDF with estimated inertias; returns the exit status: 1 where some could not be, or none had to be."""
     from diag_dynamics.model.estimation import estimated
-    from diag_dynamics.model.sources import urdf_text
-    from diag_dynamics.model.xacro_files import expanded
+    from diag_dynamics.model.robot_source import read_source
+    from diag_dynamics.model.sources import folder_of
 
     if output.exists():
         raise InputError(f"'{output}' is there already, and is not overwritten.")
-    found = estimated(urdf_text(expanded(path, None)), density, path.resolve().parent)
+    described = read_source(robot)
+    if described.is_mjcf:
+        raise InputError(
+            f"--estimate-inertias writes a URDF, but '{robot}' is an MJCF, whose inertias MuJoCo estimates."
+        )
+    found = estimated(described.text, density, folder_of(robot).resolve())
     if found.estimates:
         try:
             output.write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{found.text}\n', encoding="utf-8")

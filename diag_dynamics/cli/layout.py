@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 from diag_dynamics.cli import given
+from diag_dynamics.cli.robot_argument import ROBOT, parsed, robot_of
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.layouts.tools import TOOLS, layout
 from diag_dynamics.parameters.files import parameters_of
@@ -23,14 +24,14 @@ and entries of arrays go by their order."""
 def run(name, arguments):
     """Write a layout; returns the exit status."""
     parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
-    parser.add_argument("urdf", help="the robot: URDF, or a name that `diag-dynamics robots` lists")
+    parser.add_argument("urdf", metavar="ROBOT", help=ROBOT)
     parser.add_argument("--tool", required=True, choices=TOOLS, help="the viewer")
     parser.add_argument(
         "--monitor", default="/diag_dynamics", help="name of the monitor on the graph (default: /diag_dynamics)"
     )
     given.add_parameters(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="where to write it (default: stdout)")
-    chosen = parser.parse_args(arguments)
+    chosen = parsed(parser, arguments)
     try:
         return _write(chosen)
     except BrokenPipeError:
@@ -43,7 +44,7 @@ def run(name, arguments):
 def _write(chosen):
     given.refuse_outputs([chosen.urdf, *chosen.parameters], {"-o": chosen.output})
     values = {name: spec.default for name, spec in PARAMETERS.items()} | parameters_of(chosen.parameters, chosen.set)
-    text = layout(chosen.tool, model_of(given.robot_of(chosen.urdf), values), chosen.monitor)
+    text = layout(chosen.tool, model_of(robot_of(chosen.urdf, chosen.xacro_args), values), chosen.monitor)
     tool = TOOLS[chosen.tool]
     if chosen.output in (None, "-"):
         print(text, end="")

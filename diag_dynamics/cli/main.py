@@ -5,6 +5,7 @@
 
 import os
 import sys
+import warnings
 from difflib import get_close_matches
 from importlib import import_module
 from typing import NamedTuple
@@ -81,6 +82,7 @@ COMMANDS = {name: command for group in GROUPS.values() for name, command in grou
 
 def main(arguments=None):
     """Run the command that the arguments begin with; returns the exit status."""
+    shows, warnings.showwarning = warnings.showwarning, _show_warning
     try:
         status = _run(arguments)
         sys.stdout.flush()
@@ -89,7 +91,17 @@ def main(arguments=None):
     except BrokenPipeError:  # `… | head`: what is left would fail again when Python ends
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    finally:
+        warnings.showwarning = shows
     return status
+
+
+def _show_warning(message, category, *where):
+    """Print a warning about a robot's file in one line; others as Python does."""
+    if category.__module__ == "diag_dynamics.exceptions":
+        print(f"{PROGRAM}: warning: {message}", file=sys.stderr)
+    else:
+        print(warnings.formatwarning(message, category, *where[:2]), end="", file=sys.stderr)
 
 
 def _run(arguments):

@@ -19,9 +19,9 @@ from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.geometry import Shape, shapes_of
 from diag_dynamics.model.meshes import Meshes
 from diag_dynamics.model.origins import placement_of
-from diag_dynamics.model.sources import folder_of, urdf_text
+from diag_dynamics.model.robot_source import read_source
+from diag_dynamics.model.sources import folder_of
 from diag_dynamics.model.urdf import parse_urdf
-from diag_dynamics.model.xacro_files import expanded
 
 if TYPE_CHECKING:
     from diag_dynamics.model import RobotModel
@@ -99,7 +99,7 @@ def link_geometry(
     """
     choice("geometry", geometry, ("frames", "primitives", "meshes"))
     most = max(8, whole("most", most))
-    text = urdf_text(expanded(urdf, None))
+    text = read_source(urdf).text
     robot, meshes = parse_urdf(text.encode(errors="replace")), Meshes(folder_of(urdf))
     elements = {element.get("name", ""): element for element in robot.findall("link")}
     points, source, grown, left_out = [], {}, {}, {}

@@ -6,21 +6,23 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from typing import IO, Any
 
 import numpy as np
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.exceptions import DiagDynamicsError, MasslessLinkError, MimicJointError
+from diag_dynamics.exceptions import DiagDynamicsError, InputError, MasslessLinkError, MimicJointError
 from diag_dynamics.inspection import dynamics, elements, inertias
 from diag_dynamics.inspection.description import Description
 from diag_dynamics.inspection.findings import SEVERITIES, Finding, Report
 from diag_dynamics.inspection.motion import Motion
 from diag_dynamics.inspection.subject import Check, Subject, about_links
-from diag_dynamics.model import RobotModel, load_urdf, urdf_text
+from diag_dynamics.model import RobotModel, load_urdf
+from diag_dynamics.model.mjcf import Described
 from diag_dynamics.model.options import negative_moments, warnings_told
+from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.model.sources import folder_of
-from diag_dynamics.model.xacro_files import expanded
 
 OF_TEXT: dict[str, Check] = {
     "possible_inertias": inertias.possible_inertias,
@@ -45,6 +47,12 @@ OF_TEXT: dict[str, Check] = {
 }
 """Checks of what the XML says, which need no model."""
 
+OF_GEOMETRY = (
+    *("mass_without_geometry", "density", "uniform_density", "centre_of_mass"),
+    *("gyration", "inertia_axes", "meshes"),
+)
+"""Those that compare with geometry, which the description of an MJCF has not."""
+
 OF_MOTION: dict[str, Check] = {
     "rotor_inertia": dynamics.rotor_inertia,
     "gravity": dynamics.gravity,
@@ -60,7 +68,11 @@ CHECKS = (LOADING, *OF_TEXT, *OF_MOTION)
 """Names of all checks."""
 
 
-def inspect_robot(source: str | bytes | os.PathLike[str] | IO[Any], floating_base: bool = False) -> Report:
+def inspect_robot(
+    source: str | bytes | os.PathLike[str] | IO[Any],
+    floating_base: bool = False,
+    xacro_args: Mapping[str, Any] | None = None,
+) -> Report:
     """Report what the library makes of a robot.
 
     What it refuses is a finding, too: checks of the XML go on, and joints that move no inertia are locked for the rest.
@@ -68,9 +80,11 @@ def inspect_robot(source: str | bytes | os.PathLike[str] | IO[Any], floating_bas
     Parameters
     ----------
     source : str, bytes, os.PathLike or file
-        As of :func:`load_urdf`. Meshes that the URDF names are read.
+        As of :func:`load_urdf`, or the path of an MJCF. Meshes that the URDF names are read.
     floating_base : bool
-        Whether the root link moves freely.
+        Whether the root link moves freely; an MJCF says that itself.
+    xacro_args : dict, optional
+        Arguments of a xacro file, by name.
 
     Raises
     ------
@@ -78,17 +92,21 @@ def inspect_robot(source: str | bytes | os.PathLike[str] | IO[Any], floating_bas
         There is no such file, or it is no XML of a robot at all.
     """
     folder, name = folder_of(source), os.fspath(source) if isinstance(source, (str, os.PathLike)) else "text"
-    text = urdf_text(expanded(source, None))
+    described = read_source(source, xacro_args)
+    if floating_base and not described.options.get("floating_base", True):
+        raise InputError("floating_base is True; expected False: the MJCF has no free body, or several.")
     if folder is None:
         name = "text"
-    description = Description(text, folder)
-    model, findings = _loaded(text, floating_base)
+    description = Description(described.text, folder)
+    model, findings = _loaded(described.text, {"floating_base": floating_base, **described.options})
     with np.errstate(all="ignore"):  # of numbers that no robot has, which findings tell of
         motion, more = _motion(model)
         findings = [*_negative(description), *findings, *more] if findings or more else []
+        findings += _omitted(described)
         subject, checks = Subject(description, model, motion), {}
         for title, check in OF_TEXT.items():
-            checks[title] = _worst(found := list(check(subject)))
+            found = [] if described.is_mjcf and title in OF_GEOMETRY else list(check(subject))
+            checks[title] = "skipped" if described.is_mjcf and title in OF_GEOMETRY else _worst(found)
             findings += found
         for title, check in OF_MOTION.items():
             checks[title] = _worst(found := list(check(subject))) if motion else "skipped"
@@ -103,9 +121,17 @@ def _worst(findings: list[Finding]) -> str:
     return max((finding.severity for finding in findings), key=SEVERITIES.index, default="ok")
 
 
-def _loaded(text: str, floating_base: bool) -> tuple[RobotModel | None, list[Finding]]:
+def _omitted(described: Described) -> list[Finding]:
+    """What an MJCF has that forward and inverse dynamics omit."""
+    remedy = "M, C, ν and K do not depend on it."
+    return [
+        Finding("note", LOADING, f"forward and inverse dynamics omit: {text}", remedy=remedy)
+        for text in described.omitted
+    ]
+
+
+def _loaded(text: str, options: dict[str, Any]) -> tuple[RobotModel | None, list[Finding]]:
     """The model, with what is refused left out where options can, and what was refused."""
-    options: dict[str, Any] = {"floating_base": floating_base}
     findings: list[Finding] = []
     while True:
         try:

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib import import_module
+from types import MappingProxyType
 from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError, UnsupportedError, UrdfError
 from diag_dynamics.model.options import warn
+from diag_dynamics.model.parameters import Parameters, of_joints
 from diag_dynamics.model.robot import RobotModel, load_urdf
 
 OPTIONS = ("gravity", "floating_base", "armature", "estimate_inertias")
@@ -38,21 +40,26 @@ MAX_PREAMBLE = 1 << 16
 
 
 class Described(NamedTuple):
-    """What an MJCF becomes.
+    """A robot as a URDF, and what a URDF cannot say.
 
     Attributes
     ----------
     text : str
-        A URDF.
+        The URDF.
     options : dict
-        Options of :func:`load_urdf` that the MJCF says itself: floating_base, gravity, armature.
+        Options of :func:`load_urdf` that an MJCF says itself: floating_base, gravity, armature; none of a URDF.
     omitted : tuple of str
         See :attr:`RobotModel.omitted`.
     """
 
     text: str
-    options: dict[str, Any]
-    omitted: tuple[str, ...]
+    options: Mapping[str, Any] = MappingProxyType({})
+    omitted: tuple[str, ...] = ()
+
+    @property
+    def is_mjcf(self) -> bool:
+        """Whether it was an MJCF."""
+        return bool(self.options)
 
 
 def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
@@ -110,17 +117,25 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     for name in OPTIONS:
         if name in options:
             raise InputError(f"{name} is what the MJCF says; change the file, or use with_gravity of the model.")
-    described = read_mjcf(source)
-    model = load_urdf(described.text, **described.options, **options)
-    warn_of_omitted(model.name, described.omitted)
+    return loaded(read_mjcf(source), **options)
+
+
+def loaded(described: Described, **options: Any) -> RobotModel:
+    """Build the model of a description; options of :func:`load_urdf` have precedence over those that the file says.
+
+    Parameters beside the file, and `armature`, replace the armature of the joints that they name.
+    """
+    armature = dict(described.options.get("armature", {}))
+    beside = options.get("parameters")
+    if beside is not None:
+        given = Parameters.load(beside) if isinstance(beside, (str, os.PathLike)) else Parameters.of(beside)
+        armature |= of_joints(given, "armature")
+    armature |= options.get("armature") or {}
+    model = load_urdf(described.text, **{**described.options, **options, "armature": armature})
+    if described.omitted:
+        text = f"Forward and inverse dynamics of robot '{model.name}' omit: {'; '.join(described.omitted)}. "
+        warn(f"{text}M, C, ν and K do not depend on these.", stacklevel=4)
     return model.with_omitted(described.omitted)
-
-
-def warn_of_omitted(name: str, omitted: tuple[str, ...], stacklevel: int = 4) -> None:
-    """Warn of what :attr:`RobotModel.omitted` will have, if that is anything."""
-    if omitted:
-        text = f"Forward and inverse dynamics of robot '{name}' omit: {'; '.join(omitted)}. "
-        warn(f"{text}M, C, ν and K do not depend on these.", stacklevel=stacklevel)
 
 
 def is_mjcf(source: object) -> bool:
@@ -492,8 +507,8 @@ class _Writer:
         text = f'<axis xyz="{_text(m.jnt_axis[j])}"/>'
         text += f'<dynamics damping="{_number(self._damping[dof])}" friction="{_number(self._friction[dof])}"/>'
         lower, upper = m.jnt_range[j] if self._limited[j] else (-np.inf, np.inf)
-        effort = _number(self._effort[j])
-        text += f'<limit lower="{_number(lower)}" upper="{_number(upper)}" effort="{effort}" velocity="inf"/>'
+        limits = f'lower="{_number(lower)}" upper="{_number(upper)}" ' if self._kind(j) != "continuous" else ""
+        text += f'<limit {limits}effort="{_number(self._effort[j])}" velocity="inf"/>'
         if j in self._mimic:
             leader, multiplier, offset = self._mimic[j]
             text += f'<mimic joint={quoteattr(leader)} multiplier="{_number(multiplier)}" offset="{_number(offset)}"/>'

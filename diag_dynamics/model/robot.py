@@ -412,7 +412,7 @@ def load_urdf(
     ----------
     source : str, bytes, os.PathLike or file
         Path of a URDF file, an open one, or XML text. A file whose name ends with .xacro is expanded by the package `xacro`,
-        if that is installed.
+        if that is installed; its arguments may follow the path: ``"arm.urdf.xacro prefix:=left_"``.
     floating_base : bool
         Whether the root link moves freely.
     gravity : array_like, shape (3,)

@@ -11,6 +11,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from diag_dynamics.entries import split_arguments
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.origins import short
 
@@ -132,6 +133,7 @@ def folder_of(source: Any) -> Path | None:
     if isinstance(source, str) and not _is_path(source):
         return None
     place = getattr(source, "name", None) if hasattr(source, "read") else source
+    place = split_arguments(place)[0] if isinstance(place, str) else place
     return Path(os.path.expanduser(place)).parent if isinstance(place, (str, os.PathLike)) else None
 
 

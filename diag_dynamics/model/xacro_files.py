@@ -9,8 +9,44 @@ from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 
+from diag_dynamics.entries import split_arguments
 from diag_dynamics.exceptions import InputError, UrdfError
+from diag_dynamics.model.options import warn
 from diag_dynamics.model.sources import refuse_other_kinds
+
+
+class _Arguments(dict):
+    """Values by name, and which names xacro asked for.
+
+    Attributes
+    ----------
+    used : set of str
+    missing : str or None
+        The last name that has no value.
+    """
+
+    def __init__(self, values):
+        super().__init__(values)
+        self.used, self.missing = set(), None
+
+    def __contains__(self, name):
+        self.used.add(name)
+        return super().__contains__(name)
+
+    def __getitem__(self, name):
+        self.used.add(name)
+        return super().__getitem__(name)
+
+    def __missing__(self, name):
+        self.missing = name
+        raise KeyError(name)
+
+    def lack(self):
+        """Say which name has no value; empty if none lacks one."""
+        if self.missing is None:
+            return ""
+        give = f"{self.missing}:=VALUE behind the path, or xacro_args={{'{self.missing}': VALUE}}"
+        return f"its argument '{self.missing}' has no value and no default. Give it: {give}."
 
 
 def expanded(source, arguments):
@@ -19,7 +55,8 @@ def expanded(source, arguments):
     Parameters
     ----------
     source
-        As of :func:`load_urdf`. A path whose name ends with .xacro is one of such a file.
+        As of :func:`load_urdf`. A path whose name ends with .xacro is one of such a file; arguments may follow it, see
+        :func:`split_arguments`.
     arguments : dict or None
         Values by name, as ``xacro name:=value`` has them.
 
@@ -32,9 +69,12 @@ def expanded(source, arguments):
     """
     if hasattr(source, "read") and str(getattr(source, "name", "")).lower().endswith(".xacro"):
         source = source.name  # of an open file: xacro finds what it includes by its place
-    is_xacro = isinstance(source, (str, os.PathLike)) and os.fspath(source).lower().endswith(".xacro")
     if arguments is not None and not isinstance(arguments, Mapping):
         raise InputError(f"xacro_args is {arguments!r}, expected a dict by name.")
+    if isinstance(source, str):
+        source, own = split_arguments(source)
+        arguments = own | dict(arguments or {})
+    is_xacro = isinstance(source, (str, os.PathLike)) and os.fspath(source).lower().endswith(".xacro")
     if not is_xacro:
         if arguments:
             raise InputError(
@@ -52,12 +92,21 @@ def expanded(source, arguments):
         raise UrdfError(
             f"'{path}' is a xacro file, and the package xacro is not installed: pip install xacro."
         ) from error
-    mappings = {str(name): _text(value) for name, value in (arguments or {}).items()}
+    mappings = _Arguments({str(name): _text(value) for name, value in (arguments or {}).items()})
     try:
-        return xacro.process_file(path, mappings=mappings).toxml()
+        text = xacro.process_file(path, mappings=mappings).toxml()
     except Exception as error:  # it has exceptions of a dozen modules
-        why = _missing_package(path, str(error)) or f"{type(error).__name__}: {' '.join(str(error).split())}"
+        why = (
+            mappings.lack()
+            or _missing_package(path, str(error))
+            or f"{type(error).__name__}: {' '.join(str(error).split())}"
+        )
         raise UrdfError(f"xacro cannot expand '{path}': {why}") from error
+    unused = [name for name in arguments or {} if str(name) not in mappings.used]
+    if unused:
+        used = f"it uses {', '.join(sorted(mappings.used))}" if mappings.used else "it uses none"
+        warn(f"The xacro argument {', '.join(map(repr, unused))} has no effect on '{path}'; {used}.", stacklevel=4)
+    return text
 
 
 def _missing_package(path, said):

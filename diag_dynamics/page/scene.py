@@ -15,7 +15,8 @@ from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.example_robots import example_urdfs
 from diag_dynamics.model.geometry import Shape, floats, shape_of
-from diag_dynamics.model.sources import folder_of, urdf_text
+from diag_dynamics.model.robot_source import read_source
+from diag_dynamics.model.sources import folder_of
 from diag_dynamics.model.urdf import parse_urdf
 from diag_dynamics.page.layout import finite
 from diag_dynamics.page.meshes import DrawnMesh, MeshLibrary, corners_of
@@ -52,7 +53,7 @@ def scene_of(model: RobotModel, source: Any, meshes: MeshLibrary | None = None) 
     ----------
     model : RobotModel
     source : str, bytes, os.PathLike or file
-        The URDF that it was made of, see :func:`~diag_dynamics.load_urdf`. A xacro file must have been expanded.
+        The URDF, xacro file or MJCF that it was made of, see :func:`~diag_dynamics.load_urdf`.
     meshes : MeshLibrary
         Where its meshes come from, and are kept to be asked for; None: none is read, which takes no time.
 
@@ -71,7 +72,7 @@ def scene_of(model: RobotModel, source: Any, meshes: MeshLibrary | None = None) 
     UrdfError
         The URDF is malformed.
     """
-    robot = parse_urdf(urdf_text(source).encode(errors="replace"))
+    robot = parse_urdf(read_source(source).text.encode(errors="replace"))
     colors = _colors(robot)
     elements = {element.get("name"): element for element in robot.findall("link")}
     joints = [_joint(model, element) for element in robot.findall("joint")]

@@ -27,7 +27,11 @@ PARAMETERS = {
         "Whether the node configures and activates itself: when it starts, or as soon as the robot's description has come.",
         read_only=True,
     ),
-    "robot_description": _once("", "URDF, or the path of one. If it is empty, the topic robot_description is used."),
+    "robot_description": _once(
+        "",
+        "URDF, or the path of one or of a xacro file, with NAME:=VALUE behind it. If it is empty, the topic "
+        "robot_description is used.",
+    ),
     **{
         name: spec._replace(while_unconfigured=True)
         for name, spec in SHARED_PARAMETERS.items()

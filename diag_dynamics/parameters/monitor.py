@@ -42,8 +42,8 @@ PARAMETERS = {
     "autostart": Spec(True, "Whether the node configures and activates itself when it starts.", read_only=True),
     "robot_description": Spec(
         "",
-        "URDF, or the path of one. If it is empty, the topic robot_description is used, and used again whenever a new "
-        "description arrives there.",
+        "URDF, or the path of one or of a xacro file, with NAME:=VALUE behind it. If it is empty, the topic "
+        "robot_description is used, and used again whenever a new description arrives there.",
     ),
     **SHARED_PARAMETERS,
     "serialization": Spec(

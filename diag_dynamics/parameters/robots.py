@@ -5,11 +5,11 @@
 
 from diag_dynamics.entries import assignments
 from diag_dynamics.exceptions import InputError, UnsupportedError
-from diag_dynamics.model import load_urdf
+from diag_dynamics.model.mjcf import loaded
 from diag_dynamics.model.options import FRICTION_VELOCITY
+from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.model.urdf import read_urdf
-from diag_dynamics.model.xacro_files import expanded
 from diag_dynamics.parameters.shared import PARAMETERS, payloads_of
 
 
@@ -18,26 +18,36 @@ def model_of(description, values):
 
     Parameters
     ----------
-    description : str
-        URDF or its path.
+    description : str or bytes
+        URDF; or the path of a URDF, a xacro file, which its arguments may follow, or an MJCF. An MJCF says itself whether its
+        base floats. Its gravity counts where the parameter has its default; its armature where no parameter has another.
     values : dict
         Values of :data:`~parameters.shared.PARAMETERS`; and `friction_velocity`, of a node that has it.
 
     Raises
     ------
     DiagDynamicsError
-        As :func:`load_urdf`; and for a robot with a joint whose state no ROS topic brings.
+        As :func:`load_urdf` and :func:`load_mjcf`; and for a robot with a joint whose state no ROS topic brings.
     """
-    description = expanded(description, None)
+    described = read_source(description)
     payloads = payloads_of(values["payloads"])
     if payloads:
-        links = {link.name for link in read_urdf(description, values["max_joints"])[0].links}
+        links = {link.name for link in read_urdf(described.text, values["max_joints"])[0].links}
         payloads = {link: payload for link, payload in payloads.items() if link in links}
     velocity = values.get("friction_velocity", FRICTION_VELOCITY)
-    model = load_urdf(
-        description,
-        floating_base=values["floating_base"],
-        gravity=values["gravity"],
+    own = described.options
+    if values["floating_base"] and not own.get("floating_base", True):
+        raise InputError(
+            "parameter 'floating_base' is true; expected false, because the MJCF has no free body, or several. "
+            "Give the base a <freejoint/>."
+        )
+    gravity = values["gravity"]
+    if list(gravity) == PARAMETERS["gravity"].default:
+        gravity = own.get("gravity", gravity)
+    model = loaded(
+        described,
+        floating_base=own.get("floating_base", values["floating_base"]),
+        gravity=gravity,
         mimic=values["mimic"],
         massless=values["massless"],
         locked_joints=assignments("locked_joints", values["locked_joints"]),

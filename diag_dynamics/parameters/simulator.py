@@ -13,7 +13,9 @@ def _once(default, description, **options):
 
 PARAMETERS = {
     "autostart": Spec(True, "Whether the node configures and activates itself when it starts.", read_only=True),
-    "robot_description": _once("", "URDF, or the path of one; required."),
+    "robot_description": _once(
+        "", "URDF, or the path of one or of a xacro file, with NAME:=VALUE behind it; required."
+    ),
     **SHARED_PARAMETERS,
     "floating_base": SHARED_PARAMETERS["floating_base"]._replace(
         description="Whether the root link moves freely; its state goes out on the topic odom."

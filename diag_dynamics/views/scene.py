@@ -17,7 +17,8 @@ from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model import RobotModel, end_effector_link
 from diag_dynamics.model.geometry import Shape, shapes_of
 from diag_dynamics.model.meshes import find_mesh
-from diag_dynamics.model.sources import folder_of, urdf_text
+from diag_dynamics.model.robot_source import read_source
+from diag_dynamics.model.sources import folder_of
 from diag_dynamics.model.urdf import parse_urdf
 
 REACH = 0.2
@@ -124,7 +125,8 @@ class Scene:
 
 def _parts(model: RobotModel, description: Any) -> list[Part]:
     folder = folder_of(description)
-    elements = {element.get("name"): element for element in parse_urdf(urdf_text(description).encode()).findall("link")}
+    robot = parse_urdf(read_source(description).text.encode())
+    elements = {element.get("name"): element for element in robot.findall("link")}
     found = []
     for index, link in enumerate(model.link_names):
         body, in_body = model.placement_in_body(link)

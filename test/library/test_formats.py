@@ -631,6 +631,34 @@ def test_effort_limits_of_disabled_actuators(mujoco):
     assert largest_effort(mujoco, unclamped) > 1e8 and largest_effort(mujoco, off) == 0.0
 
 
+def test_recording_of_an_mjcf(mujoco, tmp_path):
+    """The model is that of the file, but for what parameters say: gravity where it is not the default, and armature."""
+    robot, table, beside = (tmp_path / name for name in ("arm.xml", "t.csv", "arm.yaml"))
+    robot.write_text(f"<?xml version='1.0'?>\n<!-- <robot> --> {ARM}")
+    model = dd.load_mjcf(robot)
+    table.write_text("\n".join(["t,q_turn,qd_turn", *(f"{k / 100},0.1,0" for k in range(3))]))
+    dd.Parameters(joints={"turn": dd.JointParameters(armature=0.7)}).save(beside)
+
+    def read(**parameters):
+        return dd.read_recording(table, str(robot), parameters=parameters).model
+
+    plain = read()
+    assert_same(plain, model)
+    assert plain.gravity.tolist() == [0.3, -0.2, -9.5]
+    assert read(gravity=[0.0, 0.0, -1.6]).gravity.tolist() == [0.0, 0.0, -1.6]
+    k = model.dof_names.index("turn")
+    expected = dict(zip(model.dof_names, model.armature, strict=True))
+    for value, changed_model in (
+        (0.7, read(parameters_file=str(beside))),
+        (0.7, dd.load_mjcf(robot, parameters=beside)),
+        (0.9, read(parameters_file=str(beside), armature=["turn=0.9"])),
+    ):
+        assert changed_model.armature[k] == value
+        assert dict(zip(model.dof_names, changed_model.armature, strict=True)) == expected | {"turn": value}
+    with pytest.raises(dd.InputError, match="'floating_base' is true; expected false"):
+        read(floating_base=True)
+
+
 def test_mjcf_errors(mujoco, monkeypatch, tmp_path):
     for source in ("<mujoco><nothing/></mujoco>", tmp_path / "nowhere.xml"):
         with pytest.raises(dd.UrdfError, match="MuJoCo"):

@@ -366,6 +366,122 @@ def test_inspect_refuses(arguments, said, run):
     assert (status, out) == (2, "") and said in error
 
 
+# --- The robot of a command
+
+XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="mass" default="1"/>
+  <link name="base"/><link name="arm"><inertial><mass value="$(arg mass)"/><origin xyz="0 0 0.1"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="$(arg side)_turn" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+    <limit effort="10" velocity="1"/></joint></robot>"""
+
+MJCF = """<!-- an arm --><mujoco model="arm"><option gravity="0 0 -1.6"/><worldbody><body mocap="true"/><body>
+  <joint name="turn" axis="0 1 0" armature="0.2" stiffness="1"/><geom size="0.1" pos="0 0 1"/></body></worldbody></mujoco>"""
+
+KINDS = {  # how a command line names the robot, and its first joint
+    "xacro": (["{folder}/arm.urdf.xacro", "side:=left", "mass:=2.5"], "left_turn"),
+    "quoted": (["{folder}/arm.urdf.xacro side:=left 'mass:=2.5'"], "left_turn"),
+    "MJCF": (["{folder}/arm.xml"], "turn"),
+    "name": (["panda"], "panda_joint1"),
+    "listed name": (["panda_description/urdf/panda"], "panda_joint1"),
+}
+
+OF_A_RECORDING = ["{recording}", "--start", "1000", "--urdf"]
+COMMANDS_OF_A_ROBOT = {  # arguments before the robot, behind it, and what is printed if it was loaded
+    "inspect": ([], ["--json"], '"status": 0'),
+    "layout": (["--tool", "plotjuggler"], [], "{joint}"),
+    "excite": (
+        [],
+        ["--trials", "1", "--joints", "{joint}", "--velocity-limit", "{joint}=1", "-o", "{folder}/x"],
+        "{joint}",
+    ),
+    "analyse": (OF_A_RECORDING, [], "not a single state"),
+    "identify": (OF_A_RECORDING, [], "not a single state"),
+    "calibrate": (OF_A_RECORDING, ["-o", "{folder}/a.yaml"], "not a single state"),
+}
+
+
+@pytest.fixture
+def robots_folder(tmp_path):
+    (tmp_path / "arm.urdf.xacro").write_text(XACRO)
+    (tmp_path / "arm.xml").write_text(MJCF)
+    (tmp_path / "sub").mkdir()
+    return tmp_path
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("command", COMMANDS_OF_A_ROBOT)
+def test_every_command_takes_every_robot(command, kind, robots_folder, run):
+    """A xacro file with arguments, an MJCF, and a robot by its name, as the list of robots has it or in short."""
+    named, joint = KINDS[kind]
+    recording = write(robots_folder / "x.csv", ["t", f"q_{joint}", f"qd_{joint}"], np.eye(3))
+    before, behind, expected = COMMANDS_OF_A_ROBOT[command]
+    words = {"folder": robots_folder, "recording": recording, "joint": joint}
+    _, out, error = run(command, *(word.format(**words) for word in (*before, *named, *behind)))
+    assert expected.format(**words) in out + error
+
+
+@pytest.mark.parametrize("command", COMMANDS_OF_A_ROBOT)
+@pytest.mark.parametrize(
+    ("robot", "message"),
+    [
+        (["{folder}/arm.urdf.xacro"], "argument 'side' has no value and no default. Give it: side:=VALUE"),
+        (["{folder}/arm.urdf.xacro", "mass:=2"], "argument 'side' has no value"),
+        (["{folder}/arm.urdf.xacro", "side=left"], "'side=left' is no argument. Write side:=left"),
+        (["{folder}/arm.urdf.xacro", "side:=a", "side:=b"], "'side' is 'a' and 'b'; expected one value"),
+        (["panda", "side:=left"], "'side:=left' is a xacro argument, but robot 'panda' is no .xacro file"),
+        (["{folder}/arm.xml", "side:=left"], "is no .xacro file"),
+        (["talos"], "could be any of"),
+        (["{folder}/sub"], "a folder; expected"),
+        (["{folder}/nowhere.xml"], "no such file"),
+    ],
+    ids=["no value", "other value", "equals", "two values", "name", "mjcf", "ambiguous", "folder", "absent"],
+)
+def test_every_command_refuses_in_one_line(command, robot, message, robots_folder, run):
+    recording = write(robots_folder / "x.csv", ["t", "q_turn", "qd_turn"], np.eye(3))
+    before, behind, _ = COMMANDS_OF_A_ROBOT[command]
+    words = {"folder": robots_folder, "recording": recording, "joint": "turn"}
+    behind = [word for word in behind if word != "--json"]
+    status, out, error = run(command, *(word.format(**words) for word in (*before, *robot, *behind)))
+    assert (status, out, error.count("\n")) == (2, "", 1) and message in error
+
+
+def test_xacro_arguments_without_a_robot(robots_folder, run):
+    """They may stand before the recording, too; and a recording may have a name like an assignment."""
+    still = [[k / 100, 0.1, 0.0] for k in range(3)]
+    odd = write(robots_folder / "side=left.csv", ["t", "q_left_turn", "qd_left_turn"], still)
+    status, _, error = run("analyse", "side:=left", odd)
+    assert status == 2 and "'side:=left' is a xacro argument, but no robot is named. Give --urdf FILE.xacro." in error
+    robot = robots_folder / "arm.urdf.xacro"
+    status, out, _ = run("analyse", "side:=left", odd, "--urdf", robot, "--json", "-")
+    assert status == 0 and json.loads(out)["states"] == 3
+
+
+def test_an_argument_that_xacro_does_not_use(robots_folder, run):
+    status, _, error = run("inspect", robots_folder / "arm.urdf.xacro", "side:=left", "msas:=2")
+    assert status == 0 and error.count("\n") == 1
+    assert "warning: The xacro argument 'msas' has no effect" in error and "it uses mass, side" in error
+
+
+def test_mjcf_on_the_command_line(robots_folder, run, monkeypatch):
+    """What dynamics omits is a note of inspect, and a line of the others; what needs a URDF, or MuJoCo, says so."""
+    robot = robots_folder / "arm.xml"
+    status, out, error = run("inspect", robot)
+    assert (status, error) == (0, "") and "omit: spring of joint 'turn'" in out and "omit: mocap body 'body1'" in out
+    status, out, error = run("layout", robot, "--tool", "plotjuggler")
+    (line,) = [line for line in error.splitlines() if "warning" in line]
+    assert "robot 'arm' omit: spring of joint 'turn'; mocap body 'body1'" in line and "turn" in out
+    status, _, error = run("inspect", robot, "--floating-base")
+    assert status == 2 and "floating_base is True; expected False" in error
+    status, _, error = run("inspect", robot, "--estimate-inertias", 1000, "-o", robots_folder / "new.urdf")
+    assert status == 2 and "is an MJCF, whose inertias MuJoCo estimates" in error
+    recording = write(robots_folder / "x.csv", ["t", "q_turn", "qd_turn"], np.eye(3))
+    status, _, error = run("identify", recording, "--urdf", robot, "--write-urdf", robots_folder / "new.urdf")
+    assert status == 2 and "--write-urdf writes a URDF" in error and not (robots_folder / "new.urdf").exists()
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    status, out, error = run("inspect", robot)
+    assert (status, out, error.count("\n")) == (2, "", 1) and "pip install mujoco" in error
+
+
 # --- identify ---
 
 TRUTH = {

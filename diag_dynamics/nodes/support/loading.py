@@ -6,7 +6,9 @@
 from functools import cache
 
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import UnsupportedError
 from diag_dynamics.model import load_urdf
+from diag_dynamics.model.mjcf import is_mjcf
 from diag_dynamics.model.options import warnings_told
 from diag_dynamics.parameters.robots import model_of
 
@@ -49,8 +51,8 @@ def load_robot(node, description, values):
     Parameters
     ----------
     node : rclpy.node.Node
-    description : str
-        URDF or its path.
+    description : str or bytes
+        URDF; or the path of one, or of a xacro file, which its arguments may follow.
     values : dict
         Values of :data:`~parameters.shared.PARAMETERS`; and `friction_velocity`, of a node that has it.
 
@@ -59,6 +61,10 @@ def load_robot(node, description, values):
     DiagDynamicsError
         As :func:`model_of`.
     """
+    if is_mjcf(description):
+        raise UnsupportedError(
+            f"robot_description is '{description}', an MJCF; expected a URDF or xacro file. Nodes do not read MJCFs."
+        )
     node.get_logger().info("Loading a robot.")
     told = []
     with warnings_told(told.append):
