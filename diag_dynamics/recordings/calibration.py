@@ -23,6 +23,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.account import Finding
 from diag_dynamics.recordings.calibration_result import Calibration as Calibration
 from diag_dynamics.recordings.calibration_result import per_time as per_time
+from diag_dynamics.recordings.effort_range import EffortRange
 from diag_dynamics.recordings.observed import Observer, require_efforts, require_same_robot
 from diag_dynamics.recordings.recording import Recording
 from diag_dynamics.recordings.refused_units import refuse_units
@@ -100,6 +101,7 @@ def calibrate(
     first = next(many, None)
     if first is None:
         raise InputError("recordings are none, expected at least one.")
+    efforts = EffortRange(model.dof_names)
     for one in chain([first], many):
         observer = Observer(dynamics, gain, friction=friction, max_gap=max_gap, threads=threads)
         with_states = with_efforts = False
@@ -110,12 +112,18 @@ def calibrate(
             with_states, with_efforts = with_states or len(piece) > 0, with_efforts or piece.tau is not None
             counts.update(piece.counts)
             findings = piece.findings
+            efforts.take(piece.states.position[:, -model.nv :], piece.states.effort)
             for stamps, (residual, torque, _, valid, _) in observer.observed(piece.states):
                 seen.take(stamps, residual, torque, valid)
         refuse_units(findings)
         if not with_efforts:
             require_efforts(with_states, counts)
-    return calibrated(seen, model.dof_names, gain, false_alarms, ends, friction=friction)
+    unmeasured = efforts.complaint()
+    if unmeasured and not efforts.measures:
+        raise InputError(f"{unmeasured}. Record the efforts of the joints.")
+    still = "" if efforts.moved else "no joint moves: the thresholds are those of a robot at rest"
+    warnings = [text for text in (unmeasured, still) if text]
+    return calibrated(seen, model.dof_names, gain, false_alarms, ends, friction=friction, warnings=warnings)
 
 
 def calibrated(

@@ -53,19 +53,28 @@ class EffortRange:
         """Whether any joint has moved."""
         return bool(np.any(self.high[1] - self.low[1] > MOVES))
 
+    @property
+    def measures(self):
+        """Whether the effort of any joint can have been measured."""
+        return self.states < 2 or not np.all(np.any(self._unmeasured(), axis=0))
+
     def complaint(self):
         """Return which efforts cannot have been measured, in words; empty where all can."""
-        low, high = self.low[0], self.high[0]
-        if self.states < 2 or not np.isfinite(low).any():
+        if self.states < 2 or not np.isfinite(self.low[0]).any():
             return ""
+        missing, zero, constant = self._unmeasured()
+        told = [self._said(missing, "missing"), self._said(zero, "0")]
+        told += [self._said(constant & (self.low[0] == one), f"{one:.6g}") for one in np.unique(self.low[0][constant])]
+        return "; ".join(filter(None, told))
+
+    def _unmeasured(self):
+        """Return which efforts are missing, 0 and constant throughout, bool, shape (n,) each."""
+        low, high = self.low[0], self.high[0]
         largest = np.maximum(np.abs(low), np.abs(high))
         moves = self.high[1] - self.low[1] > MOVES
         with np.errstate(invalid="ignore"):
             zero = largest < TINY
-            constant = moves & ~zero & (high - low <= CONSTANT * largest)
-        told = [self._said(~np.isfinite(low), "missing"), self._said(zero, "0")]
-        told += [self._said(constant & (low == one), f"{one:.6g}") for one in np.unique(low[constant])]
-        return "; ".join(filter(None, told))
+            return ~np.isfinite(low), zero, moves & ~zero & (high - low <= CONSTANT * largest)
 
     def _said(self, which, value):
         """Return that some efforts have a value throughout, in words."""

@@ -109,11 +109,24 @@ UNMEASURED = {
 
 @pytest.mark.parametrize("case", UNMEASURED)
 def test_efforts_that_nothing_measured(tmp_path, capsys, case):
+    """All commands use the same words."""
     changed, key = UNMEASURED[case]
     t, q, qd, tau = motion()
-    for command, expected in (("identify", 2), ("analyse", 1)):
-        status, said = commanded(tmp_path, capsys, command, (t, q, qd, changed(tau)))
+    alarms = "-o", str(tmp_path / "alarms.yaml")
+    for command, expected, *options in (
+        ("identify", 2),
+        ("analyse", 1),
+        ("calibrate", 1 if "one" in case else 2, *alarms),
+    ):
+        status, said = commanded(tmp_path, capsys, command, (t, q, qd, changed(tau)), *options)
         assert status == expected and f"{key} (effort_available)" in said and "Traceback" not in said
+
+
+def test_thresholds_of_a_robot_at_rest(tmp_path, capsys):
+    t, q, qd, tau = motion()
+    columns = t, 0.0 * q + 0.3, 0.0 * qd, 0.1 + noise(tau, 0.01)
+    status, said = commanded(tmp_path, capsys, "calibrate", columns, "-o", str(tmp_path / "alarms.yaml"))
+    assert status == 1 and "no joint moves: the thresholds are those of a robot at rest" in said
 
 
 @pytest.mark.parametrize("cause", CAUSES)
