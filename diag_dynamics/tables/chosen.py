@@ -194,12 +194,8 @@ class _Choosing:
             raise self._error(f"several columns may be the times: {what}, one of {_list(candidates)}.")
         if candidates:
             return next(iter(candidates.items()))
-        for texts in time_columns([one._replace(dated=bool(one.sample)) for one in columns]).values():
-            column = columns[texts[0]]
-            raise self._error(
-                f"'{column.name}' holds text such as '{next(filter(None, column.sample), '')}', expected numbers or ISO 8601 "
-                "times."
-            )
+        for texts in time_columns([one._replace(dated=not one.numeric, sample=()) for one in columns]).values():
+            raise self._error(f"{self._no_numbers(texts[0])}, expected numbers or ISO 8601 times.")
         raise self._error(
             f"no column is known as that of the times: {what}, which of {_list(one.name for one in columns)}."
         )
@@ -351,11 +347,19 @@ class _Choosing:
     def _numeric(self, k, what):
         """The index, if the column holds numbers."""
         column = self._columns[k]
-        if not (column.numeric or (column.dated and what == "time")):
-            text = next((f", but text such as '{one}'" for one in column.sample if one), "")
-            expected = " or ISO 8601 times" if what == "time" else " in one or two dimensions"
-            raise self._error(f"{what}: '{column.name}' does not hold numbers{expected}{text}.")
+        if what == "time" and not (column.numeric or column.dated):
+            raise self._error(f"time: {self._no_numbers(k)}, expected numbers or ISO 8601 times.")
+        if what != "time" and not column.numeric:
+            raise self._error(f"{what}: '{column.name}' does not hold numbers in one or two dimensions.")
         return k
+
+    def _no_numbers(self, k):
+        """What a column holds that has no numbers."""
+        column = self._columns[k]
+        text = next((str(one) for one in column.sample if one), "")
+        return (
+            f"'{column.name}' holds text such as '{text[:40]}'" if text else f"'{column.name}' is of type {column.type}"
+        )
 
     def _names(self):
         return [one.name for one in self._columns]

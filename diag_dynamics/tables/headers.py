@@ -101,6 +101,8 @@ class Column(NamedTuple):
     """Whether each row has a list: of texts, or numbers in a text."""
     dated: bool = False
     """Whether these texts are times."""
+    type: str = ""
+    """Type of values that are no numbers, for messages."""
     moments: bool = False
     """Whether values are times by themselves: ISO 8601, or of a type of times."""
 

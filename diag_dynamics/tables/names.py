@@ -43,8 +43,6 @@ class Stated(NamedTuple):
     joints: tuple[str, ...]
     where: str
     """Place in the file, for messages."""
-    sure: bool = True
-    """Whether these must be joints, whatever the names are."""
 
 
 class RowNames(NamedTuple):
@@ -125,8 +123,9 @@ def stated_in_comments(lines, known):
         if found:
             text = re.split(r"\s+\w+\s*=", found["names"])[0]
             names = names_of(text) if text.strip() else _entries(lines[k + 1 :])
-            if names and all(map(_is_name, names)):
-                return Stated(names, f"the comment in line {at}", "joint" in line[: found.start("names")].lower())
+            sure = "joint" in line[: found.start("names")].lower()
+            if names and all(map(_is_name, names)) and (sure or 2 * len(set(names) & set(known)) > len(names)):
+                return Stated(names, f"the comment in line {at}")
         elif len(names := names_of(line)) > 1 and set(names) <= set(known):
             return Stated(names, f"the comment in line {at}")
     return None

@@ -110,9 +110,9 @@ class NamesInData:
     def _by_statement(self, group, count):
         """As :meth:`joints`, of the names in a comment or in metadata."""
         stated = self._stated
-        if not stated or not (self._are_joints(stated.joints) or (stated.sure and len(stated.joints) == count)):
+        if not stated or not (self._are_joints(stated.joints) or len(stated.joints) == count):
             return None
-        names, where, _ = stated
+        names, where = stated
         if len(set(names)) != len(names):
             twice = next(name for name in names if names.count(name) > 1)
             return f"{where} names the joint '{twice}' twice.", (), ()

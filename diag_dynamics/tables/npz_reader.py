@@ -167,7 +167,7 @@ class NpzReader:
         """What a column is by its array; one of texts gets a layout if it has a row for each time."""
         if name in self._layouts:
             return Column(name, self._layouts[name].width, moments=kind == "M")
-        column = Column(name, numeric=False)
+        column = Column(name, numeric=False, type={"O": "object", "c": "complex", "b": "bool"}.get(kind, kind))
         if texts is None or texts.ndim not in (1, 2):
             return column
         if len(texts) not in {layout.rows for layout in self._layouts.values()} and texts.ndim == 2:

@@ -18,6 +18,9 @@ from diag_dynamics.tables.pieces import ROWS, Read, of_one_length, piece, refuse
 from diag_dynamics.tables.together import Together
 from diag_dynamics.tables.unread import Losses
 
+LONGEST = 10_000
+"""Characters of a text that is read."""
+
 _UNIT = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -105,7 +108,7 @@ class ParquetReader:
     def _column_of(self, file, name, kind, unit):
         """What a column is by its type, and by its first rows if it has texts."""
         column = Column(name, self._width(file, name, kind), unit, numeric=self._is_numeric(kind))
-        column = column._replace(moments=self._arrow.types.is_timestamp(kind))
+        column = column._replace(moments=self._arrow.types.is_timestamp(kind), type=str(kind))
         if self._is_list(kind):
             column = column._replace(numeric=column.numeric and column.width > 0)
         if not self._is_text(kind.value_type if self._is_list(kind) else kind):
@@ -124,14 +127,15 @@ class ParquetReader:
         types = self._arrow.types
         if types.is_dictionary(kind):
             kind = kind.value_type
-        return types.is_string(kind) or types.is_large_string(kind)
+        tests = ("string", "large_string", "string_view", "binary", "large_binary", "binary_view")
+        return any(getattr(types, f"is_{name}", lambda _: False)(kind) for name in tests)
 
     def _texts(self, batch, name):
         """Texts of a column, or lists of them; None of null."""
         column = self._column(batch, name)
         if self._arrow.types.is_dictionary(column.type):
             column = column.dictionary_decode()
-        return column.to_pylist()
+        return _decoded(column.to_pylist())
 
     def _width(self, file, name, kind):
         """Columns of a list, which its first row that is not empty has; 0 of what is none."""
@@ -222,7 +226,7 @@ class ParquetReader:
         if types.is_dictionary(column.type):
             column = column.dictionary_decode()
         if self._is_text(column.type):
-            return times.of_texts(["" if one is None else one for one in column.to_pylist()], scale)
+            return times.of_texts([one or "" for one in _decoded(column.to_pylist())], scale)
         if self._is_temporal(self._choice.time[0]):
             column, scale = column.cast(self._arrow.int64()), _UNIT[column.type.unit]
         if types.is_integer(column.type):
@@ -255,6 +259,15 @@ class ParquetReader:
         if self._choice.names:
             return values
         return of_one_length(values, lengths, width, self._losses, lambda at: f"row {rows[at]}", name)
+
+
+def _decoded(texts):
+    """Texts, or lists of them, of bytes; what is too long for a time or names, such as a picture, is empty."""
+    if isinstance(texts, list):
+        return [_decoded(one) for one in texts]
+    if isinstance(texts, bytes | str) and len(texts) > LONGEST:
+        return None
+    return texts.decode("utf-8", "replace") if isinstance(texts, bytes) else texts
 
 
 def _units(schema):

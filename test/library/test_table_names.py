@@ -356,6 +356,7 @@ def test_comments_and_metadata_name_joints(read, kind):
 UNRELATED = {
     "prose": f"# elbow: greased, then: shoulder\n{PLAIN}",
     "a name": f"# name: run_17\n{PLAIN}",
+    "prose about an order": f"# order: first elbow then wrist\n{PLAIN}",
     "the joint that moves": PLAIN.replace("\n", ",elbow\n").replace("q3,elbow", "q3,joint", 1),
     "joints that move": PLAIN.replace("\n", ',"elbow, wrist"\n').replace('q3,"elbow, wrist"', "q3,moving", 1),
     "prose with names": f"# shoulder and elbow were cold, wrist = warm\n{PLAIN}",
