@@ -326,7 +326,7 @@ class TableSource:
         found = [] if self.names else proposal(named, own)
         raise InputError(
             f"'{self._path}': rows name {listed(named)}, none of which the robot has. Its joints are {listed(own)}."
-            f"{f' {advice(found, len(named))}.' if found else ''}"
+            f"{f' {advice(found, named, own)}.' if found else ''}"
         )
 
     def _own_names(self, model, joints):
