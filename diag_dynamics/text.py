@@ -65,7 +65,8 @@ def number(value: float, digits: int = 3) -> str:
     if size >= 1e5 or size < 1e-3:
         mantissa, exponent = f"{value:.{max(0, digits - 2)}e}".split("e")
         return f"{mantissa}e{int(exponent)}"
-    decimals = max(0, digits - 1 - math.floor(math.log10(size)))
+    rounded = float(f"{size:.{digits - 1}e}")  # 9.997 has as many decimals as 10.0
+    decimals = max(0, digits - 1 - math.floor(math.log10(rounded)))
     return f"{value:.{min(decimals, digits + 1)}f}"
 
 

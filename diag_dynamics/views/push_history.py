@@ -23,7 +23,7 @@ class Moment(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """One word of the monitor: time [s], |r| [J^½/s], whether it is a collision."""
+    """One word of the monitor: time [s], |r| [√J/s], whether it is a collision."""
 
     time: float
     norm: float
@@ -40,7 +40,7 @@ class PushHistory:
     bound : float
         On the kinetic energy [J].
     threshold, release : float
-        Of |r| [J^½/s].
+        Of |r| [√J/s].
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class PushHistory:
         begin, over = self.collision
         found = []
         if begin is None or begin > self.end:
-            found.append(f"The push was not seen: |r| stayed below {self.threshold:g} J^½/s.")
+            found.append(f"The push was not seen: |r| stayed below {self.threshold:g} √J/s.")
         elif begin < self.onset:
             found.append(f"A collision was seen {1e3 * (self.onset - begin):.0f} ms before there was a push.")
         elif over is None:
@@ -91,7 +91,7 @@ class PushHistory:
         return [
             f"push of {self.force:g} N for {self.end - self.onset:.2f} s: collision seen after "
             f"{1e3 * (begin - self.onset):.0f} ms, over {1e3 * (over - self.end):.0f} ms after its end",
-            f"|r| at most {max(s.norm for s in self.seen):.1f} J^½/s, before the push "
+            f"|r| at most {max(s.norm for s in self.seen):.1f} √J/s, before the push "
             f"{max(s.norm for s in self.seen if s.time < self.onset):.1f}, threshold {self.threshold:g}",
             f"K at most {largest:.4f} J, its bound {self.bound:g} J ({100 * (largest / self.bound - 1):+.1f} %)",
             f"while pushed the limiter acted on {100 * np.mean([m.limited for m in pushed]):.0f} % of the commands",
@@ -121,7 +121,7 @@ class PushHistory:
         )
         norm.set_ylim(0.0, 1.35 * max(self.threshold, seen[:, 1].max()))
         _strip(norm, seen_time, seen[:, 2], "#e8998d", "collision")
-        norm.set_ylabel("external torque |r| [J^½/s]")
+        norm.set_ylabel("external torque |r| [√J/s]")
         way.plot(time, 1e3 * moments[:, 3], color="#3d7a4a", linewidth=1.5, label="displacement")
         way.set_ylim(bottom=0.0)
         way.set_ylabel("hand off its place [mm]")

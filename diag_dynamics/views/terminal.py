@@ -88,7 +88,7 @@ def _headline(samples, last, total, rate, width):
     )
     table.add_row("K" if narrow else "kinetic energy", f"[bold]{number(total):>9} J[/]{'' if narrow else peak}")
     known = f"{number(power):>9} W" if np.isfinite(power) else "  unknown" if narrow else "  unknown: no efforts"
-    table.add_row("power" if narrow else "net power νᵀ(ε − ε_g)", f"[bold]{known}[/]")
+    table.add_row("net power" if narrow else "net power νᵀ(ε − ε_g)", f"[bold]{known}[/]")
     table.add_row("|νᵀC|/|ν||C|", f"{number(work_rate):>9}{'' if narrow else '    [dim]Coriolis does no work[/]'}")
     late = f" {duration(latency)}" if narrow else f"   latency {duration(latency)}, 99 % {duration(late)}"
     table.add_row("states", f"{rate:9.0f} Hz{late}")

@@ -427,7 +427,8 @@ def test_a_report_shows_the_recording(chromium, recording):
         assert words["contacts"].startswith("1 contact")
         assert "external_torque.threshold" in words["parameters"]
         tab.page.locator("#contacts button").first.click()
-        tab.until("diag.state.window[1] - diag.state.window[0] < 6")
+        tab.until("diag.state.window[1] - diag.state.window[0] < 6 && diag.values.t === diag.state.now")
+        assert tab.ask("diag.values.norm[0]") == pytest.approx(summary["collisions"][0]["norm"], rel=1e-3)
         assert len(rows_of(tab)) > 4.0 * recorded_arm.RATE
         tab.page.keyboard.press("0")
         tab.until(f"diag.state.window[1] - diag.state.window[0] > {recorded_arm.LENGTH - 0.1}")

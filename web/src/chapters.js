@@ -23,7 +23,7 @@ const PEAKS = {
   velocity: ["velocity", "rad/s", "m/s"],
   effort: ["joint torque", "N m", "N"],
   external_torque: ["external torque", "N m", "N"],
-  residual_norm: ["|r|", "J^½/s"],
+  residual_norm: ["|r|", "√J/s"],
 };
 
 // Unit of a peak: of a joint that turns, or of one that slides.
@@ -54,11 +54,11 @@ function contacts({ summary, begin, without_full_rate: without }, act) {
     return line(
       el("button", { class: "link", text: `${start.toFixed(3)} s`, title: "show the largest |r|", onclick: () => act.see(start, end) }),
       `${span(end - start)}, `,
-      ...breakable(one.told ?? `|r| ${quantity(one.norm, "J^½/s")} at ${one.joints.join(", ")}`),
+      ...breakable(one.told ?? `|r| ${quantity(one.norm, "√J/s")} at ${one.joints.join(", ")}`),
     );
   });
   const known = !observer.missing.length && observer.observed > 0;
-  const judged = observer.judged.length ? `thresholds of ${observer.judged.length} detectors` : `|r| above ${quantity(observer.threshold, "J^½/s")}`;
+  const judged = observer.judged.length ? `thresholds of ${observer.judged.length} detectors` : `|r| above ${quantity(observer.threshold, "√J/s")}`;
   const texts = known ? [`By ${judged}; observer of gain ${number(observer.gain)}/s.`] : [];
   if (observer.says) texts.push(observer.says);
   if (observer.missing.includes(GAIN) && observer.observed) texts.push(`The gain of the observer is ${number(observer.gain)}/s because ${GAIN} is not set.`);

@@ -33,17 +33,17 @@ export class Details {
       const place = (layout.json.coordinates ?? []).indexOf(layout.dofs[dof]);
       if (place >= 0) add("position q", f("q", place), turn);
       add("velocity q̇", f("qd", dof), `${turn}/s`);
-      add("total rate ν", f("nu", dof), "J^½");
+      add("total rate ν", f("nu", dof), "√J");
       add("energy share ½ν²", own, "J");
       add("… of K", (d, b) => own(d, b) / total(d, b), "", percent);
       add("effort τ", f("effort", dof), moment);
       if (layout.limits.effort?.[dof] > 0) add("… of its limit", ofLimit(layout, "effort", dof), "", percent);
       add("gravity torque", f("gravity_torque", dof), moment);
       add("external torque", f("external_torque", dof), moment);
-      add("residual r", f("residual", dof), "J^½/s");
-      add("working moment ε", f("epsilon", dof), "J^½/s");
-      add("gravity ε_g", f("gravity", dof), "J^½/s");
-      add("Coriolis C", f("coriolis", dof), "J^½/s");
+      add("residual r", f("residual", dof), "√J/s");
+      add("working moment ε", f("epsilon", dof), "√J/s");
+      add("gravity ε_g", f("gravity", dof), "√J/s");
+      add("Coriolis C", f("coriolis", dof), "√J/s");
       add("gives νC", exchange(layout, dof), "W");
       add("articulated inertia D", f("D", dof), slides ? "kg" : "kg m²");
     }

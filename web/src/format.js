@@ -24,7 +24,8 @@ export function metres(x) {
 }
 
 function precise(x, size, digits) {
-  const decimals = Math.max(0, digits - 1 - Math.floor(Math.log10(size)));
+  const rounded = Number(size.toPrecision(digits)); // 9.997 has as many decimals as 10.0
+  const decimals = Math.max(0, digits - 1 - Math.floor(Math.log10(rounded)));
   return x.toFixed(Math.min(decimals, digits + 1));
 }
 

@@ -87,7 +87,9 @@ export class JointTable {
     const { value, dof } = together(column, values, this.others);
     const cell = this.rest.cells[c];
     put(cell, value, dof === null ? barLength(value * factor, end) : length(dof, value), NaN, column.thresholds?.[dof]);
-    say(cell.whose, dof === null ? (column.adds ? "sum" : "") : this.layout.short[dof]);
+    const whose = column.adds ? "sum" : value ? (this.layout.short[dof] ?? "") : ""; // nobody's, of zero
+    if (cell.named !== whose) cell.whose.replaceChildren(...breakable(whose));
+    cell.named = whose;
   }
 
   // Those with most energy lately, in the robot's order.

@@ -128,9 +128,9 @@ export function plotsOf(layout) {
     {
       id: "norm",
       title: "External torque, all joints",
-      unit: "J^½/s · N m",
+      unit: "√J/s · N m",
       lines: [
-        single(layout, "norm", "|r|", "#f28e2b", { threshold: layout.thresholds.norm ?? null, unit: "J^½/s" }),
+        single(layout, "norm", "|r|", "#f28e2b", { threshold: layout.thresholds.norm ?? null, unit: "√J/s" }),
         single(layout, "torque_norm", "|m r|", "#e15759", {
           threshold: layout.thresholds.external_torque_norm ?? null,
           unit: "N m",

@@ -46,7 +46,7 @@ FORCE = 40.0
 """Of the push, along the y axis of the world [N]."""
 
 BOUND, THRESHOLD = 0.25, 8.0
-"""On the kinetic energy [J], and of |r| [J^½/s]."""
+"""On the kinetic energy [J], and of |r| [√J/s]."""
 
 STILL = 1e-3
 """Kinetic energy below which the arm is at rest, but for the noise of its sensors [J]."""
@@ -217,7 +217,7 @@ class PushView(Node):
         self._progress = time.monotonic()
         self._history.seen.append(Seen(now - self._begin, message.norm, message.collision))
         if message.collision:
-            self._say(now, f"the monitor sees a collision: |r| = {message.norm:.1f} > {message.threshold:g} J^½/s")
+            self._say(now, f"the monitor sees a collision: |r| = {message.norm:.1f} > {message.threshold:g} √J/s")
         elif self._history.end is not None and now - self._begin > self._history.end:
             self._say(now, "the monitor sees no collision any more")
 

@@ -47,7 +47,7 @@ class Shown:
     silent : float
         Since the last state [s].
     torque, residual : tuple of float
-        ‖m r‖ [N m] and |r| [J^½/s], and their thresholds; NaN where they are not known.
+        ‖m r‖ [N m] and |r| [√J/s], and their thresholds; NaN where they are not known.
     alarm : str
         What is in alarm; empty if nothing is.
     waiting : str
@@ -137,7 +137,7 @@ def _headlines(robot, width, colours):
         parts += [("   net power ", DIM), (power, PLAIN)]
     lines = [_line(parts, width, colours)]
     if robot.torque[0] == robot.torque[0]:
-        parts = [("m r ", DIM), *_judged(robot.torque, "N m"), ("  r ", DIM), *_judged(robot.residual, "J^½/s")]
+        parts = [("m r ", DIM), *_judged(robot.torque, "N m"), ("  r ", DIM), *_judged(robot.residual, "√J/s")]
         lines.append(_line(parts, width, colours))
     if robot.refused:
         lines.append(_line([(f"{robot.refused} messages made no sense", NEAR)], width, colours))
