@@ -140,7 +140,7 @@ class JointStateAssembler:
     ----------
     joints : Joints
     options : Options
-    name_of : callable, optional
+    map_name : callable, optional
         Returns the robot's name of a joint by its name in messages; without it they are the same.
 
     Attributes
@@ -162,9 +162,9 @@ class JointStateAssembler:
         The options name a joint that is not there.
     """
 
-    def __init__(self, joints, options, name_of=None):
+    def __init__(self, joints, options, map_name=None):
         count = len(joints.names)
-        self._name_of = name_of
+        self._map_name = map_name
         self.names = tuple(joints.names)
         self.followers = Followers(self.names, joints.mimics, options.mimic_tolerance, joints.continuous)
         self.counts = Counter()
@@ -373,7 +373,7 @@ class JointStateAssembler:
         """Places of the joints in the message and in the state; the same for the followers."""
         names = message.name
         if self._columns is None or names != self._columns[0]:
-            joints = [self._name_of(name) for name in names] if self._name_of else names
+            joints = [self._map_name(name) for name in names] if self._map_name else names
             if len(set(joints)) != len(joints):
                 twice = next(name for name, count in Counter(joints).items() if count > 1)
                 raise RejectedError("duplicate name", f"joint '{twice}' is listed twice in one message")

@@ -41,9 +41,9 @@ from diag_dynamics.bags.kernels.records import (
     find,
     next_record,
 )
-from diag_dynamics.bags.messages import Connection, Messages, type_of
+from diag_dynamics.bags.messages import Connection, Messages, normalize_type
 from diag_dynamics.bags.ordered import Source, in_order
-from diag_dynamics.bags.ros1_messages import ENCODINGS, UnknownTypeError, converted, ros1_type
+from diag_dynamics.bags.ros1_messages import ENCODINGS, UnknownTypeError, convert_messages, ros1_type
 
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -323,7 +323,7 @@ class McapFile(Bag):
         name, form, definition = self._schemas.get(schema, ("", "", ""))
         if schema and schema not in self._schemas:
             self.find(f", {where}: topic '{topic}' is of schema {schema}, which is not declared.")
-        name, convert = type_of(name), None
+        name, convert = normalize_type(name), None
         if encoding in ENCODINGS:
             encoding, form, definition, convert = self._ros1(topic, name, definition, metadata)
         connection = Connection(topic, name, encoding, definition if form == "ros2msg" else "")
@@ -413,7 +413,7 @@ class McapFile(Bag):
             found = np.take(found, np.argsort(found[LOG_TIME], kind="stable"), axis=1)
         messages = inflated(Messages(data, found[CONNECTION], found[AT], found[SIZE], found[LOG_TIME]))
         if self._converters:
-            messages, failed = converted(messages, self._converters)
+            messages, failed = convert_messages(messages, self._converters)
             for k, count in failed.items():
                 self.lose(_where(part), f"{count} messages of '{self.connections[k].topic}' are not of its type")
         yield messages

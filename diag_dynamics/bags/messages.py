@@ -20,7 +20,7 @@ class Connection(NamedTuple):
     """Of its type, with all types in it, as ``ros2msg`` has them; empty where the file has none."""
 
 
-def type_of(name):
+def normalize_type(name):
     """Return the name of a type as ROS 2 has it: with ``/msg/``, and without the colons of IDL.
 
     ROS 1 and the first releases of ROS 2 write ``sensor_msgs/JointState``, DDS ``sensor_msgs::msg::dds_::JointState_``.

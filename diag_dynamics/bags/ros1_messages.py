@@ -89,7 +89,7 @@ def _store(typesys, types, name, definition):
     return store, store.generate_msgdef(name, ros_version=2)[0]
 
 
-def converted(messages, converters):
+def convert_messages(messages, converters):
     """Convert the messages of some connections to CDR; leave those of others unchanged.
 
     Parameters

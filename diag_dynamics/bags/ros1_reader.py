@@ -13,7 +13,7 @@ import numpy as np
 
 from diag_dynamics.bags.bag import Bag
 from diag_dynamics.bags.compression import extra
-from diag_dynamics.bags.messages import Connection, Messages, type_of
+from diag_dynamics.bags.messages import Connection, Messages, normalize_type
 from diag_dynamics.bags.ordered import Source, in_order
 from diag_dynamics.bags.ros1_messages import UnknownTypeError, ros1_type
 
@@ -152,7 +152,7 @@ class Ros1Bag(Bag):
             encoding = "ros1"
         self._declared.append(one)
         self._converters.append(convert)
-        self.connections.append(Connection(one.topic, type_of(one.msgtype), encoding, text))
+        self.connections.append(Connection(one.topic, normalize_type(one.msgtype), encoding, text))
 
     # --- What is in it ---
 

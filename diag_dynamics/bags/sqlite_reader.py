@@ -16,7 +16,7 @@ import numpy as np
 
 from diag_dynamics.bags.bag import Bag
 from diag_dynamics.bags.compression import inflated
-from diag_dynamics.bags.messages import Connection, Messages, type_of
+from diag_dynamics.bags.messages import Connection, Messages, normalize_type
 
 _PIECE, _ROWS = 1 << 20, 1 << 14  # most bytes and most messages of a piece, and one more message
 _JOURNALS = "-wal", "-journal"
@@ -132,7 +132,7 @@ class SqliteFile(Bag):
                 name, kind, encoding = row["name"], row["type"], row["serialization_format"]
                 self._topics[row["id"]] = len(self.connections)
                 definition = str(definitions.get(kind, ""))
-                self.connections.append(Connection(str(name), type_of(str(kind)), str(encoding), definition))
+                self.connections.append(Connection(str(name), normalize_type(str(kind)), str(encoding), definition))
         except sqlite3.Error as error:
             self.lose("table message_definitions", str(error))
         except KeyError as error:

@@ -71,7 +71,7 @@ def run(name, arguments):
     fleet.add_arguments(parser)
     chosen = parsed(parser, arguments)
     if not chosen.recording and not chosen.fleet:
-        parser.error("a recording is expected, before --set, or --fleet PATTERN…")
+        parser.error("a recording is expected, before --set and --joint-names, or --fleet PATTERN…")
     try:
         with orderly(name, [] if chosen.fleet is not None else [getattr(chosen, option) for option in OUTPUTS]):
             if chosen.fleet is not None:
@@ -158,7 +158,7 @@ def _common(chosen):
 
 def _summary(chosen, recording, parameters, robot):
     """Analyse one recording, and write what is wanted of it."""
-    reading = Reading(recording, robot, parameters=parameters, **given.reading_of(chosen))
+    reading = Reading(recording, robot, parameters=parameters, **given.reading_arguments(chosen))
     messages = partial(McapOutput, topics=WRITTEN if chosen.topics is None else chosen.topics.split(","))
     kinds = (chosen.mcap, messages), (chosen.parquet, ParquetOutput), (chosen.csv, CsvOutput)
     analysis, outputs = Analysis(reading, gain=given.gain_of(chosen), threads=chosen.threads), []

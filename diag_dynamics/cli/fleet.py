@@ -5,7 +5,7 @@
 
 import sys
 
-from diag_dynamics.cli.given import gain_of, joint_names_of
+from diag_dynamics.cli.given import gain_of, parse_joint_names
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.fleet.running import PIECE, analyse_fleet
 from diag_dynamics.recordings.fleet.table import text_of
@@ -59,7 +59,7 @@ def analyse(chosen, parameters, model):
             model,
             chosen.columns,
             topic=chosen.topic,
-            joint_names=joint_names_of(chosen),
+            joint_names=parse_joint_names(chosen),
             parameters=parameters,
             gain=gain_of(chosen),
             scheduler=chosen.scheduler,

@@ -57,7 +57,7 @@ def add_parameters(parser):
     )
 
 
-def joint_names_of(chosen):
+def parse_joint_names(chosen):
     """Robot's names of joints by those of the recording, None without any.
 
     Raises
@@ -73,12 +73,12 @@ def joint_names_of(chosen):
     return found or None
 
 
-def reading_of(chosen):
+def reading_arguments(chosen):
     """Arguments of :class:`Reading` that say how a recording is read."""
     return {
         "columns": chosen.columns,
         "topic": chosen.topic,
-        "joint_names": joint_names_of(chosen),
+        "joint_names": parse_joint_names(chosen),
         "start": chosen.start,
         "end": chosen.end,
     }
@@ -136,7 +136,7 @@ def streamed(chosen, paths, parameters, robot):
     InputError
         One cannot be read.
     """
-    how, found = reading_of(chosen), []
+    how, found = reading_arguments(chosen), []
     for path in paths:
         found.append(Streamed(path, found[0].model if found else robot, how | {"parameters": parameters}))
     return found

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from diag_dynamics.assembly.jumps import INTERLEAVED
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.intake import ABSURD, LOST
-from diag_dynamics.recordings.joint_names import advice, listed, proposal
+from diag_dynamics.recordings.joint_names import describe_maps, listed, propose_maps
 from diag_dynamics.recordings.refused_units import MOST, UNITS
 
 NOTE = "note"
@@ -143,8 +143,8 @@ class Account:
         missing = self._missing
         if not missing or cause not in ("incomplete", "foreign"):
             return "messages before all joints were known" if cause == "incomplete" else self._last[cause]
-        own, name_of = self._joints, self._names.of if self._names else str
-        others = [name for name in self._arrived if name_of(name) not in own]
+        own, map_name = self._joints, self._names.map_name if self._names else str
+        others = [name for name in self._arrived if map_name(name) not in own]
         if cause == "foreign":
             what = "the robot has " if len(missing) == self._count else "never came: "
             text = f"messages without a joint of this robot, of {listed(others)}; {what}{listed(missing)}"
@@ -159,8 +159,8 @@ class Account:
 
     def _advice(self, others):
         """The map that leads from names that came to joints that did not."""
-        found = proposal(others, self._missing)
+        found = propose_maps(others, self._missing)
         if not found:
             text = "Another name of a joint is given by --joint-names NAME=JOINT (joint_names)"
             return text if len(self._missing) == self._count else f"{text}. {self._lock()}"
-        return advice(found, others, self._joints)
+        return describe_maps(found, others, self._joints)

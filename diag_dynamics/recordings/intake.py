@@ -123,7 +123,7 @@ class Intake:
         values = settings.values
         self.names, self.arrived = names, {}
         self._model, self._settings, self._dynamics = model, settings, DiagonalDynamics(model)
-        self.assembler = JointStateAssembler(joints_of(model), settings.inputs, names.of if names else None)
+        self.assembler = JointStateAssembler(joints_of(model), settings.inputs, names.map_name if names else None)
         self._joint_states = KnownJointStates(self.assembler, self._read)
         self._joint_states.configure()
         self._refuses_frozen = values["frozen_values"] == "refuse"
@@ -271,7 +271,7 @@ class Intake:
         except RejectedError as error:
             if error.cause == ABSURD and not self.units.full:
                 message = self._read(raw)
-                message.name = [self.names.of(name) for name in message.name] if self.names else message.name
+                message.name = [self.names.map_name(name) for name in message.name] if self.names else message.name
                 self.units.take(message)
             raise
         if state is None:

@@ -59,18 +59,18 @@ class JointNames:
         self._entries, self._where = dict(entries), where
         self._patterns = sorted((name for name in entries if ANY in name), key=len, reverse=True)
 
-    def of(self, name):
+    def map_name(self, name):
         """Return the robot's name of a joint."""
         return _replaced(entry, self._entries[entry], name) if (entry := self._entry(name)) else name
 
-    def undo(self, joint):
+    def unmap_joint(self, joint):
         """Return the recording's name of a joint of the robot."""
         for name, other in sorted(self._entries.items(), key=lambda entry: (ANY in entry[0], -len(entry[1]))):
-            if _fits(other, joint) and self.of(found := _replaced(other, name, joint)) == joint:
+            if _fits(other, joint) and self.map_name(found := _replaced(other, name, joint)) == joint:
                 return found
         return joint
 
-    def check(self, pieces, model):
+    def check_recording(self, pieces, model):
         """Compare the map with the joints of a recording, of which no more is read than that takes.
 
         Parameters
@@ -91,7 +91,7 @@ class JointNames:
         """
         names = {}
         for messages in pieces:
-            names |= dict.fromkeys(names_in(messages))
+            names |= dict.fromkeys(read_names(messages))
             if all(any(_fits(entry, name) for name in names) for entry in self._entries):
                 break
         if not names:
@@ -101,7 +101,7 @@ class JointNames:
             self._check_entry(entry, names, robot, model)
         taken = {}
         for name in names:
-            joint = self.of(name)
+            joint = self.map_name(name)
             if joint in robot and taken.setdefault(joint, name) != name:
                 raise InputError(
                     f"{self._where} leads from '{taken[joint]}' and from '{name}' to joint '{joint}'; expected one name "
@@ -116,7 +116,7 @@ class JointNames:
                 f"{self._where} has '{entry}', which is no joint of the recording. Its joints are {listed(names)}."
                 f"{f' Is {near[0]!r} meant?' if near else ''}"
             )
-        own = {name: self.of(name) for name in names if self._entry(name) == entry}
+        own = {name: self.map_name(name) for name in names if self._entry(name) == entry}
         if own and not robot & set(own.values()):
             name, joint = next(iter(own.items()))
             near = get_close_matches(joint, robot, n=1)
@@ -132,12 +132,12 @@ class JointNames:
         return next((entry for entry in self._patterns if _fits(entry, name)), None)
 
 
-def joint_names_of(entries, where="joint_names"):
+def make_joint_names(entries, where="joint_names"):
     """Return the JointNames of a mapping; None for None."""
     return entries if entries is None or isinstance(entries, JointNames) else JointNames(entries, where)
 
 
-def names_in(messages):
+def read_names(messages):
     """Return the names of joints in joint states, in their order; bytes that are no joint state have none."""
     found = {}
     for at, size in zip(messages.at.tolist(), messages.size.tolist(), strict=True):
@@ -177,7 +177,7 @@ def listed(names):
     return ", ".join(names[:FEW]) + (f" and {len(names) - FEW} more" if len(names) > FEW else "")
 
 
-def proposal(names, joints):
+def propose_maps(names, joints):
     """Return entries with ``*`` that each map names of a recording to joints of a robot.
 
     Prefixes are compared first, then suffixes. An entry leads to every joint, or from every name; without such an entry, to
@@ -211,8 +211,8 @@ def proposal(names, joints):
     return []
 
 
-def advice(found, names, joints):
-    """Return entries of :func:`proposal` as a sentence without its point.
+def describe_maps(found, names, joints):
+    """Return entries of :func:`propose_maps` as a sentence without its point.
 
     Parameters
     ----------

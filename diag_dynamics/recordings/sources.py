@@ -15,7 +15,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.recordings.account import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY
-from diag_dynamics.recordings.joint_names import advice, joint_names_of, listed, proposal
+from diag_dynamics.recordings.joint_names import describe_maps, listed, make_joint_names, propose_maps
 from diag_dynamics.recordings.rows import Rows
 from diag_dynamics.tables.column_map import ColumnMap, column_map
 from diag_dynamics.tables.opening import open_table
@@ -41,7 +41,7 @@ SEVERAL = {
 """What to do about several topics of a type."""
 
 
-def topics_of(topic):
+def checked_topics(topic):
     """Return topics without repetition, as a tuple of str; empty for None.
 
     Raises
@@ -76,7 +76,7 @@ def source_of(path, columns=None, topic=None, joint_names=None):
     given, where = joint_names, "joint_names"
     if joint_names is None:
         given, where = wanted.joint_names, f"{wanted.source}: joint_names"
-    names = joint_names_of(given, where)
+    names = make_joint_names(given, where)
     path = Path(os.path.expanduser(os.fspath(path)))
     if not path.exists():
         near = get_close_matches(path.name, os.listdir(path.parent) if path.parent.is_dir() else [], n=1)
@@ -122,7 +122,7 @@ class BagSource:
     def __init__(self, path, topic=None, names=None):
         self.offset, self.names = 0, names
         self._path, self._bag = path, open_bag(path)
-        self._topics = topics_of(topic)
+        self._topics = checked_topics(topic)
         self._notes = []
 
     @property
@@ -182,7 +182,7 @@ class BagSource:
         """Pieces of messages and types of their connections, in the order of log time."""
         wanted = self._wanted(model)
         if self.names:
-            self.names.check(self._joint_states(), model)
+            self.names.check_recording(self._joint_states(), model)
         kinds = np.array([connection.type for connection in self._bag.connections])
         for messages in self._bag.pieces(wanted):
             yield messages, kinds
@@ -209,14 +209,14 @@ class BagSource:
         for topic in topics:
             if all(topic != one.topic for _, one in every):
                 raise self._missing_topic(topic, kind)
-        topics = topics or self._usual(kind, [one for _, one in every])
+        topics = topics or self._choose_topics(kind, [one for _, one in every])
         chosen = [(k, one) for k, one in every if one.topic in topics]
         for _, one in chosen:
             if one.encoding != READ:
                 raise InputError(f"'{self._path}': {self._encoded(one)}")
         return [k for k, _ in chosen]
 
-    def _usual(self, kind, every):
+    def _choose_topics(self, kind, every):
         """Topics that are read where none is chosen: the only one, or the one with the usual name."""
         topics = sorted({one.topic for one in every})
         if len(topics) < 2:
@@ -321,24 +321,24 @@ class TableSource:
     def _refuse_other_robot(self, model, named):
         """Refuse a table whose rows name joints, none of which the robot has."""
         own = [*single_joints(model), *model.mimics]
-        if not named or any((self.names.of(name) if self.names else name) in own for name in named):
+        if not named or any((self.names.map_name(name) if self.names else name) in own for name in named):
             return
-        found = [] if self.names else proposal(named, own)
+        found = [] if self.names else propose_maps(named, own)
         raise InputError(
             f"'{self._path}': rows name {listed(named)}, none of which the robot has. Its joints are {listed(own)}."
-            f"{f' {advice(found, named, own)}.' if found else ''}"
+            f"{f' {describe_maps(found, named, own)}.' if found else ''}"
         )
 
     def _own_names(self, model, joints):
         """The table's names of the joints of a robot, as its map leads to them."""
-        undone = tuple(map(self.names.undo, joints))
+        undone = tuple(map(self.names.unmap_joint, joints))
         try:
             table = open_table(self._path, self._columns, ())
         except InputError:  # without names it is not certain which columns are read
             table = open_table(self._path, self._columns, undone)
         rows = Rows(table.joints)
-        own = self.names.check(map(rows.messages, table.pieces()), model)
-        return tuple(name for name in own if self.names.of(name) in joints) or undone
+        own = self.names.check_recording(map(rows.messages, table.pieces()), model)
+        return tuple(name for name in own if self.names.map_name(name) in joints) or undone
 
     def _proposal(self, joints):
         """The map of names by which a table that cannot be read can be read, as a sentence; empty without one."""
@@ -348,5 +348,5 @@ class TableSource:
             own = [name for name in open_table(self._path, self._columns, ()).joints if name not in joints]
         except InputError:
             return ""
-        found = proposal(own, [joint for joint in joints if joint not in own])
-        return f" {advice(found, own, joints)}." if found else ""
+        found = propose_maps(own, [joint for joint in joints if joint not in own])
+        return f" {describe_maps(found, own, joints)}." if found else ""

@@ -26,7 +26,7 @@ from diag_dynamics.recordings.fleet import tasks
 from diag_dynamics.recordings.fleet.jobs import OWN, Options, jobs_of
 from diag_dynamics.recordings.fleet.page import page_of
 from diag_dynamics.recordings.fleet.table import KINDS, report_of, rows_of
-from diag_dynamics.recordings.sources import topics_of
+from diag_dynamics.recordings.sources import checked_topics
 
 PIECE = 600.0
 """Length of the pieces of long recordings [s]: the time to settle is less than a hundredth of it."""
@@ -139,7 +139,7 @@ def _options(model, columns, topic, joint_names, parameters, gain, piece, parque
     if isinstance(columns, str | os.PathLike):
         columns = str(Path(columns).expanduser().resolve())
     gain, piece = positive("gain", gain, "[1/s]"), positive("piece", piece, "[s]")
-    return Options(model, columns, topics_of(topic), joint_names, parameters, gain, parquet, reports, piece)
+    return Options(model, columns, checked_topics(topic), joint_names, parameters, gain, parquet, reports, piece)
 
 
 def _results(jobs, scheduler, workers):
