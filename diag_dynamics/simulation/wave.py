@@ -34,7 +34,7 @@ class Wave:
         model = simulation.model
         if (model.bodies["dofs"][1:] > 1).any():
             raise UnsupportedError(
-                f"robot '{model.name}' has joints of several degrees of freedom, which no wave drives."
+                f"robot '{model.name}' has joints of several degrees of freedom, which no wave drives. Set motion to free."
             )
         self._simulation = simulation
         bounded = np.isfinite(model.lower) & np.isfinite(model.upper)

@@ -16,8 +16,10 @@ from std_msgs.msg import String
 import robots
 from diag_dynamics import DiagonalDynamics, load_urdf
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.support.launches import LAUNCHES, arguments_of, started
 from diag_dynamics.nodes.support.runner import ARGUMENTS_MAKE_NO_SENSE
-from nodes import LATCHED, MS, PANDA, START, UR5, Monitor, S, Truth, nanoseconds, robot
+from diag_dynamics.parameters.monitor import PARAMETERS
+from nodes import BELIEVING, LATCHED, MS, PANDA, START, UR5, Monitor, S, Truth, nanoseconds, robot
 
 STEP = 2 * MS
 
@@ -232,6 +234,26 @@ def test_monitor_of_a_simulator(wave):
         assert not report.count("mimic disagreement")
         factors = topics["mass_matrix_factors"].stamps  # at 50 Hz, or at what a busy machine simulates, if that is less
         assert len(factors) - 1.05 <= (factors[-1] - factors[0]) / (20 * MS)
+
+
+def test_monitor_accepts_the_robot_of_the_demo(peer):
+    """By default the demo's launch file drives a UR5 along sine waves, of which the monitor rejects nothing."""
+    launch = LAUNCHES["demo"]
+    values = {name: default for name, (default, _) in arguments_of(launch).items()}
+    parameters = {
+        node.executable: {name: text for name, (_, text) in node.parameters.items()} for node in started(launch, values)
+    }
+    rules = {name: PARAMETERS[name].default for name in BELIEVING}
+    with (
+        Simulator(peer, "/demo", robot(UR5), rate=100.0, **parameters["simulator"]) as simulator,
+        Monitor(peer, "/demo", **rules, **parameters["monitor"]) as monitor,
+    ):
+        simulator.collect(300)
+        report = monitor.next_report()
+    assert report.count("published") > 200
+    assert [name for name in report.counts() if "rejected" in name] == []
+    moved = np.ptp([message.position for message in simulator.states.messages], axis=0)
+    assert (moved > 0.1).all()
 
 
 def test_simulated_time(peer):

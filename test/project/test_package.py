@@ -238,12 +238,12 @@ LAUNCHED = {
     ),
     "demo": (
         {"urdf": "<robot>1: x</robot>", "view": "true"},
-        {"simulator": {"robot_description": "<robot>1: x</robot>"}, "monitor": {}, "view": {}},
+        {"simulator": {"robot_description": "<robot>1: x</robot>", "motion": "wave"}, "monitor": {}, "view": {}},
     ),
     "control": (
         {"robot_compensates_gravity": "true", "command_timeout": "0.2", "view": "false"},
         {
-            "simulator": {"compensates_gravity": True, "publish_clock": True, "use_sim_time": False}
+            "simulator": {"motion": "free", "compensates_gravity": True, "publish_clock": True, "use_sim_time": False}
             | {"without_command": "brake", "command_timeout": 0.2},
             "controller": {
                 "robot_compensates_gravity": True,

@@ -15,6 +15,7 @@ ARGUMENTS = {
     "simulator": {
         "robot_description": (str, "URDF of the robot, or its path"),
         **MIMIC,
+        "motion": (str, "as commands and wrenches move it (free), or each joint along a sine wave (wave)"),
         "without_command": (str, "drives without a command: no effort (zero) or brake"),
         "command_timeout": (float, "how long one holds [s]; 0: for ever"),
         "compensates_gravity": (bool, "drives add what carries the robot to the efforts they are sent"),
@@ -73,12 +74,18 @@ LAUNCHES = {
     "monitor": Launch({"monitor": {}}, clock="/clock", optional=VIEW),
     "controller": Launch({"controller": {}}, clock="/clock"),
     "simulator": Launch({"simulator": {}}),
-    "demo": Launch({"simulator": {}, "monitor": {}}, optional=VIEW),
+    # A robot that nothing drives falls, until it is faster than the monitor believes.
+    "demo": Launch(
+        {"simulator": {}, "monitor": {}},
+        {"motion": ("wave", "each joint along a sine wave (wave), or as commands and wrenches move it (free)")},
+        optional=VIEW,
+    ),
     "control": Launch(
         # The simulator lets time go where the machine is busy. All go by its own clock, which stands still then: by the
         # machine's, states would be too old at once.
         {
             "simulator": {
+                "motion": "free",
                 "publish_clock": "true",
                 "use_sim_time": "false",
                 "compensates_gravity": "$robot_compensates_gravity",
