@@ -89,7 +89,11 @@ class _Pairs:
         kept = [*range(GRAVITY_X, INERTIAL + 1), *range(COLUMNS, COLUMNS + nv)]
         self.square = np.array([_without(one, kept, rest) for one in relation.products])
         self.needed = np.array([*model.gravity, 1.0])
-        self.torque = np.maximum(np.einsum("i,kij,j->k", self.needed, self.square[:, :4, :4], self.needed), 0.0)
+        whole = relation.products[:, GRAVITY_X : INERTIAL + 1, GRAVITY_X : INERTIAL + 1]
+        torque, whole = (
+            np.einsum("i,kij,j->k", self.needed, one, self.needed) for one in (self.square[:, :4, :4], whole)
+        )
+        self.torque = np.where(torque > SINGULAR * whole, torque, 0.0)  # the rest is rounding
         largest = np.array([self.torque[relation.slides == one].max(initial=0.0) for one in relation.slides])
         self.tiny = np.maximum(MODEL_ERROR**2 * largest, 1e-300)
         self.weight = 1.0 / (self.torque + self.tiny)
@@ -168,6 +172,8 @@ def likely_cause(relation: EffortRelation) -> Cause | None:
         return None
     names, model = relation.model.dof_names, relation.model
     pairs = _Pairs(relation, rotors=True)
+    if not pairs.torque.any():
+        return None
     plain = pairs.share_left(pairs.needed)
     if plain <= 1.0 - EXPLAINED:
         return None

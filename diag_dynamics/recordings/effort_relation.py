@@ -33,6 +33,9 @@ MODEL_ERROR = 0.1
 LIMITS, WIDE_LIMITS = (0.6, 1.6), (0.2, 5.0)
 """Factors that are accepted: of gravity, and of inertia or where the robot may carry a payload."""
 
+GEARED_LIMITS = 0.2, 100.0
+"""Factors that are accepted where a rotor's inertia, which is reflected by its gear squared, is part of the factor."""
+
 SINGULAR = 1e-9
 """Part of a column's square below which it depends on others."""
 
@@ -64,13 +67,16 @@ class Relation(NamedTuple):
     inertial_error: np.ndarray
     heavy: np.ndarray
     """Whether most of the torque is gravity, bool."""
+    geared: np.ndarray
+    """Whether the torque cannot be told from a rotor's, which is part of the factor then, bool: as of a linear axis."""
     torque: np.ndarray
     """Standard deviation of the model's torque that no friction or offset explains [N m, N]."""
 
     def limits(self, tolerant=False):
         """Return the smallest and the largest accepted factor, shape (nv,) each."""
         wide = ~self.heavy | tolerant
-        return tuple(np.where(wide, other, own) for own, other in zip(LIMITS, WIDE_LIMITS, strict=True))
+        bounds = zip(LIMITS, WIDE_LIMITS, GEARED_LIMITS, strict=True)
+        return tuple(np.where(self.geared, geared, np.where(wide, other, own)) for own, other, geared in bounds)
 
     def judged(self):
         """Return which joints have a factor that tells 1 from 0, bool."""
@@ -150,19 +156,24 @@ class EffortRelation:
         samples = [whole, *(whole - block for block in self._blocks)]
         together = np.array([_slopes(one, [needed], rest, effort) for one in samples])
         apart = np.array([_slopes(one, [inertia, pull], rest[:-1], effort) for one in samples])
-        count = max(self.rows, 1)
-        seen = np.sqrt(np.array([_left(one, needed, rest) for one in whole]) / count)
+        factor, error = together[0, :, 0], _jackknife(together[1:, :, 0])
+        inertial, inertial_error = apart[0, :, 0], _jackknife(apart[1:, :, 0])
+        geared = ~np.isfinite(factor) & np.isfinite(inertial)
+        rests = [rest[:-1] if alone else rest for alone in geared]
+        seen = [_left(one, needed, beside) for one, beside in zip(whole, rests, strict=True)]
+        seen = np.sqrt(np.array(seen) / max(self.rows, 1))
         weight, moving = (np.array([_left(one, column, rest[2:3]) for one in whole]) for column in (pull, inertia))
         largest = np.array([seen[self.slides == slides].max(initial=0.0) for slides in self.slides])
         with np.errstate(divide="ignore", invalid="ignore"):
             model_error = np.where(seen > 0.0, MODEL_ERROR * largest / seen, np.inf)
         return Relation(
-            together[0, :, 0],
-            _jackknife(together[1:, :, 0]),
+            np.where(geared, inertial, factor),
+            np.where(geared, inertial_error, error),
             model_error,
-            apart[0, :, 0],
-            _jackknife(apart[1:, :, 0]),
+            inertial,
+            inertial_error,
             weight > moving,
+            geared,
             seen,
         )
 

@@ -14,6 +14,7 @@ import diag_dynamics as dd
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from desk_arm import DOWN, URDF, motion, recording, worn, write_table
 from diag_dynamics.cli.main import main
+from motions import recorded
 
 UP = tuple(-one for one in DOWN)
 
@@ -87,6 +88,47 @@ def test_residuals_of_neighbours_in_time_are_alike(arm, seed):
     found = dd.identify(recording(t, q, qd, tau + drift), arm, "friction")
     factor, error = found.quality["effort_factor"]["lift"]
     assert abs(factor - 1.0) < 4.0 * error < 2.0
+
+
+AXES = {"prismatic": ("1 0 0", "0 1 0", "0 0 1"), "revolute": ("0 0 1",)}
+MASSES = 5.0, 3.0, 1.0
+
+
+def axes_alone(kind):
+    """Return the URDF of linear axes that stand on one another, or of a turntable: no joint has gravity that changes."""
+    parts = ["<robot name='axes'><link name='l0'/>"]
+    for k, (axis, mass) in enumerate(zip(AXES[kind], MASSES, strict=False)):
+        parts.append(
+            f"<link name='l{k + 1}'><inertial><mass value='{mass}'/><inertia ixx='0.2' iyy='0.2' izz='0.2' ixy='0' ixz='0' "
+            f"iyz='0'/></inertial></link><joint name='j{k + 1}' type='{kind}'><parent link='l{k}'/><child link='l{k + 1}'/>"
+            f"<axis xyz='{axis}'/><limit lower='-9' upper='9' effort='0' velocity='0'/></joint>"
+        )
+    return "".join([*parts, "</robot>"])
+
+
+@pytest.mark.parametrize("kind", AXES)
+@pytest.mark.parametrize(
+    ("factor", "key"),
+    [
+        (1.0, None),
+        (-1.0, "of the other sign"),
+        (1000.0, r"changes by 1e\+03 .* is it in N m or N"),
+        (0.0, "no relation"),
+    ],
+)
+def test_axes_whose_gravity_does_not_change(kind, factor, key):
+    """Inertia tells unit and sign, though a rotor may be part of it; efforts in closed form: mass or inertia times q̈."""
+    model, (t, q, qd, tau) = dd.load_urdf(axes_alone(kind)), motion()
+    count, weight = model.nv, (0.0, 0.0, 9.81 * MASSES[2])[: model.nv]
+    carried = np.cumsum(MASSES[::-1])[::-1] if kind == "prismatic" else np.array([0.2])
+    q, qd = q[:, :count], qd[:, :count]
+    efforts = factor * (carried * np.gradient(qd, t, axis=0) + weight) + (factor == 0.0) * noise(tau, 1.0)[:, :count]
+    data = recorded(model, t, q, qd, efforts)
+    if key is None:
+        assert dd.identify(data, model, "friction").quality["efforts_judged"]
+    else:
+        with pytest.raises(dd.InputError, match=key):
+            dd.identify(data, model, "friction")
 
 
 def commanded(tmp_path, capsys, command, columns, *options):
