@@ -14,7 +14,7 @@ import numpy as np
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.meshes import Meshes
-from diag_dynamics.model.origins import placement_of
+from diag_dynamics.model.origins import LARGEST, placement_of
 
 KINDS = {
     "box": {"size": 3},
@@ -118,6 +118,8 @@ def _shape(element: Any, shape: Any, where: str) -> Shape:
         parts = floats(text, count)
         if parts is None or (attribute != "scale" and min(parts) < 0.0) or (attribute == "scale" and 0.0 in parts):
             raise UrdfError(f"{where}: <{shape.tag} {attribute}='{text}'> is not {count} finite number(s) > 0.")
+        if max(map(abs, parts)) > LARGEST:
+            raise UrdfError(f"{where}: <{shape.tag} {attribute}='{text}'> is beyond {LARGEST:g}.")
         numbers += parts
     origin = element.find("origin")
     if shape.tag == "mesh" and not shape.get("filename"):

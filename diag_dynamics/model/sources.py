@@ -219,7 +219,7 @@ def _declared(data: bytes) -> str:
     try:
         name = codecs.lookup(found[1].decode("ascii") if found else "utf-8").name
         name = WIDER.get(name, name)
-        if PROBE.decode(name) == PROBE.decode("ascii"):
+        if (PROBE + b"\xff").decode(name, "surrogateescape").startswith(PROBE.decode("ascii")):
             return "utf-8" if name == "ascii" else name
     except (LookupError, UnicodeError):
         pass

@@ -79,7 +79,7 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
                     f"{where}: {actuator} has another rotor inertia or reduction in an earlier transmission."
                 )
     armature = {
-        joint: sum(rotor.reduction**2 * rotor.inertia for rotor in of_joint.values())
+        joint: sum(rotor.reduction * rotor.reduction * rotor.inertia for rotor in of_joint.values())
         for joint, of_joint in rotors.items()
     }
     for joint, value in armature.items():

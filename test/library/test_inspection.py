@@ -308,6 +308,8 @@ def test_mimic_joint_without_source():
 
 
 def test_sources_that_are_hardly_a_robot():
+    huge = "<link><visual><geometry><sphere radius='1e200'/></geometry></visual></link>"
+    assert inspect_robot(f"<robot>{huge}</robot>").checks["meshes"] == "note"
     for text in ("<robot/>", "<robot><link/></robot>", '<robot><link name="a"/><joint/></robot>'):
         assert inspect_robot(text).checks["loading"] == "error"
     for source in ("nowhere.urdf", "<robot", "<sdf/>", ""):

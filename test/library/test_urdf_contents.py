@@ -376,6 +376,10 @@ REJECTED = {
         with_more(motor(ROTOR, joint="elbow")),
         "transmission 't': joint 'elbow' is not a joint of this URDF",
     ),
+    "reduction beyond": (
+        with_more(motor(f'{ROTOR}<drake:gear_ratio value="1e200"/>')),
+        "joint 'shoulder': reflected rotor inertia inf is beyond 1e+09",
+    ),
     "reflected inertia beyond": (
         with_more(motor('<rotorInertia value="1e20"/>')),
         "joint 'shoulder': reflected rotor inertia 1e+20 is beyond 1e+09",

@@ -66,6 +66,7 @@ ENCODED = {
     "UTF-32": declaring("utf-32", with_comment(CHINESE)).encode("utf-32"),
     "unknown encoding": declaring("x-editor", with_comment(" ä ")).encode(),
     "no extension of ASCII": declaring("punycode", with_comment(" ä ")).encode(),
+    "names of domains": declaring("idna", with_comment(" ä ")).encode(),
     "EBCDIC": declaring("cp037", with_comment(" ä ")).encode(),
     "damaged UTF-8": with_comment(CHINESE).encode()[:40] + b"\xff\xfe" + with_comment(CHINESE).encode()[40:],
     "zero at the end": ARM.encode() + b"\0",
