@@ -262,7 +262,7 @@ class BagSource:
         topics = sorted({f"{one.topic} ({self._typed(one)})" for one in self._bag.connections})
         lost = "".join(f"; {one.where}: {one.what}" for one in self.unread[:3])
         other = any(one.encoding != READ for one in self._bag.connections)
-        lost += "; messages are read that are encoded as 'cdr' of ROS 2 or 'ros1'" if other else ""
+        lost += "; expected messages encoded as 'cdr' of ROS 2 or 'ros1'" if other else ""
         return (f"its topics are {', '.join(topics)}" if topics else "it has no topics that could be read") + lost
 
 
