@@ -313,6 +313,45 @@ def pushed_by(panda, **torques):
     return Motion(panda, np.array([torques.get(name, 0.0) for name in panda.names]), size=0.0)(0)
 
 
+def collision_lines(monitor):
+    """Return the lines of the log on collisions."""
+    lines = [line.partition("]: ")[2] for line in monitor.process.output.split("\n") if "Collision" in line]
+    assert all(len(line.split()) <= 15 for line in lines), lines
+    return lines
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"external_torque.threshold": 8.0}, ("|r| 8", "threshold 8;", "joint 'panda_joint2'")),
+        ({"alarm.joints": ["panda_joint2=20", "*=40"]}, ("joint 'panda_joint2' 2", "N m, threshold 20.")),
+    ],
+    ids=["norm", "joints"],
+)
+def test_collisions_in_the_log(monitor, panda, free, values, words):
+    """One line where a collision begins, one where it ends; rises within half a second belong to it, and are counted."""
+    pushed = pushed_by(panda, panda_joint2=30.0)
+    with monitor.having(**values):
+        pause(monitor)
+        feed(monitor, [free] * 3)
+        before = len(collision_lines(monitor))
+        for pushes in (1, 5):
+            found = []
+            for _ in range(pushes):
+                found += feed(monitor, [pushed] * 100 + [free] * 60)
+            stamps = [nanoseconds(message.header.stamp) for message in found if message.collision]
+            (begins,) = collision_lines(monitor)[before:]
+            assert begins.startswith("Collision: ") and all(word in begins for word in words), begins
+            monitor.tick(S)
+            feed(monitor, [free])
+            _, ends = collision_lines(monitor)[before:]
+            assert ends.startswith(f"Collision over after {1e-9 * (stamps[-1] - stamps[0]):.3g} s: at most "), ends
+            most = max(abs(message.external_torque[1]) for message in found if message.collision)
+            assert f"{most:.3g} N m at joint 'panda_joint2'" in ends
+            assert ("5 rises" in ends) == (pushes == 5)
+            before += 2
+
+
 @pytest.mark.parametrize(
     ("thresholds", "values"),
     [

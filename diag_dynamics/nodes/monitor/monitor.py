@@ -326,6 +326,7 @@ class MonitorNode(ManagedNode):
         """Observe external torque by a state as it was evaluated."""
         watch = robot.torque
         alarm = watch.take(state)
+        self._log_collisions(watch)
         self._outputs.publish_beside(
             "external_torque",
             state.newest,
@@ -333,6 +334,14 @@ class MonitorNode(ManagedNode):
         )
         if alarm:
             self._diagnostics.publish([robot.torque_report()])
+
+    def _log_collisions(self, watch):
+        """Log beginnings and ends of collisions."""
+        for line, begins in watch.log.pop():
+            if begins:
+                self.get_logger().warning(line)
+            else:
+                self.get_logger().info(line)
 
     def _pass_on(self, robot, stamp, s, powers, messages, what):
         """Publish a state where somebody listens, and watch it, with its powers of gravity and friction [W].
@@ -444,6 +453,7 @@ class MonitorNode(ManagedNode):
         if robot:
             statuses.append(robot.energy.report())
             if robot.torque:
+                self._log_collisions(robot.torque)
                 statuses.append(robot.torque_report())
             if robot.contact.judges:
                 statuses.append(robot.contact.report())

@@ -8,6 +8,7 @@ import numpy as np
 from diag_dynamics.alarms.detector import AlarmDetector
 from diag_dynamics.alarms.found import Alarms
 from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
+from diag_dynamics.nodes.monitor.collision_log import CollisionLog
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, steady
 from diag_dynamics.nodes.support.messages import Alarming
 
@@ -35,6 +36,7 @@ class TorqueWatch:
         Detectors that keep it up.
     alarming : Alarming or None
         What it is judged by at the last state, joint by joint; None without thresholds of alarms.
+    log : CollisionLog
     run : CalibrationRun or None
         What gathers residuals for thresholds of alarms, while one does.
     """
@@ -45,6 +47,7 @@ class TorqueWatch:
         self._colliding = self._without_effort = False
         self._reported = False  # whether diagnostics told of a collision last
         self._cause = ""  # what was above what when the last collision began
+        self.log = CollisionLog(dynamics.model)
         self._begin()
         self.use(dynamics, observation)
 
@@ -59,6 +62,7 @@ class TorqueWatch:
         self.seen, self.alarm = Disturbance(False, "no state yet"), None
         self._detector = AlarmDetector(dynamics.model.dof_names, alarms) if alarms else None
         self._alarms = Alarms(self._detector) if alarms else None
+        self.log.use(dynamics.model, alarms.hold_off if alarms else 0.0)
         self._joints = np.zeros(len(dynamics.model.dof_names), dtype=bool)
 
     @property
@@ -76,6 +80,7 @@ class TorqueWatch:
         if self.run:
             self.run.interrupted += 1
         self._observer.reset()
+        self.log.end()
         if self._detector:
             self._detector.reset()
         self.seen = Disturbance(False, "no state yet")
@@ -100,6 +105,8 @@ class TorqueWatch:
         self._valid += seen.valid
         self._largest = max(self._largest, seen.norm)
         self._collided |= seen.collision
+        if not self._without_effort:
+            self._log(state.newest)
         if self._detector:
             self._collisions += begins
             if self.run is not None:
@@ -114,6 +121,19 @@ class TorqueWatch:
             self._collisions += seen.collision and not self._colliding
             self._colliding = seen.collision
         return seen.collision and not self._reported
+
+    def _log(self, stamp):
+        """Write log lines on the last state."""
+        seen, torque = self.seen, self.seen.external_torque
+        limits = np.full(len(self._joints), np.inf)
+        if self._detector:
+            limits = self._detector.limits[: len(limits)]
+            self.log.take(
+                stamp, seen.collision, torque, limits, lambda: self.log.of_joints(torque, limits, self.alarm.told())
+            )
+        else:
+            threshold = self.observation.threshold
+            self.log.take(stamp, seen.collision, torque, limits, lambda: self.log.of_norm(seen.norm, threshold, torque))
 
     def _judged(self, stamp, seen):
         """What the detector makes of it: the Disturbance, and whether an alarm begins."""
