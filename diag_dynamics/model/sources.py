@@ -88,6 +88,7 @@ ROOTS = {
 """Root elements of XML files that are no URDF, in lower case: their kind, and what to do."""
 
 _OPENING = re.compile(r"<!--|<!\[CDATA\[|<\?")
+_AMPERSAND = re.compile(r"&(?!#?\w[\w.:-]*;)")
 _COMMENT = re.compile(r"(?s)\s*<!--.*?-->")
 _HTML = re.compile(r"(?i)\s*<(?:!doctype\s+html|html|head|body|title|meta|script)\b")
 _CONTROL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -97,7 +98,7 @@ def urdf_text(source: Any) -> str:
     """Return the XML text of a URDF given as text, bytes, path or open file, without its XML declaration.
 
     Encodings are those that files have, declared or not: bytes that are not in the encoding count as Latin-1. Comments
-    that XML forbids, with ``--`` in them, are mended. Lines keep their numbers.
+    that XML forbids, with ``--`` in them, and bare ampersands are mended. Lines keep their numbers.
 
     Raises
     ------
@@ -227,18 +228,17 @@ def _declared(data: bytes) -> str:
 
 
 def _mended(text: str) -> str:
-    """The text, with comments that XML allows: tinyxml2, so all of ROS, reads any up to the next ``-->``."""
+    """The text, with comments and ampersands as XML has them: tinyxml2, so all of ROS, reads others, too."""
     parts, at = [], 0
     while found := _OPENING.search(text, at):
         closing = {"<!--": "-->", "<?": "?>"}.get(found[0], "]]>")
         end = text.find(closing, found.end())
         if end < 0:
             break
+        content = text[found.end() : end]
         if found[0] == "<!--":
-            body = re.sub("-(?=-)", "- ", _CONTROL.sub(" ", text[found.end() : end]))
-            parts += [text[at : found.end()], f"{body} " if body.endswith("-") else body]
-            at = end
-        else:
-            parts.append(text[at:end])
-            at = end
-    return "".join([*parts, text[at:]])
+            content = re.sub("-(?=-)", "- ", _CONTROL.sub(" ", content))
+            content += " " if content.endswith("-") else ""
+        parts += [_AMPERSAND.sub("&amp;", text[at : found.start()]), found[0], content]
+        at = end
+    return "".join([*parts, _AMPERSAND.sub("&amp;", text[at:])])

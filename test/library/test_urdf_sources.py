@@ -147,6 +147,20 @@ def test_markup_in_comments_and_text():
             dd.load_urdf(text)
 
 
+def test_ampersands():
+    """One that begins no entity is itself, as in tinyxml2; entities stay what they are."""
+    for written, name in (
+        ("a & b", "a & b"),
+        ("a&b", "a&b"),
+        ("a&amp;b&lt;", "a&b<"),
+        ("&#65;&#x42;", "AB"),
+        ("&", "&"),
+    ):
+        assert_same_model(ARM.replace("shoulder", written), (name,))
+    with pytest.raises(dd.UrdfError, match="'base' not defined"):
+        dd.load_urdf(ARM.replace("shoulder", "&base;"))
+
+
 def test_line_numbers():
     """Errors name the line of the file."""
     broken = with_comment("\n -- \n--\n").replace("</link>", "</lonk>", 1)
@@ -221,10 +235,6 @@ OTHERS = {
     "HTML in small letters": (b"\n<!doctype html><html lang=en><meta charset=utf-8>", "HTML, a page of the web"),
     "HTML without a type": (b"<!-- x --><HTML><br><p>&nbsp;</HTML>", "HTML, a page of the web"),
     "XHTML": (b'<?xml version="1.0"?><html xmlns="http://www.w3.org/1999/xhtml"/>', "HTML, a page of the web"),
-    "MJCF": (
-        b"<mujoco><worldbody><body><joint/></body></worldbody></mujoco>",
-        "MJCF of MuJoCo. Load it with load_mjcf",
-    ),
     "SDF": (b'<?xml version="1.0"?><sdf version="1.7"><model name="m"/></sdf>', "an SDF of Gazebo"),
     "world": (b"<world name='w'/>", "an SDF of Gazebo"),
     "SRDF": (b'<robot name="x"><group name="arm"><chain/></group></robot>', "an SRDF of MoveIt"),
@@ -250,6 +260,12 @@ OTHERS = {
     "launch file": (b"<launch/>", "a launch file"),
     "robot of OpenRAVE": (b"<Robot/>", "root element is <Robot>, expected <robot>"),
 }
+
+
+def test_mjcf():
+    """Commands read it; load_urdf names the function that does."""
+    with pytest.raises(dd.UrdfError, match=r"MJCF of MuJoCo\. Load it with load_mjcf"):
+        dd.load_urdf("<mujoco><worldbody/></mujoco>")
 
 
 @pytest.mark.parametrize("case", OTHERS)
