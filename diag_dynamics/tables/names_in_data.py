@@ -5,6 +5,7 @@
 
 import re
 
+from diag_dynamics.tables.headers import found
 from diag_dynamics.tables.names import nearest, row_names
 
 _NUMBERED = re.compile(r"joints?|joint[_ ]?(?:names?|ids?|index|no|number)|axis|motor")
@@ -63,6 +64,7 @@ class NamesInData:
         rows = self._rows_for(group, count)
         stated = self._stated if self._stated and self._are_joints(self._stated.joints) else None
         if self._by_map:
+            notes += self._overruled_headers(group, joints)
             if stated and stated.joints != joints:
                 notes.append(
                     f"joints: the map of columns gives {_list(joints)}; {stated.where} names {_list(stated.joints)} and is "
@@ -84,6 +86,18 @@ class NamesInData:
                 "the first row. Say which by `joints` and `position` in the map of columns."
             )
         return rows, None
+
+    def _overruled_headers(self, group, joints):
+        """Headers of positions that name other joints than the map: a list of one sentence, or none."""
+        if group.whole is not None or group.names_joints(self._model):
+            return []
+        longest_first = sorted(self._model, key=len, reverse=True)
+        pairs = []
+        for joint, k in zip(joints, _in_order(group), strict=False):
+            one = found(self._columns[k], longest_first)
+            if one and one.joint in self._model and one.joint != joint:
+                pairs.append(f"'{self._columns[k].name}' to {joint}")
+        return [f"joints: the map of columns gives {_list(pairs)}, though the headers name others."] if pairs else []
 
     def _first_rows(self):
         """Names of the first row, and where they are, of sets of the model's joints."""

@@ -461,6 +461,13 @@ def test_a_map_has_priority_and_says_so(read):
             note.startswith("joints: the map of columns gives wrist, elbow, shoulder; ")
             and where.replace("\\", "") in note
         )
+    text = "t,q_shoulder,q_elbow,q_wrist\n" + "".join(f"{k},{k},1,2\n" for k in range(ROWS))
+    recording = read(text, {"time": "t", "position": ["q_elbow", "q_shoulder", "q_wrist"]}, parameters=ESTIMATED)
+    assert recording.q[-1].tolist() == [1, ROWS - 1, 2]
+    note = (
+        "joints: the map of columns gives 'q_elbow' to shoulder, 'q_shoulder' to elbow, though the headers name others."
+    )
+    assert note in [one.text for one in recording.findings]
     first = [value("position", joint, 5) for joint in changing(5)]
     recording = read(rostopic(changing), listed)
     np.testing.assert_allclose(recording.q[-1], first[::-1], atol=1e-12)
