@@ -266,3 +266,23 @@ def test_foreign_time(peer, view, panda):
         monitor.serves(panda)
         frame = frame_of(stream, monitor.now)
     assert np.isnan(frame["latency"]) and "late" not in frame.flags
+
+
+XACRO = """<robot name="expanded" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/>
+  <link name="tip"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="$(arg side)_turn" type="continuous"><parent link="base"/><child link="tip"/></joint></robot>"""
+
+
+def test_xacro_file_with_arguments(peer, view, tmp_path):
+    """Monitor and view expand the file that the parameter robot_description names; an MJCF is refused by name."""
+    path, mjcf = tmp_path / "arm.urdf.xacro", tmp_path / "arm.xml"
+    path.write_text(XACRO)
+    mjcf.write_text("<mujoco/>")
+    with Monitor(peer, "/expanded", robot_description=f"{path} side:=left") as monitor:
+        peer.pass_time(3.0)
+        assert "Ready: robot 'expanded'" in monitor.process.output
+        assert "Showing robot 'expanded' of /expanded/diag_dynamics" in view.output
+        with stream_of(view, "/expanded") as stream:
+            assert stream.next(LAYOUT)["dofs"] == ["left_turn"]
+    with pytest.raises(InputError, match=r"expected a URDF or xacro file\. Nodes do not read MJCFs"):
+        Monitor(peer, "/mjcf", robot_description=str(mjcf))

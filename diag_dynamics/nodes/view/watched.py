@@ -5,7 +5,6 @@
 
 import json
 import time
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.exceptions import InputError, ModelWarning
-from diag_dynamics.model import urdf_text
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.options import warnings_told
+from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.msg import DiagonalizedState, ExternalTorque
 from diag_dynamics.nodes.support.descriptions import Descriptions
 from diag_dynamics.nodes.support.diagnostics import shortened
@@ -179,16 +179,15 @@ class WatchedRobot:
     def _made(self, description, values):
         """Model, scene and meshes of a description, put to be shown; in a thread."""
         source = description if values["robot_description"] else description.encode(errors="replace")
-        text = urdf_text(source)
-        folders = [*self._folders, *mesh_folders(source if isinstance(source, str) else None)]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ModelWarning)  # the monitor has said so
+        with warnings_told(lambda text: None):  # the monitor logs them
+            text = read_source(source).text
             try:
                 model = model_of(text, values)
             except InputError:
                 if not values["parameters_file"]:
                     raise
                 model = model_of(text, values | {"parameters_file": ""})  # a file of another machine
+        folders = [*self._folders, *mesh_folders(source if isinstance(source, str) else None)]
         meshes = MeshLibrary(folders)
         self.show.use(DiagonalDynamics(model), scene_of(model, text, meshes), meshes)
         return model.name, meshes.missing
