@@ -169,8 +169,8 @@ export class App {
       [["j", "k"], "next, previous joint", (event) => this.#nextJoint(event.key === "j" ? 1 : -1)],
       [["r"], "next robot", () => this.bar.nextRobot()],
       [["t"], "light, dark", () => this.theme.next()],
-      [["p"], "picture of what is seen (PNG)", () => this.picture()],
-      [["c"], "numbers of what is seen (CSV)", () => this.csv()],
+      [["p"], "screenshot of the page (PNG)", () => this.picture()],
+      [["c"], "numbers of the time window (CSV)", () => this.csv()],
       [["Escape"], "nothing chosen", () => this.layout && this.select(null)],
       [["?"], "this", () => this.keys.help()],
     ];

@@ -18,7 +18,7 @@ export class Cards {
     this.shared = shared;
     this.plots = [];
     this.pointer = null; // the time below the pointer: a function, or null
-    this.said = el("div", {}, el("p", { class: "none", text: "nothing has been said yet" }));
+    this.said = el("div", {}, el("p", { class: "none", text: "no diagnostics received yet" }));
     this.list = scrolling(el("div", { class: "diagnostics" }, this.said));
     this.pulse = el("p", { class: "pulse" });
     this.words = el("section", { class: "card words", id: "diagnostics" }, el("header", {}, el("h2", { text: "Diagnostics" })), this.list, this.pulse);

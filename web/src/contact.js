@@ -16,9 +16,9 @@ const POINTER = matchMedia("(hover: hover)"); // on a phone what was touched las
 const COLUMNS = [
   ["margin", "m/s", "allowed speed less speed: below zero a limit is exceeded"],
   ["speed", "m/s", "along the point's motion"],
-  ["mass", "kg", "that a contact along the motion meets"],
-  ["energy", "J", "that a contact along the motion can take out of the robot"],
-  ["by M/2", "J", "the energy that half the robot's moving mass, and its payload, would have at this speed"],
+  ["mass", "kg", "reflected mass along the motion"],
+  ["energy", "J", "contact energy: the energy that a contact along the motion can transfer"],
+  ["by M/2", "J", "energy of half the moving mass and the payload at this speed (ISO/TS 15066)"],
 ];
 
 export class ContactCard {

@@ -43,11 +43,11 @@ export class Health {
   #judged(flags, { paused = false, report = false, rate = NaN } = {}) {
     if (report) return { level: "told", word: "Recording", says: "", notes: this.notes(flags) };
     if (this.connection === "lost") {
-      return { level: "bad", word: "Disconnected", says: `trying again (${this.why})`, notes: [], dim: true };
+      return { level: "bad", word: "Disconnected", says: `retrying (${this.why})`, notes: [], dim: true };
     }
     if (this.connection === "connecting") return { level: "warn", word: "Connecting", says: "", notes: [], dim: true };
     if (this.arrived === -Infinity) {
-      const says = this.heart?.waiting || (this.robots?.length === 0 ? "no robot has been heard of" : "no state has come yet");
+      const says = this.heart?.waiting || (this.robots?.length === 0 ? "no robot found" : "no state received yet");
       return { level: "warn", word: "Waiting", says, notes: [], dim: true };
     }
     const notes = this.notes(flags);
@@ -64,7 +64,7 @@ export class Health {
     if (flags & FLAGS.estimated) notes.push({ level: "warn", text: "velocities estimated" });
     if (flags & FLAGS.effortMissing) notes.push({ level: "warn", text: "no efforts" });
     else if (flags & FLAGS.observerInvalid) notes.push({ level: "warn", text: "external torque not valid" });
-    if (flags & FLAGS.receiveTime) notes.push({ level: "warn", text: "times of reception" });
+    if (flags & FLAGS.receiveTime) notes.push({ level: "warn", text: "receive times instead of stamps" });
     if (flags & FLAGS.otherModel) notes.push({ level: "warn", text: "links of another model" });
     return notes;
   }

@@ -100,7 +100,7 @@ export function plotsOf(layout) {
       stacked: true,
       total: K(layout),
       lines: ofJoints(layout, (k) => share(layout, k)),
-      help: "Shares ½ν² of the total joint rates, one on the other: together they are K.",
+      help: "Energy shares ½ν² of the total joint rates, stacked. Their sum is K.",
     },
     {
       id: "power",
@@ -143,7 +143,7 @@ export function plotsOf(layout) {
       title: "Coriolis exchange νₖCₖ",
       unit: "W",
       lines: ofJoints(layout, (k) => exchange(layout, k)),
-      help: "Who gives energy to whom: above zero a joint gives, below it takes; the sum is zero.",
+      help: "Power between joints: above zero a joint gives, below zero it receives. The sum is zero.",
     },
     {
       id: "torque",
@@ -162,7 +162,7 @@ export function plotsOf(layout) {
       unit: "kg m² · kg",
       log: true,
       lines: ofJoints(layout, (k) => field(layout, "D", k)),
-      help: "The inertia that each joint moves, with all that is behind it free.",
+      help: "Inertia that the torque of each joint meets while all joints outboard of it are free.",
     },
     {
       id: "work",
@@ -171,7 +171,7 @@ export function plotsOf(layout) {
       log: true,
       points: true,
       lines: [single(layout, "coriolis_work", "|νᵀC| / (|ν||C|)", "#76b7b2")],
-      help: "Zero but for rounding (Lemma 7.1): what is seen is the last digit of the computer.",
+      help: "Zero but for rounding errors (Lemma 7.1).",
     },
   ];
   if (!layout.json.report) {
@@ -183,7 +183,7 @@ export function plotsOf(layout) {
         single(layout, "latency", "latency", "#edc948", { factor: 1000, unit: "ms" }),
         single(layout, "rate", "states per second", "#76b7b2", { scale: "rate", unit: "Hz" }),
       ],
-      help: "Age of a state when it arrives, and how many arrive.",
+      help: "Age of a state at its arrival, and states per second.",
     });
   }
   return plots.filter((plot) => plot.id !== "work" || layout.has("coriolis_work"));

@@ -21,13 +21,13 @@ test("before the first state", () => {
   const health = new Health();
   assert.deepEqual(seen(health), ["warn", "Connecting", ""]);
   health.connection = "open";
-  assert.deepEqual(seen(health), ["warn", "Waiting", "no state has come yet"]);
+  assert.deepEqual(seen(health), ["warn", "Waiting", "no state received yet"]);
   health.robots = [];
-  assert.deepEqual(seen(health), ["warn", "Waiting", "no robot has been heard of"]);
+  assert.deepEqual(seen(health), ["warn", "Waiting", "no robot found"]);
   health.heart = { waiting: "waiting for robot_description" };
   assert.deepEqual(seen(health), ["warn", "Waiting", "waiting for robot_description"]);
   Object.assign(health, { connection: "lost", why: "refused" });
-  assert.deepEqual(seen(health), ["bad", "Disconnected", "trying again (refused)"]);
+  assert.deepEqual(seen(health), ["bad", "Disconnected", "retrying (refused)"]);
 });
 
 test("live, paused, stale, and a recording", () => {
@@ -43,7 +43,7 @@ test("live, paused, stale, and a recording", () => {
 
 test("notes of a state", () => {
   const all = Object.values(FLAGS).reduce((sum, bit) => sum + bit) - FLAGS.late;
-  const words = ["contact", "velocities estimated", "no efforts", "times of reception", "links of another model"];
+  const words = ["contact", "velocities estimated", "no efforts", "receive times instead of stamps", "links of another model"];
   assert.deepEqual(seen(healthy(), all), ["warn", "Live", "", ...words]);
   assert.deepEqual(seen(healthy(), FLAGS.observerInvalid), ["warn", "Live", "", "external torque not valid"]);
   assert.deepEqual(seen(healthy(), FLAGS.collision), ["good", "Live", "", "contact"]);
