@@ -115,15 +115,24 @@ def _missing_package(path, said):
         return f"package '{found[1]}' of a $(find …) is not installed. Install it, or source the workspace that has it."
     if "ament_index_python" not in said:
         return ""
-    try:
-        text = re.sub(r"(?s)<!--.*?-->", "", Path(path).read_text(encoding="utf-8", errors="replace"))
-    except OSError:
-        text = ""
-    names = dict.fromkeys(re.findall(r"\$\(\s*find\s+([^)\s]+)\s*\)", text))
-    listed = " or ".join(f"'{name}'" for name in names) or "of an included file"
+    listed = " or ".join(f"'{name}'" for name in dict.fromkeys(_packages(Path(path)))) or "of an included file"
     return f"package {listed} of a $(find …) cannot be found without ROS 2. Source a ROS 2 workspace that has it."
 
 
 def _text(value):
     """A value as xacro's command line has it."""
     return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _packages(path):
+    """Packages that a xacro file, and those that it includes by a relative path, have in $(find …)."""
+    files, names = [path], []
+    for file in files:
+        try:
+            text = re.sub(r"(?s)<!--.*?-->", "", file.read_text(encoding="utf-8", errors="replace"))
+        except OSError:
+            continue
+        names += re.findall(r"\$\(\s*find\s+([^)\s]+)\s*\)", text)
+        included = re.findall(r"<xacro:include\s[^>]*?filename\s*=\s*[\"']([^\"'$]+)[\"']", text)
+        files += [other for name in included if len(files) < 100 and (other := file.parent / name) not in files]
+    return names

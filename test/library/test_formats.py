@@ -145,6 +145,9 @@ def test_xacro_errors(xacro_file, monkeypatch):
     for name in ("ament_index_python", "ament_index_python.packages"):
         monkeypatch.setitem(sys.modules, name, None)
     assert_error(dd.UrdfError, r"package 'arm' of a \$\(find …\) cannot be found without ROS 2", xacro_file)
+    xacro_file.with_name("part.xacro").write_text(XACRO.replace('<link name="base"/>', include.replace("arm", "hand")))
+    xacro_file.write_text(XACRO.replace('<link name="base"/>', '<xacro:include filename="part.xacro"/>'))
+    assert_error(dd.UrdfError, "package 'hand' of a", xacro_file)
     monkeypatch.setitem(sys.modules, "xacro", None)
     assert_error(dd.UrdfError, "pip install xacro", xacro_file)
     assert_error(dd.UrdfError, "unexpanded xacro", XACRO)
