@@ -17,7 +17,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError, UnsupportedError, UrdfError
 from diag_dynamics.model.options import warn
-from diag_dynamics.model.parameters import Parameters, of_joints
+from diag_dynamics.model.parameters import of_joints, parameters_of
 from diag_dynamics.model.robot import RobotModel, load_urdf
 
 OPTIONS = ("gravity", "floating_base", "armature", "estimate_inertias")
@@ -128,8 +128,7 @@ def loaded(described: Described, **options: Any) -> RobotModel:
     armature = dict(described.options.get("armature", {}))
     beside = options.get("parameters")
     if beside is not None:
-        given = Parameters.load(beside) if isinstance(beside, (str, os.PathLike)) else Parameters.of(beside)
-        armature |= of_joints(given, "armature")
+        armature |= of_joints(parameters_of(beside), "armature")
     armature |= options.get("armature") or {}
     model = load_urdf(described.text, **{**described.options, **options, "armature": armature})
     if described.omitted:

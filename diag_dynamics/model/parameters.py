@@ -79,6 +79,11 @@ class Parameters:
     friction_velocity: float | None = None
     origin: Mapping[str, Any] = field(default_factory=_nothing)
 
+    @property
+    def lighter_links(self) -> list[str]:
+        """Links that a payload of negative mass makes lighter."""
+        return [name for name, payload in self.payloads.items() if payload.mass < 0.0]
+
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Parameters:
         """Read them from a YAML file, as :meth:`save` writes it.
@@ -415,6 +420,11 @@ def perturbed_links(robot: Any, part: float, rng: np.random.Generator) -> dict[s
         moments = heavier * stretch @ moments @ stretch
         links[link.name] = Payload(heavier * own.mass, centre, np.trace(moments) * np.eye(3) - moments)
     return links
+
+
+def parameters_of(given: str | os.PathLike[str] | Parameters | Mapping[str, Any]) -> Parameters:
+    """Return parameters given as the path of a file, as themselves or as a dict."""
+    return Parameters.load(given) if isinstance(given, (str, os.PathLike)) else Parameters.of(given)
 
 
 def of_joints(parameters: Parameters, name: str) -> dict[str, float]:

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -18,7 +17,7 @@ import numpy.typing as npt
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import choice, number, whole
-from diag_dynamics.exceptions import InputError, MimicJointError, UrdfError
+from diag_dynamics.exceptions import InputError, MimicJointError
 from diag_dynamics.model.configurations import difference, integrated, random_positions
 from diag_dynamics.model.estimation import estimated
 from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, refuse_massless
@@ -35,11 +34,18 @@ from diag_dynamics.model.options import (
     warn,
     warn_of_inertias,
 )
-from diag_dynamics.model.parameters import Parameters, of_joints, perturbed_links, refuse_too_light, robot_with
+from diag_dynamics.model.parameters import (
+    Parameters,
+    of_joints,
+    parameters_of,
+    perturbed_links,
+    refuse_too_light,
+    robot_with,
+)
 from diag_dynamics.model.remarks import limits_in_degrees, remarks_of, warning_of
 from diag_dynamics.model.sources import folder_of, urdf_text
 from diag_dynamics.model.transmissions import reflected_inertias
-from diag_dynamics.model.tree import Tree
+from diag_dynamics.model.tree import Tree, refuse_same_names
 from diag_dynamics.model.urdf import MAX_JOINTS, parse_urdf, read_element
 from diag_dynamics.model.xacro_files import expanded
 from diag_dynamics.sweeps import Workspace
@@ -306,7 +312,7 @@ class RobotModel:
         MasslessLinkError
             With them a joint moves no inertia.
         """
-        given = _parameters(parameters)
+        given = parameters_of(parameters)
         robot = robot_with(self._tree.robot, given)
         options = self._options._replace(
             armature=self._options.armature | armature_by_joint(of_joints(given, "armature"), robot),
@@ -442,8 +448,7 @@ def load_urdf(
         Most bodies of a coupled group that is not refused: its degrees of freedom and followers, see
         `coupled_groups`. Every evaluation takes time as the cube of that number.
     friction_velocity : float
-        v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s], see :meth:`DiagonalDynamics.friction_torque`; 0 for f sign(q̇). By
-        default that of `parameters`, or 5e-3.
+        v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). By default that of `parameters`, or 5e-3.
     xacro_args : dict
         Arguments of a xacro file, by name.
     estimate_inertias : float
@@ -489,12 +494,12 @@ def load_urdf(
         source = found.text
     element = parse_urdf(urdf_text(source).encode(errors="replace"))
     robot, root = read_element(element, whole("max_joints", max_joints))
-    beside = Parameters() if parameters is None else _parameters(parameters)
+    beside = Parameters() if parameters is None else parameters_of(parameters)
     robot = robot_with(robot, beside)
     rotors, left_out = reflected_inertias(element)
     if mistakes := warning_of(robot.name, [*remarks_of(element), *limits_in_degrees(element), *left_out]):
         warn(mistakes)
-    warn_of_inertias(robot, found.said(robot.name) if found else "", _lighter(beside))
+    warn_of_inertias(robot, found.said(robot.name) if found else "", beside.lighter_links)
     if friction_velocity is None:
         friction_velocity = FRICTION_VELOCITY if beside.friction_velocity is None else beside.friction_velocity
     options = Options(
@@ -513,18 +518,9 @@ def load_urdf(
     return _model_beside(robot, root, options, beside)
 
 
-def _parameters(given: str | os.PathLike[str] | Parameters | Mapping[str, Any]) -> Parameters:
-    return Parameters.load(given) if isinstance(given, (str, os.PathLike)) else Parameters.of(given)
-
-
-def _lighter(given: Parameters) -> list[str]:
-    """Links that something is taken off."""
-    return [name for name, payload in given.payloads.items() if payload.mass < 0.0]
-
-
 def _model_beside(robot: Any, root: str, options: Options, given: Parameters) -> RobotModel:
     """Model of a robot that has parameters already; what they take off must be there, links behind locked joints included."""
-    lighter = _lighter(given)
+    lighter = given.lighter_links
     if lighter:
         refuse_too_light(_tree(robot, root, options, options.held or {}), lighter, given.origin)
     return _model(robot, root, options)
@@ -568,17 +564,11 @@ def _restored(robot: Any, root: str, options: Options) -> RobotModel:
     return _model(robot, root, options._replace(payloads=checked_payloads(options.payloads, robot)))
 
 
-def _refuse_same_names(what: str, names: Sequence[str]) -> None:
-    if len(set(names)) < len(names):
-        [(twice, _)] = Counter(names).most_common(1)
-        raise UrdfError(f"Two {what} would have the name '{twice}': rename one of the joints.")
-
-
 def _model_of(tree: Tree, options: Options) -> RobotModel:
     """Model of a tree as it is."""
     bodies, links = tree.records(options.armature, options.payloads)
-    _refuse_same_names("degrees of freedom", tree.dof_names)
-    _refuse_same_names("positions", tree.coordinate_names)
+    refuse_same_names("degrees of freedom", tree.dof_names)
+    refuse_same_names("positions", tree.coordinate_names)
     return RobotModel(
         name=tree.robot.name,
         dof_names=tree.dof_names,

@@ -3,14 +3,23 @@
 
 """Tree of a checked URDF as arrays: walked from its root; links that move as one are merged."""
 
+from collections import Counter
+
 import numpy as np
 
-from diag_dynamics.exceptions import InputError
+from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model.joint_types import JOINT_TYPES, QUATERNION
 from diag_dynamics.model.mimic import coupled_groups
 from diag_dynamics.sweeps import BODY, LINK
 
 _UPPER = np.triu_indices(3)
+
+
+def refuse_same_names(what, names):
+    """Refuse names of which two are the same; `what` says whose they are."""
+    if len(set(names)) < len(names):
+        [(twice, _)] = Counter(names).most_common(1)
+        raise UrdfError(f"Two {what} would have the name '{twice}': rename one of the joints.")
 
 
 class Freedom:
