@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import re
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from diag_dynamics.exceptions import InputError, UrdfError
+from diag_dynamics.model.sources import GIT_LFS
 
 _PACKAGE = re.compile(r"(?:package|model)://+([^/]+)/+(.+)")
 """A file of a package; some exporters write a third slash."""
@@ -109,6 +111,9 @@ def _read(name: str, path: Path) -> Any:
         trimesh = import_module("trimesh")
     except ImportError as error:
         raise InputError(f"mesh '{name}' needs trimesh to be read: pip install 'trimesh[easy]'.") from error
+    with suppress(OSError), path.open("rb") as file:
+        if file.read(len(GIT_LFS)) == GIT_LFS:
+            raise UrdfError(f"mesh '{name}' is a pointer of Git LFS. Run git lfs pull.")
     try:
         scene = trimesh.load_scene(path)
         metres = re.fullmatch(r"([\d.eE+-]+) \* meters", str(scene.units))  # of a COLLADA file that has another unit

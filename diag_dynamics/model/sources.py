@@ -41,8 +41,11 @@ _SINGLE_BYTES = re.compile(r"ascii|utf-8|iso8859-\d+|cp\d+|mac-\w+|koi8-\w")
 UNREADABLE = {0xDC00 + byte: chr(byte) for byte in range(128, 256)}
 """Latin-1 for each byte that an encoding does not have, as Python's surrogateescape marks it."""
 
+GIT_LFS = b"version https://git-lfs"
+"""First bytes of a pointer of Git LFS."""
+
 FORMATS = (
-    (b"version https://git-lfs", "a pointer of Git LFS. Run git lfs pull"),
+    (GIT_LFS, "a pointer of Git LFS. Run git lfs pull"),
     (b"\x1f\x8b", "compressed by gzip. Unpack it"),
     (b"PK\x03\x04", "a zip archive. Unpack it, and load the URDF in it"),
     (b"BZh", "compressed by bzip2. Unpack it"),

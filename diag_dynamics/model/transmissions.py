@@ -70,7 +70,8 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
         if len(joints) != 1 or types[joints[0]] not in SINGLE:
             reason = "it does not drive one joint" if len(joints) != 1 else f"the joint is {types[joints[0]]}"
             what = f"the rotor inertia of {where} is ignored: {reason}"
-            remarks += [Remark("joint", joint, what, "Give load_urdf the armature of each joint.") for joint in joints]
+            places = [("joint", joint) for joint in joints] or [("robot", robot.get("name") or "robot")]
+            remarks += [Remark(*place, what, "Give load_urdf the armature of each joint.") for place in places]
             continue
         known = rotors.setdefault(joints[0], {})
         for actuator, rotor in found.items():

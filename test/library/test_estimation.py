@@ -119,7 +119,9 @@ def test_open_and_damaged_meshes(tmp_path):
     stl(tmp_path / "flat.stl", BOX, FACES[:2])
     (tmp_path / "none.stl").write_bytes(b"no mesh")
     (tmp_path / "none.dae").write_bytes(b"no mesh")
-    for name, key in (("flat.stl", "no volume"), ("none.stl", "no surface"), ("none.dae", "cannot be read")):
+    (tmp_path / "lfs.stl").write_bytes(b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 12\n")
+    keys = {"flat.stl": "no volume", "none.stl": "no surface", "none.dae": "cannot be read", "lfs.stl": "git lfs pull"}
+    for name, key in keys.items():
         with pytest.raises(dd.UrdfError, match=f"{name}.* {key}"):
             mesh(tmp_path, name)
 

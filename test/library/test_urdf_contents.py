@@ -334,6 +334,7 @@ def test_precedence_of_armature():
 LEFT_OUT = {
     "two joints": motor(ROTOR, more='<joint name="elbow"/>'),
     "a fixed joint": motor(ROTOR, joint="weld"),
+    "no joint": f'<transmission name="t"><actuator name="m">{ROTOR}</actuator></transmission>',
     "a joint and a fixed one": motor(ROTOR, more='<joint name="weld"/>'),
 }
 
