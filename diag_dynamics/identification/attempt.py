@@ -26,6 +26,7 @@ from diag_dynamics.identification.fit import (
 )
 from diag_dynamics.identification.found import Identification
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
+from diag_dynamics.identification.suitability import DOUBTFUL
 from diag_dynamics.model import Parameters
 
 GAIN = 0.1
@@ -209,7 +210,8 @@ class Attempt:
             "kept": self._kept,
             "ladder": rungs,
             "effort_factor": _factors(names, self._gathered.relations),
-            "efforts_judged": any(one.judged().any() for one in self._gathered.relations),
+            "efforts_judged": any(one.judged().any() for one in self._gathered.relations)
+            and not any(finding.cause == DOUBTFUL for finding in self._findings),
             "velocity_delay": [one.delay for one in self._loaded],
             "effective_parameters": {},
             "payload": None,

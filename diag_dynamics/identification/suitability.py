@@ -14,6 +14,9 @@ from diag_dynamics.sweeps.spatial import ANGULAR_X
 NOT_JUDGED = "efforts not judged"
 """Cause of the finding that the motion does not show the unit of the efforts."""
 
+DOUBTFUL = "effort doubtful"
+"""Cause of the finding that the effort of a joint which carries little is not that of the model."""
+
 MOVING, EACH_WAY, RANGE = 0.05, 1.0, 0.5
 """Velocity [rad/s], time above it in each direction [s] and range of positions [rad] that a joint's friction needs."""
 
@@ -57,8 +60,10 @@ class Efforts:
         """
         self.relation = of = self._compared.relation()
         wrong = complaint(self._compared, of, tolerant)
-        if wrong:
+        if wrong and wrong.kind != "light":
             raise InputError(f"{wrong.text}.")
+        if wrong:
+            findings.append(Finding(DOUBTFUL, 1, wrong.text))
         if not of.judged().any():
             findings.append(Finding(NOT_JUDGED, 1, _not_judged(self._compared.model.dof_names, of)))
 

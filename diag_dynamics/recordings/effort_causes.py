@@ -45,6 +45,13 @@ WEIGHTLESS, FULL = 0.3, (0.7, 1.4)
 OTHER_SIGN = -1.6, -0.4
 """Factors of an effort of the other sign."""
 
+OF_ALL = "sign", "unit", "weightless"
+"""Causes that all joints have."""
+
+LIGHT, VERY_LIGHT = 0.5, 0.2
+"""Torque of a joint, in parts of that of a joint whose effort is right, below which a factor that is too small, and one that
+is too large or of the other sign, may be the model's fault."""
+
 MAX_WEIGHTLESS = 0.35
 """Largest factor of any joint where gravity is in no effort."""
 
@@ -73,7 +80,8 @@ class Cause(NamedTuple):
     """What would explain the efforts, in words, and what it leaves of their squares."""
 
     kind: str
-    """sign, unit, weightless, gravity or order; or joint, where it is of single joints."""
+    """sign, unit, weightless, gravity or order; joint, where it is of single joints, and light, where heavier ones are right:
+    the model may miss what a light joint carries."""
     left: float
     text: str
     noise: float = 0.0
@@ -305,16 +313,30 @@ def _dissipated(relation, needed):
 
 def complaint(relation: EffortRelation, of: Relation, tolerant: bool = False) -> Cause | None:
     """Return what is wrong with the efforts; None where nothing is."""
-    cause = likely_cause(relation)
+    cause, right = likely_cause(relation), of.judged() & ~of.wrong(tolerant)
     wrong = np.flatnonzero(of.wrong(tolerant))
+    if cause and cause.kind in OF_ALL and np.any(of.torque[right] >= LIGHT * of.torque.max()):
+        cause = None  # where the effort of a heavy joint is right, it is not wrong in all
     if cause or not len(wrong):
         return cause
     weightless = _all_weightless(of, relation.model.dof_names, tolerant)
-    return (
-        Cause("weightless", 1.0, weightless)
-        if weightless
-        else Cause("joint", 1.0, _of_joint(relation, of, wrong, tolerant))
-    )
+    if weightless:
+        return Cause("weightless", 1.0, weightless)
+    light = _light(relation, of, tolerant)
+    if light[wrong].all():
+        text = _of_joint(relation, of, wrong, tolerant)
+        return Cause(
+            "light", 1.0, f"{text}, or the model misses what the joint carries: efforts of heavier joints are right"
+        )
+    return Cause("joint", 1.0, _of_joint(relation, of, wrong[~light[wrong]], tolerant))
+
+
+def _light(relation, of, tolerant):
+    """Return which joints have much less torque than one whose effort is right, bool."""
+    right = of.judged() & ~of.wrong(tolerant)
+    largest = [of.torque[right & (relation.slides == slides)].max(initial=0.0) for slides in relation.slides]
+    small = (of.factor > OTHER_SIGN[1]) & (of.factor < of.limits(tolerant)[0])
+    return of.torque < np.where(small | of.unrelated(), LIGHT, VERY_LIGHT) * largest
 
 
 def _of_joint(relation, of, wrong, tolerant):
@@ -363,6 +385,8 @@ def _all_weightless(of, names, tolerant):
     if not len(heavy) or np.any(np.abs(of.factor[heavy]) >= MAX_WEIGHTLESS):
         return ""
     k = heavy[int(np.argmax(of.torque[heavy]))]
+    if of.torque[k] < LIGHT * of.torque.max():  # of which nothing is known
+        return ""
     text = (
         f"gravity is not in the efforts: that of joint '{names[k]}' changes by {of.factor[k]:.2f} times what the model "
         "needs. If the driver has taken gravity out, read the recording with "
