@@ -301,6 +301,13 @@ def damped():
     return dd.load_urdf(TwoLinkArm(I1=0.02).urdf.replace("</joint>", resistance), gravity=(1.0, -9.81, 0.0))
 
 
+@pytest.fixture(scope="module")
+def rubbing():
+    """Return the arm with so much friction at the shoulder that what it takes is more than any fault of the elbow."""
+    resistance = '<dynamics damping="6.0" friction="2.0"/></joint>'
+    return dd.load_urdf(TwoLinkArm(I1=0.02).urdf.replace("</joint>", resistance, 1), gravity=(1.0, -9.81, 0.0))
+
+
 class Motion:
     """Motion of an arm by prescribed positions, with the efforts that it takes times a scale, seen by a watch."""
 
@@ -368,7 +375,7 @@ def test_last_minute_equals_a_recording(damped, options):
     assert ("wrong sign" in motion.values[WORDS]) == (options == {"scale": -1.0})
 
 
-@pytest.mark.parametrize(("name", "wrong"), [("arm", 0), ("damped", 1)])
+@pytest.mark.parametrize(("name", "wrong"), [("arm", 0), ("damped", 1), ("rubbing", 1)])
 def test_joint_of_the_fault(request, name, wrong):
     """It is named as a recording names it, after two seconds of a poor balance."""
     model = request.getfixturevalue(name)

@@ -214,6 +214,15 @@ def test_bad_state(monitor, panda, service, case):
 
 
 @pytest.mark.usefixtures("answers_afterwards")
+@pytest.mark.parametrize("service", ["forward_dynamics", "diagonalize"])
+def test_efforts_too_large(monitor, panda, service):
+    """Numbers whose result overflows are named by the fields of the request."""
+    state = panda.message(0, panda.samples[0])
+    state.effort = [1e308] * len(state.name)
+    assert_refused(ask(monitor, service, state), "state.position, state.velocity, state.effort are too large")
+
+
+@pytest.mark.usefixtures("answers_afterwards")
 @pytest.mark.parametrize("service", SERVICES)
 @pytest.mark.parametrize("gravity", [(0.0, math.nan, 0.0), (math.inf, 0.0, 0.0), (0.0, 0.0, 1e305)])
 def test_bad_gravity(monitor, panda, service, gravity):
