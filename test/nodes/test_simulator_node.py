@@ -144,6 +144,22 @@ def test_description(simulator):
     assert len(text) > 0.9 * len(simulator.robot.urdf)
 
 
+def test_description_of_a_xacro_file(peer, tmp_path):
+    """The simulator publishes the URDF that xacro makes of the file and its arguments."""
+    path = tmp_path / "arm.urdf.xacro"
+    path.write_text(
+        '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/><link name="tip"><inertial>'
+        '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="$(arg side)_turn" type="continuous"><parent link="base"/><child link="tip"/></joint></robot>'
+    )
+    topic = peer.topic(String, "/expanded/robot_description", LATCHED)
+    with peer.start("simulator", "-r", "__ns:=/expanded", robot_description=f"{path} side:=left"):
+        peer.wait_until(lambda: topic.messages, "a description", START)
+    assert load_urdf(topic.messages[-1].data).dof_names == ("left_turn",)
+    with pytest.raises(InputError, match="argument 'side' has no value"):
+        peer.start("simulator", robot_description=str(path))
+
+
 def test_followers(wave):
     """The second finger is where the first one is, moves with it, and has no effort of its own."""
     leader, follower = (wave.recorded[0].name.index(f"panda_finger_joint{k}") for k in (1, 2))

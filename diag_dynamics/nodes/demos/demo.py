@@ -15,7 +15,7 @@ from contextlib import suppress
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import load_urdf
-from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.model.robot_source import robot_source
 from diag_dynamics.nodes.demos.energy_view import STATE, EnergyView, checked, options
 from diag_dynamics.nodes.support.children import ends_with
 from diag_dynamics.nodes.support.loading import COMPILED
@@ -120,7 +120,8 @@ def prepared(urdf, *more, **options):
 def main(args=None):
     """Run the demo; ``--help`` lists the options."""
     parser = options(argparse.ArgumentParser(prog="demo", description=__doc__))
-    parser.add_argument("--robot", default="panda", help="robot of the example-robot-data wheel, or a URDF path")
+    parser.add_argument("--robot", default="panda", help="a URDF or xacro file, or a name of diag-dynamics robots")
+    parser.add_argument("xacro_args", nargs="*", metavar="NAME:=VALUE", help="arguments of a xacro file")
     parser.add_argument("--massless", choices=("error", "lock"), default="error", help="joints that move no inertia")
     parser.add_argument("--mimic", choices=("embed", "free", "lock"), default="embed", help="joints that follow others")
     parser.add_argument("--rate", type=float, default=500.0, help="joint states per second (default %(default)s)")
@@ -132,7 +133,7 @@ def main(args=None):
     print(f"a simulated robot, {chosen.robot}, its monitor and a page start", flush=True)
     processes = Processes()
     try:
-        urdf = find_urdf(chosen.robot)
+        urdf = robot_source(chosen.robot, chosen.xacro_args)
         remedies = {"massless": chosen.massless, "mimic": chosen.mimic}
         model = prepared(urdf, **remedies)
         processes.start("simulator", robot_description=urdf, motion="wave", rate=chosen.rate, **remedies)

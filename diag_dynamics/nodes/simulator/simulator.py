@@ -18,7 +18,7 @@ from diag_dynamics.assembly.assembler import RobotState
 from diag_dynamics.assembly.followers import Followers
 from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.model import Payload, urdf_text
+from diag_dynamics.model import Payload
 from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.msg import DiagonalizedState, EnergyAudit
 from diag_dynamics.nodes.simulator.outgoing import audit_message, joint_state_message, odometry_message
@@ -27,7 +27,7 @@ from diag_dynamics.nodes.support.clocks import CLOCK, clock_notes
 from diag_dynamics.nodes.support.declaring import declare, judge
 from diag_dynamics.nodes.support.diagnostics import ERROR, WARN, Diagnostics, Status, shortened
 from diag_dynamics.nodes.support.guard import answered
-from diag_dynamics.nodes.support.loading import load_robot
+from diag_dynamics.nodes.support.loading import load_robot, text_of
 from diag_dynamics.nodes.support.managed import ACTIVE, PATIENT, ManagedNode
 from diag_dynamics.nodes.support.messages import MessageMaker, to_time
 from diag_dynamics.nodes.support.names import NODES
@@ -86,7 +86,7 @@ class SimulatorNode(ManagedNode):
             self.get_logger().info(
                 "Simulated time is this node's own to publish: its use_sim_time is false from now on."
             )
-        text = urdf_text(values["robot_description"])
+        text = text_of(values["robot_description"])
         model = self._robot(text)
         if values["real_time_factor"] != 1.0 and not self._keeps_time:
             self.get_logger().warning(
@@ -101,7 +101,7 @@ class SimulatorNode(ManagedNode):
         self._use(model)
         for load in (self._truth_now, self._audit_now):  # what they call, before time goes on
             load()
-        self._publish_to(text)
+        self._publish_to(text.lstrip())
         self._offer()
         self.settled()
 

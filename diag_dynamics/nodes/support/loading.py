@@ -10,6 +10,7 @@ from diag_dynamics.exceptions import UnsupportedError
 from diag_dynamics.model import load_urdf
 from diag_dynamics.model.mjcf import is_mjcf
 from diag_dynamics.model.options import warnings_told
+from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.parameters.robots import model_of
 
 MOST_TOLD = 20
@@ -45,6 +46,26 @@ def compile_dynamics():
     DiagonalDynamics(load_urdf(ANY)).compile(*COMPILED)
 
 
+def text_of(description):
+    """URDF text of a description, see :func:`load_robot`.
+
+    Raises
+    ------
+    DiagDynamicsError
+        The description cannot be read, or is an MJCF.
+    """
+    _refuse_mjcf(description)
+    return read_source(description).text
+
+
+def _refuse_mjcf(description):
+    """Refuse an MJCF: its gravity and its base would differ from the node's parameters."""
+    if is_mjcf(description):
+        raise UnsupportedError(
+            f"robot_description is '{description}', an MJCF; expected a URDF or xacro file. Nodes do not read MJCFs."
+        )
+
+
 def load_robot(node, description, values):
     """Model of a description, with its warnings in the node's log.
 
@@ -61,10 +82,7 @@ def load_robot(node, description, values):
     DiagDynamicsError
         As :func:`model_of`.
     """
-    if is_mjcf(description):
-        raise UnsupportedError(
-            f"robot_description is '{description}', an MJCF; expected a URDF or xacro file. Nodes do not read MJCFs."
-        )
+    _refuse_mjcf(description)
     node.get_logger().info("Loading a robot.")
     told = []
     with warnings_told(told.append):
