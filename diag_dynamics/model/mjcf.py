@@ -146,7 +146,9 @@ def is_mjcf(source: object) -> bool:
             begin = file.read(MAX_PREAMBLE)
     except (OSError, ValueError):  # a name with a NUL, no permission
         return False
-    return re.match(rb"(\xef\xbb\xbf)?(\s|<\?.*?\?>|<!--.*?-->)*<mujoco[\s/>]", begin, re.S) is not None
+    # No part matches beyond its own end: many comments would take exponential time.
+    before = rb"(\xef\xbb\xbf)?(\s|<\?((?!\?>).)*\?>|<!--((?!-->).)*-->)*"
+    return re.match(before + rb"<mujoco[\s/>]", begin, re.S) is not None
 
 
 def read_mjcf(source: str | os.PathLike[str]) -> Described:

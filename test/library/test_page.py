@@ -422,6 +422,13 @@ def test_the_end_effector_link_of_robots(name, expected):
     assert Layout(model).to_json()["end_effector"] == expected
 
 
+def test_the_scene_of_a_file_with_many_comments(tmp_path):
+    """Reading takes a time that grows with the length of the file, and not with the power of its comments."""
+    path = tmp_path / "arm.urdf"
+    path.write_text("<!-- a note -->\n" * 200 + page_fixture.ARM)
+    assert len(scene_of(dd.load_urdf(path), path)["links"]) == 3
+
+
 def test_primitives_and_colours():
     blue = '<material name="blue"><color rgba="0.1 0.2 0.9 1"/></material>'
     drawn, _ = scene(
