@@ -59,6 +59,9 @@ SLENDER = 4.0
 """Ratio of moments across and along from which a shape is a bar whose axis cannot be mistaken."""
 
 
+NEGATIVE, CORRECT = "negative principal moments of inertia; the least", "Correct the inertia in the URDF."
+
+
 def possible_inertias(subject: Subject) -> Iterator[Finding]:
     """Inertias that no rigid body can have.
 
@@ -66,19 +69,21 @@ def possible_inertias(subject: Subject) -> Iterator[Finding]:
     a flat plate has it. An inertia of a plate or a bar lies on that bound; what rounding of its digits puts beyond is a note
     at most.
     """
+    negative: dict[str, float] = {}
     broken: dict[str, float] = {}
     slight: dict[str, float] = {}
     for link in subject.description.links.values():
         if link.inertia is None or not_physical(link.inertia, link.mass or 0.0) is None:
             continue
         first, second, third = np.linalg.eigvalsh(link.inertia)
-        # A negative moment makes the largest one exceed the sum of the others, too, or all are negative.
+        rounding = 3.0 * link.half_digit  # an eigenvalue is off by the norm of the matrix of errors at most
         excess = third - first - second
-        rounding = (
-            3.0 * np.sqrt(9.0) * link.half_digit
-        )  # of three eigenvalues, each off by the matrix of errors' norm at most
-        few = slight if subject.is_negligible(link.mass) or excess <= rounding else broken
+        if first < -rounding and not subject.is_negligible(link.mass):
+            negative[link.name] = float(first)
+            continue
+        few = slight if subject.is_negligible(link.mass) or excess <= 3.0 * rounding else broken
         few[link.name] = 100.0 * excess / max(abs(first), third)
+    yield from about_links("warning", "possible_inertias", NEGATIVE, negative, "kg m²", CORRECT)
     why = (
         "break the triangle inequality: the largest principal moment exceeds the sum of the others, by this share of it"
     )

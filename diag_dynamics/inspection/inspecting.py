@@ -170,9 +170,7 @@ def _negative(description: Description) -> list[Finding]:
         for link in description.links.values()
         if link.inertia is not None and negative_moments(link.inertia, link.mass or 0.0)
     }
-    what, remedy = "negative principal moments of inertia; the least", "Correct the inertia in the URDF."
-    found = about_links("error", LOADING, what, least, "kg m²", remedy, lambda value: -value)
-    return list(found)
+    return list(about_links("error", LOADING, inertias.NEGATIVE, least, "kg m²", inertias.CORRECT))
 
 
 def _motion(model: RobotModel | None) -> tuple[Motion | None, list[Finding]]:

@@ -124,8 +124,12 @@ MISTAKES = {
         changed(UPPER, 'ixx="0.0042" iyy="0.0448" izz="0.0588"'),
     ),
     "negative moment": (
-        *("possible_inertias", "warning", "left_lower", 100.0),
+        *("possible_inertias", "warning", "left_lower", -0.01),
         changed(LOWER, 'ixx="-0.01" iyy="0.0093" izz="0.0093"'),
+    ),
+    "negative moment of one digit": (
+        *("possible_inertias", "warning", "left_lower", -0.004),
+        changed(LOWER, 'ixx="-0.004" iyy="0.009" izz="0.009"'),
     ),
     "impossible, of little mass": ("possible_inertias", "note", "dot", 100 / 3, with_more(DOT)),
     "impossible by the last digit": (
