@@ -14,6 +14,7 @@ import numpy as np
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification import result
 from diag_dynamics.identification.cross_validation import Blocks
+from diag_dynamics.identification.equations import ROTOR
 from diag_dynamics.identification.fit import (
     LEAST_VARIANCE,
     SHORT,
@@ -27,10 +28,12 @@ from diag_dynamics.identification.fit import (
 from diag_dynamics.identification.found import Identification
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
 from diag_dynamics.identification.suitability import DOUBTFUL
-from diag_dynamics.model import Parameters
 
 GAIN = 0.1
 """What a further step has to take off the residual of rows that it was not fitted to, or it is not taken."""
+
+UNFELT = 0.01
+"""Fraction by which the residual of rows that are held out has to be smaller without the model's rotor inertias."""
 
 LEAST_EFFECTIVE = 5.0
 """Parameters of inertia that the rows have to tell, all bodies together, for inertias to be fitted."""
@@ -77,6 +80,8 @@ class Attempt:
         self._layout, self._blocks = Layout(model, gathered.equations, payload), Blocks(gathered.bounds, carries)
         self._beside = [Rows(gathered.beside, False)] if gathered.beside else []
         self._held, self._whole = [Rows(gathered.held, carries)], [Rows(gathered.whole, carries), *self._beside]
+        if self._layout.known[self._layout.own(ROTOR)].any():
+            self._choose_rotors()
 
     def _free(self, steps, **joints):
         """What is fitted in steps; `joints` are others than those that were found to pay, by step."""
@@ -87,6 +92,24 @@ class Attempt:
     def _fitted(self, steps):
         """The fit to rows that are not held out."""
         return fitted(self._layout, [self._blocks.rows, *self._beside], self._free(steps), self._weight)
+
+    def _choose_rotors(self):
+        """Leave the model's rotor inertias out if the efforts do not contain them, as of sensors behind the gears."""
+        steps = [step for step in self._steps if step == "friction" and self._moving.any()]
+        known, scores = self._layout.known, []
+        rotors, columns = known[self._layout.own(ROTOR)], self._layout.own(ROTOR)
+        for armature in (rotors, 0.0):
+            known[columns] = armature
+            scores.append(self._score(self._fitted(steps).x if steps or self._payload else known))
+        gain = 1.0 - scores[1] / scores[0]
+        self._layout.without_rotors = gain > UNFELT
+        if self._layout.without_rotors:
+            self._warnings.append(
+                f"rotor inertias of the model are left out: the residual of what was held out is {gain:.1%} smaller without "
+                "them, as of torque sensors behind the gears"
+            )
+        else:
+            known[columns] = rotors
 
     def _choose(self, step, taken):
         """Find for which joints a step pays, by blocks of the fitted rows that are left out in turn."""
@@ -188,9 +211,7 @@ class Attempt:
         self._warn(quality, before, after)
         free = free._replace(inertias="inertias" in taken)
         origin = self._origin(taken, quality)
-        parameters = Parameters(origin=origin)
-        if last is not None:
-            parameters = result.parameters_of(layout, last, free, velocity, origin)
+        parameters = result.parameters_of(layout, layout.known if nothing else last.x, free, velocity, origin)
         return Identification(self._model.with_parameters(parameters), parameters, quality)
 
     def _quality(self, taken, rungs, held_out, x):

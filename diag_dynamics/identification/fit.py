@@ -83,11 +83,17 @@ class Layout:
     model : RobotModel
     equations : Equations
     payload : Payload, optional
+
+    Attributes
+    ----------
+    without_rotors : bool
+        Whether the model's rotor inertias are left out, because the efforts do not contain them.
     """
 
     def __init__(self, model, equations, payload=None):
         self.model, self.bodies, self.payload = model, equations.bodies, payload
         self.robot = equations.size
+        self.without_rotors = False
         self.size = self.robot + (PARAMETERS if payload else 0)
         self._own = PARAMETERS * len(self.bodies) + OWN * np.arange(model.nv)
         self.carrier = None

@@ -40,14 +40,14 @@ def friction_of(layout, x, velocity):
     return friction
 
 
-def parameters_of(layout, fit, free, velocity, origin):
-    """:class:`Parameters` of all that was fitted."""
+def parameters_of(layout, x, free, velocity, origin):
+    """Return :class:`Parameters` of all unknowns that were fitted, and rotor inertias that were left out."""
     payloads = {}
     if free.payload:
-        payloads[free.payload.link] = Payload(*payload_in_link(layout, fit.x, free.payload))
+        payloads[free.payload.link] = Payload(*payload_in_link(layout, x, free.payload))
     return Parameters(
-        joints=_joints(layout, fit.x, free),
-        links=_links(layout, fit.x) if free.inertias else {},
+        joints=_joints(layout, x, free),
+        links=_links(layout, x) if free.inertias else {},
         payloads=payloads,
         friction_velocity=velocity if free.friction.any() else None,
         origin=origin,
@@ -65,7 +65,7 @@ def _joints(layout, x, free):
         if free.friction[k]:
             for key, column in (("damping", DAMPING), ("friction", FRICTION), ("effort_offset", OFFSET)):
                 entry[key], none[key] = float(x[layout.own(column)[k]]), 0.0
-        if free.rotors[k]:
+        if free.rotors[k] or layout.without_rotors:
             entry["armature"], none["armature"] = float(x[layout.own(ROTOR)[k]]), 0.0
         if entry:
             found[name] = JointParameters(**entry)

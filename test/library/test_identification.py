@@ -29,6 +29,7 @@ DAMPING = np.array([0.5, 0.5, 0.4, 0.4, 0.2, 0.2, 0.2])
 FRICTION = np.array([0.4, 0.5, 0.3, 0.5, 0.3, 0.2, 0.3])
 OFFSET = np.array([-0.1, 0.2, 0.05, -0.1, 0.05, 0.03, -0.02])
 NOISE = np.array([0.5] * 4 + [0.15] * 3)
+ROTORS = np.array([0.3, 0.3, 0.2, 0.2, 0.1, 0.1, 0.05])
 WITH_ALL = "friction", "rotors", "inertias"
 
 
@@ -108,16 +109,33 @@ def test_inertias_and_friction_predict_another_motion_exactly(panda):
 
 def test_rotors_and_friction_are_recovered(panda):
     model, oracle = panda
-    rotors = np.array([0.3, 0.3, 0.2, 0.2, 0.1, 0.1, 0.05])
     t, q, qd, qdd = motion(model, 4, shortened(20.0, 6.0), 1000.0)
-    data = recorded(model, t, q, qd, efforts(oracle, q, qd, qdd) + rotors * qdd + friction(qd))
+    data = recorded(model, t, q, qd, efforts(oracle, q, qd, qdd) + ROTORS * qdd + friction(qd))
     found = dd.identify(data, model)
     assert found.quality["taken"] == ["friction", "rotors"]
-    np.testing.assert_allclose(found.model.armature, rotors, atol=1e-3)
+    np.testing.assert_allclose(found.model.armature, ROTORS, atol=1e-3)
     np.testing.assert_allclose(found.model.damping, DAMPING, atol=1e-3)
     np.testing.assert_allclose(found.model.friction, FRICTION, atol=1e-3)
     np.testing.assert_allclose(found.model.effort_offset, OFFSET, atol=1e-3)
     assert any("kinetic energy is" in text for text in found.quality["warnings"])
+
+
+@pytest.mark.parametrize("what", ["friction", ("friction", "rotors")])
+@pytest.mark.parametrize("felt", [0.0, 1.0])
+def test_rotors_of_the_model_that_efforts_may_not_contain(panda, what, felt):
+    """Torque sensors behind the gears do not feel the rotors of a URDF: no effort is left with armature 0."""
+    model, oracle = panda
+    known = model.with_parameters(
+        {"joints": dict(zip(model.dof_names, [{"armature": J} for J in ROTORS], strict=True))}
+    )
+    t, q, qd, qdd = motion(model, 4, 6.0, 250.0)
+    rng = np.random.default_rng(4)
+    tau = efforts(oracle, q, qd, qdd) + felt * ROTORS * qdd + friction(qd) + 0.01 * rng.normal(size=q.shape)
+    found = dd.identify(recorded(known, t, q, qd, tau), known, what)
+    np.testing.assert_allclose(found.model.armature, felt * ROTORS, atol=2e-3)
+    np.testing.assert_allclose(found.model.friction, FRICTION, atol=0.03)
+    left_out = [text for text in found.quality["warnings"] if "rotor inertias of the model are left out" in text]
+    assert len(left_out) == (felt == 0.0)
 
 
 def test_a_step_that_a_larger_error_hides_is_tried_again(panda):

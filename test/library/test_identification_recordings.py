@@ -43,8 +43,6 @@ def kuka():
     """Model, and a function that reads a part of the recording [s]."""
     path = path_of("kuka")
     model = dd.load_urdf(path.with_name("kuka_lwr4.urdf"))
-    # Its <transmission> elements have rotors, which its sensors behind the gears do not feel.
-    model = model.with_parameters({"joints": {name: {"armature": 0.0} for name in model.dof_names}})
     columns = KUKA | {"joints": list(model.dof_names)}
     return model, lambda start, end: dd.read_recording(path, model, columns, start=start, end=end)
 
@@ -151,7 +149,7 @@ def test_the_wrist_whose_torque_goes_with_its_posture(kuka, what):
     model, read = kuka
     found = dd.identify(read(None, None), model, what)
     assert list(found.quality["kept"]["friction"]) == ["lwr_6_joint"]
-    assert "lwr_6_joint" not in found.parameters.joints
+    assert found.parameters.joints["lwr_6_joint"] == dd.JointParameters(armature=0.0)  # sensors feel no rotor
     before, after = np.transpose(list(found.quality["torque_rms"].values()))
     assert (after <= 1.1 * before).all() and after.mean() < (0.6 if what == "friction" else 0.29)
     assert sum("friction of joint 'lwr_6_joint': as the model has it" in one for one in found.quality["warnings"]) == 1
