@@ -53,13 +53,15 @@ def refuse_massless(model, tree, found):
         lines.append(f"joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): link '{link}' {why}")
     if len(massless) > MOST_LISTED:
         lines.append(f"… and {len(massless) - MOST_LISTED} more")
-    if negative := _negative(tree):
-        joints = ", ".join(f"'{model.dof_names[k]}' (D = {smallest[k]:.3g})" for k in massless[:MOST_LISTED])
+    negative = {k: found for k in massless if (found := _negative(tree, joints[k]))}
+    if negative:
+        links = "; ".join(list(dict.fromkeys(text for found in negative.values() for text in found))[:MOST_LISTED])
+        names = ", ".join(f"'{model.dof_names[k]}' (D = {smallest[k]:.3g})" for k in list(negative)[:MOST_LISTED])
         raise MasslessLinkError(
-            f"robot '{model.name}': {negative}. Expected positive moments, because the mass matrix is not positive definite "
-            f"with these, at the joint(s) {joints}. Correct the inertia in the URDF.",
-            [model.dof_names[k] for k in massless],
-            smallest[massless],
+            f"robot '{model.name}': {links}. Expected positive moments, because the mass matrix is not positive definite "
+            f"with these, at the joint(s) {names}. Correct the inertia in the URDF.",
+            [model.dof_names[k] for k in negative],
+            smallest[list(negative)],
         )
     advice = "Give the link mass and inertia in the URDF, or make the joint fixed."
     single = next((joints[k].name for k in massless if joints[k].is_single), None)
@@ -76,14 +78,23 @@ def refuse_massless(model, tree, found):
     )
 
 
-def _negative(tree):
-    """Links whose inertia has negative principal moments, with these, in words; empty without any."""
-    found = []
-    for link in tree.robot.links:
-        own = link.inertial
-        if own is not None and (moments := negative_moments(own.inertia, own.mass)):
-            found.append(f"link '{link.name}' has negative principal moments of inertia, {moments} kg m²")
-    return "; ".join(found[:MOST_LISTED])
+def _negative(tree, moved):
+    """Links that a joint moves and whose inertia has negative principal moments, with these, in words."""
+    outboard = {moved.joint.child} if moved.joint else {link.name for link in tree.robot.links}
+    children = {}
+    for joint in tree.robot.joints:
+        children.setdefault(joint.parent, []).append(joint.child)
+    ahead = list(outboard)
+    while ahead:
+        ahead += (more := children.get(ahead.pop(), []))
+        outboard.update(more)
+    return [
+        f"link '{link.name}' has negative principal moments of inertia, {moments} kg m²"
+        for link in tree.robot.links
+        if link.name in outboard
+        and link.inertial is not None
+        and (moments := negative_moments(link.inertial.inertia, link.inertial.mass))
+    ]
 
 
 def positions_to_hold(model, tree, found):

@@ -394,3 +394,12 @@ def test_negative_moments_are_named_before_d(options):
     assert first.links == ("a",) and "negative principal moments" in first.what
     assert first.values["a"] == pytest.approx(-0.04) and first.severity == second.severity == "error"
     assert "with D" in second.what
+
+
+def test_negative_moments_of_other_links_are_no_cause():
+    """A gripper that moves no inertia is named for itself, whatever the inertia of the link that it is on."""
+    arm = (link("base", 1.0), link("a", 5.0, inertia=(-0.01, 0, 0, 1, 0, 1)), link("finger", 0.0))
+    joints = joint("j", "revolute", "base", "a"), joint("grip", "revolute", "a", "finger")
+    with pytest.raises(dd.MasslessLinkError, match="move no inertia") as caught:
+        dd.load_urdf(description("odd", *arm, *joints))
+    assert caught.value.joints == ("grip",)
