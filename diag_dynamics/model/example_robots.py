@@ -33,7 +33,8 @@ def find_urdf(robot):
     Parameters
     ----------
     robot : str
-        A path; or the name of an example robot: its file's (``panda``), or any part of its path that is its alone.
+        A path; or the name of an example robot: its file's (``panda``), or any part of its path that is its alone. A path
+        of a file that is absent is no part of another one.
 
     Raises
     ------
@@ -51,6 +52,8 @@ def find_urdf(robot):
     part = {key: path for key, path in urdfs.items() if name.lower() in key.lower()}
     if len(exact) == 1:
         return exact[0]
+    if robot.startswith(("/", ".", "~")) or robot.endswith((".urdf", ".xml", ".xacro")):  # meant as a path
+        raise InputError(f"robot '{robot}': no such file.")
     if len(part) == 1:
         return next(iter(part.values()))
     if part:
@@ -61,8 +64,6 @@ def find_urdf(robot):
         raise InputError(
             f"robot '{robot}' is no file, and the package example-robot-data, whose robots have names, is absent."
         )
-    if robot.startswith(("/", ".", "~")) or robot.endswith((".urdf", ".xml", ".xacro")):  # meant as a path
-        raise InputError(f"robot '{robot}': no such file.")
     known = sorted({key.rsplit("/", 1)[-1] for key in urdfs})
     near = get_close_matches(name.lower(), known, n=3, cutoff=0.6)
     meant = f"; did you mean {' or '.join(near)}?" if near else "."
