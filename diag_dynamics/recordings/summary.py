@@ -166,6 +166,10 @@ def wrongs_of(summary):
                 explained is not None and explained < PART,
             ),
             ("there are efforts, but no balance of power", explained is None and _has_efforts(summary)),
+            (
+                "no balance of power, because efforts are beyond what can be (absurd.effort): are they in N m or N?",
+                explained is None and any(one["cause"] == "absurd effort" for one in summary["findings"]),
+            ),
             (_about_unit(summary["quality"]["wrong_unit"]), summary["quality"]["wrong_unit"] is not None),
             (efforts["says"], efforts["says"]),
         )

@@ -199,6 +199,8 @@ def test_a_balance_is_what_efforts_need(tmp_path, capsys):
         columns = t[:rows], scale * q[:rows] + 0.1, scale * qd[:rows], tau[:rows]
         status, said = commanded(tmp_path, capsys, "analyse", columns)
         assert status == 1 and "there are efforts, but no balance of power" in said and re.search(why, said)
+    status, said = commanded(tmp_path, capsys, "analyse", (t, q, qd, 1e6 * tau))
+    assert status == 1 and "no balance of power, because efforts are beyond what can be (absurd.effort)" in said
 
 
 def test_efforts_in_which_nothing_is_seen(tmp_path, capsys):
