@@ -61,9 +61,13 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
     ):
         where = f"transmission {short(transmission.get('name'))}"
         found = dict(_rotors(transmission, where, f"transmission {number}"))
+        joints = _joints(transmission)
+        if _has_unassigned_rotor(transmission):
+            what = f"the rotor inertia of {where} is ignored: it is that of none of its actuators"
+            places = [("joint", joint) for joint in joints] or [("robot", robot.get("name") or "robot")]
+            remarks += [Remark(*place, what, "Give each actuator its rotor inertia.") for place in places]
         if not found:
             continue
-        joints = _joints(transmission)
         for joint in joints:
             if joint not in types:
                 raise UrdfError(f"{where}: joint {short(joint)} is not a joint of this URDF.")
@@ -95,6 +99,18 @@ def _joints(transmission: Any) -> list[str]:
     return list(dict.fromkeys(element.get("name") or "" for element in elements))
 
 
+def _has_unassigned_rotor(transmission: Any) -> bool:
+    """Return whether a transmission of several actuators has a rotor inertia beside them."""
+    children = list(transmission.iterchildren())
+    shared = [transmission, *(element for element in children if local_name(element) in JOINTS)]
+    several = sum(local_name(element) in ACTUATORS for element in children) > 1
+    return several and any(_entries_of(shared, ROTOR))
+
+
+def _entries_of(elements: Iterable[Any], names: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+    return (entry for element in elements for entry in _entries(element, names))
+
+
 def _rotors(transmission: Any, where: str, unnamed: str) -> Iterator[tuple[str, Rotor]]:
     """Name of each actuator of a transmission that has a rotor inertia, and its rotor."""
     children = list(transmission.iterchildren())
@@ -114,7 +130,7 @@ def _rotors(transmission: Any, where: str, unnamed: str) -> Iterator[tuple[str, 
 def _number(elements: Iterable[Any], names: tuple[str, ...], where: str, expected: str, is_valid: Any) -> float | None:
     """The one size of a number that elements give under one of some names; reductions of 1 give way to others."""
     given: dict[float, str] = {}
-    for tag, text in (entry for element in elements for entry in _entries(element, names)):
+    for tag, text in _entries_of(elements, names):
         try:
             value = float(text)
         except ValueError:

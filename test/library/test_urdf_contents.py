@@ -335,6 +335,10 @@ LEFT_OUT = {
     "two joints": motor(ROTOR, more='<joint name="elbow"/>'),
     "a fixed joint": motor(ROTOR, joint="weld"),
     "no joint": f'<transmission name="t"><actuator name="m">{ROTOR}</actuator></transmission>',
+    "two actuators": (
+        '<transmission name="t"><joint name="shoulder"/><rotorInertia>1e-3</rotorInertia>'
+        '<actuator name="m"/><actuator name="n"/></transmission>'
+    ),
     "a joint and a fixed one": motor(ROTOR, more='<joint name="weld"/>'),
 }
 
