@@ -123,7 +123,7 @@ def urdf_text(source: Any) -> str:
     text = re.sub(r"^\ufeff?\s*(<\?xml[^>]*\?>)?\s*", lambda found: "\n" * found[0].count("\n"), text.rstrip("\0"))
     if not text.strip():
         raise UrdfError("The URDF is empty.")
-    start = text[:10_000].lstrip()
+    start = text.lstrip()[:10_000]
     refuse_other_kinds(start.encode(errors="replace"))
     if not start.startswith("<"):
         raise UrdfError(f"The URDF is no XML: it begins with {short(start.splitlines()[0])}, expected <robot>.")

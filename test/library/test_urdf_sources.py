@@ -129,6 +129,7 @@ def test_comments(comment):
 def test_many_comments():
     """Reading takes time in proportion to their number."""
     assert_same_model("<!-- -- -->\n" * 20_000 + ARM)
+    assert_same_model("\n" * 20_000 + ARM)
     with pytest.raises(dd.UrdfError, match="not well-formed XML"):
         dd.load_urdf(ARM.replace("</robot>", "<!-- " * 100_000))
 
