@@ -38,8 +38,11 @@ UNEXPANDED = "it is unexpanded xacro. Run xacro on it first. A file whose path e
 SEMANTIC = ("group", "group_state", "end_effector", "virtual_joint", "disable_collisions", "disable_default_collisions")
 """Elements of an SRDF."""
 
-LOOPS = ("loop_joint", "loop", "constraint", "coupling", "closed_loop", "loop_closure")
-"""Elements that close loops or couple joints, of Isaac Sim, URDF+ and other dialects."""
+LOOPS = ("loopjoint", "loop", "constraint", "coupling", "closedloop", "loopclosure", "gearjoint")
+"""Elements that close loops or couple joints, of Isaac Sim, URDF+ and other dialects, lower case without underscores."""
+
+CONTAINERS = ("robot", "link", "joint", "gazebo")
+"""Elements whose children may close loops."""
 
 # Elements of a link and of a joint that matter to dynamics, each with the attributes that hold numbers.
 _INERTIAL_NUMBERS = {
@@ -116,15 +119,19 @@ def _refuse_size(robot, max_joints):
 
 def _refuse_loops(robot):
     """Refuse elements that change dynamics and that only dialects of URDF have."""
-    for element in robot.iterchildren(etree.Element):
+    for element in robot.iter(etree.Element):
+        parent = element.getparent()
+        if parent is None or parent.tag not in CONTAINERS:
+            continue
         tag = local_name(element)
+        plain = tag.lower().replace("_", "")
         shown = short(f"{element.prefix}:{tag}" if element.prefix else element.tag)[1:-1]
         if tag == "joint" and element.tag != "joint":
             raise UrdfError(
                 f"joint {short(element.get('name'))}: <{shown} type={short(element.get('type'))}> is not supported; "
                 f"expected <joint> of type {', '.join(JOINT_TYPES)}."
             )
-        if tag in LOOPS or tag.endswith("_constraint"):
+        if plain in LOOPS or plain.endswith("constraint"):
             name = f" name={short(element.get('name'))}" if element.get("name") else ""
             raise UrdfError(
                 f"<{shown}{name}> closes a loop or couples joints; expected a tree of joints. "

@@ -411,6 +411,12 @@ REJECTED = {
     ),
     "loop of URDF+": (changed("</robot>", '<loop name="l"/></robot>'), "<loop name='l'> closes a loop"),
     "coupling of URDF+": (changed("</robot>", '<coupling name="c"/></robot>'), "<coupling name='c'>"),
+    "loop in other letters": (changed("</robot>", "<LoopJoint/></robot>"), "<LoopJoint> closes a loop"),
+    "gear": (changed("</robot>", "<gear_joint/></robot>"), "<gear_joint> closes a loop or couples joints"),
+    "loop of Gazebo": (
+        changed("</robot>", '<gazebo><loop_joint name="l"/></gazebo></robot>'),
+        "<loop_joint name='l'> closes a loop",
+    ),
     "constraint": (changed("</robot>", "<constraint/></robot>"), "<constraint> closes a loop or couples joints"),
     "constraint of Drake": (
         changed("</robot>", '<d:ball_constraint xmlns:d="http://drake.mit.edu"/></robot>'),
