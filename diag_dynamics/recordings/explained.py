@@ -111,4 +111,4 @@ def judgement(explained, total, culprits=(), cause=""):
         )
     if explained >= NOTHING:
         return f"the efforts explain only {explained:.0%} of the change of kinetic energy: {remedy}{where}"
-    return f"the balance explains nothing ({explained:.2g}): {remedy}{where}"
+    return f"the balance explains nothing ({explained:.3g}): {remedy}{where}"
