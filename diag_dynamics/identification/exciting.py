@@ -34,6 +34,9 @@ RANDOM = 24
 UNSEEN = 1e-10
 """Part of the largest eigenvalue below which no motion tells anything."""
 
+MAX_VELOCITY, MAX_POSITION = 100.0, 1000.0
+"""Limits beyond these are placeholders that nobody filled in [rad/s, m/s; rad, m]: 1e16, as exporters write."""
+
 UNLIMITED = np.pi
 """Range of a joint that turns round without an end [rad]."""
 
@@ -271,12 +274,13 @@ class _Limits:
         self.velocity = model.velocity_limit.copy()
         self.lower, self.upper = model.lower.copy(), model.upper.copy()
         names = model.dof_names
-        slow = moving & ~((self.velocity > 0.0) & np.isfinite(self.velocity))
+        slow = moving & ~((self.velocity > 0.0) & (self.velocity <= MAX_VELOCITY))
         for k in _given(velocities, names, slow):
             self.velocity[k] = _velocity(model, k, velocities.get(names[k], velocities.get(OTHERS)), slow[k])
             slow[k] = False
         turning = np.isin(names, model.continuous_joints)
-        open_ = moving & ~turning & ~(np.isfinite(self.lower) & np.isfinite(self.upper) & (self.lower < self.upper))
+        widest = np.maximum(np.abs(self.lower), np.abs(self.upper))
+        open_ = moving & ~turning & ~((widest <= MAX_POSITION) & (self.lower < self.upper))
         for k in _given(positions, names, open_):
             given = positions.get(names[k], positions.get(OTHERS))
             low, high = (-np.inf, np.inf) if open_[k] else (self.lower[k], self.upper[k])

@@ -314,10 +314,11 @@ BOTH = "upper_joint, lower_joint"
         (("", ""), "revolute", BOTH, BOTH),
         ((FILLED.replace('"2"', '"-1"'),) * 2, "revolute", BOTH, None),
         (('lower="-inf" upper="inf" effort="inf" velocity="inf"',) * 2, "prismatic", BOTH, BOTH),
+        (('lower="-1e16" upper="1e16" effort="40" velocity="1e30"',) * 2, "revolute", BOTH, BOTH),
         ((FILLED, FILLED.replace('"1"', '"-1"')), "revolute", None, "lower_joint"),
         (('effort="40" velocity="0"',) * 2, "continuous", BOTH, None),
     ],
-    ids=["zero", "one joint", "absent", "negative", "infinite", "lower is upper", "continuous"],
+    ids=["zero", "one joint", "absent", "negative", "infinite", "placeholder", "lower is upper", "continuous"],
 )
 def test_limits_that_nobody_filled_in(tmp_path, capsys, limits, kind, velocity, position):
     """The command names the joints, and writes nothing; with limits that are given no plan exceeds any."""
