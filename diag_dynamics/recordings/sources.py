@@ -13,6 +13,7 @@ from diag_dynamics.bags.folder import METADATA
 from diag_dynamics.bags.opening import open_bag
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.single_joints import single_joints
+from diag_dynamics.model.sources import GIT_LFS
 from diag_dynamics.recordings.account import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY
 from diag_dynamics.recordings.joint_names import describe_maps, listed, make_joint_names, propose_maps
@@ -83,6 +84,8 @@ def source_of(path, columns=None, topic=None, joint_names=None):
         raise InputError(f"there is no file or folder '{path}'.{f' Is {near[0]!r} meant?' if near else ''}")
     if path.name == METADATA:
         path = path.parent
+    if path.is_file() and _first_bytes(path, len(GIT_LFS)) == GIT_LFS:
+        raise InputError(f"'{path}' is a pointer of Git LFS. Run git lfs pull.")
     if not _is_bag(path):
         return TableSource(path, wanted, names)
     for key, value in wanted._asdict().items():
@@ -97,9 +100,14 @@ def _is_bag(path):
     """Whether this is a bag, by its name or its first bytes."""
     if path.is_dir() or BAGS & set(path.suffixes):
         return True
-    with open(path, "rb") as file:
-        begin = file.read(16)
+    begin = _first_bytes(path, 16)
     return any(begin.startswith(magic) for magic in MAGIC)
+
+
+def _first_bytes(path, count):
+    """Return the first bytes of a file."""
+    with open(path, "rb") as file:
+        return file.read(count)
 
 
 class BagSource:
