@@ -38,6 +38,19 @@ ATTRIBUTES: dict[str, tuple[str, ...]] = {
 OF_JOINT = ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic")
 """Elements of a joint that dynamics reads."""
 
+OF_INERTIAL = ("origin", "mass", "inertia")
+"""Elements of an inertial that dynamics reads."""
+
+FOREIGN = {
+    "pose": "origin",
+    "position": "origin",
+    "orientation": "origin",
+    "axes": "axis",
+    "xyz": "origin",
+    "rpy": "origin",
+}
+"""Elements of other formats, and what URDF has instead."""
+
 HARMLESS: dict[str, tuple[str, ...]] = {
     "joint": ("dont_collapse",),
     "limit": ("command_effort", "current", "gear_velocity"),
@@ -184,8 +197,10 @@ def _of_link(link: Any, name: str) -> Iterator[Remark]:
         yield from _unknown(inertial, "link", name)
         for part in inertial:
             yield from _unknown(part, "link", name)
+            yield from _misspelt(part, "link", name, OF_INERTIAL)
     for origin in link.iterfind("*/origin"):
         yield from _angles(origin, "link", name)
+        yield from _of_origin(origin, "link", name)
 
 
 def _of_joint(joint: Any, name: str) -> Iterator[Remark]:
@@ -195,6 +210,7 @@ def _of_joint(joint: Any, name: str) -> Iterator[Remark]:
         yield from _misspelt(part, "joint", name, OF_JOINT)
     for origin in joint.findall("origin"):
         yield from _angles(origin, "joint", name)
+        yield from _of_origin(origin, "joint", name)
     axis, mimic = joint.find("axis"), joint.find("mimic")
     if axis is not None and axis.get("xyz") is None and joint.get("type") not in ("fixed", "floating"):
         yield Remark("joint", name, "<axis> has no xyz, so the axis is 1 0 0", 'Give <axis xyz="…">.')
@@ -231,8 +247,17 @@ def _misspelt(part: Any, kind: str, name: str, known: tuple[str, ...]) -> Iterat
     """An element that is nearly one that dynamics reads, such as <limits>."""
     tag = part.tag if isinstance(part.tag, str) else ""
     near = get_close_matches(tag.lower(), known, n=1, cutoff=0.8)
+    if FOREIGN.get(tag) in known:
+        near = [FOREIGN[tag]]
     if tag not in ATTRIBUTES and near:
         yield Remark(kind, name, f"<{short(tag)[1:-1]}> is no element of URDF, ignored", f"Is <{near[0]}> meant?")
+
+
+def _of_origin(origin: Any, kind: str, name: str) -> Iterator[Remark]:
+    """Elements within an origin, whose numbers are attributes in URDF."""
+    for part in origin.iterchildren(etree.Element):
+        what = f"<{short(local_name(part))[1:-1]}> within <origin> is ignored"
+        yield Remark(kind, name, what, 'Give <origin xyz="…" rpy="…">.')
 
 
 def _angles(origin: Any, kind: str, name: str) -> Iterator[Remark]:

@@ -60,23 +60,25 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
         [*robot.findall("transmission"), *robot.findall("ros2_control/transmission")]
     ):
         where = f"transmission {short(transmission.get('name'))}"
-        found = dict(_rotors(transmission, where, f"transmission {number}"))
         joints = _joints(transmission)
-        if _has_unassigned_rotor(transmission):
-            what = f"the rotor inertia of {where} is ignored: it is that of none of its actuators"
-            places = [("joint", joint) for joint in joints] or [("robot", robot.get("name") or "robot")]
-            remarks += [Remark(*place, what, "Give each actuator its rotor inertia.") for place in places]
-        if not found:
+        parts = [element for element in transmission.iterchildren() if local_name(element) in (*ACTUATORS, *JOINTS)]
+        if not any(_entries_of([transmission, *parts], ROTOR)):
             continue
         for joint in joints:
             if joint not in types:
                 raise UrdfError(f"{where}: joint {short(joint)} is not a joint of this URDF.")
-        if len(joints) != 1 or types[joints[0]] not in SINGLE:
-            reason = "it does not drive one joint" if len(joints) != 1 else f"the joint is {types[joints[0]]}"
+        reason = "it does not drive one joint" if len(joints) != 1 else ""
+        if not reason and types[joints[0]] not in SINGLE:
+            reason = f"the joint is {types[joints[0]]}"
+        actuators = [element for element in parts if local_name(element) in ACTUATORS]
+        if not reason and len(actuators) > 1 and any(_entries_of(_beside_actuators(transmission), ROTOR)):
+            reason = "it is that of none of its actuators"
+        if reason:
             what = f"the rotor inertia of {where} is ignored: {reason}"
             places = [("joint", joint) for joint in joints] or [("robot", robot.get("name") or "robot")]
             remarks += [Remark(*place, what, "Give load_urdf the armature of each joint.") for place in places]
             continue
+        found = dict(_rotors(transmission, where, f"transmission {number}"))
         known = rotors.setdefault(joints[0], {})
         for actuator, rotor in found.items():
             if known.setdefault(actuator, rotor) != rotor:
@@ -99,12 +101,9 @@ def _joints(transmission: Any) -> list[str]:
     return list(dict.fromkeys(element.get("name") or "" for element in elements))
 
 
-def _has_unassigned_rotor(transmission: Any) -> bool:
-    """Return whether a transmission of several actuators has a rotor inertia beside them."""
-    children = list(transmission.iterchildren())
-    shared = [transmission, *(element for element in children if local_name(element) in JOINTS)]
-    several = sum(local_name(element) in ACTUATORS for element in children) > 1
-    return several and any(_entries_of(shared, ROTOR))
+def _beside_actuators(transmission: Any) -> list[Any]:
+    """The transmission and its joints, whose numbers belong to all actuators."""
+    return [transmission, *(element for element in transmission.iterchildren() if local_name(element) in JOINTS)]
 
 
 def _entries_of(elements: Iterable[Any], names: tuple[str, ...]) -> Iterator[tuple[str, str]]:
@@ -115,7 +114,7 @@ def _rotors(transmission: Any, where: str, unnamed: str) -> Iterator[tuple[str, 
     """Name of each actuator of a transmission that has a rotor inertia, and its rotor."""
     children = list(transmission.iterchildren())
     actuators = [element for element in children if local_name(element) in ACTUATORS]
-    shared = [transmission, *(element for element in children if local_name(element) in JOINTS)]
+    shared = _beside_actuators(transmission)
     for actuator in actuators or [None]:
         elements = shared if actuator is None else [actuator, *(shared if len(actuators) == 1 else ())]
         inertia = _number(elements, ROTOR, where, "a finite number >= 0 [kg m²]", lambda value: value >= 0.0)

@@ -228,6 +228,9 @@ def _add_links(robot, reduced):
         name = _name(link, names)
         copy = etree.SubElement(reduced, "link", name=name)
         inertial = link.find("inertial")
+        for origin in link.iterfind("*/origin"):  # of geometry, too: viewers and contacts read it
+            if origin.get("rpy") is not None and origin.get("quat_xyzw") is not None:
+                placement_of(origin, f"link '{name}'")
         if inertial is None:
             continue
         _copy_numbers(inertial, etree.SubElement(copy, "inertial"), _INERTIAL_NUMBERS, f"link '{name}'")

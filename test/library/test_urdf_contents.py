@@ -147,6 +147,16 @@ MISTAKES = {
     "quaternion in 1.0": (with_origins('quat_xyzw="0 0 0 1"', "1.0"), "ignored by urdfdom"),
     "misspelt element": (changed(AXIS, '<Axis xyz="1 0 0"/>'), "joint 'shoulder': <Axis> is no element of URDF"),
     "element in the plural": (changed("<limit ", "<limits "), "joint 'shoulder': <limits> is no element of URDF"),
+    "element of another format": (changed(AXIS, '<axes xyz="1 0 0"/>'), "'shoulder': <axes> is no element of URDF"),
+    "pose of a joint": (
+        changed(AXIS, f"{AXIS}<pose>0 0 1</pose>"),
+        "<pose> is no element of URDF, ignored. Is <origin>",
+    ),
+    "pose of an inertial": (changed("<inertial>", "<inertial><pose>1 0 0</pose>"), "'upper': <pose> is no element"),
+    "elements of an origin": (
+        changed(JOINT_ORIGIN, "<origin><xyz>0 0 1</xyz></origin>"),
+        "joint 'shoulder': <xyz> within <origin> is ignored",
+    ),
     "mass outside": (
         changed("<inertial>", '<mass value="1"/><inertial>'),
         "link 'upper': <mass> outside of <inertial>",
@@ -335,6 +345,9 @@ LEFT_OUT = {
     "two joints": motor(ROTOR, more='<joint name="elbow"/>'),
     "a fixed joint": motor(ROTOR, joint="weld"),
     "no joint": f'<transmission name="t"><actuator name="m">{ROTOR}</actuator></transmission>',
+    "two joints with reductions": motor(
+        ROTOR + REDUCTION, more='<joint name="elbow"><mechanicalReduction>10</mechanicalReduction></joint>'
+    ),
     "two actuators": (
         '<transmission name="t"><joint name="shoulder"/><rotorInertia>1e-3</rotorInertia>'
         '<actuator name="m"/><actuator name="n"/></transmission>'
@@ -393,6 +406,10 @@ REJECTED = {
     "rpy and quaternion of a joint": (
         changed('<origin xyz="0.0 0.0 0.0"', '<origin quat_xyzw="0 0 0 1"'),
         "joint 'shoulder': <origin> has rpy and quat_xyzw",
+    ),
+    "rpy and quaternion of geometry": (
+        changed("<inertial>", '<visual><origin rpy="0 0 0" quat_xyzw="0 0 0 1"/></visual><inertial>'),
+        "link 'upper': <origin> has rpy and quat_xyzw",
     ),
     "zero quaternion": (with_origins('quat_xyzw="0 0 0 0"'), "'upper': <origin quat_xyzw='0 0 0 0'> is no rotation"),
     "nan in a quaternion": (with_origins('quat_xyzw="0 0 nan 1"'), "<origin quat_xyzw='0 0 nan 1'> is not 4 finite"),
