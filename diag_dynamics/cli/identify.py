@@ -31,8 +31,9 @@ DONE, DOUBTFUL, FAILED = range(3)
 """Exit statuses: identified; nothing was gained, or the unit of the efforts is not known; it could not be identified."""
 
 EPILOG = """exit status: 0 identified; 1 nothing of it makes the model better on the part held out, so that it stays as it
-was, or the motion does not show whether efforts are torques; 2 it could not be identified, as where efforts have another
-unit, sign or order than the model. docs/identify.md says which motions and recordings it takes."""
+was, the motion does not show whether efforts are torques, or the effort of a light joint is doubtful; 2 it could not be
+identified, as where efforts have another unit, sign or order than the model. docs/identify.md says which motions and
+recordings it takes."""
 
 
 def run(name, arguments):

@@ -80,8 +80,8 @@ class Cause(NamedTuple):
     """What would explain the efforts, in words, and what it leaves of their squares."""
 
     kind: str
-    """sign, unit, weightless, gravity or order; joint, where it is of single joints, and light, where heavier ones are right:
-    the model may miss what a light joint carries."""
+    """sign, unit, weightless, gravity or order; joint, where it is of single joints, and light, where it is of light joints
+    alone: the model may miss what they carry."""
     left: float
     text: str
     noise: float = 0.0
@@ -313,22 +313,23 @@ def _dissipated(relation, needed):
 
 def complaint(relation: EffortRelation, of: Relation, tolerant: bool = False) -> Cause | None:
     """Return what is wrong with the efforts; None where nothing is."""
-    cause, right = likely_cause(relation), of.judged() & ~of.wrong(tolerant)
-    wrong = np.flatnonzero(of.wrong(tolerant))
+    cause, wrong, light = likely_cause(relation), of.wrong(tolerant), _light(relation, of, tolerant)
+    right = of.judged() & ~wrong
     if cause and cause.kind in OF_ALL and np.any(of.torque[right] >= LIGHT * of.torque.max()):
         cause = None  # where the effort of a heavy joint is right, it is not wrong in all
-    if cause or not len(wrong):
+    if cause:
         return cause
-    weightless = _all_weightless(of, relation.model.dof_names, tolerant)
+    weightless = _all_weightless(of, relation.model.dof_names, tolerant) if wrong.any() else ""
     if weightless:
         return Cause("weightless", 1.0, weightless)
-    light = _light(relation, of, tolerant)
-    if light[wrong].all():
-        text = _of_joint(relation, of, wrong, tolerant)
-        return Cause(
-            "light", 1.0, f"{text}, or the model misses what the joint carries: efforts of heavier joints are right"
-        )
-    return Cause("joint", 1.0, _of_joint(relation, of, wrong[~light[wrong]], tolerant))
+    heavy = np.flatnonzero(wrong & ~light)
+    if len(heavy):
+        return Cause("joint", 1.0, _of_joint(relation, of, heavy, tolerant))
+    doubtful = np.flatnonzero(wrong if tolerant else wrong | of.doubtful())
+    if not len(doubtful):
+        return None
+    texts = [_of_joint(relation, of, one, tolerant) for one in _alike(of, doubtful)]
+    return Cause("light", 1.0, f"{'; '.join(texts)}; or the model misses what a light joint carries")
 
 
 def _light(relation, of, tolerant):
@@ -339,17 +340,28 @@ def _light(relation, of, tolerant):
     return of.torque < np.where(small | of.unrelated(), LIGHT, VERY_LIGHT) * largest
 
 
+def _of_other_sign(of):
+    """Return which joints have an effort of the other sign and of the right size, bool."""
+    return (of.factor >= OTHER_SIGN[0]) & (of.factor <= OTHER_SIGN[1]) & ~of.unrelated()
+
+
+def _alike(of, joints):
+    """Return joints in groups that one text describes: those of the other sign, and each other one."""
+    turned = _of_other_sign(of)[joints]
+    return [*([joints[turned]] if turned.any() else []), *joints[~turned][:, None]]
+
+
 def _of_joint(relation, of, wrong, tolerant):
     """Return what is wrong with the effort of a joint, or of some, in words."""
     names = relation.model.dof_names
     low, high = of.limits(tolerant)
-    turned = wrong[(of.factor[wrong] >= OTHER_SIGN[0]) & (of.factor[wrong] <= OTHER_SIGN[1]) & ~of.unrelated()[wrong]]
+    turned = wrong[_of_other_sign(of)[wrong]]
     if len(turned):
         return _turned(turned, of, names)
     k = wrong[int(np.argmax(of.torque[wrong]))]
     factor, error = of.factor[k], ERRORS * of.error[k]
     told = f"{factor:.3g} ± {error:.2g} times what the model needs, expected {low[k]:g} to {high[k]:g}"
-    if of.unrelated()[k] or abs(factor) < WEIGHTLESS * low[k]:
+    if of.unrelated()[k] or abs(factor) <= min(WEIGHTLESS * low[k], error):
         return (
             f"the effort of joint '{names[k]}' has no relation to the motion: it changes by {told}. Check that it is a "
             "torque or a current of this joint"

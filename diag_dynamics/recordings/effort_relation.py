@@ -36,6 +36,9 @@ LIMITS, WIDE_LIMITS = (0.6, 1.6), (0.2, 5.0)
 GEARED_LIMITS = 0.2, 100.0
 """Factors that are accepted where a rotor's inertia, which is reflected by its gear squared, is part of the factor."""
 
+SMALL_ERRORS = 8.0
+"""The same below the limits of a light joint: noise and cables hide the torque of right ones."""
+
 SINGULAR = 1e-9
 """Part of a column's square below which it depends on others."""
 
@@ -93,6 +96,13 @@ class Relation(NamedTuple):
         margin = ERRORS * self.error + self.model_error
         with np.errstate(invalid="ignore"):
             return (self.factor + margin < low) | (self.factor - margin > high) | self.unrelated()
+
+    def doubtful(self):
+        """Return which joints have a factor below 0 or far from 1 by its own standard error, without the model's, bool."""
+        low, high = self.limits(tolerant=True)
+        with np.errstate(invalid="ignore"):
+            other_sign, small = self.factor + ERRORS * self.error < 0.0, self.factor + SMALL_ERRORS * self.error < low
+            return other_sign | small | (self.factor - ERRORS * self.error > high)
 
 
 class EffortRelation:

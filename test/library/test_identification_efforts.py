@@ -14,7 +14,9 @@ import diag_dynamics as dd
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from desk_arm import DOWN, URDF, motion, recording, worn, write_table
 from diag_dynamics.cli.main import main
-from motions import recorded
+from motions import efforts, fourier, recorded
+from oracles import Oracle
+from robots import robot
 
 UP = tuple(-one for one in DOWN)
 
@@ -96,6 +98,53 @@ def test_a_light_joint_whose_effort_is_doubtful(tmp_path, capsys):
     tau = worn(tau, qd) * [-1.0, 1.0, 1.0]  # of the pan joint, which gravity does not load
     status, said = commanded(tmp_path, capsys, "identify", (t, q, qd, tau), "--what", "friction")
     assert status == 1 and "effort doubtful: the effort of joint 'pan' is of the other sign" in said
+
+
+FINGERS = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
+ARMS = {"ur5": ("ur_description/urdf/ur5_robot.urdf", {}), "panda": ("panda_description/urdf/panda.urdf", FINGERS)}
+
+
+@pytest.fixture(scope="module", params=ARMS)
+def large_arm(request):
+    """Model, motion and Pinocchio's efforts of an arm, with friction of each joint and noise of 1 % of its largest torque."""
+    name, locked = ARMS[request.param]
+    text = re.sub("<dynamics[^>]*>", "", robot(name).urdf)
+    model = dd.load_urdf(text, locked_joints=locked)
+    t = np.arange(0.0, 20.0, 0.02)
+    q, qd, qdd = fourier(np.random.default_rng(7), t, np.maximum(model.lower, -2.5), np.minimum(model.upper, 2.5))
+    tau = efforts(Oracle(text, model.dof_names, locked_joints=locked), q, qd, qdd)
+    largest = abs(tau).max(axis=0)
+    tau = tau + 0.1 * largest * np.tanh(qd / 5e-3) + noise(tau, 0.01)
+    return model, t, q, qd, tau
+
+
+LIGHT_JOINTS = {
+    "right": ({}, None),
+    "sign of wrist 1": ({-3: -1.0}, r"joint '{-3}' is of the other sign: .*'{-3}=-1'\)"),
+    "sign of the last": ({-1: -1.0}, r"joint '{-1}' is of the other sign: .*'{-1}=-1'\)"),
+    "unit of the last": ({-1: 10.0}, r"joint '{-1}' changes by (9\.\d+|10) ± .* is it in N m"),
+    "unit of wrist 2": ({-2: 0.01}, r"joint '{-2}' changes by 0\.0(10?|09\d*) ± .* is it in N m"),
+    "signs and unit": (
+        {-3: -1.0, -2: -1.0, -1: 10.0},
+        r"joints '{-3}', '{-2}' are of the other sign.*; the effort of joint '{-1}' changes by",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", LIGHT_JOINTS)
+def test_light_joints_are_judged_by_their_own_errors(large_arm, case):
+    """What a model may miss at a large joint hides no sign and no unit of a wrist; parameters are found all the same."""
+    model, t, q, qd, tau = large_arm
+    factors, key = LIGHT_JOINTS[case]
+    scale = np.ones(model.nv)
+    for k, factor in factors.items():
+        scale[k] = factor
+    found = dd.identify(recorded(model, t, q, qd, scale * tau), model, "friction")
+    said = " ".join(text for text in found.quality["findings"] if "effort doubtful" in text)
+    assert found.quality["taken"] == ["friction"] and found.quality["efforts_judged"] == (key is None)
+    for k in factors:
+        key = key.replace(f"{{{k}}}", model.dof_names[k])
+    assert re.search(key, said) if key else not said
 
 
 AXES = {"prismatic": ("1 0 0", "0 1 0", "0 0 1"), "revolute": ("0 0 1",)}
