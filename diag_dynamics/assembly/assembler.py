@@ -181,7 +181,7 @@ class JointStateAssembler:
         self._follower_stamp = np.zeros(len(self.followers.names), dtype=np.int64)
         turns = [name in joints.continuous for name in self.names]
         self._estimator = VelocityEstimator(turns)
-        self.jumps = Jumps(self.names, turns, joints.velocity, joints.lower, joints.upper)
+        self.jumps = Jumps(self.names, turns, joints.velocity)
         self.configure(options)
 
     def configure(self, options):

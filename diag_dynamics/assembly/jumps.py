@@ -15,19 +15,21 @@ INTERLEAVED = "interleaved sources"
 STATES = 3
 """Messages in a row that agree on a new place before it is believed. The last of them is accepted."""
 
-SHORTEST, LONGEST, LONGEST_WITHOUT_LIMIT = 0.01, 0.5, 0.05
+MIN_STEP_TIME, MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT = 0.01, 0.5, 0.05
 """Time between two states [s]: the shortest that counts, as stamps jitter and clocks tick; the longest over which a step is
 judged, with a velocity limit and without. Over a longer one the two velocities do not bound the way in between."""
 
-SILENCE = 0.5
+SOURCE_TIMEOUT = 0.5
 """Time [s] without a message of the source in force after which another source may take its place."""
 
-MEMORY = 5.0
+CANDIDATE_TIMEOUT = 5.0
 """Time [s] after which a pose that comes again is no longer that of the source that sent it before."""
 
 MARGIN = 1e-3
-"""Largest distance [rad, m] between positions of one stamp, or of a robot that stops, that says nothing."""
+"""Largest distance [rad, m] between positions of one stamp that says nothing."""
 
+STOP_FRACTION = 0.15
+"""Fraction of the slack by which a robot may stop elsewhere than its velocities lead: some counts of a coarse encoder."""
 
 NOTHING = np.zeros(0, dtype=int)
 
@@ -53,15 +55,15 @@ class Jumps:
     the velocities are, and by a slack besides. A joint of unknown velocity may move at the highest velocity that is accepted.
 
     A message beyond that is rejected and stored as the candidate, apart from the state in force. The candidate takes the
-    place of that state in three cases:
+    place of that state in two cases:
 
     * Three messages in a row agree with the candidate. The robot was moved, or its encoders were set.
     * The candidate came again between messages of the source in force: sources are interleaved. The candidate moves while
-      the source in force rests, or that source has been silent for :data:`SILENCE`.
-    * The state in force is the pose in which joint_state_publisher puts joints by default, and the candidate moves.
+      the source in force rests, or that source has been silent for :data:`SOURCE_TIMEOUT`.
 
     A second source may rest within the slack of a moving robot. Where a robot in motion is at rest in the same pose to the
-    bit again and again, and no motion explains that, that pose is the candidate's, too.
+    bit again and again, and no motion explains that, that pose is the candidate's, too. Messages without a velocity say
+    nothing on rest.
 
     Parameters
     ----------
@@ -71,8 +73,6 @@ class Jumps:
         Joints whose position is an angle that turns round: a step of it is the shorter way.
     velocity_limit : array_like, shape (n,), optional
         [rad/s, m/s]; infinite or 0 where there is none.
-    lower, upper : array_like, shape (n,), optional
-        Position limits [rad, m].
 
     Attributes
     ----------
@@ -86,13 +86,12 @@ class Jumps:
         Text on the last message without velocity that another source contradicts.
     """
 
-    def __init__(self, names, turns, velocity_limit=None, lower=None, upper=None):
+    def __init__(self, names, turns, velocity_limit=None):
         self._names, count = names, len(names)
         self.turns = np.array(turns, dtype=float)
         limit = np.zeros(count) if velocity_limit is None else np.asarray(velocity_limit, dtype=float)
         self.reach = np.where(np.isfinite(limit), limit, 0.0)
-        self.lasting = np.where(self.reach > 0.0, LONGEST, LONGEST_WITHOUT_LIMIT)
-        self._default = _default_pose(count, lower, upper)
+        self.lasting = np.where(self.reach > 0.0, MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT)
         self.slack, self.last = 0.0, ""
         self._position, self._velocity, self._since_position = np.zeros((3, count))
         self._stamp, self._since, self._count, self._returns = np.zeros((4, count), dtype=np.int64)
@@ -110,9 +109,11 @@ class Jumps:
 
     def memory(self, stamps):
         """What later judgements depend on: the candidate, as long as it counts after the last stamps of the joints [ns]."""
-        alive = (self._count > 0) & (np.abs(stamps - self._stamp) <= MEMORY * 1e9)
+        alive = (self._count > 0) & (np.abs(stamps - self._stamp) <= CANDIDATE_TIMEOUT * 1e9)
         newest = max(stamps, default=0)
-        bare = [[first, *kept] for first, kept in self._bare.items() if abs(newest - kept[1]) <= MEMORY * 1e9]
+        bare = [
+            [first, *kept] for first, kept in self._bare.items() if abs(newest - kept[1]) <= CANDIDATE_TIMEOUT * 1e9
+        ]
         return [alive, bare, *(values[alive] for values in self._candidate())]
 
     def _candidate(self):
@@ -174,7 +175,7 @@ class Jumps:
         silence = (stamp - int(last_stamp[which].max())) * 1e-9
         k = int(np.argmax(far if far.any() else step))
         text = f"joint '{self._names[here[k]]}': position went from {last_position[k]:.9g} to {position[k]:.9g}"
-        returns = self._returns_of_displaced(here, velocity, before, far, candidate, same, interleaved, silence)
+        returns = self._returns_of_displaced(velocity, before, far, candidate, same, interleaved, silence)
         if returns is not None:
             displaced = last_position, last_velocity, last_stamp, last_stamp, last_position, known.astype(int)
             return Accepted(False, here, (*displaced, np.where(known, returns, 0)), here[far], text)
@@ -190,20 +191,15 @@ class Jumps:
             f"{last_velocity[k]:g} and {velocity[k]:g} (absurd.jump)",
         )
 
-    def _returns_of_displaced(self, here, velocity, before, far, candidate, same, interleaved, silence):
+    def _returns_of_displaced(self, velocity, before, far, candidate, same, interleaved, silence):
         """How often the state in force has returned as a candidate, if the candidate takes its place now; else None."""
-        last_position, last_velocity, _, known = before
+        _, last_velocity, _, known = before
         which = far if far.any() else known
-        if (candidate[-2][which] >= STATES).all() and (not interleaved or silence > SILENCE):
+        if (candidate[-2][which] >= STATES).all() and (not interleaved or silence > SOURCE_TIMEOUT):
             return 0
-        if not far.any() or not _rests(last_velocity[known]):
-            return None
-        if interleaved:
-            return np.maximum(candidate[-1], 1) if self._moves(velocity, same) else None
-        if _rests(velocity) or (np.abs(last_position - self._default[here])[known] > 1e-9).any():
-            return None
-        again = (self._count[here] > 0) & (self._position[here] == last_position)
-        return np.where(again, np.maximum(self._returns[here], 0), -1)
+        if far.any() and interleaved and _rests(last_velocity[known]) and self._moves(velocity, same):
+            return np.maximum(candidate[-1], 1)
+        return None
 
     def contradicts(self, here, position, stamp, before):
         """Whether a message without velocity is of another source than the state in force.
@@ -216,7 +212,9 @@ class Jumps:
         place, place_stamp, since = self._bare.pop(first, (position[:0], 0, 0))
         self._bare[first] = position, stamp, newest
         step = np.where(known, self._steps(here, position, last_position), 0.0)
-        again = np.array_equal(place, position) and since != newest and abs(stamp - place_stamp) <= MEMORY * 1e9
+        again = (
+            np.array_equal(place, position) and since != newest and abs(stamp - place_stamp) <= CANDIDATE_TIMEOUT * 1e9
+        )
         if not (again or stamp == newest) or not (step > MARGIN).any():
             return False
         name = self._names[here[int(np.argmax(step))]]
@@ -235,8 +233,8 @@ class Jumps:
             )
 
     def _expire(self, stamp):
-        """Forget candidates that have not come for :data:`MEMORY`."""
-        old = np.abs(stamp - self._stamp) > MEMORY * 1e9
+        """Forget candidates that have not come for :data:`CANDIDATE_TIMEOUT`."""
+        old = np.abs(stamp - self._stamp) > CANDIDATE_TIMEOUT * 1e9
         self._count[old] = self._returns[old] = 0
 
     def _continued(self, here, position, velocity, fastest, stamp, before, which):
@@ -248,7 +246,7 @@ class Jumps:
         known, same = self._count[here] > 0, position == place
         agrees = (known & ~elsewhere)[which].all()
         in_row = is_last & (self._since[here] == since) & (self._since_position[here] == last_position)
-        recent = same | ((stamp - place_stamp) * 1e-9 <= SILENCE)
+        recent = (stamp - place_stamp) * 1e-9 <= SOURCE_TIMEOUT
         count = np.where(agrees & in_row, self._count[here] + 1, 1)
         returned = agrees & ~in_row & recent
         returns = np.where(agrees & (in_row | recent), self._returns[here] + returned, 0)
@@ -257,10 +255,10 @@ class Jumps:
     def _stops_elsewhere(self, velocity, stamp, step, before):
         """Whether a robot in motion is at rest at once where its velocities do not lead."""
         _, last_velocity, last_stamp, known = before
-        if not known.all() or not _rests(velocity) or _rests(last_velocity):
+        if not known.all() or velocity.any() or _rests(last_velocity):  # NaN is no rest
             return False
         way = 2.0 * np.abs(np.nan_to_num(last_velocity)) * np.maximum(stamp - last_stamp, 0) * 1e-9
-        return bool((step > way + MARGIN).any())
+        return bool((step > way + STOP_FRACTION * self.slack).any())
 
     @staticmethod
     def _moves(velocity, same):
@@ -282,20 +280,10 @@ class Jumps:
         elapsed = (stamp - last_stamp) * 1e-9
         with np.errstate(over="ignore", invalid="ignore"):
             speed = np.maximum(2.0 * np.fmax(np.abs(velocity), np.abs(last_velocity)), self.reach[here])
-            most = np.where(np.isnan(velocity), fastest, speed) * np.maximum(elapsed, SHORTEST) + self.slack
+            most = np.where(np.isnan(velocity), fastest, speed) * np.maximum(elapsed, MIN_STEP_TIME) + self.slack
             return (self._steps(here, position, last_position) > most) & (elapsed <= self.lasting[here]), most
 
 
 def _rests(velocity):
     """Whether all velocities are 0 or missing."""
     return not (np.nan_to_num(velocity) != 0.0).any()
-
-
-def _default_pose(count, lower, upper):
-    """Where joint_state_publisher puts joints: at 0, or midway between limits that do not hold 0 between them."""
-    if lower is None or upper is None:
-        return np.zeros(count)
-    lower, upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
-    outside = np.isfinite(lower) & np.isfinite(upper) & ((lower > 0.0) | (upper < 0.0))
-    with np.errstate(invalid="ignore"):
-        return np.where(outside, 0.5 * (lower + upper), 0.0)

@@ -142,7 +142,8 @@ PARAMETERS = {
     "absurd.jump": Spec(
         0.1,
         "Step of a position [rad, m] beyond what the velocities before and after it explain, or the URDF's velocity "
-        "limit, that rejects the message, until three in a row agree on the new place; 0: not judged.",
+        "limit, that rejects the message. Three messages in a row that agree on the new place are accepted. Two sources "
+        "in turns: docs/drivers.md, Two sources. 0: not judged.",
         minimum=0.0,
         maximum=1e6,
     ),

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diag_dynamics.assembly.assembler import FOLLOWER_RULES, JOINT_RULES, RobotState
-from diag_dynamics.assembly.jumps import SHORTEST
+from diag_dynamics.assembly.jumps import MIN_STEP_TIME
 from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.assembly.stamps import FAR, SECOND
 from diag_dynamics.compiled.kernel import COUNT, entry_kernel, kernel, large_kernel, ready
@@ -356,7 +356,7 @@ def take(known, layout, now, mode):
             if rules.turns > 0.0:
                 step = step % (2.0 * np.pi)
                 step = min(step, 2.0 * np.pi - step)
-            if step > speed * max(elapsed, SHORTEST) + own.slack:  # as Jumps has it
+            if step > speed * max(elapsed, MIN_STEP_TIME) + own.slack:  # as Jumps has it
                 return nothing
         draft_position[j], draft_velocity[j], draft_effort[j] = position, velocity, effort
     if own.slack > 0.0 and rests and not rested:  # it stops, or another source rests

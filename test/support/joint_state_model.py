@@ -39,12 +39,6 @@ def _rest(entries):
     return not any(abs(entry["velocity"]) > 0.0 for entry in entries)
 
 
-def _default(name):
-    """Return where joint_state_publisher puts a joint."""
-    lower, upper = LIMITS[name]
-    return 0.5 * (lower + upper) if lower > 0.0 or upper < 0.0 else 0.0
-
-
 class RejectionError(Exception):
     """A message is rejected."""
 
@@ -262,11 +256,12 @@ class Model:
 
     def _stops_elsewhere(self, sent, at, before):
         """Return whether joints that moved rest at once where no motion leads."""
-        if not _rest(sent[name] for name in before) or _rest(before.values()):
+        if any(sent[name]["velocity"] != 0.0 for name in before) or _rest(before.values()):
             return False
+        margin = 0.15 * self._parameters["absurd.jump"]
         speed = {name: 0.0 if math.isnan(old["velocity"]) else abs(old["velocity"]) for name, old in before.items()}
         return any(
-            self._step(name, sent[name], old) > 2.0 * speed[name] * max(at - old["at"], 0) * 1e-9 + 1e-3
+            self._step(name, sent[name], old) > 2.0 * speed[name] * max(at - old["at"], 0) * 1e-9 + margin
             for name, old in before.items()
         )
 
@@ -283,8 +278,7 @@ class Model:
         for name in joints:
             since = (before[name]["at"], before[name]["position"]) if name in before else None
             row = agrees and since is not None and since == last[name]["since"]
-            equal = sent[name]["position"] == last[name]["position"]
-            back = agrees and not row and (equal or (at - last[name]["at"]) * 1e-9 <= 0.5)
+            back = agrees and not row and (at - last[name]["at"]) * 1e-9 <= 0.5
             new[name] = sent[name] | {
                 "at": at,
                 "since": since,
@@ -301,11 +295,9 @@ class Model:
         believed = all(new[name]["count"] >= 3 for name in which) and (not interleaved or silence * 1e-9 > 0.5)
         rested = _rest(before.values())
         resting = _rest(sent[name] for name in new)
-        default = all(abs(old["position"] - _default(name)) <= 1e-9 for name, old in before.items())
-        first = far and not interleaved and default and rested and not resting
         goes_on = not same and (not resting or any(math.isnan(sent[name]["velocity"]) for name in new))
         moves = far and interleaved and rested and goes_on
-        if not (believed or first or moves):
+        if not (believed or moves):
             self.away |= new
             raise RejectionError("interleaved sources" if interleaved else "jump")
         displaced = {}
@@ -314,9 +306,7 @@ class Model:
             if old is None or name not in before:
                 displaced[name] = None
                 continue
-            last = self.away.get(name, {"count": 0, "position": None, "returns": 0})
-            unseen = max(last["returns"], 0) if last["count"] and last["position"] == old["position"] else -1
-            returns = unseen if first else max(new[name]["returns"], 1) if moves else 0
+            returns = 0 if believed else max(new[name]["returns"], 1)
             displaced[name] = old | {"since": (old["at"], old["position"]), "count": 1, "returns": returns}
 
         def accept():

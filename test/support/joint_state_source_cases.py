@@ -5,8 +5,8 @@
 
 import math
 
-from joint_state_messages import MS, NOW
-from joint_state_steps import INTERLEAVED, case, whole
+from joint_state_messages import MS, NAMES, NOW, joint_state
+from joint_state_steps import INTERLEAVED, case, step, whole
 
 
 def _driver(time, outcome="published", *, amplitude=0.7, **more):
@@ -76,18 +76,18 @@ SOURCES = {
         _at([time + 5 * MS for time in EACH], _pose, JUMP, then=ELSEWHERE),
     ),
     "zeros before the driver": (
-        _at([time - 5 * MS for time in EACH], _pose, GOOD, JUMP, then=ELSEWHERE),
-        _at(EACH, _driver, MOVED, then=GOOD),
+        _at([time - 5 * MS for time in EACH], _pose, GOOD, GOOD, then=ELSEWHERE),
+        _at(EACH, _driver, JUMP, MOVED, then=GOOD),
     ),
     "zeros and the driver at one stamp": (_at(EACH, _driver, then=GOOD), _at(EACH, _pose, JUMP, then=ELSEWHERE)),
     "the driver and zeros at one stamp": (
-        _at(EACH, _pose, GOOD, JUMP, then=ELSEWHERE),
-        _at(EACH, _driver, MOVED, then=GOOD),
+        _at(EACH, _pose, GOOD, GOOD, then=ELSEWHERE),
+        _at(EACH, _driver, JUMP, MOVED, then=GOOD),
     ),
     "zeros for long before the driver": (
         _at(range(-1000 * MS, -1, 10 * MS), _pose, then=GOOD),
-        _at([time + 5 * MS for time in EACH], _pose, JUMP, then=ELSEWHERE),
-        _at(EACH, _driver, MOVED, then=GOOD),
+        _at([time + 5 * MS for time in EACH], _pose, GOOD, then=ELSEWHERE),
+        _at(EACH, _driver, JUMP, MOVED, then=GOOD),
     ),
     "zeros less often than the driver": (
         _at(EACH, _driver, then=GOOD),
@@ -129,4 +129,68 @@ SOURCES = {
     ),
 }
 
-SOURCE_CASES = [case(name, *_in_turns(*steps), absurd__jump=0.1) for name, steps in SOURCES.items()]
+
+# --- one robot: whatever its encoders do, no state of it is another source's
+
+COUNT, RATE = 2.0 * math.pi / 4096, 0.229 * math.pi / 30.0
+"""Steps of a servo's positions [rad] and velocities [rad/s]."""
+
+
+def _pick_and_place(time, rest=0.3):
+    """Positions and velocities of a robot that goes to and fro between two poses, each way in a second."""
+    k, s = divmod(time, 1.0 + rest)
+    s = min(s, 1.0)
+    way, rate = s**3 * (10 - 15 * s + 6 * s * s), 30 * s * s * (1 - s) ** 2
+    way, rate = (way, rate) if k % 2 == 0 else (1 - way, -rate)
+    return [x * way for x in (0.6, -0.5, 0.8)], [x * rate for x in (0.6, -0.5, 0.8)]
+
+
+def _sine(time):
+    w = 2 * math.pi
+    return [x * math.sin(w * time) for x in (0.5, 0.3, 0.4)], [x * w * math.cos(w * time) for x in (0.5, 0.3, 0.4)]
+
+
+def _held(time):
+    """A robot that trembles: encoders count to and fro, and velocities are now and then not 0."""
+    k = round(time * 100)
+    return [COUNT * (k % 2), 0.2 + COUNT * (k // 2 % 2), 0.1], [RATE * (k % 2), 0.0, 0.0]
+
+
+def _counted(values, step):
+    return [step * round(value / step) for value in values]
+
+
+def _one_robot(motion, count, velocities):
+    """Steps of one robot, without efforts, all accepted."""
+    steps = []
+    for k in range(count):
+        position, velocity = motion(0.01 * k)
+        sent = _counted(velocity, RATE) if velocities == "all" or (velocities == "some" and k % 3) else []
+        raw = joint_state(NAMES, _counted(position, COUNT), sent, (), NOW + 10 * k * MS)
+        steps.append(step(raw, "published" if k or sent else "awaiting velocity"))
+    return steps
+
+
+ONE_ROBOT = {
+    f"one robot, {motion.__name__[1:]}, with {velocities} velocities, {missing}": case(
+        f"one robot, {motion.__name__[1:]}, with {velocities} velocities, {missing}",
+        *_one_robot(motion, 600, velocities),
+        absurd__jump=0.1,
+        missing_velocity=missing,
+        velocity_filter_time=0.0,
+    )
+    for motion in (_pick_and_place, _sine, _held)
+    for velocities, missing in (("all", "refuse"), ("all", "estimate"), ("some", "estimate"), ("no", "estimate"))
+}
+
+SOURCE_CASES = [
+    *(case(name, *_in_turns(*steps), absurd__jump=0.1) for name, steps in SOURCES.items()),
+    *ONE_ROBOT.values(),
+    case(
+        "garbage at home is not another source",
+        *(_pose(10 * k * MS) for k in range(5)),
+        _pose(50 * MS, "jump", pose=(1.5, 1.5, 1.5), velocity=(0.3, 0.3, 0.3)),
+        *(_pose(10 * k * MS) for k in range(6, 10)),
+        absurd__jump=0.1,
+    ),
+]
