@@ -92,7 +92,7 @@ class _Group(NamedTuple):
         return not self.ordered and (None in [number for _, number, _ in self.members] or bool(joints & set(model)))
 
 
-def choose(columns, wanted, known, file, stated=None):
+def choose(columns, wanted, known, file, texts=()):
     """Find the columns of a table.
 
     Parameters
@@ -104,8 +104,8 @@ def choose(columns, wanted, known, file, stated=None):
         Names of the model's joints that move, in their order; empty: not known.
     file : str
         For messages.
-    stated : Stated, optional
-        Names of the joints outside of headers and rows.
+    texts : sequence of Text, optional
+        Texts outside of headers and rows that may state names of joints.
 
     Returns
     -------
@@ -116,20 +116,20 @@ def choose(columns, wanted, known, file, stated=None):
     InputError
         Something is missing, ambiguous, or has a unit that needs a scale.
     """
-    return _Choosing(columns, wanted, tuple(known), file, stated).choice()
+    return _Choosing(columns, wanted, tuple(known), file, texts).choice()
 
 
 class _Choosing:
     """The state of :func:`choose`."""
 
-    def __init__(self, columns, wanted, known, file, stated):
+    def __init__(self, columns, wanted, known, file, texts):
         self._columns = columns
         self._wanted = wanted
         self._model, self._known = known, wanted.joints or known
         self._file = file
         self._notes = []
         self._groups = None
-        self._in_data = NamesInData(columns, wanted, known, stated)
+        self._in_data = NamesInData(columns, wanted, known, texts)
         self._scale_of = {}
 
     def choice(self):
@@ -148,7 +148,8 @@ class _Choosing:
                 raise self._error(f"there is a scale of {name}, but no column of it.")
         choice = Choice(joints, time, time_scale, in_doubt, **chosen, notes=(), names=names, overruled=overruled)
         choice = choice._replace(scale_of=self._scale_of)
-        unused = [column.name for k, column in enumerate(self._columns) if k not in set(choice.used())]
+        read = set(choice.used())
+        unused = [one.name for k, one in enumerate(self._columns) if k not in read and one.name != self._in_data.array]
         if unused:
             self._notes.append(f"not read: {_list(unused)}.")
         return choice._replace(notes=tuple(self._notes))
@@ -224,9 +225,8 @@ class _Choosing:
         if fitting:
             raise self._ambiguous("position", [group for _, group, _ in fitting])
         why = " ".join(problems) or f"no column is known as a position, of {_list(c.name for c in self._columns)}."
-        raise self._error(
-            f"{why} Name them by `position: …` in the map of columns: a pattern such as q_{JOINT}, or a list of columns."
-        )
+        advice = f"Name them by `position: …` in the map of columns: a pattern such as q_{JOINT}, or a list of columns."
+        raise self._error(why if "in the map of columns" in why else f"{why} {advice}")
 
     def _joints(self, group):
         """Which joints the columns of positions are of: a problem or '', names, and the columns' indices."""
@@ -415,6 +415,7 @@ class _Choosing:
                 if one:
                     members = self._groups.setdefault(one.quantity, {}).setdefault(one.pattern, [])
                     members.append((one.joint, one.number, k))
+            self._groups = {name: _without_numbers(groups, self._known) for name, groups in self._groups.items()}
         groups, unit = [], "A" if quantity == "current" else None
         for pattern, members in self._groups.get(quantity, {}).items():
             joint, _, k = members[0]
@@ -486,6 +487,21 @@ class _Choosing:
         without = column.name.replace(joint, " ", 1) if joint else column.name  # a joint may be called deg
         unit = unit_of(column, without) or group.unit
         return factor(quantity, unit, f"'{self._file}': column '{column.name}'")
+
+
+def _without_numbers(groups, known):
+    """Groups by pattern, those of single named joints together whose patterns differ in a number: ``q0_elbow``."""
+    merged, found = {}, {}
+    for pattern, members in groups.items():
+        if len(members) == 1 and members[0][0] in known:
+            merged.setdefault(re.sub(r"\d+", "*", pattern), []).append((pattern, members[0]))
+    for general, several in merged.items():
+        if len({joint for _, (joint, *_) in several}) == len(several) > 1:
+            found |= dict.fromkeys([pattern for pattern, _ in several], general)
+    result = {}
+    for pattern, members in groups.items():
+        result.setdefault(found.get(pattern, pattern), []).extend(members)
+    return result
 
 
 def _scaled(scale, unit):

@@ -8,8 +8,8 @@ from importlib import import_module
 import numpy as np
 
 from diag_dynamics.tables import times
-from diag_dynamics.tables.csv_head import MISSING, SPACES
-from diag_dynamics.tables.csv_plain import listed_numbers, times_of
+from diag_dynamics.tables.csv_head import BLANK, SPACES
+from diag_dynamics.tables.csv_plain import are_blank, listed_numbers, times_of
 
 
 class ByArrow:
@@ -37,7 +37,7 @@ class ByArrow:
         self._convert = csv.ConvertOptions(
             column_types={str(k): arrow.string() if k in texts else arrow.float64() for k in used},
             include_columns=[str(k) for k in used],
-            null_values=sorted(MISSING),
+            null_values=sorted(BLANK),
             strings_can_be_null=False,
             decimal_point=decimal,
         )
@@ -96,6 +96,12 @@ class _Rows:
     def texts(self, column):
         """Texts of a column."""
         return self._read.column(str(column)).to_pylist()
+
+    def blank(self, column):
+        """Whether cells of a column have nothing in them."""
+        if column in self._reader.listed:
+            return are_blank(self.texts(column))
+        return self._read.column(str(column)).is_null().to_numpy()
 
     def numbers(self, column):
         """Numbers of a column, NaN where there are none."""

@@ -10,8 +10,9 @@ from typing import NamedTuple
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.tables.column_map import UNSAID
 from diag_dynamics.tables.headers import Column
-from diag_dynamics.tables.names import Stated, numbers_of, stated_in_comments
+from diag_dynamics.tables.names import numbers_of
 from diag_dynamics.tables.packed import chunks
+from diag_dynamics.tables.statements import comments
 from diag_dynamics.tables.times import is_date
 from diag_dynamics.tables.units import is_unit
 
@@ -22,6 +23,9 @@ MISSING = frozenset(
     ("", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "none", "-", "--")
 )
 """Texts that stand for no number."""
+
+BLANK = frozenset(text for text in MISSING if text.strip("-").lower() != "nan")
+"""Those of cells with nothing in them; nan is a value that a driver has sent."""
 
 SAMPLE, COMMENTED = 6, 100
 """First rows that show what a column holds, and first lines whose comments may name joints."""
@@ -44,8 +48,8 @@ class Head(NamedTuple):
     """Lines of the file before the first row."""
     length: int
     """Bytes of a line, of the first ones on average."""
-    stated: Stated | None = None
-    """Names of joints that a comment states."""
+    texts: tuple = ()
+    """Comments that may state names of joints."""
 
 
 def head(path, wanted, known=()):
@@ -69,7 +73,6 @@ def head(path, wanted, known=()):
     """
     lines = _first_lines(path)
     at, delimiter, comment = _above(lines, wanted, path)
-    stated = _stated(lines, wanted.skip, known)
     rows = [line for line in lines[at:] if line.strip() and not line.startswith("#")][:SAMPLE]
     if not rows:
         if comment is None:
@@ -107,7 +110,7 @@ def head(path, wanted, known=()):
         ]
         at, below = lines.index(rows[1], at) + 1, below[1:]
     columns = [sampled(column, [row[k] if k < len(row) else "" for row in below]) for k, column in enumerate(columns)]
-    return Head(columns, delimiter, at, sum(map(len, lines)) // len(lines) + 1, stated)
+    return Head(columns, delimiter, at, sum(map(len, lines)) // len(lines) + 1, _comments(lines, wanted.skip))
 
 
 def _above(lines, wanted, path):
@@ -127,14 +130,17 @@ def _above(lines, wanted, path):
     return at, delimiter, comment
 
 
-def _stated(lines, end, known):
-    """Names of joints that comments above the first row, or lines that are skipped, state; None if there are none."""
-    comments = [
-        (at, re.sub(r"^[#%\s]+", "", line))
-        for at, line in enumerate(lines[:COMMENTED], 1)
-        if at <= end or line.startswith(("#", "%"))
-    ]
-    return stated_in_comments(comments, known)
+def _comments(lines, end):
+    """Texts of comments in the first lines, and of lines that are skipped."""
+    return tuple(
+        comments(
+            [
+                (at, re.sub(r"^[#%\s]+", "", line))
+                for at, line in enumerate(lines[:COMMENTED], 1)
+                if at <= end or line.startswith(("#", "%"))
+            ]
+        )
+    )
 
 
 def _echoed(fields, wanted, path):

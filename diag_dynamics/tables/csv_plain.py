@@ -6,7 +6,7 @@
 import numpy as np
 
 from diag_dynamics.tables import times
-from diag_dynamics.tables.csv_head import MISSING, fields_of
+from diag_dynamics.tables.csv_head import BLANK, MISSING, fields_of
 from diag_dynamics.tables.names import numbers_of, padded
 from diag_dynamics.tables.pieces import LEFT_OUT, of_one_length
 
@@ -94,6 +94,10 @@ class _Rows:
         """Texts of a column."""
         return [row[column] for row in self._rows]
 
+    def blank(self, column):
+        """Whether cells of a column have nothing in them."""
+        return are_blank(self.texts(column))
+
     def numbers(self, column):
         """Numbers of a column, NaN where there are none."""
         if column in self._reader.listed:
@@ -119,6 +123,11 @@ class _Rows:
             example = f"column '{self._reader.names[column]}': '{plain[:40]}'"
             self._losses.add(NO_NUMBER, f"line {line}", "fields are NaN", example=example)
             return np.nan
+
+
+def are_blank(texts):
+    """Return whether texts stand for nothing: bool, shape (n,)."""
+    return np.array([text is None or text.strip() in BLANK or text.strip() in ("[]", "()") for text in texts], bool)
 
 
 def listed_numbers(rows, choice, column, losses):

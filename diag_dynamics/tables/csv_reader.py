@@ -47,7 +47,7 @@ class CsvReader:
         self._path = path
         self._losses = Losses(path)
         self._head = head(path, wanted, joints)
-        self._choice = choose(self._head.columns, wanted, joints, path, self._head.stated)
+        self._choice = choose(self._head.columns, wanted, joints, path, self._head.texts)
         self._arrow = ByArrow.there(self._head, self._choice, wanted.decimal)
         self._plain = ByLine(self._head, self._choice, wanted.decimal)
         self.joints = self._choice.joints
@@ -82,7 +82,7 @@ class CsvReader:
             rows = self._arrow.rows(block, line, row, self._losses) if self._arrow else None
             rows = rows or self._plain.rows(block, line, row, self._losses)
             where = partial(_line, rows.lines)
-            read = Read(*rows.times(), rows.indices, rows.numbers, rows.texts, where)
+            read = Read(*rows.times(), rows.indices, rows.numbers, rows.texts, rows.blank, where)
             columns = piece(self._choice, read, self._losses)
             row = rows.following
             if len(columns.rows):

@@ -7,7 +7,8 @@ import re
 from typing import NamedTuple
 
 from diag_dynamics.tables.column_map import JOINT
-from diag_dynamics.tables.units import split_unit, word_of_unit
+from diag_dynamics.tables.names import names_of
+from diag_dynamics.tables.units import is_unit, split_unit, word_of_unit
 
 RULES = """
 Columns are known by their names, small letters or capitals, by these rules and by nothing else.
@@ -29,12 +30,12 @@ Columns are known by their names, small letters or capitals, by these rules and 
    torques for efforts. current, currents are amperes, and looked at where a column has no other of these words and no
    column has efforts. A column with words of two quantities is not looked at.
 5. **Joints** are found in what else is in the name. If the names of the model's joints are in the columns, these are
-   the joints: `q_elbow`, `elbow_position`, `/joint_states/elbow/position`. Otherwise the joints are those that rows,
-   comments or metadata name. Without such names, numbers that count up from 0 or 1 are the model's joints in their
-   order, by themselves or behind joint, j or axis: `q1`, `pos[0]`, `tau_J[3]`, `joint2_velocity`. There have to be as
-   many as the model has. Without a model, any other text is a joint's name: what follows the quantity, or, if the
-   quantity ends the name, the last part before it between slashes or dots. x, y, z and w are no joints, and a word
-   before a number in brackets is none: `q_d[0]` is a target.
+   the joints: `q_elbow`, `elbow_position`, `/joint_states/elbow/position`, also beside a number: `q0 (elbow)`,
+   `q0_elbow`. Otherwise the joints are those that rows, comments or metadata name. Without such names, numbers that
+   count up from 0 or 1 are the model's joints in their order, by themselves or behind joint, j or axis: `q1`,
+   `pos[0]`, `tau_J[3]`, `joint2_velocity`. There have to be as many as the model has. Without a model, any other text
+   is a joint's name: what follows the quantity, or, if the quantity ends the name, the last part before it between
+   slashes or dots. x, y, z and w are no joints, and a word before a number in brackets is none: `q_d[0]` is a target.
 6. **Whole arrays**, of an npz, as lists in Parquet or as text in brackets, `(0.1, 0.2)`, are a quantity's if their
    name has its word and no joint.
 7. Columns that differ in the joint only belong together. If there are two such sets for one quantity, or two columns
@@ -122,7 +123,7 @@ def unit_of(column, name=None):
     """Unit of a column, or None; `name` is its name without the joint's, which may look like a unit."""
     if column.unit is not None:
         return column.unit
-    stem, unit = split_unit(column.name if name is None else name)
+    stem, unit = _stem(column.name if name is None else name)
     if unit is None:
         word = word_of_unit(stem.lower())
         unit = word and word[1]
@@ -182,9 +183,9 @@ def found(column, known):
     known : sequence of str
         Names of joints, those of the model; the longest first.
     """
-    if not column.numeric:
+    if not column.numeric or any(name in known for text in column.sample for name in names_of(text)):
         return None
-    name, _ = split_unit(column.name.strip())
+    name, _ = _stem(column.name.strip(), known)
     for joint in known:
         span = _place(joint, name)
         if span:
@@ -193,6 +194,15 @@ def found(column, known):
             if quantity:
                 return Found(quantity, name[: span[0]] + JOINT + name[span[1] :], joint)
     return _unnamed(column, name)
+
+
+def _stem(header, known=()):
+    """A header without its unit in brackets, and the unit; what names a joint, or the quantity, is no unit."""
+    stem, unit = split_unit(header)
+    if unit is None or is_unit(unit):
+        return stem, unit
+    names_quantity = _quantity(unit.lower())[0] and not _quantity(stem.lower())[0]
+    return (header, None) if unit in known or names_quantity else (stem, unit)
 
 
 def _place(joint, name):

@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names of joints in the data of a table: in columns of text row by row, in comments, in metadata."""
+"""Names of joints in columns of text, row by row."""
 
-import json
 import re
-from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
+
+from diag_dynamics.tables.units import is_unit
 
 NAMES = ("name", "names", "joint", "joints", "joint_name", "joint_names", "joint_order")
 """Names of lists of joint names, in small letters."""
@@ -16,33 +16,25 @@ NAMES = ("name", "names", "joint", "joints", "joint_name", "joint_names", "joint
 _LABEL = re.compile(r"(?:.*[./:\s|])?(?:(?:joints?[_ -]*)?names?|joints?|joint[_ -]?order)")
 """Header of a column of joint names without its index, in small letters."""
 
-_LIST = re.compile(
-    r"\b(?P<label>(?:joints?|joint[_ -]?(?:names?|order)|names?|order)\b[^:=,;\[]*)(?P<quote>[\"']?)\s*[:=]\s*(?P<names>.*)",
-    re.IGNORECASE,
-)
-"""A label, and what it lists."""
-
-_PAIR = re.compile(
-    r"(?:^|[\s,;([{])(?:[a-z]+[\s_]?)?[\[(]?(?P<number>\d{1,3})[\])]?\s*(?:[:=]|->|=>)\s*['\"]?(?P<name>[a-z_/][\w./-]*)",
-    re.IGNORECASE,
-)
-"""The number of a joint, and its name: ``q1 = elbow``."""
-
-_ENTRY = re.compile(r"-?\s*(?P<name>[\w./-]+)")
-
 _QUOTED = re.compile(r"""b?'([^']*)'|b?"([^"]*)\"""")
 
 _SCALAR = re.compile(r"\b(?:np|numpy)\.\w+\(([^()\[\]]*)\)")
 
+_PROSE = frozenset(
+    (
+        *("a", "all", "and", "any", "are", "as", "at", "axes", "axis", "bad"),
+        *("both", "by", "cold", "continuous", "days", "each", "every", "false", "first", "five"),
+        *("fixed", "floating", "for", "four", "from", "good", "hot", "in", "is", "it"),
+        *("left", "lower", "manual", "motors", "new", "no", "none", "not", "of", "off"),
+        *("ok", "old", "on", "one", "only", "or", "order", "planar", "position", "positions"),
+        *("prismatic", "revolute", "right", "same", "see", "six", "ten", "the", "these", "they"),
+        *("three", "to", "true", "two", "unknown", "upper", "was", "were", "with", "velocity"),
+        *("velocities", "effort", "efforts", "torque", "torques", "yes", "zero", "run", "test", "trial"),
+    )
+)
+"""Words that are no names of joints."""
+
 _NO_NAMES = frozenset(("", "nan", "none", "null", "na", "n/a", "-", "--"))
-
-
-class Stated(NamedTuple):
-    """Names of the joints of a table in the order of its columns."""
-
-    joints: tuple[str, ...]
-    where: str
-    """Place in the file, for messages."""
 
 
 class RowNames(NamedTuple):
@@ -104,63 +96,24 @@ def _clean(text):
     return "" if text.lower() in _NO_NAMES else text
 
 
-def stated_in_comments(lines, known):
-    """Return the names that comments state, such as ``# joints: elbow, wrist``; None otherwise.
+def is_name(text, split):
+    """Return whether a text may be the name of a joint.
 
     Parameters
     ----------
-    lines : list of (int, str)
-        Numbers and texts of comments, without what marks them.
-    known : sequence of str
-        Names of the model's joints.
+    text : str
+    split : bool
+        Whether signs other than blanks split the list. Between blanks only identifiers are names, because words are prose.
     """
-    pairs = [(int(one["number"]), one["name"], at) for at, line in lines for one in _PAIR.finditer(line)]
-    pairs = [one for one in pairs if one[1] in known] if known else []
-    if len(pairs) > 1 and len({number for number, *_ in pairs}) == len(pairs):
-        return Stated(tuple(name for _, name, _ in sorted(pairs)), f"the comment in line {pairs[0][2]}")
-    for k, (at, line) in enumerate(lines):
-        found = _LIST.search(line)
-        if found:
-            text = re.split(r"\s+\w+\s*=", found["names"])[0]
-            names = names_of(text) if text.strip() else _entries(lines[k + 1 :])
-            sure = "joint" in line[: found.start("names")].lower()
-            if names and all(map(_is_name, names)) and (sure or 2 * len(set(names) & set(known)) > len(names)):
-                return Stated(names, f"the comment in line {at}")
-        elif len(names := names_of(line)) > 1 and set(names) <= set(known):
-            return Stated(names, f"the comment in line {at}")
-    return None
+    if not re.fullmatch(r"(?=.*[^\W\d])[\w./-]+", text):
+        return False
+    word = text.lower()
+    return is_identifier(text) or (split and word not in _PROSE and not word.endswith("ed") and not is_unit(word))
 
 
-def _entries(lines):
-    """Names on lines of their own."""
-    names = []
-    for _, line in lines:
-        found = _ENTRY.fullmatch(line.strip())
-        if found is None:
-            return tuple(names) or names_of(line)
-        names.append(found["name"])
-    return tuple(names)
-
-
-def _is_name(text):
-    return bool(re.search(r"[^\W\d]", text)) and not re.search(r"\s", text)
-
-
-def stated_in_metadata(metadata):
-    """Return the names that metadata state, a dict of bytes or texts, and their key; None otherwise."""
-    for key, value in (metadata or {}).items():
-        key, value = (one.decode(errors="replace") if isinstance(one, bytes) else one for one in (key, value))
-        if str(key).lower() not in (*NAMES, "pandas_attrs"):
-            continue
-        with suppress(TypeError, ValueError):
-            value = json.loads(value)
-        if isinstance(value, dict):
-            found = stated_in_metadata(value)
-            if found:
-                return found
-        elif names := names_of(value) if isinstance(value, str | list) else ():
-            return Stated(names, f"metadata '{key}'")
-    return None
+def is_identifier(text):
+    """Return whether a name has a digit or a sign that no word has."""
+    return bool(re.search(r"[\d_/.]", text)) and not is_unit(text)
 
 
 def row_names(columns, known):
@@ -197,14 +150,39 @@ def row_names(columns, known):
         flags = {"labelled": all(labels), "known": any(knows)}
         first, column = next((one for one in names[0] if any(one)), ()), columns[places[0]]
         if len(members) == 1 and (column.listed or any(len(one) > 1 for one in names[0])):
+            ours = sum(name in known for name in first)
+            split = column.listed or any(re.search("[,;|]", text) for text in column.sample)
+            if not (ours if flags["labelled"] else 2 * ours > len(first)) and not (
+                flags["labelled"] and all(is_name(name, split) for name in first)
+            ):
+                continue
             found.append(RowNames(column.name, whole=places[0], first=first, **flags))
         elif len(members) == 1 and numbers == (-1,):
             found.append(RowNames(column.name, places, first=first, **flags))
         elif -1 not in numbers:
-            rows = ([next(iter(one), "") for one in row] for row in zip(*names, strict=False))
-            first = tuple(next((row for row in rows if any(row)), ()))
+            first = first_names(names)
             found.append(RowNames(stem.replace("{}", "*"), places, numbers, first=first, **flags))
     return found
+
+
+def first_names(columns):
+    """Return the names of the first row that has any, of names in the first rows of columns."""
+    rows = ([next(iter(one), "") for one in row] for row in zip(*columns, strict=False))
+    return tuple(next((row for row in rows if any(row)), ()))
+
+
+def single_names(columns, known):
+    """Return the indices of columns of text with one name in each row, joints of the model among them, by content alone.
+
+    They are none if a row has a joint twice, because columns of names have each joint once.
+    """
+    found = {}
+    for k, column in enumerate(columns):
+        names = [names_of(text) for text in column.sample]
+        if not column.listed and any(map(set(known).intersection, names)) and max(map(len, names)) == 1:
+            found[k] = names
+    rows = [[one[0] for one in row if one] for row in zip(*found.values(), strict=False)]
+    return tuple(found) if all(len(set(row)) == len(row) for row in rows) else ()
 
 
 def _stem(header):

@@ -6,7 +6,8 @@
 import re
 
 from diag_dynamics.tables.headers import found
-from diag_dynamics.tables.names import nearest, row_names
+from diag_dynamics.tables.names import RowNames, first_names, names_of, nearest, row_names, single_names
+from diag_dynamics.tables.statements import labelled_joints, stated_order
 
 _NUMBERED = re.compile(r"joints?|joint[_ ]?(?:names?|ids?|index|no|number)|axis|motor")
 """Headers of columns that number the joint of a row."""
@@ -21,13 +22,22 @@ class NamesInData:
     wanted : ColumnMap
     model : sequence of str
         Names of the model's joints.
-    stated : Stated or None
+    texts : sequence of Text
+        Comments, metadata and arrays that may state names.
+
+    Attributes
+    ----------
+    array : str
+        Name of the array whose names are used; empty without one.
     """
 
-    def __init__(self, columns, wanted, model, stated):
-        self._columns, self._wanted, self._model, self._stated = columns, wanted, tuple(model), stated
+    def __init__(self, columns, wanted, model, texts):
+        self._columns, self._wanted, self._model, self._texts = columns, wanted, tuple(model), tuple(texts)
+        self.array = ""
         self._by_map = bool(wanted.joints) or isinstance(wanted.position, list)
         self._sets = row_names(columns, self._model)
+        arrays = {text.array for text in self._texts}
+        self._loose = tuple(k for k in single_names(columns, self._model) if columns[k].name not in arrays)
 
     def joints(self, group, count):
         """Joints of columns of positions by the data: a problem or '', joints or places, and columns; None without names."""
@@ -36,10 +46,20 @@ class NamesInData:
         rows = self._rows_for(group, count)
         if rows:
             return _places(group, rows, count)
+        if len(self._loose) > 1:
+            headers = [self._columns[k].name for k in self._loose]
+            return (
+                f"{group.pattern} has {count} columns, but {len(headers)} columns name joints: {_list(headers)}.",
+                (),
+                (),
+            )
         numbered = next((one.name for one in self._columns if _NUMBERED.fullmatch(one.name.strip().lower())), None)
-        if count == 1 < len(self._model) and numbered and not self._stated:
+        problem, stated = stated_order(self._texts, self._model, count, group.pattern)
+        if count == 1 < len(self._model) and numbered and not stated:
             return f"'{numbered}' numbers the joints of rows. Write their names in its place.", (), ()
-        return self._by_statement(group, count)
+        if problem:
+            return problem, (), ()
+        return ("", stated.joints, _in_order(group)) if stated else None
 
     def judge(self, group, joints, error, notes):
         """Compare names in the data with those that were chosen.
@@ -62,7 +82,7 @@ class NamesInData:
         """
         count = len(joints)
         rows = self._rows_for(group, count)
-        stated = self._stated if self._stated and self._are_joints(self._stated.joints) else None
+        stated, labelled = stated_order(self._texts, self._model, count)[1], labelled_joints(self._texts, self._model)
         if self._by_map:
             notes += self._overruled_headers(group, joints)
             if stated and stated.joints != joints:
@@ -72,19 +92,23 @@ class NamesInData:
                 )
             return None, rows
         if group.names_joints(self._model):
-            for names, where in ((stated and stated.joints, stated and stated.where), *self._first_rows()):
-                odd = [joint for joint in joints if joint not in (names or joints)]
+            every = [(labelled.joints, labelled.where)] if labelled else []
+            for names, where in (*every, *self._first_rows()):
+                odd = [joint for joint in joints if joint not in names]
                 if odd:
                     raise error(
                         f"headers name the joints {_list(joints)}, but {where} names {_list(names)}: {_list(odd)} is not "
                         "among them. Say which by `joints` and `position` in the map of columns."
                     )
             return None, None
-        if rows and stated and len(rows.first) == len(stated.joints) and rows.first != stated.joints:
+        if rows and labelled and len(rows.first) == len(labelled.joints) and rows.first != labelled.joints:
             raise error(
-                f"{stated.where} names the joints {_list(stated.joints)}, but '{rows.pattern}' names {_list(rows.first)} in "
-                "the first row. Say which by `joints` and `position` in the map of columns."
+                f"{labelled.where} names the joints {_list(labelled.joints)}, but '{rows.pattern}' names "
+                f"{_list(rows.first)} in the first row. Say which by `joints` and `position` in the map of columns."
             )
+        if stated and not rows:
+            self.array = stated.array
+            notes.append(f"joints: {_list(joints)}, by {stated.where}.")
         return rows, None
 
     def _overruled_headers(self, group, joints):
@@ -104,44 +128,23 @@ class NamesInData:
         sets = [one for one in self._sets if one.labelled and one.known and len(one.first) > 1]
         return [(one.first, f"'{one.pattern}'") for one in sets]
 
-    def _are_joints(self, names):
-        return any(name in self._model for name in names)
-
     def _rows_for(self, group, count):
         """The columns of names that belong to columns of positions; None if there are none."""
         fitting = [one for one in self._sets if self._fits(one, group, count)]
+        if count == len(self._loose) > 1 and not any(set(self._loose) <= set(one.used) for one in fitting):
+            pattern = ", ".join(self._columns[k].name for k in self._loose)
+            first = first_names([[names_of(text) for text in self._columns[k].sample] for k in self._loose])
+            return RowNames(pattern, self._loose, first=first, known=True)
         if not fitting:
             return None
         near = nearest([one.pattern for one in fitting], group.pattern.strip("'"))
         return next(one for one in fitting if one.pattern == near[0])
 
     def _fits(self, rows, group, count):
-        if rows.whole is None and not rows.numbers:  # a joint a row
+        if rows.whole is None and not rows.numbers:  # a joint in each row
             return count == 1 and (rows.known or "joint" in rows.pattern.lower())
         places = len(rows.numbers) if rows.whole is None else len(rows.first)
         return places == count or (rows.labelled and (rows.known or group.whole is not None))
-
-    def _by_statement(self, group, count):
-        """As :meth:`joints`, of the names in a comment or in metadata."""
-        stated = self._stated
-        if not stated or not (self._are_joints(stated.joints) or len(stated.joints) == count):
-            return None
-        names, where = stated
-        if len(set(names)) != len(names):
-            twice = next(name for name in names if names.count(name) > 1)
-            return f"{where} names the joint '{twice}' twice.", (), ()
-        if len(names) != count:
-            return (
-                f"{group.pattern} has {count} columns, but {where} names {len(names)} joints: {_list(names)}.",
-                (),
-                (),
-            )
-        if self._model and not self._are_joints(names):
-            problem = (
-                f"{where} names {_list(names)}, none of which is among the joints of the model: {_list(self._model)}."
-            )
-            return problem, (), ()
-        return "", names, _in_order(group)
 
 
 def _places(group, rows, count):

@@ -16,8 +16,9 @@ from diag_dynamics.tables import times
 from diag_dynamics.tables.chosen import choose
 from diag_dynamics.tables.csv_head import SAMPLE, sampled
 from diag_dynamics.tables.headers import Column
-from diag_dynamics.tables.names import NAMES, Stated, names_of
+from diag_dynamics.tables.names import NAMES
 from diag_dynamics.tables.pieces import ROWS, Read, piece, refuse_doubtful
+from diag_dynamics.tables.statements import listing
 from diag_dynamics.tables.together import Together
 from diag_dynamics.tables.unread import Losses
 
@@ -102,6 +103,7 @@ class NpzReader:
                 rows,
                 lambda k, part=part, rows=rows: part[k].astype(float) if k in part else np.full(len(rows), np.nan),
                 lambda k, part=part: part[k].tolist(),
+                lambda k, part=part, rows=rows: np.full(len(rows), k not in part),
                 lambda k, rows=rows: f"row {rows[k]}",
             )
             columns = piece(choice, read, self._losses)
@@ -146,22 +148,23 @@ class NpzReader:
         return None if array is None else array.astype(str)
 
     def _stated(self, shapes, texts, known):
-        """Names of joints, of the one array that has them and is not of rows; None otherwise."""
-        lengths = {layout.rows for layout in self._layouts.values()}
-        found = []
+        """Arrays of text that have no row for each time, and may state names of joints."""
+        lengths, found = {layout.rows for layout in self._layouts.values()}, []
         for name, array in texts.items():
-            if array is not None and array.ndim < 2 and (array.ndim == 0 or len(array) not in lengths):
-                names = names_of(str(array)) if array.ndim == 0 else names_of(array.tolist())
-                if any(names) and (_is_label(name) or set(names) <= set(known)):
-                    found.append(Stated(names, f"array '{name}'"))
-        if not found:
+            if array is None or array.ndim > 1:
+                continue
+            value = array.tolist()
+            once = array.ndim == 0 or (len(set(value)) == len(value) and set(value) <= set(known))
+            if once or len(array) not in lengths:
+                found += listing(f"array '{name}'", name.replace("/", ".").split(".")[-1], value, name)
+        if not any(_is_label(one.array) for one in found):
             for name, (_, kind) in shapes.items():
                 if kind == "O" and _is_label(name):
                     raise InputError(
                         f"'{self._path}': array '{name}' holds Python objects, which are not loaded. Save names as "
                         f"np.array({name}, dtype=str)."
                     )
-        return found[0] if len(found) == 1 else None
+        return found
 
     def _column_of(self, name, kind, texts):
         """What a column is by its array; one of texts gets a layout if it has a row for each time."""

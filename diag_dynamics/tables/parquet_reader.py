@@ -12,9 +12,11 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.tables import times
 from diag_dynamics.tables.chosen import choose
 from diag_dynamics.tables.csv_head import SAMPLE, sampled
+from diag_dynamics.tables.csv_plain import are_blank
 from diag_dynamics.tables.headers import Column
-from diag_dynamics.tables.names import numbers_of, padded, stated_in_metadata
+from diag_dynamics.tables.names import numbers_of, padded
 from diag_dynamics.tables.pieces import ROWS, Read, of_one_length, piece, refuse_doubtful
+from diag_dynamics.tables.statements import metadata_texts
 from diag_dynamics.tables.together import Together
 from diag_dynamics.tables.unread import Losses
 
@@ -44,7 +46,7 @@ class ParquetReader:
             ) from error
         with self._opened() as file:
             fields = list(_flat(self._arrow.types, file.schema_arrow))
-            units, stated = _units(file.schema_arrow), _stated(file.schema_arrow)
+            units, stated = _units(file.schema_arrow), _texts(file.schema_arrow)
             self._kinds = [kind for _, kind in fields]
             self._columns = [self._column_of(file, name, kind, units.get(name)) for name, kind in fields]
         self._choice = choose(self._columns, wanted, joints, path, stated)
@@ -200,6 +202,7 @@ class ParquetReader:
             rows,
             lambda k: self._numbers(batch, k, rows),
             lambda k: self._texts(batch, self._columns[k].name),
+            lambda k: self._blank(batch, k),
             lambda k: f"row {rows[k]}",
         )
         return piece(self._choice, read, self._losses)
@@ -244,6 +247,16 @@ class ParquetReader:
             column = column.dictionary_decode()
         return column.cast(self._arrow.float64(), safe=False).to_numpy(zero_copy_only=False)
 
+    def _blank(self, batch, k):
+        """Whether cells of a column have nothing in them: null, or an empty list."""
+        column = self._column(batch, self._columns[k].name)
+        if self._is_list(column.type):
+            lengths = self._compute.fill_null(self._compute.list_value_length(column), 0)
+            return lengths.to_numpy(zero_copy_only=False) == 0
+        if self._is_text(column.type):
+            return are_blank(self._texts(batch, self._columns[k].name))
+        return column.is_null().to_numpy(zero_copy_only=False)
+
     def _numbers(self, batch, k, rows):
         """Numbers of a column by its index."""
         name, width = self._columns[k].name, self._columns[k].width
@@ -276,10 +289,10 @@ def _units(schema):
     return {name: unit.decode(errors="replace") for name, unit in found if unit}
 
 
-def _stated(schema):
-    """Names of joints in the metadata of the schema, or of a field; None if there are none."""
+def _texts(schema):
+    """Texts in the metadata of the schema, and of fields, that may state names of joints."""
     every = [schema.metadata, *(field.metadata for field in schema)]
-    return next((found for found in map(stated_in_metadata, every) if found), None)
+    return [text for metadata in every for text in metadata_texts(metadata)]
 
 
 def _flat(types, fields, prefix=""):

@@ -41,6 +41,8 @@ class Read(NamedTuple):
     """Numbers of a column by its index: (n,) float64, or (n, k) of a whole array."""
     texts: Callable
     """Texts of a column by its index, or lists of them."""
+    blank: Callable
+    """Whether cells of a column have nothing in them, by its index: (n,) bool. NaN is a value."""
     where: Callable
     """Place of the k-th row in the file, as text."""
 
@@ -65,7 +67,7 @@ def piece(choice, read, losses):
         values, names = _by_place(values, names, choice, read, losses)
     if choice.overruled:
         _compare(choice, read, losses)
-    untimed, empty = np.isnan(read.time), _without_values(values, names, count)
+    untimed, empty = np.isnan(read.time), _without_values(choice, values, names, read)
     if untimed.any():
         texts = [read.texts(k) for k in choice.time]
         lost = [k for k in np.flatnonzero(untimed) if not empty[k] or any(map(_is_said, (one[k] for one in texts)))]
@@ -108,13 +110,18 @@ def _common(scale):
     return scale[0] if len(scale) else 1.0
 
 
-def _without_values(values, names, count):
-    """Whether rows have neither a value nor the name of any joint: bool, shape (n,)."""
-    empty = np.ones(count, bool)
+def _without_values(choice, values, names, read):
+    """Whether rows have neither a value nor the name of any joint, and no NaN in place of one: bool, shape (n,)."""
+    empty = np.ones(len(read.rows), bool)
     for one in values:
         if one is not None:
             empty &= np.isnan(one).all(axis=1)
-    return empty if names is None else empty & (names == "").all(axis=1)
+    if names is not None:
+        empty &= (names == "").all(axis=1)
+    columns = {k for one in choice.quantities() if one for k in (*one.columns, one.whole) if k is not None}
+    for k in columns if empty.any() else ():
+        empty &= read.blank(k)
+    return empty
 
 
 def _by_place(values, names, choice, read, losses):

@@ -257,6 +257,23 @@ COMMENTS = [
     "# q[0] -> elbow\n# q[1] -> shoulder\n# q[2] -> wrist",
     "# joints:\n#   - elbow\n#   - shoulder\n#   - wrist\n# recorded by hand",
     "# arm: 3\n# joints:\n# elbow, shoulder, wrist",
+    "# columns: t, elbow, shoulder, wrist",
+    "# motors: elbow, shoulder, wrist",
+    "# DoFs: elbow shoulder wrist",
+    "# [0] elbow [1] shoulder [2] wrist",
+    "# [1] shoulder [0] elbow [2] wrist",
+    "# 0 elbow\n# 1 shoulder\n# 2 wrist",
+    "# | 1 | shoulder |\n# | 0 | elbow |\n# | 2 | wrist |",
+    "# positions of elbow, shoulder and wrist",
+    "# t elbow_pos shoulder_pos wrist_pos",
+    "# shoulder: 1, elbow: 0, wrist: 2",
+    "# joint 1 is shoulder, joint 0 is elbow, joint 2 is wrist",
+    "# shoulder is column 2, elbow is column 1, wrist is column 3",
+    "# elbow (rad), shoulder (rad), wrist (rad)",
+    "# elbow/shoulder/wrist",
+    "# axes: elbow,\n#       shoulder,\n#       wrist\n# recorded on Monday",
+    "# motors:\n# - elbow\n# - shoulder\n# - wrist",
+    "# joints: elbow, shoulder, wrist\n# limits: wrist 2.0, shoulder 3.1, elbow 5",
 ]
 NUMBERS = {"t": np.arange(ROWS) * 1.0, "q": np.arange(ROWS)[:, None] + [0.1, 0.2, 0.3]}
 LIST = list(ALPHABETICAL)
@@ -275,8 +292,11 @@ STATED = {
     "names above the header": PLAIN.replace("t,q1,q2,q3\n", ",elbow,shoulder,wrist\nt,q,q,q\n", 1),
     "metadata": in_parquet(joint_names=LIST),
     "metadata as text": in_parquet(joints="elbow, shoulder, wrist"),
+    "metadata of motors": in_parquet(motors=LIST),
+    "metadata by index": in_parquet(order={"shoulder": 1, "elbow": 0, "wrist": 2}),
     "attributes of pandas": in_parquet(PANDAS_ATTRS={"joint_names": LIST}),
     "array": NUMBERS | {"joint_names": np.array(LIST)},
+    "two arrays": NUMBERS | {"joint_names": np.array(LIST), "dofs": np.array(LIST)},
     "array of bytes": NUMBERS | {"names": np.array(LIST, bytes)},
     "array of one text": NUMBERS | {"joints": np.array("elbow, shoulder, wrist")},
     "array of each joint": {
@@ -286,6 +306,24 @@ STATED = {
     },
 }
 
+
+HEADERS = [
+    "q0 ({0}),q1 ({1}),q2 ({2})",
+    "q0_{0},q1_{1},q2_{2}",
+    "q0 ({0}) [rad],q1 ({1}) [rad],q2 ({2}) [rad]",
+    "q[0] {0},q[1] {1},q[2] {2}",
+    "{0} (q0),{1} (q1),{2} (q2)",
+    "j1/{0}/position,j2/{1}/position,j3/{2}/position",
+]
+"""Headers with index and joint."""
+
+TEXT_HEADERS = [
+    "first_joint,second_joint,third_joint",
+    "name_x,name_y,name_z",
+    "a,b,c",
+    "name0,name1,last",
+    "q1_name,q2_name,q3_name",
+]
 
 ESTIMATED = LOOSE | {"missing_velocity": "estimate"}
 
@@ -353,6 +391,28 @@ def test_comments_and_metadata_name_joints(read, kind):
     require_alphabetical(read(STATED[kind], parameters=ESTIMATED))
 
 
+@pytest.mark.parametrize("header", HEADERS)
+def test_headers_with_index_and_name(read, header):
+    require_alphabetical(read(PLAIN.replace("q1,q2,q3", header.format(*ALPHABETICAL)), parameters=ESTIMATED))
+
+
+@pytest.mark.parametrize("header", TEXT_HEADERS)
+@pytest.mark.parametrize("order", [fixed, changing])
+def test_columns_of_names_with_other_headers(read, header, order):
+    """Texts that are joints name the places in their order, whatever the header."""
+    lines = [f"t,{header},{','.join(f'{one}{k}' for one in ('q', 'qd', 'tau') for k in range(3))}"]
+    for row in range(ROWS):
+        numbers = [f"{value(field, joint, row):.4f}" for field in FIELDS for joint in order(row)]
+        lines.append(",".join([f"{time(row) * 1e-9:.9f}", *order(row), *numbers]))
+    require_expected(read("\n".join(lines)))
+
+
+def test_an_array_whose_names_are_used_is_read(read):
+    recording = read(NUMBERS | {"joint_names": np.array(LIST), "limits": np.ones(3)}, parameters=ESTIMATED)
+    (note,) = [one.text for one in recording.findings if one.text.startswith("not read")]
+    assert note == "not read: limits."
+
+
 UNRELATED = {
     "prose": f"# elbow: greased, then: shoulder\n{PLAIN}",
     "a name": f"# name: run_17\n{PLAIN}",
@@ -362,6 +422,37 @@ UNRELATED = {
     "prose with names": f"# shoulder and elbow were cold, wrist = warm\n{PLAIN}",
     "units below the header": PLAIN.replace("\n", "\ns,rad,rad,rad\n", 1),
     "a number of joints": f"# joints: 3\n{PLAIN}",
+    **{
+        comment: f"# {comment}\n{PLAIN}"
+        for comment in (
+            "joint units: rad, rad, rad",
+            "joint types: revolute, revolute, prismatic",
+            "joints: all three measured",
+            "joints: rad, rad, rad",
+            "joints: left arm only",
+            "joints: calibrated, homed, enabled",
+            "joints were measured: yes, yes, no",
+            "joints: shoulder to wrist",
+            "joint names: see the URDF",
+            "joint: elbow",
+            "joint moved: elbow",
+            "moved joints: elbow, wrist",
+            "operator: hip, knee, toe",
+            "limits: wrist 2.0, elbow 3.1, shoulder 5",
+            "torque limits: wrist=28, elbow=150, shoulder=150",
+            'home: {"wrist": 0.3, "elbow": -0.2, "shoulder": 1.0}',
+            "wrist and elbow were cold, shoulder = warm",
+            "elbow was greased before shoulder and wrist",
+            "elbow: greased\n# wrist: cold\n# shoulder: new",
+        )
+    },
+    "metadata of a run": in_parquet(name="run one two"),
+    "metadata of types": in_parquet(joint_names=["revolute", "revolute", "prismatic"]),
+    "array of a run": NUMBERS | {"name": np.array("run one two")},
+    "text of a trial": PLAIN.replace("t,", "name,t,", 1).replace("\n", "\ntrial one two,")[: -len("trial one two,")],
+    "joints twice in a row": PLAIN.replace("t,", "a,b,c,t,", 1).replace("\n", "\nelbow,elbow,wrist,")[
+        : -len("elbow,elbow,wrist,")
+    ],
     "names of something else": PLAIN.replace("t,", "name,t,", 1).replace("\n", "\nrun_17,")[: -len("run_17,")],
 }
 
@@ -387,6 +478,24 @@ CONTRADICTIONS = {
     ),
     "names twice": (f"# joints: elbow, elbow, wrist\n{PLAIN}", "comment in line 1 names the joint 'elbow' twice"),
     "too few names": (f"# joints: elbow, wrist\n{PLAIN}", "has 3 columns, but the comment in line 1 names 2 joints"),
+    "two comments": (
+        f"# columns: t, elbow, shoulder, wrist\n# motors: shoulder, elbow, wrist\n{PLAIN}",
+        r"line 1 \('columns: t, elbow, shoulder, wrist'\) has the joints elbow, shoulder, wrist, but the comment in line 2 "
+        r"\('motors: shoulder, elbow, wrist'\) has shoulder, elbow, wrist. Say which by `joints`",
+    ),
+    "two arrays": (
+        NUMBERS | {"joint_names": np.array(LIST), "order": np.array(JOINTS)},
+        r"array 'joint_names' \(.*\) has the joints elbow, shoulder, wrist, but array 'order' ",
+    ),
+    "two metadata": (in_parquet(joints=LIST, order=list(JOINTS)), "metadata 'joints' .* but metadata 'order' "),
+    "two columns of names": (
+        "t,a,b,q1,q2,q3\n0,elbow,wrist,1,2,3\n",
+        "'q{joint}' has 3 columns, but 2 columns name joints: a, b. Name them",
+    ),
+    "identifiers of other joints": (
+        f"# joint names: left_j1 left_j2 left_j3\n{PLAIN}",
+        "names left_j1, left_j2, left_j3, none",
+    ),
     "other names": (
         f"# joints: hip, knee, toe\n{PLAIN}",
         "names hip, knee, toe, none of which is among the joints of the model: shoulder, elbow, wrist",
