@@ -21,6 +21,7 @@ import diag_dynamics as dd
 from diag_dynamics.alarms.detector import AlarmDetector
 from diag_dynamics.alarms.thresholds import AlarmThresholds
 from diag_dynamics.assembly.assembler import RobotState
+from diag_dynamics.nodes.monitor.collision_log import CollisionLog
 from diag_dynamics.nodes.monitor.contact_watch import ContactWatch, prepared
 from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN
@@ -350,6 +351,32 @@ def test_collisions_in_the_log(monitor, panda, free, values, words):
             assert f"{most:.3g} N m at joint 'panda_joint2'" in ends
             assert ("5 rises" in ends) == (pushes == 5)
             before += 2
+
+
+@pytest.mark.parametrize("limit", [20.0, math.inf])
+@pytest.mark.parametrize(
+    ("first", "others", "most"),
+    [(math.nan, math.nan, ""), (math.nan, 10.0, ": at most 10 N m at joint 'panda_joint2'")],
+)
+def test_collisions_in_the_log_without_a_torque(panda, first, others, most, limit):
+    """The line at the end has the largest torque that is known, if there is one."""
+    log, count = CollisionLog(dd.load_urdf(panda.path)), len(panda.names)
+    torque = np.array([first, *[others] * (count - 1)])
+    for k in range(3):
+        log.accept_state(k * 10 * MS, True, torque, np.full(count, limit), lambda: "cause")
+    log.end()
+    assert log.pop() == [("Collision: cause.", True), (f"Collision over after 0.02 s{most}.", False)]
+
+
+def test_collisions_in_the_log_at_one_state_a_second(panda):
+    """States in collision without a state at rest between them are one collision; the next state at rest ends it."""
+    log, count = CollisionLog(dd.load_urdf(panda.path)), len(panda.names)
+    found = []
+    for k, colliding in enumerate((True, True, True, False, False, True, False)):
+        log.accept_state(k * S, colliding, np.full(count, 30.0), np.full(count, 20.0), lambda: "cause")
+        found.append([line.partition(" s:")[0] for line, _ in log.pop()])
+    begins = ["Collision: cause."]
+    assert found == [begins, [], [], ["Collision over after 2"], [], begins, ["Collision over after 0"]]
 
 
 @pytest.mark.parametrize(

@@ -130,7 +130,7 @@ SOURCES = {
 }
 
 
-# --- one robot: whatever its encoders do, no state of it is another source's
+# --- one robot with coarse encoders: no state of it is rejected
 
 COUNT, RATE = 2.0 * math.pi / 4096, 0.229 * math.pi / 30.0
 """Steps of a servo's positions [rad] and velocities [rad/s]."""

@@ -30,7 +30,7 @@ class CollisionLog:
     """
 
     def __init__(self, model, hold_off=0.0):
-        self._lines, self._start = [], None
+        self._lines, self._start, self._quiet = [], None, True
         self.use(model, hold_off)
 
     def use(self, model, hold_off=0.0):
@@ -47,8 +47,8 @@ class CollisionLog:
         lines, self._lines = self._lines, []
         return lines
 
-    def take(self, stamp, collision, torque, limits, cause):
-        """Take in a state.
+    def accept_state(self, stamp, collision, torque, limits, cause):
+        """Log a collision that begins or ends with a state.
 
         Parameters
         ----------
@@ -56,28 +56,34 @@ class CollisionLog:
             [ns].
         collision : bool
         torque : ndarray, shape (nv,), or None
-            External torque [N m, N], where there is a result.
+            External torque [N m, N], where there is a result; NaN for joints without one.
         limits : ndarray, shape (nv,)
             Thresholds of the joints [N m, N], infinite for none.
         cause : callable
             Returns words on what exceeds which threshold.
         """
-        if self._start is not None and not 0 <= stamp - self._last <= self._pause:
+        if self._start is not None and self._is_over(stamp, collision):
             self.end()
         if not collision or torque is None:
-            self._rests = not collision
+            self._quiet = self._quiet or not collision
             return
         if self._start is None:
-            self._start, self._rises, self._largest, self._rests = stamp, 0, -1.0, True
+            self._start, self._rises, self._largest, self._most = stamp, 0, -1.0, ""
+            self._quiet = True
             self._lines.append((f"Collision: {cause()}.", True))
-        self._rises += self._rests
-        self._rests, self._last = False, stamp
-        size = np.abs(torque)
-        part = size / np.where(np.isfinite(limits), limits, np.inf) if np.isfinite(limits).any() else size
+        self._rises += self._quiet
+        self._quiet, self._last = False, stamp
+        size = np.where(np.isnan(torque), 0.0, np.abs(torque))
+        limited = np.isfinite(limits)
+        part = np.divide(size, limits, out=np.zeros(len(size)), where=limited) if limited.any() else size
         k = int(np.argmax(part))
-        if part[k] > self._largest:
+        if part[k] > self._largest and not np.isnan(torque).all():
             self._largest = part[k]
-            self._most = f"{size[k]:.3g} {self._units[k]} at joint '{self._names[k]}'"
+            self._most = f": at most {size[k]:.3g} {self._units[k]} at joint '{self._names[k]}'"
+
+    def _is_over(self, stamp, collision):
+        """Whether time went back, or nothing has risen for the hold-off, however far apart states are."""
+        return stamp < self._last or (stamp - self._last > self._pause and (self._quiet or not collision))
 
     def end(self):
         """Write that the collision is over, if there is one."""
@@ -85,7 +91,7 @@ class CollisionLog:
             return
         rises = f", {self._rises} rises" if self._rises > 1 else ""
         duration = (self._last - self._start) * 1e-9
-        self._lines.append((f"Collision over after {duration:.3g} s: at most {self._most}{rises}.", False))
+        self._lines.append((f"Collision over after {duration:.3g} s{self._most}{rises}.", False))
         self._start = None
 
     def of_norm(self, norm, threshold, torque):

@@ -128,12 +128,14 @@ class TorqueWatch:
         limits = np.full(len(self._joints), np.inf)
         if self._detector:
             limits = self._detector.limits[: len(limits)]
-            self.log.take(
+            self.log.accept_state(
                 stamp, seen.collision, torque, limits, lambda: self.log.of_joints(torque, limits, self.alarm.told())
             )
         else:
             threshold = self.observation.threshold
-            self.log.take(stamp, seen.collision, torque, limits, lambda: self.log.of_norm(seen.norm, threshold, torque))
+            self.log.accept_state(
+                stamp, seen.collision, torque, limits, lambda: self.log.of_norm(seen.norm, threshold, torque)
+            )
 
     def _judged(self, stamp, seen):
         """What the detector makes of it: the Disturbance, and whether an alarm begins."""
