@@ -28,6 +28,7 @@ from diag_dynamics.identification.fit import (
 from diag_dynamics.identification.found import Identification
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
 from diag_dynamics.identification.suitability import DOUBTFUL
+from diag_dynamics.recordings.explained import NOTHING
 
 GAIN = 0.1
 """What a further step has to take off the residual of rows that it was not fitted to, or it is not taken."""
@@ -277,6 +278,13 @@ class Attempt:
         shares = quality["explained"]
         if None not in shares and shares[1] < shares[0]:
             self._warnings.append(f"the efforts explain less of dK/dt than before: {shares[1]:.2f} of {shares[0]:.2f}")
+        total = quality["explained_total"][1]
+        if None not in (shares[1], total) and max(shares[1], total) < NOTHING:
+            quality["efforts_judged"] = False
+            self._warnings.append(
+                f"the identified model explains nothing of the motion: {shares[1]:.3g} of dK/dt and {total:.3g} of "
+                "d(K + U)/dt. Check that efforts are those of these joints, in their order and in N m or N"
+            )
 
     def _origin(self, taken, quality) -> Mapping[str, Any]:
         locked = {name: float(value) for name, value in self._model.locked_joints.items()}

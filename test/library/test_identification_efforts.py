@@ -263,6 +263,18 @@ def test_efforts_in_which_nothing_is_seen(tmp_path, capsys):
     assert re.search(r"efforts not judged: no effort has a clear relation to the motion: that of joint '\w+'", said)
 
 
+def test_a_result_that_explains_nothing_of_the_motion(tmp_path, capsys):
+    """Friction several times the torque hides that efforts are in another order; the balance still shows a fault."""
+    t, q, qd, tau = motion()
+    largest = tau.std(axis=0).max()
+    tau = (tau + 3.0 * largest * (np.tanh(qd / 5e-3) + qd))[:, [1, 0, 2]] + noise(tau, 0.01)
+    out = tmp_path / "quality.json"
+    status, said = commanded(tmp_path, capsys, "identify", (t, q, qd, tau), "--what", "friction", "--json", str(out))
+    quality = json.loads(out.read_text())
+    assert status == 1 and quality["taken"] and quality["explained_total"][1] < 0.3
+    assert "the identified model explains nothing of the motion" in said
+
+
 def test_the_command_names_the_cause(tmp_path, capsys):
     t, q, qd, tau = motion()
     out = tmp_path / "arm.yaml"
