@@ -171,21 +171,20 @@ def _one_robot(motion, count, velocities):
     return steps
 
 
-ONE_ROBOT = {
-    f"one robot, {motion.__name__[1:]}, with {velocities} velocities, {missing}": case(
+COARSE_CASES = [
+    case(
         f"one robot, {motion.__name__[1:]}, with {velocities} velocities, {missing}",
-        *_one_robot(motion, 600, velocities),
+        *_one_robot(motion, 400, velocities),
         absurd__jump=0.1,
         missing_velocity=missing,
         velocity_filter_time=0.0,
     )
     for motion in (_pick_and_place, _sine, _held)
     for velocities, missing in (("all", "refuse"), ("all", "estimate"), ("some", "estimate"), ("no", "estimate"))
-}
+]
 
 SOURCE_CASES = [
     *(case(name, *_in_turns(*steps), absurd__jump=0.1) for name, steps in SOURCES.items()),
-    *ONE_ROBOT.values(),
     case(
         "garbage at home is not another source",
         *(_pose(10 * k * MS) for k in range(5)),
