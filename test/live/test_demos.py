@@ -64,7 +64,7 @@ def ended(process, children):
 def check_summary(process, folder, name):
     """Robot states, energies, νᵀC, and the picture, which shows something."""
     said = process.output
-    count, hertz = map(int, re.search(r"(\d+) states in [\d.]+ s \((\d+) Hz\)", said).groups())
+    count, hertz = map(int, re.search(r"(\d+) states in [\d.]+ m?s \((\d+) Hz\)", said).groups())
     assert count > 10
     assert 0 < hertz <= 550  # by their stamps: 500 Hz, less what a busy machine lets go
     least, most = map(float, re.search(r"kinetic energy (\S+) … (\S+) J", said).groups())
