@@ -15,7 +15,7 @@ import numpy as np
 import diag_dynamics as dd
 from diag_dynamics.identification.equations import Equations
 from diag_dynamics.identification.segments import Segment
-from diag_dynamics.recordings.intake import States
+from diag_dynamics.recordings.states import States
 
 HELD = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
 TASKS = {

@@ -56,7 +56,7 @@ def run(kind):
         spent["read"] += time.process_time() - begun
         if piece is None:
             break
-        if not piece.states.number:
+        if not len(piece.states):
             continue
         begun = time.process_time()
         piece = analysis.take(piece.states)

@@ -35,11 +35,11 @@ class Verdict(NamedTuple):
 
 
 class States(NamedTuple):
-    """The columns of recordings.intake.States that balance and observer ask for."""
+    """The columns of recordings.states.States that balance and observer ask for."""
 
-    newest: np.ndarray
-    with_effort: np.ndarray
-    moved: np.ndarray
+    stamp: np.ndarray
+    effort_known: np.ndarray
+    jumped: np.ndarray
     position: np.ndarray
 
 

@@ -149,7 +149,7 @@ class Prepared:
                 )
             self._counts, self._refused = piece.counts, piece.findings
             self._with_efforts |= piece.tau is not None
-            self._estimated += int(piece.states.estimated.sum())
+            self._estimated += int(piece.states.velocity_estimated.sum())
             if len(piece):
                 if not self.states:
                     self.path, self.robot = piece.path, piece.model.name
@@ -174,5 +174,5 @@ class Prepared:
 
 def _small(states):
     """Yield states so many at a time that what is made of them needs little memory."""
-    for first in range(0, states.number, SIZE):
-        yield states.part(slice(first, first + SIZE))
+    for first in range(0, len(states), SIZE):
+        yield states[first : first + SIZE]

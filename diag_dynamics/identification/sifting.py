@@ -13,7 +13,7 @@ from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.segments import Portion, Segment
 from diag_dynamics.recordings.account import Finding
-from diag_dynamics.recordings.intake import States
+from diag_dynamics.recordings.states import States
 
 FIRST = 20_000
 """States whose intervals tell what a gap is, and a sample."""
@@ -71,7 +71,7 @@ class Sifter:
         self._model, self.sample = model, 0.0
         limit = np.asarray(model.velocity_limit)
         self._limit = TOO_FAST * np.where(limit > 0.0, limit, np.inf)  # 0 stands for none in many URDFs
-        self._ahead = States.none(model)  # states that those before them need to be judged
+        self._ahead = States.empty(model.nq, model.nv)  # states that those before them need to be judged
         self._beginnings, self._latest = Beginnings(), NEVER  # of states that are whole, since time began
         self._jumped = self._anew = False  # since the last state that was kept
         self._first, self._gap = [], None  # until it is known
@@ -81,13 +81,13 @@ class Sifter:
         self._beyond, self._largest = np.zeros(model.nv, dtype=int), np.zeros(model.nv)
 
     def sifted(self, pieces):
-        """Yield portions of what comes in pieces, each a recordings.intake.States."""
+        """Yield portions of what comes in pieces, each a recordings.states.States."""
         for states in pieces:
-            whole = States.together([self._ahead, states])
-            count = max(0, whole.number - SHORTEST + 1)
-            self._ahead = whole.part(slice(count, None))
+            whole = States.concatenate([self._ahead, states])
+            count = max(0, len(whole) - SHORTEST + 1)
+            self._ahead = whole[count:]
             yield from self._taken(whole, count)
-        yield from self._taken(self._ahead, self._ahead.number)
+        yield from self._taken(self._ahead, len(self._ahead))
         if self._gap is None:
             yield from self._begun()
         self._lose()
@@ -120,21 +120,21 @@ class Sifter:
 
     def _taken(self, states, count):
         """Portions of the first of some states; the others are of the next ones."""
-        begins = self._beginnings.among(states.newest, count)
-        states = states.part(slice(count))
+        begins = self._beginnings.among(states.stamp, count)
+        states = states[:count]
         finite = np.isfinite(states.effort).all(axis=1)
         for columns in (states.position, states.velocity):
             finite &= np.isfinite(columns).all(axis=1)
-        forward = self._forward(states.newest, finite, begins)
+        forward = self._forward(states.stamp, finite, begins)
         fast = self._too_fast(states.velocity, forward)
         self._whole, self._broken = self._whole + int(finite.sum()), self._broken + int((~finite).sum())
         self._late, self._fast = self._late + int((finite & ~forward).sum()), self._fast + int((forward & fast).sum())
         kept = np.flatnonzero(forward & ~fast)
         again = np.zeros(count, dtype=bool)
         again[begins] = True
-        jumped, self._jumped = _since(states.moved, kept, self._jumped)
+        jumped, self._jumped = _since(states.jumped, kept, self._jumped)
         anew, self._anew = _since(again, kept, self._anew)
-        rows = _Kept(states.newest, states.position, states.velocity, states.effort, states.moved, again).part(kept)
+        rows = _Kept(states.stamp, states.position, states.velocity, states.effort, states.jumped, again).part(kept)
         rows = rows._replace(jumped=jumped, anew=anew)
         if not len(kept):
             return

@@ -85,9 +85,9 @@ def _windows(recording: Recording) -> tuple[Windows, Balance]:
     model, states = recording.model, recording.states
     dynamics, sums, judged = DiagonalDynamics(model), WindowSums(model.nv, model.has_friction), Balance(model.dof_names)
     found = []
-    for first in range(0, states.number, SIZE):
-        part = states.part(slice(first, first + SIZE))
-        efforts = np.where(part.with_effort[:, None], part.effort, 0.0)
+    for first in range(0, len(states), SIZE):
+        part = states[first : first + SIZE]
+        efforts = np.where(part.effort_known[:, None], part.effort, 0.0)
         s = dynamics.evaluate_batch(part.position, part.velocity, efforts, friction=model.has_friction)
         found.append(sums.take(part, s))
         judged.take(found[-1])

@@ -16,11 +16,11 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.recordings.balance import Windows, WindowSums
 from diag_dynamics.recordings.collisions import Collisions
-from diag_dynamics.recordings.intake import States
 from diag_dynamics.recordings.observed import Observer
 from diag_dynamics.recordings.outcome import Outcome
 from diag_dynamics.recordings.quality import Quality
 from diag_dynamics.recordings.recording import SIZE
+from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.touches import Touches
 from diag_dynamics.results import BatchEvaluation
 
@@ -122,7 +122,7 @@ class Analysis:
         outcome.account, outcome.offset, outcome.end = reading.account(), reading.offset, self._memory()
 
     def _settle(self, states):
-        if states.number:
+        if len(states):
             self.take(states)
 
     def _begin(self):
@@ -158,7 +158,7 @@ class Analysis:
         def evaluating():
             try:
                 while (states := _get(read, stop)) is not None:
-                    if states.number and not _put(evaluated, self.take(states), stop):
+                    if len(states) and not _put(evaluated, self.take(states), stop):
                         return
             finally:
                 _put(evaluated, None, stop)
@@ -182,7 +182,7 @@ class Analysis:
         observed, judged = self._observer.take(states, s), None
         self.outcome.observed += int(observed[3].sum())
         if self._detector:
-            judged = self._detector.judge(states.newest, observed[0], observed[1], observed[3], states.moved)
+            judged = self._detector.judge(states.stamp, observed[0], observed[1], observed[3], states.jumped)
             observed = *observed[:4], judged.alarm
         windows = self._windows.take(states, s)
         self.outcome.balance.take(windows)
@@ -190,13 +190,13 @@ class Analysis:
         self.outcome.efforts.take(states.position[:, -self.model.nv :], states.effort)
         self.outcome.motion.take(states)
         self._note(states, s, observed, judged)
-        if self.outcome.touches and states.number:
+        if self.outcome.touches and len(states):
             self._touch(states)
         return Piece(states, s, observed, windows, judged)
 
     def _touch(self, states):
         """Take note of what a touch would have cost."""
-        stamps = states.newest
+        stamps = states.stamp
         before = stamps[0] if self._newest is None else self._newest
         since = np.diff(stamps, prepend=before) * 1e-9
         self._newest = int(stamps[-1])
@@ -205,9 +205,9 @@ class Analysis:
 
     def _evaluated(self, states):
         """States that can be evaluated, and their evaluation."""
-        known = states.with_effort.all()
+        known = states.effort_known.all()
         while True:
-            efforts = states.effort if known else np.where(states.with_effort[:, None], states.effort, 0.0)
+            efforts = states.effort if known else np.where(states.effort_known[:, None], states.effort, 0.0)
             try:
                 return states, self._dynamics.evaluate_batch(
                     states.position, states.velocity, efforts, threads=self._threads, friction=self.friction
@@ -217,8 +217,8 @@ class Analysis:
 
     def _without_bad(self, states, efforts, error):
         """States without those that cannot be evaluated, which are counted as the monitor counts them."""
-        good = np.ones(states.number, dtype=bool)
-        for t in range(states.number):
+        good = np.ones(len(states), dtype=bool)
+        for t in range(len(states)):
             try:
                 self._dynamics.evaluate(states.position[t], states.velocity[t], efforts[t])
             except DiagDynamicsError as one:
@@ -226,10 +226,10 @@ class Analysis:
                 self.reading.intake.reject(int(states.log_time[t]), one)
         if good.all():
             raise error  # of something else
-        return states.part(good)
+        return states[good]
 
     def _note(self, states, s, observed, judged):
-        stamps, names = states.newest, self.model.dof_names
+        stamps, names = states.stamp, self.model.dof_names
         residual, torque, norm, valid, collision = observed
         peaks = self.outcome.peaks
         self.outcome.take_energy(s.kinetic_energy)

@@ -121,13 +121,13 @@ class WindowSums:
     def take(self, states, s):
         """Take in states and their BatchEvaluation; returns :class:`Windows`."""
         width = s.nu.shape[1]
-        most = self._most(states.newest)
+        most = self._most(states.stamp)
         bounds, windows, joints = np.empty((most, 2), int), np.empty((most, len(COLUMNS))), np.empty((2, most, width))
         summed = Addresses(
             SUMMED,
-            stamp=np.ascontiguousarray(states.newest),
-            with_effort=np.ascontiguousarray(states.with_effort),
-            moved=np.ascontiguousarray(states.moved),
+            stamp=np.ascontiguousarray(states.stamp),
+            with_effort=np.ascontiguousarray(states.effort_known),
+            moved=np.ascontiguousarray(states.jumped),
             nu=s.nu,
             coriolis=s.coriolis,
             gravity=s.gravity,

@@ -4,6 +4,7 @@
 """What the monitor makes of the messages it receives, in columns: states, and counts of what made none."""
 
 from collections import Counter
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -19,6 +20,7 @@ from diag_dynamics.bags.messages import Messages
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.recordings.refused_units import RefusedUnits
 from diag_dynamics.recordings.seams import LoggedGaps
+from diag_dynamics.recordings.states import States
 from diag_dynamics.wire.definitions import read_message
 from diag_dynamics.wire.joint_states import KnownJointStates
 from diag_dynamics.wire.many import Run
@@ -40,50 +42,6 @@ MAX_ARRIVED = 1000
 
 MOST_TOLD = 20
 """Rejections whose text is kept, of each cause."""
-
-
-class States(NamedTuple):
-    """States of the whole robot in columns, as the monitor would evaluate them."""
-
-    newest: np.ndarray
-    """Stamp of the state, and of the oldest of its values [ns]: int64, shape (n,)."""
-    oldest: np.ndarray
-    log_time: np.ndarray
-    """Of the message that completed it [ns]."""
-    position: np.ndarray
-    """[rad, m], shape (n, nq)."""
-    velocity: np.ndarray
-    """[rad/s, m/s], shape (n, nv)."""
-    effort: np.ndarray
-    """[N m, N], shape (n, nv); NaN in rows without effort."""
-    with_effort: np.ndarray
-    """Whether the effort of all joints is known: bool, shape (n,)."""
-    received: np.ndarray
-    """Whether a time of reception stands for the stamp."""
-    estimated: np.ndarray
-    """Whether a velocity is estimated."""
-    moved: np.ndarray
-    """Whether positions have jumped since the state before, so that no motion has led here."""
-
-    @property
-    def number(self):
-        """How many there are."""
-        return len(self.newest)
-
-    def part(self, which):
-        """States of these indices, or of a mask or slice."""
-        return States(*(column[which] for column in self))
-
-    @classmethod
-    def none(cls, model):
-        """No states of a model."""
-        times, flags = np.zeros((3, 0), dtype=int), np.zeros((4, 0), dtype=bool)
-        return cls(*times, np.zeros((0, model.nq)), *np.zeros((2, 0, model.nv)), *flags)
-
-    @classmethod
-    def together(cls, pieces):
-        """All states of several pieces."""
-        return cls(*map(np.concatenate, zip(*pieces, strict=True)))
 
 
 class Rejection(NamedTuple):
@@ -239,7 +197,7 @@ class Intake:
             estimated,
             moved,
         )
-        return self._with_gravity(states.part(made))
+        return self._with_gravity(states[made])
 
     def _noted(self, run, first, end):
         """Take note of a run of states; those of them that are refused for frozen values."""
@@ -333,13 +291,13 @@ class Intake:
     def _with_gravity(self, states):
         """States whose efforts hold gravity, where they are said not to."""
         without = self.assembler.efforts.without_gravity
-        if without is None or not states.with_effort.any():
+        if without is None or not states.effort_known.any():
             return states
         gravity = self._dynamics.gravity_torque_batch(states.position)
         joints = gravity.shape[1] - len(without)
         gravity[:, :joints] = 0.0  # of a base, on which no effort acts
         gravity[:, joints:] *= without
-        return states._replace(effort=states.effort + gravity)
+        return replace(states, effort=states.effort + gravity)
 
     def _has_moved(self):
         """Whether positions have jumped since this was asked last."""

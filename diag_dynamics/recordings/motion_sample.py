@@ -45,9 +45,9 @@ class MotionSample:
         room = MAX_STATES - len(self.columns[0])
         if room <= 0 or not self._possible:
             return
-        kept = states.with_effort & (np.abs(states.velocity) > MOVING).any(axis=1)
+        kept = states.effort_known & (np.abs(states.velocity) > MOVING).any(axis=1)
         kept = np.flatnonzero(kept & np.isfinite(states.effort).all(axis=1))[:room]
-        more = states.newest, states.moved, states.position, states.velocity, states.effort
+        more = states.stamp, states.jumped, states.position, states.velocity, states.effort
         self.columns = [np.concatenate([old, new[kept]]) for old, new in zip(self.columns, more, strict=True)]
 
     def add(self, other):

@@ -145,8 +145,8 @@ class Observer:
 
     def observed(self, states):
         """Evaluate states and take them in; yields stamps [ns] of some, and what :meth:`take` returns of these."""
-        for first in range(0, states.number, SIZE):
-            part = states.part(slice(first, first + SIZE))
+        for first in range(0, len(states), SIZE):
+            part = states[first : first + SIZE]
             s = self._dynamics.evaluate_batch(
                 part.position,
                 part.velocity,
@@ -154,7 +154,7 @@ class Observer:
                 threads=self._threads,
                 friction=self._friction,
             )
-            yield part.newest, self.take(part, s)
+            yield part.stamp, self.take(part, s)
 
     def take(self, states, s):
         """Take in states and their BatchEvaluation; returns the columns of :class:`Observed` but for times."""
@@ -163,9 +163,9 @@ class Observer:
         valid, collision = np.zeros((2, count), dtype=bool)
         observed = Addresses(
             OBSERVED,
-            stamp=np.ascontiguousarray(states.newest),
-            with_effort=np.ascontiguousarray(states.with_effort),
-            moved=np.ascontiguousarray(states.moved),
+            stamp=np.ascontiguousarray(states.stamp),
+            with_effort=np.ascontiguousarray(states.effort_known),
+            moved=np.ascontiguousarray(states.jumped),
             nu=s.nu,
             coriolis=s.coriolis,
             gravity=s.gravity,
@@ -186,8 +186,8 @@ class Observer:
 
     def _keep_first(self, states, valid, torque):
         """Of several states of one stamp the first one counts, whose position m is of."""
-        known = np.flatnonzero(states.with_effort)
-        stamps = states.newest[known]
+        known = np.flatnonzero(states.effort_known)
+        stamps = states.stamp[known]
         before = np.concatenate([[self._last[0]], stamps[:-1]])
         for k in np.flatnonzero((stamps == before) & valid[known]).tolist():
             torque[known[k]] = torque[known[k - 1]] if k else self._last[1]

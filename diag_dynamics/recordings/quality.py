@@ -165,15 +165,15 @@ class Quality:
 
     def take(self, states):
         """Take in states."""
-        count = states.number
+        count = len(states)
         if not count:
             return
         self._count += count
-        self._without_effort += count - int(states.with_effort.sum())
-        self._estimated += int(states.estimated.sum())
+        self._without_effort += count - int(states.effort_known.sum())
+        self._estimated += int(states.velocity_estimated.sum())
         if self.begin is None:
-            self.begin = int(states.newest[0])
-        self.end = int(states.newest[-1])
+            self.begin = int(states.stamp[0])
+        self.end = int(states.stamp[-1])
         columns = self._columns(states)
         known = 0
         if self._before is not None:
@@ -183,7 +183,7 @@ class Quality:
             NEIGHBOURS,
             stamp=np.ascontiguousarray(columns[0]),
             **dict(zip(FIELDS, map(np.ascontiguousarray, columns[1:]), strict=True)),
-            moved=np.concatenate([np.zeros(known, dtype=bool), states.moved]),
+            moved=np.concatenate([np.zeros(known, dtype=bool), states.jumped]),
             turns=self._turns,
             whole=self._whole,
             begun=self._begun,
@@ -203,7 +203,7 @@ class Quality:
     def _columns(self, states):
         """Stamps, and positions, velocities and efforts of the joints."""
         skip = self._skip
-        return states.newest, states.position[:, skip + self._at :], states.velocity[:, skip:], states.effort[:, skip:]
+        return states.stamp, states.position[:, skip + self._at :], states.velocity[:, skip:], states.effort[:, skip:]
 
     @property
     def duration(self):

@@ -22,8 +22,9 @@ from diag_dynamics.parameters.contact_points import contact_points
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.robots import model_of, require_as_made, require_single_joints
 from diag_dynamics.recordings.account import Account, Finding
-from diag_dynamics.recordings.intake import Intake, States
+from diag_dynamics.recordings.intake import Intake
 from diag_dynamics.recordings.sources import source_of
+from diag_dynamics.recordings.states import States
 
 SIZE = 20_000
 """States of a piece: more are no faster, and take more memory than the processor's cache has."""
@@ -67,11 +68,11 @@ class Recording:
         path: str | None = None,
     ) -> None:
         self.model, self.states, self.offset = model, states, offset
-        self.stamp: Array = states.newest
-        self.t: Array = (states.newest - offset) * 1e-9
+        self.stamp: Array = states.stamp
+        self.t: Array = (states.stamp - offset) * 1e-9
         self.q: Array = states.position
         self.qd: Array = states.velocity
-        self.tau: Array | None = states.effort if states.with_effort.any() else None
+        self.tau: Array | None = states.effort if states.effort_known.any() else None
         self.counts, self.findings, self.path = dict(counts), findings, path
 
     def __len__(self) -> int:
@@ -136,7 +137,7 @@ def read_recording(
         path, model, columns, topic=topic, joint_names=joint_names, parameters=parameters, start=start, end=end
     )
     pieces = list(stream)
-    whole, last = States.together([piece.states for piece in pieces]), pieces[-1]
+    whole, last = States.concatenate([piece.states for piece in pieces]), pieces[-1]
     return Recording(last.model, whole, last.offset, last.counts, last.findings, last.path)
 
 
@@ -266,11 +267,11 @@ class Reading:
         held, count = [], 0
         for messages, kinds in stream:
             held.append(self.intake.take(messages, kinds))
-            count += held[-1].number
+            count += len(held[-1])
             if count >= size:
-                yield self._recording(States.together(held))
+                yield self._recording(States.concatenate(held))
                 held, count = [], 0
-        yield self._recording(States.together(held) if held else States.none(self.model))
+        yield self._recording(States.concatenate(held) if held else States.empty(self.model.nq, self.model.nv))
 
     def _before_seam(self):
         """Messages before the limit; of those that come with them, the others are kept."""

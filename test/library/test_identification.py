@@ -5,6 +5,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -246,7 +247,7 @@ def in_pieces(data, size):
 
     def pieces():
         for first in range(0, len(data), size):
-            states = data.states.part(slice(first, first + size))
+            states = data.states[first : first + size]
             yield dd.Recording(data.model, states, data.offset, data.counts, data.findings, data.path)
 
     return pieces
@@ -367,7 +368,7 @@ def eventful(panda):
     data = recorded(model, *(column[rows] for column in (fine, q, qd, tau)))
     moved = np.zeros(len(rows), dtype=bool)
     moved[[30_000, 30_004, 60_000]] = True
-    return dd.Recording(model, data.states._replace(moved=moved), data.offset, {}, [])
+    return dd.Recording(model, replace(data.states, jumped=moved), data.offset, {}, [])
 
 
 @pytest.mark.parametrize("size", list(some_of([20_000, 411, 33_333], 3)))

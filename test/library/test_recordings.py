@@ -27,6 +27,7 @@ from diag_dynamics.assembly.whole import WithBase
 from diag_dynamics.cli.main import main
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
+from diag_dynamics.recordings.states import States
 from diag_dynamics.wire.definitions import read_message
 from hostile import MS, START, Driver, S, hostile
 from recording_cases import CASES, hostile_messages, write_case
@@ -106,8 +107,8 @@ def test_states_and_counts_are_the_monitors(tmp_path, name, seeds):
         expected, counts = one_after_the_other(case.model, settings, messages)
         pieces = list(dd.stream_recording(path, case.model, parameters=case.own_parameters, size=size))
         assert pieces[-1].counts == {key: value for key, value in counts.items() if value}
-        columns = [np.concatenate(column) for column in zip(*(piece.states for piece in pieces), strict=True)]
-        newest, oldest, _, position, velocity, effort, with_effort, received, estimated, _ = columns
+        states = States.concatenate([piece.states for piece in pieces])
+        newest, oldest, _, position, velocity, effort, with_effort, received, estimated, _ = states.columns()
         assert len(newest) == len(expected) > 200
         for actual, field in ((position, "position"), (velocity, "velocity"), (newest, "newest"), (oldest, "oldest")):
             assert actual.tobytes() == np.array([getattr(one, field) for one in expected]).tobytes()
@@ -418,7 +419,7 @@ def test_observer_is_that_of_single_states(tmp_path, ur5, motion):
     dynamics = dd.DiagonalDynamics(ur5)
     seen = dd.observe(dynamics, recording, 30.0, threshold=0.4)
     single = dd.DisturbanceObserver(dynamics, 30.0, 0.4, friction=True)
-    for k, moved in enumerate(recording.states.moved):
+    for k, moved in enumerate(recording.states.jumped):
         if moved:
             single.reset()
         one = single.update(recording.stamp[k] / S, recording.q[k], recording.qd[k], recording.states.effort[k])
@@ -429,7 +430,7 @@ def test_observer_is_that_of_single_states(tmp_path, ur5, motion):
             assert one.norm == pytest.approx(seen.norm[k], rel=1e-14) and one.collision == seen.collision[k]
         else:
             assert np.isnan(seen.residual[k]).all()
-    assert recording.states.moved.sum() == 1 and 1800 < seen.valid.sum() < len(recording) - 40
+    assert recording.states.jumped.sum() == 1 and 1800 < seen.valid.sum() < len(recording) - 40
 
 
 def test_observe_needs_efforts_and_the_same_robot(tmp_path, ur5, motion):

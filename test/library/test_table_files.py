@@ -145,7 +145,7 @@ def test_what_others_write_is_read_to_the_last_bit(tmp_path_factory, writer, tab
     assert not lost(recording) and len(recording) == len(table)
     np.testing.assert_array_equal(np.column_stack([recording.q, recording.qd]), table[:, 1:5])
     known = np.isfinite(table[:, 5:]).all(axis=1)
-    np.testing.assert_array_equal(recording.states.with_effort, known)
+    np.testing.assert_array_equal(recording.states.effort_known, known)
     np.testing.assert_array_equal(recording.states.effort[known], table[known, 5:])
     exact = [round(Fraction(t) * 10**9) + recording.offset for t in table[:, 0].tolist()]
     assert max(abs(one - other) for one, other in zip(recording.stamp.tolist(), exact, strict=True)) <= 1
@@ -345,7 +345,7 @@ def found(recording, rows=3):
     q, qd, tau = recording.q[-1], recording.qd[-1], recording.states.effort[-1]
     step = (rows - 1) / 100
     of = [None if values is None else [round(10 * (one - step), 6) for one in values] for values in (q, qd, tau)]
-    estimated, effort = recording.states.estimated[-1], recording.states.with_effort[-1]
+    estimated, effort = recording.states.velocity_estimated[-1], recording.states.effort_known[-1]
     return round(10 * (recording.t[-1] - step)), of[0], None if estimated else of[1], of[2] if effort else None
 
 
@@ -787,7 +787,7 @@ def test_lists(written, kind):
     efforts = pa.array([[], [5, 6], [7, 8]], pa.list_(pa.float64()))
     table = pa.table({"t": [0.0, 1.0, 2.0], "q": lists, "qd": lists, "tau": efforts})
     recording = read(written(table))
-    assert recording.q.tolist() == [[1, 2], [3, 4]] and recording.states.with_effort.tolist() == [False, True]
+    assert recording.q.tolist() == [[1, 2], [3, 4]] and recording.states.effort_known.tolist() == [False, True]
     with pytest.raises(dd.InputError, match="'q' has 2 columns, but there are 3 joints"):
         read(written(table), joints=ARM)
     assert read(written(table), {"position": "q", "velocity": "qd", "effort": "tau"}).tau[1].tolist() == [7, 8]

@@ -75,22 +75,22 @@ def test_a_recording_is_what_the_monitor_publishes(peer, tmp_path, name):
     messages = hostile_messages(case, 3, 500)
     recording = dd.read_recording(write_case(tmp_path / "x.mcap", messages), case.model, parameters=case.own_parameters)
     states = recording.states
-    assert len(recording) > 100 and states.received.any()
+    assert len(recording) > 100 and states.stamp_received.any()
     live = Live(peer, f"/robot{list(CASES).index(name)}", urdf, case.parameters)
     with live.process:
         live.feed(messages)
         published, counts = list(live.states.messages), live.counts()
     assert counts == {key: count for key, count in recording.counts.items() if count}
-    assert [nanoseconds(one.header.stamp) for one in published] == states.newest.tolist()
-    assert [nanoseconds(one.oldest_stamp) for one in published] == states.oldest.tolist()
+    assert [nanoseconds(one.header.stamp) for one in published] == states.stamp.tolist()
+    assert [nanoseconds(one.oldest_stamp) for one in published] == states.oldest_stamp.tolist()
     for field in ("position", "velocity"):
         assert np.array([getattr(one, field) for one in published]).tobytes() == getattr(states, field).tobytes()
-    assert [one.effort_valid for one in published] == states.with_effort.tolist()
-    assert [one.stamp_is_receive_time for one in published] == states.received.tolist()
-    assert [one.velocity_estimated for one in published] == states.estimated.tolist()
+    assert [one.effort_valid for one in published] == states.effort_known.tolist()
+    assert [one.stamp_is_receive_time for one in published] == states.stamp_received.tolist()
+    assert [one.velocity_estimated for one in published] == states.velocity_estimated.tolist()
     dynamics = dd.DiagonalDynamics(case.model)
     for k, one in enumerate(published):
-        effort = states.effort[k] if states.with_effort[k] else None
+        effort = states.effort[k] if states.effort_known[k] else None
         assert np.array(one.effort).tobytes() == (b"" if effort is None else effort.tobytes())
         s = dynamics.evaluate(states.position[k], states.velocity[k], effort)
         for field in ("nu", "xi", "coriolis", "gravity", "articulated_inertia", "epsilon", "kappa"):

@@ -206,8 +206,16 @@ def read_columns(robot, parameters, messages, pieces=1):
     kinds = np.array([JOINT_STATE, ODOMETRY])
     for part in np.array_split(np.arange(len(messages)), pieces):
         found = intake.take(recorded([messages[k] for k in part]), kinds)
-        efforts = [row if known else None for row, known in zip(found.effort, found.with_effort, strict=True)]
-        columns = found.position, found.velocity, efforts, found.newest, found.oldest, found.received, found.estimated
+        efforts = [row if known else None for row, known in zip(found.effort, found.effort_known, strict=True)]
+        columns = (
+            found.position,
+            found.velocity,
+            efforts,
+            found.stamp,
+            found.oldest_stamp,
+            found.stamp_received,
+            found.velocity_estimated,
+        )
         states += [as_state(*row) for row in zip(*columns, strict=True)]
     return Result(states, positive(intake.counts), [(r.cause, r.text) for r in intake.rejections])
 

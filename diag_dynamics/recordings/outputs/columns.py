@@ -71,21 +71,21 @@ class Columns:
     def values(self, piece: Piece):
         """Arrays of shape (T,), in the order of :attr:`units`; NaN where something is not known."""
         states, s, (residual, torque, norm, _, collision), _, _ = piece
-        columns = [states.newest - self._offset, states.oldest - self._offset]
-        unknown = None if states.with_effort.all() else ~states.with_effort
+        columns = [states.stamp - self._offset, states.oldest_stamp - self._offset]
+        unknown = None if states.effort_known.all() else ~states.effort_known
         blocks = [states.position, states.velocity, states.effort]
         blocks += [getattr(s, quantity) for quantity in self._quantities]
         hidden = {3 + self._quantities.index(quantity) for quantity in OF_EFFORTS}
         for k, block in enumerate(blocks):
             columns += _each(block, unknown if k in hidden else None)
         columns += [s.kinetic_energy, s.base_energy]
-        energy = np.empty((states.number, len(self._model.link_names)))
+        energy = np.empty((len(states), len(self._model.link_names)))
         s.write_link_energy(energy)
         columns += _each(energy)
         power = s.effort_power
         columns.append(power if unknown is None else np.where(unknown, np.nan, power))
         columns += [*_each(residual), *_each(torque), norm, collision]
-        return [*columns, states.received, states.estimated]
+        return [*columns, states.stamp_received, states.velocity_estimated]
 
 
 def sliding(model):

@@ -71,7 +71,7 @@ class MessageRows:
         rows : ndarray of uint8, shape (number of them, bytes of a message)
         """
         states, valid = piece.states, piece.observed[3]
-        groups = valid if self.topic == "external_torque" else states.with_effort
+        groups = valid if self.topic == "external_torque" else states.effort_known
         for group in (True, False):
             which = np.flatnonzero(groups == group)
             if len(which):
@@ -93,12 +93,12 @@ class MessageRows:
         """What is written in a field, a row for each message; None where the template has it."""
         states, s, (residual, torque, norm, _, collision), _, judged = piece
         if path in ("header.stamp.sec", "header.stamp.nanosec", "oldest_stamp.sec", "oldest_stamp.nanosec"):
-            stamp = (states.newest if path.startswith("header") else states.oldest)[which]
+            stamp = (states.stamp if path.startswith("header") else states.oldest_stamp)[which]
             return stamp // SECOND if path.endswith(".sec") else stamp % SECOND
         if path in ("position", "velocity", "effort"):
             return getattr(states, path)[which]
         if path == "link_energy":
-            energy = np.empty((states.number, len(self._model.link_names)))
+            energy = np.empty((len(states), len(self._model.link_names)))
             s.write_link_energy(energy)
             return energy[which]
         if path in ("mass_matrix", "bias", "gravity", "m", "d", "l") and self.topic in (
@@ -110,8 +110,8 @@ class MessageRows:
             name = {"power": "effort_power", "total": "kinetic_energy"}.get(path, path)
             return getattr(s, name)[which]
         beside = {
-            "stamp_is_receive_time": states.received,
-            "velocity_estimated": states.estimated,
+            "stamp_is_receive_time": states.stamp_received,
+            "velocity_estimated": states.velocity_estimated,
             "residual": residual,
             "external_torque": torque,
             "norm": norm,

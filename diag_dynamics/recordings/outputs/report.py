@@ -69,7 +69,7 @@ class ReportOutput:
         """Take in a piece."""
         states = piece.states
         if self._first is None:
-            self._first = int(states.newest[0])
+            self._first = int(states.stamp[0])
         rows = self._rows(piece)
         chosen = self._overview.choose(rows)
         self._overview.take(rows, chosen, self._numbers(rows.part(chosen)))
@@ -111,8 +111,8 @@ class ReportOutput:
     def _rows(self, piece):
         states, s = piece.states, piece.s
         residual, torque, norm, valid, collision = piece.observed[:5]
-        t = (states.newest - self._first) * 1e-9
-        unknown = ~states.with_effort[:, None]
+        t = (states.stamp - self._first) * 1e-9
+        unknown = ~states.effort_known[:, None]
         epsilon = np.where(unknown, np.nan, s.epsilon)
         friction = np.zeros_like(s.nu) if s.friction is None else s.friction
         forces = epsilon, -s.gravity, -friction, residual
@@ -120,7 +120,9 @@ class ReportOutput:
         given = states.position, states.velocity, states.effort
         terms = s.nu, epsilon, s.coriolis, s.gravity, s.articulated_inertia, s.kinetic_energy
         observed = residual, torque, norm, valid, np.asarray(collision, dtype=bool)
-        return Rows(t, *given, *terms, *observed, states.estimated, states.received, *self._works.take(t, powers))
+        return Rows(
+            t, *given, *terms, *observed, states.velocity_estimated, states.stamp_received, *self._works.take(t, powers)
+        )
 
     def _numbers(self, rows):
         """Frames of states, whose powers are not theirs yet."""
