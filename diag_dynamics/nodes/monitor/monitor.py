@@ -14,7 +14,6 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.nodes.monitor.calibrating import CalibrationService
 from diag_dynamics.nodes.monitor.described import NO_PAYLOAD, MonitoredRobot, Refused, fitted, model_status
 from diag_dynamics.nodes.monitor.energy_watch import numerical_health
 from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs
@@ -56,7 +55,7 @@ class MonitorNode(ManagedNode):
     def __init__(self, **kwargs):
         super().__init__(NODES["monitor"], **kwargs)
         self._settings = Settings.of(declare(self, PARAMETERS))
-        self._robot = self._outputs = self._offered = self._calibration = self._descriptions = None
+        self._robot = self._outputs = self._offered = self._descriptions = None
         self._inputs = []
         self._refused = None  # description that is not in force, why, and its model if there is one
         self._loads = Descriptions(self, self._made, self._take_made)
@@ -78,7 +77,6 @@ class MonitorNode(ManagedNode):
         for topic in TYPES:
             self._outputs.limit(topic, self._settings.values[f"max_rate.{topic}"])
         self._offered = DynamicsServices(self, self._in_force, self._put_on)
-        self._calibration = CalibrationService(self, lambda: self._robot)
         if self._settings.values["robot_description"]:
             self._adopt(self._loaded_from_parameter(self._settings))
         else:
@@ -119,12 +117,12 @@ class MonitorNode(ManagedNode):
         self._loads.drop()
         if self._descriptions:
             self._descriptions.close()
-        for part in (self._offered, self._calibration, self._outputs):
+        for part in (self._offered, self._outputs):
             if part:
                 part.destroy()
         if self._robot:
             self._traffic.keep(self._robot)
-        self._robot = self._outputs = self._offered = self._calibration = None
+        self._robot = self._outputs = self._offered = None
         self._descriptions = self._refused = None
 
     def _lost(self, info):
@@ -356,8 +354,6 @@ class MonitorNode(ManagedNode):
             self._outputs.publish_beside("markers", stamp, lambda: robot.markers(s))
         if robot.energy.take(stamp, s, *powers):  # an alarm does not wait for the second to be over
             self._diagnostics.publish([robot.energy.report()])
-            if robot.torque and robot.torque.run:
-                robot.torque.run.energy_alarms += 1
 
     def _look_at_contact(self, robot, state):
         """Tell what a touch would cost at a state where somebody listens, and at once where a limit is exceeded."""

@@ -37,12 +37,9 @@ class TorqueWatch:
     alarming : Alarming or None
         What it is judged by at the last state, joint by joint; None without thresholds of alarms.
     log : CollisionLog
-    run : CalibrationRun or None
-        What gathers residuals for thresholds of alarms, while one does.
     """
 
     def __init__(self, dynamics, observation):
-        self.run = None
         self._collisions, self._origin = 0, None
         self._colliding = self._without_effort = False
         self._reported = False  # whether diagnostics told of a collision last
@@ -53,9 +50,6 @@ class TorqueWatch:
 
     def use(self, dynamics, observation):
         """Observe anew, by another model or otherwise."""
-        if self.run:
-            self.run.end("the observer began anew, with another model, payload, gravity or parameter")
-            self.run = None
         gain, threshold, release, friction, max_gap, alarms = observation
         self.dynamics, self.observation = dynamics, observation
         self._observer = DisturbanceObserver(dynamics, gain, threshold, release, friction=friction, max_gap=max_gap)
@@ -77,8 +71,6 @@ class TorqueWatch:
 
     def forget(self):
         """Begin anew at the next state, as after a jump of time or a pause."""
-        if self.run:
-            self.run.interrupted += 1
         self._observer.reset()
         self.log.end()
         if self._detector:
@@ -109,11 +101,7 @@ class TorqueWatch:
             self._log(state.newest)
         if self._detector:
             self._collisions += begins
-            if self.run is not None:
-                self.run.take(state.newest, seen, begins)
             return seen.collision and not self._reported
-        if self.run is not None:
-            self.run.take(state.newest, seen, seen.collision and not self._colliding)
         self._above |= seen.norm > self.observation.threshold
         if seen.collision and not self._colliding:
             self._cause = self._told(seen)
@@ -168,8 +156,6 @@ class TorqueWatch:
         values = {"collisions": self._collisions, "states without result": self._count - self._valid}
         if self._valid:
             values["largest |r| [J^0.5/s]"] = f"{self._largest:.6g}"
-        if self.run:
-            values["calibration run [s]"] = f"{self.run.seen.duration:.4g}"
         if seen.valid:
             values["|r| [J^0.5/s]"] = f"{seen.norm:.6g}"
         if self._collided:

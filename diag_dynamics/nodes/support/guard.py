@@ -52,10 +52,6 @@ def attempt(action, *arguments):
         return None, Fault(error)
 
 
-LATER = object()
-"""What an answer returns if its response is put off, see :mod:`late_answers`."""
-
-
 def answered(node, kind, answer, named=str, keep=()):
     """Callback of a service by which every failure is a response.
 
@@ -65,7 +61,7 @@ def answered(node, kind, answer, named=str, keep=()):
     kind : type
         Of the service; its response has `success` and `message`.
     answer : callable
-        Called with request and response; returns the message of success, None for none, or :data:`LATER`.
+        Called with request and response; returns the message of success, or None for none.
     named : callable
         Takes what is wrong to what is said of it, in the request's own words.
     keep : sequence of str
@@ -74,16 +70,16 @@ def answered(node, kind, answer, named=str, keep=()):
 
     def callback(request, response):
         message, fault = attempt(answer, request, response)
-        return response if message is LATER else settled(node, kind, response, message, fault, named, keep)
+        if fault is None:
+            response.success, response.message = True, message or ""
+            return response
+        return _refusal(node, kind, response, fault, named, keep)
 
     return callback
 
 
-def settled(node, kind, response, message, fault, named=str, keep=()):
-    """A response with the message of success, or the one that tells of a fault; the others as of :func:`answered`."""
-    if fault is None:
-        response.success, response.message = True, message or ""
-        return response
+def _refusal(node, kind, response, fault, named, keep):
+    """Return a response that names a fault; see :func:`answered`."""
     reason = named(fault.text)
     if fault.is_internal:
         node.get_logger().error(f"{kind.__name__}: {fault.text}", throttle_duration_sec=5.0)

@@ -64,12 +64,6 @@ INTERFACES = {
         Interface(
             SERVICE, "~/set_payload", "SetPayload", "attach a payload to a link, change it, take it off, while running"
         ),
-        Interface(
-            SERVICE,
-            "~/calibrate",
-            "Calibrate",
-            "starts and ends a run without contact, from which thresholds of alarms are proposed",
-        ),
     ),
     "simulator": (
         Interface(
