@@ -17,9 +17,9 @@ import numpy as np
 from start import ROOT
 
 import diag_dynamics as dd
-from diag_dynamics.bags.mcap_writer import McapWriter
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.model.single_joints import single_joints
+from diag_dynamics.recordings.outputs.mcap_writer import McapWriter
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import definition_with_parts, message_type
 

@@ -11,13 +11,13 @@ import time
 from functools import partial
 from pathlib import Path
 
-from diag_dynamics.bags.part import Part
 from diag_dynamics.cli import fleet, given
 from diag_dynamics.cli.interrupted import orderly
 from diag_dynamics.cli.robot_argument import parsed, robot_of
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
+from diag_dynamics.recordings.atomic_file import AtomicFile
 from diag_dynamics.recordings.fleet.table import robots_of, table_of
 from diag_dynamics.recordings.outputs.csv import CsvOutput
 from diag_dynamics.recordings.outputs.mcap import WRITTEN, McapOutput
@@ -95,7 +95,7 @@ def _analyse(chosen):
         _tell(summary, report, chosen)
     except BaseException:
         if report:
-            report.drop()
+            report.discard()
         raise
     wrong = wrongs_of(summary)
     if _speaks(chosen):
@@ -137,7 +137,7 @@ def _analyse_several(chosen):
         _tell({"recordings": summaries, "robots": robots_of(summaries), "failed": failed}, report, chosen)
     except BaseException:
         if report:
-            report.drop()
+            report.discard()
         raise
     if _speaks(chosen):
         print(_shown(table_of(summaries, failed)))
@@ -198,7 +198,7 @@ def _outputs(chosen):
 
 def _json_output(chosen):
     """The file of the summary, which is begun before all else: whether it can be written is known at once."""
-    return Part(chosen.json) if chosen.json and chosen.json != "-" else None
+    return AtomicFile(chosen.json) if chosen.json and chosen.json != "-" else None
 
 
 def _tell(summary, report, chosen):
@@ -206,7 +206,7 @@ def _tell(summary, report, chosen):
     text = json.dumps(summary, indent=1, allow_nan=False)
     if report:
         Path(report.name).write_text(text, encoding="utf-8")
-        report.keep()
+        report.commit()
     elif chosen.json == "-":
         print(text)
 

@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from diag_dynamics.bags.part import Part
 from diag_dynamics.batch import cores
 from diag_dynamics.checks import positive
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.robots import model_of, require_as_made
+from diag_dynamics.recordings.atomic_file import AtomicFile
 from diag_dynamics.recordings.fleet import tasks
 from diag_dynamics.recordings.fleet.jobs import OWN, Options, jobs_of
 from diag_dynamics.recordings.fleet.page import page_of
@@ -223,9 +223,9 @@ def _write(report, out, parquet, outputs):
     """Write fleet.json, fleet.html and fleet.parquet, each of which has a temporary name until it is whole."""
     texts = {OWN[0]: json.dumps(report, indent=1, allow_nan=False), OWN[2]: page_of(report, outputs)}
     for name, text in texts.items():
-        part = Part(out / name)
+        part = AtomicFile(out / name)
         Path(part.name).write_text(text, encoding="utf-8", errors="backslashreplace")
-        part.keep()
+        part.commit()
     if not parquet:
         return
     try:
@@ -233,6 +233,9 @@ def _write(report, out, parquet, outputs):
         writer = import_module("pyarrow.parquet")
     except ImportError as error:
         raise InputError(MISSING) from error
-    part, schema = Part(out / OWN[1]), arrow.schema([(name, getattr(arrow, kind)()) for name, kind in KINDS.items()])
+    part, schema = (
+        AtomicFile(out / OWN[1]),
+        arrow.schema([(name, getattr(arrow, kind)()) for name, kind in KINDS.items()]),
+    )
     writer.write_table(arrow.Table.from_pylist(rows_of(report), schema), part.name)
-    part.keep()
+    part.commit()

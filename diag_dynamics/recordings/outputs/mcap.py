@@ -3,8 +3,8 @@
 
 """MCAP: the monitor's messages about every state, as ``ros2 bag play`` plays them."""
 
-from diag_dynamics.bags.mcap_writer import McapWriter
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.recordings.outputs.mcap_writer import McapWriter
 from diag_dynamics.recordings.outputs.messages import MessageRows
 from diag_dynamics.wire.definitions import definition_with_parts
 from diag_dynamics.wire.ours import our_definitions

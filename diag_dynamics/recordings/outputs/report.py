@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 import diag_dynamics
-from diag_dynamics.bags.part import Part
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import end_effector_link
@@ -20,6 +19,7 @@ from diag_dynamics.page.packing import pack_meshes
 from diag_dynamics.page.report import EVERY, as_text, full_rate, overview, page_of, write_report
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.parameters.monitor import PARAMETERS
+from diag_dynamics.recordings.atomic_file import AtomicFile
 from diag_dynamics.recordings.outputs.telling import Contacts, Overview, Rows, Works, mean_powers
 
 OVERVIEW = 5_200_000
@@ -55,7 +55,7 @@ class ReportOutput:
     """
 
     def __init__(self, path, reading):
-        self._part, self._reading = Part(path), reading
+        self._part, self._reading = AtomicFile(path), reading
         self._dynamics = DiagonalDynamics(reading.model)
         self._maker = FrameMaker(self._dynamics)
         self._layout, self._drawn = self._maker.layout, self._scene()
@@ -100,11 +100,11 @@ class ReportOutput:
             "version": diag_dynamics.__version__,
         }
         write_report(self._part.name, told, tracks, meshes)
-        self._part.keep()
+        self._part.commit()
 
     def drop(self):
         """Leave nothing behind."""
-        self._part.drop()
+        self._part.discard()
 
     # --- States ---
 

@@ -7,8 +7,8 @@ import os
 from contextlib import suppress
 from importlib import import_module
 
-from diag_dynamics.bags.part import Part
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.atomic_file import AtomicFile
 from diag_dynamics.recordings.outputs.columns import Columns
 
 
@@ -36,7 +36,7 @@ class TableOutput:
         self.model = reading.model
         self._reading, self._friction = reading, friction
         self._columns = self._writer = self._file = None
-        self._part = Part(path)
+        self._part = AtomicFile(path)
 
     def table(self, units, values):
         """The pyarrow Table of a piece: units by name of the column, and arrays of shape (T,)."""
@@ -67,7 +67,7 @@ class TableOutput:
             raise InputError(f"'{self._part.path}' is not written: the recording has no states.")
         self._writer.close()
         self._file.close()
-        self._part.keep()
+        self._part.commit()
 
     def drop(self):
         """Leave nothing behind."""
@@ -75,4 +75,4 @@ class TableOutput:
             for one in (self._writer, self._file):
                 with suppress(OSError):  # a full disk cannot take the rest, which is not wanted
                     one.close()
-        self._part.drop()
+        self._part.discard()

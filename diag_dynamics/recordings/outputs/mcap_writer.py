@@ -33,8 +33,8 @@ from diag_dynamics.bags.kernels.records import (
     lay,
 )
 from diag_dynamics.bags.mcap_reader import MAGIC
-from diag_dynamics.bags.part import Part
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.atomic_file import AtomicFile
 
 _ENTRY = np.dtype([("log_time", "<u8"), ("at", "<u8")])  # of a message index
 
@@ -60,7 +60,7 @@ class McapWriter:
 
     def __init__(self, path, compression="zstd", level=1, chunk_size=1 << 20):
         self._compression, self._compress = compression, _compressor(compression, level)
-        self._part = Part(path)
+        self._part = AtomicFile(path)
         self.path = self._part.path
         self._chunk_size, self._size, self._crc = chunk_size, 0, 0
         self._schemas, self._channels, self._counts = {}, [], Counter()
@@ -163,7 +163,7 @@ class McapWriter:
             self._put(_record(DATA_END, struct.pack("<I", self._crc)))
             self._put_summary()
             self._file.close()
-            self._part.keep()
+            self._part.commit()
         except OSError as error:
             self.abort()
             raise self._failure(error) from error
@@ -175,7 +175,7 @@ class McapWriter:
         """Remove what has been written."""
         with suppress(OSError):  # what was still to be written is not wanted
             self._file.close()
-        self._part.drop()
+        self._part.discard()
 
     def _checked(self, channel, rows, log_time):
         if not 1 <= channel <= len(self._channels):
