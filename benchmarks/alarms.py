@@ -25,12 +25,12 @@ import numpy as np
 import pinocchio as pin
 
 import diag_dynamics as dd
-from diag_dynamics.alarms.detector import AlarmDetector
-from diag_dynamics.alarms.thresholds import AlarmThresholds
+from diag_dynamics.collision.detector import AlarmDetector
+from diag_dynamics.collision.residuals import Residuals
+from diag_dynamics.collision.thresholds import AlarmThresholds
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.recordings.calibration import calibrated, per_time
 from diag_dynamics.recordings.observed import Observed
-from diag_dynamics.recordings.residuals import Residuals
 
 RESULTS = Path(__file__).resolve().parent / "results"
 RECORDINGS = Path(

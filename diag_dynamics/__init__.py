@@ -56,8 +56,8 @@ _HOME = {
     "PositionRepulsion": "control",
     "RateDamping": "control",
     "DisturbanceObserver": "control.observer",
-    "AlarmDetector": "alarms.detector",
-    "AlarmThresholds": "alarms.thresholds",
+    "AlarmDetector": "collision.detector",
+    "AlarmThresholds": "collision.thresholds",
     "Recording": "recordings.recording",
     "read_recording": "recordings.recording",
     "stream_recording": "recordings.recording",
@@ -75,8 +75,8 @@ _ROOMS = ("plot",)  # what is public as a module, with names of its own
 
 if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothing else of this module
     from diag_dynamics import plot as plot
-    from diag_dynamics.alarms.detector import AlarmDetector as AlarmDetector
-    from diag_dynamics.alarms.thresholds import AlarmThresholds as AlarmThresholds
+    from diag_dynamics.collision.detector import AlarmDetector as AlarmDetector
+    from diag_dynamics.collision.thresholds import AlarmThresholds as AlarmThresholds
     from diag_dynamics.contact import BodyRegion as BodyRegion
     from diag_dynamics.contact import Contact as Contact
     from diag_dynamics.contact import ContactLimits as ContactLimits

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from diag_dynamics.alarms.thresholds import HOLD_OFF, RELEASE, STANDING
 from diag_dynamics.cli import given
 from diag_dynamics.cli.interrupted import orderly
 from diag_dynamics.cli.robot_argument import parsed, robot_of
+from diag_dynamics.collision.thresholds import HOLD_OFF, RELEASE, STANDING
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.parameters.files import parameters_of

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.alarms.detector import AlarmDetector
+from diag_dynamics.collision.detector import AlarmDetector
 from diag_dynamics.demos.simulated_robot import ERRORS, Push, real_robot, recorded
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.identification.exciting import excite

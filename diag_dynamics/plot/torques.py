@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from diag_dynamics.alarms.thresholds import AlarmThresholds
 from diag_dynamics.arrays import Array
+from diag_dynamics.collision.thresholds import AlarmThresholds
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.alarms.detector import AlarmDetector, Judged
-from diag_dynamics.alarms.found import Alarms
+from diag_dynamics.collision.detector import AlarmDetector, Judged
+from diag_dynamics.collision.events import Alarms
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.recordings.balance import Windows, WindowSums

@@ -13,11 +13,12 @@ from itertools import chain, pairwise
 
 import numpy as np
 
-from diag_dynamics.alarms.detector import SECOND, AlarmDetector
-from diag_dynamics.alarms.rates import BLOCKS, Level, Stretch, block_peaks, level_of, upper_limit
-from diag_dynamics.alarms.thresholds import HOLD_OFF, RELEASE, STANDING, AlarmThresholds
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import instance, positive
+from diag_dynamics.collision.detector import SECOND, AlarmDetector
+from diag_dynamics.collision.residuals import Piece, Residuals
+from diag_dynamics.collision.tail import BLOCKS, Level, Stretch, block_peaks, level_of, upper_limit
+from diag_dynamics.collision.thresholds import HOLD_OFF, RELEASE, STANDING, AlarmThresholds
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.account import Finding
@@ -27,7 +28,6 @@ from diag_dynamics.recordings.effort_range import EffortRange
 from diag_dynamics.recordings.observed import Observer, require_efforts, require_same_robot
 from diag_dynamics.recordings.recording import Recording
 from diag_dynamics.recordings.refused_units import refuse_units
-from diag_dynamics.recordings.residuals import Piece, Residuals
 
 PARTS = 5
 """Parts in turn held out."""

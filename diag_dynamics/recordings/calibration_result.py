@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from diag_dynamics.alarms.rates import poisson_interval, upper_limit
-from diag_dynamics.alarms.thresholds import AlarmThresholds
+from diag_dynamics.collision.tail import poisson_interval, upper_limit
+from diag_dynamics.collision.thresholds import AlarmThresholds
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.spec import as_yaml
 

@@ -6,7 +6,7 @@
 import re
 import textwrap
 
-from diag_dynamics.alarms.found import Alarm
+from diag_dynamics.collision.events import Alarm
 from diag_dynamics.recordings.account import NOTE, Finding, without_efforts
 from diag_dynamics.recordings.balance import WINDOW
 from diag_dynamics.recordings.explained import PART

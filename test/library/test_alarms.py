@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
-from diag_dynamics.alarms.detector import AlarmDetector
-from diag_dynamics.alarms.found import Alarms
-from diag_dynamics.alarms.rates import poisson_interval, upper_limit
-from diag_dynamics.alarms.thresholds import AlarmThresholds
 from diag_dynamics.cli.main import main
+from diag_dynamics.collision.detector import AlarmDetector
+from diag_dynamics.collision.events import Alarms
+from diag_dynamics.collision.residuals import Residuals
+from diag_dynamics.collision.tail import poisson_interval, upper_limit
+from diag_dynamics.collision.thresholds import AlarmThresholds
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.recordings.calibration import calibrated
 from diag_dynamics.recordings.observed import Observed
-from diag_dynamics.recordings.residuals import Residuals
 from examples import some_of
 from motions import recorded
 

@@ -5,8 +5,8 @@
 
 import numpy as np
 
-from diag_dynamics.alarms.detector import AlarmDetector
-from diag_dynamics.alarms.found import Alarms
+from diag_dynamics.collision.detector import AlarmDetector
+from diag_dynamics.collision.events import Alarms
 from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
 from diag_dynamics.nodes.monitor.collision_log import CollisionLog
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, steady

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.alarms.detector import AlarmDetector, Judged
-from diag_dynamics.alarms.thresholds import NORM, TORQUE
 from diag_dynamics.arrays import Array, Whole
+from diag_dynamics.collision.detector import AlarmDetector, Judged
+from diag_dynamics.collision.thresholds import NORM, TORQUE
 
 UNITS = {TORQUE: "N m", NORM: "J^0.5/s"}
 LABELS = {TORQUE: "|m r|", NORM: "|r|"}

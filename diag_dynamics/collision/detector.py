@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from diag_dynamics.alarms.thresholds import NORM, TORQUE, AlarmThresholds
 from diag_dynamics.arrays import Array, Flags, VectorLike, Whole
 from diag_dynamics.checks import instance, number, vector
+from diag_dynamics.collision.thresholds import NORM, TORQUE, AlarmThresholds
 
 SECOND = 1_000_000_000
 """In nanoseconds."""

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.alarms.detector import SECOND, detected
 from diag_dynamics.arrays import Array, Flags, Whole
+from diag_dynamics.collision.detector import SECOND, detected
 
 MOST = 2_000_000
 """Numbers that are kept: 16 MB. Of seven joints 117,000 states, two minutes at 1 kHz; after that, cells of states."""
