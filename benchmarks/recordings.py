@@ -33,7 +33,7 @@ import diag_dynamics as dd
 from diag_dynamics.model import load_robot
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.outputs.mcap import McapOutput
-from diag_dynamics.recordings.outputs.parquet import ParquetOutput
+from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading, SIZE
 path, model, folder = sys.argv[1], dd.load_urdf(sys.argv[2], mimic="free"), sys.argv[3]
 def run(kind):
@@ -70,7 +70,7 @@ def run(kind):
         output.close()
         spent["write"] += time.process_time() - begun
     return [spent[stage] / analysis.states * 1e6 for stage in spent]
-parquet = lambda reading, friction: ParquetOutput(folder + "/out.parquet", reading, friction)
+parquet = lambda reading, friction: TableOutput(folder + "/out.parquet", reading, friction)
 mcap = lambda reading, friction: McapOutput(folder + "/out.mcap", reading, friction, ("state",))
 run(parquet)  # compiles, and has everything in the cache
 os.remove(folder + "/out.parquet")  # to take away what a file replaces is not the analysis' work
@@ -80,13 +80,13 @@ THREADS = """\
 import os, sys, time
 import diag_dynamics as dd
 from diag_dynamics.recordings.analysis import Analysis
-from diag_dynamics.recordings.outputs.parquet import ParquetOutput
+from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading
 path, model, folder = sys.argv[1], dd.load_urdf(sys.argv[2], mimic="free"), sys.argv[3]
 def run():
     reading = Reading(path, model)
     analysis = Analysis(reading)
-    output = ParquetOutput(folder + "/out.parquet", reading, analysis.friction)
+    output = TableOutput(folder + "/out.parquet", reading, analysis.friction)
     analysis.run([output])
     output.close()
 run()

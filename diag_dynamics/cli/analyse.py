@@ -19,11 +19,10 @@ from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.atomic_file import AtomicFile
 from diag_dynamics.recordings.fleet.table import robots_of, table_of
-from diag_dynamics.recordings.outputs.csv import CsvOutput
 from diag_dynamics.recordings.outputs.mcap import WRITTEN, McapOutput
 from diag_dynamics.recordings.outputs.messages import TOPICS
-from diag_dynamics.recordings.outputs.parquet import ParquetOutput
 from diag_dynamics.recordings.outputs.report import ReportOutput
+from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import WIDTH, summary_of, text_of, wrongs_of
 
@@ -160,7 +159,7 @@ def _summary(chosen, recording, parameters, robot):
     """Analyse one recording, and write what is wanted of it."""
     reading = Reading(recording, robot, parameters=parameters, **given.reading_arguments(chosen))
     messages = partial(McapOutput, topics=WRITTEN if chosen.topics is None else chosen.topics.split(","))
-    kinds = (chosen.mcap, messages), (chosen.parquet, ParquetOutput), (chosen.csv, CsvOutput)
+    kinds = (chosen.mcap, messages), (chosen.parquet, TableOutput), (chosen.csv, partial(TableOutput, kind="csv"))
     analysis, outputs = Analysis(reading, gain=given.gain_of(chosen), threads=chosen.threads), []
     report = None
     try:

@@ -16,10 +16,10 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
+from diag_dynamics.model.single_joints import sliding_dofs
 from diag_dynamics.plot.drawing import COLOURS, GREY, check_named, envelope, name, pyplot, tidy
 from diag_dynamics.recordings.calibration import Calibration
 from diag_dynamics.recordings.observed import Observed, observe
-from diag_dynamics.recordings.outputs.columns import sliding
 from diag_dynamics.recordings.recording import Recording
 
 
@@ -73,7 +73,7 @@ def external_torque(
     rows = -(-model.nv // 2)
     figure = pyplot().figure(figsize=(10.0, 0.9 + 1.25 * rows), layout="constrained")
     grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
-    slides = sliding(model)
+    slides = sliding_dofs(model)
     for k, dof in enumerate(model.dof_names):
         axes = grid[k // 2, k % 2]
         _panel(axes, t, observed.external_torque[:, k], limits[k])

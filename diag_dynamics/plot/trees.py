@@ -12,8 +12,8 @@ import numpy as np
 from diag_dynamics.arrays import VectorLike
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.model import RobotModel
+from diag_dynamics.model.single_joints import sliding_dofs
 from diag_dynamics.plot.drawing import COLOURS, GREY, MARK, name, pyplot, text_colour, tidy
-from diag_dynamics.recordings.outputs.columns import sliding
 
 TURNS, SLIDES, COMPOSITE = COLOURS[0], COLOURS[3], COLOURS[1]
 
@@ -44,7 +44,7 @@ def tree(of: DiagonalDynamics | RobotModel, q: VectorLike | None = None) -> Any:
     model = dynamics.model
     position = model.neutral if q is None else q
     D, composite = dynamics.factors(position).D, np.diag(dynamics.mass_matrix(position))
-    at, slides = np.arange(model.nv), np.array(sliding(model), dtype=bool)
+    at, slides = np.arange(model.nv), np.array(sliding_dofs(model), dtype=bool)
     figure = pyplot().figure(figsize=(9.0, 1.3 + 0.3 * max(model.nv, 2)), layout="constrained")
     names, bars = figure.subplots(1, 2, sharey=True, width_ratios=(0.9, 1.6))
     depth = _joints(names, model)

@@ -14,42 +14,41 @@ from diag_dynamics.page.packing import LEVELS, pack, pack_mesh, pack_meshes
 from diag_dynamics.page.report import EVERY, SLOW, write_report
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.outputs import report as output
-from diag_dynamics.recordings.outputs.telling import AROUND, Contacts, Overview, Rows, Works, mean_powers
+from diag_dynamics.recordings.outputs.downsampling import AROUND, ContactRuns, Overview, Work, mean_powers
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import summary_of
 from recorded_arm import ARM, PUSHED, RATE, WATCHED, Recording, parts_of
 
-# --- Which states are kept ---
+# --- Downsampling ---
 
 
-def rows_of(t, K, collision=None, work=None):
-    """Return states; all other numbers are random."""
-    rng, count = np.random.default_rng(3), len(t)
-    work, unknown = Works().take(t, rng.normal(size=(count, 4)) if work is None else work)
-    none, valid = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
-    flags = {"valid": valid, "collision": none if collision is None else collision, "estimated": none, "received": none}
-    same = dict.fromkeys(Rows._fields, rng.normal(size=(count, 2)))
-    norm = np.abs(rng.normal(size=count))
-    return Rows(**same | {"t": t, "K": K, "norm": norm, "work": work, "unknown": unknown} | flags)
+def states_of(t, collision=False, powers=0.0, **columns):
+    """Return records of states at some times."""
+    sums = Work().integrate(t, np.broadcast_to(powers, (len(t), 4)))
+    columns = {"t": t, "index": np.arange(len(t)), "collision": collision, "sums": sums, **columns}
+    columns = {name: np.broadcast_to(x, (len(t), *np.shape(x)[1:])) for name, x in columns.items()}
+    states = np.empty(len(t), [(name, x.dtype, x.shape[1:]) for name, x in columns.items()])
+    for name, column in columns.items():
+        states[name] = column
+    return states
 
 
-def pieces(rows, size):
-    return (rows.part(slice(first, first + size)) for first in range(0, len(rows.t), size))
+def in_pieces(states, size):
+    return (states[first : first + size] for first in range(0, len(states), size))
 
 
 def test_no_peak_is_missing_from_the_overview():
-    t = np.arange(40_000) * 1e-3
-    rows = rows_of(t, np.cumsum(np.random.default_rng(3).normal(size=len(t))))
-    kept = Overview(500)
-    for piece in pieces(rows, 7001):
-        chosen = kept.choose(piece)
-        kept.take(piece, chosen, piece.t[chosen])
-    found, numbers = kept.all()
-    assert 120 <= len(found.t) <= 500
-    np.testing.assert_array_equal(numbers, found.t)
-    assert (np.diff(found.t) > 0).all()
-    assert (found.K.max(), found.K.min(), found.norm.max()) == (rows.K.max(), rows.K.min(), rows.norm.max())
-    assert np.diff(found.t).max() < 2 * len(t) // 120 * 1e-3
+    rng, count = np.random.default_rng(3), 40_000
+    K, norm = np.cumsum(rng.normal(size=count)), np.abs(rng.normal(size=count))
+    norm[::7] = np.nan
+    overview = Overview(500)
+    for piece in in_pieces(states_of(np.arange(count) * 1e-3, K=K, norm=norm), 7001):
+        overview.add(piece)
+    kept = overview.states()
+    assert 120 <= len(kept) <= 500 and (np.diff(kept["index"]) > 0).all()
+    np.testing.assert_array_equal(kept["K"], K[kept["index"]])
+    assert (kept["K"].max(), kept["K"].min(), np.nanmax(kept["norm"])) == (K.max(), K.min(), np.nanmax(norm))
+    assert kept["index"][0] == 0 and np.diff(kept["index"]).max() < 2 * count // 120
 
 
 @pytest.mark.parametrize("size", [700, 2500, 20_000])
@@ -57,11 +56,11 @@ def test_all_states_around_contacts_are_kept(size):
     """The size of pieces has no effect. Of a long contact, states around its start and end are kept."""
     t, edges = np.arange(20_000) * 1e-3, [5.0, 5.2, 6.5, 6.6, 13.0, 19.0]
     collision = np.any([(t >= begin) & (t < end) for begin, end in zip(edges[::2], edges[1::2], strict=True)], axis=0)
-    contacts = Contacts()
-    runs = [run for piece in pieces(rows_of(t, t, collision), size) for run in contacts.take(piece)]
-    runs += contacts.end()
+    contacts = ContactRuns()
+    runs = [run for piece in in_pieces(states_of(t, collision), size) for run in contacts.add(piece)]
+    runs += contacts.finish()
     expected = t[np.any([np.abs(t - edge) <= AROUND + 1e-9 for edge in edges], axis=0)]
-    np.testing.assert_allclose(np.concatenate([run.t for run in runs]), expected)
+    np.testing.assert_allclose(np.concatenate([run["t"] for run in runs]), expected)
     assert len(runs) == 3
 
 
@@ -70,11 +69,10 @@ def test_mean_powers_are_works_by_time():
     t = np.concatenate([np.arange(1000) * 1e-3, 5.0 + np.arange(1000) * 1e-3])
     powers = np.repeat(6.0 * t[:, None], 4, axis=1)
     powers[1500:1600, 0] = np.nan
-    found = mean_powers(rows_of(t, t * t, work=powers))
+    found = mean_powers(states_of(t, powers=powers, K=t * t))
     inner = np.r_[50:900, 1050:1450, 1650:1950]
     np.testing.assert_allclose(found[inner][:, [4, 0]], np.outer(t[inner], [2.0, 6.0]), rtol=1e-6)
-    assert np.isnan(found[1510:1590, 0]).all()
-    assert np.isfinite(found[1510:1590, 1]).all()
+    assert np.isnan(found[1510:1590, 0]).all() and np.isfinite(found[1510:1590, 1]).all()
     assert np.isnan(found[995:1005]).all()
 
 
@@ -244,7 +242,7 @@ def test_the_strongest_contacts_have_the_room_that_there_is(recording, monkeypat
     told, blocks = parts_of(html)
     assert len(told["tracks"]) == 3
     room = html.stat().st_size - 4 * sum(len(blocks[k]) for k in told["tracks"][1]["blocks"]) // 6
-    monkeypatch.setattr(output, "LARGEST", room)
+    monkeypatch.setattr(output, "MAX_REPORT", room)
     html, _ = recording.analyse("less", "--quiet", "--set", *WATCHED, **columns)
     told, blocks = parts_of(html)
     assert html.stat().st_size < room * 1.01

@@ -11,8 +11,8 @@ from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from diag_dynamics.model.single_joints import sliding_dofs
 from diag_dynamics.nodes.support.messages import to_time
-from diag_dynamics.recordings.outputs.columns import sliding
 from diag_dynamics.text import plain
 
 KINDS = {"box": Marker.CUBE, "cylinder": Marker.CYLINDER, "sphere": Marker.SPHERE, "mesh": Marker.MESH_RESOURCE}
@@ -46,7 +46,7 @@ class MarkerMaker:
     def __init__(self, scene):
         self._scene, model = scene, scene.model
         self._names = [plain(name) for name in model.dof_names]
-        self._of_dof, self._units = _links_of_dofs(model), ["N" if slides else "N m" for slides in sliding(model)]
+        self._of_dof, self._units = _links_of_dofs(model), ["N" if slides else "N m" for slides in sliding_dofs(model)]
         self._dof = np.array([part.dof for part in scene.parts], dtype=int)
         thin = 0.015 * scene.reach
         self._links = [_of_part(part, k) for k, part in enumerate(scene.parts)]

@@ -10,8 +10,8 @@ from uuid import uuid4
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.recordings.analysis import Analysis
-from diag_dynamics.recordings.outputs.parquet import ParquetOutput
 from diag_dynamics.recordings.outputs.report import ReportOutput
+from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.pieces import WHOLE, repaired, seams, settling_time, together
 from diag_dynamics.recordings.summary import summary_of
 
@@ -95,7 +95,7 @@ def _analysed(job, reading, span, others=()):
         analysis.run(others)
         return analysis.outcome
     written = job.unfinished / f"{uuid4().hex}.parquet"  # of this attempt: another worker may be at the same task
-    output = ParquetOutput(written, reading, analysis.friction)
+    output = TableOutput(written, reading, analysis.friction)
     try:
         analysis.run([output, *others])
         if analysis.states:

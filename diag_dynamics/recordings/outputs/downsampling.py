@@ -1,0 +1,121 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The states that a report keeps: an overview with every peak, and all states around contacts.
+
+States are records of NumPy. Of their fields these are used here: ``index`` from the first state of the
+recording, ``t`` [s], ``K`` [J], ``norm`` (|r|), ``collision`` and ``sums`` of :class:`Work`.
+"""
+
+import numpy as np
+
+AROUND, MAX_RUN = 2.0, 20.0
+"""Time about the start and the end of a contact, and the longest run of states around contacts [s]."""
+
+HALF_WINDOW, MAX_GAP = 0.01, 0.1
+"""Half the time over which powers are averaged, and the time over which they are unknown [s]."""
+
+
+class Work:
+    """Integrates k powers over a recording, piece by piece."""
+
+    def __init__(self):
+        self._last = None
+
+    def integrate(self, t, powers):
+        """Return sums since the first state, shape (T, 2k + 1), from powers [W], NaN if unknown.
+
+        They are the work [J] of each power, the number of steps in which it is unknown, and of gaps.
+        """
+        t0, p0, sums0 = self._last or (t[0], powers[0], np.zeros(2 * powers.shape[1] + 1))
+        steps = np.diff(t, prepend=t0)[:, None]
+        mean = 0.5 * (powers + np.concatenate([p0[None], powers[:-1]]))
+        gap = steps > MAX_GAP
+        known = np.isfinite(mean) & ~gap
+        work = np.where(known, mean * steps, 0.0)
+        sums = sums0 + np.cumsum(np.concatenate([work, ~known, gap], axis=1), axis=0)
+        self._last = t[-1], powers[-1], sums[-1]
+        return sums
+
+
+def mean_powers(states):
+    """Return the mean of each power and dK/dt about each state [W], shape (T, k + 1)."""
+    t, k = states["t"], states["sums"].shape[1] // 2
+    energies, unknown = np.column_stack([states["sums"][:, :k], states["K"]]), states["sums"][:, k:]
+    begin, end = np.maximum(t - HALF_WINDOW, t[0]), np.minimum(t + HALF_WINDOW, t[-1])
+    before = np.maximum(np.searchsorted(t, begin, side="right") - 1, 0)
+    after = np.minimum(np.searchsorted(t, end), len(t) - 1)
+    missing = (unknown[after] > unknown[before]) | (end <= begin)[:, None]
+    change = [np.interp(end, t, x) - np.interp(begin, t, x) for x in energies.T]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(missing, np.nan, np.transpose(change) / (end - begin)[:, None])
+
+
+class Overview:
+    """Keeps at most `size` states: of each run of consecutive states the first, and the extremes.
+
+    Runs become twice as long whenever there are more.
+    """
+
+    def __init__(self, size):
+        self._size, self._stride, self._kept = size, 1, []
+
+    def add(self, states):
+        """Add the next states."""
+        self._kept.append(states[_extremes(states, self._stride)])
+        while sum(map(len, self._kept)) > self._size:
+            self._stride *= 2
+            kept = self.states()
+            self._kept = [kept[_extremes(kept, self._stride)]]
+
+    def states(self):
+        """Return all states that are kept."""
+        return np.concatenate(self._kept)
+
+
+def _extremes(states, stride):
+    """Return indices of the first state, the smallest and largest K and the largest |r| of runs."""
+    run, K, norm = states["index"] // stride, states["K"], states["norm"]
+    first = np.flatnonzero(np.diff(run, prepend=-1))
+    last = np.append(first[1:], len(run)) - 1
+    by_energy = np.lexsort((K, run))
+    by_norm = np.lexsort((np.where(np.isfinite(norm), norm, -1.0), run))
+    return np.unique(np.concatenate([first, by_energy[first], by_energy[last], by_norm[last]]))
+
+
+class ContactRuns:
+    """Finds all states around contacts; it holds the newest back until this is known of them."""
+
+    def __init__(self):
+        self._held, self._run, self._edges, self._touches = None, [], np.array([-np.inf, np.inf]), False
+
+    def add(self, states):
+        """Add the next states; yield the runs that are complete."""
+        edges = states["t"][np.diff(states["collision"], prepend=self._touches)]
+        self._touches = bool(states["collision"][-1])
+        self._edges = np.sort(np.append(self._edges, edges))
+        held = states if self._held is None else np.concatenate([self._held, states])
+        is_known = held["t"] < held["t"][-1] - AROUND
+        self._held = held[~is_known]
+        yield from self._split(held[is_known])
+
+    def finish(self):
+        """Yield the remaining runs."""
+        yield from self._split(self._held)
+        yield from self._close()
+
+    def _split(self, states):
+        t, following = states["t"], np.searchsorted(self._edges, states["t"])
+        distance = np.minimum(t - self._edges[following - 1], self._edges[following] - t)
+        cuts = np.flatnonzero(np.diff(distance <= AROUND)) + 1
+        for part, apart in zip(np.split(states, cuts), np.split(distance, cuts), strict=True):
+            is_near = len(part) and apart[0] <= AROUND
+            if is_near:
+                self._run.append(part)
+            if len(part) and (not is_near or part["t"][-1] - self._run[0]["t"][0] > MAX_RUN):
+                yield from self._close()
+
+    def _close(self):
+        if self._run:
+            yield np.concatenate(self._run)
+            self._run = []
