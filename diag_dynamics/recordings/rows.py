@@ -9,7 +9,7 @@ from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.bags.messages import Messages
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.intake import JOINT_STATE
-from diag_dynamics.tables.columns import Columns
+from diag_dynamics.recordings.tables.columns import Columns
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import message_type
 

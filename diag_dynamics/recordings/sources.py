@@ -18,8 +18,8 @@ from diag_dynamics.recordings.account import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY
 from diag_dynamics.recordings.joint_names import describe_maps, listed, make_joint_names, propose_maps
 from diag_dynamics.recordings.rows import Rows
-from diag_dynamics.tables.column_map import ColumnMap, column_map
-from diag_dynamics.tables.opening import open_table
+from diag_dynamics.recordings.tables.column_map import ColumnMap, column_map
+from diag_dynamics.recordings.tables.columns import open_table
 from diag_dynamics.wire.definitions import read_message
 
 DESCRIPTION = "std_msgs/msg/String"
