@@ -25,11 +25,11 @@ import numpy as np
 import pinocchio as pin
 
 import diag_dynamics as dd
+from diag_dynamics.collision.calibration import calibrate_residuals, format_rate
 from diag_dynamics.collision.detector import AlarmDetector
 from diag_dynamics.collision.residuals import Residuals
 from diag_dynamics.collision.thresholds import AlarmThresholds
 from diag_dynamics.model.example_robots import find_urdf
-from diag_dynamics.recordings.calibration import calibrated, per_time
 from diag_dynamics.recordings.observed import Observed
 
 RESULTS = Path(__file__).resolve().parent / "results"
@@ -272,8 +272,8 @@ def judge(name, names, quiet, trials):
     for observer, free in quiet.items():
         residuals = Residuals(len(names))
         stamps, observed = free[0]
-        residuals.take(stamps, observed.residual, observed.external_torque, observed.valid)
-        found = calibrated(residuals, names, GAIN, FALSE_ALARMS, AlarmThresholds({}))
+        residuals.add_states(stamps, observed.residual, observed.external_torque, observed.valid)
+        found = calibrate_residuals(residuals, names, GAIN, FALSE_ALARMS, AlarmThresholds({}))
         which = {
             "all": found.thresholds,
             "joints alone": AlarmThresholds(found.joints),
@@ -366,7 +366,7 @@ def simulated(count, seconds, rng):
 HEAD = f"""# Alarms: total joint rates and momenta
 
 `make bench ARGS="--only alarms"`. Both observers at {GAIN:g} 1/s, calibrated by `diag_dynamics.calibrate` to
-{per_time(FALSE_ALARMS)} for all their detectors together, and judged by the same detector; `alone`: by some of the same
+{format_rate(FALSE_ALARMS)} for all their detectors together, and judged by the same detector; `alone`: by some of the same
 thresholds. Pushes of {PUSH:g} s, half a sine, at random links and in random directions; seen within {LATEST:g} s.
 *Held out*: alarms in parts of what calibrated, by thresholds from the other parts. *False*: alarms of motion without a
 push that no threshold is from. *Common*: delays of pushes that both observers see by the same detectors. A push that

@@ -68,13 +68,14 @@ _HOME = {
     "identify": "identification.identifying",
     "Observed": "recordings.observed",
     "observe": "recordings.observed",
-    "Calibration": "recordings.calibration",
+    "Calibration": "collision.calibration",
     "calibrate": "recordings.calibration",
 }
 _ROOMS = ("plot",)  # what is public as a module, with names of its own
 
 if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothing else of this module
     from diag_dynamics import plot as plot
+    from diag_dynamics.collision.calibration import Calibration as Calibration
     from diag_dynamics.collision.detector import AlarmDetector as AlarmDetector
     from diag_dynamics.collision.thresholds import AlarmThresholds as AlarmThresholds
     from diag_dynamics.contact import BodyRegion as BodyRegion
@@ -117,7 +118,6 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.model import load_mjcf as load_mjcf
     from diag_dynamics.model import load_robot as load_robot
     from diag_dynamics.model import load_urdf as load_urdf
-    from diag_dynamics.recordings.calibration import Calibration as Calibration
     from diag_dynamics.recordings.calibration import calibrate as calibrate
     from diag_dynamics.recordings.fleet.running import analyse_fleet as analyse_fleet
     from diag_dynamics.recordings.observed import Observed as Observed

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -61,3 +62,16 @@ def _yaml(what: str) -> Any:
         return import_module("yaml")
     except ImportError as error:
         raise InputError(f"{what} is YAML, and PyYAML is not installed: pip install pyyaml.") from error
+
+
+def as_yaml(value: Any) -> str:
+    """Return the value of a parameter as text of a parameter file."""
+    if isinstance(value, list):
+        return "[" + ", ".join(f'"{entry}"' if isinstance(entry, str) else as_yaml(entry) for entry in value) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float) and "e" in repr(value) and "." not in repr(value):
+        return repr(value).replace("e", ".0e")  # YAML 1.1 takes 1e-06 for text
+    if isinstance(value, str) and not re.fullmatch(r"[A-Za-z_]\w*", value):
+        return f'"{value}"'
+    return str(value)

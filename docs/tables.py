@@ -20,7 +20,7 @@ from diag_dynamics.entries import LARGEST  # noqa: E402
 from diag_dynamics.nodes.support.interfaces import INTERFACES, MANAGED, TITLES  # noqa: E402
 from diag_dynamics.nodes.support.names import NODES  # noqa: E402
 from diag_dynamics.parameters.controller import COMPENSATES, WHY_REQUIRED  # noqa: E402
-from diag_dynamics.parameters.spec import as_yaml  # noqa: E402
+from diag_dynamics.yaml_files import as_yaml  # noqa: E402
 
 COMMAND = "make docs-tables"
 

@@ -15,12 +15,13 @@ import numpy as np
 from diag_dynamics.cli import given
 from diag_dynamics.cli.interrupted import orderly
 from diag_dynamics.cli.robot_argument import parsed, robot_of
+from diag_dynamics.collision.calibration import format_rate
 from diag_dynamics.collision.thresholds import HOLD_OFF, RELEASE, STANDING
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS
-from diag_dynamics.recordings.calibration import calibrate, per_time
+from diag_dynamics.recordings.calibration import calibrate
 from diag_dynamics.recordings.summary import REJECTED
 from diag_dynamics.sweeps.spatial import LINEAR_X, LINEAR_Y, LINEAR_Z
 
@@ -125,9 +126,9 @@ def text_of(found, model, path, findings):
     return [
         f"{found.duration:.4g} s without contact, observer of gain {found.gain:g}/s "
         f"{'with' if found.friction else 'without'} friction of the model",
-        f"False alarms asked for: {per_time(found.asked)}, all detectors together; {how}",
-        f"Held out by parts: {found.held_out} alarms in {found.duration:.4g} s, {per_time(found.rate)} "
-        f"(95 %: {per_time(low)} to {per_time(high)}); on the recordings themselves {found.alarms}",
+        f"False alarms asked for: {format_rate(found.asked)}, all detectors together; {how}",
+        f"Held-out parts: {found.held_out} alarms in {found.duration:.4g} s, {format_rate(found.rate)} "
+        f"(95 %: {format_rate(low)} to {format_rate(high)}); on the recordings themselves {found.alarms}",
         "",
         "Thresholds",
         *(f"  {name:{width}}  {value:.4g} {'N' if name in slides else 'N m'}" for name, value in found.joints.items()),

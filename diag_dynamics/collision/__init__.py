@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Alarms on external torque: thresholds, the detector that judges by them, and how often it is wrong."""
+"""Collision detection: thresholds on external torque, the detector, its alarms, and their calibration."""

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The detector: alarms of what a disturbance observer says, joint by joint and by norms, live and over columns alike."""
+"""Detector of collisions in the residuals of a disturbance observer, of one state or of many."""
 
 from __future__ import annotations
 
@@ -15,24 +15,23 @@ from diag_dynamics.arrays import Array, Flags, VectorLike, Whole
 from diag_dynamics.checks import instance, number, vector
 from diag_dynamics.collision.thresholds import NORM, TORQUE, AlarmThresholds
 
-SECOND = 1_000_000_000
-"""In nanoseconds."""
+SECOND = 1_000_000_000  # [ns]
 
 
 class Judged(NamedTuple):
-    """What a detector says of states, a row for each.
+    """Results of a detector, a row for each state.
 
     Attributes
     ----------
     alarm : ndarray of bool, shape (T,)
         Whether an alarm is on.
     begins : ndarray of bool, shape (T,)
-        Whether one begins: not where a rise belongs to the alarm before, within the hold-off.
+        Whether an alarm begins. A rise within the hold-off belongs to the alarm before.
     joints : ndarray of bool, shape (T, nv)
-        Whether the detector of each joint is among those that keep it up.
+        Whether the detector of each joint is active.
     values : ndarray, shape (T, nv + 2)
-        What is compared with the thresholds: of each joint [N m, N], ‖m r‖ [N m], |r| [J^½/s]. Less what stands, if that is
-        less. 0 where there is no result.
+        Values that are compared with the thresholds: |m r| of each joint [N m, N], ‖m r‖ [N m], |r|
+        [J^½/s]; each min(|x|, |x − offset|). 0 where there is no result.
     """
 
     alarm: Flags
@@ -42,13 +41,14 @@ class Judged(NamedTuple):
 
 
 class AlarmDetector:
-    """Judges external torque joint by joint, by its norm ‖m r‖ and by |r|; an alarm is on while one of them is above.
+    """Detects collisions joint by joint, by ‖m r‖ and by |r|. An alarm is on while a detector is active.
 
-    A detector rises above its threshold, and is quiet again below `release` of it. A rise within `hold_off` after an alarm
-    belongs to that alarm. What has kept an alarm up for longer than `standing` is followed by an offset, in half of that
-    time; what a threshold is compared with is the smaller one of the value and of its distance from the offset. So an offset
-    never makes an alarm, a torque that stands does not hold one for ever, and a further push is seen. The offset follows back
-    at the same pace, and is forgotten where nothing is above its release threshold.
+    A detector becomes active above its threshold and releases below `release` of it. A rise within
+    `hold_off` after an alarm belongs to that alarm. After an alarm has been on for `standing`, an
+    offset follows m r and r with a time constant of `standing` / 2. The test statistic is
+    min(|x|, |x − offset|). So an offset raises no alarm, a standing torque does not hold one, and a
+    further push is detected. The offset follows a decreasing torque at the same pace. It is reset
+    where all torques are below their release thresholds.
 
     Parameters
     ----------
@@ -59,9 +59,9 @@ class AlarmDetector:
     Attributes
     ----------
     detectors : tuple of str
-        Names of the detectors: the joints, ``external_torque``, ``norm``.
+        The joints, ``external_torque``, ``norm``.
     limits : ndarray, shape (nv + 2,)
-        Their thresholds; inf where there is none.
+        Their thresholds; inf without one.
 
     Raises
     ------
@@ -74,38 +74,37 @@ class AlarmDetector:
         self._names = tuple(names)
         self.detectors = (*self._names, TORQUE, NORM)
         self.limits = thresholds.limits(self._names)
-        self._low = thresholds.release * self.limits
+        self._release = thresholds.release * self.limits
         self._hold_off = thresholds.hold_off * SECOND
         self._standing = thresholds.standing * SECOND
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything: alarms, and what stands."""
+        """Clear alarms and offset, as before the first state."""
         self._active: Flags = np.zeros(len(self.detectors), dtype=bool)
         self._offset: Array = np.zeros(2 * len(self._names))
-        self._at_rest = True  # nothing is active, and no offset stands
-        self._last = self._since = 0  # stamps: of the last state, of the beginning of the alarm
-        self._end: int | None = None  # of the last state of an alarm
+        self._at_rest = True  # no detector is active, and the offset is zero
+        self._last: int | None = None  # stamp of the last state
+        self._begin = 0  # stamp of the first state of the alarm
+        self._end: int | None = None  # stamp of the last state with an alarm
+
+    @property
+    def active(self) -> tuple[str, ...]:
+        """Names of the active detectors."""
+        return tuple(np.array(self.detectors)[self._active].tolist())
 
     def update(self, time: float, residual: VectorLike, external_torque: VectorLike) -> Judged:
-        """Judge one state, with a time [s], r and m r; returns a single row.
+        """Process one state: its time [s], r and m r; return a single row.
 
         Raises
         ------
         InputError
-            A vector is wrong, or the time not finite.
+            A vector is wrong, or the time is not finite.
         """
         stamp = np.array([round(number("time", time, "a finite number [s]") * SECOND)])
-        r, torque = (
-            vector(name, value, self._names)[None]
-            for name, value in (("residual", residual), ("external_torque", external_torque))
-        )
-        return self.judge(stamp, r, torque, np.ones(1, dtype=bool))
-
-    @property
-    def active(self) -> tuple[str, ...]:
-        """Names of the detectors that keep the alarm up, if one is on."""
-        return tuple(name for name, active in zip(self.detectors, self._active, strict=True) if active)
+        r = vector("residual", residual, self._names)
+        torque = vector("external_torque", external_torque, self._names)
+        return self.judge(stamp, r[None], torque[None], np.ones(1, dtype=bool))
 
     def judge(
         self,
@@ -113,112 +112,95 @@ class AlarmDetector:
         residual: Array,
         external_torque: Array,
         valid: Flags,
-        anew: Flags | None = None,
+        restarts: Flags | None = None,
         values: Array | None = None,
     ) -> Judged:
-        """Judge states, in order, going on from those before.
+        """Process states in order, after those of earlier calls.
 
         Parameters
         ----------
         stamps : ndarray of int64, shape (T,)
-            [ns]. Where they go back, all is forgotten.
+            [ns]. Where they go back, the detector is reset.
         residual, external_torque : ndarray, shape (T, nv)
+            r and m r.
         valid : ndarray of bool, shape (T,)
-            Whether there is a result; where there is none, nothing is judged, and no alarm is on.
-        anew : ndarray of bool, shape (T,), optional
-            States before which all is forgotten.
+            Whether the observer has a result. A state without one has no alarm and changes nothing.
+        restarts : ndarray of bool, shape (T,), optional
+            States before which the detector is reset.
         values : ndarray, shape (T, nv + 2), optional
-            What detectors look at, where a row stands for several states and these are the largest of them; becomes the
-            result's. Without `anew`.
+            Maxima of the detectors' values, where a row stands for several states.
         """
-        if anew is not None and anew.any():
-            return self._judge_parts(np.flatnonzero(anew), stamps, residual, external_torque, valid)
         x = np.concatenate([external_torque, residual], axis=1)
         x[~valid] = 0.0
-        if values is None:
-            values = _values(x)
+        values = detector_values(x) if values is None else values.copy()
+        elapsed = np.zeros(len(x), dtype=np.int64)
+        np.subtract(stamps[1:], stamps[:-1], out=elapsed[1:])
+        if len(x):
+            elapsed[0] = 0 if self._last is None else stamps[0] - self._last
+        restart = elapsed < 0 if restarts is None else (elapsed < 0) | restarts
         alarm, begins = np.zeros((2, len(x)), dtype=bool)
         joints = np.zeros((len(x), len(self._names)), dtype=bool)
-        hot = np.flatnonzero((values >= self._low).any(axis=1))  # elsewhere nothing can rise
+        candidates = np.flatnonzero(restart | (values >= self._release).any(axis=1))
         k = 0
-        while True:
-            if self._at_rest:
-                next_hot = int(np.searchsorted(hot, k))
-                if next_hot == len(hot):
+        while k < len(x):
+            if self._at_rest:  # only candidates change anything
+                following = int(np.searchsorted(candidates, k))
+                if following == len(candidates):
                     break
-                k = int(hot[next_hot])
-                if k:
-                    self._last = int(stamps[k - 1])
-            if k == len(x):
-                break
+                k = int(candidates[following])
+            if restart[k]:
+                self.reset()
             if valid[k]:
-                alarm[k], begins[k] = self._step(int(stamps[k]), x[k], values[k])
+                alarm[k], begins[k] = self._step(int(stamps[k]), int(elapsed[k]), x[k], values[k])
                 joints[k] = self._active[:-2]
-            self._last = int(stamps[k])
             k += 1
         if len(x):
             self._last = int(stamps[-1])
         return Judged(alarm, begins, joints, values)
 
-    def _judge_parts(self, cuts: Whole, *columns: Any) -> Judged:
-        parts = []
-        for k, part in enumerate(zip(*(np.split(column, cuts) for column in columns), strict=True)):
-            if k:
-                self.reset()
-            parts.append(self.judge(*part))
-        return Judged(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-    def _step(self, stamp: int, x: Array, values: Array) -> tuple[bool, bool]:
-        """Judge one state, whose values become those that thresholds are compared with: is an alarm on, and has it begun."""
-        passed = stamp - self._last
-        if passed < 0:
-            self.reset()
-        quiet = bool((values < self._low).all())
-        stands = bool(self._offset.any())
-        if stands:
-            np.minimum(values, _values((x - self._offset)[None])[0], out=values)
-        was = bool(self._active.any())
-        self._active = (values > self.limits) | (self._active & (values >= self._low))
+    def _step(self, stamp: int, elapsed: int, x: Array, values: Array) -> tuple[bool, bool]:
+        """Process one state and lower `values` by the offset; return whether an alarm is on and begins."""
+        released = bool((values < self._release).all())
+        standing = bool(self._offset.any())
+        if standing:
+            np.minimum(values, detector_values((x - self._offset)[None])[0], out=values)
+        was_on = bool(self._active.any())
+        self._active = (values > self.limits) | (self._active & (values >= self._release))
         on = bool(self._active.any())
-        begins = on and not was and (self._end is None or not 0 <= stamp - self._end <= self._hold_off)
+        held_off = self._end is not None and 0 <= stamp - self._end <= self._hold_off
+        begins = on and not was_on and not held_off
         if begins:
-            self._since = stamp
+            self._begin = stamp
         if on:
             self._end = stamp
-        if on and stamp - self._since > self._standing:
-            self._offset = self._offset + self._pace(passed) * (x - self._offset)
-        elif quiet:
+        if on and stamp - self._begin > self._standing:
+            self._move_offset(x, elapsed)
+        elif released:
             self._offset = np.zeros_like(x)
-        elif stands:
-            towards = np.where(x * self._offset > 0.0, np.sign(x) * np.minimum(np.abs(x), np.abs(self._offset)), 0.0)
-            self._offset = self._offset + self._pace(passed) * (towards - self._offset)
+        elif standing:
+            nearer = np.sign(x) * np.minimum(np.abs(x), np.abs(self._offset))
+            self._move_offset(np.where(x * self._offset > 0.0, nearer, 0.0), elapsed)
         self._at_rest = not on and not self._offset.any()
         return on, begins
 
-    def _pace(self, passed: int) -> float:
-        """Part of the way that an offset goes in a time [ns]."""
-        return -math.expm1(-2.0 * passed / self._standing)
+    def _move_offset(self, target: Array, elapsed: int) -> None:
+        pace = -math.expm1(-2.0 * elapsed / self._standing)
+        self._offset = self._offset + pace * (target - self._offset)
 
     def memory(self) -> list[Any]:
-        """What later results depend on; see `diag_dynamics.recordings.seams`."""
-        end = self._end if self._end is not None and self._last - self._end <= self._hold_off else None
-        return [self._active.copy(), self._offset.copy(), None if self._at_rest and end is None else self._since, end]
+        """Return what later results depend on, until recordings are analysed in one pass."""
+        last = self._last or 0
+        end = self._end if self._end is not None and last - self._end <= self._hold_off else None
+        return [self._active.copy(), self._offset.copy(), None if self._at_rest and end is None else self._begin, end]
 
 
-def detected(external_torque: Array, residual: Array) -> Array:
-    """What detectors look at, of rows of m r and r: |m r| of each joint, ‖m r‖, |r|."""
-    return _values(np.concatenate([external_torque, residual], axis=1))
+def detector_values(x: Array) -> Array:
+    """Return |m r| of each joint, ‖m r‖ and |r| of rows [m r, r].
 
-
-def _values(x: Array) -> Array:
-    """The same of rows that hold both. Squares are added column by column: the same bits come of one row and of many."""
+    The cumulative sum adds column by column, so one row has the same bits as many.
+    """
     n = x.shape[1] // 2
-    values = np.empty((len(x), n + 2))
-    np.abs(x[:, :n], out=values[:, :n])
-    square = x * x
-    for k, part in ((n, square[:, :n]), (n + 1, square[:, n:])):
-        total = np.zeros(len(x))
-        for column in part.T:
-            total = total + column
-        values[:, k] = np.sqrt(total)
-    return values
+    if not n:  # a robot without joints
+        return np.zeros((len(x), 2))
+    squares = np.cumsum((x * x).reshape(len(x), 2, n), axis=2)[:, :, -1]
+    return np.concatenate([np.abs(x[:, :n]), np.sqrt(squares)], axis=1)

@@ -1,137 +1,111 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How often something happens: Poisson's limits, and the level that peaks rise above at a wanted rate."""
+"""Rates of events: Poisson limits, and the level that a score exceeds at a given rate."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from diag_dynamics.arrays import Array, Whole
+from diag_dynamics.exceptions import InputError
 
-MOST_PEAKS, FEWEST_PEAKS = 50, 10
-APART = 4.0
-"""Time for each peak that the tail is fitted to [s]."""
-LEAST = 4
-"""Peaks without which no tail can be fitted."""
-CENSORED = 10
-"""One of so many peaks counts, but its height does not: the highest."""
+MIN_PEAKS, MAX_PEAKS = 10, 50  # to count alarms, or to fit the tail to
+PEAK_PERIOD = 4.0  # time for each peak of the tail [s]
+MIN_FITTED = 4
+CENSORED = 10  # one of so many peaks counts while its height is ignored: the highest
+BLOCK = 1_000_000_000  # [ns]
 
 COUNTED, TAIL, BLOCKS = "counted", "tail", "blocks"
-BLOCK = 1.0
-"""Length of a block [s]."""
 
 
 class Level(NamedTuple):
-    """Level that is risen above at a wanted rate."""
+    """Level of a score, the method that found it, and its number of peaks."""
 
     level: float
     method: str
-    """``counted``: that often within the data; ``tail``: further out, by the tail of the peaks of alarms; ``blocks``: by
-    that of the peaks of blocks of a second."""
     peaks: int
-    """How many peaks it is based on."""
-
-
-class Stretch(NamedTuple):
-    """Score without a gap that matters, at stamps [ns]."""
-
-    stamps: Whole
-    score: Array
 
 
 def poisson_interval(count: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Exact interval (Garwood, 1936) of the expected number of what was counted."""
-    rest = 0.5 * (1.0 - confidence)
-    low = 0.0 if count == 0 else _solved(lambda mean: 1.0 - _at_most(count - 1, mean) - rest, count)
-    return low, _solved(lambda mean: rest - _at_most(count, mean), count)
+    """Return the exact interval (Garwood, 1936) of the expected number of events after a count."""
+    try:
+        from scipy.special import gammaincinv  # half a quantile of χ²
+    except ImportError as error:
+        raise InputError("calibrate needs SciPy: pip install scipy.") from error
+    tail = 0.5 * (1.0 - confidence)
+    low = float(gammaincinv(count, tail)) if count else 0.0
+    return low, float(gammaincinv(count + 1, 1.0 - tail))
 
 
 def upper_limit(count: int, confidence: float = 0.95) -> float:
-    """Expected number that is not exceeded with this confidence."""
-    return _solved(lambda mean: 1.0 - confidence - _at_most(count, mean), count)
+    """Return the upper confidence limit of the expected number of events."""
+    return poisson_interval(count, 2.0 * confidence - 1.0)[1]
 
 
-def _at_most(count: int, mean: float) -> float:
-    """Probability of no more than a count."""
-    if mean <= 0.0:
-        return 1.0
-    return math.fsum(math.exp(k * math.log(mean) - mean - math.lgamma(k + 1)) for k in range(count + 1))
-
-
-def _solved(rising: Callable[[float], float], count: int) -> float:
-    """Where a rising function of the mean is zero."""
-    low, high = 0.0, 10.0 + 3.0 * count
-    for _ in range(100):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if rising(middle) > 0.0 else (middle, high)
-    return 0.5 * (low + high)
-
-
-def peaks_above(stretches: list[Stretch], level: float, release: float, hold_off: float) -> Array:
-    """Highest score of each alarm that a level makes, with the same release and hold-off [s] as the detector has."""
-    found = []
-    for stamps, score in stretches:
+def peaks_above(segments: list[tuple[Whole, Array]], level: float, release: float, hold_off: float) -> Array:
+    """Return the highest score of each alarm above a level, with release and hold-off [s] of the detector."""
+    found = [np.empty(0)]
+    for stamps, score in segments:
         above = np.flatnonzero(score > level)
         if not len(above):
             continue
-        edges = np.diff((score >= release * level).astype(np.int8), prepend=np.int8(0), append=np.int8(0))
-        starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+        held = np.diff((score >= release * level).astype(np.int8), prepend=np.int8(0), append=np.int8(0))
+        starts, ends = np.flatnonzero(held == 1), np.flatnonzero(held == -1)
         runs, first = np.unique(np.searchsorted(starts, above, side="right") - 1, return_index=True)
         pause = stamps[above[first[1:]]] - stamps[ends[runs[:-1]] - 1]
-        begins = above[first[np.concatenate([[True], pause > 1e9 * hold_off])]]
+        begins = above[first[np.append(True, pause > 1e9 * hold_off)]]
         found.append(np.maximum.reduceat(score, begins))
-    return np.concatenate(found) if found else np.empty(0)
+    return np.concatenate(found)
 
 
-def block_peaks(stamps: Whole, values: Array) -> Array:
-    """Highest value, or highest of each column, of every block of a second; stamps in ns."""
-    blocks = (stamps - stamps[0]) // int(1e9 * BLOCK)
-    return np.maximum.reduceat(values, np.flatnonzero(np.diff(blocks, prepend=-1)))
+def block_maxima(segments: list[tuple[Whole, Array]]) -> Array:
+    """Return the maximum, or that of each column, in blocks of a second."""
+    found = []
+    for stamps, values in segments:
+        blocks = (stamps - stamps[0]) // BLOCK
+        found.append(np.maximum.reduceat(values, np.flatnonzero(np.diff(blocks, prepend=-1))))
+    return np.concatenate(found)
 
 
-def level_of(stretches: list[Stretch], duration: float, rate: float, release: float, hold_off: float) -> Level | None:
-    """Level above which the score rises at a rate [1/s]; None where there are too few peaks to say.
+def find_level(
+    segments: list[tuple[Whole, Array]], duration: float, rate: float, release: float, hold_off: float
+) -> Level | None:
+    """Return the level that a score exceeds at a rate [1/s], None of too few peaks; see docs/alarms.md.
 
-    Where the data hold that many alarms, they are counted. Further out the tail of the peaks is taken for exponential: of m
-    peaks above u, with the sum S of their heights above it, c = u + S[(m / (rate duration))^(1/d) − 1]. That is the
-    predictive level: what d peaks leave unknown of the tail raises it. The highest peaks, one of ten, are taken for at least
-    as high as the next one: one jerk is one alarm, however hard it was. d is how many are left.
-
-    Residuals so slow that alarms run into one another have few peaks: those of blocks of a second take their place, from
-    their median on. There are more of them than alarms, which makes the level higher.
+    It is counted in long data, else extrapolated from the peaks of alarms, or from the maxima of
+    single seconds where alarms run into one another.
     """
-    everything = np.concatenate([score for _, score in stretches])
-    grid = np.unique(np.quantile(everything, 1.0 - np.geomspace(0.5, 1.0 / len(everything), 80)))[::-1]
+    scores = np.concatenate([score for _, score in segments])
+    grid = np.unique(np.quantile(scores, 1.0 - np.geomspace(0.5, 1.0 / len(scores), 80)))[::-1]
     expected = rate * duration
-    wanted = int(np.clip(duration / APART, FEWEST_PEAKS, MOST_PEAKS))
-    best: tuple[float, Array] = math.inf, np.empty(0)
-    lowest = None
+    wanted = int(np.clip(duration / PEAK_PERIOD, MIN_PEAKS, MAX_PEAKS))
+    before, best, peaks = float(grid[0]), -math.inf, np.empty(0)
     for level in grid.tolist():
-        peaks = peaks_above(stretches, level, release, hold_off)
-        if expected >= wanted:
-            if len(peaks) > expected:
-                return Level(lowest or level, COUNTED, int(expected))
-            lowest = level
-            continue
-        if len(peaks) > len(best[1]):
-            best = level, peaks
-        if len(peaks) >= wanted:
+        found = peaks_above(segments, level, release, hold_off)
+        if expected >= wanted and len(found) > expected:
+            return Level(before, COUNTED, int(expected))
+        if len(found) > len(peaks):
+            best, peaks = level, found
+        if expected < wanted <= len(peaks):
             break
+        before = level
     if expected >= wanted:
-        return Level(grid[-1], COUNTED, len(peaks))
-    level, peaks = best
-    method = TAIL
-    if len(peaks) < FEWEST_PEAKS:
-        highest = np.concatenate([block_peaks(stamps, score) for stamps, score in stretches])
-        level, method = float(np.median(highest)), BLOCKS
-        peaks = highest[highest > level]
+        return Level(before, COUNTED, len(found))
+    if len(peaks) >= MIN_PEAKS:
+        return _extrapolated(best, peaks, expected, TAIL)
+    maxima = block_maxima(segments)
+    median = float(np.median(maxima))
+    return _extrapolated(median, maxima[maxima > median], expected, BLOCKS)
+
+
+def _extrapolated(level: float, peaks: Array, expected: float, method: str) -> Level | None:
+    """Return the predictive level of an exponential tail: u + S[(m / expected)^(1/d) − 1]."""
     m = len(peaks)
-    if m < LEAST:
+    if m < MIN_FITTED:
         return None
     heights = np.sort(peaks - level)
     censored = max(1, m // CENSORED)

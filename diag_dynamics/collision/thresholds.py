@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Thresholds of alarms: of each joint, of two norms, and how an alarm ends."""
+"""Thresholds of collision detection: of each joint and of two norms, with hysteresis and hold-off."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from diag_dynamics.entries import ALL, by_name
 RELEASE, HOLD_OFF, STANDING = 0.7, 0.5, 2.0
 
 TORQUE, NORM = "external_torque", "norm"
-"""Names of the two detectors that are no joint's: of ‖m r‖, and of |r|."""
+"""Names of the detectors of ‖m r‖ and of |r|; the others have the names of joints."""
 
 
 @dataclass(frozen=True)
 class AlarmThresholds:
-    """What a :class:`~diag_dynamics.AlarmDetector` judges by. What is inf is not judged.
+    """Thresholds of an :class:`~diag_dynamics.AlarmDetector`. A threshold of inf switches its detector off.
 
     Parameters
     ----------
     joints : mapping
-        |m r| of each joint by name [N m, N], ``*`` for all others; what is not in it is not judged.
+        |m r| by joint [N m, N], ``*`` for all other joints. A joint that is missing has none.
     external_torque : float
         ‖m r‖ of all joints [N m].
     norm : float
         |r| [J^½/s].
     release : float
-        Part of its threshold below which a detector is quiet again.
+        Fraction of its threshold below which a detector releases.
     hold_off : float
-        Time after an alarm within which a further rise belongs to it [s].
+        Time after an alarm within which another rise belongs to it [s].
     standing : float
-        Time after which what keeps an alarm up is taken for an offset that stands, see docs/alarms.md [s]; inf: never.
+        Age of an alarm from which an offset follows the torque [s]; inf: never. See docs/alarms.md.
 
     Raises
     ------
@@ -55,15 +55,15 @@ class AlarmThresholds:
 
     def __post_init__(self) -> None:
         for name, value in mapping("joints", self.joints).items():
-            _threshold(f"threshold of joint '{name}'", value, "[N m]")
-        _threshold(TORQUE, self.external_torque, "[N m]")
-        _threshold(NORM, self.norm, "[J^½/s]")
-        number("release", self.release, "a part of the threshold, > 0 and <= 1", lambda x: 0.0 < x <= 1.0)
+            _check_positive(f"threshold of joint '{name}'", value, "[N m]")
+        _check_positive(TORQUE, self.external_torque, "[N m]")
+        _check_positive(NORM, self.norm, "[J^½/s]")
+        number("release", self.release, "a fraction > 0 and <= 1", lambda x: 0.0 < x <= 1.0)
         not_negative("hold_off", self.hold_off, "[s]")
-        _threshold("standing", self.standing, "[s]")
+        _check_positive("standing", self.standing, "[s]")
 
     def limits(self, names: Sequence[str]) -> Array:
-        """Threshold of each detector: of these joints, of ‖m r‖, of |r|; inf where there is none.
+        """Return the thresholds of these joints, of ‖m r‖ and of |r|; inf without one.
 
         Raises
         ------
@@ -71,9 +71,10 @@ class AlarmThresholds:
             There is a threshold of another joint.
         """
         joints = by_name("alarm.joints", self.joints, (*names, ALL))
-        return np.array([*(joints.get(name, math.inf) for name in names), self.external_torque, self.norm])
+        of_joints = (joints.get(name, math.inf) for name in names)
+        return np.array([*of_joints, self.external_torque, self.norm])
 
 
-def _threshold(name: str, value: float, unit: str) -> None:
+def _check_positive(name: str, value: float, unit: str) -> None:
     if value != math.inf:
         positive(name, value, unit)

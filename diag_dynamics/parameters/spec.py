@@ -4,7 +4,6 @@
 """Spec of a parameter: default, description, range, when it may change; and the check of a value."""
 
 import math
-import re
 from typing import Any, NamedTuple
 
 from diag_dynamics.entries import LARGEST
@@ -24,19 +23,6 @@ class Spec(NamedTuple):
     choices: tuple = ()
     while_unconfigured: bool = False
     """Whether a managed node takes another value only before it is configured."""
-
-
-def as_yaml(value):
-    """Value of a parameter as a parameter file has it."""
-    if isinstance(value, list):
-        return "[" + ", ".join(f'"{entry}"' if isinstance(entry, str) else as_yaml(entry) for entry in value) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float) and "e" in repr(value) and "." not in repr(value):
-        return repr(value).replace("e", ".0e")  # YAML 1.1 takes 1e-06 for text
-    if isinstance(value, str) and not re.fullmatch(r"[A-Za-z_]\w*", value):
-        return f'"{value}"'
-    return str(value)
 
 
 def wrong(name, value, specs):

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from diag_dynamics.arrays import Array
+from diag_dynamics.collision.calibration import Calibration
 from diag_dynamics.collision.thresholds import AlarmThresholds
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.entries import ALL
@@ -18,7 +19,6 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.single_joints import sliding_dofs
 from diag_dynamics.plot.drawing import COLOURS, GREY, check_named, envelope, name, pyplot, tidy
-from diag_dynamics.recordings.calibration import Calibration
 from diag_dynamics.recordings.observed import Observed, observe
 from diag_dynamics.recordings.recording import Recording
 

@@ -19,6 +19,7 @@ from geometry_msgs.msg import Inertia, Vector3
 
 import diag_dynamics as dd
 from diag_dynamics.assembly.assembler import RobotState
+from diag_dynamics.collision.calibration import Calibration
 from diag_dynamics.collision.detector import AlarmDetector
 from diag_dynamics.collision.thresholds import AlarmThresholds
 from diag_dynamics.nodes.monitor.collision_log import CollisionLog
@@ -26,7 +27,6 @@ from diag_dynamics.nodes.monitor.contact_watch import ContactWatch, prepared
 from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN
 from diag_dynamics.parameters.monitor import PARAMETERS, Observation, Settings
-from diag_dynamics.recordings.calibration import Calibration
 from floating import FloatingMonitor
 from nodes import BELIEVING, MS, PANDA, Monitor, S, joint_state, nanoseconds, robot
 from pushed import GAIN, STEP, TORQUE, Motion, feed, subscribed
@@ -466,7 +466,8 @@ def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
     """A node takes it by --params-file: gain, friction, and every threshold."""
     joints = {name: 20.0 + k for k, name in enumerate(panda.names)}
     thresholds = AlarmThresholds(joints, 31.5, 4.25, 0.6, 0.3, 1.5)
-    Calibration(thresholds, GAIN, True, 1 / 60, 300.0, 4, 5, "tail", 50, ("a warning",)).save(tmp_path / "alarms.yaml")
+    found = 300.0, 4, 5, "tail", 50
+    Calibration(GAIN, True, 1 / 60, *found, **vars(thresholds), warnings=("a warning",)).save(tmp_path / "alarms.yaml")
     arguments = "--params-file", str(tmp_path / "alarms.yaml")
     with Monitor(peer, "/calibrated", *arguments, robot_description=panda.path) as monitor:
         names = [name for name in PARAMETERS if name.startswith(("alarm.", "external"))]

@@ -66,7 +66,7 @@ def imported_packages(source):
 def test_package_xml_declares_what_is_imported():
     package = ET.parse(ROOT / "package.xml").getroot()
     declared = {element.text for element in package if element.tag.endswith("depend")}
-    keys = {name: f"python3-{name}" for name in ("numba", "numpy", "lxml", "rich", "matplotlib", "yaml")}
+    keys = {name: f"python3-{name}" for name in ("numba", "numpy", "lxml", "rich", "matplotlib", "scipy", "yaml")}
     keys |= {"yourdfpy": "python3-yourdfpy-pip", "llvmlite": keys["numba"]}
     packages = set().union(*map(imported_packages, SOURCES.values())) - sys.stdlib_module_names - {"diag_dynamics"}
     assert len(packages) > 15

@@ -117,7 +117,7 @@ class TorqueWatch:
         if self._detector:
             limits = self._detector.limits[: len(limits)]
             self.log.accept_state(
-                stamp, seen.collision, torque, limits, lambda: self.log.of_joints(torque, limits, self.alarm.told())
+                stamp, seen.collision, torque, limits, lambda: self.log.of_joints(torque, limits, self.alarm.describe())
             )
         else:
             threshold = self.observation.threshold
@@ -133,9 +133,9 @@ class TorqueWatch:
         judged = self._detector.judge(stamps, r[None], torque[None], np.array([seen.valid]))
         self._joints = judged.joints[0]
         if judged.alarm[0]:
-            self._alarms.take(stamps, np.array([seen.norm]), judged)
-            self.alarm = self._alarms.latest()
-            self._cause = self.alarm.told()
+            self._alarms.add_states(stamps, np.array([seen.norm]), judged)
+            self.alarm = self._alarms.found[-1]
+            self._cause = self.alarm.describe()
             self._above |= bool((judged.values[0] > self._detector.limits).any())
         return seen._replace(collision=bool(judged.alarm[0])), bool(judged.begins[0])
 

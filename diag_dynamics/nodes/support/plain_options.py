@@ -10,7 +10,7 @@ import yaml
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.names import nearest
-from diag_dynamics.parameters.spec import as_yaml
+from diag_dynamics.yaml_files import as_yaml
 
 OWN = {"name": "__node", "namespace": "__ns"}
 """Options that are remappings of the node itself."""

@@ -7,7 +7,7 @@ import argparse
 from textwrap import fill
 
 from diag_dynamics.nodes.support.interfaces import INTERFACES, TITLES
-from diag_dynamics.parameters.spec import as_yaml
+from diag_dynamics.yaml_files import as_yaml
 
 
 def parser_of(executable, description, specs, required=None):

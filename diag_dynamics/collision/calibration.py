@@ -1,0 +1,238 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Thresholds from residuals without contact, and how far they can be trusted."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from diag_dynamics.checks import positive
+from diag_dynamics.collision.detector import AlarmDetector, Judged
+from diag_dynamics.collision.residuals import Residuals, Rows
+from diag_dynamics.collision.tail import BLOCKS, Level, block_maxima, find_level, poisson_interval, upper_limit
+from diag_dynamics.collision.thresholds import AlarmThresholds
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.yaml_files import as_yaml
+
+FOLDS = 5
+SPREAD = 0.9  # fraction of the seconds whose maxima are within a detector's spread
+MAX_ALARM_TIME = 0.05  # fraction of the held-out time
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Thresholds of a detector, and how far they can be trusted; see docs/alarms.md.
+
+    Attributes
+    ----------
+    gain : float
+        Of the observer [1/s].
+    friction : bool
+        Whether the observer subtracts the friction of the model.
+    asked : float
+        Requested rate of false alarms, of all detectors together [1/s].
+    duration : float
+        Time with a result of the observer, in all recordings [s].
+    alarms : int
+        Alarms of these thresholds in the same recordings.
+    held_out : int
+        Alarms in each fifth of the recordings by thresholds from the other four.
+    method : str
+        ``counted``: the recordings hold enough alarms; ``tail``: extrapolated from the peaks of alarms;
+        ``blocks``: from the maxima of single seconds.
+    peaks : int
+        Number of peaks that the thresholds are based on.
+    joints, external_torque, norm, release, hold_off, standing
+        As of :class:`AlarmThresholds`; `thresholds` are all of them.
+    warnings : tuple of str
+        Why the thresholds may be wrong.
+    """
+
+    gain: float
+    friction: bool
+    asked: float
+    duration: float
+    alarms: int
+    held_out: int
+    method: str
+    peaks: int
+    joints: Mapping[str, float]
+    external_torque: float
+    norm: float
+    release: float
+    hold_off: float
+    standing: float
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def thresholds(self) -> AlarmThresholds:
+        """Thresholds for an :class:`AlarmDetector`."""
+        return AlarmThresholds(**{field.name: getattr(self, field.name) for field in fields(AlarmThresholds)})
+
+    @property
+    def rate(self) -> float:
+        """Rate of false alarms in held-out parts [1/s]."""
+        return self.held_out / self.duration
+
+    @property
+    def rate_interval(self) -> tuple[float, float]:
+        """Confidence interval of that rate, 95 % [1/s]."""
+        low, high = poisson_interval(self.held_out)
+        return low / self.duration, high / self.duration
+
+    @property
+    def vouched(self) -> float:
+        """Lowest rate that this duration can demonstrate: 95 % limit at zero alarms [1/s]."""
+        return upper_limit(0) / self.duration
+
+    def save(self, path: str | os.PathLike[str], notes: Sequence[str] = ()) -> None:
+        """Write a parameter file of the monitor.
+
+        Parameters
+        ----------
+        path : str or Path
+        notes : sequence of str
+            Further lines of comment at its head.
+
+        Raises
+        ------
+        InputError
+            It cannot be written.
+        """
+        low, high = map(format_rate, self.rate_interval)
+        head = [
+            f"Alarms on external torque: calibrated to {format_rate(self.asked)}, all detectors together.",
+            f"Held-out parts: {self.held_out} alarms in {self.duration:.4g} s, {format_rate(self.rate)} "
+            f"(95 %: {low} to {high}).",
+            *self.warnings,
+            *notes,
+        ]
+        standing = 0.0 if self.standing == math.inf else float(self.standing)
+        lines = [
+            *(f"# {' '.join(note.split())}" for note in head),
+            "/**:",
+            "  ros__parameters:",
+            "    external_torque:",
+            f"      gain: {as_yaml(float(self.gain))}  # 1/s",
+            f"      friction: {as_yaml(self.friction)}",
+            "    alarm:",
+            "      joints:  # |m r| [N m, prismatic: N]",
+            *(f'        - "{name}={_rounded_up(value)}"' for name, value in self.joints.items()),
+            f"      external_torque: {_rounded_up(self.external_torque)}  # norm of m r [N m]",
+            f"      norm: {_rounded_up(self.norm)}  # |r| [J^0.5/s]",
+            f"      release: {as_yaml(float(self.release))}",
+            f"      hold_off: {as_yaml(float(self.hold_off))}  # s",
+            f"      standing: {as_yaml(standing)}  # s",
+        ]
+        try:
+            Path(path).expanduser().write_text("\n".join([*lines, ""]), encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"'{os.fspath(path)}' cannot be written: {error.strerror}.") from error
+
+
+def _rounded_up(value: float) -> str:
+    """Return four digits, never below the value."""
+    digits = 3 - math.floor(math.log10(value))
+    return as_yaml(float(f"{math.ceil(value * 10.0**digits * (1.0 - 1e-12)) / 10.0**digits:.12g}"))
+
+
+def format_rate(rate: float) -> str:
+    """Return a rate [1/s] such as ``3/min``."""
+    if rate >= 1.0:
+        return f"{rate:.3g}/s"
+    if rate == 0.0 or rate * 60.0 >= 0.1:
+        return f"{rate * 60.0:.3g}/min"
+    return f"{rate * 3600.0:.3g}/h"
+
+
+def calibrate_residuals(
+    residuals: Residuals,
+    names: Sequence[str],
+    gain: float,
+    false_alarms: float,
+    template: AlarmThresholds,
+    *,
+    friction: bool = False,
+    warnings: Sequence[str] = (),
+) -> Calibration:
+    """Return the Calibration of residuals, with release, hold-off and `standing` of a template.
+
+    See :func:`diag_dynamics.calibrate`.
+    """
+    rate = positive("false_alarms", false_alarms, "[1/s]")
+    rows = residuals.rows()
+    time = rows.time
+    if not len(time):
+        raise InputError("there is no external torque: efforts are missing, or states are too far apart.")
+    duration = float(time[-1])
+    thresholds, level = _fit(rows, names, rate, template)
+    if level is None:
+        raise InputError(
+            f"the residuals are too short for any threshold: {duration:.3g} s with fewer than four separate peaks. "
+            "Record a longer motion."
+        )
+    held_out, alarm_time, unfit = 0, 0.0, 0
+    for low, high in pairwise(np.append(np.linspace(0.0, duration, FOLDS + 1)[:-1], math.inf)):
+        inside = (time >= low) & (time < high)
+        part, rest = rows.select(inside), rows._replace(segment=2 * rows.segment + (time >= high)).select(~inside)
+        if not len(part.stamps) or not len(rest.stamps):
+            continue
+        others, found = _fit(rest, names, rate, template)
+        if found is None:
+            unfit += 1
+            continue
+        judged = _detect(part, names, others)
+        held_out += int(judged.begins.sum())
+        alarm_time += float(judged.alarm.mean() * part.time[-1])
+    alarms = int(_detect(rows, names, thresholds).begins.sum())
+    trust = gain, friction, rate, duration, alarms, held_out, level.method, level.peaks
+    result = Calibration(*trust, **vars(thresholds))
+    return replace(result, warnings=(*warnings, *_warnings(result, alarm_time / duration, unfit)))
+
+
+def _fit(
+    rows: Rows, names: Sequence[str], rate: float, template: AlarmThresholds
+) -> tuple[AlarmThresholds, Level | None]:
+    """Return thresholds, a factor times the spread of each detector, and the level that is the factor."""
+    values = rows.values
+    spread = np.quantile(block_maxima(rows.split(values)), SPREAD, axis=0, method="lower")
+    spread[spread <= 1e-9 * spread.max()] = math.inf  # a joint without residuals gets no threshold
+    scores = rows.split((values / spread).max(axis=1))
+    level = find_level(scores, float(rows.time[-1]), rate, template.release, template.hold_off)
+    limits = spread * level.level if level else spread
+    joints = {name: float(limit) for name, limit in zip(names, limits, strict=False) if math.isfinite(limit)}
+    return replace(template, joints=joints, external_torque=float(limits[-2]), norm=float(limits[-1])), level
+
+
+def _detect(rows: Rows, names: Sequence[str], thresholds: AlarmThresholds) -> Judged:
+    n, valid = len(names), np.ones(len(rows.stamps), dtype=bool)
+    detector = AlarmDetector(names, thresholds)
+    return detector.judge(rows.stamps, rows.x[:, n:], rows.x[:, :n], valid, rows.starts, rows.values)
+
+
+def _warnings(result: Calibration, alarm_time: float, unfit: int) -> list[str]:
+    """Return why the thresholds may be wrong."""
+    warnings, asked = [], format_rate(result.asked)
+    if result.vouched > result.asked:
+        warnings.append(
+            f"too short for {asked}: {result.duration:.4g} s can demonstrate {format_rate(result.vouched)} at best; "
+            f"record {upper_limit(0) / result.asked:.3g} s without an alarm"
+        )
+    if result.method == BLOCKS:
+        warnings.append(f"alarms run into one another: thresholds are from {result.peaks} maxima of single seconds")
+    if result.rate_interval[0] > result.asked or alarm_time > MAX_ALARM_TIME:
+        warnings.append(
+            f"parts are unlike one another: thresholds from the others have {result.held_out} alarms, "
+            f"{format_rate(result.rate)}, on for {alarm_time:.0%} of the time"
+        )
+    if unfit:
+        warnings.append(f"{unfit} of {FOLDS} parts could not be held out: the rest is too short")
+    return warnings
