@@ -17,7 +17,7 @@ import numpy as np
 from diag_dynamics.checks import positive
 from diag_dynamics.collision.detector import AlarmDetector, Judged
 from diag_dynamics.collision.residuals import Residuals, Rows
-from diag_dynamics.collision.tail import BLOCKS, Level, block_maxima, find_level, poisson_interval, upper_limit
+from diag_dynamics.collision.tail import BLOCKS, Level, block_maxima, find_level, poisson_interval
 from diag_dynamics.collision.thresholds import AlarmThresholds
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.yaml_files import as_yaml
@@ -25,6 +25,7 @@ from diag_dynamics.yaml_files import as_yaml
 FOLDS = 5
 SPREAD = 0.9  # fraction of the seconds whose maxima are within a detector's spread
 MAX_ALARM_TIME = 0.05  # fraction of the held-out time
+UNSEEN = -math.log(0.05)  # expected number of alarms that are none with a probability of 5 %
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,8 @@ class Calibration:
     held_out : int
         Alarms in each fifth of the recordings by thresholds from the other four.
     method : str
-        ``counted``: the recordings hold enough alarms; ``tail``: extrapolated from the peaks of alarms;
-        ``blocks``: from the maxima of single seconds.
+        ``counted``: the recordings hold enough alarms; ``tail``: extrapolated from the peaks of
+        alarms; ``blocks``: from the maxima of single seconds.
     peaks : int
         Number of peaks that the thresholds are based on.
     joints, external_torque, norm, release, hold_off, standing
@@ -75,7 +76,8 @@ class Calibration:
     @property
     def thresholds(self) -> AlarmThresholds:
         """Thresholds for an :class:`AlarmDetector`."""
-        return AlarmThresholds(**{field.name: getattr(self, field.name) for field in fields(AlarmThresholds)})
+        names = (field.name for field in fields(AlarmThresholds))
+        return AlarmThresholds(**{name: getattr(self, name) for name in names})
 
     @property
     def rate(self) -> float:
@@ -91,7 +93,7 @@ class Calibration:
     @property
     def vouched(self) -> float:
         """Lowest rate that this duration can demonstrate: 95 % limit at zero alarms [1/s]."""
-        return upper_limit(0) / self.duration
+        return UNSEEN / self.duration
 
     def save(self, path: str | os.PathLike[str], notes: Sequence[str] = ()) -> None:
         """Write a parameter file of the monitor.
@@ -109,9 +111,9 @@ class Calibration:
         """
         low, high = map(format_rate, self.rate_interval)
         head = [
-            f"Alarms on external torque: calibrated to {format_rate(self.asked)}, all detectors together.",
-            f"Held-out parts: {self.held_out} alarms in {self.duration:.4g} s, {format_rate(self.rate)} "
-            f"(95 %: {low} to {high}).",
+            f"Calibrated to {format_rate(self.asked)} false alarms, all detectors together.",
+            f"Held-out parts: {self.held_out} alarms in {self.duration:.4g} s, "
+            f"{format_rate(self.rate)} (95 %: {low} to {high}).",
             *self.warnings,
             *notes,
         ]
@@ -159,7 +161,6 @@ def calibrate_residuals(
     gain: float,
     false_alarms: float,
     template: AlarmThresholds,
-    *,
     friction: bool = False,
     warnings: Sequence[str] = (),
 ) -> Calibration:
@@ -171,18 +172,18 @@ def calibrate_residuals(
     rows = residuals.rows()
     time = rows.time
     if not len(time):
-        raise InputError("there is no external torque: efforts are missing, or states are too far apart.")
+        raise InputError("there is no external torque: no efforts, or states too far apart.")
     duration = float(time[-1])
     thresholds, level = _fit(rows, names, rate, template)
     if level is None:
         raise InputError(
-            f"the residuals are too short for any threshold: {duration:.3g} s with fewer than four separate peaks. "
-            "Record a longer motion."
+            f"the residuals are too short for any threshold: {duration:.3g} s with fewer than four "
+            "separate peaks. Record a longer motion."
         )
     held_out, alarm_time, unfit = 0, 0.0, 0
     for low, high in pairwise(np.append(np.linspace(0.0, duration, FOLDS + 1)[:-1], math.inf)):
         inside = (time >= low) & (time < high)
-        part, rest = rows.select(inside), rows._replace(segment=2 * rows.segment + (time >= high)).select(~inside)
+        part, rest = rows.select(inside), rows.cut(time >= high).select(~inside)
         if not len(part.stamps) or not len(rest.stamps):
             continue
         others, found = _fit(rest, names, rate, template)
@@ -201,36 +202,37 @@ def calibrate_residuals(
 def _fit(
     rows: Rows, names: Sequence[str], rate: float, template: AlarmThresholds
 ) -> tuple[AlarmThresholds, Level | None]:
-    """Return thresholds, a factor times the spread of each detector, and the level that is the factor."""
+    """Return thresholds, and the level that is their factor upon the spread of each detector."""
     values = rows.values
     spread = np.quantile(block_maxima(rows.split(values)), SPREAD, axis=0, method="lower")
     spread[spread <= 1e-9 * spread.max()] = math.inf  # a joint without residuals gets no threshold
     scores = rows.split((values / spread).max(axis=1))
     level = find_level(scores, float(rows.time[-1]), rate, template.release, template.hold_off)
     limits = spread * level.level if level else spread
-    joints = {name: float(limit) for name, limit in zip(names, limits, strict=False) if math.isfinite(limit)}
-    return replace(template, joints=joints, external_torque=float(limits[-2]), norm=float(limits[-1])), level
+    *joints, torque, norm = limits.tolist()
+    finite = {name: limit for name, limit in zip(names, joints, strict=True) if limit < math.inf}
+    return replace(template, joints=finite, external_torque=torque, norm=norm), level
 
 
 def _detect(rows: Rows, names: Sequence[str], thresholds: AlarmThresholds) -> Judged:
-    n, valid = len(names), np.ones(len(rows.stamps), dtype=bool)
-    detector = AlarmDetector(names, thresholds)
-    return detector.judge(rows.stamps, rows.x[:, n:], rows.x[:, :n], valid, rows.starts, rows.values)
+    torque, r = np.split(rows.x, 2, axis=1)
+    valid, detector = np.ones(len(r), dtype=bool), AlarmDetector(names, thresholds)
+    return detector.judge(rows.stamps, r, torque, valid, rows.starts, rows.values)
 
 
 def _warnings(result: Calibration, alarm_time: float, unfit: int) -> list[str]:
     """Return why the thresholds may be wrong."""
-    warnings, asked = [], format_rate(result.asked)
+    warnings = []
     if result.vouched > result.asked:
         warnings.append(
-            f"too short for {asked}: {result.duration:.4g} s can demonstrate {format_rate(result.vouched)} at best; "
-            f"record {upper_limit(0) / result.asked:.3g} s without an alarm"
+            f"too short for {format_rate(result.asked)}: {result.duration:.4g} s can demonstrate at best "
+            f"{format_rate(result.vouched)}; record {UNSEEN / result.asked:.3g} s without an alarm"
         )
     if result.method == BLOCKS:
-        warnings.append(f"alarms run into one another: thresholds are from {result.peaks} maxima of single seconds")
+        warnings.append(f"alarms run into one another: {result.peaks} maxima of single seconds are used")
     if result.rate_interval[0] > result.asked or alarm_time > MAX_ALARM_TIME:
         warnings.append(
-            f"parts are unlike one another: thresholds from the others have {result.held_out} alarms, "
+            f"parts are unlike one another: {result.held_out} alarms by thresholds from the others, "
             f"{format_rate(result.rate)}, on for {alarm_time:.0%} of the time"
         )
     if unfit:

@@ -23,15 +23,13 @@ class Judged(NamedTuple):
 
     Attributes
     ----------
-    alarm : ndarray of bool, shape (T,)
-        Whether an alarm is on.
-    begins : ndarray of bool, shape (T,)
-        Whether an alarm begins. A rise within the hold-off belongs to the alarm before.
+    alarm, begins : ndarray of bool, shape (T,)
+        Whether an alarm is on, and whether it begins.
     joints : ndarray of bool, shape (T, nv)
         Whether the detector of each joint is active.
     values : ndarray, shape (T, nv + 2)
-        Values that are compared with the thresholds: |m r| of each joint [N m, N], ‖m r‖ [N m], |r|
-        [J^½/s]; each min(|x|, |x − offset|). 0 where there is no result.
+        |m r| of each joint [N m, N], ‖m r‖, |r| [J^½/s] as compared with the thresholds; 0 without
+        a result.
     """
 
     alarm: Flags
@@ -41,14 +39,14 @@ class Judged(NamedTuple):
 
 
 class AlarmDetector:
-    """Detects collisions joint by joint, by ‖m r‖ and by |r|. An alarm is on while a detector is active.
+    """Detects collisions joint by joint, by ‖m r‖ and by |r|; an alarm is on while one is active.
 
     A detector becomes active above its threshold and releases below `release` of it. A rise within
-    `hold_off` after an alarm belongs to that alarm. After an alarm has been on for `standing`, an
-    offset follows m r and r with a time constant of `standing` / 2. The test statistic is
-    min(|x|, |x − offset|). So an offset raises no alarm, a standing torque does not hold one, and a
-    further push is detected. The offset follows a decreasing torque at the same pace. It is reset
-    where all torques are below their release thresholds.
+    `hold_off` after an alarm belongs to that alarm. Once an alarm has been on for `standing`, an
+    offset follows m r and r with a time constant of `standing` / 2, and so it follows decreasing
+    torques afterwards. The test statistic is min(|x|, |x − offset|): an offset raises no alarm, a
+    standing torque does not hold one, a further push is detected. The offset is reset where all
+    torques are below their release thresholds.
 
     Parameters
     ----------
@@ -75,8 +73,7 @@ class AlarmDetector:
         self.detectors = (*self._names, TORQUE, NORM)
         self.limits = thresholds.limits(self._names)
         self._release = thresholds.release * self.limits
-        self._hold_off = thresholds.hold_off * SECOND
-        self._standing = thresholds.standing * SECOND
+        self._hold_off, self._standing = thresholds.hold_off * SECOND, thresholds.standing * SECOND
         self.reset()
 
     def reset(self) -> None:
@@ -84,9 +81,8 @@ class AlarmDetector:
         self._active: Flags = np.zeros(len(self.detectors), dtype=bool)
         self._offset: Array = np.zeros(2 * len(self._names))
         self._at_rest = True  # no detector is active, and the offset is zero
-        self._last: int | None = None  # stamp of the last state
-        self._begin = 0  # stamp of the first state of the alarm
-        self._end: int | None = None  # stamp of the last state with an alarm
+        self._last: int | None = None  # stamps: of the last state,
+        self._begin, self._end = 0, -math.inf  # of the first and last state of the alarm
 
     @property
     def active(self) -> tuple[str, ...]:
@@ -124,7 +120,7 @@ class AlarmDetector:
         residual, external_torque : ndarray, shape (T, nv)
             r and m r.
         valid : ndarray of bool, shape (T,)
-            Whether the observer has a result. A state without one has no alarm and changes nothing.
+            Whether the observer has a result. A state without one has no alarm.
         restarts : ndarray of bool, shape (T,), optional
             States before which the detector is reset.
         values : ndarray, shape (T, nv + 2), optional
@@ -135,15 +131,15 @@ class AlarmDetector:
         values = detector_values(x) if values is None else values.copy()
         elapsed = np.zeros(len(x), dtype=np.int64)
         np.subtract(stamps[1:], stamps[:-1], out=elapsed[1:])
-        if len(x):
-            elapsed[0] = 0 if self._last is None else stamps[0] - self._last
+        if len(x) and self._last is not None:
+            elapsed[0] = stamps[0] - self._last
         restart = elapsed < 0 if restarts is None else (elapsed < 0) | restarts
         alarm, begins = np.zeros((2, len(x)), dtype=bool)
         joints = np.zeros((len(x), len(self._names)), dtype=bool)
         candidates = np.flatnonzero(restart | (values >= self._release).any(axis=1))
         k = 0
         while k < len(x):
-            if self._at_rest:  # only candidates change anything
+            if self._at_rest:  # other states change nothing
                 following = int(np.searchsorted(candidates, k))
                 if following == len(candidates):
                     break
@@ -159,7 +155,7 @@ class AlarmDetector:
         return Judged(alarm, begins, joints, values)
 
     def _step(self, stamp: int, elapsed: int, x: Array, values: Array) -> tuple[bool, bool]:
-        """Process one state and lower `values` by the offset; return whether an alarm is on and begins."""
+        """Process a state, lower `values` by the offset; return whether an alarm is on and begins."""
         released = bool((values < self._release).all())
         standing = bool(self._offset.any())
         if standing:
@@ -167,8 +163,7 @@ class AlarmDetector:
         was_on = bool(self._active.any())
         self._active = (values > self.limits) | (self._active & (values >= self._release))
         on = bool(self._active.any())
-        held_off = self._end is not None and 0 <= stamp - self._end <= self._hold_off
-        begins = on and not was_on and not held_off
+        begins = on and not was_on and stamp - self._end > self._hold_off
         if begins:
             self._begin = stamp
         if on:
@@ -190,8 +185,9 @@ class AlarmDetector:
     def memory(self) -> list[Any]:
         """Return what later results depend on, until recordings are analysed in one pass."""
         last = self._last or 0
-        end = self._end if self._end is not None and last - self._end <= self._hold_off else None
-        return [self._active.copy(), self._offset.copy(), None if self._at_rest and end is None else self._begin, end]
+        end = self._end if last - self._end <= self._hold_off else None
+        begin = None if self._at_rest and end is None else self._begin
+        return [self._active.copy(), self._offset.copy(), begin, end]
 
 
 def detector_values(x: Array) -> Array:

@@ -38,7 +38,7 @@ class Alarm(NamedTuple):
     start, end : int
         Stamps of its first and last state [ns].
     first : str
-        Detector that rose first; of several at once, the one with the largest ratio to its threshold.
+        Detector that rose first; of several, the one with the largest ratio to its threshold.
     exceeded : tuple of Exceeded
         All that rose, the largest ratio first.
     joints : tuple of str
@@ -89,38 +89,38 @@ class Alarms:
 
     def add_states(self, stamps: Whole, norm: Array, judged: Judged) -> None:
         """Add states: stamps [ns], |r| and the results of the detector."""
-        edges = np.diff(judged.alarm.astype(np.int8), prepend=np.int8(0), append=np.int8(0))
-        starts, ends = np.flatnonzero((edges[:-1] == 1) | judged.begins), np.flatnonzero(edges == -1)
-        over = ends[np.searchsorted(ends, starts, side="right")]
-        for first, end in zip(starts, np.minimum(over, np.append(starts[1:], over[-1:])), strict=True):
-            rows = slice(first, end)
-            if judged.begins[first] or not self.found:
-                self._continues |= not judged.begins[first]
+        on = np.flatnonzero(judged.alarm)
+        for rows in np.split(on, np.flatnonzero(judged.begins[on])):
+            if not len(rows):
+                continue
+            values, largest = judged.values[rows], float(norm[rows].max())
+            start, at = int(stamps[rows[0]]), int(np.argmax(values[0] / self._limits))
+            first = self._detectors[at]
+            if judged.begins[rows[0]] or not self.found:
+                self._continues |= not judged.begins[rows[0]]
                 self._peaks, self._nearest = np.zeros(len(self._limits)), (-1.0, "")
-                rose = self._detectors[int(np.argmax(judged.values[first] / self._limits))]
-                start, largest = int(stamps[first]), 0.0
             else:
-                start, _, rose, _, _, largest = self.found.pop()
-            self._add_values(judged.values[rows])
-            alarm = Alarm(start, int(stamps[end - 1]), rose, *self._exceeded(), max(largest, float(norm[rows].max())))
-            self.found.append(alarm)
+                start, _, first, _, _, before = self.found.pop()
+                largest = max(largest, before)
+            self._add_values(values)
+            self.found.append(Alarm(start, int(stamps[rows[-1]]), first, *self._risen(), largest))
 
     def _add_values(self, values: Array) -> None:
         n, ratios = len(self._limits) - 2, values / self._limits
         self._peaks = np.maximum(self._peaks, values.max(axis=0))
         at = int(np.argmax(ratios.max(axis=1)))
-        weight = ratios[at, :n] if ratios[at, :n].any() else values[at, :n]
-        ratio = float(ratios[at].max())
-        if ratio > self._nearest[0]:
-            self._nearest = ratio, self._detectors[int(np.argmax(weight))]
+        of_joints = ratios[at, :n] if ratios[at, :n].any() else values[at, :n]
+        nearest = float(ratios[at].max()), self._detectors[int(np.argmax(of_joints))]
+        self._nearest = max(self._nearest, nearest, key=lambda one: one[0])
 
-    def _exceeded(self) -> tuple[tuple[Exceeded, ...], tuple[str, ...]]:
+    def _risen(self) -> tuple[tuple[Exceeded, ...], tuple[str, ...]]:
         """Return the detectors that rose, and the joints."""
         above = np.flatnonzero(self._peaks > self._limits)
-        rose = [Exceeded(self._detectors[k], float(self._peaks[k]), float(self._limits[k])) for k in above]
-        joints = tuple(self._detectors[k] for k in above if k < len(self._limits) - 2)
-        ordered = sorted(rose, key=lambda one: -one.value / one.threshold)
-        return tuple(ordered), joints or (self._nearest[1],)
+        names = [self._detectors[k] for k in above]
+        risen = list(map(Exceeded, names, self._peaks[above].tolist(), self._limits[above].tolist()))
+        joints = tuple(names[: np.count_nonzero(above < len(self._limits) - 2)])
+        risen.sort(key=lambda one: -one.value / one.threshold)
+        return tuple(risen), joints or (self._nearest[1],)
 
     # Until recordings are analysed in one pass:
 

@@ -44,6 +44,10 @@ class Rows(NamedTuple):
         cuts = np.flatnonzero(self.starts)[1:]
         return list(zip(np.split(self.stamps, cuts), np.split(values, cuts), strict=True))
 
+    def cut(self, after: Flags) -> Rows:
+        """Return the rows with another segment from some row on."""
+        return self._replace(segment=2 * self.segment + after)
+
     def select(self, rows: Any) -> Rows:
         """Return some of the rows."""
         return Rows(*(column[rows] for column in self))
@@ -70,9 +74,9 @@ class Residuals:
         self._count = self._segment = 0
         self._last: int | None = None
 
-    def add_states(self, stamps: Whole, residual: Array, external_torque: Array, valid: Flags) -> None:
+    def add_states(self, stamps: Whole, residual: Array, torque: Array, valid: Flags) -> None:
         """Add states in order: stamps [ns], r, m r, and whether there is a result."""
-        stamps, x = stamps[valid], np.concatenate([external_torque, residual], axis=1)[valid]
+        stamps, x = stamps[valid], np.concatenate([torque, residual], axis=1)[valid]
         if not len(stamps):
             return
         steps = np.diff(stamps, prepend=stamps[0] if self._last is None else self._last)

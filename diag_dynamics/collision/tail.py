@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rates of events: Poisson limits, and the level that a score exceeds at a given rate."""
+"""Rates of events: Poisson intervals, and the level that a score exceeds at a given rate."""
 
 from __future__ import annotations
 
@@ -20,6 +20,9 @@ CENSORED = 10  # one of so many peaks counts while its height is ignored: the hi
 BLOCK = 1_000_000_000  # [ns]
 
 COUNTED, TAIL, BLOCKS = "counted", "tail", "blocks"
+
+Segments = list[tuple[Whole, Array]]
+"""Stamps [ns] and values of rows without a gap."""
 
 
 class Level(NamedTuple):
@@ -41,20 +44,15 @@ def poisson_interval(count: int, confidence: float = 0.95) -> tuple[float, float
     return low, float(gammaincinv(count + 1, 1.0 - tail))
 
 
-def upper_limit(count: int, confidence: float = 0.95) -> float:
-    """Return the upper confidence limit of the expected number of events."""
-    return poisson_interval(count, 2.0 * confidence - 1.0)[1]
-
-
-def peaks_above(segments: list[tuple[Whole, Array]], level: float, release: float, hold_off: float) -> Array:
-    """Return the highest score of each alarm above a level, with release and hold-off [s] of the detector."""
+def peaks_above(segments: Segments, level: float, release: float, hold_off: float) -> Array:
+    """Return the highest score of each alarm at a level, by release and hold-off [s]."""
     found = [np.empty(0)]
     for stamps, score in segments:
         above = np.flatnonzero(score > level)
         if not len(above):
             continue
-        held = np.diff((score >= release * level).astype(np.int8), prepend=np.int8(0), append=np.int8(0))
-        starts, ends = np.flatnonzero(held == 1), np.flatnonzero(held == -1)
+        held = np.concatenate([[False], score >= release * level, [False]])
+        starts, ends = np.flatnonzero(np.diff(held.astype(np.int8))).reshape(-1, 2).T
         runs, first = np.unique(np.searchsorted(starts, above, side="right") - 1, return_index=True)
         pause = stamps[above[first[1:]]] - stamps[ends[runs[:-1]] - 1]
         begins = above[first[np.append(True, pause > 1e9 * hold_off)]]
@@ -62,7 +60,7 @@ def peaks_above(segments: list[tuple[Whole, Array]], level: float, release: floa
     return np.concatenate(found)
 
 
-def block_maxima(segments: list[tuple[Whole, Array]]) -> Array:
+def block_maxima(segments: Segments) -> Array:
     """Return the maximum, or that of each column, in blocks of a second."""
     found = []
     for stamps, values in segments:
@@ -71,13 +69,11 @@ def block_maxima(segments: list[tuple[Whole, Array]]) -> Array:
     return np.concatenate(found)
 
 
-def find_level(
-    segments: list[tuple[Whole, Array]], duration: float, rate: float, release: float, hold_off: float
-) -> Level | None:
-    """Return the level that a score exceeds at a rate [1/s], None of too few peaks; see docs/alarms.md.
+def find_level(segments: Segments, duration: float, rate: float, release: float, hold_off: float) -> Level | None:
+    """Return the level that a score exceeds at a rate [1/s]; None of too few peaks.
 
-    It is counted in long data, else extrapolated from the peaks of alarms, or from the maxima of
-    single seconds where alarms run into one another.
+    Long data hold enough alarms to be counted. Else the level is extrapolated from the peaks of
+    alarms, or from the maxima of single seconds where alarms run into one another.
     """
     scores = np.concatenate([score for _, score in segments])
     grid = np.unique(np.quantile(scores, 1.0 - np.geomspace(0.5, 1.0 / len(scores), 80)))[::-1]
@@ -96,13 +92,13 @@ def find_level(
     if expected >= wanted:
         return Level(before, COUNTED, len(found))
     if len(peaks) >= MIN_PEAKS:
-        return _extrapolated(best, peaks, expected, TAIL)
+        return _extrapolate(best, peaks, expected, TAIL)
     maxima = block_maxima(segments)
     median = float(np.median(maxima))
-    return _extrapolated(median, maxima[maxima > median], expected, BLOCKS)
+    return _extrapolate(median, maxima[maxima > median], expected, BLOCKS)
 
 
-def _extrapolated(level: float, peaks: Array, expected: float, method: str) -> Level | None:
+def _extrapolate(level: float, peaks: Array, expected: float, method: str) -> Level | None:
     """Return the predictive level of an exponential tail: u + S[(m / expected)^(1/d) − 1]."""
     m = len(peaks)
     if m < MIN_FITTED:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Thresholds of collision detection: of each joint and of two norms, with hysteresis and hold-off."""
+"""Thresholds of collision detection, with hysteresis and hold-off."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TORQUE, NORM = "external_torque", "norm"
 
 @dataclass(frozen=True)
 class AlarmThresholds:
-    """Thresholds of an :class:`~diag_dynamics.AlarmDetector`. A threshold of inf switches its detector off.
+    """Thresholds of an :class:`~diag_dynamics.AlarmDetector`; inf switches a detector off.
 
     Parameters
     ----------
@@ -55,12 +55,12 @@ class AlarmThresholds:
 
     def __post_init__(self) -> None:
         for name, value in mapping("joints", self.joints).items():
-            _check_positive(f"threshold of joint '{name}'", value, "[N m]")
-        _check_positive(TORQUE, self.external_torque, "[N m]")
-        _check_positive(NORM, self.norm, "[J^½/s]")
+            _check(f"threshold of joint '{name}'", value, "[N m]")
+        _check(TORQUE, self.external_torque, "[N m]")
+        _check(NORM, self.norm, "[J^½/s]")
+        _check("standing", self.standing, "[s]")
         number("release", self.release, "a fraction > 0 and <= 1", lambda x: 0.0 < x <= 1.0)
         not_negative("hold_off", self.hold_off, "[s]")
-        _check_positive("standing", self.standing, "[s]")
 
     def limits(self, names: Sequence[str]) -> Array:
         """Return the thresholds of these joints, of ‖m r‖ and of |r|; inf without one.
@@ -71,10 +71,10 @@ class AlarmThresholds:
             There is a threshold of another joint.
         """
         joints = by_name("alarm.joints", self.joints, (*names, ALL))
-        of_joints = (joints.get(name, math.inf) for name in names)
-        return np.array([*of_joints, self.external_torque, self.norm])
+        limits = [joints.get(name, math.inf) for name in names]
+        return np.array([*limits, self.external_torque, self.norm])
 
 
-def _check_positive(name: str, value: float, unit: str) -> None:
+def _check(name: str, value: float, unit: str) -> None:
     if value != math.inf:
         positive(name, value, unit)

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from diag_dynamics.checks import instance, positive
 from diag_dynamics.collision.calibration import Calibration, calibrate_residuals
 from diag_dynamics.collision.residuals import Residuals
-from diag_dynamics.collision.tail import upper_limit
+from diag_dynamics.collision.tail import poisson_interval
 from diag_dynamics.collision.thresholds import HOLD_OFF, RELEASE, STANDING, AlarmThresholds
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
@@ -69,7 +69,7 @@ def calibrate(
         An argument is wrong, a recording is of another robot or has no efforts, or there are too few
         peaks for any threshold.
     """
-    upper_limit(0)  # SciPy is missing before hours are read, not after
+    poisson_interval(0)  # without SciPy fail before hours are read
     names = instance("dynamics", dynamics, DiagonalDynamics).model.dof_names
     gain = positive("gain", gain, "[1/s]")
     if friction is None:
@@ -89,7 +89,7 @@ def calibrate(
         raise InputError(f"{unmeasured}. Record the efforts of the joints.")
     still = "" if efforts.moved else "no joint moves: the thresholds are those of a robot at rest"
     warnings = [text for text in (unmeasured, still) if text]
-    return calibrate_residuals(residuals, names, gain, false_alarms, template, friction=friction, warnings=warnings)
+    return calibrate_residuals(residuals, names, gain, false_alarms, template, friction, warnings)
 
 
 def _add_recording(

@@ -16,7 +16,7 @@ from diag_dynamics.cli.main import main
 from diag_dynamics.collision.calibration import calibrate_residuals
 from diag_dynamics.collision.events import Alarms
 from diag_dynamics.collision.residuals import Residuals
-from diag_dynamics.collision.tail import poisson_interval, upper_limit
+from diag_dynamics.collision.tail import poisson_interval
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
@@ -298,8 +298,6 @@ def test_poisson():
     assert poisson_interval(1) == pytest.approx((0.0253, 5.572), abs=1e-3)
     assert poisson_interval(10) == pytest.approx((4.795, 18.390), abs=1e-3)
     assert poisson_interval(1000) == pytest.approx((938.97, 1063.96), abs=0.05)
-    assert upper_limit(0) == pytest.approx(2.9957, abs=1e-4)
-    assert upper_limit(3) == pytest.approx(7.754, abs=1e-3)
 
 
 def test_a_joint_without_residuals_has_no_threshold():

@@ -134,7 +134,8 @@ class TorqueWatch:
         self._joints = judged.joints[0]
         if judged.alarm[0]:
             self._alarms.add_states(stamps, np.array([seen.norm]), judged)
-            self.alarm = self._alarms.found[-1]
+            del self._alarms.found[:-1]
+            self.alarm = self._alarms.found[0]
             self._cause = self.alarm.describe()
             self._above |= bool((judged.values[0] > self._detector.limits).any())
         return seen._replace(collision=bool(judged.alarm[0])), bool(judged.begins[0])
