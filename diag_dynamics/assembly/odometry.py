@@ -26,6 +26,8 @@ class OdometryBase:
     stamps : Stamps
     jumps : int
         How often its time has started anew.
+    unstamped : bool
+        Whether a time of reception stands for its stamp.
     """
 
     def __init__(self, model, twist_in_header):
@@ -43,13 +45,13 @@ class OdometryBase:
 
     def memory(self):
         """What later states depend on, but for the options."""
-        return [self.stamp, self.position, self.velocity, self._unstamped, self.stamps.memory()]
+        return [self.stamp, self.position, self.velocity, self.unstamped, self.stamps.memory()]
 
     def forget(self):
         """Start anew, as after a jump of time."""
         self.stamp = None
         self.position = self.velocity = None
-        self._unstamped = False
+        self.unstamped = False
 
     def update(self, message, now):
         """Take a nav_msgs/Odometry in; `now` [ns] stands for a stamp of zero.
@@ -88,11 +90,11 @@ class OdometryBase:
                     "absurd value", f"odom: {what} is {values.tolist()}, expected within ±{most:g} (absurd.*)"
                 )
         # A stamp may be of another clock than a time of reception: comparing the two would refuse good odometry.
-        last = self.stamp if unstamped == self._unstamped else None
+        last = self.stamp if unstamped == self.unstamped else None
         accepted = self.stamps.judge("odom", "odom", stamp, 0 if unstamped else now, last, SECOND)
         self.stamps.accept(accepted)
         self.jumps += accepted.anew
-        self.position, self.velocity, self.stamp, self._unstamped = position, velocity, stamp, unstamped
+        self.position, self.velocity, self.stamp, self.unstamped = position, velocity, stamp, unstamped
 
     def with_joints(self, state, timeout):
         """The state of the whole robot from that of its joints, or None before the base is known.
@@ -116,5 +118,5 @@ class OdometryBase:
             effort=effort,
             newest=max(state.newest, self.stamp),
             oldest=min(state.oldest, self.stamp),
-            stamp_is_receive_time=state.stamp_is_receive_time or self._unstamped,
+            stamp_is_receive_time=state.stamp_is_receive_time or self.unstamped,
         )

@@ -3,6 +3,8 @@
 
 """Velocities estimated from positions, for drivers that send none."""
 
+import math
+
 import numpy as np
 
 SECOND = 1e9
@@ -89,7 +91,7 @@ class VelocityEstimator:
         begun = here[~goes_on]
         self._since[begun], self._sum[begun], self._weight[begun] = stamp, 0.0, 0.0
         self._period[begun] = LONGEST / PERIODS
-        stays = np.exp(-dt / time) if time else np.zeros(len(at))
+        stays = np.array([math.exp(-x / time) if time else 0.0 for x in dt])
         self._sum[at] = stays * self._sum[at] + (1.0 - stays) * quotient
         self._weight[at] = stays * self._weight[at] + (1.0 - stays)
         self._period[at] = elapsed[moved]

@@ -22,6 +22,7 @@ ROOMS = (
     "bags/kernels",
     "sweeps",
     "simulation",
+    "joint_states",
     "assembly",
     "wire",
     "recordings/kernels",

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What became of the messages of a recording, or of a piece of it."""
+"""What became of the messages of a recording."""
 
 from collections import Counter
 from typing import NamedTuple
@@ -73,7 +73,7 @@ def without_states(path, findings):
 
 
 class Account:
-    """Counts and texts, which those of the next piece can be added to.
+    """Counts and texts of the messages of a recording.
 
     Parameters
     ----------
@@ -82,41 +82,22 @@ class Account:
     unread : sequence of Unread
     notes : sequence of str
         What else is odd about the file.
-    misplaced : bool
-        Whether messages were not where the file says that those of their time are: pieces of it may lack some.
     without_values : int
         Rows of a table that have no value of any joint.
     """
 
-    def __init__(self, intake, unread=(), notes=(), misplaced=False, without_values=0):
-        self._counts, self._gaps = intake.counts + Counter({WITHOUT_VALUES: without_values}), intake.assembler.gaps
-        self._counts.pop(LOST, None)  # these are of the gaps, which go on
-        self._first, self._last, self._frozen = {}, intake.last_texts, Counter(intake.frozen.told)
-        self._missing, self._units = intake.assembler.missing, intake.units.text()
-        self._arrived, self._joints = dict(intake.arrived), {*intake.assembler.names, *intake.assembler.followers.names}
-        self._names, self._count = intake.names, len(intake.assembler.names)
+    misplaced = False
+
+    def __init__(self, intake, unread=(), notes=(), without_values=0):
+        assembler = intake.assembler
+        self.counts = intake.counts + Counter({WITHOUT_VALUES: without_values})
+        self._first, self._last, self._frozen = {}, intake.last_texts, Counter(assembler.frozen)
+        self._missing, self._units = assembler.missing, intake.units.text()
+        self._arrived, self._joints = dict(assembler.arrived), set(assembler.names)
+        self._names, self._count = intake.names, len(assembler.joint_names)
         for rejection in intake.rejections:
             self._first.setdefault(rejection.cause, rejection.text)
-        self._unread, self._notes, self.misplaced = list(unread), list(notes), misplaced
-
-    @property
-    def counts(self):
-        """How many messages there were and what became of them, by the monitor's names for it."""
-        return self._counts + Counter({LOST: self._gaps.lost})
-
-    def add(self, other):
-        """Take in that of the next piece."""
-        self._counts = self._counts + other._counts
-        other._gaps.replay(self._gaps)
-        self._first = other._first | self._first
-        self._last |= {what: text for what, text in other._last.items() if other._counts[what]}
-        self._frozen += other._frozen
-        self._missing = [name for name in self._missing if name in other._missing]
-        self._arrived |= other._arrived
-        self._units = self._units or other._units
-        self._unread += [one for one in other._unread if one not in self._unread]
-        self._notes += [one for one in other._notes if one not in self._notes]
-        self.misplaced = self.misplaced or other.misplaced
+        self._unread, self._notes = list(unread), list(notes)
 
     def findings(self):
         """What is worth knowing: a list of Finding, losses first, and how the file was understood last."""
@@ -150,7 +131,7 @@ class Account:
             text = f"messages without a joint of this robot, of {listed(others)}; {what}{listed(missing)}"
             return f"{text}. {self._advice(others)}"
         text = f"messages before all joints were known; never came: {listed(missing)}. "
-        if self._counts["foreign"] or not others:
+        if self.counts["foreign"] or not others:
             return f"{text}{self._lock()}"
         return f"{text}Messages name {listed(others)}, which the robot lacks. {self._advice(others)}"
 

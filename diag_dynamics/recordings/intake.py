@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the monitor makes of the messages it receives, in columns: states, and counts of what made none."""
+"""States that the monitor would make of recorded messages, in columns, and counts of the messages that made none."""
 
 from collections import Counter
 from dataclasses import replace
@@ -10,26 +10,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.assembly.assembler import JointStateAssembler, joints_of
-from diag_dynamics.assembly.frozen import Frozen
-from diag_dynamics.assembly.jumps import INTERLEAVED
+from diag_dynamics.assembly.assembler import joints_of
 from diag_dynamics.assembly.odometry import OdometryBase
-from diag_dynamics.assembly.rejected import RejectedError, cause_of
-from diag_dynamics.assembly.whole import WithBase
-from diag_dynamics.bags.messages import Messages
+from diag_dynamics.assembly.rejected import cause_of
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.joint_states import codes
+from diag_dynamics.joint_states.assembler import StateAssembler
 from diag_dynamics.recordings.refused_units import RefusedUnits
-from diag_dynamics.recordings.seams import LoggedGaps
 from diag_dynamics.recordings.states import States
 from diag_dynamics.wire.definitions import read_message
-from diag_dynamics.wire.joint_states import KnownJointStates
-from diag_dynamics.wire.many import Run
 from diag_dynamics.wire.odometry import odometry_of
 
 JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 
 ABSURD = "absurd value"
-"""Cause of messages that are refused for what they say of a joint."""
+"""Cause of messages that are rejected for a value of a joint."""
 
 LOST = "lost by gaps in stamps"
 """Name of the count of states that never came."""
@@ -37,11 +32,31 @@ LOST = "lost by gaps in stamps"
 FEW = 7
 """Names of joints that a text has."""
 
-MAX_ARRIVED = 1000
-"""Names of joints in messages that are kept."""
-
-MOST_TOLD = 20
+MAX_TEXTS = 20
 """Rejections whose text is kept, of each cause."""
+
+
+class Batch(NamedTuple):
+    """Messages in the order of their log time."""
+
+    log_time: np.ndarray
+    """[ns], int64, shape (n,)."""
+    parts: list
+    """Of JointStates; a message that is in none of them is in `odometry` or `errors`."""
+    odometry: dict
+    """Bytes of nav_msgs/Odometry by place."""
+    errors: dict
+    """What is wrong with bytes that are no joint state, by place."""
+
+    def select(self, which):
+        """Return the messages of a mask."""
+        if which.all():
+            return self
+        place = np.cumsum(which) - 1
+        parts = [part.select(which[part.rows]) for part in self.parts]
+        parts = [part._replace(rows=place[part.rows]) for part in parts if len(part.rows)]
+        others = ({int(place[k]): one for k, one in some.items() if which[k]} for some in (self.odometry, self.errors))
+        return Batch(self.log_time[which], parts, *others)
 
 
 class Rejection(NamedTuple):
@@ -53,10 +68,9 @@ class Rejection(NamedTuple):
 
 
 class Intake:
-    """Takes serialized messages in, piece by piece; log time stands for the time of reception.
+    """Makes states of messages, batch by batch; log time stands for the time of reception.
 
-    Assembly and judgement are the monitor's: what it would publish is handed out, bit for bit, and what it would count is
-    counted. Only states that cannot be evaluated are found later.
+    States and counts are those of the monitor, bit for bit. Only states that cannot be evaluated are found later.
 
     Parameters
     ----------
@@ -68,229 +82,131 @@ class Intake:
 
     Attributes
     ----------
-    assembler : JointStateAssembler
+    assembler : StateAssembler
     names : JointNames or None
-    arrived : dict
-        Names of joints in messages, in their order, at most :data:`MAX_ARRIVED` of them; values are None.
     rejections : list of Rejection
-        The first :data:`MOST_TOLD` of each cause.
+        The first :data:`MAX_TEXTS` of each cause.
     units : RefusedUnits
     """
 
     def __init__(self, model, settings, names=None):
         values = settings.values
-        self.names, self.arrived = names, {}
-        self._model, self._settings, self._dynamics = model, settings, DiagonalDynamics(model)
-        self.assembler = JointStateAssembler(joints_of(model), settings.inputs, names.map_name if names else None)
-        self._joint_states = KnownJointStates(self.assembler, self._read)
-        self._joint_states.configure()
-        self._refuses_frozen = values["frozen_values"] == "refuse"
-        self.frozen = Frozen(self.assembler.names, values["frozen_timeout"], self._refuses_frozen)
-        self._base = self._with_base = None
+        self.names = names
+        self._model, self._dynamics = model, DiagonalDynamics(model)
+        frozen = values["frozen_timeout"], values["frozen_values"] == "refuse"
+        map_name = names.map_name if names else None
+        self.assembler = StateAssembler(joints_of(model), settings.inputs, *frozen, map_name)
+        self._base, self._timeout = None, values["odom_timeout"]
         if model.floating_base:
             self._base = OdometryBase(model, values["odom_twist_frame"] == "header")
             self._base.configure(settings.inputs)
-            self._with_base = WithBase(self._base, self.assembler)
-        self._counts, self._before = Counter(), Counter()  # the latter: all that was counted until `anew`
-        self.rejections, self._texts = [], Counter()
-        self.units = RefusedUnits(model)
-        self._moved = 0  # jumps of positions that the last state knows of
+        self._counts, self.rejections, self._texts = Counter(), [], Counter()
+        self.units = RefusedUnits(model, map_name)
+        self._moved = False  # whether positions jumped since the last state
+
+    def memory(self):
+        """Return nothing: recordings are not cut."""
 
     @property
     def counts(self):
-        """How many messages there were and what became of them, by the monitor's names for it."""
-        counts = self._all_counts()
-        counts.subtract(self._before)
-        return +counts + Counter({LOST: self.assembler.gaps.lost})
-
-    def _all_counts(self):
+        """How many messages there were and what became of them, by the monitor's names."""
         jumps = self._base.jumps if self._base else 0
-        return self._counts + self.assembler.counts + Counter({"time jumped back": jumps})
-
-    def anew(self):
-        """Count from here on; what the assembler knows stays. Gaps in stamps are kept for :meth:`LoggedGaps.replay`."""
-        self._before = self._all_counts()
-        self.rejections, self._texts = [], Counter()
-        self.frozen.told = Counter()
-        self.units.forget()
-        self.assembler.gaps = LoggedGaps()
-
-    def memory(self):
-        """What later states and counts depend on, but for gaps; see `diag_dynamics.recordings.seams`."""
-        whole = self._with_base.memory() if self._with_base else None
-        moved = self.assembler.counts["positions jumped"] > self._moved
-        return [self.assembler.memory(), self.frozen.memory(), whole, moved]
+        more = Counter({"time jumped back": jumps, LOST: self.assembler.lost})
+        return self._counts + self.assembler.counts + more
 
     @property
     def last_texts(self):
-        """Texts on the last time that something was counted, by what."""
-        names, own = self.assembler.last_foreign, self.assembler.names
+        """Text on the last time that something was counted, by its name."""
+        names, own = self.assembler.last_foreign, self.assembler.joint_names
         foreign = f"{', '.join(names[:FEW])}{' …' * (len(names) > FEW)}"
-        return {
-            "positions jumped": self.assembler.jumps.last,
-            INTERLEAVED: self.assembler.jumps.contradiction,
-            "mimic disagreement": self.assembler.last_disagreement,
-            "foreign": f"messages without a joint of this robot, of {foreign}; the robot has {', '.join(own[:FEW])}"
-            f"{' …' * (len(own) > FEW)}",
-        }
+        text = f"messages without a joint of this robot, of {foreign}; the robot has {', '.join(own[:FEW])}"
+        return self.assembler.last_texts | {"foreign": f"{text}{' …' * (len(own) > FEW)}"}
 
     def reject(self, now, error):
-        """Count a state that was handed out, but cannot be evaluated."""
+        """Count a state that was handed out and cannot be evaluated."""
         self._counts["published"] -= 1
-        self._reject("rejected", now, error)
+        self._reject(now, f"rejected: {cause_of(error)}", str(error))
 
-    def take(self, messages, kinds):
-        """Take messages in.
-
-        Parameters
-        ----------
-        messages : Messages
-        kinds : ndarray of str
-            Type of each connection's messages: JOINT_STATE or ODOMETRY.
-
-        Returns
-        -------
-        States
-        """
-        if self._base:
-            return self._beside_odometry(messages, kinds)
-        joint_states = np.isin(messages.connection, np.flatnonzero(kinds == JOINT_STATE))
-        if not joint_states.all():
-            messages = Messages(messages.data, *(column[joint_states] for column in messages[1:]))
-        return self._joints_alone(messages)
-
-    def _joints_alone(self, messages):
-        count, width = len(messages.at), len(self.assembler.names)
-        self._counts["received"] += count
-        run = Run(self._joint_states, messages, width)
-        made, received, estimated, moved = np.zeros((4, count), dtype=bool)
-        first = 0
-        while first < count:
-            end = run.take(first)
-            if end > first:
-                made[first:end] = True
-                made[first + np.array(list(self._noted(run, first, end)), dtype=int)] = False
-            if end < count:
-                state = self._guarded("rejected", int(messages.log_time[end]), self._of_one, messages, end)
-                if state is not None:
-                    run.put(end, state)
-                    made[end], received[end], estimated[end] = (
-                        True,
-                        state.stamp_is_receive_time,
-                        state.velocity_estimated,
-                    )
-                    moved[end] = self._has_moved()
-            first = end + 1
-        self._counts["published"] += int(made.sum())
-        if made.all():
-            made = slice(None)
-        taken = run.taken
-        states = States(
-            taken.newest,
-            taken.oldest,
-            messages.log_time,
-            taken.position,
-            taken.velocity,
-            taken.effort,
-            taken.with_effort,
-            received,
-            estimated,
-            moved,
-        )
-        return self._with_gravity(states[made])
-
-    def _noted(self, run, first, end):
-        """Take note of a run of states; those of them that are refused for frozen values."""
-        taken = run.taken
-        refused = self.frozen.judge_many(taken.newest[first:end], taken.position[first:end], taken.velocity[first:end])
-        begin = first
-        for k, text in ((first + k, text) for k, text in refused.items()):
-            run.note(begin, k + 1)
-            self._reject("rejected", int(taken.newest[k]), RejectedError("frozen", text))
-            self.assembler.gaps.pause()
+    def read(self, batch):
+        """Return the States that a batch of messages makes."""
+        if not self._base:
+            return self._with_gravity(self._read_joints(batch))
+        found, begin, place = [], 0, np.arange(len(batch.log_time))
+        for k in [*sorted(batch.odometry), len(place)]:
+            if k > begin:
+                found.append(self._read_joints(batch.select((place >= begin) & (place < k))))
+            if k < len(place):
+                found.append(self._read_odometry(batch.odometry[k], int(batch.log_time[k])))
             begin = k + 1
-        run.note(begin, end)
-        return refused
+        nothing = States.empty(self._model.nq, self._model.nv)
+        return self._with_gravity(States.concatenate([nothing, *found]))
 
-    def _read(self, raw):
-        """The JointState of its bytes, whose names are kept."""
-        message = read_message(raw, JOINT_STATE)
-        if len(self.arrived) < MAX_ARRIVED:
-            self.arrived |= dict.fromkeys(message.name[: MAX_ARRIVED - len(self.arrived)])
-        return message
+    def _read_joints(self, batch):
+        """Return the States of a batch without odometry."""
+        now, parts = batch.log_time, batch.parts
+        self._counts["received"] += len(now)
+        found = self._assemble(parts, now)
+        for k in np.flatnonzero(found.outcome["code"] == codes.MALFORMED).tolist():
+            self._reject(int(now[k]), "rejected: malformed", batch.errors[k])
+        for k, (cause, text) in found.rejected.items():
+            self._reject(int(now[k]), f"rejected: {cause}", text)
+        self.units.read(parts, np.isin(found.outcome["code"], codes.ABSURD))
+        made = found.outcome["code"] == codes.STATE
+        self._counts["published"] += int(made.sum())
+        moved = self._moved_at(found.outcome["events"] & codes.MOVED > 0, made)
+        made = slice(None) if made.all() else made
+        outcome = found.outcome[made]
+        stamps = (np.ascontiguousarray(outcome[field]) for field in ("newest", "oldest"))
+        values = (column[made] for column in found[1:4])
+        flags = (outcome[field] > 0 for field in ("with_effort", "received", "estimated"))
+        return States(*stamps, now[made], *values, *flags, moved)
 
-    def _of_one(self, messages, k):
-        """The state that one message makes."""
-        at, size = int(messages.at[k]), int(messages.size[k])
-        now = int(messages.log_time[k])
-        raw = messages.data[at : at + size].tobytes()
-        try:
-            state = self._joint_states.update(raw, now)
-        except RejectedError as error:
-            if error.cause == ABSURD and not self.units.full:
-                message = self._read(raw)
-                message.name = [self.names.map_name(name) for name in message.name] if self.names else message.name
-                self.units.take(message)
-            raise
-        if state is None:
-            return None
-        if self._with_base:
-            state = self._with_base.state(state, self._settings.values["odom_timeout"])
-            if state is None:
-                self._counts["before odometry"] += 1
-                return None
-        self._judge_frozen(state)
-        return state
-
-    def _judge_frozen(self, state):
-        self.frozen.judge(state.newest, lambda: state)
-
-    def _of_odometry(self, messages, k):
-        """The state that one message about the base makes, of a robot that is all base."""
-        at, size = int(messages.at[k]), int(messages.size[k])
-        message = odometry_of(messages.data[at : at + size].tobytes(), partial(read_message, kind=ODOMETRY))
-        self._base.update(message, int(messages.log_time[k]))
-        state = self._with_base.state_of_base(self._settings.values["odom_timeout"])
-        if state is not None:
-            self._judge_frozen(state)
-        return state
-
-    def _beside_odometry(self, messages, kinds):
-        """States of a robot with a floating base, one message at a time."""
-        found, times = [], []
-        for k in range(len(messages.at)):
-            kind, now = kinds[messages.connection[k]], int(messages.log_time[k])
-            if kind == JOINT_STATE:
-                self._counts["received"] += 1
-                state, what = self._guarded("rejected", now, self._of_one, messages, k), "published"
-            else:
-                self._counts["odometry received"] += 1
-                state = self._guarded("odometry rejected", now, self._of_odometry, messages, k)
-                what = "published from odometry"
-            if state is not None:
-                self._counts[what] += 1
-                found.append((state, self._has_moved()))
-                times.append(now)
+    def _assemble(self, parts, now):
+        """Return what comes of joint states, completed by the base where there is one."""
+        base = self._base
+        if not base:
+            return self.assembler.assemble(parts, now)
         nq, nv = self._model.nq, self._model.nv
-        unknown = np.full(nv, np.nan)
-        return self._with_gravity(
-            States(
-                np.array([state.newest for state, _ in found], dtype=int),
-                np.array([state.oldest for state, _ in found], dtype=int),
-                np.array(times, dtype=int),
-                np.array([state.position for state, _ in found]).reshape(-1, nq),
-                np.array([state.velocity for state, _ in found]).reshape(-1, nv),
-                np.array([unknown if state.effort is None else state.effort for state, _ in found]).reshape(-1, nv),
-                np.array([state.effort is not None for state, _ in found], dtype=bool),
-                np.array([state.stamp_is_receive_time for state, _ in found], dtype=bool),
-                np.array([state.velocity_estimated for state, _ in found], dtype=bool),
-                np.array([moved for _, moved in found], dtype=bool),
-            )
-        )
+        known = base.stamp is not None
+        self.assembler.use_base(base.stamp if known else -1, base.unstamped, self._timeout)
+        found = self.assembler.assemble(parts, now)
+        position, velocity = (np.full((len(now), width), np.nan) for width in (nq, nv))
+        effort = np.where(found.outcome["with_effort"][:, None] > 0, np.zeros((1, nv)), np.nan)
+        if known:
+            position[:, :7], velocity[:, :6] = base.position, base.velocity
+        for whole, own in ((position, found.position), (velocity, found.velocity), (effort, found.effort)):
+            whole[:, whole.shape[1] - own.shape[1] :] = own
+        if known and self.assembler.base_stamp < 0:
+            base.forget()
+        return found._replace(position=position, velocity=velocity, effort=effort)
+
+    def _moved_at(self, moved, made):
+        """Return for each state whether positions jumped since the state before."""
+        total = np.cumsum(moved) + int(self._moved)
+        at = total[made]
+        self._moved = bool(len(total) and total[-1] > (at[-1] if len(at) else 0))
+        return np.diff(at, prepend=0) > 0
+
+    def _read_odometry(self, raw, now):
+        """Store the base of an odometry message; return the state that it makes of a robot that is all base."""
+        self._counts["odometry received"] += 1
+        nothing = States.empty(self._model.nq, self._model.nv)
+        try:
+            self._base.update(odometry_of(raw, partial(read_message, kind=ODOMETRY)), now)
+        except Exception as error:  # nothing that was recorded may end the reading of the rest
+            self._reject(now, f"odometry rejected: {cause_of(error)}", str(error))
+            return nothing
+        if self.assembler.joint_names:
+            return nothing
+        self._counts["published from odometry"] += 1
+        stamp, flag = np.array([self._base.stamp]), np.array([False])
+        position, velocity = self._base.position[None, :], self._base.velocity[None, :]
+        effort, received = np.full((1, self._model.nv), np.nan), np.array([self._base.unstamped])
+        return States(stamp, stamp, np.array([now]), position, velocity, effort, flag, received, flag, flag)
 
     def _with_gravity(self, states):
-        """States whose efforts hold gravity, where they are said not to."""
-        without = self.assembler.efforts.without_gravity
+        """Return states whose efforts contain gravity, where the parameters say that they do not."""
+        without = self.assembler.without_gravity
         if without is None or not states.effort_known.any():
             return states
         gravity = self._dynamics.gravity_torque_batch(states.position)
@@ -299,24 +215,8 @@ class Intake:
         gravity[:, joints:] *= without
         return replace(states, effort=states.effort + gravity)
 
-    def _has_moved(self):
-        """Whether positions have jumped since this was asked last."""
-        before, self._moved = self._moved, self.assembler.counts["positions jumped"]
-        return self._moved > before
-
-    def _guarded(self, what, now, action, *arguments):
-        """Nothing that was recorded may end the reading of the rest."""
-        try:
-            return action(*arguments)
-        except Exception as error:
-            self._reject(what, now, error)
-            if what == "rejected":
-                self.assembler.gaps.pause()  # its stamp may not have been looked at
-            return None
-
-    def _reject(self, what, now, error):
-        cause = f"{what}: {cause_of(error)}"
+    def _reject(self, now, cause, text):
         self._counts[cause] += 1
         self._texts[cause] += 1
-        if self._texts[cause] <= MOST_TOLD:
-            self.rejections.append(Rejection(now, cause, str(error)))
+        if self._texts[cause] <= MAX_TEXTS:
+            self.rejections.append(Rejection(now, cause, text))

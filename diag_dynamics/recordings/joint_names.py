@@ -3,9 +3,7 @@
 
 """Names of joints in a recording that are not those of the robot: their map, and a proposal for one."""
 
-import struct
 from collections.abc import Mapping
-from contextlib import suppress
 from difflib import get_close_matches
 from itertools import product
 
@@ -19,9 +17,6 @@ FEW = 8
 
 MAX_NAMES = 100
 """Names of each side that a proposal is sought for."""
-
-_FRAME_AT = 12
-"""First byte of a joint state behind its stamp."""
 
 
 class JointNames:
@@ -75,8 +70,8 @@ class JointNames:
 
         Parameters
         ----------
-        pieces : iterable of Messages
-            Joint states.
+        pieces : iterable of iterables of str
+            Names of joints in the recording.
         model : RobotModel
 
         Returns
@@ -90,8 +85,8 @@ class JointNames:
             An entry names no joint of the recording or of the robot, or two names are mapped to one joint.
         """
         names = {}
-        for messages in pieces:
-            names |= dict.fromkeys(read_names(messages))
+        for some in pieces:
+            names |= dict.fromkeys(some)
             if all(any(_fits(entry, name) for name in names) for entry in self._entries):
                 break
         if not names:
@@ -135,40 +130,6 @@ class JointNames:
 def make_joint_names(entries, where="joint_names"):
     """Return the JointNames of a mapping; None for None."""
     return entries if entries is None or isinstance(entries, JointNames) else JointNames(entries, where)
-
-
-def read_names(messages):
-    """Return the names of joints in joint states, in their order; bytes that are no joint state have none."""
-    found = {}
-    for at, size in zip(messages.at.tolist(), messages.size.tolist(), strict=True):
-        with suppress(ValueError):
-            found |= dict.fromkeys(_names_of(messages.data[at : at + size].tobytes()))
-    return list(found)
-
-
-def _names_of(raw):
-    """Return the names in one joint state, without reading its numbers."""
-    if len(raw) < _FRAME_AT + 4 or raw[0] != 0:
-        raise ValueError("no joint state")
-    order = "<I" if raw[1] % 2 else ">I"
-
-    def text(at):
-        """Return the bytes of a text and what is behind them."""
-        (size,) = struct.unpack_from(order, raw, at)
-        end = at + 4 + size
-        return raw[at + 4 : end].split(b"\0")[0].decode(errors="replace"), end - end % -4
-
-    names = []
-    try:
-        _, at = text(_FRAME_AT)
-        (count,) = struct.unpack_from(order, raw, at)
-        at += 4
-        while len(names) < count:
-            name, at = text(at)
-            names.append(name)
-    except struct.error as error:
-        raise ValueError("the message ends before its names do") from error
-    return names
 
 
 def listed(names):

@@ -8,14 +8,12 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
-from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.assembly.stamps import SECOND
-from diag_dynamics.bags.messages import Messages
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.parameters.contact_points import contact_points
@@ -191,8 +189,6 @@ class Reading:
     intake : Intake
     described : str or None
         The robot's description, or where it is; None of a model that was made before.
-    settles : bool
-        Whether :meth:`settling` comes before :meth:`pieces`.
     """
 
     def __init__(
@@ -212,11 +208,10 @@ class Reading:
             self.described = self._source.description() if model is None else os.fspath(model)
             self.model = model_of(self.described, self.settings.values)
         self.intake = Intake(self.model, self.settings, self._source.names)
-        self._begin = self._end = None
-        self.settles, self._first, self._stream = False, [], None
+        self._limits = None  # log times [ns]
         if self._after != (None, None) and self._source.start is not None:
-            begin, end = self._times(self._source.start)
-            self.limit(begin, end)
+            self._limits = self._times(self._source.start)
+            self._source.limit(*self._limits)
 
     @cached_property
     def contact_points(self):
@@ -238,62 +233,36 @@ class Reading:
         """By how much stamps are later than times in the recording [ns]; known when there is a piece."""
         return self._source.offset
 
+    settles = False
+
     def starts(self):
-        """Log times [ns] at which the file can be cut; empty if it has no index."""
-        return self._source.starts(self.model)
-
-    def limit(self, begin=None, end=None, settle=0):
-        """Read messages from one log time on, and before another one [ns]; and some before these, to settle.
-
-        Parameters
-        ----------
-        begin, end : int, optional
-        settle : int
-            Time before `begin` [ns] whose messages :meth:`settling` hands out.
-        """
-        self._begin, self._end, self.settles = begin, end, begin is not None and settle > 0
-        self._source.limit(None if begin is None else begin - settle, end)
-        self._settle = settle
-
-    def settling(self, size=SIZE):
-        """Hand out what comes before the limit, as :meth:`pieces` does."""
-        yield from self._together(self._before_seam(), size)
+        """Return no times: recordings are not cut."""
+        return []
 
     def pieces(self, size=SIZE):
         """See :func:`stream_recording`."""
-        yield from self._together(chain(self._first, self._messages()), size)
-
-    def _together(self, stream, size):
         held, count = [], 0
-        for messages, kinds in stream:
-            held.append(self.intake.take(messages, kinds))
+        for batch in self._source.batches(self.model):
+            held.append(self.intake.read(self._within(batch)))
             count += len(held[-1])
             if count >= size:
                 yield self._recording(States.concatenate(held))
                 held, count = [], 0
         yield self._recording(States.concatenate(held) if held else States.empty(self.model.nq, self.model.nv))
 
-    def _before_seam(self):
-        """Messages before the limit; of those that come with them, the others are kept."""
-        for messages, kinds in self._messages(self._settle):
-            before = _between(messages, None, self._begin)
-            if len(before.at):
-                yield before, kinds
-            if len(before.at) < len(messages.at):
-                self._first = [(_between(messages, self._begin, None), kinds)]
-                return
-
-    def _messages(self, settle=0):
-        """Messages within the limits."""
-        if self._stream is None:
-            self._stream = self._source.pieces(self.model)
-        for messages, kinds in self._stream:
-            if self._after != (None, None) and self._begin is self._end is None and len(messages.at):
-                self._begin, self._end = self._times(int(messages.log_time[0]))
-            begin = None if self._begin is None else self._begin - settle
-            within = _between(messages, begin, self._end)
-            if len(within.at):
-                yield within, kinds
+    def _within(self, batch):
+        """Return the messages between start and end."""
+        times = batch.log_time
+        if self._after == (None, None) or not len(times):
+            return batch
+        self._limits = self._limits or self._times(int(times[0]))
+        begin, end = self._limits
+        which = np.ones(len(times), dtype=bool)
+        if begin is not None:
+            which &= times >= begin
+        if end is not None:
+            which &= times < end
+        return batch.select(which)
 
     def _times(self, first):
         """Log times of the part that is wanted, of a recording that begins with this one [ns]."""
@@ -301,12 +270,12 @@ class Reading:
 
     def _recording(self, states):
         account = self.account()
-        return Recording(self.model, states, self._source.offset or 0, account.counts, account.findings(), self._path)
+        return Recording(self.model, states, self._source.offset, account.counts, account.findings(), self._path)
 
     def account(self):
         """What is known of the messages by now."""
         source = self._source
-        return Account(self.intake, source.unread, source.notes, source.misplaced, source.without_values)
+        return Account(self.intake, source.unread, source.notes, source.without_values)
 
 
 def _nanoseconds(start, end):
@@ -319,16 +288,3 @@ def _nanoseconds(start, end):
     if None not in (start, end) and end <= start:
         raise InputError(f"end is {end!r} s, expected more than start, {start!r} s.")
     return tuple(None if seconds is None else round(seconds * SECOND) for seconds in (start, end))
-
-
-def _between(messages, begin, end):
-    """Messages from one log time on, and before another one [ns]."""
-    if begin is None and end is None:
-        return messages
-    times = messages.log_time
-    within = np.ones(len(times), dtype=bool)
-    if begin is not None:
-        within &= times >= begin
-    if end is not None:
-        within &= times < end
-    return messages if within.all() else Messages(messages.data, *(column[within] for column in messages[1:]))

@@ -42,9 +42,12 @@ class RefusedUnits:
     Parameters
     ----------
     model : RobotModel
+    map_name : callable, optional
+        Returns the robot's name of a joint by its name in messages.
     """
 
-    def __init__(self, model):
+    def __init__(self, model, map_name=None):
+        self._map_name = map_name
         joints, bodies = joints_of(model), model.bodies
         own = bodies[1:][bodies["owner"][1:] == np.arange(1, len(bodies))]
         rotary = {model.dof_names[record["dof"]] for record in own if record["direction"] >= ANGULAR_X}
@@ -55,23 +58,29 @@ class RefusedUnits:
         self._fastest = joints.velocity[which]
         self._rows = []
 
-    def forget(self):
-        """Begin anew."""
-        self._rows = []
+    def read(self, parts, rejected):
+        """Sample messages that were rejected.
 
-    @property
-    def full(self):
-        """Whether no more messages are looked at."""
-        return len(self._rows) >= SAMPLE or not self._names
-
-    def take(self, message):
-        """Look at a JointState that was refused."""
-        at = places(self._names, message.name) if set(self._names) <= set(message.name) else None
-        if at is None or len(message.position) != len(message.name):
+        Parameters
+        ----------
+        parts : sequence of JointStates
+        rejected : ndarray of bool
+            By the place of a message.
+        """
+        if not rejected.any() or len(self._rows) >= SAMPLE or not self._names:
             return
-        velocity = message.velocity if len(message.velocity) == len(message.name) else [math.nan] * len(message.name)
-        stamp = message.header.stamp.sec + message.header.stamp.nanosec / SECOND
-        self._rows.append((stamp, np.asarray(message.position)[at], np.asarray(velocity)[at]))
+        found = []
+        for part in parts:
+            names = [self._map_name(name) for name in part.names] if self._map_name else part.names
+            if not set(self._names) <= set(names) or part.position.shape[1] != len(names):
+                continue
+            at = places(self._names, names)
+            for k in np.flatnonzero(rejected[part.rows]).tolist():
+                velocity = part.velocity[k, at] if part.velocity.shape[1] == len(names) else np.full(len(at), math.nan)
+                stamp = part.sec[k] + part.nanosec[k] / SECOND
+                found.append((part.rows[k], (stamp, part.position[k, at], velocity)))
+        found.sort(key=lambda one: one[0])
+        self._rows += [row for _, row in found[: SAMPLE - len(self._rows)]]
 
     def text(self):
         """What units the values seem to have, and what to do; None if they are not degrees."""

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A file or folder as pieces of messages about one robot, whatever its format is."""
+"""Files and folders of any format as batches of messages about one robot."""
 
 import os
 from difflib import get_close_matches
@@ -12,10 +12,11 @@ import numpy as np
 from diag_dynamics.bags.folder import METADATA
 from diag_dynamics.bags.opening import open_bag
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.joint_states.decoding import Decoder
 from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.model.sources import GIT_LFS
 from diag_dynamics.recordings.account import OTHER_TOPICS
-from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY
+from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
 from diag_dynamics.recordings.joint_names import describe_maps, listed, make_joint_names, propose_maps
 from diag_dynamics.recordings.rows import Rows
 from diag_dynamics.recordings.tables.column_map import ColumnMap, column_map
@@ -167,18 +168,9 @@ class BagSource:
         """Log time [ns] that no message is before; None if it is known when there is a piece."""
         return self._bag.start
 
-    @property
-    def misplaced(self):
-        """Whether messages were not where the file says that those of their time are."""
-        return self._bag.misplaced
-
     def limit(self, begin, end):
         """Leave messages out, where that is easy, that are before a log time, or not before another one [ns]."""
         self._bag.limit(begin, end)
-
-    def starts(self, model):
-        """Log times [ns] at which reading can begin, see :meth:`Bag.starts`."""
-        return self._bag.starts(self._wanted(model))
 
     def _wanted(self, model):
         wanted = self._connections(JOINT_STATE)
@@ -186,21 +178,23 @@ class BagSource:
             raise InputError(f"'{self._path}' has no joint states: {self._all()}.")
         return wanted + self._connections(ODOMETRY) if model.floating_base else wanted
 
-    def pieces(self, model):
-        """Pieces of messages and types of their connections, in the order of log time."""
-        wanted = self._wanted(model)
+    def batches(self, model):
+        """Yield batches of messages in the order of log time."""
+        wanted, decoder = self._wanted(model), Decoder()
         if self.names:
-            self.names.check_recording(self._joint_states(), model)
+            self.names.check_recording(self._all_names(), model)
         kinds = np.array([connection.type for connection in self._bag.connections])
         for messages in self._bag.pieces(wanted):
-            yield messages, kinds
+            yield decode_messages(decoder, messages, kinds)
 
-    def _joint_states(self):
-        """Pieces of all joint states, whatever the limits are."""
+    def _all_names(self):
+        """Yield names of joints in messages, whatever the limits are."""
         begin, end, wanted = self._bag.begin, self._bag.end, self._connections(JOINT_STATE)
+        decoder, kinds = Decoder(), np.array([connection.type for connection in self._bag.connections])
         self._bag.limit(None, None)
         try:
-            yield from self._bag.pieces(wanted) if wanted else ()
+            for messages in self._bag.pieces(wanted) if wanted else ():
+                yield [name for part in decode_messages(decoder, messages, kinds).parts for name in part.names]
         finally:
             self._bag.limit(begin, end)
 
@@ -275,13 +269,31 @@ class BagSource:
 
 
 class TableSource:
-    """Rows of a table, as messages."""
+    """Rows of a table, as joint states.
 
-    start, misplaced = None, False  # as of BagSource
+    Parameters
+    ----------
+    path : Path
+    columns : ColumnMap
+    names : JointNames, optional
 
-    def __init__(self, path, columns=None, names=None):
+    Attributes
+    ----------
+    offset : int
+        By how much stamps are later than times in the table [ns].
+    names : JointNames or None
+    """
+
+    start = None  # as of BagSource
+
+    def __init__(self, path, columns, names=None):
         self._path, self._columns, self._table, self._rows = path, columns, None, None
-        self.offset, self.names = 0, names
+        self.names = names
+
+    @property
+    def offset(self):
+        """By how much stamps are later than times in the table [ns]."""
+        return self._rows.offset or 0 if self._rows else 0
 
     @property
     def unread(self):
@@ -299,18 +311,14 @@ class TableSource:
         return self._table.without_values if self._table else 0
 
     def description(self):
-        """Nothing but an error: a table does not describe its robot."""
+        """Raise an InputError: a table does not describe its robot."""
         raise InputError(f"'{self._path}' does not say which robot it is of: give it (model, or --urdf ROBOT).")
 
     def limit(self, begin, end):
         """Leave nothing out: a table has no index."""
 
-    def starts(self, model):
-        """None: as of BagSource."""
-        return []
-
-    def pieces(self, model):
-        """Pieces of messages and the type of all of them."""
+    def batches(self, model):
+        """Yield batches of messages in the order of the rows."""
         joints = single_joints(model)
         if self.names:
             joints = self._own_names(model, joints)
@@ -318,13 +326,9 @@ class TableSource:
             self._table = open_table(self._path, self._columns, joints)
         except InputError as error:
             raise InputError(f"{error}{self._proposal(joints)}") from error
-        rows, kinds = Rows(self._table.joints), np.array([JOINT_STATE])
-        self._rows = rows
-        for columns in self._table.pieces():
-            messages = rows.messages(columns)
-            self.offset = rows.offset
-            yield messages, kinds
-        self._refuse_other_robot(model, list(rows.named))
+        self._rows = Rows(self._table.joints)
+        yield from map(self._rows.batch, self._table.pieces())
+        self._refuse_other_robot(model, list(self._rows.named))
 
     def _refuse_other_robot(self, model, named):
         """Refuse a table whose rows name joints, none of which the robot has."""
@@ -345,7 +349,8 @@ class TableSource:
         except InputError:  # without names it is not certain which columns are read
             table = open_table(self._path, self._columns, undone)
         rows = Rows(table.joints)
-        own = self.names.check_recording(map(rows.messages, table.pieces()), model)
+        batches = map(rows.batch, table.pieces())
+        own = self.names.check_recording(([n for part in one.parts for n in part.names] for one in batches), model)
         return tuple(name for name in own if self.names.map_name(name) in joints) or undone
 
     def _proposal(self, joints):
@@ -358,3 +363,22 @@ class TableSource:
             return ""
         found = propose_maps(own, [joint for joint in joints if joint not in own])
         return f" {describe_maps(found, own, joints)}." if found else ""
+
+
+def decode_messages(decoder, messages, kinds):
+    """Return the Batch of messages of a bag.
+
+    Parameters
+    ----------
+    decoder : Decoder
+    messages : Messages
+    kinds : ndarray of str
+        Type of each connection's messages.
+    """
+    kind = kinds[messages.connection]
+    parts, errors = decoder.decode(messages.data, messages.at, messages.size, np.flatnonzero(kind == JOINT_STATE))
+    odometry = {
+        k: messages.data[messages.at[k] : messages.at[k] + messages.size[k]].tobytes()
+        for k in np.flatnonzero(kind == ODOMETRY).tolist()
+    }
+    return Batch(messages.log_time, parts, odometry, errors)

@@ -205,46 +205,6 @@ class KnownJointStates:
                     return found
         return None
 
-    def in_force(self):
-        """By what messages can be taken in without :meth:`update`, as :func:`take` wants it, as long as nothing else comes.
-
-        Returns
-        -------
-        known, mode, room : int
-            The first and the last argument of :func:`take`, and for how many bytes a message has room.
-        layouts : list of tuple
-            Length of messages, the second argument, and whose stamps they have.
-        """
-        mode = self._assembler.mode
-        if mode is None or not self._addresses:
-            return 0, 0, 0, []
-        layouts = [
-            (size, layout.addresses.at, layout.source)
-            for size, some in self._layouts.items()
-            for layout in some
-            if layout.source is not None and layout.source not in self._stamps.suspects
-        ]
-        return self._addresses.at, mode, self._size, layouts
-
-    def took(self, source, stamps, now):
-        """Take note of messages of one source that :func:`take` has taken in, one after the other.
-
-        Parameters
-        ----------
-        source : int
-            As :meth:`in_force` has it.
-        stamps : ndarray of int64
-            Theirs [ns].
-        now : int
-            Time of reception of the last one [ns].
-        """
-        self.at_once += len(stamps)
-        for layout in (layout for some in self._layouts.values() for layout in some):
-            layout.used |= layout.source == source
-        self._assembler.gaps.take_many(source, stamps)
-        if self._stamps.mode:
-            self._stamps.offset = (now - int(stamps[-1])) * 1e-9
-
     def state(self, found):
         """The state that was taken in last, WITHOUT_EFFORT or WITH_EFFORT."""
         position, velocity, effort = self._state.copy()

@@ -89,7 +89,7 @@ def test_a_robot_of_ros1_in_mcap(tmp_path):
     old = write_mcap(tmp_path / "old.mcap", of_ros1(sent), encoding="ros1", schema="ros1msg", definitions=definitions)
     expected, found = (dd.read_recording(path, parameters={"floating_base": True}) for path in (new, old))
     assert len(expected) > 15 and found.findings == expected.findings
-    for ours, theirs in zip(found.states, expected.states, strict=True):
+    for ours, theirs in zip(found.states.columns(), expected.states.columns(), strict=True):
         np.testing.assert_array_equal(ours, theirs)
 
 
@@ -227,7 +227,7 @@ def test_topics_of_one_robot_are_merged(tmp_path, kind):
     for topics in (two, list(reversed(two)), [*two, two[0]]):
         found = dd.read_recording(path, robot, topic=topics)
         assert found.counts == expected.counts and found.findings == expected.findings
-        for ours, theirs in zip(found.states, expected.states, strict=True):
+        for ours, theirs in zip(found.states.columns(), expected.states.columns(), strict=True):
             np.testing.assert_array_equal(ours, theirs)
     with pytest.raises(
         dd.InputError,
@@ -332,7 +332,7 @@ def test_joint_names(tmp_path, kind, case):
     for how in ({"joint_names": given}, {"columns": {"joint_names": given}}, {"columns": tmp_path / "map.yaml"}):
         found = dd.read_recording(recordings[1], robot, **how, **options)
         assert found.counts == expected.counts and [one for one in found.findings if one.cause != "note"] == []
-        for ours, theirs in zip(found.states, expected.states, strict=True):
+        for ours, theirs in zip(found.states.columns(), expected.states.columns(), strict=True):
             np.testing.assert_array_equal(ours, theirs)
 
 

@@ -12,7 +12,6 @@ import os
 import re
 import shutil
 import signal
-import struct
 import subprocess
 import sys
 import threading
@@ -25,7 +24,7 @@ import pytest
 from pyarrow import parquet
 
 import diag_dynamics as dd
-from bags import Message, arm, description, odometry, serialized, urdf_of, write_floating, write_mcap
+from bags import Message, arm, description, serialized, urdf_of, write_mcap
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from diag_dynamics.cli.main import main
 from diag_dynamics.model.example_robots import find_urdf
@@ -154,7 +153,6 @@ def test_a_fleet_is_its_recordings(analysed, archive, expected):
     check(report, out, expected, archive)
     assert (report["computed"], report["kept"]) == (len(GOOD), 0)
     assert "not a single state" in report["failed"][str(archive / BAD[1])]
-    assert [row["pieces"] for row in report["recordings"]] == [1, 3, 1, 2]
 
 
 def test_robots_are_reported_together(analysed, expected):
@@ -222,58 +220,6 @@ PARAMETERS = {
     "estimated velocities": ["missing_velocity=estimate"],
 }
 SLOW = {"estimated velocities", "frozen values refused"}
-
-
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.full] * (name in SLOW)) for name in PARAMETERS])
-def test_pieces_are_the_whole(tmp_path, archive, scheduler, name):
-    """Whatever crosses a seam. An offset that has stood since long before it has both pieces be analysed as one."""
-    settings = [word for one in PARAMETERS[name] for word in ("--set", one)]
-    out = tmp_path / "out"
-    command = ["analyse", "--fleet", str(archive / GOOD[1]), str(archive / GOOD[3]), "--out", str(out), "--no-parquet"]
-    assert main([*command, "--scheduler", scheduler, "--piece", "3", "--quiet", *settings]) in (0, 1)
-    rows = json.loads((out / "fleet.json").read_text())["recordings"]
-    for path in out.glob("*-*.json"):
-        summary = json.loads(path.read_text(encoding="utf-8"))
-        compare(summary, alone(summary["recording"], tmp_path / "alone.json", *settings))
-    assert rows[0]["pieces"] < 4 if name == "standing offset" else rows[0]["pieces"] == 4
-    assert (rows[0]["collisions"] is None) == (name not in ("collisions", "alarms", "standing offset"))
-
-
-def test_pieces_of_a_floating_base(tmp_path, scheduler):
-    """What is known of odometry crosses seams, too."""
-    model, at_rest = dd.load_robot("panda", floating_base=True), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-    joints = good(model, 6.0)
-    bases = [
-        (now, odometry(now, model.root_link, at_rest, (1e-3 * k, 0.0, 0.0, 0.0, 0.0, 0.0)))
-        for k, (_, now) in enumerate(joints)
-        if k % 5 == 0 and k % 1000 < 900  # without it for a while, until it is stale
-    ]
-    path, out = write_floating(tmp_path / "base.mcap", joints, bases), tmp_path / "out"
-    settings = ["--urdf", "panda", "--set", "floating_base=true", "--set", "odom_timeout=0.1"]
-    command = ["analyse", "--fleet", str(path), "--out", str(out), "--no-parquet", "--scheduler", scheduler]
-    assert main([*command, "--piece", "3", "--quiet", *settings]) == 1
-    summary = json.loads(next(out.glob("*-*.json")).read_text(encoding="utf-8"))
-    assert summary["pieces"] == 2 and summary["counts"]["rejected: stale odometry"] > 100
-    compare(summary, alone(path, tmp_path / "alone.json", *settings))
-
-
-def test_lying_chunks_are_one_piece(tmp_path, scheduler):
-    """A chunk that says that its messages end before they do: who skips it by that would lose them."""
-    path = write(tmp_path / "x" / "x.mcap", good(dd.load_robot("ur5"), 6.0), "ur5", enable_crcs=False)
-    data, at, starts = bytearray(path.read_bytes()), 8, []
-    while at < len(data) - 8:
-        kind, size = struct.unpack_from("<BQ", data, at)
-        starts += struct.unpack_from("<Q", data, at + 9) if kind == 6 else ()
-        at += 9 + size
-    begin = next(one for one in starts if one >= starts[0] + 3 * S).to_bytes(8, "little")
-    for kind in (6, 8):  # the chunk of the seam, and what the index says of it
-        at = next(k for k in range(9, len(data)) if data[k - 9] == kind and data.startswith(begin, k))
-        data[at + 8 : at + 16] = begin  # the end is where they begin
-    path.write_bytes(data)
-    report = dd.analyse_fleet([str(path)], tmp_path / "out", scheduler=scheduler, piece=3.0, parquet=False)
-    assert [row["pieces"] for row in report["recordings"]] == [1]
-    summary = json.loads(next((tmp_path / "out").glob("*-*.json")).read_text(encoding="utf-8"))
-    compare(summary, alone(path, tmp_path / "alone.json"))
 
 
 def test_topics_and_names_of_joints(tmp_path, scheduler):

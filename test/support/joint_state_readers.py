@@ -17,8 +17,10 @@ from diag_dynamics.assembly.odometry import OdometryBase
 from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.assembly.whole import WithBase
 from diag_dynamics.bags.messages import Messages
+from diag_dynamics.joint_states.decoding import Decoder
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
-from diag_dynamics.recordings.intake import JOINT_STATE, LOST, MOST_TOLD, ODOMETRY, Intake
+from diag_dynamics.recordings.intake import JOINT_STATE, LOST, MAX_TEXTS, ODOMETRY, Intake
+from diag_dynamics.recordings.sources import decode_messages
 from diag_dynamics.wire.definitions import read_message
 from diag_dynamics.wire.joint_states import KnownJointStates
 from joint_state_messages import BASE_PARAMETERS, FLOATING, ROBOTS
@@ -90,7 +92,7 @@ class Reader:
         except RejectedError as error:
             cause = f"{kind}rejected: {error.cause}"
             self.counts[cause] += 1
-            self.rejections += [(cause, str(error))] * (self.counts[cause] <= MOST_TOLD)
+            self.rejections += [(cause, str(error))] * (self.counts[cause] <= MAX_TEXTS)
             if not message.odometry:
                 self.assembler.gaps.pause()
             return
@@ -202,10 +204,10 @@ def _read(reader, messages):
 
 def read_columns(robot, parameters, messages, pieces=1):
     """Return the result by the columns of a recording, read in some pieces."""
-    intake, states = Intake(robot, settings(parameters)), []
+    intake, decoder, states = Intake(robot, settings(parameters)), Decoder(), []
     kinds = np.array([JOINT_STATE, ODOMETRY])
     for part in np.array_split(np.arange(len(messages)), pieces):
-        found = intake.take(recorded([messages[k] for k in part]), kinds)
+        found = intake.read(decode_messages(decoder, recorded([messages[k] for k in part]), kinds))
         efforts = [row if known else None for row, known in zip(found.effort, found.effort_known, strict=True)]
         columns = (
             found.position,

@@ -1,0 +1,183 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Codes of what comes of a message, and their causes and texts."""
+
+import numpy as np
+
+STATE = 0
+"""The message completes a state."""
+
+FOREIGN, FOLLOWERS_ONLY, INCOMPLETE, AWAITING_VELOCITY, BEFORE_ODOMETRY = range(-1, -6, -1)
+"""The message is accepted and completes no state."""
+
+(
+    MALFORMED,
+    DUPLICATE_NAME,
+    MALFORMED_STAMP,
+    NO_TIME,
+    WRONG_LENGTH,
+    NO_POSITION,
+    POSITION_BOUND,
+    VELOCITY_BOUND,
+    NO_VELOCITY,
+    CLOCK_BEHIND,
+    CLOCK_AHEAD,
+    FOREIGN_TIME,
+    LATE,
+    STAMP_FROM_PAST,
+    JUMP,
+    INTERLEAVED,
+    FAST_STEP,
+    STALE_JOINT,
+    STALE_ODOMETRY,
+    FROZEN,
+) = range(1, 21)
+"""The message, or the state that it completes, is rejected."""
+
+LAYOUT_ERRORS = (DUPLICATE_NAME, WRONG_LENGTH)
+"""Codes whose texts depend on names and lengths alone."""
+
+ABSURD = (POSITION_BOUND, VELOCITY_BOUND, FAST_STEP)
+"""Codes with the cause "absurd value"."""
+
+TIME_JUMPED, MOVED, CONTRADICTS, ABSURD_EFFORT, DISAGREES = 1, 2, 4, 8, 16
+"""Events of a message, whatever comes of it."""
+
+FROZEN_STILL, FROZEN_SLIDES = 1, 2
+"""Kinds of stuck sensors."""
+
+COUNTS = {
+    FOREIGN: "foreign",
+    FOLLOWERS_ONLY: "followers only",
+    INCOMPLETE: "incomplete",
+    AWAITING_VELOCITY: "awaiting velocity",
+    BEFORE_ODOMETRY: "before odometry",
+}
+"""Names of the counts of messages that complete no state."""
+
+EVENTS = {
+    TIME_JUMPED: "time jumped back",
+    MOVED: "positions jumped",
+    CONTRADICTS: "interleaved sources",
+    ABSURD_EFFORT: "absurd effort",
+    DISAGREES: "mimic disagreement",
+}
+"""Names of the counts of events."""
+
+CAUSES = {
+    MALFORMED: "malformed",
+    DUPLICATE_NAME: "duplicate name",
+    MALFORMED_STAMP: "malformed stamp",
+    NO_TIME: "no time",
+    WRONG_LENGTH: "wrong length",
+    NO_POSITION: "no position",
+    POSITION_BOUND: "absurd value",
+    VELOCITY_BOUND: "absurd value",
+    NO_VELOCITY: "no velocity",
+    CLOCK_BEHIND: "stamp from the past",
+    CLOCK_AHEAD: "stamp from the future",
+    FOREIGN_TIME: "foreign time",
+    LATE: "late",
+    STAMP_FROM_PAST: "stamp from the past",
+    JUMP: "jump",
+    INTERLEAVED: "interleaved sources",
+    FAST_STEP: "absurd value",
+    STALE_JOINT: "stale joint",
+    STALE_ODOMETRY: "stale odometry",
+    FROZEN: "frozen",
+}
+"""Causes of rejections, by which they are counted."""
+
+CLOCK = "{name}: stamp {apart:.3f} s {where} this node's clock, expected within max_age = {second:g} s"
+
+TEXTS = {
+    MALFORMED_STAMP: "header.stamp is {first:.0f} s and {second:.0f} ns, expected no less than 0 s and less than 1e9 ns",
+    NO_TIME: "header.stamp is zero, and so is the clock: use_sim_time without /clock",
+    NO_POSITION: "{name}: position is {first}, expected a finite number",
+    POSITION_BOUND: "{name}: position is {first:.9g}, expected within {second:g} … {third:g} (absurd.position, "
+    "absurd.beyond_limits)",
+    VELOCITY_BOUND: "{name}: velocity is {first:.9g}, expected within ±{second:g} (absurd.velocity, absurd.beyond_velocity)",
+    NO_VELOCITY: "{name}: velocity is {first}, expected a finite number (missing_velocity: estimate takes it from positions)",
+    LATE: "{name}: stamp {first:.6f} s older than the one before",
+    STAMP_FROM_PAST: "{name}: stamp {first:.6f} s older than the one before",
+    JUMP: "{step} in {third:g} s, expected a step of no more than {fourth:g} at velocities of {fifth:g} and {sixth:g} "
+    "(absurd.jump)",
+    INTERLEAVED: "{step}, {third:g} s after another source's message: two sources publish this joint in turns",
+    FAST_STEP: "{name}: its step to position {first:.9g} is faster than {second:g} (absurd.velocity)",
+    STALE_JOINT: "{name} is older than {first:g} s",
+    STALE_ODOMETRY: "odom is {first:.3f} s away from the joints, more than {second:g} s",
+}
+"""Texts of rejections, with the numbers of an OUTCOME."""
+
+STEP = "{name}: position went from {first:.9g} to {second:.9g}"
+
+SAME_STAMP = "messages of one stamp have other positions: two sources publish in turns, or a slow clock"
+
+OTHER_SOURCE = "another source has other positions, most of {name}: two sources publish in turns"
+
+FROZEN_TEXTS = {
+    FROZEN_STILL: "has a velocity, but no bit of its position changes",
+    FROZEN_SLIDES: "moves, but its velocity is 0",
+}
+
+
+def rejection_text(outcome, names):
+    """Return the text of a rejection.
+
+    Parameters
+    ----------
+    outcome : numpy.void
+        Of OUTCOME, its code one of :data:`CAUSES`.
+    names : sequence of str
+        Joints and followers.
+    """
+    code = int(outcome["code"])
+    if code == FROZEN:
+        return frozen_text(int(outcome["first"]), int(outcome["joint"]), int(outcome["second"]), names)
+    numbers = {key: float(outcome[key]) for key in ("first", "second", "third", "fourth", "fifth", "sixth")}
+    name = f"joint '{names[outcome['joint']]}'" if len(names) else ""
+    if code in (CLOCK_BEHIND, CLOCK_AHEAD, FOREIGN_TIME):
+        where = "behind" if numbers["first"] > 0.0 else "ahead of"
+        return CLOCK.format(name=name, apart=abs(numbers["first"]), where=where, second=numbers["second"])
+    text = TEXTS[code].format(name=name, step=STEP.format(name=name, **numbers), **numbers)
+    if code == NO_VELOCITY and outcome["contradicting"] >= 0:
+        return f"{text}; {contradiction_text(outcome, names)}"
+    return text
+
+
+def contradiction_text(outcome, names):
+    """Return the text of the event CONTRADICTS."""
+    joint = outcome["contradicting"]
+    return SAME_STAMP if joint < 0 else OTHER_SOURCE.format(name=f"joint '{names[joint]}'")
+
+
+def moved_text(outcome, names):
+    """Return the text of the event MOVED."""
+    name = f"joint '{names[outcome['moved']]}'"
+    return STEP.format(name=name, first=outcome["moved_from"], second=outcome["moved_to"])
+
+
+def frozen_text(kind, joint, more, names):
+    """Return the text on stuck sensors."""
+    others = f" (and {more} more)" if more else ""
+    return f"frozen values: joint '{names[joint]}'{others} {FROZEN_TEXTS[kind]} (frozen_timeout)"
+
+
+def disagreement_text(followers, names, sources, tolerance):
+    """Return the text of the last event DISAGREES.
+
+    Parameters
+    ----------
+    followers : ndarray of FOLLOWER
+    names, sources : sequence of str
+        Followers, and the joints that they follow.
+    tolerance : float
+        [rad, m]
+    """
+    return "; ".join(
+        f"position of joint '{names[k]}' is {one['own']:.9g}, expected {one['expected']:.9g} from '{sources[k]}', which it "
+        f"follows, within mimic_tolerance = {tolerance:g}"
+        for k, one in enumerate(followers)
+        if not np.isnan(one["own"])
+    )

@@ -1,0 +1,161 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Serialized joint states as columns: messages of one list of names and lengths are read by their numbers' places."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.joint_states.assembler import FIELDS, JointStates
+from diag_dynamics.wire.definitions import ALIGNMENT
+
+MAX_LAYOUTS = 64
+"""Lists of names and lengths whose places are kept. Beyond it, messages are read one by one."""
+
+
+class Places(NamedTuple):
+    """Where the numbers of a message are."""
+
+    names: tuple
+    order: str
+    """< for little-endian numbers, > otherwise."""
+    first: tuple
+    """First byte of each of FIELDS, and their numbers."""
+    counts: tuple
+    fixed: np.ndarray
+    """Indices of the bytes that are neither numbers nor padding."""
+    text: np.ndarray
+    """These bytes."""
+
+
+class Decoder:
+    """Reads serialized sensor_msgs/msg/JointState."""
+
+    def __init__(self):
+        self._places, self._count = {}, 0
+
+    def decode(self, data, at, size, chosen):
+        """Read messages.
+
+        Parameters
+        ----------
+        data : ndarray of uint8
+        at, size : ndarray of int64, shape (n,)
+            First byte of each message, and number of bytes.
+        chosen : ndarray of int
+            Places of the messages that are read.
+
+        Returns
+        -------
+        parts : list of JointStates
+        errors : dict of str
+            What is wrong with bytes that are no joint state, by the place of the message.
+        """
+        parts, errors = [], {}
+        for length in np.unique(size[chosen]).tolist():
+            rows = chosen[size[chosen] == length]
+            raw = np.lib.stride_tricks.sliding_window_view(data, length)[at[rows]] if length else data[:0]
+            self._decode_rows(raw, rows, parts, errors)
+        return sorted(parts, key=lambda part: part.rows[0]), errors
+
+    def _decode_rows(self, raw, rows, parts, errors):
+        """Read messages of one length, (n, length)."""
+        known = self._places.setdefault(raw.shape[-1], [])
+        for places in known:
+            if not len(rows):
+                return
+            alike = (raw[:, places.fixed] == places.text).all(axis=1)
+            if alike.all():
+                parts.append(_joint_states(raw, rows, places))
+                return
+            if alike.any():
+                parts.append(_joint_states(raw[alike], rows[alike], places))
+                raw, rows = raw[~alike], rows[~alike]
+        while len(rows):
+            try:
+                places = find_places(raw[0].tobytes() if raw.size else b"")
+            except ValueError as error:
+                text = f"joint_states: {raw.shape[-1]} bytes that are no sensor_msgs/msg/JointState ({error})"
+                errors[int(rows[0])] = text
+                raw, rows = raw[1:], rows[1:]
+                continue
+            if self._count >= MAX_LAYOUTS:
+                parts.append(_joint_states(raw[:1], rows[:1], places))
+                raw, rows = raw[1:], rows[1:]
+                continue
+            self._count += 1
+            known.append(places)
+            alike = (raw[:, places.fixed] == places.text).all(axis=1)
+            parts.append(_joint_states(raw[alike], rows[alike], places))
+            raw, rows = raw[~alike], rows[~alike]
+
+
+def find_places(raw):
+    """Return the Places of a message.
+
+    Raises
+    ------
+    ValueError
+        The bytes are no joint state.
+    """
+    if len(raw) < 4 or raw[0] != 0 or raw[1] not in ALIGNMENT:
+        raise ValueError("the encapsulation is not that of plain CDR")
+    order, at, names, fixed = "little" if raw[1] % 2 else "big", 12, [], [0, 1]
+
+    def read_count():
+        nonlocal at
+        at += -at % 4
+        if at + 4 > len(raw):
+            raise ValueError("the message ends before its numbers do")
+        fixed.extend(range(at, at + 4))
+        at += 4
+        return int.from_bytes(raw[at - 4 : at], order)
+
+    def read_text():
+        nonlocal at
+        count = read_count()
+        at += count
+        if at > len(raw):
+            raise ValueError("a text is longer than the message")
+        return range(at - count, at)
+
+    def read_number_of_entries():
+        count = read_count()
+        if count > len(raw) - at:
+            raise ValueError("a sequence counts more entries than there are bytes")
+        return count
+
+    read_text()  # of the frame
+    for _ in range(read_number_of_entries()):
+        text = read_text()
+        fixed.extend(text)
+        names.append(raw[text.start : text.stop].split(b"\0")[0].decode(errors="replace"))
+    first, counts = [], []
+    for _ in FIELDS:
+        count = read_number_of_entries()
+        at += -(at - 4) % ALIGNMENT[raw[1]] if count else 0
+        first.append(at)
+        counts.append(count)
+        at += 8 * count
+        if at > len(raw):
+            raise ValueError("the message ends before its numbers do")
+    fixed = np.array(fixed)
+    text = np.frombuffer(raw, np.uint8)[fixed]
+    return Places(tuple(names), "<" if raw[1] % 2 else ">", tuple(first), tuple(counts), fixed, text)
+
+
+def _joint_states(raw, rows, places):
+    """Return messages of one layout in columns."""
+
+    def read_numbers(at, kind, count):
+        dtype = np.dtype(places.order + kind)
+        values = np.ascontiguousarray(raw[:, at : at + dtype.itemsize * count]).view(dtype)
+        return values.astype(dtype.newbyteorder("="), copy=False)
+
+    sec, nanosec = (read_numbers(at, kind, 1)[:, 0].astype(np.int64) for at, kind in ((4, "i4"), (8, "u4")))
+    fields = [
+        read_numbers(at, "f8", count) if count else np.zeros((len(rows), 0))
+        for at, count in zip(places.first, places.counts, strict=True)
+    ]
+    return JointStates(rows, places.names, sec, nanosec, *fields)

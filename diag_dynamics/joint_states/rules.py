@@ -1,0 +1,429 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The rules of joint states, compiled: one loop over messages, of which there may be one or many.
+
+A rejected message leaves no trace but what a later restart of time, setting of a clock or jump depends on. So every rule that
+rejects comes before the first line that stores a value.
+"""
+
+import math
+
+import numpy as np
+
+from diag_dynamics.compiled.kernel import entry_kernel, kernel, large_kernel
+from diag_dynamics.joint_states import codes
+from diag_dynamics.joint_states.memory import (
+    BATCH_TYPES,
+    LAYOUT_TYPES,
+    MEMORY_TYPES,
+    OUTCOME_TYPES,
+    Batch,
+    Layouts,
+    Memory,
+    Outcomes,
+)
+from diag_dynamics.joint_states.steps import DISPLACED, FAR, NOTHING, accept_step, is_contradicted, judge_step
+from diag_dynamics.joint_states.watches import count_gap, pause_gaps, watch_frozen
+
+SECOND = 1_000_000_000
+
+CLOCK_TIME = 10 * SECOND
+"""Time [ns] for which all stamps must differ from the clock by the same amount before they are accepted again."""
+
+LATE_COUNT, LATE_TIME = 5, SECOND // 2
+"""Late stamps in a row, and time [ns] from the first to the last of them, after which time has restarted."""
+
+ESTIMATE_TIME, ESTIMATE_PERIODS = 10.0 * SECOND, 3.0
+"""Longest time [ns] between the first two positions of an estimate, and periods without a position that restart it."""
+
+
+@entry_kernel(*MEMORY_TYPES, *LAYOUT_TYPES, *BATCH_TYPES, *OUTCOME_TYPES, nogil=True)
+def judge_messages(
+    shared,
+    joints,
+    followers,
+    bare,
+    intervals,
+    scratch,
+    sizes,
+    layout_joints,
+    layout_followers,
+    messages,
+    position,
+    velocity,
+    effort,
+    follower_position,
+    follower_effort,
+    outcome,
+    state_position,
+    state_velocity,
+    state_effort,
+):
+    """Judge messages one after the other; the arguments are the fields of Memory, Layouts, Batch and Outcomes."""
+    memory = Memory(shared, joints, followers, bare, intervals, scratch)
+    layouts = Layouts(sizes, layout_joints, layout_followers)
+    batch = Batch(messages, position, velocity, effort, follower_position, follower_effort)
+    outcomes = Outcomes(outcome, state_position, state_velocity, state_effort)
+    for k in range(len(messages)):
+        one = outcome[k]
+        one.contradicting = one.moved = -1
+        layout = messages[k].layout
+        if layout < 0:
+            one.code = codes.MALFORMED
+        else:
+            one.code = _judge(memory, layouts, batch, k, layout, outcomes)
+        if one.code == codes.STATE and shared[0].needs_base:
+            one.code = _complete_by_base(shared[0], one)
+        if one.code == codes.STATE and not watch_frozen(memory, state_position[k], state_velocity[k], one.newest, one):
+            one.code = codes.FROZEN
+        if one.code > 0:
+            pause_gaps(memory)
+
+
+@large_kernel
+def _judge(memory, layouts, batch, k, layout, outcomes):
+    """Judge one message and return the code of what comes of it."""
+    message, one = batch.messages[k], outcomes.outcome[k]
+    size = layouts.sizes[layout]
+    here, beside = layouts.joints[layout, : size.joints], layouts.followers[layout, : size.followers]
+    position, velocity, effort = batch.position[k], batch.velocity[k], batch.effort[k]
+    if size.error == codes.DUPLICATE_NAME:
+        return codes.DUPLICATE_NAME
+    if len(here) == 0 and len(beside) == 0:
+        return codes.FOREIGN
+    if message.sec < 0 or message.nanosec >= SECOND:
+        one.first, one.second = message.sec, message.nanosec
+        return codes.MALFORMED_STAMP
+    stamp = message.sec * SECOND + message.nanosec
+    unstamped = int(stamp == 0)
+    if unstamped and message.now == 0:
+        return codes.NO_TIME
+    stamp = message.now if unstamped else stamp
+    if size.error:
+        return size.error
+    code = _judge_values(memory, here, position, velocity, one)
+    if code == codes.NO_VELOCITY and memory.shared[0].slack > 0.0:
+        joint = is_contradicted(memory, here, position, stamp, unstamped)
+        if joint >= 0:
+            one.contradicting = joint
+            one.events |= codes.CONTRADICTS
+    if code:
+        return code
+    code, anew, source = _judge_stamp(memory, here, beside, stamp, unstamped, message.now, one)
+    if code:
+        return code
+    if anew:
+        one.events |= codes.TIME_JUMPED
+        memory.shared[0].restarted = 1
+        _forget(memory)
+    action = NOTHING
+    if len(here) and memory.shared[0].slack > 0.0:
+        code, action = judge_step(memory, here, position, velocity, stamp, unstamped, one)
+        if code:
+            return code
+    if memory.shared[0].estimate:
+        code = _estimate(memory, here, position, velocity, stamp, unstamped, action == DISPLACED, one)
+        if code:
+            return code
+    # The message is accepted.
+    _accept_stamp(memory, source, anew, stamp, unstamped, message.now)
+    if action:
+        accept_step(memory, here, position, stamp, action, one)
+    if len(here) and not unstamped:
+        count_gap(memory, _first(here), stamp)
+    absurd = _store_joints(memory, here, position, velocity, effort, stamp, unstamped)
+    absurd |= _store_followers(memory, beside, batch.follower_position[k], batch.follower_effort[k], stamp, one)
+    if absurd:
+        one.events |= codes.ABSURD_EFFORT
+    if len(here) == 0:
+        return codes.FOLLOWERS_ONLY
+    return _assemble(memory, outcomes, k)
+
+
+@kernel
+def _first(here):
+    """Return the first of some joints, which stands for their publisher."""
+    first = here[0]
+    for j in here:
+        first = min(first, j)
+    return first
+
+
+@kernel
+def _judge_values(memory, here, position, velocity, one):
+    """Return the code of positions or velocities that are missing or out of bounds."""
+    for j in here:
+        if not np.isfinite(position[j]):
+            one.joint, one.first = j, position[j]
+            return codes.NO_POSITION
+    for j in here:
+        rules = memory.joints[j]
+        if position[j] < rules.lower or position[j] > rules.upper:
+            one.joint, one.first, one.second, one.third = j, position[j], rules.lower, rules.upper
+            return codes.POSITION_BOUND
+    for j in here:
+        fastest = memory.joints[j].fastest
+        if np.isfinite(velocity[j]) and abs(velocity[j]) > fastest:
+            one.joint, one.first, one.second = j, velocity[j], fastest
+            return codes.VELOCITY_BOUND
+    for j in here:
+        if not np.isfinite(velocity[j]) and not (memory.shared[0].estimate and np.isnan(velocity[j])):
+            one.joint, one.first = j, velocity[j]
+            return codes.NO_VELOCITY
+    return codes.STATE
+
+
+@kernel
+def _judge_stamp(memory, here, beside, stamp, unstamped, now, one):
+    """Return the code of a stamp out of time, whether time has restarted, and the source that has an earlier stamp or −1."""
+    span, last, source = float(SECOND), -1, -1
+    if len(here):
+        named = here[0]
+        for j in here:
+            # A stamp and a time of reception may be of two clocks, so they are not compared.
+            if memory.joints[j].known and memory.joints[j].unstamped == unstamped and memory.joints[j].stamp > last:
+                last, named = memory.joints[j].stamp, j
+        one.joint = named
+        if np.isfinite(memory.joints[named].span):
+            span = max(float(SECOND), memory.joints[named].span)
+        if last >= 0:
+            source = _first(here)
+    else:
+        one.joint = len(memory.joints) + beside[0]
+    if memory.shared[0].max_age and now and not unstamped:
+        code = _judge_clock(memory, stamp, now, one)
+        if code:
+            return code, False, source
+    anew = last >= 0 and stamp < last
+    if anew:
+        code = _judge_late(memory.joints[source], stamp, last, np.int64(span), one)
+        if code:
+            return code, False, source
+    return codes.STATE, anew, source
+
+
+@kernel
+def _judge_clock(memory, stamp, now, one):
+    """Return the code of a stamp that is far from the clock, unless all stamps have been so for CLOCK_TIME."""
+    shared, apart = memory.shared[0], now - stamp
+    if abs(apart) <= shared.max_age or (shared.in_step != 1 and not shared.refuse_foreign):
+        return codes.STATE
+    if not shared.refused or abs(apart - shared.refused_apart) > shared.max_age or now < shared.refused_at:
+        shared.refused, shared.refused_at, shared.refused_apart = 1, now, apart
+    if not shared.refuse_foreign and now - shared.refused_at >= CLOCK_TIME:
+        return codes.STATE
+    one.first, one.second = apart * 1e-9, shared.max_age * 1e-9
+    if shared.in_step != 1:
+        return codes.FOREIGN_TIME
+    return codes.CLOCK_BEHIND if apart > 0 else codes.CLOCK_AHEAD
+
+
+@kernel
+def _judge_late(source, stamp, last, span, one):
+    """Return the code of a stamp older than `last`, unless its source goes on from it: time has restarted."""
+    first, before, count = source.late_first, source.late_last, source.late_count
+    if count == 0 or not 0 <= stamp - before <= span:
+        first, count = stamp, 0
+    source.late_first, source.late_last, source.late_count = first, stamp, count + 1
+    one.first = (last - stamp) * 1e-9
+    if last - stamp <= span:
+        return codes.LATE if count + 1 < LATE_COUNT or stamp - first < LATE_TIME else codes.STATE
+    return codes.STATE if count else codes.STAMP_FROM_PAST
+
+
+@kernel
+def _accept_stamp(memory, source, anew, stamp, unstamped, now):
+    """Store what later stamps are judged by."""
+    shared = memory.shared[0]
+    if anew:
+        for j in range(len(memory.joints)):
+            memory.joints[j].late_count = 0
+    elif source >= 0:
+        memory.joints[source].late_count = 0
+    if shared.max_age == 0:
+        shared.in_step, shared.refused = -1, 0
+    elif now and not unstamped:
+        apart = abs(now - stamp)
+        # A stamp of another clock must come within half of the bound before the bound holds for it. At the bound itself it
+        # would be accepted and rejected by turns.
+        within = apart <= shared.max_age and (shared.in_step != 0 or 2 * apart <= shared.max_age)
+        shared.in_step, shared.refused = int(within), 0
+
+
+@kernel
+def _forget(memory):
+    """Forget all joints, as after a restart of time."""
+    for j in range(len(memory.joints)):
+        joint = memory.joints[j]
+        joint.known = joint.estimated = joint.estimate_known = 0
+        joint.other_count = joint.other_returns = joint.bare_count = 0
+    for f in range(len(memory.followers)):
+        memory.followers[f].effort = np.nan
+    pause_gaps(memory)
+
+
+@kernel
+def _estimate(memory, here, position, velocity, stamp, unstamped, moved, one):
+    """Replace missing velocities by estimates, or return the code of a step that is too fast for one.
+
+    The estimate is the exponentially weighted mean of difference quotients, with the filter time as time constant.
+    """
+    shared = memory.shared[0]
+    for j in here:
+        joint = memory.joints[j]
+        elapsed = stamp - joint.estimate_stamp
+        if not _continues(joint, elapsed, unstamped, moved and memory.scratch[FAR, j] > 0.0) or elapsed == 0:
+            continue
+        quotient = abs(_estimate_step(joint, position[j]) / (elapsed / 1e9))
+        if np.isnan(velocity[j]) and shared.max_velocity > 0.0 and quotient > shared.max_velocity:
+            one.joint, one.first, one.second = j, position[j], shared.max_velocity
+            return codes.FAST_STEP
+    for j in here:
+        joint = memory.joints[j]
+        elapsed = stamp - joint.estimate_stamp
+        if not _continues(joint, elapsed, unstamped, moved and memory.scratch[FAR, j] > 0.0):
+            joint.estimate_since, joint.estimate_sum, joint.estimate_weight = stamp, 0.0, 0.0
+            joint.estimate_period = ESTIMATE_TIME / ESTIMATE_PERIODS
+            joint.estimate_position, joint.estimate_stamp, joint.estimate_known = position[j], stamp, 1
+        elif elapsed > 0:
+            dt = elapsed / 1e9
+            stays = math.exp(-dt / shared.filter_time) if shared.filter_time > 0.0 else 0.0
+            quotient = _estimate_step(joint, position[j]) / dt
+            joint.estimate_sum = stays * joint.estimate_sum + (1.0 - stays) * quotient
+            joint.estimate_weight = stays * joint.estimate_weight + (1.0 - stays)
+            joint.estimate_period = elapsed
+            joint.estimate_position, joint.estimate_stamp = position[j], stamp
+        joint.estimated = int(np.isnan(velocity[j]))
+        if joint.estimated:
+            ready = joint.estimate_weight > 0.0 and (stamp - joint.estimate_since) / 1e9 >= shared.filter_time
+            velocity[j] = joint.estimate_sum / joint.estimate_weight if ready else np.nan
+    return codes.STATE
+
+
+@kernel
+def _continues(joint, elapsed, unstamped, moved):
+    """Whether an estimate goes on: no restart, no other clock, no jump, no pause."""
+    if not joint.estimate_known or joint.unstamped != unstamped or moved or elapsed < 0:
+        return False
+    longest = joint.span if np.isfinite(joint.span) else 0.0
+    return elapsed <= max(longest, ESTIMATE_PERIODS * joint.estimate_period)
+
+
+@kernel
+def _estimate_step(joint, position):
+    """Return the step of a position, of an angle that wraps the shorter way."""
+    step = position - joint.estimate_position
+    return (step + np.pi) % (2.0 * np.pi) - np.pi if joint.turns else step
+
+
+@kernel
+def _store_joints(memory, here, position, velocity, effort, stamp, unstamped):
+    """Store the values of joints; return whether an effort is absurd, which is as unknown."""
+    absurd = False
+    for j in here:
+        joint = memory.joints[j]
+        torque = effort[j] * joint.factor
+        if abs(torque) > joint.strongest or np.isinf(torque):
+            torque, absurd = np.nan, True
+        joint.position, joint.velocity, joint.effort = position[j], velocity[j], torque
+        joint.stamp, joint.unstamped, joint.known = stamp, unstamped, 1
+    return absurd
+
+
+@kernel
+def _store_followers(memory, beside, position, effort, stamp, one):
+    """Store efforts of followers and compare their positions; return whether an effort is absurd."""
+    absurd, shared = False, memory.shared[0]
+    for f in beside:
+        follower = memory.followers[f]
+        torque = effort[f] * follower.factor
+        if abs(torque) > shared.max_effort or np.isinf(torque):
+            torque, absurd = np.nan, True
+        follower.effort, follower.stamp = torque, stamp
+    if shared.tolerance == 0.0:
+        return absurd
+    disagrees = False
+    for f in beside:
+        disagrees |= _distance(memory, f, position[f], stamp) > shared.tolerance
+    if disagrees:
+        one.events |= codes.DISAGREES
+        for f in range(len(memory.followers)):
+            memory.followers[f].own = np.nan
+        for f in beside:
+            if _distance(memory, f, position[f], stamp) > shared.tolerance:
+                memory.followers[f].own = position[f]
+                memory.followers[f].expected = _expected(memory, memory.followers[f])
+    return absurd
+
+
+@kernel
+def _expected(memory, follower):
+    """Return the position that a follower's source gives it."""
+    return follower.multiplier * memory.joints[follower.source].position + follower.offset
+
+
+@kernel
+def _distance(memory, f, position, stamp):
+    """Return the distance of a follower from its expected position, 0 where its source is stale."""
+    follower = memory.followers[f]
+    source = memory.joints[follower.source]
+    if not source.known or abs(source.stamp - stamp) > source.span or not np.isfinite(position):
+        return 0.0
+    distance = abs(position - _expected(memory, follower))
+    return abs((distance + np.pi) % (2.0 * np.pi) - np.pi) if follower.turns else distance
+
+
+@kernel
+def _assemble(memory, outcomes, k):
+    """Make up the state of all joints; return its code."""
+    one, joints = outcomes.outcome[k], memory.joints
+    newest, oldest = joints[0].stamp, joints[0].stamp
+    for j in range(len(joints)):
+        if not joints[j].known:
+            return codes.INCOMPLETE
+        newest, oldest = max(newest, joints[j].stamp), min(oldest, joints[j].stamp)
+    for j in range(len(joints)):
+        if newest - joints[j].stamp > joints[j].span:
+            one.joint, one.first = j, joints[j].span * 1e-9
+            return codes.STALE_JOINT
+    if memory.shared[0].estimate:
+        for j in range(len(joints)):
+            if np.isnan(joints[j].velocity):
+                return codes.AWAITING_VELOCITY
+    one.newest, one.oldest, one.with_effort = newest, oldest, 1
+    for j in range(len(joints)):
+        if not np.isfinite(joints[j].velocity):
+            one.joint, one.first = j, joints[j].velocity
+            return codes.NO_VELOCITY
+        outcomes.position[k, j], outcomes.velocity[k, j] = joints[j].position, joints[j].velocity
+        outcomes.effort[k, j] = joints[j].effort
+        one.received |= joints[j].unstamped
+        one.estimated |= joints[j].estimated
+        one.with_effort &= int(np.isfinite(joints[j].effort))
+    if one.with_effort:
+        for f in range(len(memory.followers)):
+            follower = memory.followers[f]
+            fresh = abs(newest - follower.stamp) <= follower.span and np.isfinite(follower.effort)
+            outcomes.effort[k, follower.source] += follower.multiplier * (follower.effort if fresh else 0.0)
+    else:
+        for j in range(len(joints)):
+            outcomes.effort[k, j] = np.nan
+    return codes.STATE
+
+
+@kernel
+def _complete_by_base(shared, one):
+    """Return the code of a state whose base is that of the newest odometry."""
+    if shared.restarted and shared.base_stamp > one.newest + SECOND:
+        shared.base_stamp = -1  # it is of the time before the restart
+    shared.restarted = 0
+    if shared.base_stamp < 0:
+        return codes.BEFORE_ODOMETRY
+    apart = abs(one.newest - shared.base_stamp)
+    if shared.base_timeout and apart > shared.base_timeout:
+        one.first, one.second = apart * 1e-9, shared.base_timeout * 1e-9
+        return codes.STALE_ODOMETRY
+    one.newest, one.oldest = max(one.newest, shared.base_stamp), min(one.oldest, shared.base_stamp)
+    one.received |= shared.base_unstamped
+    return codes.STATE
