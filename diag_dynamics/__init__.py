@@ -61,7 +61,7 @@ _HOME = {
     "Recording": "recordings.recording",
     "read_recording": "recordings.recording",
     "stream_recording": "recordings.recording",
-    "analyse_fleet": "recordings.fleet.running",
+    "analyse_fleet": "recordings.fleet",
     "Identification": "identification.found",
     "Excitation": "identification.exciting",
     "excite": "identification.exciting",
@@ -119,7 +119,7 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.model import load_robot as load_robot
     from diag_dynamics.model import load_urdf as load_urdf
     from diag_dynamics.recordings.calibration import calibrate as calibrate
-    from diag_dynamics.recordings.fleet.running import analyse_fleet as analyse_fleet
+    from diag_dynamics.recordings.fleet import analyse_fleet as analyse_fleet
     from diag_dynamics.recordings.observed import Observed as Observed
     from diag_dynamics.recordings.observed import observe as observe
     from diag_dynamics.recordings.recording import Recording as Recording

@@ -18,7 +18,7 @@ from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.atomic_file import AtomicFile
-from diag_dynamics.recordings.fleet.table import robots_of, table_of
+from diag_dynamics.recordings.fleet import printable, robots_of
 from diag_dynamics.recordings.outputs.mcap import WRITTEN, McapOutput
 from diag_dynamics.recordings.outputs.messages import TOPICS
 from diag_dynamics.recordings.outputs.report import ReportOutput
@@ -104,7 +104,7 @@ def _analyse(chosen):
         print(f"\nAnalysed in {took:.1f} s, {ratio:.3g} times as fast as it was recorded.", file=sys.stderr)
         for path in (*_outputs(chosen).values(), chosen.json):
             if path:
-                print(f"Wrote {_shown(path)}.", file=sys.stderr)
+                print(f"Wrote {printable(path)}.", file=sys.stderr)
         if wrong:
             print(f"Worth a look, so the exit status is {WORTH_KNOWING}: {'; '.join(wrong)}.", file=sys.stderr)
     return WORTH_KNOWING if wrong else DONE
@@ -132,14 +132,14 @@ def _analyse_several(chosen):
                 continue
             summaries.append(summary)
             if _speaks(chosen):
-                print(f"{_shown(recording)}\n\n{text_of(summary, _width())}\n")
+                print(f"{printable(recording)}\n\n{text_of(summary, _width())}\n")
         _tell({"recordings": summaries, "robots": robots_of(summaries), "failed": failed}, report, chosen)
     except BaseException:
         if report:
             report.discard()
         raise
     if _speaks(chosen):
-        print(_shown(table_of(summaries, failed)))
+        print(printable(fleet.table_of(summaries, failed)))
     if not summaries:
         return FAILED
     return WORTH_KNOWING if failed or any(map(wrongs_of, summaries)) else DONE
@@ -174,9 +174,9 @@ def _summary(chosen, recording, parameters, robot):
         if not analysis.states:
             if (chosen.start, chosen.end) != (None, None) and not analysis.outcome.account.counts["received"]:
                 raise InputError(
-                    f"'{_shown(recording)}' has not a single state: no message is within --start and --end."
+                    f"'{printable(recording)}' has not a single state: no message is within --start and --end."
                 )
-            raise analysis.outcome.account.without_states(_shown(recording))
+            raise analysis.outcome.account.without_states(printable(recording))
         summary = summary_of(analysis.outcome) | {"recording": str(recording)}
         for output in outputs:
             if output is not report:
@@ -218,11 +218,6 @@ def _speaks(chosen):
     return not chosen.quiet and chosen.json != "-"
 
 
-def _shown(text):
-    """Text without what cannot be printed, as names of files have it that are no UTF-8."""
-    return text.encode("utf-8", "backslashreplace").decode()
-
-
 def _analyse_fleet(chosen):
     parameters = _parameters(chosen)
     report = fleet.analyse(chosen, parameters, robot_of(chosen.urdf, chosen.xacro_args))
@@ -235,7 +230,7 @@ def _parameters(chosen):
     """Parameters of the monitor, of all files and of the command line."""
     if chosen.alarms and not THRESHOLDS & set(parameters_of([chosen.alarms])):
         raise InputError(
-            f"--alarms: '{_shown(chosen.alarms)}' has no thresholds, expected one of {', '.join(sorted(THRESHOLDS))}, as "
+            f"--alarms: '{printable(chosen.alarms)}' has no thresholds, expected one of {', '.join(sorted(THRESHOLDS))}, as "
             "diag-dynamics calibrate writes them; other parameters are for --parameters."
         )
     parameters = parameters_of([*chosen.parameters, *([chosen.alarms] if chosen.alarms else [])], chosen.set)

@@ -368,7 +368,6 @@ WRONG = {
     ("--set", "max_agee=1"): "'max_age' meant",
     ("--topics", "state"): "--topics are those of a file that --mcap writes",
     ("--out", "{out}"): "--out belongs to --fleet",
-    ("--piece", "60"): "--piece belongs to --fleet",
     ("--workers", "0"): "--workers belongs to --fleet",
     ("--no-parquet",): "--no-parquet belongs to --fleet",
     ("--threads", "0"): "--threads is 0",

@@ -46,7 +46,9 @@ def test_sdist_is_complete_and_the_wheel_works_without_ros(tmp_path):
     program = (
         "import diag_dynamics as dd; print(dd.__file__, dd.load_urdf, dd.DiagonalDynamics, dd.Simulation)\n"
         "from diag_dynamics.wire.ours import our_definitions\n"
-        "assert 'diag_dynamics/msg/DiagonalizedState' in our_definitions()"
+        "assert 'diag_dynamics/msg/DiagonalizedState' in our_definitions()\n"
+        "from importlib.resources import files\n"
+        "assert files('diag_dynamics.recordings').joinpath('fleet.html.j2').is_file()"
     )
     clean = {"PATH": "/usr/bin", "PYTHONPATH": str(site), "NUMBA_CACHE_DIR": str(tmp_path)}
     assert str(site) in run(sys.executable, "-c", program, cwd=tmp_path, env=clean).stdout

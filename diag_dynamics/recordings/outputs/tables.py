@@ -76,7 +76,7 @@ class TableOutput:
         except OSError as error:  # pyarrow does not name the file
             raise InputError(f"'{self._target.path}' cannot be written: {error}.") from error
 
-    def close(self):
+    def close(self, _summary=None):
         """Complete the file and give it its name; raise InputError if there was no state."""
         if self._writer is None:
             raise InputError(f"'{self._target.path}' is not written: the recording has no states.")

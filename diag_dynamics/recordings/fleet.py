@@ -1,0 +1,406 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A fleet's archive: every recording is a task of Dask, and one table has all of them."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import json
+import os
+import pickle
+import re
+import shutil
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from importlib import import_module, resources
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import diag_dynamics
+from diag_dynamics.batch import cores
+from diag_dynamics.checks import positive
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.model import RobotModel
+from diag_dynamics.parameters.monitor import PARAMETERS, Settings
+from diag_dynamics.parameters.robots import model_of, require_as_made
+from diag_dynamics.recordings.analysis import Analysis
+from diag_dynamics.recordings.atomic_file import AtomicFile
+from diag_dynamics.recordings.explained import LEAST, explained_share
+from diag_dynamics.recordings.outputs.report import ReportOutput
+from diag_dynamics.recordings.outputs.tables import TableOutput
+from diag_dynamics.recordings.recording import Reading
+from diag_dynamics.recordings.sources import checked_topics
+from diag_dynamics.recordings.summary import summary_of, wrongs_of
+
+COLUMNS = {
+    "recording": ("string", lambda one: one["recording"]),
+    "robot": ("string", lambda one: one["robot"]),
+    "states": ("int64", lambda one: one["states"]),
+    "hours": ("float64", lambda one: one["duration"] / 3600.0),
+    "kinetic_energy_max": ("float64", lambda one: one["kinetic_energy"]["max"]),
+    "kinetic_energy_max_at": ("float64", lambda one: one["kinetic_energy"]["at"]),
+    "kinetic_energy_mean": ("float64", lambda one: one["kinetic_energy"]["mean"]),
+    "explained": ("float64", lambda one: one["explained"]),
+    "explained_with_potential": ("float64", lambda one: one["explained_with_potential"]),
+    "residual_power": ("float64", lambda one: one["residual_power"]),
+    "external_torque_max": (
+        "float64",
+        lambda one: one["peaks"].get("external_torque", {"value": None})["value"],
+    ),
+    "collisions": ("int64", lambda one: _collisions(one)),
+    "rejected": ("int64", lambda one: sum(one["rejected"].values())),
+    "unread": ("int64", lambda one: sum(f["cause"] == "unread" for f in one["findings"])),
+    "warnings": ("int64", lambda one: len(one["warnings"])),
+    "wrong": ("string", lambda one: "; ".join(wrongs_of(one))),
+    "pieces": ("int64", lambda one: 1),  # recordings were cut before 0.2
+}
+"""Types of the columns of fleet.parquet, and their values from a summary."""
+
+
+def analyse_fleet(
+    patterns: Sequence[str | os.PathLike[str]],
+    out: str | os.PathLike[str],
+    model: RobotModel | str | os.PathLike[str] | None = None,
+    columns: Any = None,
+    *,
+    topic: str | Sequence[str] | None = None,
+    joint_names: Mapping[str, str] | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    gain: float = 25.0,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    parquet: bool = True,
+    reports: bool = False,
+    progress: Callable[[int, int, str], object] | None = None,
+) -> dict[str, Any]:
+    """Analyse many recordings, each by a task of Dask, but those whose results are there.
+
+    Dask starts processes: scripts call this below ``if __name__ == "__main__":``.
+
+    Parameters
+    ----------
+    patterns : sequence of str
+        Paths of recordings, or patterns of a shell; ``**`` is any number of folders.
+    out : str or Path
+        Folder of the outputs, which all workers share, for one call at a time: a summary in JSON and
+        columns in Parquet of each recording; fleet.json, fleet.parquet and fleet.html.
+    model, columns, topic, joint_names, parameters
+        As of :func:`read_recording`.
+    gain : float
+        Of the observer [1/s], where the parameters have none.
+    scheduler : str, optional
+        Address of a Dask scheduler, such as ``tcp://10.0.0.1:8786``, whose workers have this package;
+        by default processes of this machine.
+    workers : int, optional
+        Number of these processes; by default that of the processors.
+    parquet, reports : bool
+        Whether to write columns, and a report, of each recording.
+    progress : callable, optional
+        Called with the numbers of finished and of all recordings, and the path of the last one.
+
+    Returns
+    -------
+    dict
+        Content of fleet.json: `recordings`, with a row of fleet.parquet each; `robots`;
+        `failed`, errors by the path of the recording; numbers `computed` and `kept`.
+
+    Raises
+    ------
+    InputError
+        A pattern matches nothing, an option is not possible, or Dask or pyarrow is not installed.
+    OSError
+        The folder cannot be written, or the scheduler cannot be reached.
+    """
+    if isinstance(patterns, str | os.PathLike):
+        raise InputError(f"patterns is {patterns!r}, expected a list of paths and patterns.")
+    _require_libraries("distributed", "jinja2", *(["pyarrow.parquet"] if parquet else []))
+    reading = _reading_options(model, columns, topic, joint_names, parameters)
+    suffixes = [suffix for suffix, wanted in (("parquet", parquet), ("html", reports)) if wanted]
+    out = Path(out).expanduser().resolve()
+    out.mkdir(parents=True, exist_ok=True)
+    jobs = _jobs(_paths(patterns, out), out, reading, positive("gain", gain, "[1/s]"), suffixes)
+    results = {job.path: job.read_summary() for job in jobs}
+    todo = [job for job in jobs if results[job.path] is None]
+    kept = len(jobs) - len(todo)
+    with closing(_results(todo, scheduler, workers)) as stream:
+        for done, (job, result) in enumerate(stream, kept + 1):
+            results[job.path] = result
+            if progress:
+                progress(done, len(jobs), job.path)
+    summaries = [result for result in results.values() if isinstance(result, dict)]
+    failed = {path: text for path, text in results.items() if isinstance(text, str)}
+    rows = list(map(_row, summaries))
+    report = {"recordings": rows, "robots": robots_of(summaries), "failed": failed}
+    report |= {"computed": len(summaries) - kept, "kept": kept}
+    _write(out / "fleet.json", json.dumps(report, indent=1, allow_nan=False))
+    _write(out / "fleet.html", _page(report, {job.path: job.links() for job in jobs}))
+    if parquet:
+        _write_table(out / "fleet.parquet", report)
+    return report
+
+
+# --- One recording ---
+
+
+class _Job(NamedTuple):
+    path: str
+    stem: str  # path of the outputs without a suffix
+    reading: dict  # options of Reading
+    gain: float
+    suffixes: list  # of the outputs beside the summary
+    fingerprint: dict
+
+    def output(self, suffix):
+        return Path(f"{self.stem}.{suffix}")
+
+    def links(self):
+        """Return the names of the report and of the summary, of those that are there."""
+        return [path.name for path in map(self.output, ("html", "json")) if path.exists()]
+
+    def read_summary(self):
+        """Return the summary, which is written last; None if it is not that of the same job."""
+        try:
+            summary = json.loads(self.output("json").read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        is_complete = all(self.output(suffix).exists() for suffix in self.suffixes)
+        return summary if is_complete and summary.get("fingerprint") == self.fingerprint else None
+
+    def remove_outputs(self, which="*"):
+        for path in glob.glob(f"{glob.escape(self.stem)}.{which}"):
+            shutil.rmtree(path) if os.path.isdir(path) else os.remove(path)
+
+
+def _analyse(job):
+    """Analyse a recording on a worker; return its summary, or the text of its error."""
+    try:
+        reading, outputs = Reading(job.path, **job.reading), []
+        analysis = Analysis(reading, gain=job.gain, threads=1)
+        if "parquet" in job.suffixes:
+            outputs.append(TableOutput(job.output("parquet"), reading, analysis.friction))
+        if "html" in job.suffixes:
+            outputs.append(ReportOutput(job.output("html"), reading))
+        analysis.run(outputs)
+        if not analysis.states:
+            raise analysis.outcome.account.without_states(job.path)
+        summary = summary_of(analysis.outcome) | {"recording": job.path}
+        for output in outputs:
+            output.close(summary)
+        summary |= {"pieces": 1, "fingerprint": job.fingerprint}
+        _write(job.output("json"), json.dumps(summary, indent=1, allow_nan=False))
+        return summary
+    except (DiagDynamicsError, OSError) as error:
+        return str(error)
+
+
+def _results(jobs, scheduler, workers):
+    """Yield each job with its summary or the text of its error, when it is done."""
+    if not jobs:
+        return
+    distributed = import_module("distributed")
+    for job in jobs:
+        job.remove_outputs()
+    local = {"threads_per_worker": 1, "dashboard_address": None}
+    local["n_workers"] = workers or min(cores(), len(jobs))
+    try:
+        with distributed.Client(scheduler, **({} if scheduler else local)) as client:
+            futures = client.map(_analyse, jobs, retries=2, pure=False)
+            by_key = {future.key: job for future, job in zip(futures, jobs, strict=True)}
+            completed = distributed.as_completed(futures)
+            del futures
+            for future in completed:
+                error, job = future.exception(), by_key[future.key]
+                result = f"{type(error).__name__}: {error}" if error else future.result()
+                del future  # what has come is not computed again when its worker dies
+                if isinstance(result, str):
+                    job.remove_outputs()
+                yield job, result
+    finally:
+        for job in jobs:
+            job.remove_outputs("*.part")  # of attempts that were ended
+
+
+# --- Options ---
+
+
+def _require_libraries(*names):
+    for name in names:
+        try:
+            import_module(name)
+        except ImportError as error:
+            missing = "which is not installed: pip install 'dask[distributed]' pyarrow."
+            raise InputError(f"a fleet's recordings are analysed with {name}, {missing}") from error
+
+
+def _reading_options(model, columns, topic, joint_names, parameters):
+    parameters = dict(parameters or {})
+    if unknown := set(parameters) - set(PARAMETERS):
+        raise InputError(f"the monitor has no parameter '{min(unknown)}'.")
+    settings = Settings.of({name: one.default for name, one in PARAMETERS.items()} | parameters)
+    if isinstance(model, RobotModel):
+        require_as_made(settings.values)
+    elif model is not None:
+        model = model_of(os.fspath(model), settings.values)
+    if isinstance(columns, str | os.PathLike):
+        columns = str(Path(columns).expanduser().resolve())
+    options = {"model": model, "columns": columns, "topic": checked_topics(topic)}
+    return options | {"joint_names": joint_names, "parameters": parameters}
+
+
+def _paths(patterns, out):
+    """Return the paths of recordings; what is in the folder of the outputs is none."""
+    paths = {}
+    for pattern in map(os.path.expanduser, map(os.fspath, patterns)):
+        names = [pattern] if os.path.exists(pattern) else sorted(glob.glob(pattern, recursive=True))
+        if not names:
+            raise InputError(f"there is no recording '{pattern}'.")
+        paths |= dict.fromkeys(Path(name).resolve() for name in names)
+    return [path for path in paths if path != out and out not in path.parents]
+
+
+def _jobs(paths, out, reading, gain, suffixes):
+    columns, model = reading["columns"], reading["model"]
+    if isinstance(columns, str):
+        columns = Path(columns).read_text(encoding="utf-8", errors="replace")
+    digest = None if model is None else hashlib.sha256(pickle.dumps(model)).hexdigest()
+    about = {**reading, "columns": columns, "model": digest, "gain": gain, "outputs": suffixes}
+    about = json.loads(json.dumps(about | {"version": diag_dynamics.__version__}, default=str))
+    jobs = []
+    for path in paths:
+        words = re.sub(r"[^\w.-]+", "_", f"{path.parent.name}-{path.stem}").strip("_.-")
+        stem = str(out / f"{words}-{hashlib.sha256(os.fsencode(path)).hexdigest()[:8]}")
+        files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
+        times = [[one.name, one.stat().st_size, one.stat().st_mtime_ns] for one in files]
+        jobs.append(_Job(str(path), stem, reading, gain, suffixes, about | {"input": times}))
+    return jobs
+
+
+# --- All recordings ---
+
+
+def _row(summary):
+    return {name: value(summary) for name, (_, value) in COLUMNS.items()}
+
+
+def _collisions(summary):
+    """Return the number of collisions; None if it is unknown, as without a threshold."""
+    observer = summary["observer"]
+    is_known = observer["observed"] and not observer["missing"]
+    return len(summary["collisions"]) if is_known else None
+
+
+def robots_of(summaries):
+    """Return the results of all recordings of each robot together, a list of dict."""
+    names = sorted({one["robot"] for one in summaries})
+    return [_robot([one for one in summaries if one["robot"] == name]) for name in names]
+
+
+def _robot(summaries):
+    rows = list(map(_row, summaries))
+    highest = max(rows, key=lambda row: row["kinetic_energy_max"])
+    known = [row["collisions"] for row in rows if row["collisions"] is not None]
+    states = sum(row["states"] for row in rows)
+    histogram, rejected, findings = Counter(), Counter(), Counter()
+    for one in summaries:
+        rejected.update(one["rejected"])
+        for finding in one["findings"]:
+            findings[finding["cause"]] += finding["count"]
+        for part in one["kinetic_energy"]["histogram"]:
+            histogram[part["from"], part["to"]] += part["states"]
+    return {
+        "robot": highest["robot"],
+        "recordings": len(rows),
+        "states": states,
+        "hours": sum(row["hours"] for row in rows),
+        "kinetic_energy": {
+            "max": highest["kinetic_energy_max"],
+            "recording": highest["recording"],
+            "at": highest["kinetic_energy_max_at"],
+            "mean": sum(row["kinetic_energy_mean"] * row["states"] for row in rows) / states,
+            "histogram": [
+                {"from": low, "to": high, "states": count} for (low, high), count in sorted(histogram.items())
+            ],
+        },
+        **_balance(summaries),
+        "collisions": sum(known) if known else None,
+        "unjudged": len(rows) - len(known),
+        "rejected": dict(rejected),
+        "findings": dict(findings),
+        "warnings": sum(row["warnings"] for row in rows),
+    }
+
+
+def _balance(summaries):
+    """Return the balance of power over the windows of all recordings."""
+    variance, keys = {}, ("count", "mean", "squares")
+    for name in ("kinetic", "total", "residual"):
+        moments = [one["balance"]["moments"][name] for one in summaries]
+        count, means, squares = (np.array([one[key] for one in moments]) for key in keys)
+        windows = int(count.sum())
+        mean = count @ means / max(windows, 1)
+        variance[name] = (squares.sum() + count @ (means - mean) ** 2) / max(windows, 1)
+    rms = float(np.sqrt(variance["residual"] + mean**2))
+    has_moved = any(one["explained"] is not None for one in summaries)
+    explained, with_potential = (
+        explained_share(variance["residual"], variance[name]) if has_moved and windows >= LEAST else None
+        for name in ("kinetic", "total")
+    )
+    about = {"explained": explained, "explained_with_potential": with_potential}
+    return about | {"residual_power": rms if windows >= LEAST else None}
+
+
+def collisions_in_words(robot, noun="collisions"):
+    """Return how many a robot had, and in how many of its recordings this is unknown."""
+    if robot["collisions"] is None:
+        return f"nothing is known of {noun}: their thresholds are not set, or there are no efforts"
+    unknown = robot["unjudged"]
+    rest = f", nothing known in {unknown} recordings" if unknown else ""
+    return f"{robot['collisions']} {noun}{rest}"
+
+
+# --- Files ---
+
+
+def _write(path, text):
+    file = AtomicFile(path)
+    Path(file.name).write_text(text, encoding="utf-8", errors="backslashreplace")
+    file.commit()
+
+
+def _page(report, links):
+    """Return fleet.html. All texts are escaped: names of files and robots come from strangers."""
+    jinja2, rows = import_module("jinja2"), report["recordings"]
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    template = resources.files("diag_dynamics.recordings").joinpath("fleet.html.j2")
+    folders = [os.path.dirname(row["recording"]) for row in rows]
+    about = {
+        "links": links,
+        "folder": os.path.join(os.path.commonpath(folders), "") if folders else "",
+        "wrong": {row["recording"]: row["wrong"] for row in rows if row["wrong"]},
+        "contacts": collisions_in_words,
+    }
+    return environment.from_string(template.read_text(encoding="utf-8")).render(report | about)
+
+
+def _write_table(path, report):
+    arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
+    types = {name: kind for name, (kind, _) in COLUMNS.items()} | {"error": "string"}
+    schema = arrow.schema([(name, getattr(arrow, kind)()) for name, kind in types.items()])
+    failed = [{"recording": one, "error": text} for one, text in report["failed"].items()]
+    rows = [
+        {name: printable(x) if isinstance(x, str) else x for name, x in row.items()}
+        for row in report["recordings"] + failed
+    ]
+    file = AtomicFile(path)
+    parquet.write_table(arrow.Table.from_pylist(rows, schema), file.name)
+    file.commit()
+
+
+def printable(text):
+    """Return a text in which escapes stand for the bytes of a file's name that are not UTF-8."""
+    return text.encode(errors="backslashreplace").decode()
