@@ -30,7 +30,7 @@ from diag_dynamics.collision.detector import AlarmDetector
 from diag_dynamics.collision.residuals import Residuals
 from diag_dynamics.collision.thresholds import AlarmThresholds
 from diag_dynamics.model.example_robots import find_urdf
-from diag_dynamics.recordings.observed import Observed
+from diag_dynamics.recordings.observer import Observed
 
 RESULTS = Path(__file__).resolve().parent / "results"
 RECORDINGS = Path(

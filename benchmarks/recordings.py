@@ -59,7 +59,7 @@ def run(kind):
         if not len(piece.states):
             continue
         begun = time.process_time()
-        piece = analysis.take(piece.states)
+        piece = analysis.analyse_batch(piece.states)
         spent["compute"] += time.process_time() - begun
         if output:
             begun = time.process_time()

@@ -66,8 +66,8 @@ _HOME = {
     "Excitation": "identification.exciting",
     "excite": "identification.exciting",
     "identify": "identification.identifying",
-    "Observed": "recordings.observed",
-    "observe": "recordings.observed",
+    "Observed": "recordings.observer",
+    "observe": "recordings.observer",
     "Calibration": "collision.calibration",
     "calibrate": "recordings.calibration",
 }
@@ -120,8 +120,8 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.model import load_urdf as load_urdf
     from diag_dynamics.recordings.calibration import calibrate as calibrate
     from diag_dynamics.recordings.fleet import analyse_fleet as analyse_fleet
-    from diag_dynamics.recordings.observed import Observed as Observed
-    from diag_dynamics.recordings.observed import observe as observe
+    from diag_dynamics.recordings.observer import Observed as Observed
+    from diag_dynamics.recordings.observer import observe as observe
     from diag_dynamics.recordings.recording import Recording as Recording
     from diag_dynamics.recordings.recording import read_recording as read_recording
     from diag_dynamics.recordings.recording import stream_recording as stream_recording

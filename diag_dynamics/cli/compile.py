@@ -39,10 +39,7 @@ UNITS = {
     "identification.kernels.normal_equations": 1,
     "identification.kernels.regressors": 1,
     "bags.kernels.records": 1,
-    "recordings.kernels.balance": 1,
-    "recordings.kernels.observation": 1,
-    "recordings.kernels.peaks": 1,
-    "recordings.kernels.quality": 1,
+    "recordings.observer": 1,
 }
 """Modules with entry kernels, in CPU-seconds, the longest first: one that is begun last keeps the others waiting."""
 

@@ -18,7 +18,7 @@ from diag_dynamics.identification.exciting import excite
 from diag_dynamics.identification.identifying import identify
 from diag_dynamics.model import RobotModel, load_robot
 from diag_dynamics.recordings.calibration import calibrate
-from diag_dynamics.recordings.observed import observe
+from diag_dynamics.recordings.observer import observe
 from diag_dynamics.recordings.recording import read_recording
 
 ROBOTS: Mapping[str, Mapping[str, float]] = {

@@ -28,7 +28,7 @@ from diag_dynamics.identification.fit import (
 from diag_dynamics.identification.found import Identification
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
 from diag_dynamics.identification.suitability import DOUBTFUL
-from diag_dynamics.recordings.explained import NOTHING
+from diag_dynamics.recordings.balance import NOTHING_EXPLAINED
 
 GAIN = 0.1
 """What a further step has to take off the residual of rows that it was not fitted to, or it is not taken."""
@@ -279,7 +279,7 @@ class Attempt:
         if None not in shares and shares[1] < shares[0]:
             self._warnings.append(f"the efforts explain less of dK/dt than before: {shares[1]:.2f} of {shares[0]:.2f}")
         total = quality["explained_total"][1]
-        if None not in (shares[1], total) and max(shares[1], total) < NOTHING:
+        if None not in (shares[1], total) and max(shares[1], total) < NOTHING_EXPLAINED:
             quality["efforts_judged"] = False
             self._warnings.append(
                 f"the identified model explains nothing of the motion: {shares[1]:.3g} of dK/dt and {total:.3g} of "

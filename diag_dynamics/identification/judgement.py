@@ -9,8 +9,8 @@ import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.recordings.balance import Balance, Moments, WindowSums
-from diag_dynamics.recordings.observed import Observer
-from diag_dynamics.recordings.smoothing import smoothed
+from diag_dynamics.recordings.effort_relation import smoothed
+from diag_dynamics.recordings.observer import Observer
 
 GAIN = 25.0
 """Of the observer whose spread is told [1/s]: the monitor's default."""

@@ -13,7 +13,7 @@ from diag_dynamics.identification.segments import SIZE, in_portions, since, with
 from diag_dynamics.identification.sifting import Sifter
 from diag_dynamics.identification.velocities import Velocities
 from diag_dynamics.recordings.account import Finding, without_efforts, without_states
-from diag_dynamics.recordings.effort_range import EffortRange
+from diag_dynamics.recordings.effort_checks import EffortRange
 from diag_dynamics.recordings.recording import Recording
 from diag_dynamics.recordings.refused_units import refuse_units
 

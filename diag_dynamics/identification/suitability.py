@@ -7,7 +7,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.account import Finding
-from diag_dynamics.recordings.effort_causes import complaint
+from diag_dynamics.recordings.effort_checks import complaint
 from diag_dynamics.recordings.effort_relation import ERRORS, EffortRelation
 from diag_dynamics.sweeps.spatial import ANGULAR_X
 

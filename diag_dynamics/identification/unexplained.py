@@ -9,7 +9,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.identification.judgement import states_of
 from diag_dynamics.identification.segments import in_portions
 from diag_dynamics.identification.sifting import Sifter
-from diag_dynamics.recordings.observed import Observer
+from diag_dynamics.recordings.observer import Observer
 
 MOST = 6000
 """Steps of a curve, an even number: ten times the pixels that they are drawn on."""

@@ -15,8 +15,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.plot.drawing import COLOURS, GREY, envelope, name, parted, pyplot, text_colour, tidy
 from diag_dynamics.plot.given import require_states
 from diag_dynamics.recordings.account import without_efforts
-from diag_dynamics.recordings.balance import Balance, Windows, WindowSums
-from diag_dynamics.recordings.explained import NOTHING, PART
+from diag_dynamics.recordings.balance import MIN_EXPLAINED, NOTHING_EXPLAINED, Balance, Windows, WindowSums
 from diag_dynamics.recordings.recording import SIZE, Recording
 
 
@@ -75,7 +74,7 @@ def _share(judged: Balance) -> str:
     explained, total, what = judged.explained, judged.explained_total, "dK/dt"
     if explained is None:
         return ""
-    if explained < NOTHING and total is not None and total >= PART:
+    if explained < NOTHING_EXPLAINED and total is not None and total >= MIN_EXPLAINED:
         explained, what = total, "d(K + U)/dt"
     return f": {100 * explained:.1f} % of {what} explained" if explained > 0.0 else f": nothing of {what} explained"
 

@@ -19,7 +19,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.single_joints import sliding_dofs
 from diag_dynamics.plot.drawing import COLOURS, GREY, check_named, envelope, name, pyplot, tidy
-from diag_dynamics.recordings.observed import Observed, observe
+from diag_dynamics.recordings.observer import Observed, observe
 from diag_dynamics.recordings.recording import Recording
 
 

@@ -1,12 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Everything of a recording, piece by piece: evaluated, observed, balanced, judged, and handed on to whoever writes it."""
+"""Analysis of a recording: evaluate, observe and judge its states batch by batch, and write them to outputs."""
 
-import queue
-import threading
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,197 +13,212 @@ from diag_dynamics.collision.detector import AlarmDetector, Judged
 from diag_dynamics.collision.events import Alarms
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
-from diag_dynamics.recordings.balance import Windows, WindowSums
-from diag_dynamics.recordings.collisions import Collisions
-from diag_dynamics.recordings.observed import Observer
-from diag_dynamics.recordings.outcome import Outcome
+from diag_dynamics.recordings.account import Account
+from diag_dynamics.recordings.balance import Balance, Windows, WindowSums
+from diag_dynamics.recordings.contact_exposure import ContactExposure
+from diag_dynamics.recordings.effort_checks import EffortRange, MotionSample
+from diag_dynamics.recordings.observer import Collisions, Observer
 from diag_dynamics.recordings.quality import Quality
 from diag_dynamics.recordings.recording import SIZE
 from diag_dynamics.recordings.states import States
-from diag_dynamics.recordings.touches import Touches
+from diag_dynamics.recordings.windows import column_maxima
 from diag_dynamics.results import BatchEvaluation
 
-WAITING = 2
-"""Pieces that wait for the next stage: more take memory and make nothing faster."""
+BINS_PER_DECADE, LOWEST_BIN, BINS = 10, -3300, 6500
+"""Histogram of the kinetic energy: bin k begins at 10^(k/10) J; numbers of the first bin, and of bins."""
 
 
 class Piece(NamedTuple):
-    """All about some states."""
+    """A batch of states, and all about them."""
 
     states: States
     s: BatchEvaluation
     observed: tuple
-    """residual, external_torque, norm, valid, collision; see :class:`~observed.Observed`."""
+    """residual, external_torque, norm, valid, collision; see :class:`~observer.Observed`."""
     windows: Windows
     judged: Judged | None = None
-    """What alarms are made of, where there are thresholds of them."""
+    """Alarms, if there are thresholds of them."""
+
+
+class Peaks:
+    """Largest values of quantities, batch by batch."""
+
+    def __init__(self):
+        self._peaks = {}  # by quantity: largest value of each entry, its stamp [ns], names of the entries
+
+    def take(self, quantity, values, stamps, names=None):
+        """Add values, shape (T,) or (T, number of names); NaN is ignored."""
+        values = values.reshape(len(stamps), -1)
+        each, at, _ = self._peaks.get(
+            quantity, (np.full(values.shape[1], -np.inf), np.zeros(values.shape[1], int), None)
+        )
+        largest = column_maxima(values)
+        for k in np.flatnonzero(largest > each):
+            each[k], at[k] = largest[k], stamps[np.argmax(values[:, k] == largest[k])]
+        if (each > -np.inf).any():
+            self._peaks[quantity] = each, at, names
+
+    def largest(self):
+        """Return by quantity its largest value, the first stamp of that [ns], and the name of the entry or None."""
+        found = {}
+        for quantity, (each, at, names) in self._peaks.items():
+            k = int(np.argmax(each))
+            found[quantity] = float(each[k]), int(at[k]), None if names is None else names[k]
+        return found
+
+    def of_each(self, quantity):
+        """Return the largest value of each entry of a quantity by its name."""
+        each, _, names = self._peaks.get(quantity, ((), (), ()))
+        return dict(zip(names, map(float, each), strict=True))
+
+
+@dataclass
+class Outcome:
+    """Results of an analysis, of which a summary is made."""
+
+    robot: str
+    names: tuple
+    gain: float
+    threshold: float
+    missing: tuple
+    """Parameters without which no collision is reported."""
+    balance: Balance
+    quality: Quality
+    efforts: EffortRange
+    motion: MotionSample
+    collisions: Collisions | Alarms
+    exposure: ContactExposure | None
+    peaks: Peaks = field(default_factory=Peaks)
+    histogram: Any = field(default_factory=lambda: np.zeros(BINS, dtype=int))
+    states: int = 0
+    observed: int = 0
+    """Number of states of which the observer has a result."""
+    kinetic: float = 0.0
+    """Sum of K over the states [J]."""
+    account: Account | None = None
+    offset: int = 0
+    """Difference of stamps from times in the recording [ns]."""
 
 
 class Analysis:
-    """Analyses a recording.
-
-    Parameters
-    ----------
-    reading : Reading
-    gain : float
-        Of the observer [1/s].
-    threads : int, optional
-        For evaluation, by default as many as there are processors.
-
-    Attributes
-    ----------
-    outcome : Outcome
-        What has been found.
-    """
+    """Analyse a Reading, with an observer of this gain [1/s] if its settings have none; `outcome` has the results."""
 
     def __init__(self, reading, *, gain=25.0, threads=None):
         model, settings = reading.model, reading.settings
-        self.reading, self.model, self._threads = reading, model, threads
+        self.reading, self.friction, self._threads = reading, model.has_friction, threads
         self._dynamics = DiagonalDynamics(model)
-        self.friction = model.has_friction
-        wanted = settings.observation
+        wanted, values = settings.observation, settings.values
         gain, threshold, release = (wanted.gain, wanted.threshold, wanted.release) if wanted else (gain, np.inf, None)
         self._observer = Observer(
             self._dynamics,
             gain,
             threshold,
             None if threshold == np.inf else release,
-            friction=self.friction and settings.values["external_torque.friction"],
-            max_gap=settings.values["external_torque.max_gap"],
+            friction=self.friction and values["external_torque.friction"],
+            max_gap=values["external_torque.max_gap"],
             threads=threads,
         )
-        self._windows = WindowSums(model.nv, self.friction)
-        self._observing = gain, threshold, settings.unjudged_without
+        self._windows, names = WindowSums(model.nv, self.friction), tuple(model.dof_names)
         alarms = wanted.alarms if wanted else None
-        self._detector = AlarmDetector(model.dof_names, alarms) if alarms else None
-        self._points, self._newest = self._limited_points(), None  # and the last stamp [ns]
-        self.outcome = Outcome(model, Quality(model), *self._observing, self._collisions(), self._touches())
+        self._detector = AlarmDetector(names, alarms) if alarms else None
+        self._points = self._limited_points()
+        self.outcome = Outcome(
+            model.name,
+            names,
+            gain,
+            threshold,
+            tuple(settings.unjudged_without),
+            Balance(names),
+            Quality(model),
+            EffortRange(names),
+            MotionSample(model),
+            Alarms(self._detector) if self._detector else Collisions(names),
+            ContactExposure(self._points) if self._points else None,
+        )
 
     def _limited_points(self):
-        """ContactPoints, where limits are wanted."""
+        """Return the ContactPoints if any has a limit."""
         if self.reading.settings.contact.limits is None:
             return None
         points, _ = self.reading.contact_points
         return points if points.limited.any() else None
 
-    def _touches(self):
-        """What gathers contact, where there is a limit."""
-        return Touches(self._points.names) if self._points else None
-
-    def _collisions(self, goes_on=False):
-        """What gathers collisions: of the detector, or by the observer's own threshold."""
-        return Alarms(self._detector) if self._detector else Collisions(self.model.dof_names, goes_on)
-
     @property
     def states(self):
-        """How many there were."""
+        """Number of states."""
         return self.outcome.states
 
     def run(self, outputs=(), progress=None):
-        """Read, evaluate and write all of it.
+        """Analyse all states, and call `write(piece)` of the outputs with each :class:`Piece` in order.
 
-        Parameters
-        ----------
-        outputs : sequence
-            Their `write(piece)` is called for each :class:`Piece`, in order.
-        progress : callable, optional
-            Called with the number of states and the last log time [ns] after each piece.
-
-        Stages work side by side: reading and assembling, evaluating, writing. Of a reading that settles before it begins,
-        nothing is written or counted until then.
+        `progress` is called with the number of states and the last log time [ns] after each piece. The next piece is
+        read and analysed while outputs write.
         """
-        if self.reading.settles:
-            for piece in self.reading.settling(SIZE):
-                self._settle(piece.states)
-            self._begin()
-        self._run(outputs, progress)
-        outcome, reading = self.outcome, self.reading
-        outcome.account, outcome.offset, outcome.end = reading.account(), reading.offset, self._memory()
+        batches = self.reading.pieces(SIZE)
+        with ThreadPoolExecutor(1, thread_name_prefix="diag_dynamics") as pool:
+            pending = pool.submit(self._next_piece, batches)
+            while (piece := pending.result()) is not None:
+                states = self.states
+                pending = pool.submit(self._next_piece, batches)
+                for output in outputs:
+                    output.write(piece)
+                if progress:
+                    progress(states, int(piece.states.log_time[-1]))
+        self.outcome.account, self.outcome.offset = self.reading.account(), self.reading.offset
 
-    def _settle(self, states):
-        if len(states):
-            self.take(states)
+    def _next_piece(self, batches):
+        for batch in batches:
+            if len(batch.states) and (piece := self.analyse_batch(batch.states)):
+                return piece
+        return None
 
-    def _begin(self):
-        """Go on from here as if nothing had been seen, but knowing what is known."""
-        before = self.outcome
-        self.reading.intake.anew()
-        collisions = self._collisions(not self._detector and before.collisions.goes_on)
-        self.outcome = Outcome(self.model, before.quality.anew(), *self._observing, collisions, self._touches())
-        self.outcome.begin = self._memory()
-
-    def _memory(self):
-        """What later results depend on; see `diag_dynamics.recordings.seams`."""
-        outcome = self.outcome
-        return {
-            "intake": self.reading.intake.memory(),
-            "observer": self._observer.memory(),
-            "windows": self._windows.memory(),
-            "quality": outcome.quality.memory(),
-            "colliding": self._detector.memory() if self._detector else outcome.collisions.goes_on,
-        }
-
-    def _run(self, outputs, progress):
-        read, evaluated, stop = queue.Queue(WAITING), queue.Queue(WAITING), threading.Event()
-
-        def reading():
-            try:
-                for piece in self.reading.pieces(SIZE):
-                    if not _put(read, piece.states, stop):
-                        return
-            finally:
-                _put(read, None, stop)
-
-        def evaluating():
-            try:
-                while (states := _get(read, stop)) is not None:
-                    if len(states) and not _put(evaluated, self.take(states), stop):
-                        return
-            finally:
-                _put(evaluated, None, stop)
-
-        with ThreadPoolExecutor(2, thread_name_prefix="diag_dynamics") as pool:
-            stages = [pool.submit(stage) for stage in (reading, evaluating)]
-            try:
-                while (piece := _get(evaluated, stop)) is not None:
-                    for output in outputs:
-                        output.write(piece)
-                    if progress:
-                        progress(self.states, int(piece.states.log_time[-1]))
-            finally:
-                stop.set()  # what is still at work after a failure ends
-        for stage in stages:
-            stage.result()
-
-    def take(self, states):
-        """Evaluate states, take note of all that is told of them in the end, and return the :class:`Piece`."""
-        states, s = self._evaluated(states)
+    def analyse_batch(self, states):
+        """Evaluate states, add them to the outcome, and return the :class:`Piece`; None if no state can be evaluated."""
+        outcome, (states, s) = self.outcome, self._evaluate(states)
+        if not len(states):
+            return None
         observed, judged = self._observer.take(states, s), None
-        self.outcome.observed += int(observed[3].sum())
+        residual, torque, norm, valid, _ = observed
         if self._detector:
-            judged = self._detector.judge(states.stamp, observed[0], observed[1], observed[3], states.jumped)
+            judged = self._detector.judge(states.stamp, residual, torque, valid, states.jumped)
+            outcome.collisions.take(states.stamp, norm, judged)
             observed = *observed[:4], judged.alarm
+        else:
+            outcome.collisions.take(states.stamp, residual, norm, observed[4])
         windows = self._windows.take(states, s)
-        self.outcome.balance.take(windows)
-        self.outcome.quality.take(states)
-        self.outcome.efforts.take(states.position[:, -self.model.nv :], states.effort)
-        self.outcome.motion.take(states)
-        self._note(states, s, observed, judged)
-        if self.outcome.touches and len(states):
-            self._touch(states)
+        outcome.balance.take(windows)
+        outcome.quality.take(states)
+        outcome.efforts.take(states.position[:, -len(outcome.names) :], states.effort)
+        outcome.motion.take(states)
+        if self._points:
+            contact = self._dynamics.contact_batch(
+                states.position, states.velocity, self._points, threads=self._threads
+            )
+            outcome.exposure.take(states.stamp, contact)
+        self._add_figures(states, s, observed)
         return Piece(states, s, observed, windows, judged)
 
-    def _touch(self, states):
-        """Take note of what a touch would have cost."""
-        stamps = states.stamp
-        before = stamps[0] if self._newest is None else self._newest
-        since = np.diff(stamps, prepend=before) * 1e-9
-        self._newest = int(stamps[-1])
-        contact = self._dynamics.contact_batch(states.position, states.velocity, self._points, threads=self._threads)
-        self.outcome.touches.take(stamps, since, contact)
+    def _add_figures(self, states, s, observed):
+        outcome, (_, torque, norm, valid, _) = self.outcome, observed
+        outcome.states += len(states)
+        outcome.observed += int(valid.sum())
+        outcome.kinetic += float(s.kinetic_energy.sum())
+        positive = s.kinetic_energy[s.kinetic_energy > 0.0]
+        bins = np.floor(BINS_PER_DECADE * np.log10(positive)).astype(int) - LOWEST_BIN
+        outcome.histogram += np.bincount(bins, minlength=BINS)
+        quantities = {
+            "kinetic_energy": (s.kinetic_energy, None),
+            "energy_share": (s.energy_share, outcome.names),
+            "velocity": (np.abs(states.velocity), outcome.names),
+            "effort": (np.abs(states.effort), outcome.names),
+            "external_torque": (np.abs(torque), outcome.names),
+            "residual_norm": (norm, None),
+        }
+        for quantity, (values, names) in quantities.items():
+            outcome.peaks.take(quantity, values, states.stamp, names)
 
-    def _evaluated(self, states):
-        """States that can be evaluated, and their evaluation."""
+    def _evaluate(self, states):
+        """Return the states that can be evaluated, and their evaluation."""
         known = states.effort_known.all()
         while True:
             efforts = states.effort if known else np.where(states.effort_known[:, None], states.effort, 0.0)
@@ -216,7 +230,7 @@ class Analysis:
                 states = self._without_bad(states, efforts, error)
 
     def _without_bad(self, states, efforts, error):
-        """States without those that cannot be evaluated, which are counted as the monitor counts them."""
+        """Return the states that can be evaluated; the others are counted as the monitor counts them."""
         good = np.ones(len(states), dtype=bool)
         for t in range(len(states)):
             try:
@@ -227,41 +241,3 @@ class Analysis:
         if good.all():
             raise error  # of something else
         return states[good]
-
-    def _note(self, states, s, observed, judged):
-        stamps, names = states.stamp, self.model.dof_names
-        residual, torque, norm, valid, collision = observed
-        peaks = self.outcome.peaks
-        self.outcome.take_energy(s.kinetic_energy)
-        peaks.take("kinetic_energy", s.kinetic_energy, stamps)
-        peaks.take("energy_share", s.energy_share, stamps, names)
-        peaks.take("velocity", states.velocity, stamps, names, absolute=True)
-        peaks.take("effort", states.effort, stamps, names, absolute=True)
-        if valid.any():
-            peaks.take("external_torque", torque, stamps, names, absolute=True)
-            peaks.take("residual_norm", norm, stamps)
-        if judged:
-            self.outcome.collisions.take(stamps, norm, judged)
-        else:
-            self.outcome.collisions.take(stamps, residual, norm, collision)
-
-
-def _put(into, what, stop):
-    """Hand something on; whether there was anybody to take it."""
-    while not stop.is_set():
-        try:
-            into.put(what, timeout=0.1)
-            return True
-        except queue.Full:
-            continue
-    return False
-
-
-def _get(out_of, stop):
-    """What is handed on next; None at the end, or when a stage has failed."""
-    while True:
-        try:
-            return out_of.get(timeout=0.1)
-        except queue.Empty:
-            if stop.is_set():
-                return None

@@ -1,75 +1,113 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Balance of power as a judgement: how much of the change of energy the model and the efforts explain."""
+"""Balance of power: the share of the change of energy that the model and the efforts explain."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from diag_dynamics.assembly.stamps import SECOND
-from diag_dynamics.compiled.tables import Addresses
-from diag_dynamics.recordings.explained import (
-    LEAST,
-    MAX_GAP,
-    STILL,
-    WINDOW,
-    Variances,
-    culprits_of,
-    explained_share,
-    is_judged,
-    judgement,
-    likely_cause,
-)
-from diag_dynamics.recordings.kernels import prepare
-from diag_dynamics.recordings.kernels.balance import BALANCE, COLUMNS, HAS_STATE, SUMMED, WHOLE, sum_windows
+from diag_dynamics.recordings.windows import SampleChain, WindowIntegrals
+
+WINDOW = 0.1
+"""Length of a window [s]: noise of velocities spoils shorter ones, longer ones average errors away."""
+
+MAX_GAP = 0.1
+"""Longest interval between states of a window [s]."""
+
+MIN_WINDOWS, MIN_POWER = 20, 1e-3
+"""Fewest windows, and smallest root mean square of dK/dt [W], that are judged."""
+
+NOTHING_EXPLAINED, MIN_EXPLAINED = 0.3, 0.8
+"""Explained shares below which the balance explains nothing, and too little."""
+
+FAULT_SHARE = 0.2
+"""Share of the sum of all joints' squared residuals from which a joint is named."""
+
+CORRELATION, NO_FACTOR = 0.9, 1.5
+"""Squared correlation of effort power and required power of a factor; factors up to this are none."""
 
 
 class Windows(NamedTuple):
-    """Windows that ended in a piece; powers are means over each [W]."""
+    """Windows that ended in a batch of states: stamps [ns], shape (W,), and mean powers [W], shapes (W,) and (W, nv)."""
 
     begin: np.ndarray
-    """Stamps of their first and last states [ns], int64, shape (W,)."""
     end: np.ndarray
-    kinetic: np.ndarray
-    """dK/dt."""
-    effort: np.ndarray
-    """νᵀε."""
-    gravity: np.ndarray
-    """νᵀε_g, the rate of potential energy."""
-    friction: np.ndarray
-    """νᵀε_fric."""
-    gained: np.ndarray
-    """Change of ½ν_k², shape (W, nv)."""
-    explained: np.ndarray
-    """ν_k(ε_k − C_k − ε_g,k − ε_fric,k), shape (W, nv)."""
+    kinetic: np.ndarray  # dK/dt
+    effort: np.ndarray  # νᵀε
+    gravity: np.ndarray  # νᵀε_g, the rate of potential energy
+    friction: np.ndarray  # νᵀε_fric
+    gained: np.ndarray  # change of ½ν_k²
+    explained: np.ndarray  # ν_k(ε_k − C_k − ε_g,k − ε_fric,k)
 
     @property
     def residual(self):
-        """dK/dt less what is put down to it, shape (W,)."""
+        """dK/dt less the power of efforts, gravity and friction, shape (W,)."""
         return self.kinetic - (self.effort - self.gravity - self.friction)
 
 
+class WindowSums:
+    """Integrate powers over windows by the trapezoidal rule, batch by batch; C does no work on K (Lemma 7.2)."""
+
+    def __init__(self, count, friction=False):
+        self._friction = friction
+        self._chain, self._integrals = SampleChain(MAX_GAP), WindowIntegrals(WINDOW)
+        self._last = 0, np.zeros(3 + count), np.zeros(count)  # stamp, powers and ½ν² of the last sample
+
+    def take(self, states, s):
+        """Return the :class:`Windows` that end at states, given their BatchEvaluation."""
+        samples = self._chain.select(states)
+        rows, (stamp, power, share) = samples.rows, self._last
+        nu, epsilon, gravity = s.nu[rows], s.epsilon[rows], s.gravity[rows]
+        resisting = s.coriolis[rows] + gravity
+        powers = np.empty((len(nu) + 1, len(power)))
+        powers[0], powers[1:, 2] = power, 0.0
+        np.einsum("tk,tk->t", nu, epsilon, out=powers[1:, 0])
+        np.einsum("tk,tk->t", nu, gravity, out=powers[1:, 1])
+        if self._friction:
+            np.einsum("tk,tk->t", nu, s.friction[rows], out=powers[1:, 2])
+            resisting += s.friction[rows]
+        np.multiply(nu, epsilon - resisting, out=powers[1:, 3:])
+        shares = np.vstack([share, 0.5 * nu * nu])
+        steps = np.empty_like(powers)
+        np.multiply(0.5 * samples.interval[:, None], powers[:-1] + powers[1:], out=steps[1:])
+        stamps = np.append(stamp, states.stamp[rows])
+        self._last = stamps[-1], powers[-1], shares[-1]
+        follows = np.append(False, samples.interval > 0.0)
+        begin, end, work, gained = self._integrals.integrate(stamps, follows, steps, shares)
+        span = ((end - begin) / SECOND)[:, None]
+        gained, work = gained / span, work / span
+        return Windows(begin, end, gained.sum(axis=1), *work[:, :3].T, gained, work[:, 3:])
+
+
 class Moments:
-    """Number, mean and variance of what comes in pieces, in each column."""
+    """Count, mean and variance of each column of values that come in batches."""
 
     def __init__(self, shape=(), count=0, mean=0.0, squares=0.0):
         self.count, self.mean, self._squares = count, np.full(shape, mean), np.full(shape, squares)
 
     def take(self, values):
-        """Take in values, along the first axis (Chan, Golub and LeVeque 1983)."""
-        count = len(values)
-        if not count:
-            return
-        mean = values.mean(axis=0)
+        """Add values, along the first axis."""
+        if len(values):
+            mean = values.mean(axis=0)
+            self._merge(len(values), mean, ((values - mean) ** 2).sum(axis=0))
+
+    def add(self, other):
+        """Add the values of other moments."""
+        if other.count:
+            self._merge(other.count, other.mean, other._squares)
+
+    def _merge(self, count, mean, squares):
+        """Chan, Golub and LeVeque 1983."""
         apart, total = mean - self.mean, self.count + count
-        self._squares = self._squares + ((values - mean) ** 2).sum(axis=0) + apart**2 * (self.count * count / total)
+        self._squares = self._squares + squares + apart**2 * (self.count * count / total)
         self.mean = self.mean + apart * (count / total)
         self.count = total
 
     @property
     def variance(self):
-        """Mean squared distance from the mean; 0 of nothing."""
+        """Mean squared distance from the mean; 0 without values."""
         return self._squares / max(self.count, 1)
 
     @property
@@ -78,102 +116,12 @@ class Moments:
         return self.variance + self.mean**2
 
     def told(self):
-        """Arguments that make the same one again, but for the shape: numbers."""
+        """Return the arguments of an equal one, but for the shape: numbers."""
         return {"count": self.count, "mean": float(self.mean), "squares": float(self._squares)}
-
-    def add(self, other):
-        """Take in what another one has."""
-        if not other.count:
-            return
-        apart, total = other.mean - self.mean, self.count + other.count
-        self._squares = self._squares + other._squares + apart**2 * (self.count * other.count / total)
-        self.mean = self.mean + apart * (other.count / total)
-        self.count = total
-
-
-class WindowSums:
-    """Sums powers over windows, piece by piece.
-
-    Parameters
-    ----------
-    count : int
-        Degrees of freedom.
-    friction : bool
-        Whether evaluations have it.
-    length : float
-        Of a window [s].
-    max_gap : float
-        Time without states beyond which a window begins anew [s].
-    """
-
-    def __init__(self, count, friction=False, length=WINDOW, max_gap=MAX_GAP):
-        self._friction, self._length, self._max_gap = friction, round(length * SECOND), max_gap
-        self._flags, self._stamp = np.zeros(3, dtype=int), np.zeros(2, dtype=int)
-        self._sums = {
-            "before": np.zeros(count),
-            "powers": np.zeros(3),
-            "begun": np.zeros(count),
-            "work": np.zeros((2, max(count, 3))),
-        }
-        self._own = Addresses(BALANCE, flags=self._flags, stamp=self._stamp, **self._sums)
-        prepare(sum_windows)
-
-    def take(self, states, s):
-        """Take in states and their BatchEvaluation; returns :class:`Windows`."""
-        width = s.nu.shape[1]
-        most = self._most(states.stamp)
-        bounds, windows, joints = np.empty((most, 2), int), np.empty((most, len(COLUMNS))), np.empty((2, most, width))
-        summed = Addresses(
-            SUMMED,
-            stamp=np.ascontiguousarray(states.stamp),
-            with_effort=np.ascontiguousarray(states.effort_known),
-            moved=np.ascontiguousarray(states.jumped),
-            nu=s.nu,
-            coriolis=s.coriolis,
-            gravity=s.gravity,
-            epsilon=s.epsilon,
-            friction=s.friction if self._friction else np.zeros((0, width)),
-            bounds=bounds,
-            windows=windows,
-            gained=joints[0],
-            explained=joints[1],
-        )
-        ended = sum_windows(self._own.at, summed.at, self._length, self._max_gap)
-        return Windows(*bounds[:ended].T, *windows[:ended].T, *joints[:, :ended])
-
-    def _most(self, stamps):
-        """How many windows can end: one at each multiple of the length that is passed, and one that began before."""
-        forward = np.maximum(np.diff(stamps), 0).sum()
-        return min(len(stamps), int(forward // self._length) + 2)
-
-    def memory(self):
-        """What later results depend on; see `diag_dynamics.recordings.seams`."""
-        if not self._flags[HAS_STATE]:
-            return None
-        return {
-            "whole": bool(self._flags[WHOLE]),
-            "stamp": self._stamp[: 1 + self._flags[WHOLE]].copy(),
-            **{
-                name: values.copy()
-                for name, values in self._sums.items()
-                if self._flags[WHOLE] or name not in ("begun", "work")
-            },
-        }
 
 
 class Balance:
-    """Judges windows.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Degrees of freedom.
-
-    Attributes
-    ----------
-    moved : bool or None
-        Whether any joint has moved; None where that is not known, and dK/dt must tell.
-    """
+    """Judge windows of a robot with these degrees of freedom; `moved` tells whether any joint moves, if that is known."""
 
     def __init__(self, names):
         self._names, self.moved = tuple(names), None
@@ -182,80 +130,112 @@ class Balance:
         self.joints = Moments(len(names))
 
     def take(self, windows):
-        """Take in :class:`Windows`."""
+        """Add :class:`Windows`."""
+        residual = windows.residual
         self.kinetic.take(windows.kinetic)
         self.total.take(windows.kinetic + windows.gravity)
-        residual = windows.residual
         self.residual.take(residual)
         self.effort.take(windows.effort)
         self.needed.take(residual + windows.effort)
         self.weightless.take(residual - windows.gravity)
         self.joints.take(windows.gained - windows.explained)
 
-    def add(self, other):
-        """Take in what another one has."""
-        for name in ("kinetic", "total", "residual", "effort", "needed", "weightless", "joints"):
-            getattr(self, name).add(getattr(other, name))
-
     @property
     def explained(self):
-        """1 − var(residual) / var(dK/dt); None without windows enough, or at rest."""
+        """1 − var(residual) / var(dK/dt); None with too few windows, or at rest."""
         return self._share(self.kinetic)
 
     @property
     def explained_total(self):
-        """1 − var(residual) / var(d(K + U)/dt); None without windows enough, or at rest."""
+        """1 − var(residual) / var(d(K + U)/dt); None with too few windows, or at rest."""
         return self._share(self.total)
 
-    def _share(self, moments):
-        if not self._is_judged():
-            return None
-        return explained_share(self.residual.variance, moments.variance)
-
-    def _is_judged(self):
-        """Return whether there are windows enough of a robot in motion, of any size."""
+    def _share(self, change):
+        enough = self.kinetic.count >= MIN_WINDOWS and self.moved
         if self.moved is None:
-            return is_judged(self.kinetic.count, self.kinetic.square)
-        return self.moved and self.kinetic.count >= LEAST
+            enough = is_judged(self.kinetic.count, self.kinetic.square)
+        return explained_share(self.residual.variance, change.variance) if enough else None
 
     @property
     def residual_power(self):
-        """Root mean square of the residual [W]; None without windows enough."""
-        return float(np.sqrt(self.residual.square)) if self.residual.count >= LEAST else None
+        """Root mean square of the residual [W]; None with too few windows."""
+        return float(np.sqrt(self.residual.square)) if self.residual.count >= MIN_WINDOWS else None
 
     def of_joints(self):
-        """Root mean square of each joint's residual [W], and its share of the sum of all squares, by name."""
+        """Return each joint's root mean square residual [W] and its share of all squares, by name."""
         squares = self.joints.square
         total = squares.sum() or 1.0
-        return {
-            name: (float(np.sqrt(square)), float(square / total))
-            for name, square in zip(self._names, squares, strict=True)
-        }
+        return {name: (float(np.sqrt(one)), float(one / total)) for name, one in zip(self._names, squares, strict=True)}
 
     def cause(self):
-        """Return a likely cause by the powers of all joints together, in words; empty where they show none."""
-        names = "residual", "effort", "needed", "kinetic", "weightless"
-        return likely_cause(Variances(*(getattr(self, name).variance for name in names)))
+        """Return a likely cause by the powers of all joints together, in words; or an empty text."""
+        moments = self.residual, self.effort, self.needed, self.kinetic, self.weightless
+        return likely_cause(*(one.variance for one in moments))
 
     def judgement(self, cause="", instead=False):
-        """What the balance says, in words, or why it says nothing.
-
-        Parameters
-        ----------
-        cause : str
-            Likely one by the efforts of joints.
-        instead : bool
-            Whether it takes the place of the one that powers show.
-        """
+        """Return the judgement in words; a cause by the efforts of joints stands beside or instead of that by powers."""
         explained, count = self.explained, self.kinetic.count
-        if explained is None:
-            if count >= LEAST:
-                how = f"dK/dt is less than {STILL:g} W rms" if self.moved is None else "no joint moves"
-                return f"the robot is at rest, or nearly so: {how}"
-            return (
-                f"there are {count} windows of {WINDOW:g} s, of at least {LEAST}, in which all states have efforts and are "
-                f"no more than {MAX_GAP:g} s apart"
-            )
-        culprits = culprits_of(self._names, self.joints.square)
-        shown = "" if instead else self.cause()
-        return judgement(explained, self.explained_total, culprits, "; ".join(filter(None, (shown, cause))))
+        if explained is not None:
+            culprits = culprits_of(self._names, self.joints.square)
+            causes = "; ".join(filter(None, ("" if instead else self.cause(), cause)))
+            return judgement(explained, self.explained_total, culprits, causes)
+        if count >= MIN_WINDOWS:
+            how = f"dK/dt is less than {MIN_POWER:g} W rms" if self.moved is None else "no joint moves"
+            return f"the robot is at rest, or nearly so: {how}"
+        return (
+            f"there are {count} windows of {WINDOW:g} s, of at least {MIN_WINDOWS}, in which all states "
+            f"have efforts and are no more than {MAX_GAP:g} s apart"
+        )
+
+
+def is_judged(count, square):
+    """Return whether so many windows are judged, given the mean square of dK/dt [W²]."""
+    return count >= MIN_WINDOWS and square >= MIN_POWER**2
+
+
+def explained_share(residual, change):
+    """Return 1 − var(residual) / var(change) from the two variances; None if nothing changes."""
+    return float(1.0 - residual / change) if change > 0.0 else None
+
+
+def culprits_of(names, squares):
+    """Return the joints with most of the residual, by the mean squares of their residuals."""
+    total = sum(squares) or 1.0
+    return [name for name, one in zip(names, squares, strict=True) if one / total >= FAULT_SHARE]
+
+
+def likely_cause(residual, effort, needed, kinetic, weightless):
+    """Return gravity, or a factor of all efforts, if it explains the motion, in words; from variances of powers [W²].
+
+    `needed` is dK/dt + νᵀ(ε_g + ε_fric), `weightless` the residual of efforts without gravity, dK/dt + νᵀ(ε_fric − ε).
+    """
+    if kinetic > 0.0 and 1.0 - weightless / kinetic >= MIN_EXPLAINED:
+        return "gravity seems not to be in the efforts (effort_includes_gravity)"
+    together = 0.5 * (needed + effort - residual)
+    if effort * needed <= 0.0 or together**2 < CORRELATION * effort * needed:
+        return ""
+    factor = together / effort
+    is_one = 1.0 / NO_FACTOR < abs(factor) < NO_FACTOR
+    if factor < 0.0:
+        whose = "the efforts" if is_one else "efforts of some joints"
+        return f"{whose} seem to have the wrong sign: times {factor:.3g} all are what is needed"
+    return "" if is_one else f"the efforts seem to have another unit: times {factor:.3g} all are what is needed"
+
+
+def judgement(explained, total, culprits=(), cause=""):
+    """Return the judgement of explained shares of dK/dt and of d(K + U)/dt in words; empty if they are None."""
+    if explained is None:
+        return ""
+    if explained >= MIN_EXPLAINED:
+        return f"the efforts explain {explained:.0%} of the change of kinetic energy"
+    remedy = "check the unit of efforts, friction, rotor inertias, payload (docs/recordings.md)"
+    remedy = f"{cause}; {remedy}" if cause else remedy
+    where = f"; most of what is missing is at {', '.join(culprits)}" if culprits else ""
+    if total is not None and total >= MIN_EXPLAINED and explained < NOTHING_EXPLAINED:
+        return (
+            f"kinetic energy changes less than what is not explained; of kinetic and potential energy "
+            f"together the efforts explain {total:.0%}: for more, {remedy}"
+        )
+    if explained >= NOTHING_EXPLAINED:
+        return f"the efforts explain only {explained:.0%} of the change of kinetic energy: {remedy}{where}"
+    return f"the balance explains nothing ({explained:.3g}): {remedy}{where}"

@@ -14,8 +14,8 @@ from diag_dynamics.collision.tail import poisson_interval
 from diag_dynamics.collision.thresholds import HOLD_OFF, RELEASE, STANDING, AlarmThresholds
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.effort_range import EffortRange
-from diag_dynamics.recordings.observed import Observer, require_efforts, require_same_robot
+from diag_dynamics.recordings.effort_checks import EffortRange
+from diag_dynamics.recordings.observer import Observer, require_efforts, require_same_robot
 from diag_dynamics.recordings.recording import Recording
 from diag_dynamics.recordings.refused_units import refuse_units
 

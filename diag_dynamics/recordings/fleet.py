@@ -30,7 +30,7 @@ from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.robots import model_of, require_as_made
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.atomic_file import AtomicFile
-from diag_dynamics.recordings.explained import LEAST, explained_share
+from diag_dynamics.recordings.balance import MIN_WINDOWS, explained_share
 from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading
@@ -347,11 +347,11 @@ def _balance(summaries):
     rms = float(np.sqrt(variance["residual"] + mean**2))
     has_moved = any(one["explained"] is not None for one in summaries)
     explained, with_potential = (
-        explained_share(variance["residual"], variance[name]) if has_moved and windows >= LEAST else None
+        explained_share(variance["residual"], variance[name]) if has_moved and windows >= MIN_WINDOWS else None
         for name in ("kinetic", "total")
     )
     about = {"explained": explained, "explained_with_potential": with_potential}
-    return about | {"residual_power": rms if windows >= LEAST else None}
+    return about | {"residual_power": rms if windows >= MIN_WINDOWS else None}
 
 
 def collisions_in_words(robot, noun="collisions"):

@@ -3,63 +3,41 @@
 
 """Quality of recorded data: rate, gaps, repeated and clipped values, velocities that are not those of the positions."""
 
-from copy import copy
-
 import numpy as np
 
 from diag_dynamics.assembly.stamps import SECOND
-from diag_dynamics.compiled.tables import Addresses
 from diag_dynamics.model.single_joints import places
-from diag_dynamics.recordings.kernels import prepare
-from diag_dynamics.recordings.kernels.quality import (
-    APART,
-    AT_EFFORT,
-    AT_VELOCITY,
-    CHANGE,
-    LARGEST_EFFORT,
-    LARGEST_VELOCITY,
-    NEIGHBOURS,
-    STILL,
-    SUMS,
-    TOGETHER,
-    TRAVEL,
-    WINDOW,
-    compare_neighbours,
-)
+from diag_dynamics.recordings.windows import WindowIntegrals, column_counts, column_maxima
 
-LENGTH, LONGEST = 0.05, 0.1
-"""Time over which positions are compared with velocities [s]: over shorter ones, steps of an encoder are all there is. And
-time between two states beyond which they say nothing of each other."""
+WINDOW, MAX_INTERVAL = 0.05, 0.1
+"""Time over which positions are compared with velocities, and longest interval between states for that [s]."""
 
-GAP = 3.0
-"""Periods without a state that are a gap, to 2 %."""
+GAP_PERIODS = 3.0
+"""Interval in periods from which it is a gap, to 2 %."""
 
-SHORTEST, BINS, PER_BIN = 1e-7, 2001, np.log(1e10) / 2000
-"""Lower bound of the first bin of intervals [s], their number, and their width as a difference of logarithms. The period is
-the mean of the bin that has the median: exact to 1.2 %, whatever the length, and to the nanosecond where intervals are nearly
-all the same."""
+MIN_INTERVAL, BINS, BIN_WIDTH = 1e-7, 2001, np.log(1e10) / 2000
+"""Logarithmic bins of intervals: lower bound of the first one [s], number, width."""
 
-MIDDLES = SHORTEST * np.exp((np.arange(BINS) + 0.5) * PER_BIN)
-"""Of the bins [s]: of distances from these, sums of squares are exact."""
+MIDDLES = MIN_INTERVAL * np.exp((np.arange(BINS) + 0.5) * BIN_WIDTH)
 
-APART_FROM = 0.2
-"""Root mean square of Δq − ∫q̇dt in parts of that of Δq, from which a warning is due."""
+MAX_VELOCITY_ERROR, REST = 0.2, 2e-4
+"""Root mean square of Δq − ∫q̇dt over that of Δq from which there is a warning, and of Δq of a joint at rest [rad, m]."""
 
-CLIPPED = 20, 1e-3
-"""How many states, and which part of all, have to have just the largest value for it to be a bound."""
+CLIPPED_STATES, CLIPPED_SHARE = 20, 1e-3
+"""States, and fraction of all, at the largest value from which it is a bound."""
 
-TELLING, PERIODS = 0.8, 1.0
-"""Part of the velocity error that is left without the delay, up to which there is one; and periods from which it is told."""
+MAX_ERROR_LEFT, MIN_PERIODS = 0.8, 1.0
+"""Fraction of the velocity error without the delay up to which there is a delay, and periods of one worth a warning."""
 
-SAMPLE = 5000
-"""States of the beginning that are looked at for steps."""
+SAMPLE, MAX_LEVELS, MOVING = 5000, 0.2, 0.05
+"""First states that units and steps are judged by, fraction of distinct values of a signal with steps, and speed at
+which a position has to change [rad/s, m/s]."""
 
-SLOW = 2e-4
-"""Root mean square of Δq over :data:`LENGTH` below which a joint is at rest [rad, m]: positions have noise there, and it is
-not the integral of that of velocities."""
+MANY = 0.01
+"""Fraction of repeated stamps or states worth a warning."""
 
-ALIKE = 0.9
-"""Squared correlation of Δq with q̇dt from which their ratio is told."""
+CORRELATION, RATIO_ERROR, WRONG_RATIO = 0.9, 1.1, 1.5
+"""Squared correlation of Δq with q̇dt of a ratio, factor up to which a ratio is a known one, and from which it is wrong."""
 
 RATIOS = {
     1e-3: "times seem to be milliseconds (scale: {time: ms} in a map of columns)",
@@ -72,199 +50,129 @@ RATIOS = {
     180.0 / np.pi: "positions seem to be in degrees (scale: {position: deg} in a map of columns)",
     -1.0: "velocities seem to have the wrong sign",
 }
-"""Causes by the ratio of Δq to q̇dt; the nearest counts."""
+"""Causes by the ratio of Δq to q̇dt."""
 
 UNKNOWN = "times, positions or velocities seem to have a wrong unit"
 
-SURE = 1.5
-"""Factor beyond which a ratio without a known cause is a wrong unit if all joints have it."""
-
-NEAR = 1.1
-"""Factor up to which a ratio is one of these, and from which it is none of 1."""
-
-STEPS = 0.2
-"""Different values, in parts of all, up to which a signal has steps."""
-
-FIELDS = "position", "velocity", "effort"
-
 
 class Quality:
-    """Looks at states piece by piece.
-
-    Parameters
-    ----------
-    model : RobotModel
-    """
+    """Judge the data of states of a robot, batch by batch."""
 
     def __init__(self, model):
-        names = model.dof_names
-        self._names, count = names, model.nv
-        self._at = model.nq - count  # a floating base's coordinates are left out: there is one more than rates
+        self._at = model.nq - model.nv  # a floating base has one coordinate more than rates, and is left out
         self._skip = 6 if model.floating_base else 0
-        self._joints = names[self._skip :]
-        single = [name for name in self._joints if name in model.continuous_joints]
-        self._turns = np.zeros(len(self._joints), dtype=bool)
-        self._turns[list(places(single, self._joints))] = True
-        width = len(self._joints)
-        self._sums, self._extremes = np.zeros((len(SUMS), width)), np.zeros((4, width))
-        self._repeated = np.zeros(2, dtype=int)
-        self._whole, self._begun = np.zeros(1, dtype=int), np.zeros((len(WINDOW), width))
-        self._intervals = np.zeros((3, BINS))  # number, and sums of distances from MIDDLES and of their squares
-        self._before = None
-        self._longest, self._longest_at = 0.0, None
-        self._count = self._without_effort = self._estimated = 0
-        self._sample, self._sampled = [np.zeros((0, width)) for _ in FIELDS], np.zeros(0, dtype=int)  # and their stamps
-        self.begin = self.end = None
-        self._elapsed = 0
-        prepare(compare_neighbours)
-
-    def anew(self):
-        """One that has seen nothing, but goes on from here."""
-        other = copy(self)
-        other._sums, other._extremes, other._repeated, other._intervals = (
-            np.zeros_like(x) for x in (self._sums, self._extremes, self._repeated, self._intervals)
-        )
-        other._longest, other._longest_at = 0.0, None
-        other._count = other._without_effort = other._estimated = 0
-        other._sample, other._sampled = [x[:0] for x in self._sample], self._sampled[:0]
-        other.begin = other.end = None
-        other._elapsed = 0
-        return other
-
-    def memory(self):
-        """What later results depend on; see `diag_dynamics.recordings.seams`."""
-        whole = bool(self._whole[0])
-        return {"before": self._before, "whole": whole, "begun": self._begun.copy() if whole else None}
-
-    def add(self, other):
-        """Take in what another one has, which has gone on from here."""
-        if not other._count:
-            return
-        self._sums, self._intervals, self._repeated = (
-            mine + its
-            for mine, its in zip(
-                (self._sums, self._intervals, self._repeated),
-                (other._sums, other._intervals, other._repeated),
-                strict=True,
-            )
-        )
-        for largest, at in ((LARGEST_VELOCITY, AT_VELOCITY), (LARGEST_EFFORT, AT_EFFORT)):
-            mine, its = self._extremes[largest], other._extremes[largest]
-            counts = self._extremes[at] * (mine >= its) + other._extremes[at] * (its >= mine)
-            self._extremes[largest], self._extremes[at] = np.maximum(mine, its), counts
-        if other._longest > self._longest:
-            self._longest, self._longest_at = other._longest, other._longest_at
-        self._count += other._count
-        self._elapsed += other._elapsed
-        self._without_effort += other._without_effort
-        self._estimated += other._estimated
-        self._sample = [np.concatenate(pair)[:SAMPLE] for pair in zip(self._sample, other._sample, strict=True)]
-        self._sampled = np.concatenate([self._sampled, other._sampled])[:SAMPLE]
-        self.begin = other.begin if self.begin is None else self.begin
-        self.end = other.end
+        self._joints = model.dof_names[self._skip :]
+        self._turns = places([name for name in self._joints if name in model.continuous_joints], self._joints)
+        count = len(self._joints)
+        self._windows, self._last = WindowIntegrals(WINDOW), None
+        self._sums = np.zeros((4, count))  # of Δq², Δq̇², (Δq − ∫q̇dt)² and (Δq − ∫q̇dt)Δq̇
+        self._still = np.zeros(count, dtype=int)
+        self._largest = {name: np.zeros((2, count)) for name in ("velocity", "effort")}  # and how often
+        self._intervals = np.zeros((3, BINS))  # number, sums of distances from MIDDLES, and of their squares
+        self._sample = []
+        self._longest = 0.0, None
+        self._count = self._without_effort = self._estimated = self._same_stamp = self._same_state = 0
+        self._elapsed, self.begin, self.end = 0, None, None
 
     def take(self, states):
-        """Take in states."""
-        count = len(states)
-        if not count:
-            return
-        self._count += count
+        """Add states."""
+        count, skip = len(states), self._skip
         self._without_effort += count - int(states.effort_known.sum())
         self._estimated += int(states.velocity_estimated.sum())
-        if self.begin is None:
-            self.begin = int(states.stamp[0])
-        self.end = int(states.stamp[-1])
-        columns = self._columns(states)
-        known = 0
-        if self._before is not None:
-            known, columns = 1, tuple(map(np.concatenate, zip(self._before, columns, strict=True)))
-        self._take_intervals(columns[0])
-        neighbours = Addresses(
-            NEIGHBOURS,
-            stamp=np.ascontiguousarray(columns[0]),
-            **dict(zip(FIELDS, map(np.ascontiguousarray, columns[1:]), strict=True)),
-            moved=np.concatenate([np.zeros(known, dtype=bool), states.jumped]),
-            turns=self._turns,
-            whole=self._whole,
-            begun=self._begun,
-            sums=self._sums,
-            extremes=self._extremes,
-            repeated=self._repeated,
+        self.begin, self.end = states.stamp[0] if self.begin is None else self.begin, states.stamp[-1]
+        columns = (
+            states.stamp,
+            states.position[:, skip + self._at :],
+            states.velocity[:, skip:],
+            states.effort[:, skip:],
         )
-        compare_neighbours(neighbours.at, known, round(LENGTH * SECOND), LONGEST)
-        if (room := SAMPLE - len(self._sample[0])) > 0:
-            self._sample = [
-                np.concatenate([sample, column[known : known + room]])
-                for sample, column in zip(self._sample, columns[1:], strict=True)
-            ]
-            self._sampled = np.concatenate([self._sampled, columns[0][known : known + room]])
-        self._before = tuple(column[-1:].copy() for column in columns)
+        if self._count < SAMPLE:
+            self._sample.append([column[: SAMPLE - self._count] for column in columns])
+        for name, values in zip(self._largest, columns[2:], strict=True):
+            self._count_largest(name, np.abs(values))
+        self._count += count
+        jumped = states.jumped
+        if self._last:
+            columns = [np.concatenate(pair) for pair in zip(self._last, columns, strict=True)]
+            jumped = np.append(False, jumped)
+        self._last = [column[-1:].copy() for column in columns]
+        self._compare(*columns, jumped)
 
-    def _columns(self, states):
-        """Stamps, and positions, velocities and efforts of the joints."""
-        skip = self._skip
-        return states.stamp, states.position[:, skip + self._at :], states.velocity[:, skip:], states.effort[:, skip:]
+    def _count_largest(self, name, values):
+        largest, number = self._largest[name]
+        top = np.maximum(column_maxima(values), 0.0)
+        here = column_counts(values == top)
+        self._largest[name][:] = np.maximum(largest, top), number * (largest >= top) + here * (top >= largest)
 
-    @property
-    def duration(self):
-        """Time from the first state to the last one, without what stamps have gone back [s]."""
-        return self._elapsed * 1e-9
+    def _compare(self, stamps, position, velocity, effort, jumped):
+        """Compare neighbours, and positions with velocities over windows."""
+        self._add_intervals(stamps)
+        elapsed = np.diff(stamps) / SECOND
+        steps = np.zeros((len(stamps), 2, position.shape[1]))  # Δq and ∫q̇dt
+        moved, integral = steps[1:, 0], steps[1:, 1]
+        np.subtract(position[1:], position[:-1], out=moved)
+        same, again = moved == 0.0, elapsed == 0.0
+        self._still += column_counts(same & (np.abs(velocity[1:]) >= MOVING))
+        k = np.flatnonzero(same[:, 0])
+        k = k[same[k].all(axis=1)]
+        same = (velocity[k + 1] == velocity[k]) & (effort[k + 1] == effort[k])
+        self._same_state += int(same.all(axis=1).sum())
+        self._same_stamp += int(again.sum())
+        moved[:, self._turns] = _wrapped(moved[:, self._turns])
+        moved[again] = 0.0
+        np.multiply(0.5 * elapsed[:, None], velocity[:-1] + velocity[1:], out=integral)
+        follows = again | ((elapsed > 0.0) & (elapsed <= MAX_INTERVAL) & ~jumped[1:])
+        *_, sums, change = self._windows.integrate(
+            stamps, np.append(False, follows), steps.reshape(len(stamps), -1), velocity
+        )
+        moved, integral = np.split(sums, 2, axis=1)
+        apart = moved - integral
+        pairs = (moved, moved), (change, change), (apart, apart), (apart, change)
+        self._sums += [(one * other).sum(axis=0) for one, other in pairs]
 
-    def _take_intervals(self, stamps):
-        steps = np.diff(stamps)
-        self._elapsed += int(steps[steps > 0].sum())
-        elapsed = steps * 1e-9
-        forward = elapsed[elapsed > 0.0]
+    def _add_intervals(self, stamps):
+        elapsed = np.diff(stamps)
+        forward = elapsed[elapsed > 0]
         if not len(forward):
             return
-        at = np.log(forward / SHORTEST) / PER_BIN
-        bins = np.clip(at, 0, BINS - 1).astype(int)
+        self._elapsed += int(forward.sum())
+        k = int(np.argmax(elapsed))
+        self._longest = max(self._longest, (elapsed[k] * 1e-9, int(stamps[k])), key=lambda one: one[0])
+        forward = forward * 1e-9
+        bins = np.clip(np.log(forward / MIN_INTERVAL) / BIN_WIDTH, 0, BINS - 1).astype(int)
         apart = forward - MIDDLES[bins]
         for row, weights in zip(self._intervals, (None, apart, apart * apart), strict=True):
             row += np.bincount(bins, weights, minlength=BINS)
-        k = int(np.argmax(elapsed))
-        if elapsed[k] > self._longest:
-            self._longest, self._longest_at = float(elapsed[k]), int(stamps[k])
+
+    @property
+    def duration(self):
+        """Time from the first state to the last one, without jumps back of stamps [s]."""
+        return self._elapsed * 1e-9
 
     def _regularity(self):
-        """Period, root mean square distance of intervals from it [s], and number of gaps; None, None, 0 without intervals."""
+        """Return period and root mean square deviation of intervals [s], and number of gaps."""
         number, apart, squares = self._intervals
-        total = number.sum()
-        if not total:
+        if not number.any():
             return None, None, 0
-        k = int(np.searchsorted(np.cumsum(number), total / 2))
-        period = float(MIDDLES[k] + apart[k] / number[k])
-        first = 1 + int(np.searchsorted(MIDDLES, GAP * period))  # the first bin that is wholly beyond
+        k = int(np.searchsorted(np.cumsum(number), number.sum() / 2))
+        period = float(MIDDLES[k] + apart[k] / number[k])  # mean of the median's bin
+        first = 1 + int(np.searchsorted(MIDDLES, GAP_PERIODS * period))
         off = MIDDLES[:first] - period
-        sums = squares[:first] + 2.0 * off * apart[:first] + off**2 * number[:first]
-        jitter = float(np.sqrt(max(sums.sum(), 0.0) / number[:first].sum()))
-        return period, jitter, int(number[first:].sum())
+        total = (squares[:first] + 2.0 * off * apart[:first] + off**2 * number[:first]).sum()
+        return period, float(np.sqrt(max(total, 0.0) / number[:first].sum())), int(number[first:].sum())
 
     def report(self):
-        """What has been seen, as a dict of numbers, and by joint.
-
-        Returns
-        -------
-        dict
-            `rate` [Hz]; `jitter`, root mean square distance of intervals from their median [s]; `gaps`, their number;
-            `longest_gap` [s] and `longest_gap_at`, the stamp before it [ns]; numbers of states: `repeated_states`,
-            `repeated_stamps`, `without_effort`, `estimated_velocity`; `velocity_delay`, by how much q̇ comes late [s], the
-            median over joints that tell; `wrong_unit`, None or `cause` and `factor` of positions against velocities, on
-            which all joints in motion agree. `joints`, of each one: `velocity_error`, root mean square of Δq − ∫q̇dt over
-            :data:`LENGTH` in parts of that of Δq; `velocity_delay`; `velocity_error_without_delay`; `still`, the number of
-            states in motion with no new position; `largest_velocity`, `largest_effort`; `clipped`, which of the two is a
-            bound that is often reached; `steps`, the smallest step by quantity.
-        """
+        """Return numbers of all states: dict with those of joints in `joints`; times [s], stamps [ns]."""
         joints = {name: self._of_joint(j) for j, name in enumerate(self._joints)}
         period, jitter, gaps = self._regularity()
         return {
             "rate": None if period is None else 1.0 / period,
             "jitter": jitter,
             "gaps": gaps,
-            "longest_gap": self._longest,
-            "longest_gap_at": self._longest_at,
-            "repeated_states": int(self._repeated[0]),
-            "repeated_stamps": int(self._repeated[1]),
+            "longest_gap": float(self._longest[0]),
+            "longest_gap_at": self._longest[1],
+            "repeated_states": self._same_state,
+            "repeated_stamps": self._same_stamp,
             "without_effort": self._without_effort,
             "estimated_velocity": self._estimated,
             "velocity_delay": _delay(joints.values()),
@@ -273,143 +181,138 @@ class Quality:
         }
 
     def _of_joint(self, j):
-        sums, extremes = self._sums[:, j], self._extremes[:, j]
-        travel, change, apart, together = sums[[TRAVEL, CHANGE, APART, TOGETHER]]
-        delay = together / change if change > 0.0 else None
-        left = apart - together * together / change if change > 0.0 else apart
-        least, part = CLIPPED
-        often = max(least, part * self._count)
-        clipped = [
-            name
-            for name, largest, at in (
-                ("velocity", LARGEST_VELOCITY, AT_VELOCITY),
-                ("effort", LARGEST_EFFORT, AT_EFFORT),
-            )
-            if extremes[largest] > 0.0 and extremes[at] >= often
-        ]
+        travel, change, apart, together = self._sums[:, j]
+        left = apart - (together * together / change if change > 0.0 else 0.0)
+        largest = {name: values[:, j] for name, values in self._largest.items()}
+        often = max(CLIPPED_STATES, CLIPPED_SHARE * self._count)
         return {
             "velocity_error": float(np.sqrt(apart / travel)) if travel > 0.0 else None,
-            "velocity_delay": None if delay is None else float(delay),
+            "velocity_delay": float(together / change) if change > 0.0 else None,
             "velocity_error_without_delay": float(np.sqrt(max(left, 0.0) / travel)) if travel > 0.0 else None,
-            "still": int(sums[STILL]),
-            "largest_velocity": float(extremes[LARGEST_VELOCITY]),
-            "largest_effort": float(extremes[LARGEST_EFFORT]),
-            "clipped": clipped,
+            "still": int(self._still[j]),
+            **{f"largest_{name}": float(value) for name, (value, _) in largest.items()},
+            "clipped": [name for name, (value, number) in largest.items() if value > 0.0 and number >= often],
             "steps": self._steps(j),
         }
 
+    def _first_states(self):
+        return [np.concatenate(column) for column in zip(*self._sample, strict=True)]
+
     def _steps(self, j):
-        """Smallest step of each signal that has steps, by quantity."""
+        """Return the smallest step of each signal that has steps, by quantity."""
         found = {}
-        for name, sample in zip(FIELDS, self._sample, strict=True):
-            values = sample[:, j][np.isfinite(sample[:, j])]
+        for name, values in zip(("position", "velocity", "effort"), self._first_states()[1:], strict=True):
+            values = values[np.isfinite(values[:, j]), j]
             levels = np.unique(values)
-            if 2 < len(levels) <= STEPS * len(values):
+            if 2 < len(levels) <= MAX_LEVELS * len(values):
                 found[name] = float(np.diff(levels).min())
         return found
 
     def _ratios(self):
-        """Ratio of Δq to q̇dt of each joint, over the states of the sample; NaN where one does not follow the other."""
-        position, velocity, _ = self._sample
-        elapsed = np.diff(self._sampled)[:, None] * 1e-9
-        travelled = np.diff(position, axis=0)
-        travelled = np.where(self._turns, (travelled + np.pi) % (2.0 * np.pi) - np.pi, travelled)
-        integral = 0.5 * elapsed * (velocity[1:] + velocity[:-1])
-        forward = (
-            (elapsed > 0.0) & (elapsed < 2.0 * np.median(elapsed[elapsed > 0.0])) if (elapsed > 0.0).any() else False
-        )
-        travelled, integral = (np.where(forward, x, 0.0) for x in (travelled, integral))
-        travel, change, together = (travelled**2).sum(0), (integral**2).sum(0), (travelled * integral).sum(0)
+        """Return the ratio of Δq to q̇dt of each joint; NaN if they do not correlate."""
+        stamps, position, velocity, _ = self._first_states()
+        elapsed = np.diff(stamps)[:, None] * 1e-9
+        if not (elapsed > 0.0).any():
+            return np.full(len(self._joints), np.nan)
+        moved, integral = np.diff(position, axis=0), 0.5 * elapsed * (velocity[1:] + velocity[:-1])
+        moved[:, self._turns] = _wrapped(moved[:, self._turns])
+        regular = (elapsed > 0.0) & (elapsed < 2.0 * np.median(elapsed[elapsed > 0.0]))
+        moved, integral = moved * regular, integral * regular
+        travel, change, together = (moved**2).sum(0), (integral**2).sum(0), (moved * integral).sum(0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(together**2 > ALIKE * travel * change, together / change, np.nan)
+            return np.where(together**2 > CORRELATION * travel * change, together / change, np.nan)
 
-    def _causes_of_ratios(self):
-        """Names and ratios of joints whose positions and velocities disagree, by cause."""
+    def _wrong_ratios(self):
+        """Return names and ratios of joints whose positions and velocities disagree, by cause."""
         found = {}
         for name, ratio in zip(self._joints, self._ratios(), strict=True):
-            if 1.0 / NEAR < ratio < NEAR or not np.isfinite(ratio):
-                continue
-            found.setdefault(_cause(ratio), []).append((name, ratio))
+            if np.isfinite(ratio) and not 1.0 / RATIO_ERROR < ratio < RATIO_ERROR:
+                found.setdefault(_cause(ratio), []).append((name, ratio))
         return found
 
-    def _about_ratios(self):
-        """What positions and velocities say of each other's units: sentences."""
-        sentences = []
-        for cause, found in self._causes_of_ratios().items():
-            which = "all joints" if len(found) == len(self._joints) else ", ".join(name for name, _ in found)
-            sentences.append(
-                f"{which}: positions change {four_digits(found[0][1])} times as fast as velocities say: {cause}"
-            )
-        return sentences
-
     def _wrong_unit(self):
-        """The cause for which no number is right: that on which all joints in motion agree; None if there is none."""
-        causes, ratios = self._causes_of_ratios(), self._ratios()
+        """Return `cause` and `factor` of a wrong unit on which all joints in motion agree, or None."""
+        causes = self._wrong_ratios()
         if len(causes) != 1:
             return None
         ((cause, found),) = causes.items()
-        values = np.array([ratio for _, ratio in found])
-        if len(found) < np.isfinite(ratios).sum():
+        ratios = np.array([ratio for _, ratio in found])
+        if len(found) < np.isfinite(self._ratios()).sum():
             return None
-        if cause == UNKNOWN and (values.max() > NEAR * values.min() or 1.0 / SURE < values[0] < SURE):
+        unlike = ratios.max() > RATIO_ERROR * ratios.min() or 1.0 / WRONG_RATIO < ratios[0] < WRONG_RATIO
+        if cause == UNKNOWN and unlike:
             return None
-        return {"cause": cause.partition(" (")[0], "factor": float(np.median(values))}
+        return {"cause": cause.partition(" (")[0], "factor": float(np.median(ratios))}
 
     def warnings(self):
-        """What is worth telling, a sentence each."""
-        told, report = self._about_ratios(), self.report()
-        rate = report["rate"]
-        if rate is not None and rate * LONGEST < 1.0:
-            told.append(
-                f"states are {1.0 / rate:.3g} s apart: over more than {LONGEST:g} s nothing is integrated, so that there is "
-                "neither a balance of power nor an external torque"
+        """Return warnings, a sentence each."""
+        warnings, report, rate = [], self.report(), self.report()["rate"]
+        for cause, found in self._wrong_ratios().items():
+            which = "all joints" if len(found) == len(self._joints) else ", ".join(name for name, _ in found)
+            factor = four_digits(found[0][1])
+            warnings.append(f"{which}: positions change {factor} times as fast as velocities say: {cause}")
+        if rate is not None and rate * MAX_INTERVAL < 1.0:
+            warnings.append(
+                f"states are {1.0 / rate:.3g} s apart: over more than {MAX_INTERVAL:g} s nothing is integrated, "
+                "so that there is neither a balance of power nor an external torque"
             )
-        windows = 0.0 if self.begin is None else max(self.duration / LENGTH, 1.0)
-        still = np.sqrt(self._sums[TRAVEL] / windows) < SLOW if windows else np.ones(len(self._joints), dtype=bool)
-        for rests, (name, of) in zip(still, report["joints"].items(), strict=True):
-            error, delay, left = (of[x] for x in ("velocity_error", "velocity_delay", "velocity_error_without_delay"))
-            if error is not None and error > APART_FROM and not rests:
-                late = ""
-                if delay is not None and left < 0.7 * error:
-                    late = f"; they are {'late' if delay > 0.0 else 'early'} by {abs(delay) * 1e3:.3g} ms"
-                told.append(f"joint '{name}': velocities are not the slope of positions ({error:.0%} apart{late})")
-            told += [
-                f"joint '{name}': {what} often is just {of[f'largest_{what}']:.6g}: clipped" for what in of["clipped"]
-            ]
+        for at_rest, (name, of) in zip(self._at_rest(), report["joints"].items(), strict=True):
+            warnings += _warnings_of_joint(name, of, at_rest)
         delay = report["velocity_delay"]
-        if delay is not None and abs(delay) * rate > PERIODS:
+        if delay is not None and abs(delay) * rate > MIN_PERIODS:
             when = "late: filtered, perhaps" if delay > 0.0 else "early"
-            told.append(f"velocities come {abs(delay) * 1e3:.2g} ms {when}, against positions")
+            warnings.append(f"velocities come {abs(delay) * 1e3:.2g} ms {when}, against positions")
         if report["gaps"]:
-            told.append(f"{report['gaps']} gaps, the longest of {report['longest_gap']:.3g} s")
-        if self._count and report["repeated_stamps"] > 0.01 * self._count:
-            told.append(
-                f"{report['repeated_stamps']} of {self._count} states have the time of the one before: several messages have "
-                "one time, as those of an arm and its gripper, or times need more digits"
+            warnings.append(f"{report['gaps']} gaps, the longest of {report['longest_gap']:.3g} s")
+        if self._same_stamp > MANY * self._count:
+            warnings.append(
+                f"{self._same_stamp} of {self._count} states have the time of the one before: several messages "
+                "have one time, as those of an arm and its gripper, or times need more digits"
             )
-        if self._count and report["repeated_states"] > 0.01 * self._count:
-            told.append(f"{report['repeated_states']} of {self._count} states repeat the one before")
-        return told
+        if self._same_state > MANY * self._count:
+            warnings.append(f"{self._same_state} of {self._count} states repeat the one before")
+        return warnings
+
+    def _at_rest(self):
+        """Return which joints are at rest: noise of their positions is not the integral of that of velocities."""
+        windows = max(self.duration / WINDOW, 1.0)
+        return np.sqrt(self._sums[0] / windows) < REST
+
+
+def _warnings_of_joint(name, of, at_rest):
+    error, delay, left = (of[key] for key in ("velocity_error", "velocity_delay", "velocity_error_without_delay"))
+    warnings = [f"joint '{name}': {what} often is just {of[f'largest_{what}']:.6g}: clipped" for what in of["clipped"]]
+    if error is None or error <= MAX_VELOCITY_ERROR or at_rest:
+        return warnings
+    late = ""
+    if delay is not None and left < 0.7 * error:
+        late = f"; they are {'late' if delay > 0.0 else 'early'} by {abs(delay) * 1e3:.3g} ms"
+    return [f"joint '{name}': velocities are not the slope of positions ({error:.0%} apart{late})", *warnings]
+
+
+def _wrapped(angles):
+    return (angles + np.pi) % (2.0 * np.pi) - np.pi
 
 
 def _cause(ratio):
-    """The cause of a ratio of Δq to q̇dt."""
+    """Return the cause of a ratio of Δq to q̇dt."""
     apart = {cause: abs(np.log(ratio / one)) for one, cause in RATIOS.items() if ratio / one > 0.0}
     cause = min(apart, key=apart.get)
-    return cause if apart[cause] < np.log(NEAR) else UNKNOWN
+    return cause if apart[cause] < np.log(RATIO_ERROR) else UNKNOWN
 
 
 def four_digits(value):
-    """A number with four digits, without an exponent where it has five places."""
+    """Return a number with four digits, without an exponent where it has five places."""
     return f"{float(f'{value:.4g}'):g}"
 
 
 def _delay(joints):
-    """Median of the delays of joints that tell of one; None if less than half of those in motion do."""
+    """Return the median delay of joints that show one; None if less than half of those in motion do."""
     moving = [one for one in joints if one["velocity_error"] is not None]
-    told = [
+    delays = [
         one["velocity_delay"]
         for one in moving
-        if one["velocity_delay"] is not None and one["velocity_error_without_delay"] < TELLING * one["velocity_error"]
+        if one["velocity_delay"] is not None
+        and one["velocity_error_without_delay"] < MAX_ERROR_LEFT * one["velocity_error"]
     ]
-    return float(np.median(told)) if told and 2 * len(told) >= len(moving) else None
+    return float(np.median(delays)) if delays and 2 * len(delays) >= len(moving) else None

@@ -336,9 +336,9 @@ class Motion:
         """Return the balance of the same states in a recording."""
         stamps, q, qd, tau = self.columns
         balance, sums = Balance(self.model.dof_names), WindowSums(self.model.nv, friction=True)
-        flags = {"with_effort": np.ones(len(stamps), bool), "moved": np.zeros(len(stamps), bool)}
+        flags = {"effort_known": np.ones(len(stamps), bool), "jumped": np.zeros(len(stamps), bool)}
         batch = dd.DiagonalDynamics(self.model).evaluate_batch(q, qd, tau, friction=True)
-        balance.take(sums.take(SimpleNamespace(newest=stamps, **flags), batch))
+        balance.take(sums.take(SimpleNamespace(stamp=stamps, **flags), batch))
         return balance
 
 

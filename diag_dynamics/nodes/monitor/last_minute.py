@@ -5,12 +5,11 @@
 
 import numpy as np
 
-from diag_dynamics.recordings.explained import (
-    LEAST,
+from diag_dynamics.recordings.balance import (
     MAX_GAP,
-    PART,
+    MIN_EXPLAINED,
+    MIN_WINDOWS,
     WINDOW,
-    Variances,
     culprits_of,
     explained_share,
     is_judged,
@@ -117,11 +116,11 @@ class LastMinute:
         explained, total = (explained_share(residual.var(), change.var()) for change in (kinetic, kinetic + lifted))
         if explained is None:
             return {}
-        self.looks_closer = explained < PART
+        self.looks_closer = explained < MIN_EXPLAINED
         culprits = self._joints.culprits(within) if self.looks_closer else ()
         needed = kinetic + lifted + rubbed
         powers = residual, needed - residual, needed, kinetic, residual - lifted
-        cause = likely_cause(Variances(*(power.var() for power in powers)))
+        cause = likely_cause(*(power.var() for power in powers))
         return {
             "explained share of dK/dt (last minute)": f"{explained:.4g}",
             "power-balance residual, rms (last minute) [W]": f"{np.sqrt((residual**2).mean()):.4g}",
@@ -165,4 +164,4 @@ class _JointWindows:
         """Names of the joints at which most of the residual is; none before there are windows enough."""
         residual = self.residual[: len(within)][within]
         residual = residual[np.isfinite(residual).all(axis=1)]
-        return culprits_of(self._names, (residual**2).mean(axis=0)) if len(residual) >= LEAST else ()
+        return culprits_of(self._names, (residual**2).mean(axis=0)) if len(residual) >= MIN_WINDOWS else ()

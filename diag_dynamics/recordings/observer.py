@@ -1,0 +1,228 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""External torque over a recording: the disturbance observer in columns, and collisions by its norm."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.arrays import Array, Flags, VectorLike
+from diag_dynamics.checks import instance, per_name, positive
+from diag_dynamics.compiled.kernel import FILLED_MATRIX, FILLED_VECTOR, MATRIX, VECTOR, entry_kernel, ready
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.account import without_efforts
+from diag_dynamics.recordings.recording import SIZE, Recording
+from diag_dynamics.recordings.windows import SampleChain
+
+NAMED_SHARE = 0.5
+"""Fraction of the largest component of r from which a collision names a joint."""
+
+
+class Observed(NamedTuple):
+    """Results of a disturbance observer at each state; rows of NaN where it has none.
+
+    Attributes
+    ----------
+    t : ndarray, shape (T,)
+        Times of the states as they are in the recording [s].
+    residual : ndarray, shape (T, nv)
+        r, which follows ε_ext = ℓτ_ext [J^½/s].
+    external_torque : ndarray, shape (T, nv)
+        m r, which follows τ_ext [N m, N].
+    norm : ndarray, shape (T,)
+        |r| [J^½/s].
+    valid : ndarray of bool, shape (T,)
+        Whether there is a result: not at the first state, after a gap, or without efforts.
+    collision : ndarray of bool, shape (T,)
+        Whether the norm has risen above the threshold, and not fallen below the release threshold since.
+    """
+
+    t: Array
+    residual: Array
+    external_torque: Array
+    norm: Array
+    valid: Flags
+    collision: Flags
+
+
+def observe(
+    dynamics: DiagonalDynamics,
+    recording: Recording,
+    gain: VectorLike | float = 25.0,
+    *,
+    threshold: float = np.inf,
+    release: float | None = None,
+    friction: bool = True,
+    max_gap: float = 0.1,
+    threads: int | None = None,
+) -> Observed:
+    """Observe external torque over a recording, as :class:`DisturbanceObserver` does from state to state.
+
+    Parameters
+    ----------
+    dynamics : DiagonalDynamics
+        Of the recording's robot.
+    recording : Recording
+    gain, threshold, release, max_gap
+        As of :class:`DisturbanceObserver`.
+    friction : bool
+        Whether friction that the model has is no external torque.
+    threads : int, optional
+        For the evaluation of the states, by default as many as there are processors.
+
+    Returns
+    -------
+    Observed
+
+    Raises
+    ------
+    InputError
+        An argument has a wrong value, or the recording is of another robot or has no efforts.
+    """
+    instance("dynamics", dynamics, DiagonalDynamics)
+    require_same_robot(dynamics, recording)
+    if recording.tau is None:
+        require_efforts(len(recording) > 0, recording.counts)
+    observer = Observer(dynamics, gain, threshold, release, friction=friction, max_gap=max_gap, threads=threads)
+    batches = [columns for _, columns in observer.observed(recording.states)]
+    return Observed(recording.t, *map(np.concatenate, zip(*batches, strict=True)))
+
+
+def require_same_robot(dynamics: DiagonalDynamics, recording: Recording) -> None:
+    """Reject a recording of another robot."""
+    instance("recording", recording, Recording)
+    if dynamics.model.dof_names != recording.model.dof_names:
+        raise InputError(
+            f"the recording is of robot '{recording.model.name}', whose degrees of freedom are not those of "
+            f"the dynamics, of '{dynamics.model.name}'."
+        )
+
+
+def require_efforts(with_states: bool, counts: Mapping[str, int]) -> None:
+    """Reject a recording that has no efforts, and perhaps no states either."""
+    if not with_states:
+        raise InputError("the recording has no states: its findings say why.")
+    raise InputError(f"{without_efforts(counts)}, without which no external torque can be observed.")
+
+
+@entry_kernel(VECTOR, VECTOR, *[MATRIX] * 3, FILLED_MATRIX, FILLED_MATRIX, FILLED_VECTOR, nogil=True)
+def observe_samples(gain, interval, nu, resisting, epsilon, last, residual, norm):
+    """Write r and |r| of samples; `last` has r, ν, ε_g + C + ε_fric and ε of the sample before, and then of the last one."""
+    for t in range(len(interval)):
+        square = 0.0
+        for k in range(len(gain)):
+            r = 0.0
+            if interval[t] > 0.0:
+                mean = 0.5 * (last[3, k] + epsilon[t, k] - last[2, k] - resisting[t, k])
+                external = (nu[t, k] - last[1, k]) / interval[t] - mean
+                r = last[0, k] - np.expm1(-gain[k] * interval[t]) * (external - last[0, k])
+            residual[t, k] = r
+            square += r * r
+            last[0, k], last[1, k], last[2, k], last[3, k] = r, nu[t, k], resisting[t, k], epsilon[t, k]
+        norm[t] = np.sqrt(square)
+        if not np.isfinite(norm[t]):
+            for k in range(len(gain)):
+                last[0, k] = 0.0
+
+
+class Observer:
+    """Observe states batch by batch; arguments are those of :func:`observe`."""
+
+    def __init__(self, dynamics, gain, threshold=np.inf, release=None, *, friction=False, max_gap=0.1, threads=None):
+        names, count = dynamics.model.dof_names, dynamics.model.nv
+        gain = per_name("gain", gain, names, "a finite number > 0 [1/s]")
+        self.threshold = np.inf if threshold == np.inf else positive("threshold", threshold, "[J^½/s]")
+        self.release = 0.5 * self.threshold if release is None else positive("release", release, "[J^½/s]")
+        if self.release > self.threshold:
+            raise InputError(f"release is {release!r} J^½/s, expected no more than the threshold, {self.threshold!r}.")
+        self._dynamics, self._friction, self._threads = dynamics, friction, threads
+        self._gain = np.array(np.broadcast_to(gain, count), dtype=float)
+        self._chain = SampleChain(positive("max_gap", max_gap, "[s]"))
+        self._sample = np.zeros((4, count))
+        self._results = [*np.zeros((2, 1, count)), np.zeros(1), *np.zeros((2, 1), dtype=bool)]  # of the last sample
+        ready(observe_samples)
+
+    def observed(self, states):
+        """Evaluate and observe states; yield the stamps [ns] of a batch and the results of :meth:`take`."""
+        for first in range(0, len(states), SIZE):
+            part = states[first : first + SIZE]
+            s = self._dynamics.evaluate_batch(
+                part.position,
+                part.velocity,
+                np.nan_to_num(part.effort),
+                threads=self._threads,
+                friction=self._friction,
+            )
+            yield part.stamp, self.take(part, s)
+
+    def take(self, states, s):
+        """Return the columns of :class:`Observed` but for times at states, given their BatchEvaluation."""
+        samples = self._chain.select(states)
+        results = self._observe(samples, states.position[samples.rows], s)
+        if not isinstance(samples.rows, slice):
+            results, of_samples = [], results
+            for last, column in zip(self._results, of_samples, strict=True):
+                results.append(np.zeros((len(states.stamp), *column.shape[1:]), column.dtype))
+                results[-1][samples.known] = np.concatenate([last, column])[samples.sample + 1]
+        if len(samples.known):
+            self._results = [column[samples.known[-1:]].copy() for column in results]
+        valid = results[3]
+        if not valid.all():
+            for column in results[:3]:
+                column[~valid] = np.nan
+        return tuple(results)
+
+    def _observe(self, samples, positions, s):
+        """Return residual, external torque, norm, whether they are valid, and collision of the samples."""
+        rows, interval = samples.rows, samples.interval
+        resisting = s.coriolis[rows] + s.gravity[rows]
+        if self._friction:
+            resisting += s.friction[rows]
+        residual, norm = np.empty_like(resisting), np.empty(len(resisting))
+        nu, epsilon = s.nu[rows], s.epsilon[rows]
+        observe_samples(self._gain, interval, nu, resisting, epsilon, self._sample, residual, norm)
+        valid = (interval > 0.0) & np.isfinite(norm)
+        residual[~valid], norm[~valid] = 0.0, 0.0
+        torque = self._dynamics.tau_from_epsilon_batch(positions, residual, threads=self._threads)
+        above = norm > self.threshold
+        changes = np.append(True, above | ~valid | (norm < self.release))
+        last_change = np.maximum.accumulate(np.where(changes, np.arange(len(changes)), 0))
+        return [residual, torque, norm, valid, np.append(self._results[4], above)[last_change][1:]]
+
+
+class Collision(NamedTuple):
+    """Time for which |r| was above the threshold."""
+
+    start: int
+    """First stamp, and the last one [ns]."""
+    end: int
+    joints: tuple[str, ...]
+    """Those with most of r where it was largest."""
+    norm: float
+    """Largest |r| [J^½/s]."""
+
+
+class Collisions:
+    """Collect the collisions of a robot with these degrees of freedom, batch by batch."""
+
+    def __init__(self, names):
+        self._names, self._goes_on, self.found, self.judged = names, False, [], ()
+
+    def take(self, stamps, residual, norm, collision):
+        """Add states: stamps [ns], r, |r|, and whether the observer reports a collision."""
+        edges = np.diff(collision.astype(np.int8), prepend=np.int8(0), append=np.int8(0))
+        for first, end in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+            k = first + int(np.argmax(norm[first:end]))
+            r = np.abs(residual[k])
+            joints = tuple(self._names[j] for j in np.flatnonzero(r >= NAMED_SHARE * r.max()))
+            one = Collision(int(stamps[first]), int(stamps[end - 1]), joints, float(norm[k]))
+            if first == 0 and self._goes_on:
+                before = self.found.pop()
+                one = (before if before.norm >= one.norm else one)._replace(start=before.start, end=one.end)
+            self.found.append(one)
+        self._goes_on = bool(collision[-1])

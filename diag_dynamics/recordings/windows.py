@@ -1,0 +1,95 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Samples that follow one another, integrals over windows of time, and maxima, of states in batches."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.assembly.stamps import SECOND
+
+FOLD = 64
+"""Rows that NumPy compares at once: it is slow along short rows."""
+
+
+def column_maxima(values):
+    """Return the largest of each column, shape (n,); NaN is ignored, and −inf stands for no number."""
+    count, width = len(values) // FOLD * FOLD, values.shape[1]
+    folded = np.fmax.reduce(values[:count].reshape(-1, FOLD * width), axis=0, initial=-np.inf)
+    return np.fmax.reduce(np.vstack([folded.reshape(FOLD, width), values[count:]]), axis=0)
+
+
+def column_counts(flags):
+    """Return how many rows are true in each column, shape (n,)."""
+    return np.array([np.count_nonzero(column) for column in flags.T])
+
+
+class Samples(NamedTuple):
+    """States with efforts in a batch; of several states with one stamp the first one is the sample."""
+
+    rows: np.ndarray | slice
+    """Rows of the S samples in the batch."""
+    interval: np.ndarray
+    """Time since the sample before [s], shape (S,); 0 if no motion leads from that one to this one."""
+    known: np.ndarray
+    """Rows of all states with efforts, shape (N,)."""
+    sample: np.ndarray
+    """Number of the sample that has the stamp of each, shape (N,); -1 is the last one of the batch before."""
+
+
+class SampleChain:
+    """Select samples that are at most `max_gap` [s] apart from batches of states, in order."""
+
+    def __init__(self, max_gap):
+        self._max_gap, self._last, self._jumped = max_gap, None, False
+
+    def select(self, states):
+        """Return the :class:`Samples` of the next states."""
+        known = np.flatnonzero(states.effort_known)
+        jumps = np.cumsum(np.append(self._jumped, states.jumped))
+        jumps, total = jumps[known + 1], jumps[-1]
+        self._jumped = total > (jumps[-1] if len(known) else 0)
+        if not len(known):
+            return Samples(known, np.zeros(0), known, known)
+        stamps, begins = states.stamp[known], np.diff(jumps, prepend=0) > 0
+        interval = np.diff(stamps, prepend=stamps[0] if self._last is None else self._last) / SECOND
+        begins[0] |= self._last is None
+        self._last = stamps[-1]
+        first = begins | (interval != 0.0)
+        interval[begins | (interval < 0.0) | (interval > self._max_gap)] = 0.0
+        rows = slice(None) if first.all() and len(known) == len(states.stamp) else known[first]
+        return Samples(rows, interval[first], known, np.cumsum(first) - 1)
+
+
+class WindowIntegrals:
+    """Integrate over windows between the first states after multiples of a length [s], batch by batch.
+
+    Windows do not depend on where a recording begins. Those with a state that does not follow are left out.
+    """
+
+    def __init__(self, length):
+        self._length = round(length * SECOND)
+        self._begin, self._whole, self._sums = None, False, 0.0
+
+    def integrate(self, stamps, follows, steps, values):
+        """Return begin and end [ns], sums of steps and changes of values, of the windows that end.
+
+        The first of the T stamps is that of the last state before. `follows` tells whether each state follows the one
+        before, `steps` (T, m) is the part of the integral in between; of both the first row is ignored.
+        """
+        if self._begin is None:
+            self._begin = stamps[0], values[0]
+        steps[0] = self._sums
+        number = stamps // self._length
+        ends = follows[1:] & (number[1:] != number[:-1])
+        bounds = np.flatnonzero(ends | ~follows[1:]) + 1
+        cuts = np.append(0, bounds + 1)
+        last = cuts[-1] == len(steps)
+        sums = np.add.reduceat(steps, cuts[: len(cuts) - last])
+        whole = np.append(self._whole, ends[bounds - 1])
+        stamps, values = np.append(self._begin[0], stamps[bounds]), np.vstack([self._begin[1], values[bounds]])
+        self._begin, self._whole = (stamps[-1], values[-1]), whole[-1]
+        self._sums = 0.0 if last else sums[-1]
+        k = np.flatnonzero(whole[:-1] & whole[1:])
+        return stamps[k], stamps[k + 1], sums[k], values[k + 1] - values[k]
