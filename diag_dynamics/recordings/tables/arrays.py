@@ -15,10 +15,11 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.tables.cells import SAMPLE, decoded, is_text, read_texts, sample_column
 from diag_dynamics.recordings.tables.choice import choose
 from diag_dynamics.recordings.tables.headers import Column
 from diag_dynamics.recordings.tables.joint_names import NAMES, label_text, metadata_texts
-from diag_dynamics.recordings.tables.table import ROWS, SAMPLE, Block, decoded, is_text, read_texts, sample_column
+from diag_dynamics.recordings.tables.table import ROWS, Block
 
 _BROKEN = (
     *(zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, NotImplementedError, MemoryError),
@@ -49,7 +50,7 @@ class ParquetSource:
     Fields of structs have names with dots. The metadata of the schema may name the joints of all rows.
     """
 
-    notes, lines = (), None
+    notes = ()
 
     def __init__(self, path, wanted, joints):
         self.path = path
@@ -80,7 +81,7 @@ class ParquetSource:
                     ):
                         table = _flatten(pa.Table.from_batches([batch]))
                         arrays = {k: table.column(name).combine_chunks() for k, name in used.items()}
-                        yield Block(arrays, np.arange(row, row + len(table)), None)
+                        yield Block(arrays, np.arange(row, row + len(table)))
                         row += len(table)
                 except _UNREADABLE as error:
                     why = " ".join(str(error).split())
@@ -160,62 +161,61 @@ class NpzSource:
     An array of texts with a row for each time names the joints of each row; one called joint_names or the like those of all.
     """
 
-    lines = None
-
     def __init__(self, path, wanted, joints):
         self.path, self._broken = path, {}
         for value in (wanted.time, wanted.position, wanted.velocity, wanted.effort):
             if isinstance(value, list | tuple) and any(isinstance(one, int) for one in value):
                 raise InputError(f"'{path}' is an npz: its arrays have names, expected no numbers of columns.")
         with self._open() as file:
-            if file.namelist() and not any(name.endswith(".npy") for name in file.namelist()):
-                names = ", ".join(file.namelist()[:5])
-                raise InputError(f"'{path}' is a zip archive without numpy's arrays (it has {names}): unpack it.")
-            names = [name.removesuffix(".npy") for name in file.namelist() if name.endswith(".npy")]
+            members = file.namelist()
+            names = [name.removesuffix(".npy") for name in members if name.endswith(".npy")]
+            if members and not names:
+                what = f"is a zip archive without numpy's arrays (it has {', '.join(members[:5])})"
+                raise InputError(f"'{path}' {what}: unpack it.")
             shapes = {name: shape for name in names if (shape := self._shape(file, name))}
             texts = {name: self._array(file, name) for name, (_, kind) in shapes.items() if kind.kind in "US"}
+            while True:  # without arrays that turn out to be damaged
+                shapes = {name: shape for name, shape in shapes.items() if name not in self._broken}
+                self._choose(shapes, texts, wanted, joints)
+                arrays = {k: self._array(file, self.headers[k]) for k in self.choice.used}
+                if all(array is not None for array in arrays.values()):
+                    break
+        self._arrays, self.notes, time = {}, [], self.headers[self.choice.time[0]]
+        for k, array in arrays.items():
+            name = self.headers[k]
+            layout, count = self._layouts[name], self._layouts[time].rows
+            if layout.rows != count:
+                what = f"has shape {array.shape}, expected a row for each of the {count} times in '{time}'"
+                raise InputError(f"'{path}': array '{name}' {what}.")
+            if layout.turned and layout.width:
+                self.notes.append(f"{name}: turned round, it has a row for each joint.")
+            self._arrays[k] = (array.T if layout.turned else array) if layout.width else array.reshape(-1)
+
+    def blocks(self, losses):
+        """Yield each :class:`Block`; the arrays that are used are in memory."""
+        for name, why in self._broken.items():
+            losses.add(f"array '{name}' cannot be read: {why}: all its numbers are lost", f"array {name}")
+        count = len(self._arrays[self.choice.time[0]])
+        for begin in range(0, count, ROWS):
+            arrays = {k: _in_arrow(array[begin : begin + ROWS]) for k, array in self._arrays.items()}
+            yield Block(arrays, np.arange(begin, min(begin + ROWS, count)))
+        if not count:
+            losses.add("there are no rows", "row 0")
+
+    def _choose(self, shapes, texts, wanted, joints):
+        """Choose among arrays that can be read."""
+        why = "".join(f"; array '{name}' cannot be read: {why}" for name, why in self._broken.items())
         if not shapes:
-            raise InputError(f"'{path}' has no array that can be read{self._why()}.")
+            raise InputError(f"'{self.path}' has no array that can be read{why}.")
         self.headers = list(shapes)
         self._layouts = _layouts({name: shape for name, (shape, kind) in shapes.items() if kind.kind in "iufMm"})
         stated = self._stated(shapes, texts, joints)
         columns = [self._column(name, kind, texts.get(name)) for name, (_, kind) in shapes.items()]
         try:
-            choice = choose(columns, wanted, joints, path, stated)
+            choice = choose(columns, wanted, joints, self.path, stated)
         except InputError as error:
-            raise InputError(f"{error.args[0]}{self._why()}") if self._broken else error from None
-        self.choice = _check_times(path, columns, choice, wanted)
-        used, time = [self.headers[k] for k in choice.used], self.headers[choice.time[0]]
-        self._count = self._layouts[time].rows
-        for name in used:
-            if self._layouts[name].rows != self._count:
-                raise InputError(
-                    f"'{path}': array '{name}' has shape {shapes[name][0]}, expected a row for each of the {self._count} "
-                    f"times in '{time}'."
-                )
-        turned = [name for name in used if self._layouts[name].turned and self._layouts[name].width]
-        self.notes = [f"{name}: turned round, it has a row for each joint." for name in turned]
-
-    def blocks(self, losses):
-        """Yield each :class:`Block`; the arrays that are used are in memory."""
-        position = self.choice.quantities["position"]
-        with self._open() as file:
-            arrays = {k: self._array(file, self.headers[k]) for k in self.choice.used}
-        if any(arrays[k] is None for k in (*self.choice.time, *position.columns) if k is not None):
-            raise InputError(f"'{self.path}'{self._why()}.")
-        for name, why in self._broken.items():
-            losses.add(f"array '{name}' cannot be read: {why}: all its numbers are lost", f"array {name}")
-        for k, array in arrays.items():
-            layout = self._layouts[self.headers[k]]
-            if array is None:
-                arrays[k] = np.full((self._count, layout.width) if layout.width else self._count, np.nan)
-            else:
-                arrays[k] = (array.T if layout.turned else array) if layout.width else array.reshape(-1)
-        for begin in range(0, self._count, ROWS):
-            rows = np.arange(begin, min(begin + ROWS, self._count))
-            yield Block({k: _in_arrow(array[begin : begin + ROWS]) for k, array in arrays.items()}, rows, None)
-        if not self._count:
-            losses.add("there are no rows", "row 0")
+            raise InputError(f"{error.args[0]}{why}") from None
+        self.choice = _check_times(self.path, columns, choice, wanted)
 
     def _open(self):
         try:
@@ -277,10 +277,6 @@ class NpzSource:
         self._layouts[name] = _Layout(len(texts), 0 if texts.ndim == 1 else texts.shape[1], False)
         first = texts[:SAMPLE].tolist()
         return sample_column(column, first) if texts.ndim == 1 else column._replace(sample=tuple(first), listed=True)
-
-    def _why(self):
-        """What could not be read, for messages."""
-        return "".join(f"; array '{name}' cannot be read: {why}" for name, why in self._broken.items())
 
 
 def _last(name):

@@ -12,11 +12,7 @@ import numpy as np
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.tables.column_map import column_map
 
-_READERS = {
-    b"PAR1": ("arrays", "ParquetSource"),
-    b"PK\x03\x04": ("arrays", "NpzSource"),
-    b"PK\x05\x06": ("arrays", "NpzSource"),
-}
+_READERS = {b"PAR1": "ParquetSource", b"PK\x03\x04": "NpzSource", b"PK\x05\x06": "NpzSource"}
 _REJECTED = {
     b"\x93NUMPY": "is a single array without names: write an npz, np.savez(path, time=…, position=…)",
     b"\x89HDF": "is an HDF5 file, which is not read: write CSV, Parquet or npz",
@@ -95,13 +91,13 @@ def open_table(path, columns=None, joints=()):
     for magic, what in _REJECTED.items():
         if begin.startswith(magic):
             raise InputError(f"'{path}' {what}.")
-    module, reader = next((one for magic, one in _READERS.items() if begin.startswith(magic)), ("csv", "CsvSource"))
+    reader = next((name for magic, name in _READERS.items() if begin.startswith(magic)), "CsvSource")
     try:
-        package = __name__.rpartition(".")[0]
-        source = getattr(import_module(f"{package}.{module}"), reader)
-        table = import_module(f"{package}.table").Table
+        import_module("pyarrow")
     except ImportError as error:
-        raise InputError(
-            f"'{path}' is a table, and pyarrow is not installed: pip install diag_dynamics[recordings]."
-        ) from error
-    return table(source(path, wanted, tuple(joints)))
+        need = "pyarrow is not installed: pip install diag_dynamics[recordings]"
+        raise InputError(f"'{path}' is a table, and {need}.") from error
+    package = __name__.rpartition(".")[0]
+    readers = import_module(f"{package}.{'csv' if reader == 'CsvSource' else 'arrays'}")
+    source = getattr(readers, reader)(path, wanted, tuple(joints))
+    return import_module(f"{package}.table").Table(source)

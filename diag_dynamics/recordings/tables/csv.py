@@ -16,20 +16,12 @@ import pyarrow as pa
 from pyarrow import csv as arrow_csv
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.tables.cells import BLANK, MISSING, SAMPLE, parse_number, sample_column
 from diag_dynamics.recordings.tables.choice import choose
 from diag_dynamics.recordings.tables.column_map import UNSAID
 from diag_dynamics.recordings.tables.headers import Column
 from diag_dynamics.recordings.tables.joint_names import comment_texts
-from diag_dynamics.recordings.tables.table import (
-    BLANK,
-    LEFT_OUT,
-    MISSING,
-    ROWS,
-    SAMPLE,
-    Block,
-    number_of,
-    sample_column,
-)
+from diag_dynamics.recordings.tables.table import LEFT_OUT, ROWS, Block
 from diag_dynamics.recordings.tables.times import is_date
 from diag_dynamics.recordings.tables.units import is_unit
 
@@ -79,12 +71,12 @@ class CsvSource:
         ]
         comments = comment_texts([(at, re.sub(r"^[#%\s]+", "", line)) for at, line in marked])
         self.choice = choose(columns, wanted, joints, path, comments)
-        self._size = min(ROWS * (sum(map(len, lines)) // len(lines) + 1), MAX_LINE)
+        self._size = min(max(ROWS * (sum(map(len, lines)) // len(lines) + 1), _BEGINNING), MAX_LINE)
         texts = set(self.choice.used) - {k for k in self.choice.values if not columns[k].width} | set(self.choice.time)
         self._convert = arrow_csv.ConvertOptions(
             column_types={str(k): pa.string() if k in texts else pa.float64() for k in self.choice.used},
             include_columns=[str(k) for k in self.choice.used],
-            null_values=sorted(BLANK),
+            null_values=list(BLANK),
             strings_can_be_null=False,
             decimal_point=wanted.decimal,
         )
@@ -93,13 +85,15 @@ class CsvSource:
         """Yield each :class:`Block`."""
         row = 0
         for line, text in self._read_lines(losses):
-            block = self._parse(text, line, row) or self._parse_lines(text, line, row, losses)
-            row += block[1]
-            yield block[0]
+            if line == 1:  # the first lines are all in it
+                parts = text.removeprefix(_BOM).split(b"\n", self.lines)
+                line, text = self.lines + 1, parts[self.lines] if len(parts) > self.lines else b""
+            if text:
+                block, count = self._parse(text, line, row) or self._parse_lines(text, line, row, losses)
+                row += count
+                yield block
         if not row:
             losses.add("there is no row below the header", f"line {self.lines + 1}")
-
-    # --- Bytes ---
 
     def _chunks(self, broken):
         """Unpacked bytes; `broken` receives why the file cannot be read to its end."""
@@ -116,9 +110,9 @@ class CsvSource:
                     yield chunk
             except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
                 why = str(error).rstrip(".") or type(error).__name__
-                at = f"at byte {min(file.tell(), size)} of {size}, or shortly before" if packed else f"of {size} bytes"
                 cut = isinstance(error, EOFError) or "Truncated" in why
                 doubt = "" if cut else "; it is damaged, and rows before that may be wrong"
+                at = f"at byte {min(file.tell(), size)} of {size}, or shortly before"
                 broken.append(f"the {packed or 'file'} stream cannot be read to its end, {at}: {why}{doubt}")
 
     def _first_lines(self):
@@ -129,24 +123,25 @@ class CsvSource:
             if len(begin) >= _BEGINNING:
                 begin = begin[: begin.rfind(b"\n") + 1]
                 break
-        begin, first = begin.removeprefix(_BOM), begin.partition(b"\n")[0]
+        begin = begin.removeprefix(_BOM)
+        first = begin.partition(b"\n")[0]
         why = broken[0] if broken and b"\n" not in begin else ""
         if b"\0" in first:
             why = "it is neither a table of text nor Parquet or npz: there are NUL bytes in its first line"
-        elif not begin or b"\r" in first.rstrip(b"\r"):
-            why = why or f"there is no line break, LF or CR LF, in its first {_BEGINNING} bytes"
+        elif not why and (not begin or b"\r" in first.rstrip(b"\r")):
+            why = f"there is no line break, LF or CR LF, in its first {_BEGINNING} bytes"
         if why:
             raise InputError(f"'{self.path}' is no table that can be read: {why}.")
         return [_text(line) for line in begin.split(b"\n")]
 
     def _read_lines(self, losses):
-        """Whole lines below the header, about ROWS at a time, and the number of the first."""
+        """Whole lines, about ROWS at a time, and the number of the first."""
         broken, held, line = [], bytearray(), 1
         for chunk in self._chunks(broken):
             held += chunk
             end = held.rfind(b"\n") + 1 if len(held) >= self._size else 0
             if end:
-                yield from self._below_header(line, bytes(held[:end]))
+                yield line, bytes(held[:end])
                 line += held.count(b"\n", 0, end)
                 del held[:end]
             elif len(held) > self._size + MAX_LINE:
@@ -157,16 +152,8 @@ class CsvSource:
             del held[end:]
             last = line + held.count(b"\n") - 1
             losses.add(f"{broken[0]}: all behind this line is lost{lost}", f"line {last}")
-        yield from self._below_header(line, bytes(held))
-
-    def _below_header(self, line, text):
-        text = text.removeprefix(_BOM) if line == 1 else text
-        above = text.split(b"\n", self.lines + 1 - line)[:-1] if line <= self.lines else []
-        text = text[sum(len(one) + 1 for one in above) :]
-        if text:
-            yield line + len(above), text
-
-    # --- Rows ---
+        if held:
+            yield line, bytes(held)
 
     def _parse(self, text, line, row):
         """A block in which each line is a row of numbers, and the number of rows; None of others."""
@@ -179,34 +166,33 @@ class CsvSource:
             table = arrow_csv.read_csv(pa.BufferReader(text), read, parse, self._convert)
         except pa.ArrowException:
             return None
-        lines = text.count(b"\n") + (not text.endswith(b"\n"))
-        if table.num_rows != lines:  # empty lines, or some between quotes
+        count = text.count(b"\n") + (not text.endswith(b"\n"))
+        if table.num_rows != count:  # empty lines, or some between quotes
             return None
         arrays = {k: table.column(str(k)).combine_chunks() for k in self.choice.used}
-        return Block(arrays, np.arange(row, row + lines), range(line, line + lines), self._decimal), lines
+        return Block(arrays, np.arange(row, row + count), range(line, line + count), self._decimal), count
 
     def _parse_lines(self, text, line, row, losses):
-        """A block line by line; what is no row is counted."""
-        count, kept, lines, rows, first = len(self.headers), [], [], [], row
+        """A block line by line, and the number of rows; what is no row is counted."""
+        width, kept, places, count = len(self.headers), [], [], 0
         for at, one in enumerate(_text(text).split("\n"), line):
             if one.startswith("#") or not one.strip():
                 continue
             fields = fields_of(one, self._delimiter)
-            if len(fields) > count and not any(field.strip() for field in fields[count:]):
-                del fields[count:]
+            if not any(field.strip() for field in fields[width:]):
+                del fields[width:]
             if "\0" in one:
-                cause = "NUL bytes, as files have them of a machine that lost its power"
-                losses.add(cause, f"line {at}", LEFT_OUT)
-            elif len(fields) != count:
-                example = f"{len(fields)} instead of {count}"
+                losses.add("NUL bytes, as files have them of a machine that lost its power", f"line {at}", LEFT_OUT)
+            elif len(fields) != width:
+                example = f"{len(fields)} instead of {width}"
                 losses.add("another number of columns than the header has", f"line {at}", LEFT_OUT, example=example)
             else:
                 kept.append(fields)
-                lines.append(at)
-                rows.append(row)
-            row += 1
+                places.append((row + count, at))
+            count += 1
+        rows, lines = np.array(places, np.int64).reshape(-1, 2).T
         arrays = {k: pa.array([fields[k] for fields in kept], pa.string()) for k in self.choice.used}
-        return Block(arrays, np.array(rows, np.int64), lines, self._decimal), row - first
+        return Block(arrays, rows, lines, self._decimal), count
 
 
 def _text(data):
@@ -305,7 +291,7 @@ def _echoed_names(fields, wanted, path):
 
 def _is_number(text):
     """Whether a field is a number or a date."""
-    return text.strip() not in MISSING and (number_of(text.replace(",", ".")) is not None or is_date(text))
+    return text.strip() not in MISSING and (parse_number(text.replace(",", ".")) is not None or is_date(text))
 
 
 def _guess_delimiter(rows, decimal):

@@ -195,17 +195,23 @@ def nearest(headers, pattern):
     return [one for one, length in zip(headers, lengths, strict=True) if length == max(lengths)]
 
 
-def read_row_names(names, texts, count):
-    """Return the names of each row, (n, k) of str; `texts(k)` are the texts of a column, or lists of them."""
+def read_row_names(names, arrays):
+    """Return the names of each row, (n, k) of str; `arrays` are those of pyarrow by index of the column."""
     if not names.listed:
-        columns = [texts(k) for k in names.columns]
-        clean = {text: _clean(text or "") for column in columns for text in set(column)}
-        return np.array([[clean[text] for text in column] for column in columns], object).T.reshape(count, -1)
-    rows = [tuple(one) if isinstance(one, list) else one for one in texts(names.columns[0])]
+        return np.column_stack([_read_names(arrays[k]) for k in names.columns])
+    rows = [tuple(one) if isinstance(one, list) else one for one in arrays[names.columns[0]].to_pylist()]
     split = {row: names_of(row) for row in set(rows)}
     width = max(map(len, split.values()), default=0)
     padded = {row: (*one, *[""] * (width - len(one))) for row, one in split.items()}
-    return np.array([padded[row] for row in rows], object).reshape(count, width)
+    return np.array([padded[row] for row in rows], object).reshape(len(rows), width)
+
+
+def _read_names(array):
+    """The name in each cell of a column of texts."""
+    encoded = array if hasattr(array, "dictionary") else array.dictionary_encode()
+    names = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in encoded.dictionary.to_pylist()]
+    names = np.array([*map(_clean, names), ""], object)
+    return names[encoded.indices.fill_null(len(names) - 1).to_numpy(zero_copy_only=False)]
 
 
 # --- Statements ---
