@@ -12,6 +12,7 @@ import sys
 import zipfile
 from decimal import Decimal
 from fractions import Fraction
+from functools import cache
 from math import pi
 
 import numpy as np
@@ -27,19 +28,18 @@ from bags import arm
 from examples import examples
 
 ARM = ("shoulder", "elbow", "wrist")
-PAIR = ("a", "b")
 LOOSE = {"joint_timeout": 0.0, "frozen_timeout": 0.0} | {
     f"absurd.{name}": 0.0 for name in ("position", "velocity", "effort", "jump")
 }
 """Parameters by which every finite number with a velocity is a state."""
 FREE = LOOSE | {"missing_velocity": "estimate", "velocity_filter_time": 0.0}
-"""The same, and velocities may be missing: they are estimated, which takes longer."""
 NO_TIME = "no time, or one that is no number{}: {} rows left out"
+robot = cache(arm)
 
 
-def read(path, columns=None, joints=PAIR, parameters=FREE):
+def read(path, columns=None, joints=("a",), parameters=FREE):
     """Read a table of an arm with these joints."""
-    return dd.read_recording(path, arm(*joints), columns, parameters=parameters)
+    return dd.read_recording(path, robot(*joints), columns, parameters=parameters)
 
 
 def lost(recording):
@@ -71,25 +71,16 @@ def written(tmp_path):
     return write
 
 
-# --- What others write ---
+# --- Files of others ---
 
-finite = st.floats(-1e6, 1e6)
-tables = st.lists(st.tuples(*[finite] * 4, *[finite | st.just(np.nan)] * 2), min_size=2, max_size=20)
-NAMES = ["t", "q_a", "q_b", "qd_a", "qd_b", "tau_a", "tau_b"]
-WRITERS = [
-    "csv",
-    "csv without header",
-    "txt of numpy",
-    "parquet",
-    "parquet of pyarrow",
-    "npz",
-    "npz by joint",
-    "npz, packed",
-]
+finite = st.floats(-1e300, 1e300)
+tables = st.lists(st.tuples(*(finite,) * 4, *(st.one_of(finite, st.just(float("nan"))),) * 2), min_size=1, max_size=30)
+NAMES = ["t", "q1", "q2", "qd1", "qd2", "tau1", "tau2"]
+WRITERS = ["csv", "csv without header", "txt of numpy", "parquet", "npz", "npz by joint", "npz, packed"]
 
 
 def write_by(writer, path, table, separator, ending, missing):
-    """Write a table with a library; return the path and the map of columns that it needs."""
+    """Write a table with a library; return the map of columns that it needs."""
     frame = pd.DataFrame(table, columns=NAMES)
     if writer == "csv":
         quoting = csv.QUOTE_ALL if missing == "NA" else csv.QUOTE_MINIMAL
@@ -101,9 +92,7 @@ def write_by(writer, path, table, separator, ending, missing):
     elif writer == "txt of numpy":  # blanks between columns, and the header in a comment
         np.savetxt(path, table, header=" ".join(NAMES), fmt="%25.18e")
     elif writer == "parquet":
-        frame.to_parquet(path)
-    elif writer == "parquet of pyarrow":
-        parquet.write_table(pa.table(dict(zip(NAMES, table.T, strict=True))), path, row_group_size=7)
+        frame.to_parquet(path, row_group_size=7)
     else:
         with open(path, "wb") as file:
             if writer == "npz by joint":
@@ -117,17 +106,14 @@ def write_by(writer, path, table, separator, ending, missing):
 @pytest.mark.parametrize("writer", WRITERS)
 @examples(60)
 @given(
-    tables,
-    st.floats(-1e5, 1e5),
-    st.sampled_from(",;\t|"),
-    st.sampled_from(["\n", "\r\n"]),
-    st.sampled_from(["", "nan", "NA", "null"]),
+    *(tables, st.floats(-1e5, 1e5), st.sampled_from(",;\t|")),
+    *(st.sampled_from(["\n", "\r\n"]), st.sampled_from(["", "nan", "NA", "null"])),
 )
 def test_what_others_write_is_read_to_the_last_bit(tmp_path_factory, writer, table, begin, separator, ending, missing):
     path = tmp_path_factory.mktemp("written") / f"table.{writer[:3]}"
     table = np.column_stack([begin + 0.01 * np.arange(len(table)), table])
     columns = write_by(writer, path, table, separator, ending, missing)
-    recording = read(path, columns)
+    recording = read(path, columns, joints="ab")
     assert not lost(recording) and len(recording) == len(table)
     np.testing.assert_array_equal(np.column_stack([recording.q, recording.qd]), table[:, 1:5])
     known = np.isfinite(table[:, 5:]).all(axis=1)
@@ -149,7 +135,7 @@ PACKED = {
 @pytest.fixture(scope="module")
 def long_text():
     """A text of so many rows that no packer does it in one go, and its positions."""
-    positions = [random.Random(4).random() + 1e-6 * k for k in range(20_000)]
+    positions = [random.Random(4).random() + 1e-6 * k for k in range(20_500)]
     return ("t,q1,qd1\n" + "".join(f"{k / 1000},{one},0\n" for k, one in enumerate(positions))).encode(), positions
 
 
@@ -158,11 +144,10 @@ def test_packed(written, long_text, ending):
     """In one stream or two, or broken off: then what is there is read, and where it ends is said."""
     data, positions = long_text
     whole = PACKED[ending](data)
-    two = PACKED[ending](data[:200_000]) + PACKED[ending](data[200_000:])
-    for content in (whole, two):
-        recording = read(written(content, f"table.csv.{ending}"), joints=("a",), parameters=LOOSE)
+    for content in (whole, PACKED[ending](data[:200_000]) + PACKED[ending](data[200_000:])):
+        recording = read(written(content, f"table.csv.{ending}"), parameters=LOOSE)
         assert not lost(recording) and recording.q[:, 0].tolist() == positions
-    recording = read(written(whole[: len(whole) * 2 // 3], f"table.csv.{ending}"), joints=("a",), parameters=LOOSE)
+    recording = read(written(whole[: len(whole) * 2 // 3], f"table.csv.{ending}"), parameters=LOOSE)
     assert 5000 < len(recording) < 20_000 and recording.q[:, 0].tolist() == positions[: len(recording)]
     (said,) = lost(recording)
     assert f"line {len(recording) + 1}: " in said and "stream cannot be read to its end" in said
@@ -171,13 +156,13 @@ def test_packed(written, long_text, ending):
 def test_packed_and_damaged(written, long_text):
     packed = bytearray(gzip.compress(long_text[0]))
     packed[len(packed) // 2] ^= 0xFF
-    recording = read(written(bytes(packed), "table.csv.gz"), joints=("a",), parameters=LOOSE)
+    recording = read(written(bytes(packed), "table.csv.gz"), parameters=LOOSE)
     assert 2000 < len(recording) < 20_000 and "rows before that may be wrong" in " ".join(lost(recording))
     with pytest.raises(dd.InputError, match="the gzip stream cannot be read to its end"):
         read(written(gzip.compress(b"t,q1\n")[:12], "table.csv.gz"))
 
 
-# --- What is wrong with a text ---
+# --- Damage ---
 
 WIDTH = "another number of columns than the header has ({} instead of {}): {} rows left out"
 HOSTILE = {
@@ -199,10 +184,8 @@ HOSTILE = {
     ),
     "empty lines and comments": ("\n0,1,2\n\n  \n# a pause, here\n#1,2\n1,2,2\n\n", [0, 1], []),
     "quotes": ('"0","1"," 2 "\n1,"lost,2\n2,3,4\n', [0, 2], ["line 3: " + WIDTH.format(2, 3, 1)]),
-    "CR LF": ("0,1,2\r\n1,2,3\r\n", [0, 1], []),
     "CR CR LF": ("0,1,2\r\r\n1,2,3\r\r\n", [0, 1], []),
     "blanks": (" 0,   1,2\n 1 , 2 ,3 \n", [0, 1], []),
-    "no last line break": ("0,1,2\n1,2,3", [0, 1], []),
     "infinite": ("0,1,2\n1,-inf,2\n2,1e400,3\n3,2,2\n", [0, 3], []),
     "missing": ("0,1,2\n" + "".join(f"{k},,2\n{k}.5,N/A,2\n{k}.6,null,2\n" for k in (1, 2)) + "3,2,2\n", [0, 3], []),
     "only a header": ("", [], ["line 2: there is no row below the header"]),
@@ -214,63 +197,13 @@ HOSTILE = {
 def test_hostile_texts(written, kind):
     """What is no row is counted, with its first line; numbers that are garbage are left to the monitor's rules."""
     rows, times, unread = HOSTILE[kind]
-    header = b"t,q_a,q_b\n"
-    content = header + (rows.encode() if isinstance(rows, str) else rows)
-    columns = {"velocity": ["q_a", "q_b"]}  # so that each row has a velocity
-    recording = read(written(content), {"time": "t", "position": ["q_a", "q_b"], **columns})
+    content = b"t,q_a,q_b\n" + (rows.encode() if isinstance(rows, str) else rows)
+    columns = {"time": "t", "position": ["q_a", "q_b"], "velocity": ["q_a", "q_b"]}  # so that each row has a velocity
+    recording = read(written(content), columns, joints="ab")
     assert (recording.t.tolist(), lost(recording)) == (times, unread)
 
 
-@pytest.mark.parametrize(
-    ("text", "columns"),
-    [
-        (b"\xef\xbb\xbft,q1\n0,1\n1,2\n", None),
-        ("t,q1 [°]\n0,1\n1,2\n".encode("latin-1"), None),
-        ("sep=;\nt;q1\n0;1\n1;2\n", None),
-        ("# by hand\nt,q1\n0,1\n1,2\n", None),
-        ("% t q1\n# more\n% t q1\n0 1.5\n1 2.5\n", None),
-        ("t,x,q1,x\n0,1,1,3\n1,1,2,3\n", None),
-        ("robot: 5\nby hand, 2024\n\nt,q1\n0,1\n1,2\n", {"skip": 2}),
-        ("t;q1\n0,0;1,5\n1,0;2,5\n", {"decimal": ","}),
-        ("0,1\n1,2\n", {"time": 0, "position": [1], "header": False}),
-        ("t,x\n0,1\n1,2\n", {"time": 0, "position": [1]}),
-        ("5,7\n0,1\n1,2\n", {"time": 0, "position": [1], "header": True}),
-        ("t  q1\n0  1\n1  2\n", {"delimiter": "space"}),
-        ("t\tq1 [deg,°;|]\n0\t1\n1\t2\n", {"delimiter": "tab", "scale": {"position": 1}}),
-    ],
-    ids=str,
-)
-def test_headers_and_separators(written, text, columns):
-    recording = read(written(text), columns, joints=("a",))
-    assert (recording.t.tolist(), lost(recording)) == ([1.0], [])
-
-
-@pytest.mark.parametrize(
-    ("text", "columns", "message"),
-    [
-        ("", None, "is empty: it has 0 bytes"),
-        ("\n\n \n", None, "has 4 lines and nothing in them"),
-        (b"\xff\xfet\0,\0", None, "is text in UTF-16"),
-        (b"\x01\x02\0\0rubbish", None, "is neither a table of text nor Parquet or npz"),
-        ("t,q1\r0,1\r", None, "there is no line break, LF or CR LF"),
-        ("t,q1" * 400_000, None, "there is no line break"),
-        ("5,1,2\n1,2,3\n", None, "has no header, line 1 is of numbers"),
-        ("1.5,1,base\n", None, "line 1 has text and numbers"),
-        ("0,1,2\n1,2,3\n", {"time": 0, "position": [1, 2]}, "so it may be a header or a row"),
-        ("t,q1\n", {"skip": 5}, "5 lines are to be skipped, but there are 2"),
-        ("t,q1,q1\n0,1,2\n", {"position": "q1"}, "'q1' is the name of columns 1, 2"),
-        ("t;q1\n0,5;1\n", None, "have a decimal comma"),
-        (b"\x93NUMPY\x01\0", None, "is a single array without names"),
-        (b"PK\x03\x04rubbish", None, "is no npz that can be read"),
-        (b"PAR1rubbish", None, "is no Parquet file that can be read"),
-    ],
-)
-def test_what_is_no_table(written, text, columns, message):
-    with pytest.raises(dd.InputError, match=message):
-        read(written(text), columns)
-
-
-BITS = (
+BITS = [
     ",",
     "\n",
     '"',
@@ -291,7 +224,7 @@ BITS = (
     "+",
     '""',
     "NA",
-)
+]
 
 
 @examples(300)
@@ -305,41 +238,161 @@ def test_mutated_texts(tmp_path_factory, changes):
     path = tmp_path_factory.mktemp("mutated") / "table.csv"
     path.write_bytes(b"t,q_a,tau_a,name\n" + body.encode("latin-1"))
     try:
-        recording = read(path, joints=("a",))
+        recording = read(path)
     except dd.InputError:  # the header, or what may be one, has been hit
         return
-    left_out = sum(
-        int(text.rsplit(": ", 1)[1].split()[0]) for text in lost(recording) if text.endswith("rows left out")
-    )
+    counts = [text.rsplit(": ", 1)[1].split() for text in lost(recording)]
+    left_out = sum(int(count[0]) for count in counts if count[1:] == ["rows", "left", "out"])
     lines = [line for line in body.split("\n") if line.strip() and not line.startswith("#")]
-    counted = sum(recording.counts.get(what, 0) for what in ("received", "rows of other topics"))
-    assert counted + left_out == len(lines) or not recording.counts
+    received = sum(recording.counts.get(what, 0) for what in ("received", "rows of other topics"))
+    assert received + left_out == len(lines) or not recording.counts
+
+
+@pytest.mark.parametrize("kind", ["parquet", "npz"])
+@examples(100)
+@given(seed=st.integers(0, 10**6), count=st.integers(1, 40))
+def test_damaged_anywhere(tmp_path_factory, seed, count, kind):
+    """Bytes overwritten anywhere, or the end cut off: states, losses, or one of our errors."""
+    path, time = tmp_path_factory.mktemp("damaged") / f"table.{kind}", np.arange(50) / 100
+    if kind == "parquet":
+        table = pa.table({"t": time, "q1": np.sin(time), "tau": [[x] for x in time], "name": [["a"]] * 50})
+        parquet.write_table(table, path, row_group_size=10)
+    else:
+        np.savez_compressed(path, t=time, q=np.sin(time), tau=time[:, None], names=np.array(["a"]))
+    content, rng = bytearray(path.read_bytes()), random.Random(seed)
+    for _ in range(count):
+        content[rng.randrange(4, len(content))] = rng.randrange(256)
+    if seed % 3 == 0:
+        del content[rng.randrange(4, len(content)) :]
+    path.write_bytes(content)
+    try:
+        read(path)
+    except dd.DiagDynamicsError as error:
+        assert str(path) in str(error)
+
+
+def test_a_damaged_row_group_is_left_out(written):
+    time = np.arange(1000) / 100
+    table = pa.table({"t": time, "q1": np.sin(time), "qd1": np.cos(time)})
+    path = written(table, row_group_size=100, use_dictionary=False)
+    content = bytearray(path.read_bytes())
+    for group in (3, 9):
+        chunk = parquet.ParquetFile(path).metadata.row_group(group).column(1)
+        begin, size = chunk.data_page_offset, chunk.total_compressed_size
+        content[begin : begin + size] = b"\xff" * size
+    path.write_bytes(content)
+    recording = read(path)
+    np.testing.assert_array_equal(recording.q[:, 0], np.sin(np.delete(time, [*range(300, 400), *range(900, 1000)])))
+    (said,) = lost(recording)
+    assert said.startswith("row 300, row group 3: ") and said.endswith(": 200 rows lost")
+
+
+@pytest.mark.parametrize("at", [300, 50_000])  # in what is read with the header of the array, and far behind it
+def test_a_damaged_array(written, at):
+    time = np.arange(10_000.0)
+
+    def spoiled(name, **arrays):
+        path = written({"t": time, "q1": time, "qd1": np.ones(10_000)} | arrays)
+        with zipfile.ZipFile(path) as file:
+            begin = file.getinfo(f"{name}.npy").header_offset + at
+        content = bytearray(path.read_bytes())
+        content[begin : begin + 50] = b"\x55" * 50
+        path.write_bytes(content)
+        return path
+
+    recording = read(spoiled("tau1", tau1=time), parameters=LOOSE)
+    assert len(recording) == 10_000 and recording.tau is None
+    what = "array 'tau1' cannot be read: Bad CRC-32 for file 'tau1.npy': all its numbers are lost"
+    assert lost(recording) == [f"array tau1: {what}"]
+    with pytest.raises(dd.InputError, match="array 'q1' cannot be read: Bad CRC-32"):
+        read(spoiled("q1"), parameters=LOOSE)
+
+
+def test_files_that_are_cut_or_none(written, tmp_path, monkeypatch):
+    for content, what in (
+        (pa.table({"t": [0.0], "q1": [1.0]}), "is no Parquet file that can be read: .*not copied whole"),
+        ({"t": np.arange(100.0), "q": np.ones((100, 2))}, "is no npz that can be read: .*not copied whole"),
+    ):
+        path = written(content)
+        whole = path.read_bytes()
+        for cut in (len(whole) // 2, len(whole) - 30):
+            path.write_bytes(whole[:cut])
+            with pytest.raises(dd.InputError, match=what):
+                read(path)
+    with zipfile.ZipFile(tmp_path / "book.xlsx", "w") as file:
+        file.writestr("xl/workbook.xml", "<x/>")
+    with pytest.raises(dd.InputError, match=r"without numpy's arrays \(it has xl/workbook.xml\)"):
+        read(tmp_path / "book.xlsx")
+    with zipfile.ZipFile(written({"t": np.arange(3.0)})) as file:
+        array = file.read("t.npy")
+    with zipfile.ZipFile(tmp_path / "huge.npz", "w") as file:
+        file.writestr("t.npy", array)
+        file.writestr("q.npy", array.replace(b"(3,), }" + b" " * 12, b"(3000000000000,), }"))
+    with pytest.raises(dd.InputError, match=r"its shape is \(3000000000000,\), but it has 152 bytes"):
+        read(tmp_path / "huge.npz")
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    for content in ("t,q1\n0,1\n", pa.table({"t": [0.0], "q1": [1.0]}), {"t": np.arange(3.0)}):
+        with pytest.raises(dd.InputError, match=r"pyarrow is not installed: pip install diag_dynamics\[recordings\]"):
+            read(written(content))
+
+
+def test_losses_come_before_notes(written):
+    """Rows of garbage are rejected by the monitor's rules, and counted."""
+    lines = [f"{k / 100},{0.01 * k},1" for k in range(100)]
+    lines[20], lines[30] = "0.2,0.2,1e297", "1,2"
+    recording = dd.read_recording(written("\n".join(["t,q1,qd1", *lines])), robot("a"))
+    assert recording.counts["rejected: absurd value"] == 1 and len(recording) == 98
+    causes = [one.cause for one in recording.findings]
+    assert causes[0] == "unread" and causes.index("note") > causes.index("rejected: absurd value")
+    assert recording.offset == 10**9  # a stamp of zero is none
+
+
+def test_rows_of_other_topics_are_no_messages(written):
+    """Rows of empty cells are counted, not rejected; rows with some values, NaN among them, are messages."""
+    rows = [f"{k / 100},{0.01 * k},1,3,,\n{k / 100 + 0.003},,,,1.5,\n{k / 100 + 0.004},NaN,,,,on\n" for k in range(20)]
+    text = "__time,/js/a/position,/js/a/velocity,/js/a/effort,/imu/x,/mode\n" + "".join(rows) + "0.3,,1,,,\n"
+    numbers = {name: [0.01, None, 0.03] for name in ("/js/a/position", "/js/a/velocity", "/js/a/effort")}
+    sent = {name: pa.array([0.01, np.nan, 0.03], from_pandas=False) for name in numbers}
+    arrays = {"t": np.array([0.0, 0.1, 0.2]), "q": np.array([0.01, np.nan, 0.03]), "qd": np.array([0, np.nan, 0])}
+    for content, others, states, rejected in (
+        (text, 20, 20, 21),
+        (pa.table({"__time": [0.0, 0.1, 0.2], **numbers, "/imu/x": [None, 1.0, None]}), 1, 2, 0),
+        (pa.table({"__time": [0.0, 0.1, 0.2], **sent}), 0, 2, 1),
+        (arrays, 0, 2, 1),
+    ):
+        recording = dd.read_recording(written(content), robot("a"))
+        counts = [recording.counts.get(one, 0) for one in ("rows of other topics", "rejected: no position")]
+        assert (counts, len(recording), lost(recording)) == ([others, rejected], states, [])
+        assert sum(one.count for one in recording.findings if one.cause == "rows of other topics") == others
+    stamped = [f"{k}.9,{k},,1,3\n{k}.95,,{k},,\n" for k in range(20)]  # no stamp where another topic has its own
+    header = "__time,/js/header/stamp,/imu/header/stamp,/js/a/position,/js/a/velocity\n"
+    recording = read(written(header + "".join(stamped) + "1,noon,,,\n"), parameters=LOOSE)
+    assert recording.counts["rows of other topics"] == 20 and np.rint(recording.t).tolist() == list(range(20))
+    assert lost(recording) == ["line 42: " + NO_TIME.format(" ('noon')", 1)]
 
 
 # --- Columns by their names ---
 
 
-def found(recording, rows=3):
-    """Return the columns that a recording of :func:`in_columns` was read from: time, position, velocity, effort.
-
-    Row r of column k is k / 10 + r / 100, so that each number says where it was.
-    """
-    q, qd, tau = recording.q[-1], recording.qd[-1], recording.states.effort[-1]
-    step = (rows - 1) / 100
-    of = [None if values is None else [round(10 * (one - step), 6) for one in values] for values in (q, qd, tau)]
-    estimated, effort = recording.states.velocity_estimated[-1], recording.states.effort_known[-1]
-    return round(10 * (recording.t[-1] - step)), of[0], None if estimated else of[1], of[2] if effort else None
-
-
 @pytest.fixture
 def in_columns(written):
-    """Read a table in which each number says its row and column, by its header."""
+    """Read a table by its header; row r of column k is k / 10 + r / 100, so that each number says where it was."""
 
     def opened(header, columns=None, joints=ARM, rows=3):
         lines = [",".join(f"{k / 10 + r / 100:.3f}" for k in range(header.count(",") + 1)) for r in range(rows)]
         return read(written("\n".join([header, *lines])), columns, joints)
 
     return opened
+
+
+def found(recording):
+    """Return the columns that a recording of :func:`in_columns` was read from: time, position, velocity, effort."""
+    states = recording.states
+    q, qd, tau = (
+        [round(10 * (x - 0.02), 6) for x in one[-1]] for one in (states.position, states.velocity, states.effort)
+    )
+    estimated, effort = states.velocity_estimated[-1], states.effort_known[-1]
+    return round(10 * (recording.t[-1] - 0.02)), q, None if estimated else qd, tau if effort else None
 
 
 BY_NAME = {
@@ -387,32 +440,6 @@ def test_how_columns_were_understood_is_noted(in_columns):
     np.testing.assert_allclose(recording.q[-1], [0.12 * pi / 180, 0.22], rtol=1e-12)
 
 
-AMBIGUOUS = {
-    "t,q1,q2,q3,pos1,pos2,pos3": r"'q\{joint\}' or 'pos\{joint\}'",
-    "t,q_shoulder,q_elbow,q_wrist,q1,q2,q3": r"'q_\{joint\}' or 'q\{joint\}'",
-    "t,left/q_elbow,right/q_elbow": r"'left/q_\{joint\}' or 'right/q_\{joint\}'",
-    "t,q1,q2,q3,tau1,tau2,tau3,effort1,effort2,effort3": "may be the effort",
-    "t,time,q1,q2,q3": "one of t, time",
-    "t,q1 [deg],q1 [rad],q2,q3": r"'q1 \[deg\]' \(column 1\) and 'q1 \[rad\]' \(column 2\)",
-    "t,q1,q2,q3,qd1,qd1,qd2,qd3": r"'qd1' \(column 4\) and 'qd1' \(column 5\)",
-    "t,q1,q1,q2,q3": r"'q1' \(column 1\) and 'q1' \(column 2\)",
-    "t,q1,q2,q3,q4": "has 1, 2, 3, 4, but there are 3 joints",
-    "t,q1,q2,q4": "has 1, 2, 4, but there are 3 joints: shoulder, elbow, wrist",
-    "t,q_hip,q_knee": "has hip, knee, but there are 3 joints: shoulder, elbow, wrist",
-    "t,shoulder,elbow,wrist": "no column is known as a position, of t, shoulder, elbow, wrist",
-    "t,q1,q2,q3,qd1,qd2 [ticks],qd3": r"column 'qd2 \[ticks\]' is in 'ticks'",
-    "t,q_deg_1,q_deg_2,q_deg_3,current_1,current_2,current_3": "column 'current_1' is in 'A'",
-    "x,q1,q2,q3": "which of x, q1, q2, q3",
-    "t [furlongs],q1,q2,q3": r"column 't \[furlongs\]' is in 'furlongs'",
-}
-
-
-@pytest.mark.parametrize("header", AMBIGUOUS)
-def test_what_is_not_sure_is_an_error(in_columns, header):
-    with pytest.raises(dd.InputError, match=AMBIGUOUS[header]):
-        in_columns(header)
-
-
 DEG, RPM = pi / 180, 2 * pi / 60
 UNITS = [
     *((1, f"q{unit}", DEG) for unit in ("1 [deg]", "1[°]", "1 °", "_deg_1", "1_degrees")),
@@ -423,6 +450,9 @@ UNITS = [
     *((2, name, 1.0) for name in ("vel_rad_s_1", "qd1 [rad/s]")),
     *((3, name, 1.0) for name in ("tau1 [N m]", "tau1 [N·m]", "tau_nm_1")),
     (3, "tau1 [mNm]", 1e-3),
+    *((0, name, 1e-3) for name in ("t_ms", "Time [ms]")),
+    *((0, name, 1e-6) for name in ("timestamp_us", "time (µs)")),
+    (0, "%time", 1e-9),
 ]
 
 
@@ -430,22 +460,13 @@ UNITS = [
 def test_units_in_names(written, place, name, factor):
     names = ["t", "q1", "qd1", "tau1"]
     names[place] = name
-    recording = read(written(",".join(names) + "\n5,0.25,0.5,7\n"), joints=("a",))
-    values = [recording.q[0, 0], recording.qd[0, 0], recording.tau[0, 0]]
-    assert values[place - 1] == pytest.approx((0.25, 0.5, 7.0)[place - 1] * factor, rel=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("header", "seconds"),
-    [("t", 1), ("t_ms", 1e-3), ("Time [ms]", 1e-3), ("timestamp_us", 1e-6), ("time (µs)", 1e-6), ("%time", 1e-9)],
-)
-def test_units_of_times(written, header, seconds):
-    recording = read(written(f"{header},q1,qd1\n0,1,0\n5000,1,0\n"), joints=("a",))
-    assert np.diff(recording.stamp) == round(5000 * seconds * 1e9)
+    recording = read(written(",".join(names) + "\n0,0,0,0\n5000,0.25,0.5,7\n"))
+    values = [np.diff(recording.stamp)[0] * 1e-9, recording.q[1, 0], recording.qd[1, 0], recording.tau[1, 0]]
+    assert values[place] == pytest.approx((5000, 0.25, 0.5, 7.0)[place] * factor, rel=1e-15)
 
 
 def test_a_line_of_units_below_the_header(written):
-    recording = read(written("t,q1,qd1,tau1\n[ms],[deg],deg/s,-\n5,180,90,7\n"), joints=("a",))
+    recording = read(written("t,q1,qd1,tau1\n[ms],[deg],deg/s,-\n5,180,90,7\n"))
     assert (recording.t, recording.q, recording.qd, recording.tau) == (pytest.approx(5e-3), pi, pi / 2, 7)
 
 
@@ -463,11 +484,10 @@ PLAIN = "t,a_s,a_e,b_s,b_e,c_s,c_e"
 
 @pytest.mark.parametrize("kind", MAPS)
 def test_maps(in_columns, kind):
-    recording = in_columns(PLAIN, {"time": "t"} | MAPS[kind], joints=("s", "e"))
-    assert found(recording) == (0, [1, 2], [3, 4], [5, 6])
+    assert found(in_columns(PLAIN, {"time": "t"} | MAPS[kind], "se")) == (0, [1, 2], [3, 4], [5, 6])
 
 
-def test_a_map_in_a_file(in_columns, written):
+def test_maps_in_files(in_columns, written, monkeypatch):
     path = written(
         """
         time: stamp
@@ -479,35 +499,90 @@ def test_a_map_in_a_file(in_columns, written):
         "map.yaml",
     )
     for one in (path, str(path)):
-        recording = in_columns("stamp,p a,p b,i a,x,i b", one, joints=("b", "a"))
+        recording = in_columns("stamp,p a,p b,i a,x,i b", one, "ba")
         np.testing.assert_allclose(recording.q[-1], [0.22 * DEG, 2 * 0.12])
         np.testing.assert_allclose(recording.tau[-1], [0.5 * 0.52, -0.32])
+    for text, message in (
+        ("- 1", r"map\.yaml' is \[1\], expected"),
+        ("time: [", r"map\.yaml' is no YAML: .*line 1"),
+        ("time: 2024-13-01\n", "is no YAML"),
+        ("time: t\npositoin: q", r"map\.yaml' has 'positoin', expected 'position'"),
+    ):
+        with pytest.raises(dd.InputError, match=message):
+            in_columns("t,q1", written(text, "map.yaml"), "a")
+    with pytest.raises(dd.InputError, match="The map of columns '/nowhere/map' cannot be read"):
+        in_columns("t,q1", "/nowhere/map", "a")
+    monkeypatch.setitem(sys.modules, "yaml", None)
+    with pytest.raises(dd.InputError, match="PyYAML is not installed: pip install"):
+        in_columns("t,q1", written("time: t", "map.yaml"), "a")
 
 
 def test_what_a_map_does_not_name_follows_from_names(in_columns):
     header = "t,time,q1,q2,qd1,qd2,current1,current2"
-    recording = in_columns(header, {"time": "t", "scale": {"effort": 0.1}}, joints=PAIR)
+    recording = in_columns(header, {"time": "t", "scale": {"effort": 0.1}}, "ab")
     assert found(recording)[1:3] == ([2, 3], [4, 5])
     np.testing.assert_allclose(recording.tau[-1], [0.062, 0.072])
-    assert in_columns(header, {"time": "t", "effort": None}, joints=PAIR).tau is None
+    assert in_columns(header, {"time": "t", "effort": None}, "ab").tau is None
     # With positions in it, it is complete but for the time.
-    assert found(in_columns("t,q1,qd1", {"position": ["q1"]}, joints=("a",)))[1:] == ([1], None, None)
+    assert found(in_columns("t,q1,qd1", {"position": ["q1"]}, "a"))[1:] == ([1], None, None)
+    # Numbers in a pattern are joints in their order.
+    wide = "t," + ",".join(f"a{k}" for k in range(1, 12))
+    columns = {"time": "t", "position": "a{joint}"}
+    assert found(in_columns(wide, columns, "abcdefghijk"))[1] == list(range(1, 12))
 
 
 def test_a_scale_replaces_what_names_say(in_columns):
-    recording = in_columns("t [ms],q1 [ticks]", {"scale": {"position": "rev", "time": 1}}, joints=("a",))
+    recording = in_columns("t [ms],q1 [ticks]", {"scale": {"position": "rev", "time": 1}}, "a")
     assert recording.t[-1] == pytest.approx(0.02) and recording.q[-1, 0] == pytest.approx(0.12 * 2 * pi)
     for pattern in ("{joint} [deg]", "{joint}"):  # a pattern matches with or without units
         columns = {"time": "t", "position": pattern}
-        assert in_columns("t [s],a [deg]", columns, joints=("a",)).q[-1, 0] == pytest.approx(0.12 * DEG)
+        assert in_columns("t [s],a [deg]", columns, "a").q[-1, 0] == pytest.approx(0.12 * DEG)
 
 
-def test_numbers_in_a_pattern_are_joints_in_their_order(in_columns):
-    wide = "t," + ",".join(f"a{k}" for k in range(1, 12))
-    columns = {"time": "t", "position": "a{joint}"}
-    assert found(in_columns(wide, columns, joints=tuple("abcdefghijk")))[1] == list(range(1, 12))
+@pytest.mark.parametrize(
+    ("text", "columns"),
+    [
+        (b"\xef\xbb\xbft,q1\n0,1\n1,2\n", None),
+        ("t,q1 [°]\n0,1\n1,2\n".encode("latin-1"), None),
+        ("sep=;\nt;q1\n0;1\n1;2\n", None),
+        ("# by hand\nt,q1\r\n0,1\r\n1,2\r\n", None),
+        ("% t q1\n# more\n% t q1\n0 1.5\n1 2.5", None),
+        ("t,x,q1,x\n0,1,1,3\n1,1,2,3\n", None),
+        ("robot: 5\nby hand, 2024\n\nt,q1\n0,1\n1,2\n", {"skip": 2}),
+        ("t;q1\n0,0;1,5\n1,0;2,5\n", {"decimal": ","}),
+        ("0,1\n1,2\n", {"time": 0, "position": [1], "header": False}),
+        ("t,x\n0,1\n1,2\n", {"time": 0, "position": [1]}),
+        ("5,7\n0,1\n1,2\n", {"time": 0, "position": [1], "header": True}),
+        ("t  q1\n0  1\n1  2\n", {"delimiter": "space"}),
+        ("t\tq1 [deg,°;|]\n0\t1\n1\t2\n", {"delimiter": "tab", "scale": {"position": 1}}),
+    ],
+    ids=str,
+)
+def test_headers_and_separators(written, text, columns):
+    recording = read(written(text), columns)
+    assert (recording.t.tolist(), lost(recording)) == ([1.0], [])
 
 
+# --- Errors ---
+
+HEADERS = {
+    "t,q1,q2,q3,pos1,pos2,pos3": r"'q\{joint\}' or 'pos\{joint\}'",
+    "t,q_shoulder,q_elbow,q_wrist,q1,q2,q3": r"'q_\{joint\}' or 'q\{joint\}'",
+    "t,left/q_elbow,right/q_elbow": r"'left/q_\{joint\}' or 'right/q_\{joint\}'",
+    "t,q1,q2,q3,tau1,tau2,tau3,effort1,effort2,effort3": "may be the effort",
+    "t,time,q1,q2,q3": "one of t, time",
+    "t,q1 [deg],q1 [rad],q2,q3": r"'q1 \[deg\]' \(column 1\) and 'q1 \[rad\]' \(column 2\)",
+    "t,q1,q2,q3,qd1,qd1,qd2,qd3": r"'qd1' \(column 4\) and 'qd1' \(column 5\)",
+    "t,q1,q1,q2,q3": r"'q1' \(column 1\) and 'q1' \(column 2\)",
+    "t,q1,q2,q3,q4": "has 1, 2, 3, 4, but there are 3 joints",
+    "t,q1,q2,q4": "has 1, 2, 4, but there are 3 joints: shoulder, elbow, wrist",
+    "t,q_hip,q_knee": "has hip, knee, but there are 3 joints: shoulder, elbow, wrist",
+    "t,shoulder,elbow,wrist": "no column is known as a position, of t, shoulder, elbow, wrist",
+    "t,q1,q2,q3,qd1,qd2 [ticks],qd3": r"column 'qd2 \[ticks\]' is in 'ticks'",
+    "t,q_deg_1,q_deg_2,q_deg_3,current_1,current_2,current_3": "column 'current_1' is in 'A'",
+    "x,q1,q2,q3": "which of x, q1, q2, q3",
+    "t [furlongs],q1,q2,q3": r"column 't \[furlongs\]' is in 'furlongs'",
+}
 WRONG_MAPS = [
     ({"tiem": "t"}, "columns has 'tiem', expected 'time'"),
     ({"position": "a_{joint}", "time": "tt"}, "time: there is no column 'tt' .did you mean 't'"),
@@ -519,10 +594,7 @@ WRONG_MAPS = [
     ({"position": [1, 1]}, r"position is \[1, 1\], expected .* each once"),
     ({"position": [1, "a_s"]}, "position has a column for two joints"),
     ({"position": [1, 17]}, "position: there is no column 17. There are 7: t, a_s"),
-    ({"position": [1, -2]}, r"position is \[1, -2\]"),
-    ({"position": [1, True]}, r"position is \[1, True\]"),
-    ({"position": []}, r"position is \[\]"),
-    ({"position": None}, "position is None, expected a column"),
+    *(({"position": value}, "position is .*, expected a column") for value in ([1, -2], [1, True], [], None)),
     ({"position": {"s": 1}, "effort": {"e": 2}}, "effort is by joint, but not for the same joints"),
     ({"position": [1], "time": [1, 2, 3]}, "expected one column, or two"),
     ({"joints": "s"}, "joints is 's', expected a list"),
@@ -543,51 +615,87 @@ WRONG_MAPS = [
     ({"skip": -1}, "skip is -1, expected a whole number"),
     ([1], r"columns is \[1\], expected the path of a YAML file or a dict"),
 ]
+ONES, THREE = pa.array([1.0]), np.arange(3.0)
+CONTENTS = [
+    ("", None, "is empty: it has 0 bytes"),
+    ("\n\n \n", None, "has 4 lines and nothing in them"),
+    (b"\xff\xfet\0,\0", None, "is text in UTF-16"),
+    (b"\x01\x02\0\0rubbish", None, "is neither a table of text nor Parquet or npz"),
+    ("t,q1\r0,1\r", None, "there is no line break, LF or CR LF"),
+    ("t,q1" * 400_000, None, "there is no line break"),
+    ("5,1,2\n1,2,3\n", None, "has no header, line 1 is of numbers"),
+    ("1.5,1,base\n", None, "line 1 has text and numbers"),
+    ("0,1,2\n1,2,3\n", {"time": 0, "position": [1, 2]}, "so it may be a header or a row"),
+    ("t,q1\n", {"skip": 5}, "5 lines are to be skipped, but there are 2"),
+    ("t,q1,q1\n0,1,2\n", {"position": "q1"}, "'q1' is the name of columns 1, 2"),
+    ("t;q1\n0,5;1\n", None, "have a decimal comma"),
+    (b"\x93NUMPY\x01\0", None, "is a single array without names"),
+    (b"PK\x03\x04rubbish", None, "is no npz that can be read"),
+    (b"PAR1rubbish", None, "is no Parquet file that can be read"),
+    (pa.table({"t": [0.0], "q1": ["1"]}), None, "no column is known as a position"),
+    (pa.table({"t": [0.0], "q1": ["1"]}), {"position": "q1"}, "'q1' is of type string, expected numbers"),
+    (pa.table({"t": ["noon"], "q1": ONES}), None, "'t' holds text such as 'noon', expected numbers or ISO 8601"),
+    (pa.table({"t": pa.array([1], pa.date32()), "q1": ONES}), None, r"'t' is of type date32\[day\], expected numbers"),
+    (pa.table({"t": ["noon"], "q1": ONES}), {"time": "t"}, "time: 't' holds text such as 'noon', expected numbers or"),
+    (pa.table({"t": [[0.0]], "q1": ONES}), {"time": "t"}, "time: 't' has 1 columns"),
+    (pa.table({"t": [0.0], "q_a": pa.array([1], pa.timestamp("s"))}), None, "column 'q_a' is of times"),
+    (pa.table({"t": [0.0], "q": [[1.0]], "q2": ONES}), {"position": ["q", "q2"]}, "'q' is a whole array"),
+    (
+        pa.table({"t": pa.array([5], pa.timestamp("s")), "q_a": ONES}),
+        {"scale": {"time": 1}},
+        "'t' says its unit itself",
+    ),
+    ({"t": THREE, "q": np.ones((4, 2))}, None, r"array 'q' has shape \(4, 2\), expected a row for each"),
+    ({"t": THREE, "q": np.ones((3, 2, 2))}, {"position": "q"}, "'q' is of type float64, expected numbers in one or"),
+    ({"t": THREE, "q": np.ones((3, 2), complex)}, {"position": "q"}, "'q' is of type complex128, expected numbers"),
+    ({"t": THREE, "q": np.array([{}, {}, {}])}, None, "no column is known as a position"),
+    ({"t": THREE, "q": np.ones((3, 2))}, {"position": [0, 1]}, "its arrays have names"),
+    ({"t": THREE, "pose": np.ones((3, 2))}, {"position": "poes"}, "did you mean 'pose'"),
+    ({"t": np.ones((3, 2)), "q": np.ones((3, 2))}, None, "time: 't' has 2 columns"),
+    ({"t": THREE, "q": np.ones((3, 2)), "pos": np.ones((3, 2))}, None, "may be the position"),
+    ({"when": THREE.astype("M8[s]"), "then": THREE.astype("M8[s]"), "q": np.ones((3, 2))}, None, "one of when, then"),
+]
+
+
+@pytest.mark.parametrize("header", HEADERS)
+def test_what_is_not_sure_is_an_error(in_columns, header):
+    with pytest.raises(dd.InputError, match=HEADERS[header]):
+        in_columns(header)
 
 
 @pytest.mark.parametrize(("columns", "message"), WRONG_MAPS)
 def test_wrong_maps_are_named(in_columns, columns, message):
     with pytest.raises(dd.InputError, match=message):
-        in_columns(PLAIN, columns, joints=("s", "e"))
+        in_columns(PLAIN, columns, joints="se")
 
 
-def test_wrong_files_of_maps_are_named(in_columns, written, monkeypatch):
-    for text, message in (
-        ("- 1", r"map\.yaml' is \[1\], expected"),
-        ("time: [", r"map\.yaml' is no YAML: .*line 1"),
-        ("time: 2024-13-01\n", "is no YAML"),
-        ("time: t\npositoin: q", r"map\.yaml' has 'positoin', expected 'position'"),
-    ):
-        with pytest.raises(dd.InputError, match=message):
-            in_columns("t,q1", written(text, "map.yaml"), joints=("a",))
-    with pytest.raises(dd.InputError, match="The map of columns '/nowhere/map' cannot be read"):
-        in_columns("t,q1", "/nowhere/map", joints=("a",))
-    monkeypatch.setitem(sys.modules, "yaml", None)
-    with pytest.raises(dd.InputError, match="PyYAML is not installed: pip install"):
-        in_columns("t,q1", written("time: t", "map.yaml"), joints=("a",))
+@pytest.mark.parametrize(("content", "columns", "message"), CONTENTS, ids=lambda one: str(one)[:40])
+def test_contents_without_a_table(written, content, columns, message):
+    with pytest.raises(dd.InputError, match=message):
+        read(written(content), columns, joints="ab")
 
 
 # --- Times ---
 
 BEGIN = 1_700_000_000_123_456_789
 """[ns], which no double holds."""
+TWO = [BEGIN, BEGIN + 1]
 EXACT = {
     "ns": (f"timestamp_ns,q1,qd1\n{BEGIN},1,0\n{BEGIN + 1},1,0\n", None),
     "decimals": ("time,q1,qd1\n1700000000.123456789,1,0\n1700000000.123456790,1,0\n", None),
-    "dates": ("time,q1,qd1\n2023-11-14 22:13:20.123456789,1,0\n2023-11-15T00:13:20.123456790+02:00,1,0\n", None),
     "pairs": ("sec,nanosec,q1,qd1\n1700000000,123456789,1,0\n1700000000,123456790,1,0\n", None),
     "pairs by a map": (
         "a,b,c,d\n1700000000,123456789,1,0\n1700000000,123456790,1,0\n",
         {"time": ["a", "b"], "position": ["c"], "velocity": ["d"]},
     ),
-    "Parquet ns": (pa.array([BEGIN, BEGIN + 1]), {"scale": {"time": "ns"}}),
-    "Parquet without a sign": (pa.array([BEGIN, BEGIN + 1], pa.uint64()), {"scale": {"time": 1e-9}}),
-    "Parquet timestamps": (pa.array([BEGIN, BEGIN + 1], pa.timestamp("ns", "Europe/Berlin")), None),
-    "Parquet durations": (pa.array([BEGIN, BEGIN + 1], pa.duration("ns")), None),
-    "Parquet decimals": (pa.array([Decimal(BEGIN).scaleb(-9), Decimal(BEGIN + 1).scaleb(-9)]), None),
-    "Parquet dictionary": (pa.array([BEGIN, BEGIN + 1]).dictionary_encode(), {"scale": {"time": "ns"}}),
-    "npz dates": (np.array([BEGIN, BEGIN + 1], "M8[ns]"), None),
-    "npz integers": (np.array([BEGIN, BEGIN + 1], "u8"), {"scale": {"time": "ns"}}),
+    "Parquet ns": (pa.array(TWO), {"scale": {"time": "ns"}}),
+    "Parquet without a sign": (pa.array(TWO, pa.uint64()), {"scale": {"time": 1e-9}}),
+    "Parquet timestamps": (pa.array(TWO, pa.timestamp("ns", "Europe/Berlin")), None),
+    "Parquet durations": (pa.array(TWO, pa.duration("ns")), None),
+    "Parquet decimals": (pa.array([Decimal(one).scaleb(-9) for one in TWO]), None),
+    "Parquet dictionary": (pa.array(TWO).dictionary_encode(), {"scale": {"time": "ns"}}),
+    "npz dates": (np.array(TWO, "M8[ns]"), None),
+    "npz integers": (np.array(TWO, "u8"), {"scale": {"time": "ns"}}),
 }
 
 
@@ -598,25 +706,16 @@ def test_times_to_the_nanosecond(written, kind):
         content = pa.table({"t": content, "q1": [1.0, 1.0], "qd1": [0.0, 0.0]})
     elif isinstance(content, np.ndarray):
         content = {"t": content, "q1": np.ones(2), "qd1": np.zeros(2)}
-    recording = read(written(content), columns, joints=("a",))
-    assert recording.offset == 0 and recording.stamp.tolist() == [BEGIN, BEGIN + 1]
+    recording = read(written(content), columns)
+    assert recording.offset == 0 and recording.stamp.tolist() == TWO
 
 
 ISO = [
-    "2023-11-14T22:13:20.123456789Z",
-    "2023-11-14T22:13:20.123456789z",
-    "2023-11-14t22:13:20,123456789",
-    "2023-11-14 22:13:20.123456789 UTC",
-    "2023-11-14T22:13:20.123456789+00",
-    "2023-11-14T22:13:20.123456789+0000",
-    "2023-11-14T22:13:20.123456789+00:00",
-    "2023-11-14T22:13:20.123456789-00:00",
-    "2023-11-15 03:43:20.123456789 +05:30",
-    "2023-11-14T15:13:20.123456789-07",
-    "20231114T221320.123456789Z",
-    "20231114T221320,123456789",
-    "20231115T001320.123456789+0200",
-    "20231114T151320.123456789-07:00",
+    *("2023-11-14T22:13:20.123456789Z", "2023-11-14T22:13:20.123456789z", "2023-11-14t22:13:20,123456789"),
+    *("2023-11-14 22:13:20.123456789 UTC", "2023-11-14T22:13:20.123456789+00", "2023-11-14T22:13:20.123456789+0000"),
+    *("2023-11-14T22:13:20.123456789+00:00", "2023-11-14T22:13:20.123456789-00:00", "20231114T221320.123456789Z"),
+    *("2023-11-15 03:43:20.123456789 +05:30", "2023-11-14T15:13:20.123456789-07", "20231114T221320,123456789"),
+    *("20231115T001320.123456789+0200", "20231114T151320.123456789-07:00"),
     "2023-11-14T23:13:20.123456789+01:00[Europe/Berlin]",
 ]
 """One moment, BEGIN, as ISO 8601 has it, and as programs write it."""
@@ -627,31 +726,34 @@ def test_iso_times(written, text):
     """In every form, in CSV with and without a header, in Parquet and in npz."""
     after = text.replace("6789", "6790")
     numbers = {"q1": [1.0, 1.0], "qd1": [0.0, 0.0]}
-    contents = [(f'time,q1,qd1\n"{text}",1,0\n"{after}",1,0\n', None)]
-    contents += [(f"time;q1;qd1\n{text};1,0;0,0\n{after};1,0;0,0\n", {"decimal": ","})]
-    contents += [
+    contents = [
+        (f'time,q1,qd1\n"{text}",1,0\n"{after}",1,0\n', None),
+        (f"time;q1;qd1\n{text};1,0;0,0\n{after};1,0;0,0\n", {"decimal": ","}),
         (f'"{text}",1,0\n"{after}",1,0\n', {"header": None, "time": 0, "position": [1], "velocity": [2]}),
         ({"time": np.array([text, after])} | {name: np.array(values) for name, values in numbers.items()}, None),
     ]
     for kind in (pa.string(), pa.large_string(), pa.string_view(), pa.binary(), pa.dictionary(pa.int32(), pa.string())):
         contents += [(pa.table({"time": pa.array([text, after]).cast(kind)} | numbers), None)]
     for content, columns in contents:
-        recording = read(written(content), columns, joints=("a",))
-        assert (recording.stamp.tolist(), lost(recording)) == ([BEGIN, BEGIN + 1], [])
+        recording = read(written(content), columns)
+        assert (recording.stamp.tolist(), lost(recording)) == (TWO, [])
 
 
 @pytest.mark.parametrize("zone", [None, "UTC", "Europe/Berlin", "America/New_York"])
 @pytest.mark.parametrize("unit", ["ms", "us", "ns"])
 def test_times_of_pandas(tmp_path, zone, unit):
-    """Timestamps with a zone or none, as columns, and as text that pandas writes."""
+    """Timestamps with a zone or none, as columns, as an index, and as text that pandas writes."""
     times = pd.Series(pd.to_datetime([10**18, 10**18 + 10**7], utc=True).tz_convert(zone).as_unit(unit))
     frame = pd.DataFrame({"time": times, "q1": [1.0, 1.0], "qd1": [0.0, 0.0]})
     frame.to_parquet(tmp_path / "times.parquet")
     frame.to_csv(tmp_path / "times.csv", index=False)
     frame.assign(time=times.astype(str)).to_parquet(tmp_path / "texts.parquet")
     frame.assign(time=times.astype(str).astype("category")).to_parquet(tmp_path / "categories.parquet")
+    frame.rename(columns={"time": "when"}).to_parquet(tmp_path / "column.parquet", index=False)
+    frame.set_index("time").rename_axis(None).to_parquet(tmp_path / "index.parquet")
+    frame.set_index("time").rename_axis(None).to_csv(tmp_path / "index.csv")
     for path in tmp_path.iterdir():
-        assert read(path, joints=("a",)).stamp.tolist() == [10**18, 10**18 + 10**7]
+        assert read(path).stamp.tolist() == [10**18, 10**18 + 10**7]
 
 
 def test_iso_times_without_seconds_and_in_headers(written):
@@ -661,91 +763,44 @@ def test_iso_times_without_seconds_and_in_headers(written):
         ("timestamp (UTC)", ("2023-11-14 22:13:00", "2023-11-14 22:14:00.000")),
     ):
         path = written(f"{header},q1,qd1\n{texts[0]},1,0\n{texts[1]},1,0\n")
-        assert read(path, joints=("a",)).stamp.tolist() == [1_699_999_980 * 10**9, 1_700_000_040 * 10**9]
+        assert read(path).stamp.tolist() == [1_699_999_980 * 10**9, 1_700_000_040 * 10**9]
 
 
-@pytest.mark.parametrize("zone", [None, "Europe/Berlin"])
-def test_the_only_column_of_times_needs_no_name(tmp_path, written, zone):
-    """An index of pandas, or a column of whatever name; two of them are an error."""
-    index = pd.to_datetime([10**18, 10**18 + 10**7], utc=True).tz_convert(zone)
-    frame = pd.DataFrame({"q1": [1.0, 1.0], "qd1": [0.0, 0.0]}, index)
-    frame.to_csv(tmp_path / "index.csv")
-    frame.to_parquet(tmp_path / "index.parquet")
-    frame.rename_axis("when").reset_index().to_parquet(tmp_path / "column.parquet", index=False)
-    for path in list(tmp_path.iterdir()):
-        assert read(path, joints=("a",)).stamp.tolist() == [10**18, 10**18 + 10**7]
-    moments = np.array([10**18, 10**18 + 10**7], "M8[ns]")
-    numbers = {"q1": np.ones(2), "qd1": np.zeros(2)}
-    assert read(written({"when": moments} | numbers), joints=("a",)).stamp.tolist() == moments.astype(int).tolist()
-    with pytest.raises(dd.InputError, match="one of when, then"):
-        read(written({"when": moments, "then": moments} | numbers), joints=("a",))
-
-
-def test_times_that_cannot_be_read_are_quoted(written):
-    rows = "".join(f"{second:02}.1.2026 noon,1,0\n" for second in range(3))
-    recording = read(written(f"time,q1,qd1\n{rows}"), joints=("a",))
-    assert lost(recording) == ["line 2: " + NO_TIME.format(" ('00.1.2026 noon')", 3)] and not len(recording)
+def test_texts_that_are_no_times(written):
+    text = "t,q1,qd1\n2026-02-30T00:00:00Z,1,0\n2026-01-01T00:00:00Z,1,0\n2026-01-01 25:00,1,0\n1_0,1,0\n"
+    recording = read(written(text))
+    assert lost(recording) == ["line 2: " + NO_TIME.format(" ('2026-02-30T00:00:00Z')", 3)] and len(recording) == 1
     texts = pa.table({"time": ["2026-01-01 12:00:00", "noon"], "q1": [1.0, 1.0], "qd1": [0.0, 0.0]})
-    assert lost(read(written(texts), joints=("a",))) == ["row 1: " + NO_TIME.format(" ('noon')", 1)]
+    assert lost(read(written(texts))) == ["row 1: " + NO_TIME.format(" ('noon')", 1)]
 
 
 @pytest.mark.parametrize(("unit", "scale"), [("ms", 10**3), ("us", 10**6), ("ns", 10**9)])
 def test_times_in_doubt_are_an_error(written, unit, scale):
     path = written(f"time,q1,qd1\n{1_700_000_000 * scale},1,0\n{1_700_000_000 * scale + 1},2,0\n")
     with pytest.raises(dd.InputError, match=rf"`scale: \{{time: {unit}\}}`"):
-        read(path, joints=("a",))
-    recording = read(path, {"scale": {"time": unit}}, joints=("a",))
-    assert recording.stamp.tolist() == [17 * 10**17, 17 * 10**17 + 10**9 // scale]
+        read(path)
+    assert read(path, {"scale": {"time": unit}}).stamp.tolist() == [17 * 10**17, 17 * 10**17 + 10**9 // scale]
 
 
 def test_times_that_no_stamp_can_be_of(written):
     """Single rows of them are rejected and noted, and are no reason to doubt the rest."""
-    rows = [(k / 100, "1,0") for k in range(20)]
-    rows[5] = (1e15, "1,0")
-    rows[6] = ("1e297", "1,0")
-    recording = read(written("time,q1,qd1\n" + "".join(f"{t},{rest}\n" for t, rest in rows)), joints=("a",))
+    times = [k / 100 for k in range(20)]
+    times[5:7] = 1e15, "1e297"
+    recording = read(written("time,q1,qd1\n" + "".join(f"{t},1,0\n" for t in times)))
     assert recording.counts["rejected: malformed stamp"] == 2 and len(recording) == 18
     (note,) = [text for text in notes(recording) if "no stamp can be of" in text]
     assert note.startswith("2 rows") and "row 5, of 1e+15 s" in note
 
 
-def test_rows_of_other_topics_are_no_messages(written):
-    """Rows of empty cells are counted, not rejected; rows with some values, NaN among them, are messages."""
-    rows = [f"{k / 100},{0.01 * k},1,3,,\n{k / 100 + 0.003},,,,1.5,\n{k / 100 + 0.004},NaN,,,,on\n" for k in range(20)]
-    text = "__time,/js/a/position,/js/a/velocity,/js/a/effort,/imu/x,/mode\n" + "".join(rows) + "0.3,,1,,,\n"
-    numbers = {name: [0.01, None, 0.03] for name in ("/js/a/position", "/js/a/velocity", "/js/a/effort")}
-    table = pa.table({"__time": [0.0, 0.1, 0.2], **numbers, "/imu/x": [None, 1.0, None]})
-    recording = dd.read_recording(written(text), arm("a"))
-    assert recording.counts["rows of other topics"] == 20 and len(recording) == recording.counts["received"] - 21 == 20
-    assert [cause for cause in recording.counts if "rejected" in cause] == ["rejected: no position"]
-    (finding,) = [one for one in recording.findings if one.cause == "rows of other topics"]
-    assert finding.count == 20 and not lost(recording)
-    recording = dd.read_recording(written(table), arm("a"))
-    assert recording.counts["rows of other topics"] == 1 and len(recording) == 2
-    sent = {name: pa.array([0.01, np.nan, 0.03], from_pandas=False) for name in numbers}
-    recording = dd.read_recording(written(pa.table({"__time": [0.0, 0.1, 0.2], **sent})), arm("a"))
-    assert recording.counts["rejected: no position"] == 1 and "rows of other topics" not in recording.counts
-    arrays = {"t": np.array([0.0, 0.1, 0.2]), "q": np.array([0.01, np.nan, 0.03]), "qd": np.array([0, np.nan, 0])}
-    assert dd.read_recording(written(arrays), arm("a")).counts["rejected: no position"] == 1
-    stamped = [f"{k}.9,{k},,1,3\n{k}.95,,{k},,\n" for k in range(20)]  # no stamp where another topic has its own
-    text = (
-        "__time,/js/header/stamp,/imu/header/stamp,/js/a/position,/js/a/velocity\n" + "".join(stamped) + "1,noon,,,\n"
-    )
-    recording = read(written(text), joints=("a",), parameters=LOOSE)
-    assert recording.counts["rows of other topics"] == 20 and np.rint(recording.t).tolist() == list(range(20))
-    assert lost(recording) == ["line 42: " + NO_TIME.format(" ('noon')", 1)]
-
-
-def test_losses_come_before_notes(written):
-    """Rows of garbage are rejected by the monitor's rules, and counted."""
-    lines = [f"{k / 100},{0.01 * k},1" for k in range(100)]
-    lines[20] = "0.2,0.2,1e297"
-    lines[30] = "1,2"
-    recording = dd.read_recording(written("\n".join(["t,q1,qd1", *lines])), arm("a"))
-    assert recording.counts["rejected: absurd value"] == 1 and len(recording) == 98
-    causes = [one.cause for one in recording.findings]
-    assert causes[0] == "unread" and causes.index("note") > causes.index("rejected: absurd value")
-    assert recording.offset == 10**9  # a stamp of zero is none
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+def test_missing_times(written, unit):
+    numbers = {"q1": [1.0, 2.0, 3.0], "qd1": [0.0, 0.0, 0.0]}
+    arrays = {"t": np.array([5, "NaT", 7], f"M8[{unit}]"), **{name: np.array(one) for name, one in numbers.items()}}
+    table = pa.table({"t": pa.array([5, None, 7], pa.timestamp(unit)), **numbers})
+    for path in (written(table, version="2.6"), written(arrays)):
+        recording = read(path)
+        assert lost(recording) == ["row 1: " + NO_TIME.format("", 1)]
+        assert np.diff(recording.stamp) == 2 * {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}[unit]
 
 
 # --- Parquet and npz ---
@@ -758,7 +813,7 @@ def test_numbers_of_any_kind(written):
         for k, one in enumerate(kinds)
     }
     columns |= {f"qd{k}": [0.0, 0.0, 0.0] for k in range(len(kinds))}
-    recording = read(written(pa.table({"t": [0, 1, 2], "state": ["a", "b", "c"]} | columns)), joints=tuple("abcde"))
+    recording = read(written(pa.table({"t": [0, 1, 2], "state": ["a", "b", "c"]} | columns)), joints="abcde")
     assert not lost(recording) and recording.q.tolist() == [[1.0] * 5, [3.0] * 5]
     assert recording.counts["rejected: no position"] == 1
 
@@ -767,15 +822,15 @@ def test_numbers_of_any_kind(written):
 def test_lists(written, kind):
     lists = pa.array([[1, 2], None, [3, 4]], kind)
     efforts = pa.array([[], [5, 6], [7, 8]], pa.list_(pa.float64()))
-    table = pa.table({"t": [0.0, 1.0, 2.0], "q": lists, "qd": lists, "tau": efforts})
-    recording = read(written(table))
+    path = written(pa.table({"t": [0.0, 1.0, 2.0], "q": lists, "qd": lists, "tau": efforts}))
+    recording = read(path, joints="ab")
     assert recording.q.tolist() == [[1, 2], [3, 4]] and recording.states.effort_known.tolist() == [False, True]
     with pytest.raises(dd.InputError, match="'q' has 2 columns, but there are 3 joints"):
-        read(written(table), joints=ARM)
-    assert read(written(table), {"position": "q", "velocity": "qd", "effort": "tau"}).tau[1].tolist() == [7, 8]
+        read(path, joints=ARM)
+    assert read(path, {"position": "q", "velocity": "qd", "effort": "tau"}, "ab").tau[1].tolist() == [7, 8]
     lists = pa.array([[1.0, 2.0], [3.0], [4.0, 5.0, 6.0], [7.0, 8.0]])
     still = pa.array([[0.0, 0.0]] * 4)
-    recording = read(written(pa.table({"t": [0.0, 1.0, 2.0, 3.0], "q": lists, "qd": still})))
+    recording = read(written(pa.table({"t": [0.0, 1.0, 2.0, 3.0], "q": lists, "qd": still})), joints="ab")
     assert recording.q.tolist() == [[1, 2], [7, 8]]
     what = "list of another length than there are joints (column 'q': 1 instead of 2): 2 rows of it are NaN"
     assert lost(recording) == [f"row 1: {what}"]
@@ -788,171 +843,18 @@ def test_joint_states_in_parquet(written):
     numbers = [(name, pa.list_(pa.float64())) for name in ("position", "velocity", "effort")]
     kind = pa.struct([("name", pa.list_(pa.string())), *numbers])
     table = pa.table({"stamp": [0.0, 1.0, 2.0, 3.0], "joint_states": pa.array(states, kind)})
-    recording = read(written(table))
+    recording = read(written(table), joints="ab")
     assert recording.q.tolist() == [[10, 0], [11, 1], [13, 3]] and recording.tau[0].tolist() == [2, 1]
     assert recording.counts["foreign"] == 1 and not lost(recording)
-
-
-@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
-def test_missing_times(written, unit):
-    numbers = {"q1": [1.0, 2.0, 3.0], "qd1": [0.0, 0.0, 0.0]}
-    for table in (
-        pa.table({"t": pa.array([5, None, 7], pa.timestamp(unit)), **numbers}),
-        {"t": np.array([5, "NaT", 7], f"M8[{unit}]"), **{name: np.array(one) for name, one in numbers.items()}},
-    ):
-        recording = read(
-            written(table, version="2.6") if isinstance(table, pa.Table) else written(table), joints=("a",)
-        )
-        assert lost(recording) == ["row 1: " + NO_TIME.format("", 1)]
-        assert np.diff(recording.stamp) == 2 * {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}[unit]
-    with pytest.raises(dd.InputError, match="'t' says its unit itself"):
-        read(written(pa.table({"t": pa.array([5], pa.timestamp(unit)), "q_a": [1.0]})), {"scale": {"time": 1}})
-
-
-def test_a_damaged_row_group_is_left_out(written):
-    time = np.arange(1000) / 100
-    path = written(
-        pa.table({"t": time, "q1": np.sin(time), "qd1": np.cos(time)}), row_group_size=100, use_dictionary=False
-    )
-    content = bytearray(path.read_bytes())
-    for group in (3, 9):
-        chunk = parquet.ParquetFile(path).metadata.row_group(group).column(1)
-        begin, size = chunk.data_page_offset, chunk.total_compressed_size
-        content[begin : begin + size] = b"\xff" * size
-    path.write_bytes(content)
-    recording = read(path, joints=("a",))
-    np.testing.assert_array_equal(recording.q[:, 0], np.sin(np.delete(time, [*range(300, 400), *range(900, 1000)])))
-    (said,) = lost(recording)
-    assert said.startswith("row 300, row group 3: ") and said.endswith(": 200 rows lost")
-
-
-@pytest.mark.parametrize("at", [300, 50_000])  # in what is read with the header of the array, and far behind it
-def test_a_damaged_array(written, at):
-    time = np.arange(10_000.0)
-
-    def spoiled(name, **arrays):
-        path = written({"t": time, "q1": time, "qd1": np.ones(10_000)} | arrays)
-        with zipfile.ZipFile(path) as file:
-            begin = file.getinfo(f"{name}.npy").header_offset + at
-        content = bytearray(path.read_bytes())
-        content[begin : begin + 50] = b"\x55" * 50
-        path.write_bytes(content)
-        return path
-
-    recording = read(spoiled("tau1", tau1=time), joints=("a",), parameters=LOOSE)
-    assert len(recording) == 10_000 and recording.tau is None
-    assert lost(recording) == [
-        "array tau1: array 'tau1' cannot be read: Bad CRC-32 for file 'tau1.npy': all its numbers are lost"
-    ]
-    with pytest.raises(dd.InputError, match="array 'q1' cannot be read: Bad CRC-32"):
-        read(spoiled("q1"), joints=("a",), parameters=LOOSE)
-
-
-@pytest.mark.parametrize(
-    ("table", "columns", "message"),
-    [
-        (pa.table({"t": [0.0], "q1": ["1"]}), None, "no column is known as a position"),
-        (pa.table({"t": [0.0], "q1": ["1"]}), {"position": "q1"}, "'q1' is of type string, expected numbers"),
-        (pa.table({"t": ["noon"], "q1": [1.0]}), None, "'t' holds text such as 'noon', expected numbers or ISO 8601"),
-        (
-            pa.table({"t": pa.array([1], pa.date32()), "q1": [1.0]}),
-            None,
-            r"'t' is of type date32\[day\], expected numbers",
-        ),
-        (
-            pa.table({"t": ["noon"], "q1": [1.0]}),
-            {"time": "t"},
-            "time: 't' holds text such as 'noon', expected numbers or",
-        ),
-        (pa.table({"t": [[0.0]], "q1": [1.0]}), {"time": "t"}, "time: 't' has 1 columns"),
-        (pa.table({"t": [0.0], "q_a": pa.array([1], pa.timestamp("s"))}), None, "column 'q_a' is of times"),
-        (pa.table({"t": [0.0], "q": [[1.0]], "q2": [1.0]}), {"position": ["q", "q2"]}, "'q' is a whole array"),
-        ({"t": np.arange(3.0), "q": np.ones((4, 2))}, None, r"array 'q' has shape \(4, 2\), expected a row for each"),
-        (
-            {"t": np.arange(3.0), "q": np.ones((3, 2, 2))},
-            {"position": "q"},
-            "'q' is of type float64, expected numbers in",
-        ),
-        (
-            {"t": np.arange(3.0), "q": np.ones((3, 2), complex)},
-            {"position": "q"},
-            "'q' is of type complex128",
-        ),
-        ({"t": np.arange(3.0), "q": np.array([{}, {}, {}])}, None, "no column is known as a position"),
-        ({"t": np.arange(3.0), "q": np.ones((3, 2))}, {"position": [0, 1]}, "its arrays have names"),
-        ({"t": np.arange(3.0), "pose": np.ones((3, 2))}, {"position": "poes"}, "did you mean 'pose'"),
-        ({"t": np.ones((3, 2)), "q": np.ones((3, 2))}, None, "time: 't' has 2 columns"),
-        ({"t": np.arange(3.0), "q": np.ones((3, 2)), "pos": np.ones((3, 2))}, None, "may be the position"),
-    ],
-    ids=str,
-)
-def test_columns_that_do_not_fit(written, table, columns, message):
-    with pytest.raises(dd.InputError, match=message):
-        read(written(table), columns)
-
-
-def test_files_that_are_cut_or_none(written, tmp_path, monkeypatch):
-    for content, what in (
-        (pa.table({"t": [0.0], "q1": [1.0]}), "is no Parquet file that can be read: .*not copied whole"),
-        ({"t": np.arange(100.0), "q": np.ones((100, 2))}, "is no npz that can be read: .*not copied whole"),
-    ):
-        path = written(content)
-        whole = path.read_bytes()
-        for cut in (len(whole) // 2, len(whole) - 30):
-            path.write_bytes(whole[:cut])
-            with pytest.raises(dd.InputError, match=what):
-                read(path)
-    with zipfile.ZipFile(tmp_path / "book.xlsx", "w") as file:
-        file.writestr("xl/workbook.xml", "<x/>")
-    with pytest.raises(dd.InputError, match=r"without numpy's arrays \(it has xl/workbook.xml\)"):
-        read(tmp_path / "book.xlsx")
-    with zipfile.ZipFile(written({"t": np.arange(3.0)})) as file:
-        array = file.read("t.npy")
-    huge = array.replace(b"(3,), }" + b" " * 12, b"(3000000000000,), }")
-    with zipfile.ZipFile(tmp_path / "huge.npz", "w") as file:
-        file.writestr("t.npy", array)
-        file.writestr("q.npy", huge)
-    with pytest.raises(dd.InputError, match=r"its shape is \(3000000000000,\), but it has 152 bytes"):
-        read(tmp_path / "huge.npz")
-    path = written(pa.table({"t": [0.0], "q1": [1.0]}))
-    for module in ("pyarrow", "diag_dynamics.recordings.tables.arrays"):
-        monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(dd.InputError, match=r"pyarrow is not installed: pip install diag_dynamics\[recordings\]"):
-        read(path)
 
 
 def test_arrays_with_a_row_for_each_joint_are_turned(written):
     """Names in the file are those of the columns. A square array has a row for each time."""
     rng = np.random.default_rng(1)
     arrays = {"t": np.arange(5.0)[None], "q": rng.normal(size=(5, 2)), "qd": rng.normal(size=(2, 5))}
-    recording = read(written(arrays | {"joint_names": np.array(["b", "a"]), "limits": np.ones(3)}))
+    recording = read(written(arrays | {"joint_names": np.array(["b", "a"]), "limits": np.ones(3)}), joints="ab")
     np.testing.assert_array_equal(recording.q, arrays["q"][:, ::-1])
     np.testing.assert_array_equal(recording.qd, arrays["qd"].T[:, ::-1])
-    assert "qd: turned round, it has a row for each joint." in notes(recording)
-    assert "not read: limits." in notes(recording)
+    assert {"qd: turned round, it has a row for each joint.", "not read: limits."} <= set(notes(recording))
     square = {"t": np.arange(2.0), "q": rng.normal(size=(2, 2)), "qd": rng.normal(size=(2, 2))}
-    np.testing.assert_array_equal(read(written(square)).qd, square["qd"])
-
-
-@pytest.mark.parametrize("kind", ["parquet", "npz"])
-@examples(100)
-@given(seed=st.integers(0, 10**6), count=st.integers(1, 40))
-def test_damaged_anywhere(tmp_path_factory, seed, count, kind):
-    """Bytes overwritten anywhere, or the end cut off: states, losses, or one of our errors."""
-    path = tmp_path_factory.mktemp("damaged") / f"table.{kind}"
-    time = np.arange(50) / 100
-    if kind == "parquet":
-        table = pa.table({"t": time, "q1": np.sin(time), "tau": [[x] for x in time], "name": [["a"]] * 50})
-        parquet.write_table(table, path, row_group_size=10)
-    else:
-        np.savez_compressed(path, t=time, q=np.sin(time), tau=time[:, None], names=np.array(["a"]))
-    content, rng = bytearray(path.read_bytes()), random.Random(seed)
-    for _ in range(count):
-        content[rng.randrange(4, len(content))] = rng.randrange(256)
-    if seed % 3 == 0:
-        del content[rng.randrange(4, len(content)) :]
-    path.write_bytes(content)
-    try:
-        read(path, joints=("a",))
-    except dd.DiagDynamicsError as error:
-        assert str(path) in str(error)
+    np.testing.assert_array_equal(read(written(square), joints="ab").qd, square["qd"])

@@ -121,14 +121,14 @@ class CsvSource:
         for chunk in self._chunks(broken):
             begin += chunk
             if len(begin) >= _BEGINNING:
-                begin = begin[: begin.rfind(b"\n") + 1]
+                begin = begin[: begin.rfind(b"\n") + 1]  # nothing without a line break
                 break
         begin = begin.removeprefix(_BOM)
         first = begin.partition(b"\n")[0]
         why = broken[0] if broken and b"\n" not in begin else ""
         if b"\0" in first:
             why = "it is neither a table of text nor Parquet or npz: there are NUL bytes in its first line"
-        elif not why and (not begin or b"\r" in first.rstrip(b"\r")):
+        elif not why and (not begin or (first == begin and b"\r" in begin.strip(b"\r"))):
             why = f"there is no line break, LF or CR LF, in its first {_BEGINNING} bytes"
         if why:
             raise InputError(f"'{self.path}' is no table that can be read: {why}.")
