@@ -10,7 +10,7 @@ from diag_dynamics.assembly.jumps import INTERLEAVED
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.intake import ABSURD, LOST
 from diag_dynamics.recordings.joint_names import describe_maps, listed, propose_maps
-from diag_dynamics.recordings.refused_units import MOST, UNITS
+from diag_dynamics.recordings.refused_units import MIN_REJECTED, UNITS
 
 NOTE = "note"
 """Cause of findings about how a file was understood, of which nothing is wrong."""
@@ -103,7 +103,7 @@ class Account:
         """What is worth knowing: a list of Finding, losses first, and how the file was understood last."""
         counts = self.counts
         found, refused = [], counts[f"rejected: {ABSURD}"]
-        if self._units and refused > MOST * counts["received"]:
+        if self._units and refused > MIN_REJECTED * counts["received"]:
             found.append(Finding(UNITS, refused, self._units))
         found += [Finding("unread", 1, f"{one.file}, {one.where}: {one.what}") for one in self._unread]
         found += [Finding(cause, counts[cause], text) for cause, text in self._first.items()]

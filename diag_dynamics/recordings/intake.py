@@ -16,7 +16,7 @@ from diag_dynamics.assembly.rejected import cause_of
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.joint_states import codes
 from diag_dynamics.joint_states.assembler import StateAssembler
-from diag_dynamics.recordings.refused_units import RefusedUnits
+from diag_dynamics.recordings.refused_units import RejectedUnits
 from diag_dynamics.recordings.states import States
 from diag_dynamics.wire.definitions import read_message
 from diag_dynamics.wire.odometry import odometry_of
@@ -86,7 +86,7 @@ class Intake:
     names : JointNames or None
     rejections : list of Rejection
         The first :data:`MAX_TEXTS` of each cause.
-    units : RefusedUnits
+    units : RejectedUnits
     """
 
     def __init__(self, model, settings, names=None):
@@ -101,7 +101,7 @@ class Intake:
             self._base = OdometryBase(model, values["odom_twist_frame"] == "header")
             self._base.configure(settings.inputs)
         self._counts, self.rejections, self._texts = Counter(), [], Counter()
-        self.units = RefusedUnits(model, map_name)
+        self.units = RejectedUnits(model, map_name or str)
         self._moved = False  # whether positions jumped since the last state
 
     def memory(self):

@@ -22,15 +22,15 @@ MAX_NAMES = 100
 class JointNames:
     """A map from the names of joints in a recording to those of the robot.
 
-    A name is mapped by the entry that is equal to it, otherwise by the longest one with ``*`` that fits. Without such an
-    entry it stays as it is.
+    A name is mapped by the entry that equals it, otherwise by the longest one with ``*`` that fits. Without such an entry it
+    stays as it is.
 
     Parameters
     ----------
     entries : mapping of str to str
         Both names of an entry have one ``*``, or neither has.
     where : str
-        What gives it, for errors.
+        Source of the map, for errors.
 
     Raises
     ------
@@ -66,7 +66,7 @@ class JointNames:
         return joint
 
     def check_recording(self, pieces, model):
-        """Compare the map with the joints of a recording, of which no more is read than that takes.
+        """Compare the map with the joints of a recording, of which no more is read than necessary.
 
         Parameters
         ----------
@@ -89,17 +89,14 @@ class JointNames:
             names |= dict.fromkeys(some)
             if all(any(_fits(entry, name) for name in names) for entry in self._entries):
                 break
-        if not names:
-            return []
-        robot = {*model.joint_names, *model.mimics, *model.locked_joints}
-        for entry in self._entries:
+        robot, mapped = {*model.joint_names, *model.mimics, *model.locked_joints}, {}
+        for entry in self._entries if names else ():
             self._check_entry(entry, names, robot, model)
-        taken = {}
         for name in names:
             joint = self.map_name(name)
-            if joint in robot and taken.setdefault(joint, name) != name:
+            if joint in robot and mapped.setdefault(joint, name) != name:
                 raise InputError(
-                    f"{self._where} leads from '{taken[joint]}' and from '{name}' to joint '{joint}'; expected one name "
+                    f"{self._where} leads from '{mapped[joint]}' and from '{name}' to joint '{joint}'; expected one name "
                     "of the recording for each joint."
                 )
         return list(names)
@@ -125,11 +122,6 @@ class JointNames:
         if name in self._entries and ANY not in name:
             return name
         return next((entry for entry in self._patterns if _fits(entry, name)), None)
-
-
-def make_joint_names(entries, where="joint_names"):
-    """Return the JointNames of a mapping; None for None."""
-    return entries if entries is None or isinstance(entries, JointNames) else JointNames(entries, where)
 
 
 def listed(names):

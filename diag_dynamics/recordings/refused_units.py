@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Units of values that were refused: whether positions or velocities beyond what can be are degrees."""
+"""Units of rejected values: whether positions or velocities beyond their bounds are degrees."""
 
 import math
 
@@ -16,50 +16,44 @@ from diag_dynamics.sweeps.spatial import ANGULAR_X
 UNITS = "units"
 """Cause of the finding."""
 
-SAMPLE, FEWEST = 2000, 10
-"""Refused messages that are looked at, the first ones; and how many there have to be."""
+MAX_SAMPLE, MIN_SAMPLE = 2000, 10
+"""Rejected messages that are sampled, the first ones."""
 
-MOST = 0.5
-"""Part of all messages that have to be refused: less are garbage between good ones, and no unit."""
+MIN_REJECTED = 0.5
+"""Fraction of all messages that have to be rejected: fewer are garbage between good ones."""
 
-WITHIN, SLACK = 0.99, 0.2
-"""Part of the values that have to be within the limits of their joints as degrees, and how far these may be left [rad]."""
+MIN_WITHIN, SLACK = 0.99, 0.2
+"""Fraction of the values that have to be within the limits as degrees, and slack of these [rad]."""
 
-TRAVEL = 0.01
-"""Range of a joint's positions [rad, or what they are in] from which they can be compared with velocities."""
-
-ALIKE, NEAR = 0.9, 1.2
-"""Squared correlation of Δq with q̇dt from which their ratio is told; and factor up to which it is one that is expected."""
+MIN_TRAVEL, MIN_CORRELATION, NEAR = 0.01, 0.9, 1.2
+"""Least range and least squared correlation of Δq with q̇dt of a ratio, and factor within which it is a known one."""
 
 DEGREE = math.pi / 180.0
 
 
-class RefusedUnits:
-    """Looks at messages that were refused for absurd values.
-
-    Joints that turn for ever say nothing by their positions, which have no bound: one of them may truly be far round.
+class RejectedUnits:
+    """Samples messages that were rejected for absurd values.
 
     Parameters
     ----------
     model : RobotModel
-    map_name : callable, optional
+    map_name : callable
         Returns the robot's name of a joint by its name in messages.
     """
 
-    def __init__(self, model, map_name=None):
-        self._map_name = map_name
+    def __init__(self, model, map_name):
         joints, bodies = joints_of(model), model.bodies
         own = bodies[1:][bodies["owner"][1:] == np.arange(1, len(bodies))]
         rotary = {model.dof_names[record["dof"]] for record in own if record["direction"] >= ANGULAR_X}
         which = [k for k, name in enumerate(joints.names) if name in rotary]
-        self._names = [joints.names[k] for k in which]
-        self._turns = np.array([name in joints.continuous for name in self._names], dtype=bool)
+        self._map_name, self._names = map_name, [joints.names[k] for k in which]
+        self._continuous = np.array([name in joints.continuous for name in self._names], dtype=bool)
         self._lower, self._upper = joints.lower[which], joints.upper[which]
-        self._fastest = joints.velocity[which]
+        self._limit = np.where(joints.velocity[which] > 0.0, joints.velocity[which], np.inf)
         self._rows = []
 
     def read(self, parts, rejected):
-        """Sample messages that were rejected.
+        """Sample messages.
 
         Parameters
         ----------
@@ -67,93 +61,81 @@ class RefusedUnits:
         rejected : ndarray of bool
             By the place of a message.
         """
-        if not rejected.any() or len(self._rows) >= SAMPLE or not self._names:
+        if not rejected.any() or len(self._rows) >= MAX_SAMPLE or not self._names:
             return
         found = []
         for part in parts:
-            names = [self._map_name(name) for name in part.names] if self._map_name else part.names
+            names = [self._map_name(name) for name in part.names]
             if not set(self._names) <= set(names) or part.position.shape[1] != len(names):
                 continue
-            at = places(self._names, names)
+            at, missing = places(self._names, names), np.full(len(self._names), math.nan)
             for k in np.flatnonzero(rejected[part.rows]).tolist():
-                velocity = part.velocity[k, at] if part.velocity.shape[1] == len(names) else np.full(len(at), math.nan)
-                stamp = part.sec[k] + part.nanosec[k] / SECOND
-                found.append((part.rows[k], (stamp, part.position[k, at], velocity)))
+                velocity = part.velocity[k, at] if part.velocity.shape[1] == len(names) else missing
+                found.append((part.rows[k], part.sec[k] + part.nanosec[k] / SECOND, part.position[k, at], velocity))
         found.sort(key=lambda one: one[0])
-        self._rows += [row for _, row in found[: SAMPLE - len(self._rows)]]
+        self._rows += found[: MAX_SAMPLE - len(self._rows)]
 
     def text(self):
-        """What units the values seem to have, and what to do; None if they are not degrees."""
-        if len(self._rows) < FEWEST:
+        """Return the units that the values seem to have, and what to do; None if they are not degrees."""
+        if len(self._rows) < MIN_SAMPLE:
             return None
-        t, position, velocity = (np.array(column) for column in zip(*self._rows, strict=True))
+        _, t, position, velocity = (np.array(column) for column in zip(*self._rows, strict=True))
         ratio = self._ratio(t - t[0], position, velocity)
-        slow = np.isfinite(velocity).any() and not _near(ratio, 1.0 / DEGREE)
-        if self._far(position):
-            told, what = ["position: deg"], "positions"
-            if slow and (_near(ratio, 1.0) or self._fast(velocity)):
-                told, what = [*told, "velocity: deg/s"], "positions and velocities"
-        elif self._fast(velocity) and _near(ratio, DEGREE):
-            told, what = ["velocity: deg/s"], "velocities"
+        positions, velocities = self._are_positions_degrees(position), self._are_velocities_degrees(velocity)
+        if positions:
+            slow = np.isfinite(velocity).any() and not _is_near(ratio, 1.0 / DEGREE)
+            velocities = slow and (_is_near(ratio, 1.0) or velocities)
         else:
+            velocities = velocities and _is_near(ratio, DEGREE)
+        units = ["position: deg"] * positions + ["velocity: deg/s"] * velocities
+        if not units:
             return None
-        agreed = ", and positions then change as velocities say" if _agree(told, ratio) else ""
+        agrees = _is_near(ratio * (DEGREE if positions else 1.0) / (DEGREE if velocities else 1.0), 1.0)
+        what = " and ".join(["positions"] * positions + ["velocities"] * velocities)
+        agreed = ", and positions then change as velocities say" if agrees else ""
         return (
             f"{what} seem to be in degrees: most are beyond what the joints can do, and as degrees within it{agreed}. "
-            f"In a table, scale: {{{', '.join(told)}}} in a map of columns says so (docs/recordings.md); messages have "
+            f"In a table, scale: {{{', '.join(units)}}} in a map of columns says so (docs/recordings.md); messages have "
             "radians (REP 103)"
         )
 
-    def _far(self, position):
-        """Whether positions are beyond the limits, and within them as degrees."""
-        limited = ~self._turns & np.isfinite(self._lower) & np.isfinite(self._upper)
+    def _are_positions_degrees(self, position):
+        """Whether positions are beyond the limits, and within them as degrees; those of continuous joints have no bound."""
+        limited = ~self._continuous & np.isfinite(self._lower) & np.isfinite(self._upper)
         q, lower, upper = position[:, limited], self._lower[limited] - SLACK, self._upper[limited] + SLACK
         beyond = ((q < lower) | (q > upper)).any(axis=1)
-        turned = q * DEGREE
-        return bool(beyond.mean() > MOST and ((turned >= lower) & (turned <= upper)).mean() >= WITHIN)
+        return bool(
+            beyond.mean() > MIN_REJECTED and ((q * DEGREE >= lower) & (q * DEGREE <= upper)).mean() >= MIN_WITHIN
+        )
 
-    def _fast(self, velocity):
-        """Likewise for velocities, whose limits are of one side."""
-        limit = np.where(self._fastest > 0.0, self._fastest, np.inf)
-        beyond = (np.abs(velocity) > limit).any(axis=1)
-        return bool(beyond.mean() > MOST and (np.abs(velocity) * DEGREE <= limit).mean() >= WITHIN)
+    def _are_velocities_degrees(self, velocity):
+        beyond = (np.abs(velocity) > self._limit).any(axis=1)
+        return bool(beyond.mean() > MIN_REJECTED and (np.abs(velocity) * DEGREE <= self._limit).mean() >= MIN_WITHIN)
 
     def _ratio(self, t, position, velocity):
-        """Median over joints of the ratio of Δq to q̇dt; NaN if none of them tells."""
+        """Return the median over joints of the ratio of Δq to q̇dt; NaN if they do not correlate."""
         elapsed = np.diff(t)[:, None]
         if not (elapsed > 0.0).any():
             return math.nan
         steady = (elapsed > 0.0) & (elapsed < 2.0 * np.median(elapsed[elapsed > 0.0]))
         travelled, integral = np.diff(position, axis=0), 0.5 * elapsed * (velocity[1:] + velocity[:-1])
         turned = (travelled + np.pi) % (2.0 * np.pi) - np.pi
-        travelled = np.where(self._turns, turned, travelled)
+        travelled = np.where(self._continuous, turned, travelled)
         known = steady & np.isfinite(travelled) & np.isfinite(integral)
         travelled, integral = (np.where(known, x, 0.0) for x in (travelled, integral))
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             travel, change, together = (travelled**2).sum(0), (integral**2).sum(0), (travelled * integral).sum(0)
-            telling = (together**2 > ALIKE * travel * change) & (np.ptp(position, axis=0) > TRAVEL)
-            ratios = (together / change)[telling]
+            clear = (together**2 > MIN_CORRELATION * travel * change) & (np.ptp(position, axis=0) > MIN_TRAVEL)
+            ratios = (together / change)[clear]
         return float(np.median(ratios)) if len(ratios) else math.nan
 
 
-def _agree(told, ratio):
-    """Whether positions change as velocities say once both are converted."""
-    for one in told:
-        ratio *= DEGREE if one.startswith("position") else 1.0 / DEGREE
-    return _near(ratio, 1.0)
-
-
-def _near(ratio, expected):
+def _is_near(ratio, expected):
     return 1.0 / NEAR < ratio / expected < NEAR
 
 
 def refuse_units(findings):
-    """Refuse a recording whose values are in degrees.
-
-    Raises
-    ------
-    InputError
-    """
+    """Reject a recording whose values are in degrees, by an InputError."""
     for finding in findings:
         if finding.cause == UNITS:
             raise InputError(f"{finding.text}.")

@@ -17,7 +17,7 @@ from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.model.sources import GIT_LFS
 from diag_dynamics.recordings.account import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
-from diag_dynamics.recordings.joint_names import describe_maps, listed, make_joint_names, propose_maps
+from diag_dynamics.recordings.joint_names import JointNames, describe_maps, listed, propose_maps
 from diag_dynamics.recordings.rows import Rows
 from diag_dynamics.recordings.tables.column_map import ColumnMap, column_map
 from diag_dynamics.recordings.tables.columns import open_table
@@ -78,7 +78,7 @@ def source_of(path, columns=None, topic=None, joint_names=None):
     given, where = joint_names, "joint_names"
     if joint_names is None:
         given, where = wanted.joint_names, f"{wanted.source}: joint_names"
-    names = make_joint_names(given, where)
+    names = None if given is None else JointNames(given, where)
     path = Path(os.path.expanduser(os.fspath(path)))
     if not path.exists():
         near = get_close_matches(path.name, os.listdir(path.parent) if path.parent.is_dir() else [], n=1)
