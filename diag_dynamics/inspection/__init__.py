@@ -1,9 +1,8 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the library makes of a robot: facts about it, and checks of what its URDF says."""
+"""Inspection of a robot: facts about its model, and checks of its URDF."""
 
-from diag_dynamics.inspection.findings import SEVERITIES, Finding, Report
-from diag_dynamics.inspection.inspecting import CHECKS, inspect_robot
+from diag_dynamics.inspection.report import CHECKS, SEVERITIES, Finding, Report, inspect_robot
 
 __all__ = ["CHECKS", "SEVERITIES", "Finding", "Report", "inspect_robot"]

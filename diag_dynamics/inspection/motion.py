@@ -1,75 +1,123 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a robot's model says of its motion, measured in random poses within its limits."""
+"""Checks of a model in random poses. Each yields rows of the table below."""
 
 from __future__ import annotations
-
-from functools import cached_property
 
 import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.inspection.urdf import Found
 from diag_dynamics.model import RobotModel
 
-POSES = 200
-"""Number of random poses: extremes over them are met in one pose in a hundred or so."""
+POSES = 200  # extremes are met in about one pose in a hundred
+MIN_POSES = 10
+ENTRIES = 4_000_000  # of all mass matrices: more than 141 degrees of freedom have fewer poses
+TIP_POSES = 50  # poses for reflected masses: a robot may have fifty tips
 
-ENTRIES = 4_000_000
-"""Most entries of all mass matrices: of more than 141 degrees of freedom there are fewer poses, but ten at least."""
+CURRENT_RISE = 1e-3  # rise time of a motor's current and torque, L/R [s]: a millisecond or more
+BALANCED = 2.0  # gravity over effort limit up to which springs or counterweights may carry it
+OFTEN = 0.05  # fraction of poses beyond which the robot is not merely outstretched
+LOST_DIGITS = 1e8  # condition number that leaves accelerations half of their 16 digits
+SPEED = 50.0  # mean speed that no robot's mass has [m/s]; tips of the fastest arms have 10
 
-TIP_POSES = 50
-"""Of these, poses in which the mass at tips is measured: there may be fifty tips."""
+GRAVITY = "gravity exceeds the effort limit in some poses, at most by the factor"
+CONDITION = "cond M up to {:.2g} leaves {:.0f} digits of accelerations; joints of the smallest D"
+LIGHT = "Give these links their inertia, or their joints a rotor's: armature."
+
+# fmt: off
+ROWS = {  # severity, unit, what, remedy; True where the smallest number is the worst
+    "quick": ("note", "ms", "no rotor inertia: the effort limit accelerates the joint to its "
+              "velocity limit before a motor's current has risen, in",
+              "Give load_urdf armature={joint: n² J_rotor}, or the drive's effort limit.", True),
+    "heavy": ("warning", "1", GRAVITY, "Are masses in kg, and efforts those behind gears?"),
+    "balanced": ("note", "1", GRAVITY, "Fine with springs or counterweights."),
+    "few digits": ("note", "kg m², kg", CONDITION, LIGHT, True),
+    "no digits": ("warning", "kg m², kg", CONDITION, LIGHT, True),
+    "rapid": ("warning", "rad/s, m/s", "at its velocity limits the robot's mass moves at {:.3g} "
+              "m/s on average; limits that matter most",
+              "Is the limit in rad/s, and not in degrees or a placeholder?"),
+}
+# fmt: on
 
 
 class Motion:
-    """Quantities of a model in many poses, each computed when it is asked for.
+    """A model in random poses within its limits, the same each time.
 
-    Attributes
-    ----------
-    poses : int
-        Their number.
-    Q : ndarray, shape (poses, nq)
-        Positions, the same each time.
+    `condition` is that of M in SI units; `energy_at_limits` [J] is that of all velocity limits.
     """
 
     def __init__(self, model: RobotModel) -> None:
-        rng = np.random.default_rng(0)
+        rng, nv = np.random.default_rng(0), model.nv
         self.model, self._dynamics = model, DiagonalDynamics(model)
-        self.poses = max(10, min(POSES, ENTRIES // model.nv**2))
-        self.Q = np.array([model.random(rng) for _ in range(self.poses)])
-
-    @cached_property
-    def D(self) -> Array:
-        """Articulated inertias [kg m², kg], shape (poses, nv)."""
-        return self._dynamics.evaluate_batch(self.Q, np.zeros((self.poses, self.model.nv))).articulated_inertia
-
-    @cached_property
-    def gravity_torque(self) -> Array:
-        """[N m, N], shape (poses, nv)."""
-        return self._dynamics.gravity_torque_batch(self.Q)
-
-    @cached_property
-    def M(self) -> Array:
-        """Mass matrices, shape (poses, nv, nv)."""
-        return self._dynamics.mass_matrix_batch(self.Q)
-
-    @cached_property
-    def condition(self) -> Array:
-        """Condition numbers of M in SI units, shape (poses,)."""
-        return np.linalg.cond(self.M)
-
-    @cached_property
-    def energy_at_limits(self) -> Array:
-        """Kinetic energy with every joint at its velocity limit, either way, shape (poses,) [J]; those without limit rest."""
-        limit = self.model.velocity_limit
-        signs = np.random.default_rng(1).choice([-1.0, 1.0], (self.poses, self.model.nv))
-        QD = signs * np.where(np.isfinite(limit), limit, 0.0)
-        return 0.5 * np.einsum("ti,tij,tj->t", QD, self.M, QD)
+        self.poses = max(MIN_POSES, min(POSES, ENTRIES // nv**2))
+        self._Q = np.array([model.random(rng) for _ in range(self.poses)])
+        still = np.zeros((self.poses, nv))
+        self.D = self._dynamics.evaluate_batch(self._Q, still).articulated_inertia
+        self.M = self._dynamics.mass_matrix_batch(self._Q)
+        self.gravity_torque = self._dynamics.gravity_torque_batch(self._Q)
+        self.condition: Array = np.linalg.cond(self.M)
+        speed = model.velocity_limit
+        self.velocity_limit = np.where(np.isfinite(speed), speed, 0.0)
+        QD = np.random.default_rng(1).choice([-1.0, 1.0], still.shape) * self.velocity_limit
+        self.energy_at_limits = 0.5 * np.einsum("ti,tij,tj->t", QD, self.M, QD)
 
     def reflected_mass(self, link: str) -> Array:
-        """Least mass, over directions, that a push on a link's origin meets in each of up to TIP_POSES poses [kg]."""
-        inverses = np.array([self._dynamics.operational_inverse_inertia(q, link)[:3, :3] for q in self.Q[:TIP_POSES]])
-        with np.errstate(divide="ignore"):
-            return np.asarray(1.0 / np.linalg.eigvalsh(inverses)[:, -1], dtype=np.float64)
+        """Return the smallest mass that a push on a link's origin meets in each pose [kg]."""
+        inverse = self._dynamics.operational_inverse_inertia
+        inverses = [inverse(q, link)[:3, :3] for q in self._Q[:TIP_POSES]]
+        return np.asarray(1.0 / np.linalg.eigvalsh(inverses)[:, -1], dtype=np.float64)
+
+
+def too_quick(model: RobotModel, D: Array) -> dict[str, float]:
+    """Return the time D q̇_max/τ_max [s] of the joints in which it is below :data:`CURRENT_RISE`.
+
+    Parameters
+    ----------
+    model : RobotModel
+    D : ndarray, shape (poses, nv)
+        Articulated inertias [kg m², kg]; the largest of each joint counts.
+    """
+    speed, effort = model.velocity_limit, model.effort_limit
+    with np.errstate(divide="ignore", invalid="ignore"):
+        time = D.max(axis=0) * speed / effort
+    quick = np.isfinite(speed) & np.isfinite(effort) & (effort > 0.0) & (speed > 0.0)
+    quick &= time < CURRENT_RISE
+    return {model.dof_names[k]: float(time[k]) for k in np.flatnonzero(quick)}
+
+
+def rotor_inertia(motion: Motion) -> Found:
+    """Find joints without a rotor's inertia: their time to the velocity limit is no drive's."""
+    for name, time in too_quick(motion.model, motion.D).items():
+        yield "quick", name, 1e3 * time
+
+
+def gravity(motion: Motion) -> Found:
+    """Find gravity torques beyond the effort limit; a floating base is held here."""
+    model = motion.model
+    for k in np.flatnonzero(np.isfinite(model.effort_limit) & (model.effort_limit > 0.0)):
+        load, limit = np.abs(motion.gravity_torque[:, k]), model.effort_limit[k]
+        ratio = load.max() / limit
+        heavy = ratio > BALANCED and (load > limit).mean() > OFTEN
+        if ratio > 1.0:
+            yield "heavy" if heavy else "balanced", model.dof_names[k], ratio
+
+
+def conditioning(motion: Motion) -> Found:
+    """Find a condition number of M that costs accelerations half of their digits."""
+    worst, smallest = float(motion.condition.max()), motion.D.min(axis=0)
+    digits = max(16.0 - np.log10(worst), 0.0)
+    for k in np.argsort(smallest)[:3] if worst > LOST_DIGITS else ():
+        row = "few digits" if digits > 4.0 else "no digits"
+        yield row, motion.model.dof_names[k], smallest[k], worst, digits
+
+
+def kinetic_energy(motion: Motion) -> Found:
+    """Find velocity limits at which the mass has a mean speed √(2K/m) that no robot has."""
+    model, limit, energy = motion.model, motion.velocity_limit, motion.energy_at_limits.max()
+    speed = np.sqrt(2.0 * energy / model.total_mass) if model.total_mass > 0.0 else 0.0
+    alone = 0.5 * np.einsum("tkk->tk", motion.M).max(axis=0) * limit**2
+    for k in np.argsort(-alone)[:3] if speed > SPEED else ():
+        yield "rapid", model.dof_names[k], limit[k], speed

@@ -14,7 +14,7 @@ from diag_dynamics.assembly.odometry import OdometryBase
 from diag_dynamics.assembly.whole import WithBase
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.inspection.dynamics import too_quick
+from diag_dynamics.inspection.motion import too_quick
 from diag_dynamics.model import Payload, RobotModel
 from diag_dynamics.nodes.encoded.encoding import EncodedMessages
 from diag_dynamics.nodes.encoded.pipeline import Pipeline, compile_pipeline

@@ -1,0 +1,291 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Checks of masses, inertias and geometry of links. Each yields rows of the table below."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from diag_dynamics.arrays import Array
+from diag_dynamics.exceptions import InputError, UrdfError
+from diag_dynamics.inspection.urdf import ROLES, Body, Found, Link, Urdf
+from diag_dynamics.model.geometry import Solid
+from diag_dynamics.model.meshes import find_mesh
+from diag_dynamics.model.options import not_physical
+
+DENSEST = 20000.0  # density that no link has [kg/m³]: tungsten has 19 300
+DENSE = 9000.0  # density of solid copper [kg/m³]
+STEEL = (7000.0, 8300.0)  # densities of steel and cast iron [kg/m³]; links have 1000 to 3000
+LIGHTEST = 50.0  # density of foam [kg/m³]; hollow links have 100, a drone within its hull 20
+MOSTLY = 0.9  # fraction of the measured mass from which a robot is of one material
+ALIKE = 0.02  # relative difference of densities by rounding of masses
+OUTSIDE = 0.1  # distance of a centre of mass from the box, over its diagonal; Talos has 0.06
+WIDE = 1.1  # radius of gyration over the distance of the farthest point; 1 bounds any body
+POINT = 0.02  # the same ratio of nearly a point; a solid ball has 0.63
+SHARE = 0.1  # fraction of a body's mass below which a point mass does not matter
+SAME = 3  # sizes of links with one inertia from which it is a copy; two sides have one size
+SLENDER = 4.0  # ratio of moments from which a shape is a bar
+UNEVEN = 0.05  # relative difference of the masses of two sides that no cable explains
+
+NAMES_OF_SIDES = (
+    *(("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT")),
+    *(("l_", "r_"), ("L_", "R_"), ("FL_", "FR_"), ("RL_", "RR_")),
+)  # parts of names; the short ones are prefixes
+
+ESTIMATE = "Give measured ones, or estimate them: --estimate-inertias DENSITY -o new.urdf."
+SIZES = "Is the mass in kg, and are sizes and the meshes' scale in m? Open meshes count as hulls."
+UNITS = "Is it in kg m², about the centre of mass, and of this link?"
+RATIO = "radius of gyration over the distance of the farthest point"
+EXCESS = "the largest principal moment exceeds the sum of the others by"
+
+# fmt: off
+ROWS = {  # severity, unit, what, remedy; True where the smallest number is the worst
+    "negative": ("warning", "kg m²", "negative principal moments of inertia; the smallest",
+                 "Correct the inertia in the URDF."),
+    "triangle": ("warning", "%", f"inertias that no rigid body has: {EXCESS}",
+                 "Give it about the centre of mass, in kg m², in the inertial's axes."),
+    "rounded": ("note", "%", f"inertias of negligible mass or few digits: {EXCESS}",
+                "No effect on results. Give more digits, or remove the <inertial>."),
+    "massless": ("error", "", "no link has mass: no dynamics; links without <inertial>", ESTIMATE),
+    "moving": ("warning", "", "moving links with geometry but without <inertial>", ESTIMATE),
+    "lumped": ("note", "", "geometry without <inertial>, attached to links with mass",
+               "Fine if that mass includes theirs."),
+    "base": ("note", "", "the base has geometry but no <inertial>",
+             "Matters only if the base moves."),
+    "point": ("warning", "kg", "mass with an inertia of zero: a point, which turns without effort",
+              "Give the moments of inertia."),
+    "attached": ("note", "kg", "mass with an inertia of zero, attached to links with inertia",
+                 "Give the moments of inertia."),
+    "no mass": ("warning", "", "an inertia without mass: no body has that", "Give the mass."),
+    "bodiless": ("note", "kg", "mass without geometry to compare it with", "Fine if intended."),
+    "impossible": ("warning", "kg/m³", "denser than any material", SIZES),
+    "dense": ("note", "kg/m³", "denser than solid copper", SIZES),
+    "light": ("note", "kg/m³", "lighter than foam", SIZES, True),
+    "steel": ("warning", "kg/m³", "links as dense as steel, CAD's default: probably too heavy",
+              "Weigh the links, or set each part's material in CAD and export again."),
+    "uniform": ("note", "kg/m³", "one density at all links: masses are computed, not measured",
+                "Fine for first trials. Weigh the links, or identify them from a recording."),
+    "outside": ("warning", "m", "centre of mass outside of the geometry's bounding box, by",
+                "Is the inertial's origin in the link's axes, and are visuals where the link is?"),
+    "large": ("warning", "1", f"inertia too large for the geometry: {RATIO}", UNITS),
+    "idle": ("note", "1", f"inertia too large for the geometry, no effect on a fixed base: {RATIO}",
+             "Usual of identified parameters; a floating base needs others."),
+    "small": ("note", "1", f"inertia nearly that of a point: {RATIO}", UNITS, True),
+    "turned": ("warning", "", "inertia about the wrong axis of a bar or a disc",
+               "Turn the <inertial>'s origin as the geometry's, or exchange ixx, iyy and izz."),
+    "identity": ("warning", "m", "1 kg m² about all axes, as tutorials: a ball of diameter", ESTIMATE),
+    "copied": ("note", "", "one inertia, of {:g} kg and up to {:g} kg m², at links of {} sizes",
+               "Fine for one motor in different housings."),
+    "uneven": ("note", "kg", "left and right differ in mass", "Fine if built differently."),
+    "missing": ("warning", "", "missing meshes: {}",
+                "Put them where the URDF says, or their package into ROS_PACKAGE_PATH."),
+    "unmeasured": ("note", "", "unmeasured geometry: {}", "Checks of geometry ignore it."),
+    "no trimesh": ("note", "", "unmeasured meshes: {}", ""),
+}
+# fmt: on
+
+
+def possible_inertias(urdf: Urdf) -> Found:
+    """Find moments of inertia below zero or above the sum of the others, beyond rounding."""
+    for link in urdf.links.values():
+        if link.inertia is None or not_physical(link.inertia, link.mass or 0.0) is None:
+            continue
+        first, second, third = np.linalg.eigvalsh(link.inertia)
+        rounding = 3.0 * link.half_digit  # norm of the matrix of errors bounds that of eigenvalues
+        excess, negligible = third - first - second, urdf.is_negligible(link.mass)
+        if first < -rounding and not negligible:
+            yield "negative", link.name, first
+        else:
+            rounded = negligible or excess <= 3.0 * rounding
+            percent = 100.0 * excess / max(abs(first), third)
+            yield "rounded" if rounded else "triangle", link.name, percent
+
+
+def missing_inertias(urdf: Urdf) -> Found:
+    """Find links with geometry and no mass, mass without moments, and moments without mass."""
+    links = urdf.links.values()
+    if links and not any(link.mass for link in links):
+        bare = [link.name for link in links if not link.has_inertial]
+        yield from (("massless", name, 0.0) for name in bare or (None,))
+        return
+    moving = {joint.child for joint in urdf.joints}
+    for body in urdf.bodies:
+        row = "lumped" if body.mass else "moving" if body.links[0].name in moving else "base"
+        for link in body.links:
+            if link.has_geometry and not link.has_inertial:
+                yield row, link.name, 0.0
+            if link.mass == 0.0 and link.inertia is not None and link.inertia.any():
+                yield "no mass", link.name, 0.0
+        points = [x for x in body.links if x.mass and x.inertia is not None and not x.inertia.any()]
+        mass = sum(link.mass or 0.0 for link in points)
+        alone = len(points) == len(body.heavy)
+        if not urdf.is_negligible(mass) and (alone or mass > SHARE * body.mass):
+            for link in points:
+                yield "point" if alone else "attached", link.name, link.mass
+
+
+def mass_without_geometry(urdf: Urdf) -> Found:
+    """Find bodies with mass and without shapes."""
+    for body in urdf.bodies:
+        if not urdf.is_negligible(body.mass) and not any(link.has_geometry for link in body.links):
+            yield "bodiless", body.heavy[0], body.mass
+
+
+def density(urdf: Urdf) -> Found:
+    """Find densities of metal and foam; of visual and collision geometry the less remarkable."""
+    for body in urdf.measured_bodies():
+        densities = [body.mass / solid.volume for solid in body.solids.values()]
+        low, high = min(densities), max(densities)
+        if low > DENSE:
+            yield "impossible" if low > DENSEST else "dense", body.heavy[0], low
+        elif high < LIGHTEST:
+            yield "light", body.heavy[0], high
+
+
+def uniform_density(urdf: Urdf) -> Found:
+    """Find masses that CAD computed from volumes: nearly all of steel, or all of one density."""
+    for role in ROLES:
+        bodies = [body for body in urdf.bodies if role in body.solids]
+        bodies = [body for body in bodies if not urdf.is_negligible(body.mass)]
+        found = {body.heavy[0]: body.mass / body.solids[role].volume for body in bodies}
+        masses = {body.heavy[0]: body.mass for body in bodies}
+        steel = [name for name, value in found.items() if STEEL[0] <= value <= STEEL[1]]
+        mostly = sum(masses[name] for name in steel) > MOSTLY * sum(masses.values())
+        if len(steel) > 1 and mostly:
+            row, names = "steel", steel
+        elif len(found) >= SAME and max(found.values()) < (1.0 + ALIKE) * min(found.values()):
+            row, names = "uniform", list(found)
+        else:
+            continue
+        for name in names:
+            yield row, name, found[name]
+        return
+
+
+def centre_of_mass(urdf: Urdf) -> Found:
+    """Find centres of mass far outside of the bounding box, as in the frame of an assembly."""
+    for body in urdf.measured_bodies():
+        low, high = body.corners.min(axis=0), body.corners.max(axis=0)
+        outside = np.maximum(0.0, np.maximum(low - body.centre, body.centre - high))
+        if np.linalg.norm(outside) > OUTSIDE * np.linalg.norm(high - low):
+            yield "outside", body.heavy[0], np.linalg.norm(outside)
+
+
+def gyration(urdf: Urdf) -> Found:
+    """Find radii of gyration √(J/m) beyond the farthest point of the geometry, or near zero.
+
+    The other moments of a body that turns about one axis on a fixed base have no effect.
+    """
+    for body in urdf.measured_bodies():
+        for link in body.links:
+            if link.inertia is None or not link.inertia.any() or urdf.is_negligible(link.mass):
+                continue
+            reach = np.linalg.norm(body.corners - body.centres[link.name], axis=1).max()
+            ratio = _gyration(np.linalg.eigvalsh(link.inertia)[-1], link) / reach
+            if ratio > WIDE:
+                axis = _only_axis(urdf, body)
+                felt = axis is None or _gyration(axis @ link.inertia @ axis, link) > WIDE * reach
+                yield "large" if felt else "idle", link.name, ratio
+            elif ratio < POINT and (link.mass or 0.0) > 1e-3 * urdf.total_mass:
+                yield "small", link.name, ratio
+
+
+def _gyration(moment: Any, link: Link) -> float:
+    return float(np.sqrt(max(moment, 0.0) / (link.mass or np.inf)))
+
+
+def _only_axis(urdf: Urdf, body: Body) -> Array | None:
+    """Return the one axis a body turns about on a fixed base; zero if it stands, None else."""
+    joints = {joint.child: joint for joint in urdf.joints if joint.moves}
+    joint = joints.get(body.links[0].name)
+    if joint is None or not urdf.stands:
+        return np.zeros(3) if urdf.stands else None
+    bases = [one for one in urdf.bodies if one.links[0].name not in joints]
+    on_base = any(joint.parent in base.placements for base in bases)
+    if not on_base or joint.kind not in ("revolute", "continuous") or len(body.links) > 1:
+        return None
+    axis = np.array(joint.axis or (1.0, 0.0, 0.0))
+    return axis / np.linalg.norm(axis)
+
+
+def inertia_axes(urdf: Urdf) -> Found:
+    """Find bars and discs with the inertia of one along another axis."""
+    for body in urdf.measured_bodies():
+        for link in body.links:
+            mass = link.mass or 0.0
+            if link.inertia is None or urdf.is_negligible(mass) or mass < 0.8 * body.mass:
+                continue
+            R = body.placements[link.name][:3, :3]
+            if all(_is_turned(solid, R @ link.inertia @ R.T) for solid in body.solids.values()):
+                yield "turned", link.name, 0.0
+
+
+def _is_turned(solid: Solid, inertia: Array) -> bool:
+    (u1, u2, u3), axes = np.linalg.eigh(solid.inertia)
+    low, _, high = np.linalg.eigvalsh(inertia)
+    along, across = (float(axis @ inertia @ axis) for axis in (axes[:, 0], axes[:, 2]))
+    if u2 > SLENDER * u1 and u3 < 1.5 * u2:  # a bar turns most easily about its length
+        return bool(low < 0.5 * high and along > 0.9 * high)
+    is_disc = u2 < 1.2 * u1 and u3 > 1.6 * u2  # which turns least easily about its axis
+    return bool(is_disc and high > 1.5 * low and across < 1.1 * low)
+
+
+def placeholders(urdf: Urdf) -> Found:
+    """Find the identity, and one inertia at links of several sizes."""
+    groups: dict[tuple[float, ...], list[Link]] = {}
+    for link in urdf.links.values():
+        if link.inertia is None or not link.inertia.any() or urdf.is_negligible(link.mass):
+            continue
+        mass = link.mass or 0.0
+        if np.allclose(link.inertia, np.eye(3), rtol=0.0, atol=1e-9):
+            yield "identity", link.name, 2.0 * np.sqrt(2.5 / mass)
+        else:
+            rounded = np.round(np.linalg.eigvalsh(link.inertia), 12)
+            groups.setdefault((mass, *rounded), []).append(link)
+    for (mass, *moments), links in groups.items():
+        sizes: list[float] = []
+        for solid in [x.solids.get("collision") or x.solids.get("visual") for x in links]:
+            if solid and not any(abs(solid.volume - size) < 0.05 * size for size in sizes):
+                sizes.append(solid.volume)
+        for link in links if len(sizes) >= SAME else ():
+            yield "copied", link.name, 0.0, mass, moments[-1], len(sizes)
+
+
+def sides(urdf: Urdf) -> Found:
+    """Find left and right links of different mass."""
+    for name, link in urdf.links.items():
+        for left, right in NAMES_OF_SIDES:
+            at = name.find(left) if len(left) > 3 else 0 if name.startswith(left) else -1
+            other = urdf.links.get(name[:at] + right + name[at + len(left) :]) if at >= 0 else None
+            if other is None or not link.has_inertial or not other.has_inertial:
+                continue
+            masses = [link.mass or 0.0, other.mass or 0.0]
+            uneven = abs(masses[0] - masses[1]) > UNEVEN * max(masses)
+            if uneven and not urdf.is_negligible(max(masses)):
+                yield "uneven", name, masses[0]
+                yield "uneven", other.name, masses[1]
+
+
+def meshes(urdf: Urdf) -> Found:
+    """Find meshes that are missing or cannot be measured; viewers need them, dynamics do not."""
+    errors: list[tuple[str, str, str]] = []
+    for link in urdf.links.values():
+        if link.bad_shape:
+            errors.append(("unmeasured", link.name, link.bad_shape))
+    for name, shape, error in urdf.unmeasured:
+        row = "missing" if shape.file and _is_missing(shape.file, urdf) else "unmeasured"
+        errors.append(("no trimesh" if isinstance(error, InputError) else row, name, str(error)))
+    reasons = {row: reason for row, _, reason in reversed(errors)}
+    for row, name, _ in errors:
+        yield row, None if row == "no trimesh" else name, 0.0, reasons[row]
+
+
+def _is_missing(file: str, urdf: Urdf) -> bool:
+    try:
+        find_mesh(file, urdf.folder)
+    except UrdfError:
+        return True
+    return False

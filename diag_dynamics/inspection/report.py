@@ -1,0 +1,294 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Report of an inspection: all checks in order, their findings, and facts."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import IO, Any
+
+import numpy as np
+
+from diag_dynamics import exceptions
+from diag_dynamics.arrays import Array
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.inspection import joints, links, motion
+from diag_dynamics.inspection.motion import Motion
+from diag_dynamics.inspection.urdf import Found, Urdf
+from diag_dynamics.model import RobotModel, load_urdf
+from diag_dynamics.model.options import negative_moments, warnings_told
+from diag_dynamics.model.robot_source import read_source
+from diag_dynamics.model.sources import folder_of
+
+SEVERITIES = ("ok", "note", "warning", "error")
+"""In ascending order.
+
+A note is worth knowing and may be intended. A warning is very likely a mistake of the URDF; results
+are computed with it. An error keeps results from being computed, in part or wholly.
+"""
+
+OF_GEOMETRY = (
+    *(links.mass_without_geometry, links.density, links.uniform_density, links.centre_of_mass),
+    *(links.gyration, links.inertia_axes, links.meshes),
+)  # skipped for an MJCF, whose geometry is not read
+OF_XML = (
+    *(links.possible_inertias, links.missing_inertias, *OF_GEOMETRY[:-1], links.placeholders),
+    *(links.sides, links.meshes, joints.elements, joints.attributes, joints.transmissions),
+    *(joints.axes, joints.position_limits, joints.effort_limits, joints.velocity_limits),
+    joints.mimic_joints,
+)
+OF_MOTION = (motion.rotor_inertia, motion.gravity, motion.conditioning, motion.kinetic_energy)
+
+CHECKS = ("loading", *(check.__name__ for check in (*OF_XML, *OF_MOTION)))
+"""Names of all checks."""
+
+LOCKED = (
+    "Give their links inertia, measured or estimated (--estimate-inertias DENSITY -o new.urdf), or "
+    "load with massless='lock', as is done for the other checks."
+)
+OMITTED = "M, C, ν and K do not depend on it."
+FREE = "Correct <mimic>, or load with mimic='free', as is done for the other checks."
+
+ROWS = {key: ("links", *row) for key, row in links.ROWS.items()}
+ROWS |= {key: ("joints", *row) for key, row in (joints.ROWS | motion.ROWS).items()}
+ROWS |= {
+    "negative D": ("links", "error", *links.ROWS["negative"][1:]),
+    "singular": (
+        "joints",
+        "error",
+        "kg m², kg",
+        "joints that move no inertia make the mass matrix singular; with D",
+        LOCKED,
+    ),
+    "mimic": ("joints", "error", "", "{}", FREE),
+    "rejected": ("links", "error", "", "{}", ""),
+    "omitted": ("links", "note", "", "forward and inverse dynamics omit: {}", OMITTED),
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A result of a check.
+
+    Attributes
+    ----------
+    severity : str
+        One of :data:`SEVERITIES`.
+    check : str
+        Name of the check.
+    what : str
+        The finding in words.
+    links, joints : tuple of str
+        Names of the links or joints concerned, the worst first.
+    values : dict
+        Number by name, for those that have one.
+    unit : str
+        Unit of the numbers.
+    remedy : str
+        What to do.
+    """
+
+    severity: str
+    check: str
+    what: str
+    links: Sequence[str] = ()
+    joints: Sequence[str] = ()
+    values: Mapping[str, float] = field(default_factory=dict)
+    unit: str = ""
+    remedy: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the attributes as JSON has them; numbers that are not finite are None."""
+        values = {name: x if math.isfinite(x) else None for name, x in self.values.items()}
+        names = {"links": list(self.links), "joints": list(self.joints)}
+        return asdict(self) | names | {"values": values}
+
+
+@dataclass(frozen=True)
+class Report:
+    """The result of an inspection.
+
+    Attributes
+    ----------
+    source : str
+        File of the robot.
+    facts : dict
+        Facts by name; None where the robot has no model.
+    findings : tuple of Finding
+        In descending order of severity.
+    checks : dict
+        Maximum severity of each check's findings; "skipped" where the check does not apply.
+    """
+
+    source: str
+    facts: dict[str, Any]
+    findings: tuple[Finding, ...]
+    checks: dict[str, str]
+
+    @property
+    def status(self) -> int:
+        """Exit status: 0 with nothing above a note, 1 with a warning, 2 with an error."""
+        return max((SEVERITIES.index(finding.severity) - 1 for finding in self.findings), default=0)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as JSON has it."""
+        findings = [finding.to_dict() for finding in self.findings]
+        head = {"source": self.source, "status": self.status, "facts": self.facts}
+        return head | {"checks": self.checks, "findings": findings}
+
+
+def inspect_robot(
+    source: str | bytes | os.PathLike[str] | IO[Any],
+    floating_base: bool = False,
+    xacro_args: Mapping[str, Any] | None = None,
+) -> Report:
+    """Report facts about a robot's model, and findings of the checks of its URDF.
+
+    An error of the library is a finding, and checks of the XML go on. Joints that move no inertia
+    are locked for the other checks.
+
+    Parameters
+    ----------
+    source : str, bytes, os.PathLike or file
+        As of :func:`load_urdf`, or the path of an MJCF. Meshes that the URDF names are read.
+    floating_base : bool
+        Whether the root link moves freely; an MJCF says that itself.
+    xacro_args : dict, optional
+        Arguments of a xacro file, by name.
+
+    Returns
+    -------
+    Report
+
+    Raises
+    ------
+    UrdfError
+        There is no such file, or it is no XML of a robot at all.
+    InputError
+        floating_base is True for an MJCF without a free body, or with several.
+    """
+    folder = folder_of(source)
+    is_path = folder is not None and isinstance(source, (str, os.PathLike))
+    described = read_source(source, xacro_args)
+    if floating_base and not described.options.get("floating_base", True):
+        raise InputError("floating_base is True; expected False: the MJCF has no free body, or several.")
+    options = {"floating_base": floating_base, **described.options}
+    with np.errstate(all="ignore"):  # numbers that no robot has are findings
+        urdf = Urdf(described.text, folder)
+        model, poses, rows = _load(described.text, options)
+        urdf.stands = model is not None and not model.floating_base
+        rows = [*(_negative_moments(urdf) if rows else ()), *rows]
+        rows += [("omitted", None, 0.0, text) for text in described.omitted]
+        results = {"loading": _findings("loading", iter(rows))}
+        for check in OF_XML:
+            if not described.is_mjcf or check not in OF_GEOMETRY:
+                results[check.__name__] = _findings(check.__name__, check(urdf))
+        if poses:
+            results |= {one.__name__: _findings(one.__name__, one(poses)) for one in OF_MOTION}
+        facts = _facts(urdf, model, poses)
+    findings = [finding for found in results.values() for finding in found]
+    findings.sort(key=lambda finding: -SEVERITIES.index(finding.severity))
+    checks = dict.fromkeys(CHECKS, "skipped") | dict.fromkeys(results, "ok")
+    checks |= {found.check: found.severity for found in reversed(findings)}
+    return Report(str(source) if is_path else "text", facts, tuple(findings), checks)
+
+
+def _findings(check: str, found: Found) -> list[Finding]:
+    """Return a finding for each row, with each choice of words, that a check yields."""
+    groups: dict[tuple[Any, ...], dict[str, float]] = {}
+    for row, name, number, *words in found:
+        group = groups.setdefault((ROWS.get(row, row), *words), {})
+        if name is not None:
+            group[name] = float(number)
+    findings, order = [], list(ROWS.values())
+    for key in sorted(groups, key=lambda key: order.index(key[0]) if key[0] in order else 0):
+        (kind, severity, unit, what, remedy, *ascending), *words = key
+        values: dict[str, float] = groups[key]
+        if unit:
+            pairs = sorted(values.items(), key=lambda pair: abs(pair[1]), reverse=True)
+            values = dict(sorted(values.items(), key=lambda pair: pair[1]) if ascending else pairs)
+        fields: dict[str, Any] = {kind: tuple(values), "values": values if unit else {}}
+        what = what.format(*words)
+        findings.append(Finding(severity, check, what, unit=unit, remedy=remedy, **fields))
+    return findings
+
+
+def _load(text: str, options: dict[str, Any]) -> tuple[RobotModel | None, Motion | None, list[Any]]:
+    """Return the model, its motion, and rows of errors; options exclude what they can."""
+    rows: list[Any] = []
+    while True:
+        try:
+            with warnings_told(lambda text: None):  # possible_inertias reports them
+                model = load_urdf(text, **options)
+            break
+        except DiagDynamicsError as error:
+            other = {}
+            if isinstance(error, exceptions.MasslessLinkError):
+                D = zip(error.joints, error.articulated_inertia, strict=True)
+                rows += [("singular", *pair) for pair in D]
+                other = {"massless": "lock"}
+            elif isinstance(error, exceptions.MimicJointError):
+                rows += [("mimic", name, 0.0, str(error)) for name in error.joints]
+                other = {"mimic": "free"}
+            else:
+                rows.append(("rejected", None, 0.0, str(error)))
+            if other.items() <= options.items():
+                return None, None, rows
+            options |= other
+    try:
+        return model, Motion(model) if model.nv else None, rows
+    except DiagDynamicsError as error:
+        rows.append(("rejected", None, 0.0, f"in a random pose within the limits: {error}"))
+    return model, None, rows
+
+
+def _negative_moments(urdf: Urdf) -> Found:
+    """Find negative principal moments, the cause of errors about D."""
+    for link in urdf.links.values():
+        if link.inertia is not None and negative_moments(link.inertia, link.mass or 0.0):
+            yield "negative D", link.name, np.linalg.eigvalsh(link.inertia)[0]
+
+
+def _facts(urdf: Urdf, model: RobotModel | None, poses: Motion | None) -> dict[str, Any]:
+    moving = [joint for joint in urdf.joints if joint.moves]
+    bare = [link for link in urdf.links.values() if not link.has_inertial]
+    return {
+        "name": urdf.name,
+        "links": len(urdf.links),
+        "joints": len(urdf.joints),
+        "moving_joints": len(moving),
+        "degrees_of_freedom": model.nv if model else None,
+        "floating_base": model.floating_base if model else None,
+        "root_link": model.root_link if model else None,
+        "total_mass": urdf.total_mass,
+        "mimic_joints": [joint.name for joint in moving if joint.source is not None],
+        "coupled_groups": [list(group) for group in model.coupled_groups] if model else None,
+        "locked_joints": sorted(model.locked_joints) if model else None,
+        "links_without_inertial": [link.name for link in bare],
+        "frames": [link.name for link in bare if not link.has_geometry],
+        "poses": poses.poses if poses else 0,
+        "condition_of_mass_matrix": _range(poses.condition) if poses else None,
+        "kinetic_energy_at_velocity_limits": _range(poses.energy_at_limits) if poses else None,
+        "tips": {tip: _range(poses.reflected_mass(tip)) if poses else None for tip in _tips(urdf)},
+    }
+
+
+def _range(values: Array) -> dict[str, float | None]:
+    numbers = {"least": values.min(), "median": np.median(values), "greatest": values.max()}
+    return {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
+
+
+def _tips(urdf: Urdf) -> list[str]:
+    """Return the farthest link of every moving body that carries no other."""
+    moving = [joint for joint in urdf.joints if joint.moves]
+    parents, children = {joint.parent for joint in moving}, {joint.child for joint in moving}
+    tips = []
+    for body in urdf.bodies:
+        if body.links[0].name in children and not parents & set(body.placements):
+            X = body.placements
+            tips.append(max(X, key=lambda name: np.linalg.norm(X[name][:3, 3]).round(9)))
+    return tips
