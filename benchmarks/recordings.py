@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from mcap.writer import Writer
 from start import ROOT
 
 import diag_dynamics as dd
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.model.single_joints import single_joints
-from diag_dynamics.recordings.outputs.mcap_writer import McapWriter
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import definition_with_parts, message_type
 
@@ -125,8 +125,11 @@ def write(path, states, joints):
     rng = np.random.default_rng(1)
     phase = rng.uniform(0.0, 6.0, count)
     start = 1_700_000_000 * 10**9
-    with McapWriter(path) as writer:
-        channel = writer.channel("/joint_states", JOINT_STATE, definition_with_parts(JOINT_STATE))
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        schema = writer.register_schema(JOINT_STATE, "ros2msg", definition_with_parts(JOINT_STATE).encode())
+        channel = writer.register_channel("/joint_states", "cdr", schema)
         for first in range(0, states, 5000):
             stamp = start + np.arange(first, min(first + 5000, states)) * PERIOD
             t = (stamp - start)[:, None] * 1e-9
@@ -142,7 +145,9 @@ def write(path, states, joints):
             for field, value in values.items():
                 begin, width = template.place(field), value.dtype.itemsize * value.shape[1]
                 rows[:, begin : begin + width] = np.ascontiguousarray(value).view(np.uint8)
-            writer.write_rows(channel, rows, stamp + 100_000)
+            for row, log_time in zip(rows, (stamp + 100_000).tolist(), strict=True):
+                writer.add_message(channel, log_time, row.tobytes(), log_time)
+        writer.finish()
 
 
 MIDDLE = np.array([0.0, 0.0, 0.0, -1.5, 0.0, 1.8, 0.0, 0.02, 0.02])

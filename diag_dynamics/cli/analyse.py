@@ -19,8 +19,7 @@ from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.atomic_file import AtomicFile
 from diag_dynamics.recordings.fleet import printable, robots_of
-from diag_dynamics.recordings.outputs.mcap import WRITTEN, McapOutput
-from diag_dynamics.recordings.outputs.messages import TOPICS
+from diag_dynamics.recordings.outputs.mcap import TOPICS, WRITTEN, McapOutput
 from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading

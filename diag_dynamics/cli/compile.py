@@ -38,7 +38,6 @@ UNITS = {
     "sweeps.motions": 1,
     "identification.kernels.normal_equations": 1,
     "identification.kernels.regressors": 1,
-    "bags.kernels.records": 1,
     "recordings.observer": 1,
 }
 """Modules with entry kernels, in CPU-seconds, the longest first: one that is begun last keeps the others waiting."""

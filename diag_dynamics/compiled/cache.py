@@ -19,7 +19,6 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 ROOMS = (
     "compiled",
-    "bags/kernels",
     "sweeps",
     "simulation",
     "joint_states",

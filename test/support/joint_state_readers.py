@@ -16,10 +16,10 @@ from diag_dynamics.assembly.gaps import Gaps
 from diag_dynamics.assembly.odometry import OdometryBase
 from diag_dynamics.assembly.rejected import RejectedError
 from diag_dynamics.assembly.whole import WithBase
-from diag_dynamics.bags.messages import Messages
 from diag_dynamics.joint_states.decoding import Decoder
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.recordings.intake import JOINT_STATE, LOST, MAX_TEXTS, ODOMETRY, Intake
+from diag_dynamics.recordings.messages import Messages
 from diag_dynamics.recordings.sources import decode_messages
 from diag_dynamics.wire.definitions import read_message
 from diag_dynamics.wire.joint_states import KnownJointStates

@@ -1,19 +1,46 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""MCAP: the monitor's messages about every state, as ``ros2 bag play`` plays them."""
+"""MCAP: messages of the monitor about every state, by the library mcap."""
 
+from functools import cache
+from importlib import import_module
+
+import numpy as np
+
+from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.recordings.outputs.mcap_writer import McapWriter
-from diag_dynamics.recordings.outputs.messages import MessageRows
-from diag_dynamics.wire.definitions import definition_with_parts
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.atomic_file import AtomicFile
+from diag_dynamics.recordings.messages import require
+from diag_dynamics.wire.cdr import Template
+from diag_dynamics.wire.definitions import definition_with_parts, message_type
 from diag_dynamics.wire.ours import our_definitions
 
+TOPICS = {
+    "state": "DiagonalizedState",
+    "kinetic_energy": "KineticEnergy",
+    "total_joint_rates": "TotalJointRates",
+    "working_moments": "WorkingMoments",
+    "coriolis": "CoriolisTerm",
+    "external_torque": "ExternalTorque",
+    "joint_space_dynamics": "JointSpaceDynamics",
+    "mass_matrix_factors": "MassMatrixFactors",
+}
+"""Topics and their types."""
 WRITTEN = "state", "kinetic_energy", "external_torque"
-"""Topics that are written unless others are wanted; those of matrices are large."""
-
+"""Default topics; those of matrices are large."""
 NODE = "/diag_dynamics"
 """Name of the monitor whose topics they are."""
+
+EFFORT_FIELDS = {"effort", "epsilon", "kappa"}
+RESULT_FIELDS = {"residual", "external_torque", "joint_collision"}
+ALARM_FIELDS = {"torque_threshold", "joint_collision"}
+"""Fields that are empty without effort, without a result of the observer, and without alarms."""
+MATRIX_TOPICS = "joint_space_dynamics", "mass_matrix_factors"
+REVISION = 1
+CHUNK = 1 << 20
+"""Size of a chunk before compression, about [bytes]."""
 
 
 class McapOutput:
@@ -26,37 +53,156 @@ class McapOutput:
     friction : bool
         Whether evaluations have it.
     topics : sequence of str
-        Some of messages.TOPICS.
 
     Raises
     ------
     InputError
-        There is no such topic, or the file cannot be written.
+        A topic is unknown, or the file cannot be written.
     """
 
     def __init__(self, path, reading, friction=False, topics=WRITTEN):
-        wanted, dynamics = reading.settings.observation, DiagonalDynamics(reading.model)
-        thresholds = (wanted.threshold, wanted.release) if wanted else (float("inf"), float("inf"))
-        alarms = wanted.alarms if wanted else None
-        limits = alarms.limits(reading.model.dof_names) if alarms else None
-        rows = [MessageRows(topic, dynamics, friction, thresholds, limits) for topic in topics]
-        self._writer, definitions = McapWriter(path), our_definitions()
-        self._rows = [
-            (self._writer.channel(f"{NODE}/{one.topic}", one.type, definition_with_parts(one.type, definitions)), one)
-            for one in rows
+        for topic in topics:
+            if topic not in TOPICS:
+                raise InputError(f"there is no topic '{topic}' to write, expected some of {', '.join(TOPICS)}.")
+        self._file, definitions = AtomicFile(path), our_definitions()
+        require("mcap")
+        self._count = 0
+        self._topics = [TopicRows(topic, reading, friction) for topic in topics]
+        declared = [
+            (f"{NODE}/{one.topic}", one.type, definition_with_parts(one.type, definitions)) for one in self._topics
         ]
+        self._writer = import_module("diag_dynamics.recordings.outputs.mcap_writer").McapWriter(self._file, declared)
 
     def write(self, piece):
-        """Write messages about a piece."""
-        times = piece.states.log_time
-        self._writer.write(
-            [(channel, rows, times[which]) for channel, one in self._rows for which, rows in one.rows(piece)]
-        )
+        """Write messages about a piece in log-time order; times of a table may restart."""
+        order = np.argsort(piece.states.log_time, kind="stable")
+        times, rank, blocks = piece.states.log_time[order], np.argsort(order, kind="stable"), []
+        for k, topic in enumerate(self._topics):
+            for which, rows in topic.make_rows(piece):
+                sort = np.argsort(rank[which], kind="stable")
+                is_sorted = (np.diff(sort) == 1).all()
+                blocks.append((k, rank[which[sort]], rows if is_sorted else rows[sort]))
+        step = max(1, CHUNK * len(times) // sum(rows.size for _, _, rows in blocks))
+        for first in range(0, len(times), step):
+            parts = [(one, slice(*np.searchsorted(one[1], (first, first + step)))) for one in blocks]
+            chunk = [(k, at[part], rows[part]) for (k, at, rows), part in parts if part.start < part.stop]
+            self._writer.write_chunk([(k, self._count + at, times[at], rows) for k, at, rows in chunk])
+        self._count += len(times)
 
     def close(self):
-        """Have the file be whole."""
-        self._writer.close()
+        """Complete the file."""
+        self._writer.finish()
+        self._file.commit()
 
     def drop(self):
-        """Leave nothing behind."""
+        """Delete the file."""
         self._writer.abort()
+        self._file.discard()
+
+
+class TopicRows:
+    """Makes the messages of one topic about pieces, each a row of bytes."""
+
+    def __init__(self, topic, reading, friction=False):
+        observation = reading.settings.observation
+        self.type, self.topic, self._friction = f"diag_dynamics/msg/{TOPICS[topic]}", topic, friction
+        self._dynamics, self._model = DiagonalDynamics(reading.model), reading.model
+        self._thresholds = (observation.threshold, observation.release) if observation else (np.inf, np.inf)
+        alarms = observation.alarms if observation else None
+        self._limits = alarms.limits(reading.model.dof_names) if alarms else None
+        self._template = cache(self._make_template)
+
+    def make_rows(self, piece):
+        """Yield indices of states, and their messages as uint8 of shape (number of states, bytes)."""
+        known = piece.observed[3] if self.topic == "external_torque" else piece.states.effort_known
+        for is_known in (True, False):
+            which = np.flatnonzero(known == is_known)
+            if not len(which):
+                continue
+            template = self._template(is_known)
+            rows = np.tile(template.data, (len(which), 1))
+            for path, numbers in template.numbers.items():
+                values = self._values(piece, which, path) if is_known or path != "power" else None
+                if values is not None:
+                    begin = template.place(path)
+                    values = np.ascontiguousarray(values.reshape(len(which), -1), numbers.dtype)
+                    rows[:, begin : begin + numbers.nbytes] = values.view(np.uint8)
+            yield which, rows
+
+    def _values(self, piece, which, path):
+        """Return the values of a field, a row for each message; None if they are constant."""
+        states, s, (residual, torque, norm, _, collision), _, judged = piece
+        first, _, field = path.rpartition(".")
+        if field in ("sec", "nanosec"):
+            stamp = (states.stamp if first.startswith("header") else states.oldest_stamp)[which]
+            return stamp // SECOND if field == "sec" else stamp % SECOND
+        if path in ("model_revision", "nv") or path.endswith(("valid", "threshold")):
+            return None
+        if self.topic in MATRIX_TOPICS and path in ("mass_matrix", "bias", "gravity", "m", "d", "l"):
+            return self._matrix(states.position[which], states.velocity[which], path)
+        if path in ("position", "velocity", "effort"):
+            return getattr(states, path)[which]
+        if path == "link_energy":
+            energy = np.empty((len(states), len(self._model.link_names)))
+            s.write_link_energy(energy)
+            return energy[which]
+        if path == "joint_collision":
+            return judged.joints[which]
+        if path == "torque_norm":
+            return np.nan_to_num(np.linalg.norm(torque[which], axis=1))
+        observed = {
+            "stamp_is_receive_time": states.stamp_received,
+            "velocity_estimated": states.velocity_estimated,
+            "residual": residual,
+            "external_torque": torque,
+            "norm": norm,
+            "collision": collision,
+        }
+        if path in observed:
+            return np.nan_to_num(observed[path][which])
+        return getattr(s, {"power": "effort_power", "total": "kinetic_energy"}.get(path, path))[which]
+
+    def _matrix(self, q, qd, path):
+        """Return a field of a message of matrices, which no evaluation has."""
+        if path == "mass_matrix":
+            return self._dynamics.mass_matrix_batch(q)
+        if path == "bias":
+            return self._dynamics.bias_batch(q, qd)
+        if path == "gravity":
+            return self._dynamics.gravity_torque_batch(q)
+        return np.array([getattr(self._dynamics.factors(one), {"d": "D"}.get(path, path)) for one in q])
+
+    def _make_template(self, is_known):
+        """Return the template of messages with or without efforts, or with or without a result of the observer."""
+        model, message = self._model, message_type(self.type, our_definitions())()
+        message.header.frame_id, message.dof_names = model.root_link, list(model.dof_names)
+        nv, limits = model.nv, self._limits
+        widths = {"position": model.nq, "link_energy": len(model.link_names)} | dict.fromkeys(
+            ("mass_matrix", "m", "l"), nv**2
+        )
+        empty = set() if is_known else (RESULT_FIELDS if self.topic == "external_torque" else EFFORT_FIELDS)
+        empty = empty | (set() if self._friction else {"friction"}) | (ALARM_FIELDS if limits is None else set())
+        for field, kind in message.get_fields_and_field_types().items():
+            if kind == "sequence<double>" and field not in empty:
+                setattr(message, field, [1.0] * widths.get(field, nv))
+            elif kind == "sequence<boolean>" and field not in empty:
+                setattr(message, field, [False] * nv)
+        constants = {
+            "link_names": list(model.link_names),
+            "position_names": [] if model.coordinate_names == model.dof_names else list(model.coordinate_names),
+            "model_revision": REVISION,
+            "nv": nv,
+            "effort_valid": is_known,
+            "power_valid": is_known,
+            "valid": is_known,
+            "l_valid": True,
+            "friction_valid": self._friction,
+            "threshold": self._thresholds[0],
+            "release_threshold": self._thresholds[1],
+            "torque_norm_threshold": np.inf if limits is None else limits[-2],
+            "torque_threshold": [] if limits is None else limits[:-2].tolist(),
+        }
+        for field, value in constants.items():
+            if hasattr(message, field):
+                setattr(message, field, value)
+        return Template(message)

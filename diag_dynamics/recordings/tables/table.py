@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from diag_dynamics.bags.messages import Unread
 from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.messages import Unread
 from diag_dynamics.recordings.tables.cells import (
     MISSING,
     are_blank,
