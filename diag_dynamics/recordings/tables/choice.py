@@ -5,8 +5,9 @@
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from difflib import get_close_matches
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,8 +40,8 @@ class Quantity(NamedTuple):
     """Index for each joint, or for each place where rows name joints; None where a joint has no column."""
     whole: bool
     """Whether it is one column, of lists or of a whole array."""
-    scale: np.ndarray
-    """Factor to SI, shape (k,)."""
+    scale: np.ndarray | Mapping[str, float]
+    """Factor to SI, shape (k,); by joint where rows name joints and the map has factors by joint."""
 
 
 class Choice(NamedTuple):
@@ -56,8 +57,6 @@ class Choice(NamedTuple):
     notes: list[str]
     names: RowNames | None
     """Columns that name the joints of each row."""
-    scale_of: dict[str, Any]
-    """Scales by quantity and joint, where rows name joints."""
 
     @property
     def values(self):
@@ -151,17 +150,12 @@ class _Chooser:
         chosen = {"position": (group, places)}
         for quantity in ("velocity", "effort"):
             chosen[quantity] = self._choose_other(quantity, joints, [] if None in numbers else numbers)
-        scale_of = {}
         for quantity, one in chosen.items():
             if one is None and quantity in self._wanted.scale:
                 raise MismatchError(f"there is a scale of {quantity}, but no column of it.")
             if one:
-                scale = self._scale(quantity, *one, joints, names)
-                if isinstance(scale, Mapping):
-                    scale_of[quantity], scale = scale, [1.0] * len(joints)
-                chosen[quantity] = Quantity(one[1], bool(one[0].width), np.array(scale, float))
-                self._note_quantity(quantity, one[0].pattern, chosen[quantity], joints, names)
-        choice = Choice(joints, time, time_scale, in_doubt, chosen, self._notes, names, scale_of)
+                chosen[quantity] = self._make_quantity(quantity, *one, joints, names)
+        choice = Choice(joints, time, time_scale, in_doubt, chosen, self._notes, names)
         unused = [name for k, name in enumerate(self._headers) if k not in choice.used and name != array]
         if unused:
             self._notes.append(f"not read: {_list(unused)}.")
@@ -246,7 +240,7 @@ class _Chooser:
         numbered = next((one for one in self._headers if _NUMBERED.fullmatch(one.strip().lower())), None)
         if group.count == 1 < len(self._model) and numbered and not stated:
             raise MismatchError(f"'{numbered}' numbers the joints of rows. Write their names in its place.")
-        return stated and (stated.joints, group.columns)
+        return stated and (stated[0], group.columns)
 
     def _rows_for(self, group):
         """The columns of names that belong to columns of positions; None without any."""
@@ -273,49 +267,44 @@ class _Chooser:
 
     def _compare_names(self, group, joints):
         """Names in rows that are used, and the array whose names are used."""
-        rows = self._rows_for(group)
-        labelled = labelled_joints(self._texts, self._model)
+        rows, labelled = self._rows_for(group), labelled_joints(self._texts, self._model)
         if self._by_map:
             self._note_overruled(group, joints, rows)
             return None, ""
-        named = [(labelled.joints, labelled.where)] if labelled else []
         if group.names_joints(self._model):
+            named = [(labelled[0], labelled[1].where)] if labelled else []
             sets = [one for one in self._row_names if one.labelled and one.known and len(one.first) > 1]
             for names, where in (*named, *((one.first, f"'{one.pattern}'") for one in sets)):
                 if odd := [joint for joint in joints if joint not in names]:
                     differ = f"{where} names {_list(names)}: {_list(odd)} is not among them"
                     raise MismatchError(f"headers name the joints {_list(joints)}, but {differ}. {_ADVICE}")
             return None, ""
-        if rows and labelled and len(rows.first) == len(labelled.joints) and rows.first != labelled.joints:
-            differ = f"'{rows.pattern}' names {_list(rows.first)} in the first row"
-            raise MismatchError(f"{labelled.where} names the joints {_list(labelled.joints)}, but {differ}. {_ADVICE}")
+        if rows and labelled and len(rows.first) == len(labelled[0]) and rows.first != labelled[0]:
+            names = f"{labelled[1].where} names the joints {_list(labelled[0])}"
+            raise MismatchError(f"{names}, but '{rows.pattern}' names {_list(rows.first)} in the first row. {_ADVICE}")
         stated = None if rows else stated_order(self._texts, self._model, len(joints))
         if stated:
-            self._notes.append(f"joints: {_list(joints)}, by {stated.where}.")
-        return rows, stated.array if stated else ""
+            self._notes.append(f"joints: {_list(joints)}, by {stated[1].where}.")
+        return rows, stated[1].array if stated else ""
 
     def _note_overruled(self, group, joints, rows):
         """Note headers, rows, comments and metadata that name other joints than the map."""
-        longest_first = sorted(self._model, key=len, reverse=True)
+        longest_first, others = sorted(self._model, key=len, reverse=True), []
         by_headers = () if group.width or group.names_joints(self._model) else group.columns
-        headers = [parse_header(self._columns[k], longest_first) for k in by_headers]
-        others = [
-            f"'{self._headers[k]}' to {joint}"
-            for joint, k, one in zip(joints, by_headers, headers, strict=False)
-            if one and one.joint in self._model and one.joint != joint
-        ]
-        gives = "joints: the map of columns gives"
+        for joint, k in zip(joints, by_headers, strict=False):
+            header = parse_header(self._columns[k], longest_first)
+            if header and header.joint in self._model and header.joint != joint:
+                others.append(f"'{self._headers[k]}' to {joint}")
+        gives = f"joints: the map of columns gives {_list(joints)};"
         if others:
-            self._notes.append(f"{gives} {_list(others)}, though the headers name others.")
+            self._notes.append(f"joints: the map of columns gives {_list(others)}, though the headers name others.")
         if rows:
             where = f"'{rows.pattern}' names {_list(rows.first)} in the first row"
-            self._notes.append(f"{gives} {_list(joints)}; {where}. Names in rows are not used.")
-        try:
+            self._notes.append(f"{gives} {where}. Names in rows are not used.")
+        with suppress(MismatchError):
             stated = stated_order(self._texts, self._model, len(joints))
-        except MismatchError:
-            return
-        if stated and stated.joints != joints:
-            self._notes.append(f"{gives} {_list(joints)}; {stated.where} names {_list(stated.joints)} and is not used.")
+            if stated and stated[0] != joints:
+                self._notes.append(f"{gives} {stated[1].where} names {_list(stated[0])} and is not used.")
 
     def _choose_other(self, quantity, joints, numbers):
         """The group of velocities or efforts, and an index or None for each joint; None without columns."""
@@ -463,34 +452,35 @@ class _Chooser:
 
     # --- Units ---
 
-    def _scale(self, quantity, group, columns, joints, names):
-        """Factor to SI of each joint; a dict by joint where rows name joints and the map has one."""
-        given = self._wanted.scale.get(quantity)
-        if given is None:
-            joint_of = {k: joint for joint, _, k in group.members}
+    def _make_quantity(self, quantity, group, columns, joints, names):
+        """Columns with their scale, and a note of both."""
+        scale = self._wanted.scale.get(quantity)
+        if scale is None:
             every = columns * len(joints) if group.width else columns
-            return [1.0 if k is None else self._factor_of(quantity, group, k, joint_of[k]) for k in every]
-        if isinstance(given, Mapping) and not names:
-            odd = [joint for joint in given if joint != ALL and joint not in joints]
-            lacking = [joint for joint in joints if joint not in given and ALL not in given]
+            scale = [1.0 if k is None else self._factor_of(quantity, group, k) for k in every]
+        elif isinstance(scale, Mapping) and not names:
+            odd = [joint for joint in scale if joint != ALL and joint not in joints]
+            lacking = [joint for joint in joints if joint not in scale and ALL not in scale]
             if odd or lacking:
                 problem = f"'{odd[0]}', which is none of" if odd else f"nothing for '{lacking[0]}', of"
                 raise MismatchError(f"scale: {quantity} has {problem} the joints {_list(joints)}.")
-            return [given.get(joint, given.get(ALL)) for joint in joints]
-        if isinstance(given, list) and len(given) != len(joints):
-            raise MismatchError(f"scale: {quantity} has {len(given)} numbers, but there are {len(joints)} joints.")
-        return given if isinstance(given, Mapping | list) else [given] * len(joints)
+            scale = [scale.get(joint, scale.get(ALL)) for joint in joints]
+        elif isinstance(scale, list) and len(scale) != len(joints):
+            raise MismatchError(f"scale: {quantity} has {len(scale)} numbers, but there are {len(joints)} joints.")
+        elif not isinstance(scale, Mapping):
+            scale = scale if isinstance(scale, list) else [scale] * len(joints)
+        whose, lack = f"{len(joints)} joints", [joint for joint, k in zip(joints, columns, strict=False) if k is None]
+        if names:
+            whose, lack = f"the joints that '{names.pattern}' names in each row", []
+        lack = f", none for {_list(lack)}" if lack else ""
+        times = "" if isinstance(scale, Mapping) else _times(scale, _SI[quantity])
+        self._notes.append(f"{quantity}: {group.pattern} of {whose}{times}{lack}.")
+        return Quantity(columns, bool(group.width), scale if isinstance(scale, Mapping) else np.array(scale, float))
 
-    def _factor_of(self, quantity, group, k, joint):
-        header = self._headers[k]
+    def _factor_of(self, quantity, group, k):
+        header, joint = self._headers[k], next(joint for joint, _, one in group.members if one == k)
         without = header.replace(joint, " ", 1) if joint else header  # a joint may be called deg
         return _factor(quantity, unit_of(self._columns[k], without) or group.unit, header)
-
-    def _note_quantity(self, quantity, pattern, chosen, joints, names):
-        without = [joint for joint, k in zip(joints, chosen.columns, strict=False) if k is None]
-        whose = f"the joints that '{names.pattern}' names in each row" if names else f"{len(joints)} joints"
-        lack = f", none for {_list(without)}" if without and not names else ""
-        self._notes.append(f"{quantity}: {pattern} of {whose}{_times(chosen.scale.tolist(), _SI[quantity])}{lack}.")
 
 
 def _factor(quantity, unit, header):

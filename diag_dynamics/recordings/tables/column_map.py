@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Mapping
 from difflib import get_close_matches
+from functools import partial
 from typing import Any, NamedTuple
 
 from diag_dynamics.exceptions import InputError
@@ -70,31 +71,37 @@ def column_map(columns):
         source = f"'{os.fspath(columns)}'"
         columns = read_yaml(os.fspath(columns), f"The map of columns {source}")
     if not isinstance(columns, Mapping):
-        raise InputError(f"{source} is {_shown(columns)}, expected the path of a YAML file or a dict with {_KEYS}.")
-    _require_known(columns, [*_RULES, "scale", "joint_names"], source)
-    for key, (valid, expected) in _RULES.items():
-        if key in columns and not valid(columns[key]):
-            raise InputError(f"{source}: {key} is {_shown(columns[key])}, expected {expected}.")
-    given = {key: columns[key] for key in columns if key != "scale" and columns[key] is not None}
-    given |= {key: None for key in ("velocity", "effort") if key in columns and columns[key] is None}
-    delimiter = given.get("delimiter")
-    given["delimiter"] = _DELIMITERS.get(delimiter, delimiter)
-    if given["delimiter"] == "," == given.get("decimal"):
+        keys = ", ".join(_PARSERS)
+        raise InputError(f"{source} is {_shown(columns)}, expected the path of a YAML file or a dict with {keys}.")
+    given = _parse(columns, _PARSERS, source)
+    given["scale"] = _parse(given.get("scale", {}), _SCALES, f"{source}: scale")
+    given = {key: value for key, value in given.items() if value is not None or key in QUANTITIES}
+    if given.get("decimal") == given.get("delimiter") == ",":
         raise InputError(f"{source}: decimal and delimiter are both ','.")
-    if "time" in given:
-        given["time"] = tuple(given["time"] if isinstance(given["time"], list | tuple) else [given["time"]])
-    given["joints"] = tuple(given.get("joints", ()))
-    for key in [one for one in QUANTITIES if one in given]:
-        value = given[key]
-        if isinstance(value, Mapping):
-            given["joints"] = joints = given["joints"] or tuple(value)
-            if set(value) != set(joints):
-                odd = ", ".join(sorted(map(str, set(value) ^ set(joints))))
-                raise InputError(f"{source}: {key} is by joint, but not for the same joints as the rest: {odd}.")
-            given[key] = [value[joint] for joint in joints]
-        elif not isinstance(value, str | None):
-            given[key] = [value] if isinstance(value, int) else list(value)
-    return ColumnMap(**given, scale=_scales(columns.get("scale"), source), source=source)
+    by_joint = {key: given[key] for key in QUANTITIES if isinstance(given.get(key), Mapping)}
+    for key, value in by_joint.items():
+        given["joints"] = joints = given.get("joints") or tuple(value)
+        if odd := sorted(map(str, set(value) ^ set(joints))):
+            differ = f"{key} is by joint, but not for the same joints as the rest: {', '.join(odd)}"
+            raise InputError(f"{source}: {differ}.")
+        given[key] = [value[joint] for joint in joints]
+    return ColumnMap(**given, source=source)
+
+
+def _parse(values, parsers, where):
+    """Values by key, each checked by its parser."""
+    parsed = {}
+    for key, value in values.items():
+        if key not in parsers:
+            near = get_close_matches(str(key), parsers, n=1)
+            expected = f"'{near[0]}'" if near else ", ".join(parsers)
+            raise InputError(f"{where} has '{key}', expected {expected}.")
+        parser, expected = parsers[key]
+        try:
+            parsed[key] = parser(value)
+        except (TypeError, ValueError):
+            raise InputError(f"{where}: {key} is {_shown(value)}, expected {expected}.") from None
+    return parsed
 
 
 def _shown(value):
@@ -102,88 +109,77 @@ def _shown(value):
     return text if len(text) < 80 else f"{text[:77]}..."
 
 
-def _require_known(given, known, source):
-    for key in given:
-        if key not in known:
-            near = get_close_matches(str(key), known, n=1)
-            raise InputError(f"{source} has '{key}', expected {f'{near[0]!r}' if near else ', '.join(known)}.")
+def _require(valid, value):
+    """A value that is valid; ValueError of others."""
+    if not valid:
+        raise ValueError
+    return value
 
 
-def _is_column(value):
-    """Whether a value is a column's name or number."""
-    if isinstance(value, int):
-        return not isinstance(value, bool) and value >= 0
-    return isinstance(value, str) and bool(value)
+def _parse_columns(value, most=1 << 20):
+    """A list of different columns, by name or number."""
+    columns = list(value) if isinstance(value, list | tuple) else [value]
+    for one in columns:
+        is_number = isinstance(one, int) and not isinstance(one, bool) and one >= 0
+        _require(is_number or (isinstance(one, str) and one), one)
+    return _require(0 < len(columns) == len(set(columns)) <= most, columns)
 
 
-def _are_columns(value):
+def _parse_quantity(value):
     if isinstance(value, str):
-        return bool(value) and value.count(JOINT) < 2
-    entries = list(value.values()) if isinstance(value, Mapping) else value
-    entries = list(entries) if isinstance(entries, list | tuple) else [entries]
-    return bool(entries) and all(map(_is_column, entries)) and len(set(entries)) == len(entries)
+        return _require(value and value.count(JOINT) < 2, value)
+    if isinstance(value, Mapping):
+        return dict(zip(_parse_joints(list(value)), _parse_columns(list(value.values())), strict=True))
+    return _parse_columns(value)
 
 
-def _is_time(value):
-    columns = value if isinstance(value, list | tuple) else [value]
-    return len(columns) in (1, 2) and all(map(_is_column, columns))
+def _parse_joints(value):
+    _require(isinstance(value, list | tuple) and value and len(set(value)) == len(value), value)
+    return tuple(_require(isinstance(one, str) and one, one) for one in value)
 
 
-def _are_joints(value):
-    if not isinstance(value, list | tuple) or not value:
-        return False
-    return all(isinstance(one, str) and one for one in value) and len(set(value)) == len(value)
+def _parse_delimiter(value):
+    text = _DELIMITERS.get(value, value)
+    return _require(len(text) == 1 and text.isascii() and not text.isalnum() and text not in "\"\n\r.+-_#'", text)
 
 
-def _is_delimiter(value):
-    text = _DELIMITERS.get(value, value) if isinstance(value, str) else ""
-    return len(text) == 1 and text.isascii() and not text.isalnum() and text not in "\"\n\r.+-_#'"
+def _parse_scale(quantity, value):
+    """A scale as a number, or as numbers in a list or by joint; YAML 1.1 takes 1e-9 for text."""
+    if quantity != "time" and isinstance(value, Mapping):
+        return {str(joint): _parse_scale(quantity, one) for joint, one in value.items()}
+    if quantity != "time" and isinstance(value, list | tuple):
+        return [_parse_scale(quantity, one) for one in value]
+    factor = factor_of(quantity, value) if isinstance(value, str) else None
+    number = float(_require(not isinstance(value, bool), value) if factor is None else factor)
+    return _require(math.isfinite(number) and number != 0, number)
+
+
+def _optional(parse):
+    return lambda value: None if value is None else parse(value)
 
 
 _COLUMNS = f"a column's name, a pattern with {JOINT} once, or a list of columns by name or number from 0, each once"
-_RULES = {
-    "time": (_is_time, "one column, or two: seconds and nanoseconds, by name or number from 0"),
-    "position": (_are_columns, _COLUMNS),
-    "velocity": (lambda value: value is None or _are_columns(value), f"null, {_COLUMNS}"),
-    "effort": (lambda value: value is None or _are_columns(value), f"null, {_COLUMNS}"),
-    "joints": (lambda value: value is None or _are_joints(value), "a list of the joints' names, each once"),
-    "header": (lambda value: value is None or isinstance(value, bool), "true or false"),
-    "delimiter": (lambda value: value is None or _is_delimiter(value), "one character, such as ',', or tab or space"),
-    "decimal": (lambda value: value in (".", ","), "'.' or ','"),
-    "skip": (lambda value: type(value) is int and value >= 0, "a whole number from 0"),
+_PARSERS = {
+    "time": (
+        lambda value: tuple(_parse_columns(value, 2)),
+        "one column, or two: seconds and nanoseconds, by name or number from 0",
+    ),
+    "position": (_parse_quantity, _COLUMNS),
+    "velocity": (_optional(_parse_quantity), f"null, {_COLUMNS}"),
+    "effort": (_optional(_parse_quantity), f"null, {_COLUMNS}"),
+    "joints": (_optional(_parse_joints), "a list of the joints' names, each once"),
+    "joint_names": (lambda value: value, ""),
+    "scale": (lambda value: _require(isinstance(value or {}, Mapping), value or {}), f"one of {', '.join(UNITS)}"),
+    "header": (lambda value: _require(value in (None, True, False), value), "true or false"),
+    "delimiter": (_optional(_parse_delimiter), "one character, such as ',', or tab or space"),
+    "decimal": (lambda value: _require(value in (".", ","), value), "'.' or ','"),
+    "skip": (lambda value: _require(type(value) is int and value >= 0, value), "a whole number from 0"),
 }
-"""By key: whether a value is valid, and what is expected."""
-_KEYS = ", ".join([*_RULES, "scale", "joint_names"])
-
-
-def _scales(value, source):
-    """Scales by quantity, their units as numbers."""
-    if value is None:
-        return {}
-    if not isinstance(value, Mapping):
-        raise InputError(
-            f"{source}: scale is {_shown(value)}, expected a number or a unit for each of {', '.join(UNITS)}."
-        )
-    _require_known(value, list(UNITS), f"{source}: scale")
-    return {key: _scale(key, one, f"{source}: scale: {key}") for key, one in value.items() if one is not None}
-
-
-def _scale(quantity, value, name):
-    if quantity != "time" and isinstance(value, Mapping):
-        return {str(joint): _scale_factor(quantity, one, f"{name}: {joint}") for joint, one in value.items()}
-    if quantity != "time" and isinstance(value, list | tuple):
-        return [_scale_factor(quantity, one, name) for one in value]
-    return _scale_factor(quantity, value, name)
-
-
-def _scale_factor(quantity, value, name):
-    """A scale as a number: YAML 1.1 takes 1e-9 for text."""
-    number = factor_of(quantity, value) if isinstance(value, str) else value
-    try:
-        number = math.nan if isinstance(number, bool) else float(value if number is None else number)
-    except (TypeError, ValueError):
-        number = math.nan
-    if not math.isfinite(number) or number == 0:
-        known = ", ".join(list(UNITS[quantity])[:8])
-        raise InputError(f"{name} is {_shown(value)}, expected a finite number other than 0 or a unit such as {known}.")
-    return number
+"""By key: what returns a value or raises ValueError, and what is expected."""
+_SCALES = {
+    quantity: (
+        _optional(partial(_parse_scale, quantity)),
+        f"finite numbers other than 0 or units such as {', '.join(list(units)[:8])}",
+    )
+    for quantity, units in UNITS.items()
+}

@@ -87,15 +87,6 @@ class Text(NamedTuple):
     """Name of the array that holds the text."""
 
 
-class Stated(NamedTuple):
-    """Names of the joints of a table in the order of its columns."""
-
-    joints: tuple[str, ...]
-    where: str
-    text: str
-    array: str
-
-
 def names_of(text):
     """Return the names in a text: ``['a', 'b']``, ``(a; b)``, ``a, b``, ``a b`` or ``a``; or in a list of texts."""
     if not isinstance(text, str):
@@ -188,10 +179,10 @@ def _first_names(columns):
 
 def nearest(headers, pattern):
     """Return those of several headers that share the longest beginning with a pattern."""
-    lengths = []
+    pattern, lengths = pattern.lower(), []
     for header in headers:
-        pairs = enumerate(zip(header.lower(), pattern.lower(), strict=False))
-        lengths.append(next((k for k, (a, b) in pairs if a != b), min(len(header), len(pattern))))
+        begins = (size for size in range(len(header), -1, -1) if pattern.startswith(header.lower()[:size]))
+        lengths.append(next(begins))
     return [one for one, length in zip(headers, lengths, strict=True) if length == max(lengths)]
 
 
@@ -250,55 +241,60 @@ def label_text(where, label, value, array=""):
 
 
 def stated_order(texts, known, count, pattern="position"):
-    """Return the :class:`Stated` order of `count` columns, or None; MismatchError if statements contradict."""
+    """Return the joints of `count` columns and the :class:`Text` that states them, or None.
+
+    Raises
+    ------
+    MismatchError
+        Statements contradict each other, or the number of columns.
+    """
     orders = _find_orders(texts, known, count)
-    for one in orders:
-        if one.joints != orders[0].joints:
-            first, second = (f"{s.where} ('{' '.join(s.text.split())[:100]}')" for s in (orders[0], one))
-            raise MismatchError(
-                f"{first} has the joints {', '.join(orders[0].joints)}, but {second} has {', '.join(one.joints)}. "
-                "Say which by `joints` in the map of columns."
+    for joints, text in orders:
+        if joints != orders[0][0]:
+            first, second = (
+                f"{one.where} ('{' '.join(one.text.split())[:100]}') has the joints {', '.join(order)}"
+                for order, one in (orders[0], (joints, text))
             )
+            raise MismatchError(f"{first}, but {second}. Say which by `joints` in the map of columns.")
     if orders:
         return orders[0]
-    for one, of_joints in _find_lists(texts, known):
-        names, ours = one.joints, len(set(one.joints) & set(known))
+    for names, text, of_joints in _find_lists(texts, known):
+        ours = len(set(names) & set(known))
         complete = len(names) == count and (2 * ours > count or (of_joints and ours))
         twice = next((name for name in names if names.count(name) > 1), None)
-        says = f"{one.where} names {len(names)} joints: {', '.join(names)}"
+        says = f"{text.where} names {len(names)} joints: {', '.join(names)}"
         if complete or (of_joints and ours and len(names) > 1):
             if twice:
-                raise MismatchError(f"{one.where} names the joint '{twice}' twice.")
+                raise MismatchError(f"{text.where} names the joint '{twice}' twice.")
             if not complete:
                 raise MismatchError(f"{pattern} has {count} columns, but {says}.")
-            return one
+            return names, text
         if of_joints and len(names) == count and not twice and (count > 1 or _has_index(names[0])):
             if known:
                 raise MismatchError(f"{says}, none of which is among the joints of the model: {', '.join(known)}.")
-            return one
+            return names, text
     return None
 
 
 def labelled_joints(texts, known):
-    """Return the first list of several names with a label of joints that has joints of the model; None without one."""
-    lists = (one for one, of_joints in _find_lists(texts, known) if of_joints)
-    return next((one for one in lists if len(one.joints) > 1 and set(one.joints) & set(known)), None)
+    """Return the first list of several names with a label of joints that has joints of the model, as stated_order."""
+    lists = ((names, text) for names, text, of_joints in _find_lists(texts, known) if of_joints)
+    return next((one for one in lists if len(one[0]) > 1 and set(one[0]) & set(known)), None)
 
 
 def _find_orders(texts, known, count):
-    """Statements with as many joints of the model as there are columns, in one line or in several."""
+    """Joints and texts with as many joints of the model as there are columns, in one line or in several."""
     whole, parts = [], []
     for one in texts if known and count > 1 else ():
-        order = _order(one.text, known)
+        order, text = _order(one.text, known), one.text
         if len(order) == count:
-            whole.append(Stated(order, one.where, one.text, one.array))
-        text = one.text
+            whole.append((order, one))
         for line in one.following if 0 < len(order) < count else ():
             text = f"{text}\n{line}"
             if len(text) > MAX_LENGTH or not 0 < len(_order(line, known)) < count:
                 break
             if len(order := _order(text, known)) == count:
-                parts.append(Stated(order, one.where, text, one.array))
+                parts.append((order, one._replace(text=text)))
                 break
     return whole + parts
 
@@ -365,7 +361,7 @@ def _find_lists(texts, known):
         split = bool(re.search(r"[,;|'\"\[]", text)) or not text.strip()
         if match and names and _are_names([name for name in names if name not in known], split):
             label = match[0][: match.start("names") - match.start()]
-            yield Stated(names, one.where, one.text, one.array), "joint" in label.lower()
+            yield names, one, "joint" in label.lower()
 
 
 def _entries(lines):

@@ -3,6 +3,7 @@
 
 """Rows of any table as columns of joints, in pieces and SI units."""
 
+from collections.abc import Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -151,20 +152,21 @@ class Table:
 
     def _values(self, block, quantity):
         """Values of a quantity in SI units, (n, k)."""
+        scale = np.ones(1) if isinstance(quantity.scale, Mapping) else quantity.scale
         if quantity.whole:
             k = quantity.columns[0]
             values = read_lists(block.arrays[k], None if self._choice.names else len(self.joints), self._lose(block, k))
-            if values.shape[1] == len(quantity.scale):
-                return values * quantity.scale
-            if len(set(quantity.scale.tolist())) > 1:
+            if values.shape[1] == len(scale):
+                return values * scale
+            if len(set(scale.tolist())) > 1:
                 expected = "expected one number, or one by joint, for rows that name different joints"
-                raise InputError(f"scale has {len(quantity.scale)} numbers; {expected}.")
-            return values * quantity.scale[:1]
+                raise InputError(f"scale has {len(scale)} numbers; {expected}.")
+            return values * scale[:1]
         values = np.full((len(block.rows), len(quantity.columns)), np.nan)
         for joint, k in enumerate(quantity.columns):
             if k is not None:
                 values[:, joint] = read_numbers(block.arrays[k], block.decimal, self._lose(block, k))
-        return values * quantity.scale
+        return values * scale
 
     def _lose(self, block, k):
         """What counts losses of a column."""
@@ -190,7 +192,8 @@ class Table:
         names = _widen(names, width, "")
         for quantity, one in values.items():
             values[quantity] = one = _widen(one, width, np.nan)
-            if scale := self._choice.scale_of.get(quantity):
+            scale = self._choice.quantities[quantity].scale
+            if isinstance(scale, Mapping):
                 factors = {name: scale.get(name, scale.get(ALL)) for name in set(names.ravel().tolist())} | {"": 1.0}
                 if lacking := [name for name, factor in factors.items() if factor is None]:
                     missing = f"{quantity} has nothing for '{min(lacking)}', which rows name"
