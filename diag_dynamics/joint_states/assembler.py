@@ -190,6 +190,14 @@ class StateAssembler:
         return [self.names[k] for k in np.flatnonzero(self._memory.joints["known"] == 0)]
 
     @property
+    def without_effort(self):
+        """Joints without a last effort, although others have one, and efforts of these are available."""
+        own = self._memory.joints
+        unknown = np.isnan(own["effort"])
+        lacks = unknown & np.isfinite(own["factor"])
+        return [] if unknown.all() else [self.names[k] for k in np.flatnonzero(lacks)]
+
+    @property
     def last_texts(self):
         """Text on the last time of each event, by its name."""
         return {codes.EVENTS[event]: text for event, text in self._last.items()}

@@ -4,8 +4,8 @@
 """Analysis of a recording: evaluate, observe and judge its states batch by batch, and write them to outputs."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from diag_dynamics.collision.detector import AlarmDetector, Judged
 from diag_dynamics.collision.events import Alarms
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
+from diag_dynamics.model import RobotModel
 from diag_dynamics.recordings.account import Account
 from diag_dynamics.recordings.balance import Balance, Windows, WindowSums
 from diag_dynamics.recordings.contact_exposure import ContactExposure
@@ -76,20 +77,13 @@ class Peaks:
 class Outcome:
     """Results of an analysis, of which a summary is made."""
 
-    robot: str
-    names: tuple
+    model: RobotModel
     gain: float
     threshold: float
     missing: tuple
     """Parameters without which no collision is reported."""
-    balance: Balance
-    quality: Quality
-    efforts: EffortRange
-    motion: MotionSample
     collisions: Collisions | Alarms
     exposure: ContactExposure | None
-    peaks: Peaks = field(default_factory=Peaks)
-    histogram: Any = field(default_factory=lambda: np.zeros(BINS, dtype=int))
     states: int = 0
     observed: int = 0
     """Number of states of which the observer has a result."""
@@ -98,6 +92,14 @@ class Outcome:
     account: Account | None = None
     offset: int = 0
     """Difference of stamps from times in the recording [ns]."""
+    without_effort: tuple = ()
+    """Joints whose effort never came, although that of others did."""
+
+    def __post_init__(self):
+        model = self.model
+        self.balance, self.quality, self.peaks = Balance(model.dof_names), Quality(model), Peaks()
+        self.efforts, self.motion = EffortRange(model.dof_names), MotionSample(model)
+        self.histogram = np.zeros(BINS, dtype=int)
 
 
 class Analysis:
@@ -118,23 +120,14 @@ class Analysis:
             max_gap=values["external_torque.max_gap"],
             threads=threads,
         )
-        self._windows, names = WindowSums(model.nv, self.friction), tuple(model.dof_names)
+        self._windows, names = WindowSums(model.nv, self.friction), model.dof_names
         alarms = wanted.alarms if wanted else None
         self._detector = AlarmDetector(names, alarms) if alarms else None
         self._points = self._limited_points()
-        self.outcome = Outcome(
-            model.name,
-            names,
-            gain,
-            threshold,
-            tuple(settings.unjudged_without),
-            Balance(names),
-            Quality(model),
-            EffortRange(names),
-            MotionSample(model),
-            Alarms(self._detector) if self._detector else Collisions(names),
-            ContactExposure(self._points) if self._points else None,
-        )
+        collisions = Alarms(self._detector) if self._detector else Collisions(names)
+        exposure = ContactExposure(self._points) if self._points else None
+        missing = tuple(settings.unjudged_without)
+        self.outcome = Outcome(model, gain, threshold, missing, collisions, exposure)
 
     def _limited_points(self):
         """Return the ContactPoints if any has a limit."""
@@ -164,7 +157,9 @@ class Analysis:
                     output.write(piece)
                 if progress:
                     progress(states, int(piece.states.log_time[-1]))
-        self.outcome.account, self.outcome.offset = self.reading.account(), self.reading.offset
+        outcome, reading = self.outcome, self.reading
+        outcome.account, outcome.offset = reading.account(), reading.offset
+        outcome.without_effort = reading.intake.assembler.without_effort
 
     def _next_piece(self, batches):
         for batch in batches:
@@ -181,14 +176,14 @@ class Analysis:
         residual, torque, norm, valid, _ = observed
         if self._detector:
             judged = self._detector.judge(states.stamp, residual, torque, valid, states.jumped)
-            outcome.collisions.take(states.stamp, norm, judged)
+            outcome.collisions.add_states(states.stamp, norm, judged)
             observed = *observed[:4], judged.alarm
         else:
             outcome.collisions.take(states.stamp, residual, norm, observed[4])
         windows = self._windows.take(states, s)
         outcome.balance.take(windows)
         outcome.quality.take(states)
-        outcome.efforts.take(states.position[:, -len(outcome.names) :], states.effort)
+        outcome.efforts.take(states.position[:, -outcome.model.nv :], states.effort)
         outcome.motion.take(states)
         if self._points:
             contact = self._dynamics.contact_batch(
@@ -200,6 +195,7 @@ class Analysis:
 
     def _add_figures(self, states, s, observed):
         outcome, (_, torque, norm, valid, _) = self.outcome, observed
+        names = outcome.model.dof_names
         outcome.states += len(states)
         outcome.observed += int(valid.sum())
         outcome.kinetic += float(s.kinetic_energy.sum())
@@ -208,14 +204,14 @@ class Analysis:
         outcome.histogram += np.bincount(bins, minlength=BINS)
         quantities = {
             "kinetic_energy": (s.kinetic_energy, None),
-            "energy_share": (s.energy_share, outcome.names),
-            "velocity": (np.abs(states.velocity), outcome.names),
-            "effort": (np.abs(states.effort), outcome.names),
-            "external_torque": (np.abs(torque), outcome.names),
+            "energy_share": (s.energy_share, names),
+            "velocity": (np.abs(states.velocity), names),
+            "effort": (np.abs(states.effort), names),
+            "external_torque": (np.abs(torque), names),
             "residual_norm": (norm, None),
         }
-        for quantity, (values, names) in quantities.items():
-            outcome.peaks.take(quantity, values, states.stamp, names)
+        for quantity, (values, entries) in quantities.items():
+            outcome.peaks.take(quantity, values, states.stamp, entries)
 
     def _evaluate(self, states):
         """Return the states that can be evaluated, and their evaluation."""

@@ -82,42 +82,34 @@ class WindowSums:
 
 
 class Moments:
-    """Count, mean and variance of each column of values that come in batches."""
+    """Count, mean and variance of each column of values that come in batches (Chan, Golub and LeVeque 1983)."""
 
-    def __init__(self, shape=(), count=0, mean=0.0, squares=0.0):
-        self.count, self.mean, self._squares = count, np.full(shape, mean), np.full(shape, squares)
+    def __init__(self, shape=()):
+        self.count, self.mean, self.squares = 0, np.zeros(shape), np.zeros(shape)
 
     def take(self, values):
         """Add values, along the first axis."""
-        if len(values):
-            mean = values.mean(axis=0)
-            self._merge(len(values), mean, ((values - mean) ** 2).sum(axis=0))
-
-    def add(self, other):
-        """Add the values of other moments."""
-        if other.count:
-            self._merge(other.count, other.mean, other._squares)
-
-    def _merge(self, count, mean, squares):
-        """Chan, Golub and LeVeque 1983."""
+        if not len(values):
+            return
+        count, mean = len(values), values.mean(axis=0)
         apart, total = mean - self.mean, self.count + count
-        self._squares = self._squares + squares + apart**2 * (self.count * count / total)
-        self.mean = self.mean + apart * (count / total)
-        self.count = total
+        self.squares = self.squares + ((values - mean) ** 2).sum(axis=0) + apart**2 * (self.count * count / total)
+        self.mean, self.count = self.mean + apart * (count / total), total
 
     @property
     def variance(self):
         """Mean squared distance from the mean; 0 without values."""
-        return self._squares / max(self.count, 1)
+        return self.squares / max(self.count, 1)
 
     @property
     def square(self):
         """Mean of the squares."""
         return self.variance + self.mean**2
 
-    def told(self):
-        """Return the arguments of an equal one, but for the shape: numbers."""
-        return {"count": self.count, "mean": float(self.mean), "squares": float(self._squares)}
+
+POWERS = "kinetic", "total", "residual", "effort", "needed", "weightless"
+"""Powers whose variances are judged: dK/dt, d(K + U)/dt, the residual, νᵀε, dK/dt + νᵀ(ε_g + ε_fric), and the residual of
+efforts without gravity, dK/dt + νᵀ(ε_fric − ε)."""
 
 
 class Balance:
@@ -125,58 +117,61 @@ class Balance:
 
     def __init__(self, names):
         self._names, self.moved = tuple(names), None
-        self.kinetic, self.total, self.residual = Moments(), Moments(), Moments()
-        self.effort, self.needed, self.weightless = Moments(), Moments(), Moments()
-        self.joints = Moments(len(names))
+        self.moments = Moments(len(POWERS) + len(names))
 
     def take(self, windows):
         """Add :class:`Windows`."""
-        residual = windows.residual
-        self.kinetic.take(windows.kinetic)
-        self.total.take(windows.kinetic + windows.gravity)
-        self.residual.take(residual)
-        self.effort.take(windows.effort)
-        self.needed.take(residual + windows.effort)
-        self.weightless.take(residual - windows.gravity)
-        self.joints.take(windows.gained - windows.explained)
+        kinetic, residual, effort, gravity = windows.kinetic, windows.residual, windows.effort, windows.gravity
+        powers = kinetic, kinetic + gravity, residual, effort, residual + effort, residual - gravity
+        self.moments.take(np.column_stack([*powers, windows.gained - windows.explained]))
+
+    def _of(self, numbers):
+        return dict(zip(POWERS, numbers.tolist(), strict=False))
+
+    @property
+    def _squares(self):
+        return self.moments.square[len(POWERS) :]
 
     @property
     def explained(self):
         """1 − var(residual) / var(dK/dt); None with too few windows, or at rest."""
-        return self._share(self.kinetic)
+        return self._share("kinetic")
 
     @property
     def explained_total(self):
         """1 − var(residual) / var(d(K + U)/dt); None with too few windows, or at rest."""
-        return self._share(self.total)
+        return self._share("total")
 
     def _share(self, change):
-        enough = self.kinetic.count >= MIN_WINDOWS and self.moved
+        count, variances = self.moments.count, self._of(self.moments.variance)
+        judged = count >= MIN_WINDOWS and self.moved
         if self.moved is None:
-            enough = is_judged(self.kinetic.count, self.kinetic.square)
-        return explained_share(self.residual.variance, change.variance) if enough else None
+            judged = is_judged(count, self._of(self.moments.square)["kinetic"])
+        return explained_share(variances["residual"], variances[change]) if judged else None
 
     @property
     def residual_power(self):
         """Root mean square of the residual [W]; None with too few windows."""
-        return float(np.sqrt(self.residual.square)) if self.residual.count >= MIN_WINDOWS else None
+        square = self._of(self.moments.square)["residual"]
+        return float(np.sqrt(square)) if self.moments.count >= MIN_WINDOWS else None
 
     def of_joints(self):
         """Return each joint's root mean square residual [W] and its share of all squares, by name."""
-        squares = self.joints.square
-        total = squares.sum() or 1.0
-        return {name: (float(np.sqrt(one)), float(one / total)) for name, one in zip(self._names, squares, strict=True)}
+        squares = self._squares
+        shares = squares / (squares.sum() or 1.0)
+        return dict(zip(self._names, zip(np.sqrt(squares).tolist(), shares.tolist(), strict=True), strict=True))
 
     def cause(self):
         """Return a likely cause by the powers of all joints together, in words; or an empty text."""
-        moments = self.residual, self.effort, self.needed, self.kinetic, self.weightless
-        return likely_cause(*(one.variance for one in moments))
+        variances = self._of(self.moments.variance)
+        del variances["total"]
+        return likely_cause(**variances)
 
     def judgement(self, cause="", instead=False):
         """Return the judgement in words; a cause by the efforts of joints stands beside or instead of that by powers."""
-        explained, count = self.explained, self.kinetic.count
+        explained, count = self.explained, self.moments.count
         if explained is not None:
-            culprits = culprits_of(self._names, self.joints.square)
+            culprits = culprits_of(self._names, self._squares)
             causes = "; ".join(filter(None, ("" if instead else self.cause(), cause)))
             return judgement(explained, self.explained_total, culprits, causes)
         if count >= MIN_WINDOWS:
@@ -205,10 +200,7 @@ def culprits_of(names, squares):
 
 
 def likely_cause(residual, effort, needed, kinetic, weightless):
-    """Return gravity, or a factor of all efforts, if it explains the motion, in words; from variances of powers [W²].
-
-    `needed` is dK/dt + νᵀ(ε_g + ε_fric), `weightless` the residual of efforts without gravity, dK/dt + νᵀ(ε_fric − ε).
-    """
+    """Return gravity, or a factor of all efforts, if it explains the motion, in words, by variances of POWERS [W²]."""
     if kinetic > 0.0 and 1.0 - weightless / kinetic >= MIN_EXPLAINED:
         return "gravity seems not to be in the efforts (effort_includes_gravity)"
     together = 0.5 * (needed + effort - residual)

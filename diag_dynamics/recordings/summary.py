@@ -11,7 +11,7 @@ import numpy as np
 from diag_dynamics.collision.events import Alarm
 from diag_dynamics.recordings.account import NOTE, Finding, without_efforts
 from diag_dynamics.recordings.analysis import BINS_PER_DECADE, LOWEST_BIN
-from diag_dynamics.recordings.balance import MIN_EXPLAINED, WINDOW
+from diag_dynamics.recordings.balance import MIN_EXPLAINED, POWERS, WINDOW
 from diag_dynamics.recordings.quality import four_digits
 
 REJECTED = "rejected: "
@@ -34,7 +34,7 @@ def summary_of(outcome):
     def time(stamp):
         return None if stamp is None else float((stamp - outcome.offset) * 1e-9)
 
-    balance.moved, unmeasured = outcome.efforts.moved, outcome.efforts.complaint()
+    balance.moved, unmeasured = outcome.efforts.moved, _unmeasured(outcome)
     good = balance.explained is not None and balance.explained >= MIN_EXPLAINED
     wrong_efforts = None if good or unmeasured else outcome.motion.complaint()
     largest, report = peaks.largest(), quality.report()
@@ -44,8 +44,8 @@ def summary_of(outcome):
         cause.removeprefix(REJECTED): n for cause, n in sorted(counts.items()) if cause.startswith(REJECTED) and n
     }
     return {
-        "robot": outcome.robot,
-        "degrees_of_freedom": list(outcome.names),
+        "robot": outcome.model.name,
+        "degrees_of_freedom": list(outcome.model.dof_names),
         "states": outcome.states,
         "duration": quality.duration,
         "begin": time(quality.begin),
@@ -64,9 +64,9 @@ def summary_of(outcome):
         "explained_with_potential": balance.explained_total,
         "residual_power": balance.residual_power,
         "balance": {
-            "windows": balance.residual.count,
+            "windows": balance.moments.count,
             "length": WINDOW,
-            "moments": {name: getattr(balance, name).told() for name in ("kinetic", "total", "residual")},
+            "moments": _moments(balance.moments),
             "says": _judgement(balance, unmeasured, wrong_efforts),
             "joints": {name: {"residual_power": rms, "share": one} for name, (rms, one) in balance.of_joints().items()},
         },
@@ -99,6 +99,20 @@ def _histogram(outcome):
         low, high = (10.0 ** ((k + LOWEST_BIN + one) / BINS_PER_DECADE) for one in (0, 1))
         bins.append({"from": low, "to": high, "states": int(outcome.histogram[k])})
     return bins
+
+
+def _unmeasured(outcome):
+    """Return which efforts cannot have been measured, in words; or an empty text."""
+    names, absurd = outcome.without_effort, outcome.account.counts["absurd effort"]
+    if not names or absurd or outcome.quality.report()["without_effort"] < outcome.states:
+        return outcome.efforts.complaint()
+    return f"efforts of {', '.join(names)} are missing throughout, so that no state has those of all joints (locked_joints)"
+
+
+def _moments(moments):
+    """Return count, mean and sum of squared deviations of the powers whose shares a fleet combines."""
+    numbers = zip(POWERS[:3], moments.mean.tolist(), moments.squares.tolist(), strict=False)
+    return {name: {"count": moments.count, "mean": mean, "squares": squares} for name, mean, squares in numbers}
 
 
 def _judgement(balance, unmeasured, wrong):
@@ -157,6 +171,7 @@ def wrongs_of(summary):
         f"{rejected} message{' was' if rejected == 1 else 's were'} rejected": rejected,
         few: explained is not None and explained < MIN_EXPLAINED,
         "there are efforts, but no balance of power": explained is None and _has_efforts(summary),
+        summary["efforts"]["unmeasured"]: explained is None and not _has_efforts(summary),
         "no balance of power, because efforts are beyond what can be (absurd.effort): are they in N m or N?": (
             explained is None and "absurd effort" in causes
         ),
@@ -164,7 +179,7 @@ def wrongs_of(summary):
         and f"{unit['cause']} (positions change {four_digits(unit['factor'])} times as fast as velocities say)": unit,
         says: says,
     }
-    return [text for text, applies in wrongs.items() if applies]
+    return [text for text, applies in wrongs.items() if text and applies]
 
 
 def _has_efforts(summary):
