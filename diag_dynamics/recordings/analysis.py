@@ -34,11 +34,9 @@ class Piece(NamedTuple):
 
     states: States
     s: BatchEvaluation
-    observed: tuple
-    """residual, external_torque, norm, valid, collision; see :class:`~observer.Observed`."""
+    observed: tuple  # residual, external_torque, norm, valid, collision
     windows: Windows
-    judged: Judged | None = None
-    """Alarms, if there are thresholds of them."""
+    judged: Judged | None = None  # with thresholds of alarms
 
 
 class Peaks:
@@ -80,20 +78,15 @@ class Outcome:
     model: RobotModel
     gain: float
     threshold: float
-    missing: tuple
-    """Parameters without which no collision is reported."""
+    missing: tuple  # parameters without which no collision is reported
     collisions: Collisions | Alarms
     exposure: ContactExposure | None
     states: int = 0
-    observed: int = 0
-    """Number of states of which the observer has a result."""
-    kinetic: float = 0.0
-    """Sum of K over the states [J]."""
+    observed: int = 0  # states of which the observer has a result
+    kinetic: float = 0.0  # sum of K over the states [J]
     account: Account | None = None
-    offset: int = 0
-    """Difference of stamps from times in the recording [ns]."""
-    without_effort: tuple = ()
-    """Joints whose effort never came, although that of others did."""
+    offset: int = 0  # of stamps from times in the recording [ns]
+    without_effort: tuple = ()  # joints whose effort never came, although that of others did
 
     def __post_init__(self):
         model = self.model
@@ -111,15 +104,10 @@ class Analysis:
         self._dynamics = DiagonalDynamics(model)
         wanted, values = settings.observation, settings.values
         gain, threshold, release = (wanted.gain, wanted.threshold, wanted.release) if wanted else (gain, np.inf, None)
-        self._observer = Observer(
-            self._dynamics,
-            gain,
-            threshold,
-            None if threshold == np.inf else release,
-            friction=self.friction and values["external_torque.friction"],
-            max_gap=values["external_torque.max_gap"],
-            threads=threads,
-        )
+        release = None if threshold == np.inf else release
+        friction, max_gap = self.friction and values["external_torque.friction"], values["external_torque.max_gap"]
+        options = {"friction": friction, "max_gap": max_gap, "threads": threads}
+        self._observer = Observer(self._dynamics, gain, threshold, release, **options)
         self._windows, names = WindowSums(model.nv, self.friction), model.dof_names
         alarms = wanted.alarms if wanted else None
         self._detector = AlarmDetector(names, alarms) if alarms else None

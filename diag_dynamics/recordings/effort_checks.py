@@ -161,12 +161,10 @@ class MotionSample:
 class Cause(NamedTuple):
     """What would explain the efforts, in words, and the fraction of their squares that it leaves."""
 
-    kind: str
-    """sign, unit, weightless, gravity or order; joint, of single joints; light, of light joints alone."""
+    kind: str  # sign, unit, weightless, gravity or order; joint, of single joints; light, of light joints alone
     text: str
     left: float = 1.0
-    noise: float = 0.0
-    """What factors of gravity's and inertia's torques leave, too: noise, and what the model lacks."""
+    noise: float = 0.0  # what factors of gravity's and inertia's torques leave, too: noise, and what the model lacks
 
 
 class _Squares:

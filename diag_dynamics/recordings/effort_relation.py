@@ -107,21 +107,14 @@ class Run(NamedTuple):
 class Relation(NamedTuple):
     """Factors from the model's torque to the measured effort, by joint; shape (nv,) each."""
 
-    factor: np.ndarray
-    """Slope of the effort over the model's torque of gravity and inertia; NaN if the motion does not show it."""
-    error: np.ndarray
-    """Its standard error, by leaving out blocks of time: residuals of neighbours in time depend on one another."""
-    model_error: np.ndarray
-    """Error of the factor due to the model."""
-    inertial: np.ndarray
-    """Slope over the torque of inertia alone, without the acceleration among the columns."""
+    factor: np.ndarray  # slope over the torque of gravity and inertia; NaN if the motion does not show it
+    error: np.ndarray  # its standard error, by blocks of time left out: residuals of neighbours in time are alike
+    model_error: np.ndarray  # error of the factor due to the model
+    inertial: np.ndarray  # slope over the torque of inertia alone, without the acceleration among the columns
     inertial_error: np.ndarray
-    heavy: np.ndarray
-    """Whether most of the torque is gravity, bool."""
-    geared: np.ndarray
-    """Whether the factor contains that of an unknown rotor, bool: as of a linear axis."""
-    torque: np.ndarray
-    """Standard deviation of the model's torque that no friction or offset explains [N m, N]."""
+    heavy: np.ndarray  # whether most of the torque is gravity, bool
+    geared: np.ndarray  # whether the factor contains that of an unknown rotor, bool: as of a linear axis
+    torque: np.ndarray  # standard deviation of the model's torque that no friction or offset explains [N m, N]
 
     def limits(self, tolerant=False):
         """Return the smallest and the largest accepted factor, shape (nv,) each; `tolerant` of a payload."""

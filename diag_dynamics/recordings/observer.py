@@ -151,13 +151,8 @@ class Observer:
         """Evaluate and observe states; yield the stamps [ns] of a batch and the results of :meth:`take`."""
         for first in range(0, len(states), SIZE):
             part = states[first : first + SIZE]
-            s = self._dynamics.evaluate_batch(
-                part.position,
-                part.velocity,
-                np.nan_to_num(part.effort),
-                threads=self._threads,
-                friction=self._friction,
-            )
+            columns = part.position, part.velocity, np.nan_to_num(part.effort)
+            s = self._dynamics.evaluate_batch(*columns, threads=self._threads, friction=self._friction)
             yield part.stamp, self.take(part, s)
 
     def take(self, states, s):
@@ -196,15 +191,12 @@ class Observer:
 
 
 class Collision(NamedTuple):
-    """Time for which |r| was above the threshold."""
+    """Time for which |r| was above the threshold, with the joints that had most of r where it was largest."""
 
-    start: int
-    """First stamp, and the last one [ns]."""
+    start: int  # first stamp, and the last one [ns]
     end: int
     joints: tuple[str, ...]
-    """Those with most of r where it was largest."""
-    norm: float
-    """Largest |r| [J^½/s]."""
+    norm: float  # largest |r| [J^½/s]
 
 
 class Collisions:

@@ -28,14 +28,12 @@ def column_counts(flags):
 class Samples(NamedTuple):
     """States with efforts in a batch; of several states with one stamp the first one is the sample."""
 
-    rows: np.ndarray | slice
-    """Rows of the S samples in the batch."""
-    interval: np.ndarray
-    """Time since the sample before [s], shape (S,); 0 if no motion leads from that one to this one."""
-    known: np.ndarray
-    """Rows of all states with efforts, shape (N,)."""
-    sample: np.ndarray
-    """Number of the sample that has the stamp of each, shape (N,); -1 is the last one of the batch before."""
+    rows: np.ndarray | slice  # of the S samples in the batch
+    interval: np.ndarray  # since the sample before [s], shape (S,); 0 if no motion leads from there
+    known: np.ndarray  # rows of all states with efforts, shape (N,)
+    sample: (
+        np.ndarray
+    )  # number of the sample with the stamp of each, shape (N,); −1 is the last one of the batch before
 
 
 class SampleChain:
