@@ -217,8 +217,6 @@ def _results(jobs, scheduler, workers):
                 error, job = future.exception(), by_key[future.key]
                 result = f"{type(error).__name__}: {error}" if error else future.result()
                 del future  # what has come is not computed again when its worker dies
-                if isinstance(result, str):
-                    job.remove_outputs()
                 yield job, result
     finally:
         for job in jobs:

@@ -4,8 +4,10 @@
 """Reports have the library's numbers of the recording, every state around contacts, and a bounded size."""
 
 import gzip
+from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 import diag_dynamics as dd
@@ -18,6 +20,64 @@ from diag_dynamics.recordings.outputs.downsampling import AROUND, ContactRuns, O
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import summary_of
 from recorded_arm import ARM, PUSHED, RATE, WATCHED, Recording, parts_of
+from robots import description, joint, link
+
+# --- Tables ---
+
+PER_DOF = {
+    **{"velocity": ("rad/s", "m/s"), "effort": ("N m", "N"), "nu": ("J^0.5", "J^0.5"), "xi": ("rad/s", "m/s")},
+    **{"kappa": ("N m", "N"), "articulated_inertia": ("kg m^2", "kg"), "energy_share": ("J", "J")},
+    **dict.fromkeys(("epsilon", "coriolis", "gravity", "friction"), ("J^0.5/s", "J^0.5/s")),
+}
+
+
+def test_columns_of_tables(tmp_path):
+    """Parquet has units in metadata and NaN, CSV units in the header and empty fields; both have the library's numbers."""
+    links = (link(name, 2.0, (0.1, 0.0, 0.2), (0.03, 0.0, 0.0, 0.03, 0.0, 0.01)) for name in ("one", "two"))
+    turn, slide = joint("turn", "revolute", "base", "one"), joint("slide", "prismatic", "one", "two")
+    xml = description("arm", link("base"), *links, turn.replace("</joint>", '<dynamics damping="0.5"/></joint>'), slide)
+    (tmp_path / "arm.urdf").write_text(xml)
+    model, t = dd.load_urdf(xml), np.arange(400) / 500.0
+    assert model.dof_names == ("turn", "slide")
+    q = np.stack([np.sin(3.0 * t), 0.1 * np.cos(2.0 * t)], axis=1)
+    qd, tau = np.gradient(q, t, axis=0), np.stack([1.0 + t, 5.0 - t], axis=1)
+    tau[100:120, 1] = np.nan
+    np.savez(tmp_path / "arm.npz", t=t, q=q, qd=qd, tau=tau)
+    paths = [str(tmp_path / name) for name in ("arm.npz", "arm.urdf", "out.parquet", "out.csv")]
+    arguments = ["analyse", paths[0], "--urdf", paths[1], "--parquet", paths[2], "--csv", paths[3], "--quiet"]
+    assert main(arguments) in (0, 1)
+    unknown = np.isnan(tau).any(axis=1)
+    s = dd.DiagonalDynamics(model).evaluate_batch(q, qd, np.where(unknown[:, None], 0.0, tau), friction=True)
+    hidden = np.where(unknown, np.nan, 1.0)
+    expected, units = {}, {}
+    for k, name in enumerate(model.dof_names):
+        expected |= {f"position.{name}": q[:, k], f"velocity.{name}": qd[:, k]}
+        units[f"position.{name}"] = ("rad", "m")[k]
+        for quantity, both in PER_DOF.items():
+            units[f"{quantity}.{name}"] = both[k]
+            if quantity not in ("velocity", "effort"):
+                known = hidden if quantity in ("epsilon", "kappa") else 1.0
+                expected[f"{quantity}.{name}"] = getattr(s, quantity)[:, k] * known
+    expected |= {"kinetic_energy": s.kinetic_energy, "base_energy": s.base_energy, "power": s.effort_power * hidden}
+    expected |= {f"link_energy.{name}": s.link_energy[:, k] for k, name in enumerate(model.link_names)}
+    table = pq.read_table(paths[2])
+    stamps = table["stamp"].to_numpy()
+    np.testing.assert_array_equal(stamps, np.rint(t * 1e9))
+    np.testing.assert_array_equal(table["oldest_stamp"], stamps)
+    for name, numbers in expected.items():
+        np.testing.assert_allclose(table[name].to_numpy(), numbers, rtol=1e-12, atol=1e-14, err_msg=name)
+    assert np.isnan(table["residual.turn"].to_numpy()[100:120]).all() and not table["collision"].to_numpy().any()
+    given = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema}
+    assert {name: given[name] for name in units} == units
+    assert (given["stamp"], given["power"], given["link_energy.one"], given["collision"]) == ("ns", "W", "J", "")
+    assert (given["residual.slide"], given["external_torque.slide"]) == ("J^0.5/s", "N")
+    header, *rows = (line.split(",") for line in Path(paths[3]).read_text().splitlines())
+    assert header == [f'"{name} [{unit}]"' if unit else f'"{name}"' for name, unit in given.items()]
+    place = list(given).index("power")
+    assert [k for k, row in enumerate(rows) if row[place] == ""] == list(np.flatnonzero(unknown))
+    read = dd.read_recording(paths[3], xml)  # written tables are recordings
+    np.testing.assert_array_equal(read.q, q)
+
 
 # --- Downsampling ---
 
@@ -182,6 +242,10 @@ def test_the_numbers_are_the_librarys(recording):
             if numbers is not None:
                 span = np.ptp(numbers, axis=0) / 16_000 + 2e-6 * np.abs(numbers).max() + 1e-9
                 assert (np.abs(columns - numbers[every]) <= span).all(), name
+        smooth = (np.abs(t[:, None] - PUSHED) > 0.02).all(axis=1) & (t > 0.02) & (t < t[-1] - 0.02)
+        for name, force in (("p_effort", s.epsilon), ("p_gravity", -s.gravity)):
+            power = np.einsum("tk,tk->t", s.nu, force)
+            np.testing.assert_allclose(found[name][0][smooth, 0], power[smooth], atol=2e-3 * np.abs(power).max())
         K = s.kinetic_energy[found["link_energy"][1]]
         np.testing.assert_allclose(found["link_energy"][0].sum(axis=1), K, atol=1e-3 * K.max())
         c = recording.dyn.contact_batch(q, qd, points)
@@ -225,11 +289,16 @@ def test_states_without_an_effort_are_counted(recording):
     columns = recording.columns()
     columns["tau"] = columns["tau"].copy()
     columns["tau"][2500:2700] = np.nan
-    _, summary = recording.analyse("gap", "--quiet", "--set", *WATCHED, **columns)
+    html, summary = recording.analyse("gap", "--quiet", "--set", *WATCHED, **columns)
     unknown = summary["states"] - summary["observer"]["observed"]
     assert 201 <= unknown <= 202
     assert f"Of {unknown} of 4000 states nothing is known" in summary["observer"]["says"]
     assert len(summary["collisions"]) == 1
+    told, blocks = parts_of(html)
+    t, found, _ = track_of(told, blocks, told["tracks"][0])
+    missing = np.abs(t - 5.2) < 0.18
+    assert all(np.isnan(found[name][0][missing]).all() for name in ("effort", "epsilon", "p_effort"))
+    assert all(np.isfinite(found[name][0]).all() for name in ("coriolis", "K", "p_gravity"))
 
 
 def test_the_strongest_contacts_have_the_room_that_there_is(recording, monkeypatch):
