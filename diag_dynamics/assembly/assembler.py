@@ -301,19 +301,6 @@ class JointStateAssembler:
         self.jumps.forget()
         self.gaps.pause()
 
-    def memory(self):
-        """What later states and counts depend on, but for the options and for gaps: nested lists and dicts of numbers."""
-        known, beside = self._known, np.isfinite(self._follower_effort)
-        flags = known, self._without_stamp & known, self._estimated & known
-        return {
-            "flags": [values.copy() for values in flags],
-            "values": [self._values[:, known], self._stamp[known]],
-            "followers": [beside, self._follower_effort[beside], self._follower_stamp[beside]],
-            "stamps": self.stamps.memory(),
-            "jumps": self.jumps.memory(np.where(known, self._stamp, -1)),
-            "velocities": self._estimator.memory(self.options.velocity_filter_time),
-        }
-
     def update(self, message, now):
         """Take a message in and return the state it completes.
 

@@ -76,33 +76,6 @@ class Frozen:
         if self.text and self._refused:
             raise RejectedError("frozen", self.text)
 
-    def judge_many(self, stamps, position, velocity):
-        """Take in states stamped `stamps` [ns], in the order of time, a row each: as :meth:`judge` of one after the other.
-
-        Returns
-        -------
-        dict of str
-            Which states are refused, by their index, and the text then.
-        """
-        refused = {}
-        if not self._timeout or not len(stamps):
-            return refused
-        first = 0
-        while first < len(stamps):
-            if self._last is None or stamps[first] < self._last:
-                at = first
-            else:
-                at = max(first, int(np.searchsorted(stamps, (self._last // self._step + 1) * self._step)))
-            if self._refused and self.text:
-                refused |= dict.fromkeys(range(first, min(at, len(stamps))), self.text)
-            if at < len(stamps):
-                elapsed = None if self._last is None else int(stamps[at]) - self._last
-                self._take(int(stamps[at]), elapsed, position[at], velocity[at])
-                if self._refused and self.text:
-                    refused[at] = self.text
-            first = at + 1
-        return refused
-
     def _take(self, stamp, elapsed, position, velocity):
         fast, zero = np.abs(velocity) >= MOVING, velocity == 0.0
         if elapsed is None or not 0 <= elapsed <= self._timeout:
@@ -122,14 +95,6 @@ class Frozen:
         self.text = self._told(stamp - self._still_since >= self._timeout)
         if self.text:
             self.told[self.text] += 1
-
-    def memory(self):
-        """What later judgements depend on: nothing at first, else times, values and flags in a list."""
-        if self._last is None:
-            return None
-        since = self._still_since, self._zero_since
-        known = self._position, self._fast, self._zero_at, self._slides
-        return [self._last, self.text, *(values.copy() for values in since + known)]
 
     def _told(self, still):
         for joints, what in (

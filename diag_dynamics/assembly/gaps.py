@@ -44,20 +44,6 @@ class Gaps:
         elif elapsed > LONGEST:
             self._intervals.pop(source, None)
 
-    def take_many(self, source, stamps):
-        """Take in the stamps of messages of one source [ns], int64, one after the other."""
-        last = self._last.get(source, stamps[0])
-        elapsed = np.diff(stamps, prepend=last)
-        if ((elapsed <= 0) | (elapsed > LONGEST)).any():
-            for stamp in stamps.tolist():
-                self.take(source, stamp)
-            return
-        intervals = np.concatenate([self._intervals.get(source, ()), elapsed]).astype(float)
-        whole = len(intervals) - len(intervals) % WINDOW
-        self.lost += int(lost_in(intervals[:whole].reshape(-1, WINDOW)).sum())
-        self._intervals[source] = intervals[whole:].tolist()
-        self._last[source] = int(stamps[-1])
-
     def pause(self):
         """Begin anew: a message came whose stamp is unknown, so the next interval would count as a loss."""
         self._last.clear()

@@ -107,15 +107,6 @@ class Jumps:
         """Whether a candidate has come again between messages of the source in force."""
         return bool((self._returns > 0).any())
 
-    def memory(self, stamps):
-        """What later judgements depend on: the candidate, as long as it counts after the last stamps of the joints [ns]."""
-        alive = (self._count > 0) & (np.abs(stamps - self._stamp) <= CANDIDATE_TIMEOUT * 1e9)
-        newest = max(stamps, default=0)
-        bare = [
-            [first, *kept] for first, kept in self._bare.items() if abs(newest - kept[1]) <= CANDIDATE_TIMEOUT * 1e9
-        ]
-        return [alive, bare, *(values[alive] for values in self._candidate())]
-
     def _candidate(self):
         return (
             self._position,

@@ -43,10 +43,6 @@ class OdometryBase:
         self.stamps.max_age, self.stamps.refuse_foreign = options.max_age, options.refuse_foreign
         self._farthest, self._fastest = options.max_position or np.inf, options.max_velocity or np.inf
 
-    def memory(self):
-        """What later states depend on, but for the options."""
-        return [self.stamp, self.position, self.velocity, self.unstamped, self.stamps.memory()]
-
     def forget(self):
         """Start anew, as after a jump of time."""
         self.stamp = None

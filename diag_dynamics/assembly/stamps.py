@@ -96,10 +96,6 @@ class Stamps:
         self._refused = None  # time of the first refusal by the clock, and the distance then [ns]
         self.suspects = {}  # by source: first and last stamp older than the one before [ns], and their number
 
-    def memory(self):
-        """What later judgements depend on, but for the options."""
-        return {"in_step": self.in_step, "refused": self._refused, "suspects": dict(self.suspects)}
-
     @property
     def mode(self):
         """By which of these rules a stamp no older than the source's last is accepted; None while the clocks are in doubt.

@@ -42,13 +42,6 @@ class VelocityEstimator:
         """Start anew with all joints or some, as after a jump of time."""
         self._known[here] = False
 
-    def memory(self, time):
-        """What later estimates depend on, with this filter time [s], of the joints that are known."""
-        known, counts = self._known, (self._position, self._stamp, self._sum, self._weight, self._period)
-        ready = (self._stamp - self._since) / SECOND >= time
-        since = np.where(ready, 0, self._since)
-        return [known.copy(), *(values[known] for values in (*counts, since))]
-
     def update(self, here, position, stamp, time, longest, fastest=np.inf, anew=False):
         """Velocities of joints by their newest positions.
 

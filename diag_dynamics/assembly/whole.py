@@ -36,10 +36,6 @@ class WithBase:
         self._jumps = jumps
         return self._base.with_joints(state, timeout)
 
-    def memory(self):
-        """What later states depend on: the base, and whether the joints' time has started anew without it."""
-        return [self._base.memory(), self._assembler.counts["time jumped back"] > self._jumps]
-
     def state_of_base(self, timeout):
         """The state after odometry: of a robot that is all base, for which no joint state will ever come, else None."""
         if self._assembler.names:

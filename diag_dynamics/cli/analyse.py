@@ -18,6 +18,7 @@ from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.atomic_file import AtomicFile
+from diag_dynamics.recordings.findings import without_states
 from diag_dynamics.recordings.fleet import printable, robots_of
 from diag_dynamics.recordings.outputs.mcap import TOPICS, WRITTEN, McapOutput
 from diag_dynamics.recordings.outputs.report import ReportOutput
@@ -171,11 +172,11 @@ def _summary(chosen, recording, parameters, robot):
         with _Progress(chosen.quiet) as progress:
             analysis.run(outputs, progress)
         if not analysis.states:
-            if (chosen.start, chosen.end) != (None, None) and not analysis.outcome.account.counts["received"]:
+            if (chosen.start, chosen.end) != (None, None) and not analysis.outcome.counts["received"]:
                 raise InputError(
                     f"'{printable(recording)}' has not a single state: no message is within --start and --end."
                 )
-            raise analysis.outcome.account.without_states(printable(recording))
+            raise without_states(printable(recording), analysis.outcome.findings)
         summary = summary_of(analysis.outcome) | {"recording": str(recording)}
         for output in outputs:
             if output is not report:

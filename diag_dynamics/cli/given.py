@@ -8,7 +8,7 @@ from pathlib import Path
 from diag_dynamics.cli.robot_argument import ROBOT
 from diag_dynamics.entries import split_arguments
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.account import without_states
+from diag_dynamics.recordings.findings import without_states
 from diag_dynamics.recordings.recording import Reading
 
 GAIN = 25.0

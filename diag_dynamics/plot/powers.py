@@ -14,8 +14,8 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.plot.drawing import COLOURS, GREY, envelope, name, parted, pyplot, text_colour, tidy
 from diag_dynamics.plot.given import require_states
-from diag_dynamics.recordings.account import without_efforts
 from diag_dynamics.recordings.balance import MIN_EXPLAINED, NOTHING_EXPLAINED, Balance, Windows, WindowSums
+from diag_dynamics.recordings.findings import without_efforts
 from diag_dynamics.recordings.recording import SIZE, Recording
 
 

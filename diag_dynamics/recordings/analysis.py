@@ -14,7 +14,6 @@ from diag_dynamics.collision.events import Alarms
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.recordings.account import Account
 from diag_dynamics.recordings.balance import Balance, Windows, WindowSums
 from diag_dynamics.recordings.contact_exposure import ContactExposure
 from diag_dynamics.recordings.effort_checks import EffortRange, MotionSample
@@ -84,7 +83,8 @@ class Outcome:
     states: int = 0
     observed: int = 0  # states of which the observer has a result
     kinetic: float = 0.0  # sum of K over the states [J]
-    account: Account | None = None
+    counts: dict | None = None
+    findings: list | None = None
     offset: int = 0  # of stamps from times in the recording [ns]
     without_effort: tuple = ()  # joints whose effort never came, although that of others did
 
@@ -146,7 +146,7 @@ class Analysis:
                 if progress:
                     progress(states, int(piece.states.log_time[-1]))
         outcome, reading = self.outcome, self.reading
-        outcome.account, outcome.offset = reading.account(), reading.offset
+        outcome.counts, outcome.findings, outcome.offset = reading.counts, reading.findings(), reading.offset
         outcome.without_effort = reading.intake.assembler.without_effort
 
     def _next_piece(self, batches):

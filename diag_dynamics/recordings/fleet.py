@@ -31,6 +31,7 @@ from diag_dynamics.parameters.robots import model_of, require_as_made
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.atomic_file import AtomicFile
 from diag_dynamics.recordings.balance import MIN_WINDOWS, explained_share
+from diag_dynamics.recordings.findings import without_states
 from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading
@@ -187,7 +188,7 @@ def _analyse(job):
             outputs.append(ReportOutput(job.output("html"), reading))
         analysis.run(outputs)
         if not analysis.states:
-            raise analysis.outcome.account.without_states(job.path)
+            raise without_states(job.path, analysis.outcome.findings)
         summary = summary_of(analysis.outcome) | {"recording": job.path}
         for output in outputs:
             output.close(summary)

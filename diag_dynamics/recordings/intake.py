@@ -104,9 +104,6 @@ class Intake:
         self.units = RejectedUnits(model, map_name or str)
         self._moved = False  # whether positions jumped since the last state
 
-    def memory(self):
-        """Return nothing: recordings are not cut."""
-
     @property
     def counts(self):
         """How many messages there were and what became of them, by the monitor's names."""

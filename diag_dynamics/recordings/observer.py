@@ -15,7 +15,7 @@ from diag_dynamics.checks import instance, per_name, positive
 from diag_dynamics.compiled.kernel import FILLED_MATRIX, FILLED_VECTOR, MATRIX, VECTOR, entry_kernel, ready
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.account import without_efforts
+from diag_dynamics.recordings.findings import without_efforts
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.recordings.windows import SampleChain
 

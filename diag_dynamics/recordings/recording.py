@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
@@ -19,7 +20,7 @@ from diag_dynamics.model import RobotModel
 from diag_dynamics.parameters.contact_points import contact_points
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.robots import model_of, require_as_made, require_single_joints
-from diag_dynamics.recordings.account import Account, Finding
+from diag_dynamics.recordings.findings import WITHOUT_VALUES, Finding, find_all
 from diag_dynamics.recordings.intake import Intake
 from diag_dynamics.recordings.sources import source_of
 from diag_dynamics.recordings.states import States
@@ -233,12 +234,6 @@ class Reading:
         """By how much stamps are later than times in the recording [ns]; known when there is a piece."""
         return self._source.offset
 
-    settles = False
-
-    def starts(self):
-        """Return no times: recordings are not cut."""
-        return []
-
     def pieces(self, size=SIZE):
         """See :func:`stream_recording`."""
         held, count = [], 0
@@ -269,13 +264,16 @@ class Reading:
         return tuple(None if after is None else first + after for after in self._after)
 
     def _recording(self, states):
-        account = self.account()
-        return Recording(self.model, states, self._source.offset, account.counts, account.findings(), self._path)
+        return Recording(self.model, states, self._source.offset, self.counts, self.findings(), self._path)
 
-    def account(self):
-        """What is known of the messages by now."""
-        source = self._source
-        return Account(self.intake, source.unread, source.notes, source.without_values)
+    @property
+    def counts(self):
+        """Numbers of messages, and of what became of them, by the monitor's names."""
+        return self.intake.counts + Counter({WITHOUT_VALUES: self._source.without_values})
+
+    def findings(self):
+        """Return what is known of the messages by now: a list of Finding."""
+        return find_all(self.intake, self._source)
 
 
 def _nanoseconds(start, end):

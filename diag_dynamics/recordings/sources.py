@@ -13,8 +13,8 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.decoding import Decoder
 from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.model.sources import GIT_LFS
-from diag_dynamics.recordings.account import OTHER_TOPICS
 from diag_dynamics.recordings.bags import METADATA, open_bag
+from diag_dynamics.recordings.findings import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
 from diag_dynamics.recordings.joint_names import JointNames, describe_maps, listed, propose_maps
 from diag_dynamics.recordings.rows import Rows

@@ -9,9 +9,9 @@ import textwrap
 import numpy as np
 
 from diag_dynamics.collision.events import Alarm
-from diag_dynamics.recordings.account import NOTE, Finding, without_efforts
 from diag_dynamics.recordings.analysis import BINS_PER_DECADE, LOWEST_BIN
 from diag_dynamics.recordings.balance import MIN_EXPLAINED, POWERS, WINDOW
+from diag_dynamics.recordings.findings import NOTE, Finding, without_efforts
 from diag_dynamics.recordings.quality import four_digits
 
 REJECTED = "rejected: "
@@ -29,7 +29,7 @@ WIDTH = 100
 
 def summary_of(outcome):
     """Return the numbers of an Outcome as a dict in SI units; docs/recordings.md lists the keys."""
-    quality, balance, peaks, counts = outcome.quality, outcome.balance, outcome.peaks, outcome.account.counts
+    quality, balance, peaks, counts = outcome.quality, outcome.balance, outcome.peaks, outcome.counts
 
     def time(stamp):
         return None if stamp is None else float((stamp - outcome.offset) * 1e-9)
@@ -87,7 +87,7 @@ def summary_of(outcome):
         "contact": outcome.exposure.summary(time) if outcome.exposure else None,
         "quality": report,
         "warnings": [text for text in (unmeasured, *quality.warnings()) if text],
-        "findings": [{"cause": one.cause, "count": one.count, "text": one.text} for one in outcome.account.findings()],
+        "findings": [{"cause": one.cause, "count": one.count, "text": one.text} for one in outcome.findings],
     }
 
 
@@ -103,7 +103,7 @@ def _histogram(outcome):
 
 def _unmeasured(outcome):
     """Return which efforts cannot have been measured, in words; or an empty text."""
-    names, absurd = outcome.without_effort, outcome.account.counts["absurd effort"]
+    names, absurd = outcome.without_effort, outcome.counts["absurd effort"]
     if not names or absurd or outcome.quality.report()["without_effort"] < outcome.states:
         return outcome.efforts.complaint()
     return f"efforts of {', '.join(names)} are missing throughout, so that no state has those of all joints (locked_joints)"
@@ -131,7 +131,7 @@ def _says_of_contacts(outcome, without_effort):
     if not outcome.observed:
         why = "the observer has no result at any state"
         if without_effort == states:
-            why = without_efforts(outcome.account.counts)
+            why = without_efforts(outcome.counts)
         said.append(f"Nothing is known of contacts: {why}.")
     elif unknown > 1 and not missing:  # the first one never has a result
         said.append(f"Of {unknown} of {states} states nothing is known: the observer has no result there.")

@@ -1,0 +1,125 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Findings of a recording: unreadable data, rejected messages, and what else a reader of its numbers should know."""
+
+from collections import Counter
+from typing import NamedTuple
+
+from diag_dynamics.assembly.jumps import INTERLEAVED
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.intake import ABSURD, LOST
+from diag_dynamics.recordings.joint_names import describe_maps, listed, propose_maps
+from diag_dynamics.recordings.refused_units import MIN_REJECTED, UNITS
+
+NOTE = "note"
+"""Cause of findings about how a file was understood, of which nothing is wrong."""
+
+
+OTHER_TOPICS = "(--topic reads several)"
+"""In the note about topics of joint states that are not read."""
+
+
+class Finding(NamedTuple):
+    """Something about a recording that a reader of its numbers should know."""
+
+    cause: str
+    """A short key, such as ``rejected: late`` or ``unread``."""
+    count: int
+    """How often."""
+    text: str
+    """What, and where it was first."""
+
+    def __str__(self) -> str:
+        return f"{self.cause} ({self.count} ×): {self.text}" if self.count > 1 else f"{self.cause}: {self.text}"
+
+
+WITHOUT_VALUES = "rows of other topics"
+"""Name of the count of rows of a table that have no value of any joint."""
+
+TEXTS = {
+    "incomplete": None,
+    "foreign": None,
+    WITHOUT_VALUES: "rows without a value of any joint, such as rows of other topics; they are no messages",
+    LOST: "states that never came, by the gaps in the stamps",
+    "positions jumped": None,
+    INTERLEAVED: None,
+    "mimic disagreement": None,
+    "absurd effort": "efforts beyond what can be, taken as unknown (absurd.effort)",
+    "before odometry": "joint states before the base was known",
+    "time jumped back": "stamps went back: all joints were forgotten, and what follows is a stretch of its own",
+    "awaiting velocity": "states before a velocity could be estimated",
+}
+"""Texts of counts of messages that were not rejected; None for the text on the last time."""
+
+
+def without_efforts(counts):
+    """Return why a recording has no efforts, by the counts of its messages: the beginning of an error."""
+    absurd = counts.get("absurd effort", 0)
+    if absurd:
+        return (
+            f"the recording has no efforts, for those of {absurd} states are beyond what can be and were taken as unknown "
+            "(absurd.effort, absurd.beyond_effort; are they in N m?)"
+        )
+    return "the recording has no efforts, or in no state one of every joint"
+
+
+def without_states(path, findings):
+    """Return the InputError about a recording without a single state, which says what became of its messages."""
+    found = sorted((one for one in findings if one.cause != NOTE), key=lambda one: -one.count)
+    told = "; ".join(map(str, found[:3])) or "it has no messages"
+    topics = "".join(f" {one.text}" for one in findings if one.cause == NOTE and OTHER_TOPICS in one.text)
+    return InputError(f"'{path}' has not a single state: {told.removesuffix('.')}.{topics}")
+
+
+def find_all(intake, source):
+    """Return what a reader of a recording should know.
+
+    Parameters
+    ----------
+    intake : Intake
+    source : BagSource or TableSource
+
+    Returns
+    -------
+    list of Finding
+        Losses first, notes last.
+    """
+    counts = intake.counts + Counter({WITHOUT_VALUES: source.without_values})
+    found, rejected, units = [], counts[f"rejected: {ABSURD}"], intake.units.text()
+    if units and rejected > MIN_REJECTED * counts["received"]:
+        found.append(Finding(UNITS, rejected, units))
+    found += [Finding("unread", 1, f"{one.file}, {one.where}: {one.what}") for one in source.unread]
+    first = {one.cause: one.text for one in reversed(intake.rejections)}
+    causes = dict.fromkeys(one.cause for one in intake.rejections)
+    found += [Finding(cause, counts[cause], first[cause]) for cause in causes]
+    texts = TEXTS | intake.last_texts | _missing_texts(intake, counts)
+    found += [Finding(cause, counts[cause], TEXTS[cause] or texts[cause]) for cause in TEXTS if counts[cause]]
+    for text, number in intake.assembler.frozen.items():
+        found.append(Finding("frozen values", number, text.removeprefix("frozen values: ")))
+    return found + [Finding(NOTE, 1, note) for note in source.notes]
+
+
+def _missing_texts(intake, counts):
+    """Return texts on joints that never came, by the name of a count."""
+    missing, own = intake.assembler.missing, intake.assembler.names
+    if not missing:
+        return {"incomplete": "messages before all joints were known"}
+    map_name = intake.names.map_name if intake.names else str
+    others = [name for name in intake.assembler.arrived if map_name(name) not in own]
+    nothing = len(missing) == len(intake.assembler.joint_names)
+    lock = f"A joint that does not move is held by locked_joints={missing[0]}=0"
+    maps = propose_maps(others, missing)
+    if maps:
+        advice = describe_maps(maps, others, own)
+    else:
+        advice = "Another name of a joint is given by --joint-names NAME=JOINT (joint_names)"
+        advice += "" if nothing else f". {lock}"
+    foreign = f"messages without a joint of this robot, of {listed(others)}; "
+    foreign += f"{'the robot has' if nothing else 'never came:'} {listed(missing)}. {advice}"
+    incomplete = f"messages before all joints were known; never came: {listed(missing)}. "
+    if counts["foreign"] or not others:
+        incomplete += lock
+    else:
+        incomplete += f"Messages name {listed(others)}, which the robot lacks. {advice}"
+    return {"foreign": foreign, "incomplete": incomplete}
