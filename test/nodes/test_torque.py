@@ -274,14 +274,6 @@ def test_flags(monitor, standing):
 # --- collisions
 
 
-def judged(messages, stamps, names, thresholds):
-    """Return what the library's detector says of the messages: whether an alarm is on, and whether one begins."""
-    valid, zero = np.array([m.valid for m in messages]), np.zeros(len(names))
-    r = np.array([m.residual if m.valid else zero for m in messages])
-    torque = np.array([m.external_torque if m.valid else zero for m in messages])
-    return AlarmDetector(names, thresholds).judge(np.array(stamps), r, torque, valid)
-
-
 def test_collision_and_release(monitor, standing, free):
     """Begins above one threshold, ends below the other; it is reported at once, alone, and counted."""
     level = np.linalg.norm(np.linalg.solve(standing.oracle.factor(standing.middle), standing.push))
@@ -353,17 +345,16 @@ def test_collisions_in_the_log(monitor, panda, free, values, words):
             before += 2
 
 
-@pytest.mark.parametrize("limit", [20.0, math.inf])
 @pytest.mark.parametrize(
     ("first", "others", "most"),
     [(math.nan, math.nan, ""), (math.nan, 10.0, ": at most 10 N m at joint 'panda_joint2'")],
 )
-def test_collisions_in_the_log_without_a_torque(panda, first, others, most, limit):
+def test_collisions_in_the_log_without_a_torque(panda, first, others, most):
     """The line at the end has the largest torque that is known, if there is one."""
     log, count = CollisionLog(dd.load_urdf(panda.path)), len(panda.names)
     torque = np.array([first, *[others] * (count - 1)])
     for k in range(3):
-        log.accept_state(k * 10 * MS, True, torque, np.full(count, limit), lambda: "cause")
+        log.accept_state(k * 10 * MS, True, torque, np.full(count, 20.0), lambda: "cause")
     log.end()
     assert log.pop() == [("Collision: cause.", True), (f"Collision over after 0.02 s{most}.", False)]
 
@@ -379,86 +370,63 @@ def test_collisions_in_the_log_at_one_state_a_second(panda):
     assert found == [begins, [], [], ["Collision over after 2"], [], begins, ["Collision over after 0"]]
 
 
-@pytest.mark.parametrize(
-    ("thresholds", "values"),
-    [
-        (
-            AlarmThresholds({"panda_joint2": 20.0, "*": 40.0}, 25.0, 50.0),
-            {"alarm.joints": ["panda_joint2=20", "*=40"], "alarm.external_torque": 25.0, "alarm.norm": 50.0},
-        ),
-        (AlarmThresholds({"*": 10.0}, standing=0.2), {"alarm.joints": ["*=10"], "alarm.standing": 0.2}),
-    ],
-    ids=["joint by joint", "a torque that stands"],
-)
-def test_alarms(monitor, panda, free, thresholds, values):
+def test_alarms(monitor, panda, free):
     """Alarms are those of the library's detector; diagnostics name joint, torque and threshold at once."""
-    pushed = pushed_by(panda, panda_joint2=30.0)
+    limits = dict.fromkeys(panda.names, 40.0) | {"panda_joint2": 20.0}
+    detector = AlarmDetector(panda.names, AlarmThresholds(limits, 25.0, 50.0))
+    values = {"alarm.joints": ["panda_joint2=20", "*=40"], "alarm.external_torque": 25.0, "alarm.norm": 50.0}
     with monitor.having(**values):
         pause(monitor)
         monitor.next_report()
         feed(monitor, [free] * 3)
         before, count = monitor.next_report().count("collisions"), len(monitor.reports)
-        found = feed(monitor, [free] * 5 + [pushed] * 250 + [free] * 120)
-        expected = judged(found, [nanoseconds(m.header.stamp) for m in found], panda.names, thresholds)
-        assert [m.collision for m in found] == expected.alarm.tolist()
-        assert expected.begins.sum() == 1
+        found = feed(monitor, [free] * 5 + [pushed_by(panda, panda_joint2=30.0)] * 250 + [free] * 120)
+        judged = [detector.update(1e-9 * nanoseconds(m.header.stamp), m.residual, m.external_torque) for m in found]
+        assert [m.collision for m in found] == [one.alarm[0] for one in judged]
+        assert sum(one.begins[0] for one in judged) == 1
         assert not found[-1].collision
-        limits = [thresholds.joints.get(name, thresholds.joints["*"]) for name in panda.names]
-        for m, joints in zip(found, expected.joints, strict=True):
-            assert list(m.joint_collision) == (joints.tolist() if m.valid else [])
-            assert list(m.torque_threshold) == limits
+        for m, one in zip(found, judged, strict=True):
+            assert list(m.joint_collision) == one.joints[0].tolist()
+            assert list(m.torque_threshold) == list(limits.values())
             assert m.torque_norm == pytest.approx(np.linalg.norm(m.external_torque))
-            assert (m.torque_norm_threshold, m.threshold) == (thresholds.external_torque, thresholds.norm)
-        first, entry = found[int(np.argmax(expected.alarm))], monitor.reports[count].entries
-        limit = limits[panda.names.index("panda_joint2")]
-        assert set(entry) == {TORQUE}
-        assert entry[TORQUE].message == f"collision: panda_joint2 {first.external_torque[1]:.3g} N m > {limit:g}"
+            assert (m.torque_norm_threshold, m.threshold) == (25.0, 50.0)
+        first = next(m for m in found if m.collision)
+        entries = monitor.reports[count].entries
+        assert set(entries) == {TORQUE}
+        assert entries[TORQUE].message == f"collision: panda_joint2 {first.external_torque[1]:.3g} N m > 20"
         assert monitor.reports[count].count("collisions") == before + 1
 
 
 ALARMS = AlarmThresholds({"panda_joint2": 20.0, "panda_joint4": 10.0}, 60.0, standing=math.inf)
+BY_JOINT, BY_NORM = Observation(GAIN, math.inf, math.inf, False, 0.1, ALARMS), Observation(GAIN, 4.0, 1.0, False, 0.1)
 
 
 @pytest.mark.parametrize(
-    ("observation", "pushes", "began", "lasts"),
+    ("observation", "began", "lasts"),
     [
-        (
-            Observation(GAIN, math.inf, math.inf, False, 0.1, ALARMS),
-            {"panda_joint2": 30.0, "panda_joint4": -12.0},
-            ["collision: panda_joint2 30 N m > 20, panda_joint4 12 N m > 10"],
-            "; since then not below alarm.release = 0.7 of it",
-        ),
-        (
-            Observation(GAIN, 4.0, 1.0, False, 0.1),
-            {"panda_joint2": 30.0},
-            ["collision: |r| rose to ", ", above external_torque.threshold = 4; ", "joint 'panda_joint2'"],
-            "; since then not below external_torque.release_threshold = 1",
-        ),
+        (BY_JOINT, "collision: panda_joint2 30 N m > 20, panda_joint4 12 N m > 10", "alarm.release = 0.7"),
+        (BY_NORM, ", above external_torque.threshold = 4; most of it is joint '", "release_threshold = 1"),
     ],
     ids=["joint by joint", "norm"],
 )
-def test_report_of_an_alarm(panda, free, observation, pushes, began, lasts):
+def test_report_of_an_alarm(panda, free, observation, began, lasts):
     """The report says what was above which threshold, then that the alarm lasts, by the other threshold."""
     watch = TorqueWatch(dd.DiagonalDynamics(dd.load_urdf(panda.path)), observation)
-    pushed, stamp = pushed_by(panda, **pushes), S
+    pushed, stamps = pushed_by(panda, panda_joint2=30.0, panda_joint4=-12.0), itertools.count(S, STEP)
 
     def take(state, count=1):
-        nonlocal stamp
         for _ in range(count):
-            stamp += STEP
-            watch.take(RobotState(*state, stamp, S, False))
+            watch.take(RobotState(*state, next(stamps), S, False))
         return watch.report([])
 
     take(free)
     risen = take(pushed, 200)
-    assert risen.level == WARN
-    for word in began:
-        assert word in risen.message
+    assert risen.level == WARN and began in risen.message
     take(free)
     messages = []
     while watch.seen.collision:
         messages.append(take(free).message)
-    assert messages[-2] == risen.message + lasts
+    assert messages[-2].startswith(f"{risen.message}; since then not below ") and lasts in messages[-2]
     assert take(free).message == "no collision"
 
 
@@ -466,14 +434,15 @@ def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
     """A node takes it by --params-file: gain, friction, and every threshold."""
     joints = {name: 20.0 + k for k, name in enumerate(panda.names)}
     thresholds = AlarmThresholds(joints, 31.5, 4.25, 0.6, 0.3, 1.5)
-    found = 300.0, 4, 5, "tail", 50
-    Calibration(GAIN, True, 1 / 60, *found, **vars(thresholds), warnings=("a warning",)).save(tmp_path / "alarms.yaml")
+    Calibration(GAIN, True, 1 / 60, 300.0, 4, 5, "tail", 50, **vars(thresholds)).save(tmp_path / "alarms.yaml")
     arguments = "--params-file", str(tmp_path / "alarms.yaml")
     with Monitor(peer, "/calibrated", *arguments, robot_description=panda.path) as monitor:
-        names = [name for name in PARAMETERS if name.startswith(("alarm.", "external"))]
-        values = {name: spec.default for name, spec in PARAMETERS.items()} | peer.get_parameters(monitor.name, names)
-        assert Settings.of(values).observation == Observation(GAIN, 4.25, 0.6 * 4.25, True, 0.1, thresholds)
-        assert feed(subscribed(monitor), [free] * 2)[1].threshold == 4.25
+        message = feed(subscribed(monitor), [free] * 2)[1]
+        assert list(message.torque_threshold) == list(joints.values())
+        assert (message.torque_norm_threshold, message.threshold) == (31.5, 4.25)
+        values = {"external_torque.gain": GAIN, "external_torque.friction": True}
+        values |= {"alarm.release": 0.6, "alarm.hold_off": 0.3, "alarm.standing": 1.5}
+        assert peer.get_parameters(monitor.name, list(values)) == values
 
 
 # --- when it is computed
