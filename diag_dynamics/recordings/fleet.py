@@ -119,7 +119,12 @@ def analyse_fleet(
     """
     if isinstance(patterns, str | os.PathLike):
         raise InputError(f"patterns is {patterns!r}, expected a list of paths and patterns.")
-    _require_libraries("distributed", "jinja2", *(["pyarrow.parquet"] if parquet else []))
+    try:
+        for name in ("distributed", "jinja2", *(["pyarrow.parquet"] if parquet else [])):
+            import_module(name)
+    except ImportError as error:
+        missing = "which is not installed: pip install 'dask[distributed]' pyarrow"
+        raise InputError(f"a fleet's recordings are analysed with {name}, {missing}.") from error
     reading = _reading_options(model, columns, topic, joint_names, parameters)
     suffixes = [suffix for suffix, wanted in (("parquet", parquet), ("html", reports)) if wanted]
     out = Path(out).expanduser().resolve()
@@ -225,15 +230,6 @@ def _results(jobs, scheduler, workers):
 
 
 # --- Options ---
-
-
-def _require_libraries(*names):
-    for name in names:
-        try:
-            import_module(name)
-        except ImportError as error:
-            missing = "which is not installed: pip install 'dask[distributed]' pyarrow."
-            raise InputError(f"a fleet's recordings are analysed with {name}, {missing}") from error
 
 
 def _reading_options(model, columns, topic, joint_names, parameters):

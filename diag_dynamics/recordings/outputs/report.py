@@ -50,10 +50,9 @@ class ReportOutput:
 
     def write(self, piece):
         """Write a :class:`~diag_dynamics.recordings.analysis.Piece`."""
-        if len(piece.states):
-            states = self._records(piece)
-            self._overview.add(states)
-            self._add_runs(self._contacts.add(states))
+        states = self._records(piece)
+        self._overview.add(states)
+        self._add_runs(self._contacts.add(states))
 
     def close(self, summary):
         """Complete the file, with the summary of the analysis, and give it its name."""
@@ -166,11 +165,9 @@ class ReportOutput:
 
     def _parameters(self):
         """Return the monitor's parameters, those that differ from the default first."""
-        values = self._reading.settings.values
         rows = [
-            {"name": name, "value": in_words(values[name]), "default": bool(values[name] == one.default)}
-            for name, one in PARAMETERS.items()
-            if name in values
+            {"name": name, "value": in_words(x), "default": bool(x == PARAMETERS[name].default)}
+            for name, x in self._reading.settings.values.items()
         ]
         return sorted(rows, key=lambda row: row["default"])
 
