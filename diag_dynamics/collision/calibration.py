@@ -182,8 +182,8 @@ def calibrate_residuals(
         )
     held_out, alarm_time, unfit = 0, 0.0, 0
     for low, high in pairwise(np.append(np.linspace(0.0, duration, FOLDS + 1)[:-1], math.inf)):
-        inside = (time >= low) & (time < high)
-        part, rest = rows.select(inside), rows.cut(time >= high).select(~inside)
+        inside, segment = (time >= low) & (time < high), 2 * rows.segment + (time >= high)
+        part, rest = rows.select(inside), rows._replace(segment=segment).select(~inside)
         if not len(part.stamps) or not len(rest.stamps):
             continue
         others, found = _fit(rest, names, rate, template)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -181,13 +181,6 @@ class AlarmDetector:
     def _move_offset(self, target: Array, elapsed: int) -> None:
         pace = -math.expm1(-2.0 * elapsed / self._standing)
         self._offset = self._offset + pace * (target - self._offset)
-
-    def memory(self) -> list[Any]:
-        """Return what later results depend on, until recordings are analysed in one pass."""
-        last = self._last or 0
-        end = self._end if last - self._end <= self._hold_off else None
-        begin = None if self._at_rest and end is None else self._begin
-        return [self._active.copy(), self._offset.copy(), begin, end]
 
 
 def detector_values(x: Array) -> Array:

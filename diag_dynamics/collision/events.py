@@ -31,28 +31,17 @@ class Exceeded(NamedTuple):
 
 
 class Alarm(NamedTuple):
-    """An alarm.
+    """A collision by the detector.
 
-    Attributes
-    ----------
-    start, end : int
-        Stamps of its first and last state [ns].
-    first : str
-        Detector that rose first; of several, the one with the largest ratio to its threshold.
-    exceeded : tuple of Exceeded
-        All that rose, the largest ratio first.
-    joints : tuple of str
-        Joints that rose; without any, the joint with the largest ratio.
-    norm : float
-        Largest |r| [J^½/s].
+    Without a joint that rose, `joints` is the one with the largest ratio to its threshold.
     """
 
-    start: int
-    end: int
-    first: str
-    exceeded: tuple[Exceeded, ...]
+    start: int  # stamp of the first state [ns]
+    end: int  # of the last one
+    first: str  # detector that rose first; of several, the one with the largest ratio
+    exceeded: tuple[Exceeded, ...]  # all that rose, the largest ratio first
     joints: tuple[str, ...]
-    norm: float
+    norm: float  # largest |r| [J^½/s]
 
     def describe(self) -> str:
         """Return what rose in words: the joints, or else the detector with the largest ratio."""
@@ -61,31 +50,15 @@ class Alarm(NamedTuple):
             return ", ".join(one.describe() for one in joints)
         return f"{self.exceeded[0].describe()}, most of it at {self.joints[0]}"
 
-    def told(self) -> str:
-        """Return the same, until its callers are renamed."""
-        return self.describe()
-
 
 class Alarms:
-    """Collects the alarms of a detector from its results.
-
-    Parameters
-    ----------
-    detector : AlarmDetector
-
-    Attributes
-    ----------
-    found : list of Alarm
-    judged : tuple of str
-        Detectors that have a threshold.
-    """
+    """Collects the alarms of a detector; `judged` are the detectors that have a threshold."""
 
     def __init__(self, detector: AlarmDetector) -> None:
         self._detectors, self._limits = detector.detectors, detector.limits
         self.judged = tuple(np.array(self._detectors)[np.isfinite(self._limits)].tolist())
         self.found: list[Alarm] = []
         self._peaks, self._nearest = np.zeros(len(self._limits)), (-1.0, "")
-        self._continues = False
 
     def add_states(self, stamps: Whole, norm: Array, judged: Judged) -> None:
         """Add states: stamps [ns], |r| and the results of the detector."""
@@ -97,7 +70,6 @@ class Alarms:
             start, at = int(stamps[rows[0]]), int(np.argmax(values[0] / self._limits))
             first = self._detectors[at]
             if judged.begins[rows[0]] or not self.found:
-                self._continues |= not judged.begins[rows[0]]
                 self._peaks, self._nearest = np.zeros(len(self._limits)), (-1.0, "")
             else:
                 start, _, first, _, _, before = self.found.pop()
@@ -121,24 +93,3 @@ class Alarms:
         joints = tuple(names[: np.count_nonzero(above < len(self._limits) - 2)])
         risen.sort(key=lambda one: -one.value / one.threshold)
         return tuple(risen), joints or (self._nearest[1],)
-
-    # Until recordings are analysed in one pass:
-
-    take = add_states
-
-    def add(self, other: Alarms) -> None:
-        """Add the alarms of the next piece."""
-        found = list(other.found)
-        if other._continues and self.found:
-            before, after = self.found.pop(), found[0]
-            exceeded = {one.detector: one for one in before.exceeded}
-            for one in after.exceeded:
-                if one.detector not in exceeded or one.value > exceeded[one.detector].value:
-                    exceeded[one.detector] = one
-            by_joint = [alarm.joints for alarm in (before, after) if set(alarm.joints) & exceeded.keys()]
-            joints = tuple(dict.fromkeys(name for names in by_joint or [before.joints] for name in names))
-            rose = tuple(sorted(exceeded.values(), key=lambda one: -one.value / one.threshold))
-            found[0] = Alarm(before.start, after.end, before.first, rose, joints, max(before.norm, after.norm))
-        else:
-            self._continues = self._continues or other._continues
-        self.found += found

@@ -44,27 +44,13 @@ class Rows(NamedTuple):
         cuts = np.flatnonzero(self.starts)[1:]
         return list(zip(np.split(self.stamps, cuts), np.split(values, cuts), strict=True))
 
-    def cut(self, after: Flags) -> Rows:
-        """Return the rows with another segment from some row on."""
-        return self._replace(segment=2 * self.segment + after)
-
     def select(self, rows: Any) -> Rows:
         """Return some of the rows."""
         return Rows(*(column[rows] for column in self))
 
 
 class Residuals:
-    """Collects residuals of an observer in parts of any size.
-
-    Parameters
-    ----------
-    width : int
-        Degrees of freedom.
-    max_gap : float
-        Time without a result after which another segment starts [s].
-    max_numbers : int
-        Numbers beyond which cells are kept in place of states.
-    """
+    """Collects residuals of an observer in parts of any size; a gap [s] starts another segment."""
 
     def __init__(self, width: int, max_gap: float = 0.1, max_numbers: int = MAX_NUMBERS) -> None:
         self._max_states, self._max_gap = max_numbers // (2 * width + 3), max_gap * SECOND

@@ -151,7 +151,7 @@ def _exceeded(alarm):
     if not isinstance(alarm, Alarm):
         return {}
     exceeded = {one.detector: {"value": one.value, "threshold": one.threshold} for one in alarm.exceeded}
-    return {"first": alarm.first, "exceeded": exceeded, "told": alarm.told()}
+    return {"first": alarm.first, "exceeded": exceeded, "told": alarm.describe()}
 
 
 def wrongs_of(summary):
