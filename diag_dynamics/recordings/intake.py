@@ -48,6 +48,10 @@ class Batch(NamedTuple):
     errors: dict
     """What is wrong with bytes that are no joint state, by place."""
 
+    def names(self):
+        """Return names of joints in messages, with repetition."""
+        return [name for part in self.parts for name in part.names]
+
     def select(self, which):
         """Return the messages of a mask."""
         if which.all():

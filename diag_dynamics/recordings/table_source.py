@@ -1,0 +1,159 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Tables as batches of joint states, as a driver would have sent them."""
+
+import numpy as np
+
+from diag_dynamics.assembly.stamps import SECOND
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.joint_states.assembler import FIELDS, JointStates
+from diag_dynamics.model.single_joints import single_joints
+from diag_dynamics.recordings.intake import Batch
+from diag_dynamics.recordings.joint_names import describe_maps, listed, propose_maps
+from diag_dynamics.recordings.tables.columns import open_table
+
+LATEST = (1 << 31) - 1
+"""Last second that a stamp can be of."""
+
+
+class TableSource:
+    """Rows of a table as joint states. Stamp and log time are the row's time, delayed so that the first one is not zero.
+
+    Parameters
+    ----------
+    path : Path
+    columns : ColumnMap
+    names : JointNames, optional
+
+    Attributes
+    ----------
+    offset : int
+        Delay of stamps from times in the table [ns].
+    """
+
+    start = None  # as of BagSource
+
+    def __init__(self, path, columns, names=None):
+        self._path, self._columns, self.names = path, columns, names
+        self._table, self._offset, self._named = None, None, {}
+        self._beyond, self._first_beyond = 0, ""  # rows of times that no stamp can be of
+
+    @property
+    def offset(self):
+        """Delay of stamps from times in the table [ns]."""
+        return self._offset or 0
+
+    @property
+    def unread(self):
+        """Unreadable data: a list of Unread."""
+        return self._table.unread if self._table else []
+
+    @property
+    def without_values(self):
+        """Number of rows without a value of any joint."""
+        return self._table.without_values if self._table else 0
+
+    @property
+    def notes(self):
+        """How columns and times were understood: a list of str."""
+        beyond = (
+            f"{self._beyond} rows are of times that no stamp can be of, before 0 s or after {LATEST} s, and are refused as "
+            f"of -1 s; the first is {self._first_beyond} (if times are not seconds: scale: {{time: ms}} in a map of columns)."
+        )
+        return [beyond] * (self._beyond > 0) + (self._table.notes if self._table else [])
+
+    def description(self):
+        """Raise an InputError: a table does not describe its robot."""
+        raise InputError(f"'{self._path}' does not say which robot it is of: give it (model, or --urdf ROBOT).")
+
+    def limit(self, begin, end):
+        """Omit nothing: a table has no index."""
+
+    def batches(self, model):
+        """Yield batches of messages in the order of the rows."""
+        joints = single_joints(model)
+        if self.names:
+            joints = self._find_own_names(model, joints)
+        try:
+            table = self._table = open_table(self._path, self._columns, joints)
+        except InputError as error:
+            raise InputError(f"{error}{self._proposal(joints)}") from error
+        for columns in table.pieces():
+            yield self._make_batch(columns, tuple(table.joints))
+        self._reject_other_robot(model)
+
+    def _make_batch(self, columns, joints):
+        """Return the Batch of a piece of the table."""
+        if self._offset is None:
+            self._offset = _find_offset(columns.stamp)
+        stamp = columns.stamp + self._offset
+        sec, nanosec = self._split_stamps(columns, stamp)
+        if columns.names is None:
+            groups = {joints: np.arange(len(stamp))}
+        else:
+            groups = {}
+            for k, names in enumerate(map(tuple, columns.names.tolist())):
+                groups.setdefault(names, []).append(k)
+            self._named |= dict.fromkeys(name for names in groups for name in names if name)
+        parts = []
+        for names, rows in groups.items():
+            rows, there = np.asarray(rows, dtype=np.int64), [place for place, name in enumerate(names) if name]
+            fields = (getattr(columns, field) for field in FIELDS)
+            values = (np.zeros((len(rows), 0)) if one is None else one[np.ix_(rows, there)] for one in fields)
+            parts.append(JointStates(rows, tuple(filter(None, names)), sec[rows], nanosec[rows], *values))
+        return Batch(stamp, parts, {}, {})
+
+    def _split_stamps(self, columns, stamp):
+        """Return seconds and nanoseconds of stamps; −1 s, which is rejected, for those that no message can have."""
+        sec, nanosec = stamp // SECOND, stamp % SECOND
+        beyond = (sec < 0) | (sec > LATEST)
+        if beyond.any() and not self._beyond:
+            k = int(np.argmax(beyond))
+            self._first_beyond = f"row {columns.rows[k]}, of {columns.time[k]:g} s"
+        self._beyond += int(beyond.sum())
+        return np.where(beyond, -1, sec), nanosec
+
+    def _reject_other_robot(self, model):
+        """Reject a table whose rows name joints, none of which the robot has."""
+        own, named = [*single_joints(model), *model.mimics], list(self._named)
+        if not named or any((self.names.map_name(name) if self.names else name) in own for name in named):
+            return
+        found = [] if self.names else propose_maps(named, own)
+        raise InputError(
+            f"'{self._path}': rows name {listed(named)}, none of which the robot has. Its joints are {listed(own)}."
+            f"{f' {describe_maps(found, named, own)}.' if found else ''}"
+        )
+
+    def _find_own_names(self, model, joints):
+        """Return the table's names of the joints of a robot, as its map leads to them."""
+        undone = tuple(map(self.names.unmap_joint, joints))
+        try:
+            table = open_table(self._path, self._columns, ())
+        except InputError:  # without names it is not certain which columns are read
+            table = open_table(self._path, self._columns, undone)
+        pieces = (table.joints if one.names is None else filter(None, one.names.flat) for one in table.pieces())
+        own = self.names.check_recording(pieces, model)
+        return tuple(name for name in own if self.names.map_name(name) in joints) or undone
+
+    def _proposal(self, joints):
+        """Return the map of names by which a table can be read, as a sentence; empty without one."""
+        if self.names:
+            return ""
+        try:
+            own = [name for name in open_table(self._path, self._columns, ()).joints if name not in joints]
+        except InputError:
+            return ""
+        found = propose_maps(own, [joint for joint in joints if joint not in own])
+        return f" {describe_maps(found, own, joints)}." if found else ""
+
+
+def _find_offset(stamps):
+    """Return what makes the first stamp a second or more, in whole seconds [ns]."""
+    first = int(stamps[0]) if len(stamps) else 0
+    if not 0 <= first // SECOND + (offset := max(0, 1 - first // SECOND)) <= LATEST:
+        raise InputError(
+            f"the first row is of {first / SECOND:g} s, later than {LATEST} s: is the time in another unit than seconds? "
+            "(scale: {time: 1e-9} in the map of columns)"
+        )
+    return offset * SECOND
