@@ -14,36 +14,28 @@ from diag_dynamics.exceptions import InputError
 class AtomicFile:
     """An empty file `name` beside `path`, whose name it gets by :meth:`commit`.
 
-    The target of a symbolic link is replaced, not the link. A device or a pipe is written directly (`name` is `path`).
-
-    Raises
-    ------
-    InputError
-        The path is a folder, its folder does not exist, or neither can be written.
+    The target of a symbolic link is replaced, not the link. A device or a pipe is written directly (`name` is `path`). An
+    InputError says that the path is a folder, that its folder does not exist, or that neither can be written.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(os.path.expanduser(os.fspath(path)))
         self._target = Path(os.path.realpath(self.path)) if self.path.is_symlink() else self.path
-        self._is_direct = self.path.exists() and not self.path.is_file()
+        self._is_direct, self.name = self.path.exists() and not self.path.is_file(), str(self.path)
         if not self._is_direct and not self._target.parent.is_dir():
             raise InputError(f"'{self.path}' cannot be written: there is no folder '{self._target.parent}'.")
         if self.path.is_dir():
             raise InputError(f"'{self.path}' cannot be written: it is a folder.")
-        # A pipe is not opened here because its reader would take the closing for the end.
-        self.name = str(self.path) if self._is_direct else self._create()
-
-    def _create(self) -> str:
-        """Create the temporary file; return its name, which no other process uses."""
-        for name in chain([f"{self._target}.part"], (f"{self._target}.{k}.part" for k in count(1))):
+        numbers = () if self._is_direct else chain([""], (f".{k}" for k in count(1)))
+        for number in numbers:  # a pipe is not opened: its reader would take the closing for the end
+            self.name = f"{self._target}{number}.part"
             try:
-                open(name, "xb").close()
-            except FileExistsError:
+                open(self.name, "xb").close()
+                break
+            except FileExistsError:  # of another process
                 continue
             except OSError as error:
                 raise InputError(f"'{self.path}' cannot be written: {error.strerror or error}.") from error
-            return name
-        raise AssertionError
 
     def commit(self) -> None:
         """Give the file its final name."""

@@ -97,9 +97,10 @@ class Bag:
         streams, failed = [], Counter()
         for file, (places, conversions) in zip(self._files, self._maps, strict=True):
             own = {k for k, place in enumerate(places) if place in chosen}
-            for stream in file.streams(own, self.begin, self.end):
-                read = partial(_convert_stream, stream, np.array(places), conversions, failed)
-                streams.append(Stream(stream.start, read))
+            for start, end, read in file.streams(own):
+                if (self.end is None or start < self.end) and (self.begin is None or end >= self.begin):
+                    read = partial(_convert_stream, read, np.array(places), conversions, failed)
+                    streams.append(Stream(start, end, read))
         yield from merge_streams(streams)
         for k, count in failed.items():
             what = f"{count} messages of '{self.connections[k].topic}' are not of its type"
@@ -161,9 +162,9 @@ class Bag:
         return places, conversions
 
 
-def _convert_stream(stream, places, conversions, failed):
+def _convert_stream(read, places, conversions, failed):
     """Yield the Messages of a file in CDR, with connections of the bag; `failed` counts those of another type."""
-    for messages in stream.read():
+    for messages in read():
         is_packed = messages.size >= len(ZSTD)
         for k, byte in enumerate(ZSTD):
             is_packed[is_packed] = messages.data[messages.at[is_packed] + k] == byte

@@ -17,7 +17,7 @@ from mcap.records import Channel, Chunk, Schema
 from mcap.stream_reader import get_chunk_data_stream
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.messages import DamageError, Messages, Stream, describe_error, require
+from diag_dynamics.recordings.messages import LAST_TIME, DamageError, Messages, Stream, describe_error, require
 
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, LAST = 2, 3, 4, 5, 6, 7, 15
@@ -34,23 +34,21 @@ HEAD = np.dtype(
     [("opcode", "u1"), ("size", "<u8"), ("channel", "<u2"), ("number", "<u4"), ("time", "<u8"), ("sent", "<u8")]
 )
 """First 31 bytes of a message record, of which its size counts the last 22."""
-LAST_TIME = (1 << 63) - 1
-"""Latest log time that int64 holds [ns]."""
 
 
 class Part(NamedTuple):
-    """A chunk, or messages outside of chunks (`is_chunk` False)."""
+    """A chunk, or messages outside of chunks (`is_chunk` False), from log time `start` to `end` [ns].
+
+    `size` is that of the record, `beyond` the first byte behind its message indexes. `channels` are None if the file does
+    not list them.
+    """
 
     at: int
     size: int
-    """Of the record [bytes]."""
     beyond: int
-    """First byte behind its message indexes."""
     start: int
     end: int
-    """First and last log time [ns]."""
     channels: frozenset | None
-    """None if the file does not list them."""
     is_chunk: bool = True
 
     def __str__(self):
@@ -78,17 +76,14 @@ class McapFile:
         self.declarations = [self._describe(channel) for channel in self._channels.values()]
         self.start = min((part.start for part in self._parts if part.end), default=None)
 
-    def streams(self, wanted, begin, end):
-        """Yield streams of the parts that may have messages of some declarations between two log times [ns]."""
+    def streams(self, wanted):
+        """Yield streams of the parts that may have messages of some declarations."""
         places = np.full(1 << 16, UNDECLARED)
         for k, channel in enumerate(self._channels):
             places[channel] = k if k in wanted else SKIPPED
         for part in self._parts:
-            is_late = end is not None and part.start >= end
-            is_early = begin is not None and part.end < begin
-            is_wanted = part.channels is None or (places[list(part.channels)] != SKIPPED).any()
-            if is_wanted and not is_late and not is_early:
-                yield Stream(part.start, partial(self._read_messages, part, places))
+            if part.channels is None or (places[list(part.channels)] != SKIPPED).any():
+                yield Stream(part.start, part.end, partial(self._read_messages, part, places))
 
     def _read_summary(self, file, size):
         """Return chunks by their first bytes, and where the data end (None without a summary)."""

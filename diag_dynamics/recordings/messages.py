@@ -10,27 +10,30 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 
+LAST_TIME = (1 << 63) - 1
+"""Latest log time that int64 holds [ns]."""
+
 
 class Connection(NamedTuple):
-    """One topic of one writer."""
+    """One topic of one writer; its type is such as ``sensor_msgs/msg/JointState``."""
 
     topic: str
     type: str
-    """Such as ``sensor_msgs/msg/JointState``."""
     encoding: str
 
 
 class Messages(NamedTuple):
-    """Messages in log-time order; message k is ``data[at[k] : at[k] + size[k]]``. Columns are int64, shape (n,)."""
+    """Messages in log-time order; message k is ``data[at[k] : at[k] + size[k]]``.
+
+    `connection` are indices into the connections of the bag, log times are in ns. `data` is of uint8, all others are of
+    int64, shape (n,).
+    """
 
     data: np.ndarray
-    """uint8."""
     connection: np.ndarray
-    """Index into the connections of the bag."""
     at: np.ndarray
     size: np.ndarray
     log_time: np.ndarray
-    """[ns]."""
 
     def select(self, rows):
         """Return some of the messages: a slice, a mask or indices."""
@@ -94,12 +97,11 @@ class DamageError(Exception):
 
 
 class Stream(NamedTuple):
-    """A source of messages in log-time order."""
+    """A source of Messages in log-time order, from `start` to `end` [ns], which the iterator `read()` yields."""
 
     start: int
-    """No message is earlier [ns]."""
+    end: int
     read: object
-    """Function that returns an iterator of Messages."""
 
 
 def merge_streams(streams):
@@ -148,13 +150,7 @@ def describe_error(error):
 
 
 def require(module):
-    """Import a module of the extra `recordings`.
-
-    Raises
-    ------
-    InputError
-        Its package is not installed.
-    """
+    """Import a module of the extra `recordings`; an InputError names its package if it is not installed."""
     try:
         return import_module(module)
     except ImportError as error:

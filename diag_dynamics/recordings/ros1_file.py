@@ -5,6 +5,7 @@
 
 import bz2
 import struct
+from collections import Counter
 from functools import lru_cache, partial
 from typing import NamedTuple
 
@@ -24,17 +25,12 @@ _TIME = struct.Struct("<II")
 
 
 class Part(NamedTuple):
-    """A chunk."""
+    """A chunk from log time `start` to `end` [ns], with the number of messages by connection."""
 
     at: int
     start: int
     end: int
-    """First and last log time [ns]."""
     counts: dict
-    """Number of messages by connection."""
-
-    def __str__(self):
-        return f"chunk at byte {self.at}"
 
 
 class Ros1File:
@@ -62,14 +58,12 @@ class Ros1File:
         self.declarations = list(self._connections.values())
         self.start = min((part.start for part in self._parts), default=None)
 
-    def streams(self, wanted, begin, end):
-        """Yield streams of the chunks that have messages of some declarations between two log times [ns]."""
+    def streams(self, wanted):
+        """Yield streams of the chunks that have messages of some declarations."""
         places = {key: k for k, key in enumerate(self._connections) if k in wanted}
         for part in self._parts:
-            is_late = end is not None and part.start >= end
-            is_early = begin is not None and part.end < begin
-            if not is_late and not is_early and not places.keys().isdisjoint(part.counts):
-                yield Stream(part.start, partial(self._read_messages, part, places))
+            if not places.keys().isdisjoint(part.counts):
+                yield Stream(part.start, part.end, partial(self._read_messages, part, places))
 
     def _read_index(self, file):
         """Read connections and chunks as the end of the file lists them."""
@@ -107,16 +101,14 @@ class Ros1File:
             self._lose(f"byte {at}", "the file was not closed: what came here, if anything, is lost")
 
     def _add_chunk(self, at, fields, data):
-        try:
-            rows, connections = _parse_chunk(_decompress(fields, data))
-        except Exception as error:
-            self._lose(f"chunk at byte {at}", f"{describe_error(error)}: {len(data)} bytes")
-            return
+        rows, connections, problem = _parse_chunk(fields, data)
+        if problem:
+            self._lose(f"chunk at byte {at}", f"{problem}: {len(data)} bytes")
         for one in connections:
             self._declare(*one)
         if rows:
             keys, times, _ = zip(*rows, strict=True)
-            self._parts.append(Part(at, min(times), max(times), {key: keys.count(key) for key in set(keys)}))
+            self._parts.append(Part(at, min(times), max(times), Counter(keys)))
 
     def _declare(self, fields, data):
         """Store a connection."""
@@ -126,17 +118,16 @@ class Ros1File:
 
     def _read_messages(self, part, places):
         """Yield the messages of a chunk."""
+        rows, count = [], sum(count for key, count in part.counts.items() if key in places)
         try:
             with open(self._path, "rb") as file:
                 file.seek(part.at)
-                rows, _ = _parse_chunk(_decompress(*_read_record(file, self._size)))
-        except InputError:  # a package is missing
-            raise
-        except Exception as error:
-            count = sum(count for key, count in part.counts.items() if key in places)
-            self._lose(str(part), f"{describe_error(error)}: {count} messages")
-            return
-        rows = [(places[key], time, data) for key, time, data in rows if key in places]
+                found, _, problem = _parse_chunk(*_read_record(file, self._size))
+            rows = [(places[key], time, data) for key, time, data in found if key in places]
+        except (DamageError, OSError) as error:
+            problem = describe_error(error)
+        if problem:
+            self._lose(f"chunk at byte {part.at}", f"{problem}: {count - len(rows)} messages")
         if rows:
             yield Messages.from_rows(*zip(*rows, strict=True))
 
@@ -188,43 +179,38 @@ def _decompress(fields, data):
     return data
 
 
-def _parse_chunk(records):
-    """Return the messages of a chunk, as (connection, log time, content), and its connections."""
+def _parse_chunk(fields, data):
+    """Return the messages of a chunk, as (connection, log time, content), its connections, and its damage or None."""
     rows, connections, at = [], [], 0
-    while at < len(records):
-        head = at + 4 + _number(records[at : at + 4])
-        end = head + 4 + _number(records[head : head + 4])
-        if end > len(records):
-            raise DamageError(f"byte {at} of its records begins none")
-        header, data = records[at + 4 : head], records[head + 4 : end]
-        if OP in header:  # a message, whose fields are found faster without a dict
-            conn, time = header.index(CONN) + len(CONN), header.index(TIME) + len(TIME)
-            seconds, nanoseconds = _TIME.unpack_from(header, time)
-            rows.append((_number(header[conn : conn + 4]), seconds * 10**9 + nanoseconds, data))
-        elif (fields := _parse_fields(header))[b"op"][0] == CONNECTION:
-            connections.append((fields, data))
-        at = end
-    return rows, connections
+    try:
+        records = _decompress(fields, data)
+        while at < len(records):
+            head = at + 4 + _number(records[at : at + 4])
+            end = head + 4 + _number(records[head : head + 4])
+            header, data = records[at + 4 : head], records[head + 4 : end]
+            if end > len(records):
+                raise DamageError
+            if OP in header:  # of a message, whose fields are found faster without a dict
+                conn, time = header.index(CONN) + len(CONN), header.index(TIME) + len(TIME)
+                seconds, nanoseconds = _TIME.unpack_from(header, time)
+                rows.append((_number(header[conn : conn + 4]), seconds * 10**9 + nanoseconds, data))
+            elif (fields := _parse_fields(header))[b"op"][0] == CONNECTION:
+                connections.append((fields, data))
+            at = end
+    except InputError:  # a package is missing
+        raise
+    except Exception as error:  # of damaged bytes
+        problem = f"no record begins at byte {at} of its records" if rows else describe_error(error)
+        return rows, connections, problem
+    return rows, connections, None
 
 
 @lru_cache(64)
 def find_conversion(name, definition, md5):
     """Return the function that converts messages of a type of ROS 1 to CDR, without the `seq` of headers.
 
-    Parameters
-    ----------
-    name : str
-        Such as ``sensor_msgs/msg/JointState``.
-    definition : str
-        Types that it lacks are those of ROS Noetic; so is the type itself if the definition is empty or cannot be
-        parsed, and the MD5 sums agree.
-    md5 : str
-        Of the definition; empty or ``*`` if the file has none.
-
-    Raises
-    ------
-    DamageError
-        The type is not known.
+    Types that the definition lacks are those of ROS Noetic. So is the type itself if the definition is empty or cannot be
+    parsed, and the MD5 sums agree. A DamageError says why a type is not known.
     """
     typesys = require("rosbags.typesys")
     noetic, types, expected = typesys.get_typestore(typesys.Stores.ROS1_NOETIC), {}, None

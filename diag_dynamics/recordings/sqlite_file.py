@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from urllib.parse import quote
 
-from diag_dynamics.recordings.messages import Messages, Stream
+from diag_dynamics.recordings.messages import LAST_TIME, Messages, Stream
 
 ROWS = 2000
 """Messages that are read together."""
@@ -42,11 +42,11 @@ class SqliteFile:
                 (start,) = database.execute("SELECT MIN(timestamp) FROM messages").fetchone()
                 self.start = start if isinstance(start, int | None) else 0
 
-    def streams(self, wanted, begin, end):
-        """Yield the stream of messages of some declarations between two log times [ns]."""
+    def streams(self, wanted):
+        """Yield the stream of messages of some declarations."""
         topics = {key: k for key, k in self._topics.items() if k in wanted}
         if topics:
-            yield Stream(self.start or 0, partial(self._read_messages, topics, begin, end))
+            yield Stream(self.start or 0, LAST_TIME, partial(self._read_messages, topics))
 
     def _copy_if_needed(self):
         """Copy a file with a journal, and one that ends within a page, the rest of which SQLite takes for zeros."""
@@ -77,14 +77,11 @@ class SqliteFile:
         database.text_factory = lambda text: text.decode("utf-8", "backslashreplace")
         return database
 
-    def _read_messages(self, topics, begin, end):
+    def _read_messages(self, topics):
         """Yield messages by log time; behind damage, those that a scan of the table reads."""
         others, last = [key for key in self._topics if key not in topics], (-1, -1)
         lost, errors = Counter(), []
         where = f"WHERE topic_id NOT IN ({', '.join('?' * len(others))})"
-        if begin is not None or end is not None:
-            limits = begin or 0, (1 << 63) - 1 if end is None else end
-            where += f" AND timestamp BETWEEN {limits[0]} AND {limits[1]}"
         with closing(self._open()) as database:
             for rows in _read_rows(database, f"{where} ORDER BY timestamp, id", others, errors):
                 if rows and isinstance(rows[-1][0], int):

@@ -1,43 +1,37 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags of every kind, by `read_recording`: every state of a whole file, and of a damaged one all that is whole.
+"""Bags of every kind by `read_recording`: all states of whole files, all undamaged ones of others, damage by name.
 
-Files are written by the libraries mcap and rosbags. Of a damaged file, the findings name what is lost.
+The libraries mcap and rosbags write the files.
 """
 
+import re
 import shutil
 import sqlite3
 import struct
 import sys
 
-import numpy as np
 import pytest
 import yaml
 import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mcap.writer import Writer
+from mcap.writer import CompressionType, IndexType, Writer
 from rosbags import rosbag1
 from rosbags.rosbag2 import CompressionMode
 
 import diag_dynamics as dd
 from bags import (
-    ALL,
     JOINT_STATE,
-    LZ4,
     MCAP,
-    NO_CHUNKS,
-    NO_INDEX,
-    NO_MESSAGES,
-    PLAIN,
     SQLITE,
     TEXT,
-    ZSTD,
     arm,
     file_of,
     numbered,
     read,
+    refused,
     unread,
     write_mcap,
     write_ros1,
@@ -46,62 +40,41 @@ from bags import (
 )
 from examples import examples, some_of
 
-COMPRESSIONS = (ZSTD, LZ4, PLAIN)
+COMPRESSIONS = tuple(CompressionType)
 ROS1_COMPRESSIONS = (None, *rosbag1.Writer.CompressionFormat)
+NO_INDEX = IndexType.NONE
 
 
 def in_one_folder(count):
-    """Return hypothesis settings: every example may use the folder of the test."""
+    """Return hypothesis settings under which every example may use the folder of the test."""
     return settings(examples(count), suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 # --- Whole files ---
 
 
-@in_one_folder(100)
-@given(
-    seed=st.integers(0, 2**32),
-    count=st.integers(1, 150),
-    disorder=st.sampled_from([0, 1, 30, 1000]),
-    compression=st.sampled_from(COMPRESSIONS),
-    chunk_size=st.sampled_from([1, 100, 1000, 10**6]),
-    options=st.fixed_dictionaries(
-        {
-            "index_types": st.sampled_from([ALL, NO_MESSAGES, NO_CHUNKS, NO_INDEX]),
-            "use_chunking": st.booleans(),
-            "repeat_channels": st.booleans(),
-            "repeat_schemas": st.booleans(),
-            "use_statistics": st.booleans(),
-            "use_summary_offsets": st.booleans(),
-            "enable_crcs": st.booleans(),
-            "enable_data_crcs": st.booleans(),
-        }
-    ),
-)
-def test_mcap(tmp_path, seed, count, disorder, compression, chunk_size, options):
-    """Chunks that overlap in time have one message each here; see the next test."""
-    apart = chunk_size == 1 and options["use_chunking"]
-    messages = numbered(count, disorder=disorder if apart else 0, seed=seed)
-    path = write_mcap(tmp_path / "x.mcap", messages, compression, chunk_size, **options)
-    assert read(path) == (list(range(count)), [])
-
-
-def test_mcap_with_messages_out_of_order_in_a_chunk(tmp_path):
-    assert read(write_mcap(tmp_path / "x.mcap", numbered(50, disorder=3))) == (list(range(50)), [])
-
-
-ROSBAG2 = [
-    *((plugin, mode) for plugin in (SQLITE, MCAP) for mode in CompressionMode if mode != CompressionMode.STORAGE),
-    (MCAP, CompressionMode.STORAGE),
-]
+@in_one_folder(60)
+@given(data=st.data(), count=st.integers(1, 150), disorder=st.sampled_from([0, 1, 30, 1000]))
+def test_mcap(tmp_path, data, count, disorder):
+    """Chunks overlap in time, with one or more messages each."""
+    flags = (
+        "use_chunking repeat_channels repeat_schemas use_statistics use_summary_offsets enable_crcs enable_data_crcs"
+    )
+    options = {flag: data.draw(st.booleans()) for flag in flags.split()}
+    options["index_types"] = data.draw(st.sampled_from([IndexType.ALL, IndexType.CHUNK, IndexType.MESSAGE, NO_INDEX]))
+    messages = numbered(count, disorder=disorder, seed=data.draw(st.integers(0, 2**32)))
+    sizes = data.draw(st.sampled_from(COMPRESSIONS)), data.draw(st.sampled_from([1, 100, 1000, 10**6]))
+    assert read(write_mcap(tmp_path / "x.mcap", messages, *sizes, **options)) == (list(range(count)), [])
 
 
 @pytest.mark.parametrize("version", [8, 9])
-@pytest.mark.parametrize(("plugin", "mode"), ROSBAG2)
+@pytest.mark.parametrize("mode", CompressionMode)
+@pytest.mark.parametrize("plugin", [SQLITE, MCAP])
 def test_rosbag2(tmp_path, plugin, mode, version):
-    """A folder, and its file without the folder: only metadata.yaml says by what messages are compressed."""
-    messages = numbered(150, topics=("/a", "/b"), disorder=4 if plugin is SQLITE else 0, longest=300)
-    folder = write_rosbag2(tmp_path / "bag", messages, plugin, mode, version)
+    """A folder, and its file alone: only metadata.yaml says that messages are compressed one by one."""
+    if (plugin, mode) == (SQLITE, CompressionMode.STORAGE):
+        return
+    folder = write_rosbag2(tmp_path / "bag", numbered(150, ("/a", "/b"), 4, 300), plugin, mode, version)
     for path in (folder, file_of(folder)):
         for k, topic in enumerate(("/a", "/b")):
             assert read(path, topic) == (list(range(k, 150, 2)), [])
@@ -109,13 +82,13 @@ def test_rosbag2(tmp_path, plugin, mode, version):
 
 @pytest.mark.parametrize("compression", ROS1_COMPRESSIONS)
 def test_ros1(tmp_path, compression):
-    path = write_ros1(tmp_path / "x.bag", numbered(100, topics=("/a", "/b")), compression)
+    path = write_ros1(tmp_path / "x.bag", numbered(100, ("/a", "/b")), compression)
     for k, topic in enumerate(("/a", "/b")):
         assert read(path, topic) == (list(range(k, 100, 2)), [])
 
 
-def test_records_that_are_no_messages_are_ignored(tmp_path):
-    """Attachments and metadata; kinds of records that the format does not have are named."""
+def test_records_that_are_no_messages(tmp_path):
+    """Attachments and metadata are ignored; kinds of records that the format does not have are named."""
     with open(tmp_path / "x.mcap", "wb") as file:
         writer = Writer(file, chunk_size=300)
         writer.start(profile="ros2")
@@ -128,7 +101,7 @@ def test_records_that_are_no_messages_are_ignored(tmp_path):
         writer.finish()
     numbers, findings = read(tmp_path / "x.mcap")
     (lost,) = unread(findings)
-    assert numbers == list(range(20)) and "kinds that the format does not have" in lost and "20, 260 bytes" in lost
+    assert numbers == list(range(20)) and lost.endswith("kinds that the format does not have: 20, 260 bytes")
 
 
 @pytest.mark.parametrize("profiles", ["", ", offered_qos_profiles TEXT"])
@@ -138,9 +111,8 @@ def test_older_sqlite(tmp_path, profiles):
     with sqlite3.connect(path) as database:
         database.execute(f"CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format{profiles})")
         database.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data BLOB)")
-        database.execute(
-            "INSERT INTO topics(id, name, type, serialization_format) VALUES(1, '/a', ?, 'cdr')", [JOINT_STATE]
-        )
+        columns = "topics(id, name, type, serialization_format)"
+        database.execute(f"INSERT INTO {columns} VALUES(1, '/a', ?, 'cdr')", [JOINT_STATE])
         rows = [(one.log_time, one.data) for one in messages]
         database.executemany("INSERT INTO messages(topic_id, timestamp, data) VALUES(1, ?, ?)", rows)
     assert read(path) == (list(range(100)), [])
@@ -150,32 +122,33 @@ def test_older_sqlite(tmp_path, profiles):
     database.close()
     numbers, findings = read(path)
     assert numbers == [k for k in range(100) if k not in (2, 4, 6)]
-    assert [text.split(": ")[-1] for text in unread(findings)] == [
+    counts = [
         "1 messages are of topics that are not listed",
         "2 messages have no bytes, or no time that int64 can hold",
     ]
+    assert [text.split(": ")[-1] for text in unread(findings)] == counts
 
 
 @pytest.mark.parametrize("plugin", [SQLITE, MCAP])
 def test_folders_of_several_files(tmp_path, plugin):
-    """Files overlap. Without metadata.yaml, bag_10 is behind bag_9, also where messages are of the same time."""
-    messages = [*numbered(270, disorder=20), *numbered(330)[270:]]
-    parts = [sorted(messages[k : k + 30], key=lambda one: one.log_time) for k in range(0, 330, 30)]
+    """Files overlap. Without metadata.yaml bag_10 is behind bag_9, also where messages have the same time."""
+    messages = [*numbered(90, disorder=20), *numbered(110)[90:]]
+    parts = [sorted(messages[k : k + 10], key=lambda one: one.log_time) for k in range(0, 110, 10)]
     parts[10][0] = parts[10][0]._replace(log_time=parts[9][-1].log_time)
     folder = write_split(tmp_path / "bag", parts, plugin)
-    assert read(folder) == (list(range(330)), [])
+    assert read(folder) == read(folder / "metadata.yaml") == (list(range(110)), [])
     for text in (None, "", "a: [", "- 1\n", "rosbag2_bagfile_information: {relative_file_paths: 3}"):
         (folder / "metadata.yaml").unlink()
         if text is not None:
             (folder / "metadata.yaml").write_text(text)
         numbers, ((cause, said),) = read(folder)
-        assert numbers == list(range(330)) and cause == "note" and "\n" not in said
+        assert numbers == list(range(110)) and cause == "note" and "\n" not in said
         assert ("has no metadata.yaml" if text is None else "metadata.yaml is damaged") in said
         (folder / "metadata.yaml").touch()
 
 
-def test_folders_that_are_not_as_their_metadata(tmp_path):
-    """A file is missing, one is cut, and one is of somebody else."""
+def test_folders_that_differ_from_their_metadata(tmp_path):
+    """A file is missing, one is cut, and one is not listed."""
     messages = numbered(900)
     folder = write_split(tmp_path / "bag", [messages[:300], messages[300:600], messages[600:]], MCAP)
     write_mcap(folder / "results.mcap", numbered(10))
@@ -187,8 +160,7 @@ def test_folders_that_are_not_as_their_metadata(tmp_path):
     assert 0 < count < 300 and numbers == [*range(300, 300 + count), *range(600, 900)]
     lost = unread(findings)
     assert "bag_0.mcap" in lost[0] and all("bag_1.mcap" in text for text in lost[1:]) and lost[1:]
-    notes = " ".join(text for cause, text in findings if cause == "note")
-    assert "does not list results.mcap" in notes
+    assert "does not list results.mcap" in " ".join(text for cause, text in findings if cause == "note")
 
 
 RENAMED = {
@@ -202,13 +174,12 @@ RENAMED = {
 @pytest.mark.parametrize("case", RENAMED)
 @pytest.mark.parametrize("suffix", ["", ".mcap", ".db3", ".mcap.zstd"])
 def test_renamed_files_of_a_folder(tmp_path, case, suffix):
-    """Whatever the new name ends with, they are read, and each has a note with both names."""
-    names, messages = RENAMED[case], numbered(90)
+    """They are read whatever the new name ends with; a note has both names."""
+    messages, expected = numbered(90), []
     plugin, ending = (SQLITE, ".db3") if suffix == ".db3" else (MCAP, ".mcap")
     parts = [messages] if case == "one" else [messages[:30], messages[30:61], messages[61:]]
     folder = write_split(tmp_path / "bag", parts, plugin)
-    expected = []
-    for old, new in names.items():
+    for old, new in RENAMED[case].items():
         path = (folder / f"{old}{ending}").rename(folder / f"{new}{suffix}")
         if suffix.endswith(".zstd"):
             path.write_bytes(zstandard.compress(path.read_bytes()))
@@ -218,7 +189,7 @@ def test_renamed_files_of_a_folder(tmp_path, case, suffix):
 
 
 def test_a_renamed_file_among_others(tmp_path):
-    """It is recognized by its first time, topics and number of messages; without these an error has both lists."""
+    """Its first time, topics and number of messages tell it; without these an error has both lists."""
     folder = write_split(tmp_path / "bag", [numbered(100)], MCAP)
     (folder / "bag_0.mcap").rename(folder / "monday.mcap")
     write_mcap(folder / "longer.mcap", numbered(101))
@@ -230,35 +201,27 @@ def test_a_renamed_file_among_others(tmp_path):
     for key in ("starting_time", "files"):
         del metadata["rosbag2_bagfile_information"][key]
     (folder / "metadata.yaml").write_text(yaml.safe_dump(metadata))
-    what = (
-        r"lists bag_0\.mcap; the folder has longer\.mcap, monday\.mcap, results\.mcap instead, .* delete metadata\.yaml"
-    )
-    with pytest.raises(dd.InputError, match=what):
-        dd.read_recording(folder, arm("a"))
-    for name in ("longer.mcap", "results.mcap"):
-        (folder / name).unlink()
-    assert read(folder)[0] == list(range(100))
+    others = r"longer\.mcap, monday\.mcap, results\.mcap"
+    refused(rf"lists bag_0\.mcap; the folder has {others} instead, .* delete metadata\.yaml", folder, arm("a"))
 
 
-def test_metadata_that_lists_no_files(tmp_path):
-    """As of a recorder that was ended, and a bag without a name that says so."""
-    folder = write_split(tmp_path / "bag", [numbered(50)], MCAP)
+def test_folders_without_a_list_of_files(tmp_path):
+    """Names and first bytes tell bags; without any the error has the folders that are."""
+    folder = write_split(tmp_path / "monday", [numbered(50)], MCAP)
     (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: {relative_file_paths: []}")
-    (folder / "bag_0.mcap").rename(folder / "recording")
+    for path in folder.glob("*.mcap"):
+        path.rename(folder / "recording")
     numbers, ((cause, text),) = read(folder)
     assert numbers == list(range(50)) and cause == "note" and "metadata.yaml lists no files" in text
     (folder / "recording").unlink()
-    with pytest.raises(dd.InputError, match=r"has a metadata\.yaml that lists no files, and no bags in it"):
-        dd.read_recording(folder, arm("a"))
-
-
-def test_paths_beside_a_folder(tmp_path):
-    """Its metadata.yaml is read as the folder; a folder of folders has their names in the error."""
-    for name in ("monday", "tuesday"):
-        folder = write_rosbag2(tmp_path / name, numbered(20))
-    assert read(folder / "metadata.yaml") == (list(range(20)), [])
-    with pytest.raises(dd.InputError, match=r"no bags in it.* Is one of its folders meant: monday, tuesday\?"):
-        dd.read_recording(tmp_path, arm("a"))
+    refused(r"has a metadata\.yaml that lists no files, and no bags in it", folder, arm("a"))
+    refused(r"has no metadata\.yaml and no bags in it.* Is one of its folders meant: monday\?", tmp_path, arm("a"))
+    messages = numbered(100)
+    write_ros1(folder / "b.bag", messages[50:])
+    write_mcap(folder / "a.mcap", messages[:50])
+    (folder / "metadata.yaml").unlink()
+    numbers, findings = read(folder)
+    assert numbers == list(range(100)) and unread(findings) == []
 
 
 def test_kinds_are_known_by_content(tmp_path):
@@ -274,53 +237,30 @@ def test_kinds_are_known_by_content(tmp_path):
         assert read(path) == (list(range(50)), [])
 
 
-def test_a_folder_of_any_bags(tmp_path):
-    (tmp_path / "both").mkdir()
-    messages = numbered(100)
-    write_ros1(tmp_path / "both" / "b.bag", messages[50:])
-    write_mcap(tmp_path / "both" / "a.mcap", messages[:50])
-    numbers, findings = read(tmp_path / "both")
-    assert numbers == list(range(100)) and unread(findings) == []
-
-
 @pytest.mark.parametrize(
     ("name", "content", "what"),
     [
         ("x.mcap", b"", "the file is empty"),
         ("x.mcap", b"\x89MCAP", "the file has no end"),
-        ("x.mcap", b"\x89MCAP0\r\n", "the file has no end"),
         ("x.mcap", b"\xff\xd8\xff\xe0" + bytes(100_000), "byte 0: the file does not begin as one of MCAP does"),
-        ("x.db3", b"", "has no joint states"),
-        ("x.db3", b"SQLite format 3\0" + bytes(5000), "has no joint states"),
-        ("x.db3", b"no database at all", "no such table: topics|not a database"),
-        ("x.bag", b"#ROSBAG V1.2\n" + bytes(5000), "has no joint states"),
-        ("x.bag", b"#ROSBAG V2.0\n", "has no joint states"),
-        ("x.bag", b"nothing of the kind", "has no joint states"),
         ("x.mcap", zstandard.compress(b"text"), "does not begin as one of MCAP does"),
+        ("x.db3", b"", "no such table: topics"),
+        ("x.db3", b"SQLite format 3\0" + bytes(5000), "has no joint states.* table topics: .*sqlite3 .* .recover"),
+        ("x.db3", b"no database at all", "no such table: topics: 18 bytes"),
+        ("x.bag", b"#ROSBAG V1.2\n" + bytes(5000), "does not begin as a bag of ROS 1 does, of version 2.0"),
+        ("x.bag", b"#ROSBAG V2.0\n", "the file was not closed"),
     ],
 )
 def test_files_without_messages(tmp_path, name, content, what):
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(dd.InputError, match=what):
-        dd.read_recording(tmp_path / name, arm("a"))
+    refused(what, tmp_path / name, arm("a"))
 
 
-def test_folders_and_databases_without_messages(tmp_path):
-    with pytest.raises(dd.InputError, match=r"has no metadata\.yaml and no bags in it; there are folders of rosbag2"):
-        dd.read_recording(tmp_path, arm("a"))
-    database = sqlite3.connect(tmp_path / "x.db3")
-    database.execute("CREATE TABLE cats(name)")
-    database.close()
-    with pytest.raises(dd.InputError, match="no such table: topics"):
-        dd.read_recording(tmp_path / "x.db3", arm("a"))
-
-
-@pytest.mark.parametrize(("compression", "module"), [(ZSTD, "zstandard"), (LZ4, "lz4.frame")])
+@pytest.mark.parametrize(("compression", "module"), [("ZSTD", "zstandard"), ("LZ4", "lz4.frame"), ("NONE", "mcap")])
 def test_a_library_that_is_missing_is_named(tmp_path, monkeypatch, compression, module):
-    path, package = write_mcap(tmp_path / "x.mcap", numbered(100), compression), module.partition(".")[0]
+    path = write_mcap(tmp_path / "x.mcap", numbered(100), CompressionType[compression])
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(dd.InputError, match=f"pip install {package}"):
-        dd.read_recording(path, arm("a"))
+    refused(f"pip install {module.partition('.')[0]}", path, arm("a"))
 
 
 # --- Damaged MCAP ---
@@ -328,8 +268,8 @@ def test_a_library_that_is_missing_is_named(tmp_path, monkeypatch, compression, 
 
 @pytest.mark.parametrize("compression", COMPRESSIONS)
 @pytest.mark.parametrize("options", [{}, {"index_types": NO_INDEX}, {"use_chunking": False}], ids=str)
-def test_mcap_that_is_cut_anywhere(tmp_path, compression, options):
-    """Its beginning is read, and no longer file has fewer messages."""
+def test_mcap_that_is_cut(tmp_path, compression, options):
+    """It is read up to its last whole chunk, and no longer file has fewer messages."""
     path, before = write_mcap(tmp_path / "x.mcap", numbered(25), compression, **options), 0
     content = path.read_bytes()
     for end in (*some_of(range(0, len(content), 11), 14), len(content) - 1):
@@ -343,7 +283,7 @@ def test_mcap_that_is_cut_anywhere(tmp_path, compression, options):
 @pytest.mark.parametrize("compression", COMPRESSIONS)
 @pytest.mark.parametrize("options", [{}, {"index_types": NO_INDEX}], ids=str)
 def test_mcap_with_a_flipped_bit(tmp_path, compression, options):
-    """No message is changed, because chunks have CRCs. Missing messages are named."""
+    """Chunks have CRCs, so no message changes. Missing messages are named."""
     path = write_mcap(tmp_path / "x.mcap", numbered(25), compression, **options)
     content = path.read_bytes()
     for at in some_of(range(0, len(content), 11), 14):
@@ -354,21 +294,13 @@ def test_mcap_with_a_flipped_bit(tmp_path, compression, options):
         assert numbers == list(range(25)) or findings, at
 
 
-def opened(path):
-    """Read a file of which anything may be wrong: states and findings, or an InputError."""
-    try:
-        return dd.read_recording(path, arm("a"))
-    except dd.InputError:
-        return None
-
-
 HUGE = st.sampled_from([b"\xff" * 8, b"\0" * 8, b"\xff\xff\xff\x7f\0\0\0\0", b"\xff" * 7 + b"\x7f"])
 
 
 @in_one_folder(200)
 @given(data=st.data(), kind=st.sampled_from(["mcap", "db3", "bag"]))
 def test_garbage_in_the_middle(tmp_path, data, kind):
-    """Bytes that are overwritten, put in or left out: no other error, and no allocation that a length asks for."""
+    """Bytes that are overwritten, inserted or removed cause no other error, whatever sizes they pretend."""
     path, messages = tmp_path / f"x.{kind}", numbered(60)
     if kind == "mcap":
         options = data.draw(st.sampled_from([{}, {"enable_crcs": False}, {"use_chunking": False}]))
@@ -384,8 +316,11 @@ def test_garbage_in_the_middle(tmp_path, data, kind):
         at, new = data.draw(st.integers(0, len(content))), data.draw(st.one_of(HUGE, st.binary(max_size=200)))
         content[at : at + data.draw(st.sampled_from([0, len(new), 50]))] = new
     path.write_bytes(content)
-    recording = opened(path)
-    assert recording is None or len(recording) == len(messages) or recording.findings or kind == "db3"
+    try:
+        recording = dd.read_recording(path, arm("a"))
+    except dd.InputError:
+        return
+    assert len(recording) == len(messages) or recording.findings or kind == "db3"
 
 
 def chunks(content):
@@ -402,27 +337,42 @@ def chunks(content):
 @pytest.mark.parametrize(
     ("place", "new", "what"),
     [
-        (33, b"1234", "chunk at byte {at}: crc validation failed"),
+        (33, b"1234", "crc validation failed in Chunk.*: {count} messages"),
         (41, b"zsta", "compression 'zsta' is not known; zstd, lz4 and none are: {count} messages"),
-        (53, b"\xff" * 20, ": {count} messages"),
-        (1, b"\xff" * 8, "chunk at byte {at}: no chunk is here: {count} messages"),  # the length of the chunk
+        (53, b"\xff" * 20, ".*: {count} messages"),
+        (25, b"\xff\xff\xff\x7f", "2147483647 bytes is not the size of its records: {count} messages"),
+        (1, b"\xff" * 8, "no chunk is here: {count} messages"),
     ],
 )
 def test_what_is_lost_of_a_chunk_is_named(tmp_path, place, new, what):
+    """With the index all other chunks are read; without it, those before a wrong length."""
     path = write_mcap(tmp_path / "x.mcap", numbered(200))
     content = bytearray(path.read_bytes())
     at = chunks(content)[3]
     content[at + place : at + place + len(new)] = new
     path.write_bytes(content)
-    numbers, findings = read(path)
-    (lost,) = unread(findings)
-    assert 180 < len(numbers) < 200 and what.format(at=at, count=200 - len(numbers)) in lost
+    recording = dd.read_recording(path, arm("a"))
+    (lost,) = (one.text for one in recording.findings if one.cause == "unread")
+    pattern = f"{path}, chunk at byte {at}: {what.format(count=200 - len(recording))}"
+    assert 180 < len(recording) < 200 and re.fullmatch(pattern, lost)
+
+
+def test_garbage_between_chunks(tmp_path):
+    """Without an index, all behind it is lost."""
+    content = write_mcap(tmp_path / "x.mcap", numbered(100), index_types=NO_INDEX).read_bytes()
+    begins = chunks(content)
+    for garbage in (bytes(3000), b"\5" + bytes(7), b"\xff" * 1000):
+        (tmp_path / "x.mcap").write_bytes(content[: begins[5]] + garbage + content[begins[5] :])
+        numbers, findings = read(tmp_path / "x.mcap")
+        size = len(content) + len(garbage) - begins[5]
+        assert 0 < len(numbers) < 100 and numbers == list(range(len(numbers)))
+        (lost,) = unread(findings)
+        assert f"byte {begins[5]}: no record begins here: {size} bytes (`mcap recover` may find more)" in lost
 
 
 def test_damage_in_chunks_of_other_topics_is_no_loss(tmp_path):
-    """As of images that nobody reads."""
     messages = [*numbered(100, ["/a"]), *numbered(100, ["/b"], seed=1)]
-    path = write_mcap(tmp_path / "x.mcap", messages, PLAIN)
+    path = write_mcap(tmp_path / "x.mcap", messages, CompressionType.NONE)
     content = bytearray(path.read_bytes())
     content[content.index(messages[190].data) + 9] ^= 1
     path.write_bytes(content)
@@ -433,7 +383,7 @@ def test_damage_in_chunks_of_other_topics_is_no_loss(tmp_path):
 
 def test_messages_of_no_channel_and_of_no_time(tmp_path):
     messages = numbered(30)
-    path = write_mcap(tmp_path / "x.mcap", messages, PLAIN, 10**6, enable_crcs=False)
+    path = write_mcap(tmp_path / "x.mcap", messages, CompressionType.NONE, 10**6, enable_crcs=False)
     content = bytearray(path.read_bytes())
     begin = [content.index(one.data) - 22 for one in messages[:2]]
     content[begin[0] : begin[0] + 2] = b"\7\0"
@@ -445,44 +395,40 @@ def test_messages_of_no_channel_and_of_no_time(tmp_path):
         assert "1 messages " in text and what in text
 
 
-# --- Damaged SQLite ---
+# --- Damaged SQLite, compressed files and ROS 1 ---
 
 
 @pytest.fixture(scope="module")
 def database(tmp_path_factory):
-    """Content of a database of many pages, and the number of its messages."""
-    return file_of(write_rosbag2(tmp_path_factory.mktemp("x") / "bag", numbered(800, longest=400))).read_bytes(), 800
+    """Content of a database of 800 messages on many pages."""
+    return file_of(write_rosbag2(tmp_path_factory.mktemp("x") / "bag", numbered(800, longest=400))).read_bytes()
 
 
-@pytest.mark.parametrize("share", [0.999, 0.6, 0.05])
-def test_sqlite_that_is_cut(tmp_path, database, share):
-    content, count = database
-    (tmp_path / "x.db3").write_bytes(content[: int(share * len(content))])
-    numbers, findings = read(tmp_path / "x.db3")
-    assert unread(findings)
-    assert len(numbers) > (share - 0.25) * count  # the index lies at the end, too
-
-
-def test_sqlite_with_an_overwritten_page(tmp_path, database):
-    """All messages but those on the page are read, whichever page it is."""
-    content, count = database
+def test_damaged_sqlite(tmp_path, database):
+    """It is read up to a page that is cut off or overwritten, even if that is one of the index."""
+    path = tmp_path / "x.db3"
+    for share in (0.999, 0.6, 0.05):
+        path.write_bytes(database[: int(share * len(database))])
+        numbers, findings = read(path)
+        assert numbers == list(range(len(numbers))) and len(numbers) > (share - 0.25) * 800
+        assert all(f"`sqlite3 {path} .recover`" in text for text in unread(findings)) and unread(findings)
     found = []
-    for page in some_of(range(1, len(content) // 4096), 9):
-        damaged = bytearray(content)
+    for page in some_of(range(1, len(database) // 4096), 9):
+        damaged = bytearray(database)
         damaged[4096 * page : 4096 * (page + 1)] = bytes([page % 256]) * 4096
-        (tmp_path / "x.db3").write_bytes(damaged)
-        numbers, findings = read(tmp_path / "x.db3")
-        assert len(numbers) == count or unread(findings), page
+        path.write_bytes(damaged)
+        numbers, findings = read(path)
+        assert len(numbers) == 800 or unread(findings), page
         found.append(len(numbers))
-    assert np.median(found) > count // 4
+    assert len(set(found)) > 3
 
 
 @pytest.mark.parametrize("mode", ["WAL", "DELETE"])
 def test_the_journal_of_a_killed_recorder(tmp_path, database, mode):
-    """What was committed is read, in a copy; what was not is taken back. The files are not changed."""
+    """What was committed is read, in a copy; what was not is taken back. The files do not change."""
     live, left = tmp_path / "live.db3", tmp_path / "left"
     left.mkdir()
-    live.write_bytes(database[0])
+    live.write_bytes(database)
     connection = sqlite3.connect(live, isolation_level=None)
     connection.execute(f"PRAGMA journal_mode={mode}")
     connection.execute("PRAGMA cache_size=1")  # so that pages are written before they are committed
@@ -494,39 +440,22 @@ def test_the_journal_of_a_killed_recorder(tmp_path, database, mode):
         if not path.name.endswith("-shm"):
             shutil.copy(path, left)
     connection.close()
-    names = ["live.db3", f"live.db3-{'wal' if mode == 'WAL' else 'journal'}"]
-    before = {name: (left / name).read_bytes() for name in names}
+    before = {path.name: path.read_bytes() for path in left.iterdir()}
     numbers, findings = read(left / "live.db3")
-    assert numbers == list(range(100 if mode == "WAL" else database[1]))
+    assert numbers == list(range(100 if mode == "WAL" else 800)) and len(before) == 2
     assert [cause for cause, _ in findings] == ["note"] and "has a journal" in findings[0][1]
     assert {path.name: path.read_bytes() for path in left.iterdir()} == before
 
 
 def test_a_compressed_file_that_is_cut(tmp_path):
-    path = write_mcap(tmp_path / "x.mcap", numbered(2000, longest=400))
-    path.write_bytes(zstandard.compress(path.read_bytes()))
-    half = path.read_bytes()[: path.stat().st_size // 2]
+    path = write_mcap(tmp_path / "x.mcap", numbered(2000, longest=400), CompressionType.NONE)
+    content = zstandard.compress(path.read_bytes())
+    half = content[: len(content) // 2]
     for content, what in ((half, str(path)), (half + b"\xff" * 10**6, "its compression")):
         path.write_bytes(content)
         numbers, findings = read(path)
         assert 0 < len(numbers) < 2000 and numbers == list(range(len(numbers)))
         assert any(what in text for text in unread(findings))
-
-
-# --- Damaged ROS 1 ---
-
-
-@pytest.mark.parametrize("compression", [None, rosbag1.Writer.CompressionFormat.LZ4])
-def test_ros1_that_is_cut(tmp_path, compression):
-    """It has no index then, as one that was not closed, and is read up to its last whole chunk."""
-    path, before = write_ros1(tmp_path / "x.bag", numbered(120), compression), 0
-    content = path.read_bytes()
-    for end in (*some_of(range(0, len(content), 411), 3), len(content) - 1):
-        path.write_bytes(content[:end])
-        numbers, findings = read(path)
-        assert numbers == list(range(len(numbers))) and len(numbers) >= before and unread(findings), end
-        before = len(numbers)
-    assert before == 120
 
 
 def chunks_of_ros1(content):
@@ -542,21 +471,26 @@ def chunks_of_ros1(content):
     return found
 
 
-@pytest.mark.parametrize("compression", [None, rosbag1.Writer.CompressionFormat.LZ4])
-@pytest.mark.parametrize("lacking", [0, 1, 8, 300, 1000])
-def test_ros1_that_ends_within_a_chunk(tmp_path, compression, lacking):
-    """The loss is the whole chunk, however few bytes of it are lacking; without any lacking there is none."""
-    path = write_ros1(tmp_path / "x.bag", numbered(120), compression)
+@pytest.mark.parametrize("compression", ROS1_COMPRESSIONS)
+def test_ros1_that_is_cut(tmp_path, compression):
+    """It has no index then, as one that was not closed, and is read up to its last whole chunk."""
+    path, before = write_ros1(tmp_path / "x.bag", numbered(120), compression), 0
     content = path.read_bytes()
     begin, end = chunks_of_ros1(content)[3]
-    path.write_bytes(content[:end])
-    whole, _ = read(path)
-    path.write_bytes(content[: end - lacking])
-    numbers, findings = read(path)
-    lost = f"{path}, byte {begin}: the file ends within a chunk: {end - lacking - begin} bytes"
-    closed = f"{path}, byte {end}: the file was not closed: what came here, if anything, is lost"
-    assert unread(findings) == [lost if lacking else closed]
-    assert numbers == list(range(len(numbers))) and (numbers == whole) == (lacking == 0)
+    ends = [*some_of(range(0, begin, 411), 3), begin + 1, end - 1, end, len(content) - 1]
+    for size in ends:
+        path.write_bytes(content[:size])
+        numbers, findings = read(path)
+        assert numbers == list(range(len(numbers))) and len(numbers) >= before, size
+        (lost,) = unread(findings)
+        if size == end - 1:
+            assert lost == f"{path}, byte {begin}: the file ends within a chunk: {end - 1 - begin} bytes"
+            assert len(numbers) == before
+        if size == end:
+            assert lost == f"{path}, byte {end}: the file was not closed: what came here, if anything, is lost"
+            assert len(numbers) > before
+        before = len(numbers)
+    assert before == 120
 
 
 def test_a_damaged_chunk_of_ros1(tmp_path):

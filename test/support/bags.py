@@ -8,6 +8,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 import yaml
 from mcap.writer import CompressionType, IndexType, Writer
 from rosbags import rosbag1, rosbag2
@@ -249,3 +250,9 @@ def read(path, topic=None):
 def unread(findings):
     """Return the texts of what could not be read."""
     return [text for cause, text in findings if cause == "unread"]
+
+
+def refused(what, *arguments, **options):
+    """Assert that `read_recording` raises an error whose text matches."""
+    with pytest.raises(dd.InputError, match=what):
+        dd.read_recording(*arguments, **options)
