@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""External torque of each joint over time, with the thresholds of its alarms."""
+"""External torque of each joint over time, with thresholds."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.single_joints import sliding_dofs
-from diag_dynamics.plot.drawing import COLOURS, GREY, check_named, envelope, name, pyplot, tidy
+from diag_dynamics.plot import drawing
+from diag_dynamics.plot.drawing import COLOURS, GREY, envelope, escape
 from diag_dynamics.recordings.observer import Observed, observe
 from diag_dynamics.recordings.recording import Recording
 
@@ -30,20 +31,20 @@ def external_torque(
     gain: float = 25.0,
     model: RobotModel | None = None,
 ) -> Any:
-    """External torque of each joint over time [N m, N], as a disturbance observer sees it; a panel for each joint.
+    """Plot the external torque of each joint over time [N m, N] by a disturbance observer.
 
-    What is beyond the joint's threshold is drawn in another colour. Gaps are states without a result.
+    Values beyond the joint's threshold have another colour. Gaps are states without a result.
 
     Parameters
     ----------
     of : Recording or Observed
-        What is observed here, or has been by :func:`diag_dynamics.observe`.
+        An Observed is the result of :func:`diag_dynamics.observe`.
     thresholds : Calibration, AlarmThresholds or dict, optional
         Thresholds of joints by name, ``*`` for all others [N m, N].
     gain : float
         Of the observer of a recording [1/s]; a calibration's own has precedence.
     model : RobotModel
-        The robot, which an Observed does not name.
+        The robot of an Observed.
 
     Returns
     -------
@@ -52,43 +53,39 @@ def external_torque(
     Raises
     ------
     InputError
-        There are no states or no efforts, the robot is missing or another one, or matplotlib is not installed.
+        There are no states or no efforts, the robot is missing or another one, or matplotlib is not
+        installed.
     """
     if isinstance(of, Recording):
         model = of.model
         gain = thresholds.gain if isinstance(thresholds, Calibration) else gain
-        observed = observe(DiagonalDynamics(model), of, gain)
-    elif isinstance(of, Observed):
-        observed = of
-    else:
-        raise InputError(f"what is plotted is {of!r}, expected a Recording or an Observed.")
+        of = observe(DiagonalDynamics(model), of, gain)
+    if not isinstance(of, Observed):
+        raise InputError(f"of is {of!r}; expected a Recording or an Observed.")
     if model is None:
-        raise InputError("an Observed does not name its joints: model=… is expected.")
-    if observed.external_torque.shape[1] != model.nv:
-        raise InputError(
-            f"what was observed has {observed.external_torque.shape[1]} degrees of freedom, and '{model.name}' {model.nv}."
-        )
-    t = observed.t - observed.t[0]
-    limits = _limits(thresholds, model)
+        raise InputError("model is None; expected the robot of the Observed.")
+    if (count := of.external_torque.shape[1]) != model.nv:
+        raise InputError(f"of has {count} degrees of freedom; expected {model.nv}, the model's.")
+    limits, slides = _limits(thresholds, model), sliding_dofs(model)
     rows = -(-model.nv // 2)
-    figure = pyplot().figure(figsize=(10.0, 0.9 + 1.25 * rows), layout="constrained")
+    figure = drawing.pyplot().figure(figsize=(10.0, 0.9 + 1.25 * rows), layout="constrained")
     grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
-    slides = sliding_dofs(model)
     for k, dof in enumerate(model.dof_names):
-        axes = grid[k // 2, k % 2]
-        _panel(axes, t, observed.external_torque[:, k], limits[k])
-        axes.set_title(f"{name(dof)} [{'N' if slides[k] else 'N m'}]", fontsize="small", loc="left")
+        axes = grid.flat[k]
+        _draw_panel(axes, of.t - of.t[0], of.external_torque[:, k], limits[k])
+        title = f"{escape(dof)} [{'N' if slides[k] else 'N m'}]"
+        axes.set_title(title, fontsize="small", loc="left")
     for axes in grid.flat[model.nv :]:
         axes.set_axis_off()
-    for column in range(2):
-        last = grid[max(0, (model.nv - 1 - column) // 2), column]
-        last.set_xlabel("time [s]")
-        last.tick_params(labelbottom=True)
-    figure.suptitle(f"{name(model.name)}: external torque", fontsize="medium", x=0.01, ha="left")
+    for axes in grid.flat[max(0, model.nv - 2) : model.nv]:  # the last of each column
+        axes.set_xlabel("time [s]")
+        axes.tick_params(labelbottom=True)
+    title = f"{escape(model.name)}: external torque"
+    figure.suptitle(title, fontsize="medium", x=0.01, ha="left")
     return figure
 
 
-def _panel(axes: Any, t: Array, torque: Array, limit: float) -> None:
+def _draw_panel(axes: Any, t: Array, torque: Array, limit: float) -> None:
     axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
     axes.plot(*envelope(t, torque), color=COLOURS[0], linewidth=0.9)
     if np.isfinite(limit):
@@ -97,14 +94,15 @@ def _panel(axes: Any, t: Array, torque: Array, limit: float) -> None:
         axes.plot(*envelope(t, beyond), color=COLOURS[3], linewidth=1.6)
     axes.margins(x=0)
     axes.tick_params(labelsize="small")
-    tidy(axes)
+    drawing.hide_frame(axes)
 
 
 def _limits(thresholds: Any, model: RobotModel) -> list[float]:
-    """Threshold of each degree of freedom, inf where there is none."""
-    if isinstance(thresholds, Calibration):
-        thresholds = thresholds.thresholds
-    by_name = thresholds.joints if isinstance(thresholds, AlarmThresholds) else thresholds or {}
-    for joint in by_name:
-        check_named("threshold of joint", joint, (*model.dof_names, ALL))
-    return [float(by_name.get(dof, by_name.get(ALL, np.inf))) for dof in model.dof_names]
+    """Return the threshold of each degree of freedom, inf without one."""
+    thresholds = thresholds.thresholds if isinstance(thresholds, Calibration) else thresholds
+    limits = thresholds.joints if isinstance(thresholds, AlarmThresholds) else thresholds or {}
+    for joint in limits:
+        if joint not in (*model.dof_names, ALL):
+            known = ", ".join(model.dof_names)
+            raise InputError(f"thresholds has joint {joint!r}; expected one of {known} or {ALL}.")
+    return [float(limits.get(dof, limits.get(ALL, np.inf))) for dof in model.dof_names]

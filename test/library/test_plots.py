@@ -1,0 +1,287 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Plots: numbers of what they draw against results of the library and Pinocchio, gaps, peaks, colours and errors."""
+
+import re
+import sys
+from importlib import import_module
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import diag_dynamics as dd
+from motions import recorded
+from robots import description, joint, link
+
+mpl.use("agg")
+import matplotlib.pyplot as plt
+
+CUBE = (1.0, (0, 0, 0), (0.1, 0, 0, 0.1, 0, 0.1))
+SLIDES = [f"to_{name}" for name in "abcdefgh"]
+MODEL = dd.load_urdf(
+    description(
+        "$slides$",
+        *(link("base"), *(link(name, *CUBE) for name in SLIDES)),
+        *(joint(f"{name}_joint", "prismatic", "base", name) for name in SLIDES),
+    )
+)
+"""Eight masses of 1 kg that slide by themselves: ½ν² is half the square of each velocity."""
+
+POINT = [0.0, 0.0, 0.1]
+
+
+@pytest.fixture(autouse=True)
+def _closed():
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return dd.load_robot("panda")
+
+
+@pytest.fixture(scope="module")
+def dyn(panda):
+    return dd.DiagonalDynamics(panda)
+
+
+@pytest.fixture(scope="module")
+def motion(panda, dyn):
+    """Times, positions, rates, efforts and external efforts: a motion with a push at the hand in it."""
+    t = np.arange(2500) * 1e-3
+    rng = np.random.default_rng(1)
+    middle, wide = np.clip(panda.neutral, panda.lower, panda.upper), 0.2 * np.ones(panda.nv)
+    middle[3], middle[-1], wide[-1] = -1.5, 0.02, 0.01
+    w = rng.uniform(3.0, 7.0, panda.nv)
+    angle = w * t[:, None] + rng.uniform(0.0, 6.0, panda.nv)
+    q, qd, qdd = middle + wide * np.sin(angle), wide * w * np.cos(angle), -wide * w * w * np.sin(angle)
+    external = np.zeros_like(q)
+    for k in range(600, 800):
+        external[k] = dyn.jacobian(q[k], "panda_hand", frame="world")[:3].T @ [0.0, 8.0, 0.0]
+    return t, q, qd, dyn.inverse_dynamics_batch(q, qd, qdd, friction=True) - external, external
+
+
+@pytest.fixture(scope="module")
+def recording(panda, motion):
+    return recorded(panda, *motion[:4])
+
+
+def curve(axes, label):
+    (line,) = [line for line in axes.lines if line.get_label() == label]
+    return np.array(line.get_data())
+
+
+def sliding(velocity):
+    """Return the evaluation of the eight masses at velocities (T, 8)."""
+    return dd.DiagonalDynamics(MODEL).evaluate_batch(np.zeros_like(velocity), velocity)
+
+
+def test_energy_is_stacked_by_joint(recording, dyn, panda):
+    """The top of the stack is K, each layer is as thick as the share of its joint; one layer is of all others."""
+    times = recording.t[:2000] + 7.0
+    s = dyn.evaluate_batch(recording.q[:2000], recording.qd[:2000])
+    figure, ax = plt.subplots()
+    axes = dd.plot.energy(s, times, ax=ax)
+    assert axes is ax and plt.get_fignums() == [figure.number]
+    t, K = curve(axes, "K")
+    assert np.array_equal(t, times - times[0]) and np.allclose(K, s.kinetic_energy, rtol=1e-12)
+    shares = dict(zip(panda.dof_names, s.energy_share.T, strict=True))
+    below, others = np.zeros(len(t)), set(panda.dof_names)
+    for layer in axes.collections:
+        at, top = layer.get_paths()[0].vertices.T
+        edge = np.array([top[at == x].max() for x in t[::100]])
+        chosen = {layer.get_label()} & others or others
+        expected = sum(shares[joint] for joint in chosen)
+        assert np.allclose(edge - below[::100], expected[::100], atol=1e-12)
+        others, below = others - chosen, below + expected
+    assert not others and (axes.get_xlabel(), axes.get_ylabel()) == ("time [s]", "kinetic energy [J]")
+
+
+def test_gaps_have_no_line(panda, motion):
+    """Ten seconds without a state are a gap, states that come every two seconds are a line."""
+    t, q, qd, tau, _ = motion
+    recording = recorded(panda, np.where(t < 1.0, t, t + 10.0), q, qd, tau)
+    for at, y in (curve(dd.plot.energy(recording), "K"), dd.plot.balance(recording).axes[1].lines[0].get_data()):
+        (gap,) = np.flatnonzero(np.isnan(y))
+        assert at[gap - 1] < 1.0 and 10.9 < at[gap + 1] < 11.2
+    seldom = recorded(panda, 2.0 * np.arange(30.0), q[:30], qd[:30], None)
+    assert not np.isnan(curve(dd.plot.energy(seldom), "K")).any()
+
+
+def test_peaks_are_drawn():
+    """The largest of 100 000 values, and the smallest, at its time; unknown values stay gaps."""
+    t, count = np.arange(100_000) * 1e-3, 100_000
+    velocity = np.full((count, 8), 0.1)
+    velocity[54321] = 2.0
+    at, K = curve(dd.plot.energy(sliding(velocity), t), "K")
+    assert len(K) < 5000 and K.max() == pytest.approx(16.0) and at[K.argmax()] == pytest.approx(54.321)
+    torque = np.zeros((count, 8))
+    torque[12345], torque[54321], torque[60_000:70_000] = -1.0, 2.0, np.nan
+    flags = np.zeros(count, dtype=bool)
+    observed = dd.Observed(t, torque, torque, torque[:, 0], ~flags, flags)
+    line = dd.plot.external_torque(observed, {"*": 1.5}, model=MODEL).axes[3].lines[1]
+    at, y = np.array(line.get_data())
+    assert len(y) < 5000 and (np.nanmin(y), np.nanmax(y)) == (-1.0, 2.0)
+    assert at[np.nanargmin(y)] == pytest.approx(12.345, abs=0.06)
+    assert np.isnan(y[(at > 60.1) & (at < 69.9)]).all() and not np.isnan(y[(at < 59.9) | (at > 70.1)]).any()
+
+
+def test_many_oscillations_are_means_and_the_largest_energy():
+    t = np.arange(0.0, 600.0, 0.02)
+    velocity = np.zeros((len(t), 8))
+    velocity[:, 0], velocity[:, 1] = 2.0 * np.sin(np.pi / 0.8 * t), np.cos(np.pi / 0.8 * t)
+    s = sliding(velocity)
+    axes = dd.plot.energy(s, t)
+    at, K = curve(axes, "K")
+    assert len(at) == 100 and np.mean(K) == pytest.approx(s.kinetic_energy.mean(), rel=1e-6)
+    (band,) = [one for one in axes.collections if one.get_label() == "maximum of K"]
+    assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(s.kinetic_energy.max())
+    assert "mean of 6.00 s" in axes.get_ylabel()
+
+
+def test_shares_of_one_state_and_of_many(recording, dyn, panda):
+    s = dyn.evaluate(recording.q[700], recording.qd[700])
+    axes = dd.plot.shares(s)
+    assert [bar.get_width() for bar in axes.patches] == pytest.approx(s.energy_share.tolist())
+    assert [label.get_text() for label in axes.get_yticklabels()] == list(panda.dof_names)
+    many = dyn.evaluate_batch(recording.q, recording.qd)
+    axes = dd.plot.shares(recording)
+    assert [bar.get_width() for bar in axes.patches] == pytest.approx(many.energy_share.mean(axis=0).tolist())
+    assert np.allclose(curve(axes, "largest")[0], many.energy_share.max(axis=0))
+    talos = dd.load_robot("talos_full_v2", floating_base=True)
+    s = dd.DiagonalDynamics(talos).evaluate(talos.random(1), np.ones(talos.nv))
+    axes = dd.plot.shares(s)
+    assert len(axes.patches) == 30 and sum(bar.get_width() for bar in axes.patches) == pytest.approx(s.kinetic_energy)
+    assert (
+        axes.get_yticklabels()[-1].get_text() == f"{talos.nv - 5 - 29} others"
+    )  # six freedoms of the base are one joint
+
+
+def test_rest_of_the_balance_is_the_power_of_a_push(recording, motion):
+    t, _, qd, _, external = motion
+    both, rest = dd.plot.balance(recording).axes
+    at, power = np.array(rest.lines[0].get_data())
+    pushing = (external * qd).sum(axis=1)
+    expected = np.array([pushing[(t >= x - 0.05 - 1e-9) & (t <= x + 0.05 + 1e-9)].mean() for x in at])
+    assert np.abs(expected).max() > 0.05
+    assert np.abs(power - expected).max() < 0.02 * np.abs(expected).max() + 2e-3
+    difference = curve(both, "dK/dt")[1] - curve(both, "explained by efforts, gravity and friction")[1]
+    assert np.allclose(difference, power) and both.get_ylabel() == "power [W]"
+    assert re.search(r"panda: \d+\.\d % of dK/dt explained", both.get_title(loc="left"))
+
+
+def test_external_torque_of_each_joint(recording, dyn, panda):
+    observed = dd.observe(dyn, recording, 40.0)
+    seen = observed.external_torque
+    thresholds = dd.AlarmThresholds({"panda_joint1": 0.5, "*": 100.0})
+    panels = dd.plot.external_torque(observed, thresholds, model=panda).axes
+    titles = [axes.get_title(loc="left") for axes in panels]
+    assert titles == [f"{n} [{'N' if 'finger' in n else 'N m'}]" for n in panda.dof_names]
+    for k, axes in enumerate(panels):
+        assert np.array_equal(axes.lines[1].get_ydata(), seen[:, k], equal_nan=True)
+    beyond = np.array(panels[0].lines[2].get_ydata())
+    assert np.array_equal(~np.isnan(beyond), np.abs(seen[:, 0]) > 0.5) and np.isfinite(beyond).any()
+    panels = dd.plot.external_torque(recording, {"panda_joint1": 0.5}, gain=40.0).axes
+    assert [len(axes.lines) for axes in panels] == [3] + [2] * 7  # the joints without a threshold have one curve
+    assert np.array_equal(panels[1].lines[1].get_ydata(), seen[:, 1], equal_nan=True)
+
+
+def test_ellipsoid_has_the_masses_of_a_push(panda, dyn, recording):
+    q, qd = recording.q[100], recording.qd[100]
+    axes = dd.plot.ellipsoid(panda, q, "panda_hand", qd, point=POINT)
+    J = dyn.jacobian(q, "panda_hand", POINT, frame="world")[:3]
+    inverse = J @ np.linalg.solve(dyn.mass_matrix(q), J.T)
+    shown = [float(text.get_text().split()[0]) for text in axes.texts if text.get_text().endswith(" kg")]
+    assert sorted(shown) == pytest.approx(sorted(1.0 / np.linalg.eigvalsh(inverse)), rel=5e-3)
+    v, title = J @ qd, axes.get_title(loc="left")
+    along = float(re.search(r"mass along v ([\d.e+-]+) kg", title)[1])
+    assert along == pytest.approx((v @ v) / (v @ inverse @ v), rel=5e-3)
+    assert [axis.get_label_text() for axis in (axes.xaxis, axes.yaxis, axes.zaxis)] == ["x [m]", "y [m]", "z [m]"]
+    assert "panda_hand" in dd.plot.ellipsoid(panda, q).get_title(loc="left")  # the end-effector link
+
+
+def test_tree_has_every_freedom_with_its_inertia():
+    model = dd.load_robot("go2", floating_base=True)
+    dyn, q = dd.DiagonalDynamics(model), model.random(3)
+    names, bars = dd.plot.tree(model, q).axes
+    assert [text.get_text() for text in names.texts] == list(model.dof_names)
+    D, M = dyn.factors(q).D, np.diag(dyn.mass_matrix(q))
+    ends = {round(bar.get_y() + 0.5 * bar.get_height()): bar.get_x() + bar.get_width() for bar in bars.patches}
+    assert [ends[k] for k in range(model.nv)] == pytest.approx(D.tolist())
+    assert [float(text.get_text()) for text in bars.texts] == pytest.approx(D.tolist(), rel=5e-3, abs=5e-5)
+    shown, rows = curve(bars, "M_kk: outboard joints locked")
+    assert np.allclose(shown, M) and np.array_equal(rows, np.arange(model.nv))
+    # Lines go from a carrier to its children, a level further in where there are several.
+    lines = [line for line in names.lines if len(line.get_xdata()) == 3]
+    carried = {int(line.get_ydata()[1]): int(line.get_ydata()[0]) for line in lines}
+    indents = [int(line.get_xdata()[2] - line.get_xdata()[0]) for line in lines]
+    assert [carried[k] for k in range(1, 18)] == [0, 1, 2, 3, 4, *(5, 6, 7, 5, 9, 10, 5, 12, 13, 5, 15, 16)]
+    assert indents == [0] * 5 + [1, 0, 0] * 4
+
+
+# --- Colours, names and errors
+
+
+def lab(colour, seen):
+    """Return CIE L*a*b* of a colour that is seen so in LMS (Viénot, Brettel and Mollon 1999)."""
+    srgb = np.array(mpl.colors.to_rgb(colour))
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    to_lms = np.array([[17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714], [0.0299566, 0.184309, 1.46709]])
+    linear = np.clip(np.linalg.solve(to_lms, seen @ to_lms @ linear), 0.0, 1.0)
+    xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]) @ linear
+    f = np.where((r := xyz / [0.9505, 1.0, 1.089]) > 0.008856, np.cbrt(r), 7.787 * r + 16.0 / 116.0)
+    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize(
+    "seen",
+    [
+        np.eye(3),
+        [[0.0, 2.02344, -2.52581], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        [[1.0, 0.0, 0.0], [0.494207, 0.0, 1.24827], [0.0, 0.0, 1.0]],
+    ],
+    ids=["all", "protanopia", "deuteranopia"],
+)
+def test_colours_are_told_apart(seen):
+    """Layers differ from each other and from the text, on white and on black, for the colour-blind, too."""
+    for style, ground in (("default", "white"), ("dark_background", "black")):
+        with plt.style.context(style):
+            axes = dd.plot.energy(sliding(np.ones((3, 8))))
+        (line,) = axes.lines
+        assert line.get_color() == {"white": "black", "black": "white"}[ground]
+        colours = [layer.get_facecolor()[0] for layer in axes.collections]
+        assert len(colours) == 8 and axes.get_title(loc="left").startswith(r"\$slides\$")
+        points = [lab(colour, np.array(seen)) for colour in (*colours, line.get_color(), ground)]
+        apart = [np.linalg.norm(a - b) for k, a in enumerate(points) for b in points[:k]]
+        assert min(apart) > 15.0
+
+
+def test_errors_name_the_argument(recording, panda, dyn, monkeypatch):
+    t, q, qd = recording.t, recording.q, recording.qd
+    without, empty = (recorded(panda, t[:n], q[:n], qd[:n], None) for n in (100, 0))
+    for draw, key in (
+        (lambda: dd.plot.energy([1.0]), "expected a Recording"),
+        (lambda: dd.plot.energy(dyn.evaluate_batch(q, qd), t=[0.0, 1.0, 2.0]), r"t has shape \(3,\)"),
+        (lambda: dd.plot.balance(without), "no efforts"),
+        (lambda: dd.plot.balance(empty), "no states"),
+        (lambda: dd.plot.shares(empty), "no states"),
+        (lambda: dd.plot.external_torque(dd.observe(dyn, recording)), "model"),
+        (lambda: dd.plot.external_torque(recording, {"elbow": 1.0}), "'elbow'"),
+        (lambda: dd.plot.ellipsoid(panda, panda.neutral, "hand"), "'hand'"),
+    ):
+        with pytest.raises(dd.InputError, match=key):
+            draw()
+
+
+def test_matplotlib_is_imported_on_first_use(panda, monkeypatch):
+    monkeypatch.setattr(dd, "plot", dd.plot)  # restored, as the modules are
+    for name in [name for name in sys.modules if name.startswith("diag_dynamics.plot")]:
+        monkeypatch.delitem(sys.modules, name)
+    for name in ("matplotlib", "matplotlib.pyplot"):
+        monkeypatch.setitem(sys.modules, name, None)
+    plot = import_module("diag_dynamics.plot")
+    with pytest.raises(dd.InputError, match="pip install matplotlib"):
+        plot.tree(panda)
