@@ -126,10 +126,11 @@ def analyse_fleet(
         missing = "which is not installed: pip install 'dask[distributed]' pyarrow"
         raise InputError(f"a fleet's recordings are analysed with {name}, {missing}.") from error
     reading = _reading_options(model, columns, topic, joint_names, parameters)
-    suffixes = [suffix for suffix, wanted in (("parquet", parquet), ("html", reports)) if wanted]
+    gain = positive("gain", gain, "[1/s]")
+    suffixes = [suffix for suffix, chosen in (("parquet", parquet), ("html", reports)) if chosen]
     out = Path(out).expanduser().resolve()
     out.mkdir(parents=True, exist_ok=True)
-    jobs = _jobs(_paths(patterns, out), out, reading, positive("gain", gain, "[1/s]"), suffixes)
+    jobs = _jobs(_paths(patterns, out), out, reading, gain, suffixes)
     results = {job.path: job.read_summary() for job in jobs}
     todo = [job for job in jobs if results[job.path] is None]
     kept = len(jobs) - len(todo)
@@ -177,8 +178,8 @@ class _Job(NamedTuple):
         is_complete = all(self.output(suffix).exists() for suffix in self.suffixes)
         return summary if is_complete and summary.get("fingerprint") == self.fingerprint else None
 
-    def remove_outputs(self, which="*"):
-        for path in glob.glob(f"{glob.escape(self.stem)}.{which}"):
+    def remove_outputs(self, suffix="*"):
+        for path in glob.glob(f"{glob.escape(self.stem)}.{suffix}"):
             shutil.rmtree(path) if os.path.isdir(path) else os.remove(path)
 
 

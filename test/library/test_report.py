@@ -353,6 +353,6 @@ def test_files_that_cannot_be_written(recording, capsys, tmp_path):
         write_report(tmp_path / "r.html", {}, [], {}, static=tmp_path)
 
 
-def test_parameters_in_words():
-    told = [output.in_words(value) for value in (True, False, [], ["a=1.5", "b=2"], [0.5, 1.0], "", "x", 25.0)]
+def test_values_of_parameters():
+    told = [output.format_value(value) for value in (True, False, [], ["a=1.5", "b=2"], [0.5, 1.0], "", "x", 25.0)]
     assert told == ["yes", "no", "none", "a=1.5, b=2", "0.5, 1.0", "none", "x", "25.0"]

@@ -60,7 +60,7 @@ class ReportOutput:
         whole, (scene, meshes) = self._track(overview, self._overview.states()), self._scene()
         size = whole.size + sum(map(len, meshes.values()))
         self._fit(MAX_REPORT - sum(len(part.encode()) for part in page_of()) - as_text(size))
-        told = {
+        data = {
             "layout": self._maker.layout.to_json(scene, self._thresholds()),
             "summary": summary,
             "parameters": self._parameters(),
@@ -72,7 +72,7 @@ class ReportOutput:
             "version": diag_dynamics.__version__,
         }
         runs = sorted(self._runs, key=lambda run: run[1])
-        write_report(self._target.name, told, [whole, *(track for *_, track in runs)], meshes)
+        write_report(self._target.name, data, [whole, *(track for *_, track in runs)], meshes)
         self._target.commit()
 
     def drop(self):
@@ -86,13 +86,13 @@ class ReportOutput:
         t = (states.stamp - self._first) * 1e-9
         epsilon = np.where(states.effort_known[:, None], s.epsilon, np.nan)
         terms = epsilon, s.coriolis, s.gravity, s.articulated_inertia, s.kinetic_energy
-        given = States(t, states.position, states.velocity, states.effort, s.nu, *terms)
-        seen = Seen(valid, residual, torque, norm, np.asarray(collision, dtype=bool))
+        evaluated = States(t, states.position, states.velocity, states.effort, s.nu, *terms)
+        observed = Seen(valid, residual, torque, norm, np.asarray(collision, dtype=bool))
         forces = epsilon, -s.gravity, np.zeros_like(s.nu) if s.friction is None else -s.friction, residual
         powers = [np.einsum("tk,tk->t", s.nu, force) for force in forces]
         columns = {
-            **given._asdict(),
-            **seen._asdict(),
+            **evaluated._asdict(),
+            **observed._asdict(),
             "estimated": states.velocity_estimated,
             "received": states.stamp_received,
             "index": self._count + np.arange(len(t)),
@@ -107,19 +107,19 @@ class ReportOutput:
     def _track(self, pack, states, every=1):
         """Return a Track; only some states have the numbers of the end-effector link."""
         columns = {name: np.ascontiguousarray(states[name]) for name in states.dtype.names}
-        given, seen = (kind(*map(columns.get, kind._fields)) for kind in (States, Seen))
-        told = Told(columns["estimated"], columns["received"])
-        numbers = np.array(self._maker.frames(given, seen, told)["numbers"])
+        evaluated, observed = (kind(*map(columns.get, kind._fields)) for kind in (States, Seen))
+        flags = Told(columns["estimated"], columns["received"])
+        numbers = np.array(self._maker.frames(evaluated, observed, flags)["numbers"])
         layout, link = self._maker.layout, end_effector_link(self._reading.model)
         names = "p_effort", "p_gravity", "p_friction", "p_external", "dK"
         for name, power in zip(names, mean_powers(states).T, strict=True):
             numbers[:, layout.place(name).start] = power
         for k in range(0, len(numbers), every):
-            numbers[k, layout.common :] = self._maker.chosen(given.q[k], given.nu[k], link)
+            numbers[k, layout.common :] = self._maker.chosen(evaluated.q[k], evaluated.nu[k], link)
         contact = None
         if self._points:
-            contact = kept_of(self._dynamics.contact_batch(given.q, given.qd, self._points))
-        return pack(layout, given.t, numbers, contact)
+            contact = kept_of(self._dynamics.contact_batch(evaluated.q, evaluated.qd, self._points))
+        return pack(layout, evaluated.t, numbers, contact)
 
     def _add_runs(self, runs):
         for states in runs:
@@ -155,27 +155,27 @@ class ReportOutput:
         return (points, len(left_out)) if len(points) else (None, 0)
 
     def _thresholds(self):
-        wanted, names = self._reading.settings.observation, self._reading.model.dof_names
-        if wanted is None:
+        observation, names = self._reading.settings.observation, self._reading.model.dof_names
+        if observation is None:
             return None
-        limits = [np.inf] * (len(names) + 1) + [wanted.threshold]
-        *joints, torque_norm, norm = finite(wanted.alarms.limits(names) if wanted.alarms else limits)
+        limits = [np.inf] * (len(names) + 1) + [observation.threshold]
+        *joints, torque_norm, norm = finite(observation.alarms.limits(names) if observation.alarms else limits)
         about = {"external_torque": joints, "external_torque_norm": torque_norm}
         return about | {"norm": norm, "energy": None}
 
     def _parameters(self):
         """Return the monitor's parameters, those that differ from the default first."""
         rows = [
-            {"name": name, "value": in_words(x), "default": bool(x == PARAMETERS[name].default)}
+            {"name": name, "value": format_value(x), "default": bool(x == PARAMETERS[name].default)}
             for name, x in self._reading.settings.values.items()
         ]
         return sorted(rows, key=lambda row: row["default"])
 
 
-def in_words(value):
+def format_value(value):
     """Return the value of a parameter as people write it."""
     if isinstance(value, (bool, np.bool_)):
         return "yes" if value else "no"
     if isinstance(value, (list, tuple, np.ndarray)):
-        return ", ".join(map(in_words, value)) or "none"
+        return ", ".join(map(format_value, value)) or "none"
     return str(value) or "none"
