@@ -177,6 +177,7 @@ HOSTILE = {
         ["line 3: text where a number belongs (column 'q_a': 'x'): 4 fields are NaN"],  # each one is read twice
     ),
     "times": ("0,1,2\nx,2,2\n,3,2\nnan,4,2\n2,5,2\n", [0, 2], ["line 3: " + NO_TIME.format(" ('x')", 3)]),
+    "times behind empty lines": ("0,1,2\n\n\nx,2,2\n2,5,2\n", [0, 2], ["line 5: " + NO_TIME.format(" ('x')", 1)]),
     "NUL": (
         b"0,1,2\n\0\0\0\0\n1,2\0,2\n2,3,4\n" + b"\0" * 5000,
         [0, 2],
@@ -426,6 +427,31 @@ BY_NAME = {
 @pytest.mark.parametrize("header", BY_NAME)
 def test_columns_by_their_names(in_columns, header):
     assert found(in_columns(header)) == BY_NAME[header]
+
+
+IGNORED = (
+    *(
+        "target",
+        "desired",
+        "des",
+        "command",
+        "commanded",
+        "cmd",
+        "reference",
+        "ref",
+        "setpoint",
+        "goal",
+        "error",
+        "err",
+    ),
+    *("planned", "external", "acceleration", "accelerations", "acc"),
+)
+
+
+def test_columns_that_were_not_measured_are_not_read(in_columns):
+    for word in IGNORED:
+        header = f"t,{word}_q_1,{word}_q_2,{word}_q_3,q1,q2,q3,{word}_torque_1,{word}_torque_2,{word}_torque_3"
+        assert found(in_columns(header)) == (0, [4, 5, 6], None, None)
 
 
 def test_how_columns_were_understood_is_noted(in_columns):

@@ -221,6 +221,12 @@ def test_joints_in_messages_of_their_own(read, writer):
         np.testing.assert_allclose(positions, [value("position", joint, row) for row in last[joint]], atol=1e-12)
 
 
+def test_a_joint_twice_at_one_time_is_two_messages(read):
+    lines = long_table(FIXED).splitlines()
+    content = "\n".join([lines[0], *(f"0{line[line.index(',') :]}" for line in lines[1:])])
+    assert read(content).counts["received"] == ROWS
+
+
 @pytest.mark.parametrize("order", [FIXED, CHANGING])
 @pytest.mark.parametrize(
     "header",

@@ -9,6 +9,7 @@ from decimal import Context, Decimal
 
 import numpy as np
 import pyarrow as pa
+from pyarrow import compute as pc
 
 SECOND = 10**9
 LIMIT = 2**62
@@ -62,9 +63,12 @@ def read_times(array, scale, decimal="."):
             values = array.cast(pa.float64()).to_numpy(zero_copy_only=False)
             if _is_short(values * scale):
                 return _of_floats(values, scale)
+            if scale == 1.0 and not array.null_count:
+                nanoseconds = pc.multiply(array.cast(pa.decimal128(19, 9)), pa.scalar(SECOND, pa.decimal128(10)))
+                return values, np.clip(nanoseconds.cast(pa.int64()).to_numpy(), -LIMIT, LIMIT)
             if not array.null_count:
                 return _of_integers(array.cast(pa.int64()).to_numpy(), scale)
-        except pa.ArrowInvalid:  # decimals, dates, or a text that is neither
+        except pa.ArrowInvalid:  # more digits, dates, or a text that is neither
             pass
     texts = [one.decode(errors="replace") if isinstance(one, bytes) else str(one or "") for one in array.to_pylist()]
     return _of_texts(texts, scale)
