@@ -111,7 +111,7 @@ class Calibration:
         """
         low, high = map(format_rate, self.rate_interval)
         head = [
-            f"Calibrated to {format_rate(self.asked)} false alarms, all detectors together.",
+            f"Thresholds for false alarms of {format_rate(self.asked)}, all detectors together.",
             f"Held-out parts: {self.held_out} alarms in {self.duration:.4g} s, "
             f"{format_rate(self.rate)} (95 %: {low} to {high}).",
             *self.warnings,

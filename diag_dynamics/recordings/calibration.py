@@ -80,8 +80,17 @@ def calibrate(
     many = [recordings] if isinstance(recordings, Recording) else recordings
     for one in many:
         observer = Observer(dynamics, gain, friction=friction, max_gap=max_gap, threads=threads)
-        pieces = [one] if isinstance(one, Recording) else one
-        _add_recording(pieces, dynamics, observer, residuals, efforts)
+        states, with_efforts, counts, findings = 0, False, {}, []
+        for piece in [one] if isinstance(one, Recording) else one:
+            require_same_robot(dynamics, piece)
+            states, with_efforts = states + len(piece), with_efforts or piece.tau is not None
+            counts, findings = piece.counts, piece.findings  # of all pieces until here
+            efforts.take(piece.states.position[:, -len(names) :], piece.states.effort)
+            for stamps, (residual, torque, _, valid, _) in observer.observed(piece.states):
+                residuals.add_states(stamps, residual, torque, valid)
+        refuse_units(findings)
+        if not with_efforts:
+            require_efforts(states > 0, counts)
     if not efforts.states:
         raise InputError("recordings are none, expected at least one.")
     unmeasured = efforts.complaint()
@@ -90,25 +99,3 @@ def calibrate(
     still = "" if efforts.moved else "no joint moves: the thresholds are those of a robot at rest"
     warnings = [text for text in (unmeasured, still) if text]
     return calibrate_residuals(residuals, names, gain, false_alarms, template, friction, warnings)
-
-
-def _add_recording(
-    pieces: Iterable[Recording],
-    dynamics: DiagonalDynamics,
-    observer: Observer,
-    residuals: Residuals,
-    efforts: EffortRange,
-) -> None:
-    """Observe a recording; raise InputError if it has no efforts, or other units."""
-    states, with_efforts, counts, findings = 0, False, {}, []
-    for piece in pieces:
-        require_same_robot(dynamics, piece)
-        states += len(piece)
-        with_efforts |= piece.tau is not None
-        counts, findings = piece.counts, piece.findings  # of all pieces until here
-        efforts.take(piece.states.position[:, -dynamics.model.nv :], piece.states.effort)
-        for stamps, (residual, torque, _, valid, _) in observer.observed(piece.states):
-            residuals.add_states(stamps, residual, torque, valid)
-    refuse_units(findings)
-    if not with_efforts:
-        require_efforts(states > 0, counts)
