@@ -171,9 +171,9 @@ def calibrate_residuals(
     rate = positive("false_alarms", false_alarms, "[1/s]")
     rows = residuals.rows()
     time = rows.time
-    if not len(time):
+    duration = float(time[-1]) if len(time) else 0.0
+    if duration == 0.0:
         raise InputError("there is no external torque: no efforts, or states too far apart.")
-    duration = float(time[-1])
     thresholds, level = _fit(rows, names, rate, template)
     if level is None:
         raise InputError(

@@ -101,7 +101,7 @@ def find_level(segments: Segments, duration: float, rate: float, release: float,
 def _extrapolate(level: float, peaks: Array, expected: float, method: str) -> Level | None:
     """Return the predictive level of an exponential tail: u + S[(m / expected)^(1/d) − 1]."""
     m = len(peaks)
-    if m < MIN_FITTED:
+    if m < MIN_FITTED or expected == 0.0:
         return None
     heights = np.sort(peaks - level)
     censored = max(1, m // CENSORED)
