@@ -21,22 +21,9 @@ from diag_dynamics.model import urdf
 from diag_dynamics.model.robot import MAX_COUPLED
 from diag_dynamics.model.urdf import MAX_JOINTS
 from examples import shortened
-from robots import KINDS, SEVERAL, all_robots, description, joint, link, random_tree, robot_path
+from robots import ARM, BOX, KINDS, SEVERAL, all_robots, arm, changed, description, joint, link, random_tree, robot_path
 
-BOX = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0.0, 0.0, 0.2, 0.0, 0.3)}
-
-
-def arm(*more, kind="revolute"):
-    return description("arm", link("base"), link("upper", **BOX), joint("shoulder", kind, "base", "upper"), *more)
-
-
-ARM = arm()
 WELD = joint("weld", "fixed", "upper", "l")
-
-
-def changed(old, new, text=ARM):
-    assert old in text
-    return text.replace(old, new, 1)
 
 
 # --- Sources

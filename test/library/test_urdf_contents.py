@@ -14,23 +14,10 @@ import pytest
 import diag_dynamics as dd
 from diag_dynamics.inspection import inspect_robot
 from examples import shortened
-from robots import all_robots, description, joint, link, robot_path
+from robots import ARM, BOX, all_robots, arm, changed, joint, link, robot_path
 
-BOX = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0.0, 0.0, 0.2, 0.0, 0.3)}
 COM = 'xyz="0.1 0.2 0.3"'
-
-
-def arm(*more, kind="revolute"):
-    return description("arm", link("base"), link("upper", **BOX), joint("shoulder", kind, "base", "upper"), *more)
-
-
-ARM = arm()
 WELD = joint("weld", "fixed", "upper", "l")
-
-
-def changed(old, new, text=ARM):
-    assert old in text
-    return text.replace(old, new, 1)
 
 
 def with_more(elements, text=ARM):

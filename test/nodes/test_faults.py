@@ -122,14 +122,7 @@ def cut(panda, last):
     return data[: len(data) // 2]
 
 
-def lost(_):
-    """Return no values."""
-    return []
-
-
 FAULTS = {
-    "no velocity": Fault(spoiled(velocity=lost), "no velocity", ("panda_joint1",)),
-    "NaN position": Fault(spoiled(position=with_value(math.nan)), "no position", (JOINT,)),
     "stale joint by its own limit": Fault(
         spoiled(300 * MS, ARM), "stale joint", (FINGER, "0.2 s"), {"joint_timeouts": [f"{FINGER}=0.2", "*=9"]}
     ),

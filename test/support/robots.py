@@ -182,6 +182,23 @@ def _text(numbers) -> str:
     return " ".join(repr(float(x)) for x in numbers)
 
 
+BOX = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0.0, 0.0, 0.2, 0.0, 0.3)}
+
+
+def arm(*more: str, kind: str = "revolute") -> str:
+    """Return the URDF of one link on a base, and of other elements."""
+    return description("arm", link("base"), link("upper", **BOX), joint("shoulder", kind, "base", "upper"), *more)
+
+
+ARM = arm()
+
+
+def changed(old: str, new: str, text: str = ARM) -> str:
+    """Return a text with its first `old` replaced, which it must have."""
+    assert old in text
+    return text.replace(old, new, 1)
+
+
 class TwoLinkArm(NamedTuple):
     """The textbook planar arm: masses m, length a, distances r of the centres of mass, inertias I there."""
 
