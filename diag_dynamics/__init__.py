@@ -62,10 +62,10 @@ _HOME = {
     "read_recording": "recordings.recording",
     "stream_recording": "recordings.recording",
     "analyse_fleet": "recordings.fleet",
-    "Identification": "identification.found",
-    "Excitation": "identification.exciting",
-    "excite": "identification.exciting",
-    "identify": "identification.identifying",
+    "Identification": "identification.result",
+    "Excitation": "identification.excite",
+    "excite": "identification.excite",
+    "identify": "identification.identify",
     "Observed": "recordings.observer",
     "observe": "recordings.observer",
     "Calibration": "collision.calibration",
@@ -106,10 +106,10 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.exceptions import SingularMassMatrixError as SingularMassMatrixError
     from diag_dynamics.exceptions import UnsupportedError as UnsupportedError
     from diag_dynamics.exceptions import UrdfError as UrdfError
-    from diag_dynamics.identification.exciting import Excitation as Excitation
-    from diag_dynamics.identification.exciting import excite as excite
-    from diag_dynamics.identification.found import Identification as Identification
-    from diag_dynamics.identification.identifying import identify as identify
+    from diag_dynamics.identification.excite import Excitation as Excitation
+    from diag_dynamics.identification.excite import excite as excite
+    from diag_dynamics.identification.result import Identification as Identification
+    from diag_dynamics.identification.identify import identify as identify
     from diag_dynamics.model import JointParameters as JointParameters
     from diag_dynamics.model import Mimic as Mimic
     from diag_dynamics.model import Parameters as Parameters

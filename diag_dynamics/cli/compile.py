@@ -36,7 +36,6 @@ UNITS = {
     "sweeps.kinematics": 2,
     "nodes.encoded.powers": 1,
     "sweeps.motions": 1,
-    "identification.kernels.normal_equations": 1,
     "identification.kernels.regressors": 1,
     "recordings.observer": 1,
 }

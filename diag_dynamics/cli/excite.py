@@ -12,7 +12,7 @@ import numpy as np
 from diag_dynamics.cli import given
 from diag_dynamics.cli.robot_argument import ROBOT, parsed, robot_of
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.identification.exciting import excite
+from diag_dynamics.identification.excite import excite
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.parameters.robots import model_of

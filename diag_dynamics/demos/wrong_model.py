@@ -14,8 +14,8 @@ import numpy as np
 from diag_dynamics.collision.detector import AlarmDetector
 from diag_dynamics.demos.simulated_robot import ERRORS, Push, real_robot, recorded
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.identification.exciting import excite
-from diag_dynamics.identification.identifying import identify
+from diag_dynamics.identification.excite import excite
+from diag_dynamics.identification.identify import identify
 from diag_dynamics.model import RobotModel, load_robot
 from diag_dynamics.recordings.calibration import calibrate
 from diag_dynamics.recordings.observer import observe

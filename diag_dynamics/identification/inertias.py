@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inertial parameters of a body: ten numbers, its 4x4 pseudo-inertia, and what of them belongs to which link."""
+"""Inertial parameters of a body: ten numbers, its 4x4 pseudo-inertia, and the shares of its links."""
 
 import numpy as np
 
@@ -11,86 +11,81 @@ ORDER = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 """Entries of the rotational inertia, in the order of the parameters."""
 
 UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-"""Entries of the rotational inertia, in the order that BODY and LINK have."""
+"""Entries of the rotational inertia, in the order of BODY and LINK."""
 
 FLOOR = 1e-3
-"""Smallest variance of a body's mass along an axis, in parts of the largest."""
+"""Smallest variance of a body's mass along an axis, relative to the largest."""
 
 
 def parameters_of(mass, first_moment, rotational):
-    """Ten parameters of mass, mass times centre, and 3x3 inertia about the origin."""
+    """Return ten parameters, given mass, mass times centre, and 3x3 inertia about the origin."""
     return np.array([mass, *first_moment, *(rotational[i, j] for i, j in ORDER)])
 
 
 def of_body(mass, centre, about_centre):
-    """Ten parameters of mass, centre of mass and 3x3 inertia about it."""
+    """Return ten parameters, given mass, centre of mass and 3x3 inertia about it."""
     c = np.asarray(centre, dtype=float)
-    return parameters_of(mass, mass * c, about_centre + mass * (c @ c * np.eye(3) - np.outer(c, c)))
+    rotational = np.asarray(about_centre) + mass * (c @ c * np.eye(3) - np.outer(c, c))
+    return parameters_of(mass, mass * c, rotational)
 
 
 def parameters_of_record(record):
-    """Ten parameters of a record of BODY or LINK, in the body's frame."""
-    return parameters_of(record["mass"], record["first_moment"], rotational_of_record(record["inertia"]))
+    """Return ten parameters of a record of BODY or LINK, in the body's frame."""
+    return parameters_of(record["mass"], record["first_moment"], _symmetric(record["inertia"], UPPER))
 
 
-def rotational_of_record(six):
-    """3x3 inertia of six numbers as BODY and LINK have them."""
+def rotational_of(parameters):
+    """Return the 3x3 inertia about the origin."""
+    return _symmetric(parameters[4:], ORDER)
+
+
+def _symmetric(six, order):
     rotational = np.zeros((3, 3))
-    for value, (i, j) in zip(six, UPPER, strict=True):
+    for value, (i, j) in zip(six, order, strict=True):
         rotational[i, j] = rotational[j, i] = value
     return rotational
 
 
 def pseudo_inertia(parameters):
-    """4x4 pseudo-inertia ∫ (r, 1)(r, 1)ᵀ dm of ten parameters: positive definite for a body that can be."""
-    mass, h = parameters[0], parameters[1:4]
+    """Return the 4x4 pseudo-inertia ∫ (r, 1)(r, 1)ᵀ dm, positive definite for a physical body."""
     rotational = rotational_of(parameters)
     J = np.empty((4, 4))
     J[:3, :3] = 0.5 * np.trace(rotational) * np.eye(3) - rotational
-    J[:3, 3] = J[3, :3] = h
-    J[3, 3] = mass
+    J[:3, 3] = J[3, :3] = parameters[1:4]
+    J[3, 3] = parameters[0]
     return J
 
 
-def rotational_of(parameters):
-    """3x3 inertia about the origin of ten parameters."""
-    rotational = np.zeros((3, 3))
-    for value, (i, j) in zip(parameters[4:], ORDER, strict=True):
-        rotational[i, j] = rotational[j, i] = value
-    return rotational
-
-
 def parameters_of_pseudo(J):
-    """Ten parameters of a 4x4 pseudo-inertia."""
-    second = J[:3, :3]
-    return parameters_of(J[3, 3], J[:3, 3], np.trace(second) * np.eye(3) - second)
+    """Return ten parameters of a 4x4 pseudo-inertia."""
+    return parameters_of(J[3, 3], J[:3, 3], np.trace(J[:3, :3]) * np.eye(3) - J[:3, :3])
 
 
 BASIS = np.array([pseudo_inertia(unit) for unit in np.eye(PARAMETERS)])
-"""Pseudo-inertia of each parameter, (10, 4, 4): it is linear in them."""
+"""Pseudo-inertia of each parameter, (10, 4, 4): J is linear in them."""
 
 
 def moved(parameters, placement):
-    """Ten parameters in the frame that a 4x4 placement is in, of those in the placed frame."""
+    """Return ten parameters in the frame of a 4x4 placement, of those in the placed frame."""
     return parameters_of_pseudo(placement @ pseudo_inertia(parameters) @ placement.T)
 
 
 def about_centre(parameters):
-    """Mass, centre of mass and 3x3 inertia about it."""
-    mass, h = parameters[0], parameters[1:4]
+    """Return mass, centre of mass and 3x3 inertia about it."""
+    mass, h = float(parameters[0]), parameters[1:4]
     if mass == 0.0:
         return 0.0, np.zeros(3), rotational_of(parameters)
     c = h / mass
-    return float(mass), c, rotational_of(parameters) - mass * (c @ c * np.eye(3) - np.outer(c, c))
+    return mass, c, rotational_of(parameters) - mass * (c @ c * np.eye(3) - np.outer(c, c))
 
 
 def is_physical(parameters):
-    """Whether a body of positive density can have these parameters."""
+    """Return whether a body of positive density can have these parameters."""
     return bool(np.linalg.eigvalsh(pseudo_inertia(parameters))[0] > 0.0)
 
 
 def floored(parameters):
-    """The pseudo-inertia, its central second moments raised to a floor where they are smaller: points, rods, mistakes."""
+    """Return the pseudo-inertia with central second moments raised to a floor: points and rods."""
     J = pseudo_inertia(parameters)
     c = J[:3, 3] / J[3, 3]
     values, axes = np.linalg.eigh(J[:3, :3] - J[3, 3] * np.outer(c, c))
@@ -99,10 +94,11 @@ def floored(parameters):
     return J
 
 
-def shared_out(parts, whole):
-    """Pseudo-inertias of the links of a body, given those they had and what the body has now.
+def share_out(parts, whole):
+    """Return pseudo-inertias of the links of a body, given their old ones and the body's new one.
 
-    J = Σ A J_part A with the symmetric A that takes the old whole to the new one, so that every part stays physical.
+    J = Σ A J_part A with the symmetric A that maps the old sum to the new one, so that every part
+    stays physical.
     """
     root = _power(sum(parts), 0.5)
     inverse = np.linalg.inv(root)

@@ -1,17 +1,19 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Columns that are linear in the ten inertial parameters of each body: momentum, ∂K/∂q, gravity, energies.
+"""Columns of momentum, ∂K/∂q and gravity, linear in the inertial parameters, and their low-pass.
 
-The parameters of a body are m, mc (three), Ixx, Ixy, Iyy, Ixz, Iyz, Izz about its frame's origin, in that order. For two
-motions S and V in the body's frame, SᵀI V = :func:`coefficients` (S, V) times them.
+The parameters of a body are m, mc (three), Ixx, Ixy, Iyy, Ixz, Iyz, Izz about its frame's origin.
 """
+
+import math
 
 from diag_dynamics.compiled.kernel import (
     FILLED_MATRIX,
     FILLED_STATES,
     MATRIX,
     ROBOT,
+    VECTOR,
     entry_kernel,
     kernel,
     large_kernel,
@@ -42,21 +44,11 @@ PARAMETERS = 10
 
 @kernel
 def coefficients(S, V):
-    """Coefficients of a body's inertial parameters in SᵀI V."""
+    """Return the coefficients of a body's parameters in SᵀI V, S and V in the body's frame."""
     a, b, v, w = S.linear, S.angular, V.linear, V.angular
     h = add(cross(a, w), cross(v, b))
-    return (
-        dot(a, v),
-        h[0],
-        h[1],
-        h[2],
-        b[0] * w[0],
-        b[0] * w[1] + b[1] * w[0],
-        b[1] * w[1],
-        b[0] * w[2] + b[2] * w[0],
-        b[1] * w[2] + b[2] * w[1],
-        b[2] * w[2],
-    )
+    xy, xz, yz = b[0] * w[1] + b[1] * w[0], b[0] * w[2] + b[2] * w[0], b[1] * w[2] + b[2] * w[1]
+    return dot(a, v), h[0], h[1], h[2], b[0] * w[0], xy, b[1] * w[1], xz, yz, b[2] * w[2]
 
 
 @kernel
@@ -67,69 +59,74 @@ def add_to(row, first, values, scale):
 
 
 @large_kernel
-def directions_outward(bodies, gravity, q, qd, work, columns):
-    """V of each body, −g in its axes, and the directions of its own and all inboard degrees of freedom, seen in its frame.
+def propagate_directions(bodies, gravity, q, qd, work, directions):
+    """Compute V and −g in the frame of each body, and its own and inboard directions.
 
-    ``columns[i, k]`` has S_k, a follower's times its multiplier, and V_k × S_k, V_k that of the joint's last body. V and −g
-    are left in `work`, and −g times the height of the origin in ``work[i].z[0]``.
+    ``directions[i, k]`` has S_k, a follower's times its multiplier, and V_k × S_k in the frame of
+    body i, V_k that of the joint's last body.
     """
     rest_at_world(work)
     accelerate_world(gravity, 1.0, work)
-    work[0].z[0] = 0.0
     turn(bodies, q, work)
     for i in range(1, len(bodies)):
-        body, w, parent = bodies[i], work[i], work[bodies[i].parent]
+        body, w = bodies[i], work[i]
         X = place(body, q, w)
         V = move(body, qd, work, w)
-        up = motion_of(parent.acceleration)
-        w.z[0] = parent.z[0] + dot(up.linear, X.translation)
-        set_motion(w.acceleration, motion_to_child(X, up))
+        set_motion(w.acceleration, motion_to_child(X, motion_of(work[body.parent].acceleration)))
         a = body.parent
         while a > 0:
             for half in range(0, 12, 6):
-                set_motion(columns[i, a, half:], motion_to_child(X, motion_of(columns[body.parent, a, half:])))
+                inboard = motion_of(directions[body.parent, a, half:])
+                set_motion(directions[i, a, half:], motion_to_child(X, inboard))
             a = bodies[a].parent
         if body.rank == body.dofs - 1:
             for j in range(i - body.rank, i + 1):  # bodies of one joint share a frame
                 S = motion_along(bodies[j].direction, bodies[j].multiplier)
-                set_motion(columns[i, j], S)
-                set_motion(columns[i, j, 6:], cross_motion(V, S))
+                set_motion(directions[i, j], S)
+                set_motion(directions[i, j, 6:], cross_motion(V, S))
 
 
-@entry_kernel(ROBOT, MATRIX, MATRIX, FILLED_STATES, *[FILLED_STATES] * 3, *[FILLED_MATRIX] * 2, nogil=True)
-def regressors_many(robot, Q, QD, columns, momentum, velocity, gravity, kinetic, potential):
-    """Y_p, Y_∂ and Y_g, (T, nv, 10 N), and y_K and y_U, (T, 10 N), at states, a row of Q and QD each.
+@entry_kernel(ROBOT, MATRIX, MATRIX, MATRIX, FILLED_STATES, FILLED_MATRIX, FILLED_MATRIX, nogil=True)
+def fill_regressors(robot, Q, QD, first, directions, momentum, bias):
+    """Fill rows of Y_p and Y_g − Y_∂ at states, a row of Q and QD each; all joints' rows in one.
 
-    `columns`, (N + 1, N + 1, 12), is memory to work in. Returns the number of states that were done: all, or those before the
-    first one that is no state.
+    ``first[k, i]`` is where the parameters of body i begin in the row of degree of freedom k, or −1.
+    `directions`, (N + 1, N + 1, 12), is memory to work in. Returns the number of states that were
+    done: all, or those before the first one that is no state.
     """
-    bodies, g, work, _ = opened(robot)
-    n = len(bodies)
+    bodies, gravity, work, _ = opened(robot)
     for t in range(len(Q)):
-        q, qd = Q[t], QD[t]
-        if not (are_positions(bodies, q) and are_finite(qd)):
+        if not (are_positions(bodies, Q[t]) and are_finite(QD[t])):
             return t
-        directions_outward(bodies, g, q, qd, work, columns)
-        for k in range(len(qd)):
-            clear(momentum[t, k])
-            clear(velocity[t, k])
-            clear(gravity[t, k])
-        clear(kinetic[t])
-        clear(potential[t])
-        for i in range(1, n):
-            first, w = PARAMETERS * (i - 1), work[i]
-            V, up = motion_of(w.V), motion_of(w.acceleration)
-            add_to(kinetic[t], first, coefficients(V, V), 0.5)
-            potential[t, first] = w.z[0]
-            for j in range(3):
-                potential[t, first + 1 + j] = up.linear[j]
-            if bodies[i].rank < bodies[i].dofs - 1:
-                continue  # a body without inertia, whose columns are not made
+        propagate_directions(bodies, gravity, Q[t], QD[t], work, directions)
+        clear(momentum[t])
+        clear(bias[t])
+        for i in range(1, len(bodies)):
+            if first[bodies[i].dof, i] < 0.0:
+                continue
+            V, up = motion_of(work[i].V), motion_of(work[i].acceleration)
             a = i
             while a > 0:
-                S, rate, k = motion_of(columns[i, a]), motion_of(columns[i, a, 6:]), bodies[a].dof
-                add_to(momentum[t, k], first, coefficients(S, V), 1.0)
-                add_to(velocity[t, k], first, coefficients(rate, V), 1.0)
-                add_to(gravity[t, k], first, coefficients(S, up), 1.0)
+                at = int(first[bodies[a].dof, i])
+                S, turning = motion_of(directions[i, a]), motion_of(directions[i, a, 6:])
+                add_to(momentum[t], at, coefficients(S, V), 1.0)
+                add_to(bias[t], at, coefficients(S, up), 1.0)
+                add_to(bias[t], at, coefficients(turning, V), -1.0)
                 a = bodies[a].parent
     return len(Q)
+
+
+@entry_kernel(VECTOR, MATRIX, FILLED_MATRIX, nogil=True)
+def low_pass(time, y, w):
+    """Filter the columns of y by λ/(s + λ) in place of w[1:], given w[0]; `time` is λt.
+
+    Exact for inputs that are straight between states: w⁺ = E w + (c − E) y + (1 − c) y⁺ with
+    E = exp(−λΔ) and c = (1 − E)/(λΔ).
+    """
+    for t in range(1, len(time)):
+        step = time[t] - time[t - 1]
+        decay = math.exp(-step)
+        mean = -math.expm1(-step) / step
+        old, new = mean - decay, 1.0 - mean
+        for j in range(y.shape[1]):
+            w[t, j] = decay * w[t - 1, j] + old * y[t - 1, j] + new * y[t, j]
