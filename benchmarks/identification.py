@@ -13,8 +13,7 @@ import sys
 import numpy as np
 
 import diag_dynamics as dd
-from diag_dynamics.identification.equations import Equations
-from diag_dynamics.identification.segments import Segment
+from diag_dynamics.identification.regressors import Regressors
 from diag_dynamics.recordings.states import States
 
 HELD = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
@@ -55,12 +54,9 @@ def measure(states):
     t, q, qd, tau = motion(lighter, states)
     stamp, none = np.round(t * 1e9).astype(np.int64) + 10**9, np.zeros(states, dtype=bool)
     recording = dd.Recording(model, States(stamp, stamp, stamp, q, qd, tau, ~none, none, none, none), 10**9, {}, [])
-    segment = Segment(stamp, t, q, qd, tau)
 
     def sums():
-        equations = Equations(model, 2.0 * np.pi, 5e-3)
-        equations.take(segment)
-        return equations.sums()
+        return Regressors(model).sum_segment(t, q, qd, tau)
 
     calls = {"regressors, filter and normal equations": sums}
     calls |= {name: lambda what=what: dd.identify(recording, model, what) for name, what in TASKS.items()}

@@ -108,8 +108,8 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.exceptions import UrdfError as UrdfError
     from diag_dynamics.identification.excite import Excitation as Excitation
     from diag_dynamics.identification.excite import excite as excite
-    from diag_dynamics.identification.result import Identification as Identification
     from diag_dynamics.identification.identify import identify as identify
+    from diag_dynamics.identification.result import Identification as Identification
     from diag_dynamics.model import JointParameters as JointParameters
     from diag_dynamics.model import Mimic as Mimic
     from diag_dynamics.model import Parameters as Parameters

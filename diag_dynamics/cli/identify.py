@@ -13,8 +13,8 @@ from diag_dynamics.cli.interrupted import orderly
 from diag_dynamics.cli.robot_argument import parsed, robot_of
 from diag_dynamics.exceptions import DiagDynamicsError, InputError, UnsupportedError
 from diag_dynamics.identification.identify import identify
-from diag_dynamics.identification.result import without_impossible_links
 from diag_dynamics.identification.residual_plot import residual_curves
+from diag_dynamics.identification.result import without_impossible_links
 from diag_dynamics.model import Parameters
 from diag_dynamics.model.mjcf import is_mjcf
 from diag_dynamics.model.rewriting import urdf_with
@@ -142,7 +142,7 @@ def _draw(path, recording, model, found):
         f"the observer at {GAIN:g}/s; shaded: held out.\n"
         f"Of d(K + U)/dt the efforts explain {shares[0]} before, {shares[1]} after."
     )
-    time, torques = residual_curves((model, found.model), recording.pieces(), GAIN)
+    time, torques = residual_curves((model, found.model), recording.pieces, GAIN)
     held_out = time[-1] - found.quality["held_out_duration"], time[-1]
     picture(path, title, time, torques, found.quality["torque_rms"], held_out)
 

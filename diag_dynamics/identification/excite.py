@@ -176,7 +176,7 @@ def excite(
     for name, value in (("duration", duration), ("period", period), ("rate", rate)):
         positive(name, value, "[s]" if name != "rate" else "[1/s]")
     for name, part, most in (("velocity", velocity, 1.0), ("effort", effort, 1.0), ("margin", margin, 0.45)):
-        number(name, part, f"a number within 0 … {most:g}", lambda x, most=most: 0.0 < x <= most)
+        number(name, part, f"a number within 0 … {most:g}", _up_to(most))
     cycles = round(duration / period)
     if cycles < 1 or abs(cycles * period - duration) > 1e-9 * duration:
         raise InputError(f"duration is {duration:g} s, expected a whole number of periods of {period:g} s.")
@@ -204,9 +204,15 @@ def excite(
     best, condition = _search(family, objective, np.random.default_rng(seed), whole("trials", trials), progress)
     if best is None:
         raise InputError(objective.refusal())
-    motion = family.trajectory(best)
-    _refuse_standstill(model.dof_names, moving, *motion[:2])
-    return Excitation(model.dof_names, family.time, *motion, objective.effort_of(*motion), period, condition, what)
+    q, qd, qdd = family.trajectory(best)
+    _refuse_standstill(model.dof_names, moving, q, qd)
+    return Excitation(
+        model.dof_names, family.time, q, qd, qdd, objective.effort_of(q, qd, qdd), period, condition, what
+    )
+
+
+def _up_to(most):
+    return lambda x: 0.0 < x <= most
 
 
 def _search(family, objective, rng, trials, progress):

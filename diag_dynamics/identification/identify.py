@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, TypeAlias
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
@@ -365,7 +365,7 @@ def _add_warnings(selection, quality):
         )
 
 
-def _origin(model, data, quality) -> Mapping[str, Any]:
+def _origin(model, data, quality):
     locked = {name: float(value) for name, value in model.locked_joints.items()}
     recordings = [
         {"path": one.path, "robot": one.robot, "states": one.count, "start": one.start, "end": one.end}

@@ -1,0 +1,208 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Exciting trajectories: limits, rest, efforts, and the message that the controller takes."""
+
+import json
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import yaml
+
+import diag_dynamics as dd
+from diag_dynamics import excite
+from diag_dynamics.cli.main import main
+from diag_dynamics.control.trajectory import Trajectory, Waypoints
+from examples import shortened
+from robots import robot
+
+PANDA = robot("panda_description/urdf/panda.urdf")
+FINGERS = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return dd.load_urdf(PANDA.urdf, locked_joints=FINGERS)
+
+
+@pytest.fixture(scope="module")
+def found(arm):
+    return excite(arm, ("inertias", "friction"), trials=shortened(60, 10), velocity=0.6, effort=0.8)
+
+
+@pytest.fixture(scope="module")
+def oracle():
+    full = pin.buildModelFromXML(PANDA.urdf)
+    model = pin.buildReducedModel(full, [full.getJointId(name) for name in FINGERS], pin.neutral(full))
+    return model, model.createData()
+
+
+def test_within_limits_from_rest_to_rest(arm, found):
+    """The velocity is the slope of the position, and the acceleration that of the velocity."""
+    span = arm.upper - arm.lower
+    assert (found.position >= arm.lower + 0.05 * span - 1e-12).all()
+    assert (found.position <= arm.upper - 0.05 * span + 1e-12).all()
+    assert (abs(found.velocity) <= 0.6 * arm.velocity_limit + 1e-12).all()
+    assert (abs(found.effort) <= 0.8 * arm.effort_limit).all()
+    assert len(found.time) == 1001 and found.time[-1] == 20.0
+    assert max(abs(column[at]).max() for column in (found.velocity, found.acceleration) for at in (0, -1)) < 1e-12
+    dt = np.diff(found.time)[:, None]
+    for value, slope in ((found.position, found.velocity), (found.velocity, found.acceleration)):
+        middle = 0.5 * (slope[1:] + slope[:-1])
+        assert abs(np.diff(value, axis=0) / dt - middle).max() < 2e-3 * abs(slope).max()
+
+
+def test_effort_is_that_of_pinocchio(arm, oracle, found):
+    for t in (0, 137, 500, 800):
+        expected = pin.rnea(*oracle, found.position[t], found.velocity[t], found.acceleration[t])
+        expected += arm.damping * found.velocity[t]
+        expected += arm.friction * np.tanh(found.velocity[t] / arm.friction_velocity)
+        assert np.allclose(found.effort[t], expected, rtol=1e-9, atol=1e-9)
+
+
+def test_joints_ranges_and_seeds(arm):
+    names = arm.dof_names
+    options = {"joints": names[2:5], "ranges": {names[2]: (0.0, 0.4)}, "trials": 5, "duration": 10.0}
+    one, same = (excite(arm, "friction", **options) for _ in range(2))
+    assert np.array_equal(one.position, same.position)
+    assert excite(arm, "friction", **(options | {"trials": 30})).condition < one.condition
+    assert (one.velocity[:, [0, 1, 5, 6]] == 0.0).all()
+    assert one.position[:, 2].min() >= -1e-12 and one.position[:, 2].max() <= 0.4 + 1e-12
+    assert np.ptp(one.position[:, 3]) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("options", "key"),
+    [
+        ({"what": "payload:tool"}, "what has 'payload:tool'"),
+        ({"joints": ["elbow"]}, "joints: 'elbow' is not a joint"),
+        ({"ranges": {"panda_joint1": (-9, 1)}}, "ranges: 'panda_joint1'"),
+        ({"duration": 15.0}, "duration is 15 s"),
+        ({"velocity": 2.0}, "velocity is 2.0"),
+        ({"effort": 0.01, "trials": 3}, "joint 'panda_joint2' would need"),
+    ],
+)
+def test_errors(arm, options, key):
+    with pytest.raises(dd.InputError, match=key):
+        excite(arm, **({"trials": 1} | options))
+
+
+PIECE = (
+    '<link name="{0}"><inertial><origin xyz="0.2 0 0"/><mass value="1"/>'
+    '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    '<joint name="{0}_joint" type="{1}"><parent link="{2}"/><child link="{0}"/><axis xyz="0 1 0"/>{3}</joint>'
+)
+
+
+def two_joints(*limits, kind="revolute"):
+    """Return the URDF of two joints, each with the attributes of its limit."""
+    elements = [f"<limit {limit}/>" if limit else "" for limit in limits]
+    pieces = [
+        PIECE.format(*one) for one in zip(("upper", "lower"), (kind,) * 2, ("base", "upper"), elements, strict=True)
+    ]
+    return f'<robot name="two"><link name="base"/>{"".join(pieces)}</robot>'
+
+
+FILLED = 'lower="-1" upper="1" effort="40" velocity="2"'
+ZERO = 'lower="0" upper="0" effort="0" velocity="0"'
+BOTH = "upper_joint, lower_joint"
+
+
+@pytest.mark.parametrize(
+    ("limits", "kind", "velocity", "position"),
+    [
+        ((ZERO, ZERO), "revolute", BOTH, BOTH),
+        ((FILLED, ZERO), "revolute", "lower_joint", "lower_joint"),
+        (("", ""), "revolute", BOTH, BOTH),
+        ((FILLED.replace('"2"', '"-1"'),) * 2, "revolute", BOTH, None),
+        (('lower="-inf" upper="inf" effort="inf" velocity="inf"',) * 2, "prismatic", BOTH, BOTH),
+        (('lower="-1e16" upper="1e16" effort="40" velocity="1e30"',) * 2, "revolute", BOTH, BOTH),
+        ((FILLED, FILLED.replace('"1"', '"-1"')), "revolute", None, "lower_joint"),
+        (('effort="40" velocity="0"',) * 2, "continuous", BOTH, None),
+    ],
+    ids=["zero", "one joint", "absent", "negative", "infinite", "placeholder", "lower is upper", "continuous"],
+)
+def test_limits_that_nobody_filled_in(tmp_path, capsys, limits, kind, velocity, position):
+    """The command names the joints, and writes nothing; with limits that are given no plan exceeds any."""
+    urdf, out = tmp_path / "two.urdf", tmp_path / "out.json"
+    urdf.write_text(two_joints(*limits, kind=kind))
+    command = ["excite", str(urdf), "--trials", "2", "-o", str(out)]
+    assert main(command) == 2 and not out.exists()
+    said = capsys.readouterr().err
+    for which, names, option in (
+        ("Velocity", velocity, "--velocity-limit"),
+        ("Position", position, "--position-limit"),
+    ):
+        assert (names is None) == (option not in said)
+        assert names is None or f"{which} limits of {names} are missing" in said
+    options = ["--velocity-limit", "*=0.3"] * (velocity is not None)
+    options += ["--position-limit", "*=-0.4:0.2"] * (position is not None)
+    assert main([*command, "--velocity", "1", *options]) == 0
+    found = {name: np.array(values) for name, values in json.loads(out.read_text()).items() if name[0] in "pv"}
+    lacks = [
+        [False, False] if not names else [name in names for name in BOTH.split(", ")] for names in (velocity, position)
+    ]
+    assert (abs(found["velocity"]).max(axis=0) <= np.where(lacks[0], 0.3, 2.0) + 1e-12).all()
+    low, high = (np.where(lacks[1], given, filled) for given, filled in ((-0.4, -1.6), (0.2, 1.6)))
+    assert (found["position"] >= low).all() and (found["position"] <= high).all()
+    assert (np.ptp(found["position"], axis=0) > 0.01).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "key"),
+    [
+        ({"velocity_limits": {"upper_joint": 3.0}}, "velocity_limits: 'upper_joint' has 3.0; .* the model's limit, 2"),
+        ({"position_limits": {"upper_joint": (-2.0, 1.0)}}, "position_limits: 'upper_joint'"),
+        ({"velocity_limits": {"elbow": 1.0}}, "velocity_limits: 'elbow' is not a joint"),
+        ({"joints": ()}, "joints is empty"),
+        ({"ranges": {"upper_joint": (0.0, 1e-9)}}, "joint 'upper_joint' stands still: it moves over"),
+        ({"velocity": 1e-9}, "joint 'upper_joint' stands still"),
+        ({"rate": 0.1}, "rate is 0.1 1/s; expected 1 1/s at least"),
+    ],
+)
+def test_plans_that_stand_still_and_limits_above_those_of_the_robot(options, key):
+    with pytest.raises(dd.InputError, match=key):
+        excite(dd.load_urdf(two_joints(FILLED, FILLED)), "friction", trials=2, **options)
+
+
+def test_no_plan_exceeds_limits_between_its_points():
+    """The points are coarse; a plan of the same seed with a hundred times as many shows the motion between them."""
+    model = dd.load_urdf(two_joints(FILLED, FILLED))
+    options = {"trials": 1, "velocity": 1.0, "margin": 1e-9}
+    coarse, fine = (excite(model, "friction", rate=rate, **options) for rate in (2.0, 200.0))
+    np.testing.assert_allclose(coarse.position, fine.position[::100], atol=1e-12)
+    assert abs(fine.velocity).max() <= 2.0 * (1.0 + 1e-4) and abs(fine.position).max() <= 1.0 + 1e-4
+
+
+def test_a_robot_without_degrees_of_freedom(tmp_path, capsys):
+    urdf = tmp_path / "fixed.urdf"
+    urdf.write_text(two_joints(FILLED, FILLED, kind="fixed"))
+    for options in ([], ["--set", "locked_joints=[upper_joint=0, lower_joint=0]"]):
+        assert main(["excite", str(urdf), *options, "-o", str(tmp_path / "out.json")]) == 2
+        assert "robot 'two' has no degrees of freedom" in capsys.readouterr().err
+        urdf.write_text(two_joints(FILLED, FILLED))
+
+
+def test_command(arm, tmp_path, capsys):
+    """The command writes the trajectory, and a message that the controller follows within the limits of velocity."""
+    out, message = tmp_path / "out.json", tmp_path / "out.yaml"
+    locks = "locked_joints=[panda_finger_joint1=0, panda_finger_joint2=0]"
+    options = ["--trials", "3", "--range", "panda_joint1=-0.5:0.5", "--set", locks, "--approach", "4"]
+    assert main(["excite", "panda", *options, "-o", str(out), "--trajectory", str(message)]) == 0
+    content, sent = json.loads(out.read_text()), yaml.safe_load(message.read_text())
+    points = sent["points"]
+    assert sent["joint_names"] == content["joints"] == list(arm.dof_names)
+    times = [point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"] for point in points]
+    assert np.allclose(times, 4.0 + np.array(content["time"]), atol=1e-9) and len(times) == 1001
+    columns = [np.array([point[name] for point in points]) for name in ("positions", "velocities", "accelerations")]
+    for column, name in zip(columns, ("position", "velocity", "acceleration"), strict=True):
+        assert np.allclose(column, content[name], atol=1e-9)
+    assert abs(columns[0][:, 0]).max() <= 0.5 + 1e-9
+    there = np.ones(len(points), dtype=bool)
+    followed = Trajectory(Waypoints(np.array(times), *columns, there, there), arm.dof_names)
+    followed.begin(0, columns[0][0], np.zeros(arm.nv))
+    assert (followed.fastest() <= arm.velocity_limit).all()
+    for arguments, key in ((["--range", "panda_joint1"], "--range has"), (["--set", "floating_base=true"], "floating")):
+        assert main(["excite", "panda", *arguments, "-o", str(out)]) == 2
+        assert key in capsys.readouterr().err
