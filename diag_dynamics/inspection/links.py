@@ -43,6 +43,10 @@ EXCESS = "the largest principal moment exceeds the sum of the others by"
 
 # fmt: off
 ROWS = {  # severity, unit, what, remedy; True where the smallest number is the worst
+    "negative D": ("error", "kg m²", "negative principal moments of inertia; the smallest",
+                   "Correct the inertia in the URDF."),
+    "rejected": ("error", "", "{}", ""),
+    "omitted": ("note", "", "forward and inverse dynamics omit: {}", "M, C, ν and K do not depend on it."),
     "negative": ("warning", "kg m²", "negative principal moments of inertia; the smallest",
                  "Correct the inertia in the URDF."),
     "triangle": ("warning", "%", f"inertias that no rigid body has: {EXCESS}",

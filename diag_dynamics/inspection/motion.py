@@ -29,6 +29,11 @@ LIGHT = "Give these links their inertia, or their joints a rotor's: armature."
 
 # fmt: off
 ROWS = {  # severity, unit, what, remedy; True where the smallest number is the worst
+    "singular": ("error", "kg m², kg", "joints that move no inertia make the mass matrix singular; with D",
+                 "Give their links inertia, measured or estimated (--estimate-inertias DENSITY -o new.urdf), "
+                 "or load with massless='lock', as is done for the other checks."),
+    "mimic": ("error", "", "{}",
+              "Correct <mimic>, or load with mimic='free', as is done for the other checks."),
     "quick": ("note", "ms", "no rotor inertia: the effort limit accelerates the joint to its "
               "velocity limit before a motor's current has risen, in",
               "Give load_urdf armature={joint: n² J_rotor}, or the drive's effort limit.", True),

@@ -46,28 +46,8 @@ OF_MOTION = (motion.rotor_inertia, motion.gravity, motion.conditioning, motion.k
 CHECKS = ("loading", *(check.__name__ for check in (*OF_XML, *OF_MOTION)))
 """Names of all checks."""
 
-LOCKED = (
-    "Give their links inertia, measured or estimated (--estimate-inertias DENSITY -o new.urdf), or "
-    "load with massless='lock', as is done for the other checks."
-)
-OMITTED = "M, C, ν and K do not depend on it."
-FREE = "Correct <mimic>, or load with mimic='free', as is done for the other checks."
-
 ROWS = {key: ("links", *row) for key, row in links.ROWS.items()}
 ROWS |= {key: ("joints", *row) for key, row in (joints.ROWS | motion.ROWS).items()}
-ROWS |= {
-    "negative D": ("links", "error", *links.ROWS["negative"][1:]),
-    "singular": (
-        "joints",
-        "error",
-        "kg m², kg",
-        "joints that move no inertia make the mass matrix singular; with D",
-        LOCKED,
-    ),
-    "mimic": ("joints", "error", "", "{}", FREE),
-    "rejected": ("links", "error", "", "{}", ""),
-    "omitted": ("links", "note", "", "forward and inverse dynamics omit: {}", OMITTED),
-}
 
 
 @dataclass(frozen=True)
