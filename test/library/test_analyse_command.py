@@ -1,10 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`diag-dynamics analyse`: files that others can read, exit status, and errors that say what to do.
-
-No half of a file stays, and nothing is written over what is read.
-"""
+"""`diag-dynamics analyse`: files that others can read, exit status, and errors that say what to do."""
 
 import json
 import os
@@ -29,11 +26,9 @@ from diag_dynamics.cli.main import main
 from diag_dynamics.model.example_robots import find_urdf
 from hostile import MS, START, Driver, S
 
-COUNT = 300
+COUNT, OUTPUTS = 300, ("--mcap", "--parquet", "--csv", "--json")
 UNJUDGED = 1
 """Exit status of 0.6 s with efforts: they have no balance of power."""
-
-OUTPUTS = "--mcap", "--parquet", "--csv", "--json"
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +42,11 @@ def driven(panda):
     driver, stamps = Driver(panda, 3), START + np.arange(COUNT) * 2 * MS
     states = [driver.state(int(stamp)) for stamp in stamps]
     return driver.names, stamps, *(np.array([state[k] for state in states]) for k in (1, 2, 3))
+
+
+@pytest.fixture(scope="module")
+def evaluated(panda, driven):
+    return dd.DiagonalDynamics(panda).evaluate_batch(*driven[2:], friction=True)
 
 
 @pytest.fixture(scope="module")
@@ -75,11 +75,11 @@ def table(tmp_path, driven):
 
 @pytest.fixture
 def analyse(capsys):
-    """Run the command; return its status and what it said on both streams."""
+    """Run the command; return its status and both streams."""
 
     def run(*arguments, urdf="panda"):
         try:
-            status = main(["analyse", *map(str, arguments), "--urdf", urdf])
+            status = main(["analyse", *map(str, arguments), *(["--urdf", urdf] if urdf else [])])
         except SystemExit as end:  # of argparse
             status = end.code
         return status, *capsys.readouterr()
@@ -87,11 +87,9 @@ def analyse(capsys):
     return run
 
 
-# --- What is written ---
-
-
 @pytest.fixture(scope="module")
 def written(tmp_path_factory, states):
+    """Folder with a recording and all outputs of it."""
     folder = tmp_path_factory.mktemp("written")
     path = write_mcap(folder / "in.mcap", states, chunk_size=20_000)
     outputs = [word for option in OUTPUTS for word in (option, str(folder / f"out.{option[2:]}"))]
@@ -100,17 +98,13 @@ def written(tmp_path_factory, states):
     return folder
 
 
-@pytest.fixture(scope="module")
-def evaluated(panda, driven):
-    _, _, position, velocity, effort = driven
-    return dd.DiagonalDynamics(panda).evaluate_batch(position, velocity, effort, friction=True)
-
+# --- What is written ---
 
 QUANTITIES = "nu", "xi", "epsilon", "kappa", "coriolis", "gravity", "articulated_inertia", "energy_share"
 
 
-def test_parquet_has_every_quantity(written, panda, driven, evaluated):
-    """With units, no nulls, and statistics of what is no joint's or link's."""
+def test_tables_have_every_quantity_and_are_recordings(written, panda, driven, evaluated):
+    """Parquet with units, no nulls, and statistics of what is no joint's or link's."""
     table = pyarrow.parquet.read_table(written / "out.parquet")
     columns = {
         f"{one}.{name}": getattr(evaluated, one)[:, k] for one in QUANTITIES for k, name in enumerate(panda.dof_names)
@@ -120,21 +114,16 @@ def test_parquet_has_every_quantity(written, panda, driven, evaluated):
     for name, values in columns.items():
         np.testing.assert_array_equal(table[name].to_numpy(), values)
     assert table.schema.field("nu.panda_joint1").metadata[b"unit"] == b"J^0.5"
-    assert table.schema.metadata[b"robot"] == b"panda"
-    assert not any(field.nullable for field in table.schema)
+    assert table.schema.metadata[b"robot"] == b"panda" and not any(field.nullable for field in table.schema)
     group = pyarrow.parquet.ParquetFile(written / "out.parquet").metadata.row_group(0)
     statistics = {one.path_in_schema: one.statistics for one in map(group.column, range(group.num_columns))}
     for name in ("stamp", "kinetic_energy"):
         assert (statistics[name].min, statistics[name].max) == (columns[name].min(), columns[name].max())
     assert statistics["nu.panda_joint1"] is None
-
-
-@pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_tables_that_were_written_are_recordings(written, panda, driven, kind):
-    again = dd.read_recording(written / f"out.{kind}", panda)
-    np.testing.assert_array_equal(again.stamp, driven[1])
-    for actual, expected in zip((again.q, again.qd, again.tau), driven[2:], strict=True):
-        np.testing.assert_array_equal(actual, expected)
+    for kind in ("csv", "parquet"):
+        again = dd.read_recording(written / f"out.{kind}", panda)
+        for actual, expected in zip((again.stamp, again.q, again.qd, again.tau), driven[1:], strict=True):
+            np.testing.assert_array_equal(actual, expected)
 
 
 def messages_of(path, topics=None, **limits):
@@ -165,7 +154,7 @@ def test_mcap_has_every_field(written, panda, driven, evaluated):
         assert tuple(message.dof_names) == tuple(panda.dof_names)
         for field, values in (("position", position), ("velocity", velocity), ("effort", effort)):
             np.testing.assert_array_equal(getattr(message, field), values[k])
-        for field in ("nu", "xi", "epsilon", "kappa", "coriolis", "gravity", "articulated_inertia", "friction"):
+        for field in (*QUANTITIES[:-1], "friction"):
             np.testing.assert_array_equal(getattr(message, field), getattr(s, field)[k])
         assert (message.kinetic_energy, message.power) == (s.kinetic_energy[k], s.effort_power[k])
         assert message.effort_valid and message.friction_valid and not message.velocity_estimated
@@ -180,46 +169,38 @@ def test_mcap_has_every_field(written, panda, driven, evaluated):
     assert all(one.torque_norm_threshold == np.inf for one in observed)
 
 
-def test_mcap_of_times_that_begin_again(tmp_path, table, analyse):
-    """Messages are numbered in the order of log time, in which others read them, not in that of the table."""
-    header, *rows = table.read_text().splitlines()
-    (tmp_path / "twice.csv").write_text("\n".join([header, *rows[100:], *rows]))
-    assert analyse(tmp_path / "twice.csv", "-o", tmp_path / "out.mcap", "--quiet")[0] in (0, 1)
-    found = messages_of(tmp_path / "out.mcap")
-    times = [time for time, _ in found[TOPICS[0]]]
-    assert times == sorted(times) and COUNT > len(times) > len(set(times)) == 200
-
-
-def test_mcap_has_an_index_that_others_use(written):
-    """By topic and time; rosbags reads the same, and a summary has the counts."""
+def test_mcap_has_an_index_that_others_use(written, tmp_path, table, analyse):
+    """By topic and time; rosbags reads the same. Messages are in the order of log time where stamps go back."""
     begin, end = START + 100 * MS, START + 300 * MS
     part = messages_of(written / "out.mcap", TOPICS[:1], starting_at=begin, ending_before=end)
     assert [time for time, _ in part[TOPICS[0]]] == list(range(begin + 1000, end, 2 * MS))
     with open(written / "out.mcap", "rb") as file:
-        summary = make_reader(file).get_summary()
-    numbers = summary.statistics
-    assert (numbers.message_count, numbers.channel_count) == (3 * COUNT, 3)
-    assert numbers.chunk_count == len(summary.chunk_indexes) > 0
+        numbers = make_reader(file).get_summary().statistics
+    assert (numbers.message_count, numbers.channel_count) == (3 * COUNT, 3) and numbers.chunk_count > 0
     assert (numbers.message_start_time, numbers.message_end_time) == (START + 1000, START + 2 * (COUNT - 1) * MS + 1000)
     with Reader(written / "out.mcap") as reader:
         assert sorted(one.topic for one in reader.connections) == sorted(TOPICS)
         assert sum(1 for _ in reader.messages()) == 3 * COUNT
+    header, *rows = table.read_text().splitlines()
+    (tmp_path / "twice.csv").write_text("\n".join([header, *rows[100:], *rows]))
+    assert analyse(tmp_path / "twice.csv", "-o", tmp_path / "out.mcap", "--quiet")[0] in (0, 1)
+    times = [time for time, _ in messages_of(tmp_path / "out.mcap")[TOPICS[0]]]
+    assert times == sorted(times) and COUNT > len(times) > len(set(times)) == 200
 
 
 def test_mcap_has_alarms(tmp_path, bag, panda, analyse):
     """Joint by joint, as the detector says of the same numbers."""
     thresholds = dd.AlarmThresholds({"panda_joint1": 1e-3, "panda_joint2": 2.0}, 50.0, 40.0)
-    settings = [
-        *("external_torque.gain=25", "alarm.joints=[panda_joint1=0.001, panda_joint2=2]"),
-        *("alarm.external_torque=50", "alarm.norm=40"),
-    ]
-    given = [word for one in settings for word in ("--set", one)]
-    analyse(bag, "-o", tmp_path / "out.mcap", "--topics", "external_torque", *given, "--quiet")
+    alarms = "external_torque.gain=25", "alarm.joints=[panda_joint1=0.001, panda_joint2=2]"
+    options = [word for one in (*alarms, "alarm.external_torque=50", "alarm.norm=40") for word in ("--set", one)]
+    analyse(bag, "-o", tmp_path / "out.mcap", "--topics", "external_torque", *options, "--quiet")
     found = [message for _, message in messages_of(tmp_path / "out.mcap")[TOPICS[2]]]
     stamps = np.array([one.header.stamp.sec * S + one.header.stamp.nanosec for one in found])
     valid, nothing = np.array([one.valid for one in found]), np.zeros(panda.nv)
-    r = np.array([one.residual if one.valid else nothing for one in found])
-    torque = np.array([one.external_torque if one.valid else nothing for one in found])
+    r, torque = (
+        np.array([getattr(one, field) if one.valid else nothing for one in found])
+        for field in ("residual", "external_torque")
+    )
     judged = dd.AlarmDetector(panda.dof_names, thresholds).judge(stamps, r, torque.copy(), valid)
     assert valid.sum() == COUNT - 1 and judged.joints[:, 0].any() and not judged.joints[:, 2:].any()
     for k, one in enumerate(found):
@@ -293,8 +274,8 @@ def test_a_signal_leaves_nothing(tmp_path, bag, analyse, number, status, word):
     assert older.read_text() == "of yesterday"
 
 
-def test_who_stops_listening_is_no_fault(tmp_path, bag, monkeypatch, capfd):
-    """As `… --csv /dev/stdout | head -3`, and `… --json - | head -3`."""
+def test_pipes_whose_reader_leaves(tmp_path, bag, monkeypatch, capfd):
+    """`… --csv /dev/stdout | head -3` and `… --json - | head -3` are no fault; Parquet into a pipe is an error."""
     os.mkfifo(tmp_path / "pipe")
     reader = reading(tmp_path / "pipe", 1000, None)
     assert main(["analyse", str(bag), "--urdf", "panda", "--csv", str(tmp_path / "pipe")]) == 0
@@ -305,6 +286,10 @@ def test_who_stops_listening_is_no_fault(tmp_path, bag, monkeypatch, capfd):
         patch.setattr(sys, "stdout", stdout)
         assert main(["analyse", str(bag), "--urdf", "panda", "--json", "-"]) == 0
     assert "Broken pipe" not in capfd.readouterr().err
+    reader = reading(tmp_path / "pipe", -1, None)
+    status = main(["analyse", str(bag), "--urdf", "panda", "--parquet", str(tmp_path / "pipe")])
+    reader.join(60)
+    assert status == 2 and f"'{tmp_path}/pipe' cannot be written: lseek failed" in capfd.readouterr().err
 
 
 def test_a_full_disk_leaves_nothing(tmp_path, table, analyse):
@@ -322,18 +307,9 @@ def test_a_full_disk_leaves_nothing(tmp_path, table, analyse):
         assert [one.name for one in tmp_path.iterdir()] == ["log.csv"]
 
 
-def test_parquet_into_a_pipe_is_refused(tmp_path, bag, analyse):
-    """Its writer asks where in the file it is."""
-    os.mkfifo(tmp_path / "pipe")
-    reader = reading(tmp_path / "pipe", -1, None)
-    status, _, said = analyse(bag, "--parquet", tmp_path / "pipe")
-    reader.join(60)
-    assert status == 2 and f"'{tmp_path}/pipe' cannot be written: lseek failed" in said
-    assert (tmp_path / "pipe").is_fifo()
-
-
 @pytest.mark.parametrize("option", OUTPUTS)
-def test_nothing_is_written_over_what_is_read(tmp_path, bag, table, states, analyse, option):
+def test_where_nothing_is_written(tmp_path, bag, table, states, analyse, option, monkeypatch):
+    """Over what is read, and where nothing can be written, which is named before anything is analysed."""
     urdf, folder = tmp_path / "panda.urdf", write_rosbag2(tmp_path / "bag", states, MCAP)
     urdf.write_text(Path(find_urdf("panda")).read_text(encoding="utf-8"))
     (tmp_path / "link").symlink_to(table)
@@ -344,22 +320,14 @@ def test_nothing_is_written_over_what_is_read(tmp_path, bag, table, states, anal
     ):
         status, _, said = analyse(recording, option, output, "--quiet", urdf=str(urdf))
         assert status == 2 and "is read, so nothing is written there" in said
-    assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
-
-
-@pytest.mark.parametrize("option", OUTPUTS)
-def test_outputs_that_cannot_be_written_are_named_first(tmp_path, table, option, analyse, monkeypatch):
     monkeypatch.setattr("diag_dynamics.recordings.analysis.Analysis.run", None)  # nothing is analysed
     (tmp_path / "round").symlink_to(tmp_path / "round")
-    for path, what in (
-        (tmp_path, "folder"),
-        (tmp_path / "no" / "out", "no folder"),
-        ("/proc/out", "No such"),
-        (tmp_path / "round", "round"),
-    ):
+    places = {tmp_path: "folder", tmp_path / "no" / "out": "no folder", "/proc/out": "No such"}
+    for path, what in (places | {tmp_path / "round": "round"}).items():
         status, _, said = analyse(table, option, path, "--quiet")
         assert status == 2 and what in said and str(path) in said and "Traceback" not in said
-    assert sorted(one.name for one in tmp_path.iterdir()) == ["log.csv", "round"]
+    (tmp_path / "round").unlink()
+    assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
 
 
 # --- Exit status and errors ---
@@ -398,10 +366,9 @@ def test_wrong_options(tmp_path, bag, analyse, options):
     assert not list(tmp_path.glob("out*"))
 
 
-def test_recordings_that_cannot_be_analysed(tmp_path, bag, table, states, analyse, capsys):
+def test_recordings_that_cannot_be_analysed(tmp_path, bag, table, analyse):
     """What is missing is named, and what to do."""
-    assert main(["analyse", str(bag)]) == 2
-    assert "robot_description" in capsys.readouterr().err
+    assert "robot_description" in analyse(bag, urdf=None)[2] and analyse(bag, urdf=None)[0] == 2
     assert "no file or folder" in analyse(tmp_path / "none.mcap")[2]
     status, _, said = analyse(bag, "--parquet", tmp_path / "out.parquet", urdf="ur5")
     assert status == 2 and "not a single state" in said and "without a joint of this robot, of panda_" in said
@@ -427,7 +394,7 @@ def test_recordings_that_cannot_be_analysed(tmp_path, bag, table, states, analys
 
 
 def test_what_makes_the_exit_status_1(table, analyse):
-    """Rejected messages, losses, and efforts without a balance; losses are told of before how columns were read."""
+    """Rejected messages, losses, and efforts without a balance; losses are listed before how columns were read."""
     text = table.read_text().splitlines()
     time, _, rest = text[-1].split(",", 2)
     table.write_text("\n".join([*text[:-1], f"{time},1e9,{rest}"]))
@@ -468,8 +435,7 @@ def test_several_recordings(tmp_path, table, bag, analyse):
     summary = json.loads(out.read_text())
     assert [one["recording"] for one in summary["recordings"]] == [str(bag), str(table)]
     assert [one["states"] for one in summary["robots"]] == [2 * COUNT] and list(summary["failed"]) == [str(none)]
-    analyse(bag, "--json", out, "--quiet")
-    assert summary["recordings"][0] == json.loads(out.read_text())
+    assert summary["recordings"][0] == json.loads(analyse(bag, "--json", "-")[1])
     assert analyse(bag, table, "--quiet") == (UNJUDGED, "", "")
     assert analyse(tmp_path / "a", tmp_path / "b", "--quiet")[0] == 2
     for option in OUTPUTS[:3]:
@@ -488,45 +454,34 @@ def parts(driven, topics, rename=str):
     return sent
 
 
-def test_topics_of_one_robot(tmp_path, driven, analyse):
-    """--topic may be repeated; the summary is that of one topic with all messages."""
-    summaries = []
-    for topics in (("/joint_states", "/joint_states"), ("/arm/states", "/hand/states")):
-        path = write_mcap(tmp_path / "in.mcap", parts(driven, topics), chunk_size=20_000)
-        given = [word for topic in sorted(set(topics)) for word in ("--topic", topic)]
-        status, out, _ = analyse(path, *given, "--json", "-")
-        assert status in (0, 1)
-        summaries.append(json.loads(out))
-    assert summaries[0] == summaries[1] and summaries[0]["states"] == 2 * COUNT - 1
-    assert any("several messages have one time, as those of an arm" in text for text in summaries[0]["warnings"])
-    status, _, said = analyse(path)
-    assert status == 2 and "several topics" in said and "--topic /arm/states --topic /hand/states" in said
-
-
-def test_a_topic_that_is_not_read(tmp_path, driven, analyse):
-    """The error about joints that never came has the topics that may have them."""
-    path = write_mcap(tmp_path / "in.mcap", parts(driven, ("/joint_states", "/hand/states")), chunk_size=20_000)
-    status, _, said = analyse(path)
-    assert status == 2 and "never came: panda_finger_joint1." in said
-    assert "joint states of /joint_states are read, not those of /hand/states (--topic reads several)." in said
-
-
-def test_names_of_joints(tmp_path, driven, analyse, capsys):
-    """Commands do the same as on a recording with the robot's names; without a map the error has the map."""
-    said = []
-    for rename, given in ((str, ()), (lambda name: name.replace("panda", "fer"), ("--joint-names", "fer_*=panda_*"))):
-        path = write_mcap(tmp_path / "in.mcap", parts(driven, ["/joint_states"] * 2, rename), chunk_size=20_000)
-        assert main(["analyse", str(path), "--urdf", "panda", "--json", "-", *given]) in (0, 1)
+def test_topics_and_names_of_one_robot(tmp_path, driven, analyse, capsys):
+    """Commands do the same as on one topic with the robot's names; without a map the error has the map."""
+    said, topics = [], ("--topic", "/arm/states", "--topic", "/hand/states")
+    for names, where, rename, given in (
+        ("own", ["/joint_states"] * 2, str, ()),
+        (
+            "others",
+            topics[1::2],
+            lambda name: name.replace("panda", "fer"),
+            (*topics, "--joint-names", "fer_*=panda_*"),
+        ),
+    ):
+        path = write_mcap(tmp_path / "in.mcap", parts(driven, where, rename), chunk_size=20_000)
+        status, out, errors = analyse(path, "--json", "-", *given)
+        assert status in (0, 1) and "no joint of" not in errors, names
         for command in ("calibrate", "identify"):
             arguments = [str(path), "--urdf", "panda", "-o", str(tmp_path / "out.yaml"), *given]
             assert main([command, *arguments]) in (0, 1, 2)
-        said.append(capsys.readouterr())
+        said.append((json.loads(out), capsys.readouterr()))
         (tmp_path / "out.yaml").unlink(missing_ok=True)
-    assert said[0] == said[1] and "no joint of" not in said[0].err
+    assert said[0] == said[1] and said[0][0]["states"] == 2 * COUNT - 1
+    assert any("several messages have one time, as those of an arm" in text for text in said[0][0]["warnings"])
     status, _, text = analyse(path)
+    assert status == 2 and "several topics" in text and "--topic /arm/states --topic /hand/states" in text
+    status, _, text = analyse(path, *topics)
     assert status == 2 and "of this robot, of fer_joint1, " in text and "With --joint-names 'fer_*=panda_*'" in text
     (tmp_path / "map.yaml").write_text("joint_names: {fer_*: panda_*}")
-    assert analyse(path, "--columns", tmp_path / "map.yaml")[0] in (0, 1)
+    assert analyse(path, *topics, "--columns", tmp_path / "map.yaml")[0] in (0, 1)
 
 
 def test_parameters_in_files(tmp_path, bag, panda, analyse):
@@ -547,9 +502,8 @@ def test_parameters_in_files(tmp_path, bag, panda, analyse):
     assert means[1] - means[0] == pytest.approx(0.4 * np.mean(rate**2), rel=1e-9)
 
 
-def test_the_robot_of_the_bag_and_a_part(tmp_path, states, capsys):
+def test_the_robot_of_the_bag_and_a_part(tmp_path, states, analyse):
     urdf = Path(find_urdf("panda")).read_text(encoding="utf-8")
     path = write_mcap(tmp_path / "in.mcap", [description(urdf, START), *states])
-    main(["analyse", str(path), "--start", "0.1", "--end", "0.4", "--json", "-"])
-    summary = json.loads(capsys.readouterr().out)
+    summary = json.loads(analyse(path, "--start", "0.1", "--end", "0.4", "--json", "-", urdf=None)[1])
     assert summary["robot"] == "panda" and summary["duration"] == pytest.approx(0.3, abs=0.005)

@@ -1,0 +1,488 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Analysis of recordings: figures are those of single calls, of NumPy and of motions whose truth is known."""
+
+import json
+import os
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from lxml import etree
+
+import diag_dynamics as dd
+from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
+from diag_dynamics.cli.main import main
+from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.recordings.recording import Reading
+
+RECORDINGS = Path(
+    os.environ.get("DIAG_DYNAMICS_RECORDINGS", Path(__file__).parents[2].parent / "shared" / "recordings")
+)
+
+LOOSE = [
+    f"{name}=0"
+    for name in (
+        *("absurd.jump", "absurd.beyond_limits", "absurd.beyond_velocity", "absurd.velocity", "absurd.position"),
+        "frozen_timeout",
+    )
+]
+"""Parameters that accept velocities and positions in wrong units."""
+
+
+@pytest.fixture(scope="module")
+def ur5():
+    return dd.load_robot("ur5")
+
+
+@pytest.fixture(scope="module")
+def motion(ur5):
+    """Times, positions, velocities and efforts of four seconds of a UR5 at 500 Hz."""
+    return simulated(ur5)
+
+
+@pytest.fixture(scope="module")
+def gravity(ur5, motion):
+    return dd.DiagonalDynamics(ur5).gravity_torque_batch(motion[1])
+
+
+def simulated(model, push=None, seconds=4.0):
+    """Return times, positions, velocities and efforts under gravity compensation, damping and sines."""
+    rng = np.random.default_rng(4)
+    dynamics, n = dd.DiagonalDynamics(model), model.nv
+    phase, period = rng.uniform(0.0, 6.0, n), 0.002
+    simulation = dd.Simulation(model, np.full(n, 0.3), np.zeros(n), step=period)
+    rows = []
+    for k in range(int(seconds / period)):
+        t = k * period
+        q, qd = simulation.q.copy(), simulation.qd.copy()
+        tau = dynamics.gravity_torque(q) + 8.0 * np.sin(3.0 * t + phase) * (np.arange(n) < 3) - 6.0 * qd
+        rows.append((t, q, qd, tau))
+        simulation.advance(tau if push is None else tau + push(t), 1)
+    return tuple(map(np.array, zip(*rows, strict=True)))
+
+
+def broken(motion):
+    """Return the motion with a gap, efforts that are missing for a time and at one state, a jump and repeated states."""
+    t, q, qd, tau = (x.copy() for x in motion)
+    t = np.arange(len(t)) / 512.0  # differences of these are exact in nanoseconds
+    t[700:] += 0.5
+    tau[100:140], tau[300, 2], tau[1500] = np.nan, np.nan, np.nan
+    tau[:, 0] = np.clip(tau[:, 0], -3.0, 3.0)
+    q[1500:] += 0.3
+    t, q, qd, tau = (np.insert(x, 900, x[899], axis=0) for x in (t, q, qd, tau))
+    qd[900] += 0.01
+    return t, q, qd, tau
+
+
+def write_columns(path, t, q, qd, tau=None):
+    """Write columns as npz; return the path."""
+    np.savez(path, t=t, q=q, qd=qd, **({} if tau is None else {"tau": tau}))
+    return path
+
+
+@pytest.fixture
+def analysed(tmp_path, capsys):
+    """Run `analyse` on columns of a UR5; return the summary, all that is printed, and the exit status."""
+
+    def run(*columns, parameters=()):
+        path, out = write_columns(tmp_path / "x.npz", *columns), tmp_path / "summary.json"
+        options = [word for one in parameters for word in ("--set", one)]
+        status = main(["analyse", str(path), "--urdf", "ur5", "--json", str(out), *options])
+        return json.loads(out.read_text()), " ".join("".join(capsys.readouterr()).split()), status
+
+    return run
+
+
+# --- Balance of power ---
+
+FAULTS = {
+    "none": (lambda tau, gravity: tau, None),
+    "sign": (lambda tau, gravity: -tau, "the efforts seem to have the wrong sign: times -1 "),
+    "sign of a joint": (
+        lambda tau, gravity: tau * [1, -1, 1, 1, 1, 1],
+        "efforts of some joints seem to have the wrong",
+    ),
+    "unit": (lambda tau, gravity: tau / 11.4, "another unit: times 11.4 "),
+    "no gravity": (lambda tau, gravity: tau - gravity, "gravity seems not to be in the efforts (effort_includes_"),
+    "exchanged": (
+        lambda tau, gravity: tau[:, [0, 2, 1, 3, 4, 5]],
+        "shoulder_lift_joint and elbow_joint seem to be exch",
+    ),
+    "noise": (lambda tau, gravity: tau + 12.0 * np.sin(np.arange(len(tau)))[:, None], None),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_balance_names_the_likely_cause(analysed, motion, gravity, fault):
+    t, q, qd, tau = motion
+    change, said = FAULTS[fault]
+    summary, text, status = analysed(t, q, qd, change(tau, gravity))
+    assert ("seem" in summary["balance"]["says"]) == (said is not None)
+    assert (said or "") in text and status == (said is not None)
+    if fault == "none":
+        assert summary["explained"] > 0.995 and summary["explained_with_potential"] > 0.995
+        assert "check" not in summary["balance"]["says"] and summary["warnings"] == []
+    elif said:
+        assert summary["explained"] < 0.3 and "check the unit of efforts" in text
+        assert "the balance of power explains less than 80 % of dK/dt" in text
+        assert fault != "unit" or "most of what is missing is at shoulder_lift_joint" in text
+
+
+def test_friction_that_the_model_lacks_is_at_its_joint(analysed, ur5, motion):
+    t, q, qd, tau = motion
+    tau = tau.copy()
+    tau[:, 1] += 12.0 * np.tanh(qd[:, 1] / 0.005)
+    joints = analysed(t, q, qd, tau)[0]["balance"]["joints"]
+    assert max(joints, key=lambda name: joints[name]["share"]) == ur5.dof_names[1]
+    assert sum(one["share"] for one in joints.values()) == pytest.approx(1.0)
+
+
+def test_why_there_is_no_balance(analysed, motion, gravity):
+    """At rest noise is no motion, so neither is the balance poor, nor are velocities wrong."""
+    t, q, qd, tau = motion
+    rng = np.random.default_rng(3)
+    still = [
+        np.tile(x[0], (len(t), 1)) + size * rng.standard_normal(q.shape) for x, size in ((q, 1e-5), (gravity, 0.05))
+    ]
+    summary, text, _ = analysed(t, still[0], 1e-3 * rng.standard_normal(q.shape), still[1])
+    assert summary["explained"] is summary["explained_with_potential"] is None
+    assert "No balance of power: the robot is at rest" in text and summary["warnings"] == []
+    summary, text, status = analysed(200.0 * t, q, qd, tau, parameters=LOOSE)
+    assert "No balance of power: there are 0 windows" in text and status == 1
+    assert any("0.4 s apart" in one for one in summary["warnings"])
+    summary, text, _ = analysed(t, q, qd)
+    assert "No balance of power: no efforts." in text and "Nothing is known of contacts: the recording has no" in text
+    assert summary["explained"] is summary["residual_power"] is None and summary["collisions"] == []
+    assert summary["quality"]["without_effort"] == len(t)
+
+
+@pytest.mark.parametrize(
+    ("value", "said", "status"),
+    [
+        (np.nan, "efforts of wrist_1_joint are missing throughout, so that no state has those of all", 1),
+        (0.0, "efforts of wrist_1_joint are 0 throughout", 0),
+        (2.5, "efforts of wrist_1_joint are 2.5 throughout", 0),
+    ],
+)
+def test_efforts_of_a_joint_that_were_not_measured(analysed, motion, value, said, status):
+    t, q, qd, tau = motion
+    tau = tau.copy()
+    tau[:, 3] = value
+    summary, text, found = analysed(t, q, qd, tau)
+    assert said in text and said in summary["efforts"]["unmeasured"] and said in summary["warnings"][0]
+    assert found == status or summary["explained"] < 0.8
+
+
+def windows_by_numpy(model, t, q, qd, tau):
+    """Return mean powers over windows at multiples of 0.1 s [W]: dK/dt, the residual, and those of the total rates."""
+    s = dd.DiagonalDynamics(model).evaluate_batch(q, qd, np.nan_to_num(tau), friction=True)
+    known = np.isfinite(tau).all(axis=1)
+    power = np.column_stack([s.effort_power - (s.nu * s.friction).sum(axis=1), s.nu * s.nu_dot])[known]
+    t, K = t[known], np.column_stack([s.kinetic_energy, s.energy_share])[known]
+    begins = np.flatnonzero(np.diff(np.floor(np.round(t * 1e9) / 1e8))) + 1
+    found = []
+    for first, last in pairwise(begins):
+        if np.diff(t[first : last + 1]).max() <= 0.1 and np.diff(t[first - 1 : first + 1]) <= 0.1:
+            span, inside = t[last] - t[first], slice(first, last + 1)
+            change = (K[last] - K[first]) / span
+            found.append((change[0], *(change - np.trapezoid(power[inside], t[inside], axis=0) / span)))
+    return np.array(found).T
+
+
+@pytest.mark.parametrize("gaps", [False, True])
+def test_explained_share_is_that_of_windows_by_numpy(analysed, ur5, motion, gaps):
+    """Windows begin anew after gaps, and where efforts were missing."""
+    t, q, qd, tau = (x.copy() for x in motion)
+    tau *= 1.2
+    if gaps:
+        t[1000:] += 0.7
+        tau[1500:1600] = np.nan
+    summary, *_ = analysed(t, q, qd, tau, parameters=LOOSE)
+    kinetic, residual, *joints = windows_by_numpy(ur5, t, q, qd, tau)
+    assert summary["balance"]["windows"] == len(kinetic)
+    assert summary["explained"] == pytest.approx(1.0 - residual.var() / kinetic.var(), rel=1e-6)
+    found = [summary["residual_power"], *(one["residual_power"] for one in summary["balance"]["joints"].values())]
+    assert found == pytest.approx(np.sqrt(np.mean(np.square([residual, *joints]), axis=1)).tolist(), rel=1e-6)
+
+
+# --- Figures ---
+
+
+def compare(one, other):
+    """Assert that texts and whole numbers of two summaries are equal, other numbers to rounding."""
+    if isinstance(other, dict):
+        assert list(one) == list(other)
+        for key in other:
+            compare(one[key], other[key])
+    elif isinstance(other, list):
+        for pair in zip(one, other, strict=True):
+            compare(*pair)
+    elif isinstance(other, float):
+        assert one == pytest.approx(other, rel=1e-9, abs=1e-11)
+    else:
+        assert one == other
+
+
+@pytest.mark.parametrize("size", [1, 100])
+def test_batches_do_not_matter(analysed, motion, monkeypatch, size):
+    """Windows, observer, neighbours and collisions go on from batch to batch."""
+    columns = [x if size > 1 else x[np.r_[600:920, 1450:1600]] for x in broken(motion)]
+    options = ["external_torque.gain=25", "external_torque.threshold=1"]
+    whole, *_ = analysed(*columns, parameters=options)
+    pieces = Reading.pieces
+
+    def small(reading, _):
+        for states in (piece.states for piece in pieces(reading)):
+            for first in range(0, len(states), size):
+                yield SimpleNamespace(states=states[first : first + size])
+
+    monkeypatch.setattr(Reading, "pieces", small)
+    parts, *_ = analysed(*columns, parameters=options)
+    compare(parts, whole)
+    assert whole["collisions"] and whole["balance"]["windows"] > 4 and whole["quality"]["repeated_stamps"] == 1
+    assert whole["quality"]["joints"]["shoulder_pan_joint"]["clipped"] == ["effort"]
+
+
+def test_figures_are_the_largest_and_the_means(analysed, ur5, motion):
+    """States that cannot be evaluated are rejected."""
+    t, q, qd, tau = motion
+    s = dd.DiagonalDynamics(ur5).evaluate_batch(q, qd, tau)
+    qd = np.insert(qd, 1500, 1e200, axis=0)
+    t, q, tau = (
+        np.insert(t, 1500, t[1499] + 1e-6),
+        np.insert(q, 1500, q[1499], axis=0),
+        np.insert(tau, 1500, 0.0, axis=0),
+    )
+    summary, *_ = analysed(t, q, qd, tau, parameters=LOOSE)
+    t, tau = np.delete(t, 1500), motion[3]
+    assert [one["count"] for one in summary["findings"] if one["cause"].startswith("rejected")] == [1]
+    energy, k = summary["kinetic_energy"], int(np.argmax(s.kinetic_energy))
+    assert energy["max"] == s.kinetic_energy[k] and energy["at"] == pytest.approx(t[k], abs=1e-9)
+    assert energy["mean"] == pytest.approx(s.kinetic_energy.mean(), rel=1e-12)
+    assert energy["share"] == dict(zip(ur5.dof_names, s.energy_share.max(axis=0).tolist(), strict=True))
+    assert sum(one["states"] for one in energy["histogram"]) == summary["states"] == len(t)
+    for one in energy["histogram"]:
+        low, high = one["from"] * (1 - 1e-15), one["to"]
+        assert one["states"] == np.sum((s.kinetic_energy >= low) & (s.kinetic_energy < high)) or high == 0.0
+    at = np.unravel_index(np.argmax(np.abs(tau)), tau.shape)
+    assert summary["peaks"]["effort"] | {"at": 0} == {"value": np.abs(tau[at]), "of": ur5.dof_names[at[1]], "at": 0}
+    assert summary["duration"] == pytest.approx(t[-1], abs=1e-8)
+    assert set(summary) >= {"rejected", "residual_power", "collisions", "observer", "quality", "findings", "counts"}
+
+
+def test_text_for_people(tmp_path, motion, capsys, monkeypatch):
+    """Lines fit, no unit is apart from its number, times are from the first state on, losses come before notes."""
+    t, q, qd, tau = motion
+    tau = np.where(np.arange(len(t))[:, None] == 9, np.inf, 0.1 * tau)
+    path = write_columns(tmp_path / "x.npz", t + 1.7e9, q, qd, tau)
+    main(["analyse", str(path), "--urdf", "ur5", "--json", "-"])
+    summary = json.loads(capsys.readouterr().out)
+    at = summary["kinetic_energy"]["at"] - summary["begin"]
+    for width in (40, 80, 100):
+        monkeypatch.setenv("COLUMNS", str(width))
+        main(["analyse", str(path), "--urdf", "ur5"])
+        lines = capsys.readouterr().out.split("\n")
+        assert max(map(len, lines)) <= width
+        assert not any(line.split()[0].rstrip(",;") in {"J", "W", "s"} for line in lines if line.strip())
+        flat = " ".join(line.strip() for line in lines)
+        assert f"J at {at:.3f} s, " in flat
+        assert flat.index("Worth knowing") < flat.index("How it was read") < flat.index("time: t.")
+
+
+# --- Observer and contact ---
+
+
+def test_observer_is_that_of_single_states(tmp_path, ur5, motion):
+    """To the last bit, over gaps, lost efforts, jumps and repeated stamps."""
+    recording = dd.read_recording(write_columns(tmp_path / "x.npz", *broken(motion)), ur5)
+    dynamics = dd.DiagonalDynamics(ur5)
+    seen = dd.observe(dynamics, recording, 30.0, threshold=0.4)
+    single = dd.DisturbanceObserver(dynamics, 30.0, 0.4, friction=True)
+    for k, jumped in enumerate(recording.states.jumped):
+        if jumped:
+            single.reset()
+        stamp = recording.stamp[k] / 1e9
+        one = single.update(stamp, recording.q[k], recording.qd[k], recording.states.effort[k])
+        assert one.valid == seen.valid[k], k
+        if one.valid:
+            np.testing.assert_array_equal(one.residual, seen.residual[k])
+            np.testing.assert_array_equal(one.external_torque, seen.external_torque[k])
+            assert one.norm == pytest.approx(seen.norm[k], rel=1e-14) and one.collision == seen.collision[k]
+        else:
+            assert np.isnan(seen.residual[k]).all() and np.isnan(seen.norm[k]) and not seen.collision[k]
+    assert recording.states.jumped.sum() == 1 and 1800 < seen.valid.sum() < len(recording) - 40
+    assert 0 < seen.collision.sum() < len(recording)
+
+
+def test_observe_needs_efforts_and_the_same_robot(tmp_path, ur5, motion):
+    t, q, qd, tau = (x[:100] for x in motion)
+    recording = dd.read_recording(write_columns(tmp_path / "x.npz", t, q, qd, tau), ur5)
+    seen = dd.observe(dd.DiagonalDynamics(ur5), recording, gain=25.0)
+    assert not seen.valid[0] and seen.valid[1:].all()
+    assert np.nanmax(np.abs(seen.external_torque)) < 0.5  # nobody pushes
+    without = dd.read_recording(write_columns(tmp_path / "y.npz", t, q, qd), ur5)
+    (tmp_path / "none.csv").write_text("t,q1,q2,q3,q4,q5,q6\n")
+    nothing = dd.read_recording(tmp_path / "none.csv", ur5)
+    panda = dd.load_robot("panda")
+    for model, one, what in ((ur5, without, "efforts"), (ur5, nothing, "no states"), (panda, recording, "panda")):
+        with pytest.raises(dd.InputError, match=what):
+            dd.observe(dd.DiagonalDynamics(model), one)
+
+
+def test_a_push_is_a_collision(analysed, ur5):
+    def push(t):
+        return np.array([0.0, 25.0, 0.0, 0.0, 0.0, 0.0]) * (2.0 <= t < 2.4)
+
+    pushed = simulated(ur5, push)
+    summary, text, _ = analysed(*pushed, parameters=["external_torque.gain=25", "external_torque.threshold=3"])
+    (collision,) = summary["collisions"]
+    assert 2.0 < collision["start"] < 2.1 and 2.4 < collision["end"] < 2.6
+    assert collision["norm"] > 3.0 and ur5.dof_names[1] in collision["joints"]
+    assert summary["peaks"]["external_torque"]["value"] == pytest.approx(25.0, rel=0.02)
+    assert "1 collision above" in text and summary["explained"] < 0.8
+    assert "the power of a push is in no effort" in text
+    summary, text, _ = analysed(*pushed, parameters=["external_torque.gain=25", "alarm.joints=[shoulder_lift_joint=9]"])
+    assert [one["first"] for one in summary["collisions"]] == ["shoulder_lift_joint"] and "N m > 9" in text
+    summary, text, _ = analysed(*pushed)  # unknown is no "none"
+    missing = ["external_torque.gain", "external_torque.threshold"]
+    assert summary["observer"]["missing"] == missing and "Nothing is known of contacts" in text
+
+
+def test_time_above_limits_of_contact_and_worst_moments(analysed, ur5, motion, tmp_path):
+    """Sums and maxima over single calls of the library."""
+    t, q, qd, tau = motion
+    points = dd.ContactPoints(ur5, dd.link_geometry(ur5, find_urdf("ur5")).points, None)
+    energy = dd.DiagonalDynamics(ur5).contact_batch(q, qd, points).energy
+    limit = float(np.quantile(energy.max(axis=1), 0.7))
+    path = tmp_path / "limits.yaml"
+    path.write_text(f"regions: {{any: {{energy: {limit!r}}}}}")
+    summary, text, _ = analysed(t, q, qd, tau, parameters=[f"contact.limits_file={path}"])
+    contact, since = summary["contact"], np.diff(t, prepend=t[0])
+    assert contact["above"] == pytest.approx(since @ (energy > limit).any(axis=1), rel=1e-6)
+    assert contact["of"] == pytest.approx(t[-1] - t[0])
+    by_point = {name: since @ (energy[:, k] > limit) for k, name in enumerate(points.names)}
+    assert contact["above_by_point"] == pytest.approx({name: s for name, s in by_point.items() if s}, rel=1e-6)
+    worst = contact["worst"]
+    k = np.unravel_index(np.argmax(energy), energy.shape)
+    assert worst[0]["at"] == pytest.approx(t[k[0]]) and worst[0]["usage"] == pytest.approx(np.sqrt(energy[k] / limit))
+    assert worst[0]["energy"] == pytest.approx(energy[k]) and worst[0]["region"] == "any"
+    usages, times = [one["usage"] for one in worst], np.array([one["at"] for one in worst])
+    assert usages == sorted(usages, reverse=True)
+    assert np.abs(times[:, None] - times)[~np.eye(len(worst), dtype=bool)].min() >= 1.0 - 1e-9
+    assert f"{worst[0]['point']} at" in text and "Limits of contact exceeded for" in text
+
+
+# --- Quality ---
+
+UNITS = {
+    "right": (lambda t, q, qd: (t, q, qd), None, None),
+    "days": (lambda t, q, qd: (t / 86400.0, q, qd), "times seem to be days, 86400 s each", 86400.0),
+    "hours": (lambda t, q, qd: (t / 3600.0, q, qd), "times seem to be hours, 3600 s each", 3600.0),
+    "minutes": (lambda t, q, qd: (t / 60.0, q, qd), "times seem to be minutes, 60 s each", 60.0),
+    "ms": (lambda t, q, qd: (1e3 * t, q, qd), "times seem to be milliseconds", 1e-3),
+    "us": (lambda t, q, qd: (1e6 * t, q, qd), "times seem to be microseconds", 1e-6),
+    "unknown": (lambda t, q, qd: (5.0 * t, q, qd), "times, positions or velocities seem to have a wrong unit", 0.2),
+    "deg/s": (lambda t, q, qd: (t, q, np.degrees(qd)), "velocities seem to be in degrees", np.pi / 180.0),
+    "deg": (lambda t, q, qd: (t, np.degrees(q), qd), "positions seem to be in degrees", 180.0 / np.pi),
+    "sign": (lambda t, q, qd: (t, q, qd * [1, 1, -1, 1, 1, 1]), "elbow_joint: positions change -1 times as fast", None),
+}
+
+
+@pytest.mark.parametrize("efforts", [True, False])
+@pytest.mark.parametrize("unit", UNITS)
+def test_units_that_do_not_agree_are_named(analysed, motion, unit, efforts):
+    """Where all joints agree, the factor is among the numbers, and the exit status is 1."""
+    t, q, qd, tau = (x[:500] for x in motion)
+    change, said, factor = UNITS[unit]
+    summary, text, status = analysed(*change(t, q, qd), *([tau] if efforts else []), parameters=LOOSE)
+    warnings = [one for one in summary["warnings"] if "times as fast as velocities say" in one]
+    assert len(warnings) == (said is not None) and (said or "") in "".join(warnings) and (said or "") in text
+    wrong = summary["quality"]["wrong_unit"]
+    assert (wrong is None) == (factor is None)
+    if factor:
+        assert status == 1 and wrong == {"cause": said, "factor": pytest.approx(factor, rel=2e-3)}
+        assert "the exit status is 1" in text and "times as fast as velocities say)" in text
+
+
+def test_quality_of_good_data(analysed, motion):
+    """Steps of an encoder are no disagreement."""
+    t, q, qd, tau = motion
+    report = analysed(*motion)[0]["quality"]
+    assert report["rate"] == pytest.approx(500.0, rel=0.02) and report["jitter"] < 2e-5
+    assert report["gaps"] == report["repeated_states"] == report["without_effort"] == 0
+    assert all(one["velocity_error"] < 1e-3 and not one["clipped"] for one in report["joints"].values())
+    assert not any("position" in one["steps"] for one in report["joints"].values())
+    report = analysed(t, np.round(q / 1e-4) * 1e-4, qd, tau)[0]["quality"]
+    moving = [one for one in report["joints"].values() if one["largest_velocity"] > 0.2]
+    assert moving and all(one["velocity_error"] < 0.05 for one in moving)
+
+
+@pytest.mark.parametrize("delay", [0.006, -0.004, 0.02])
+def test_late_velocities(analysed, motion, delay):
+    t, q, qd, tau = motion
+    late = np.column_stack([np.interp(t - delay, t, column) for column in qd.T])
+    summary, *_ = analysed(*(x[50:-50] for x in (t, q, late, tau)))
+    assert summary["quality"]["velocity_delay"] == pytest.approx(delay, rel=0.1)
+    assert any(("late" if delay > 0 else "early") in text for text in summary["warnings"])
+
+
+def test_gaps_repeats_and_bounds(analysed, ur5, motion):
+    t, q, qd, tau = (x.copy() for x in motion)
+    t[1500:] += 0.05
+    q[100:160], qd[100:160], tau[100:160] = q[99], qd[99], tau[99]
+    tau[:, 0] = np.clip(tau[:, 0], -3.0, 3.0)
+    summary, *_ = analysed(t, q, qd, tau)
+    report = summary["quality"]
+    assert report["gaps"] == 1 and report["repeated_states"] == 60
+    assert report["longest_gap"] == pytest.approx(0.052, abs=1e-6)
+    assert report["longest_gap_at"] == pytest.approx(t[1499], abs=1e-6)
+    still = [one["still"] for one, speed in zip(report["joints"].values(), abs(qd[99]), strict=True) if speed > 0.05]
+    assert still == [60] * len(still) != []
+    clipped = {name: one["clipped"] for name, one in report["joints"].items() if one["clipped"]}
+    assert clipped == {ur5.dof_names[0]: ["effort"]}
+    assert all(word in " ".join(summary["warnings"]) for word in ("clipped", "gap", "repeat"))
+    summary, *_ = analysed(np.round(t, 1), q, qd, tau)
+    assert summary["quality"]["repeated_stamps"] > 0.9 * len(t)
+    assert any("times need more digits" in text for text in summary["warnings"])
+
+
+# --- Real arms ---
+
+
+@pytest.mark.skipif(not RECORDINGS.is_dir(), reason="recordings of real arms are no part of this package")
+@pytest.mark.parametrize("name", ["panda", "panda with a hand that is not mounted", "kuka"])
+def test_real_arms(tmp_path, name):
+    """The model without the hand explains what it should; with the hand, a payload is missing."""
+    path, urdf = RECORDINGS / "panda" / "exciting_trajectory.csv.gz", tmp_path / "panda.urdf"
+    tree, options = etree.parse(find_urdf("panda")).getroot(), []
+    if name == "panda":
+        hand = {"panda_hand", "panda_hand_tcp", "panda_leftfinger", "panda_rightfinger"}
+        for part in list(tree):
+            child = part.find("child")
+            if part.get("name") in hand or (child is not None and child.get("link") in hand):
+                tree.remove(part)
+    else:
+        locked = "locked_joints=['panda_finger_joint1=0.0', 'panda_finger_joint2=0.0']"
+        options = ["--set", locked, "mimic=free", "massless=lock"]
+    urdf.write_bytes(etree.tostring(tree))
+    if name == "kuka":
+        path, urdf, options = RECORDINGS / "kuka_lwr4/measurements_1.npz", RECORDINGS / "kuka_lwr4/kuka_lwr4.urdf", []
+    status = main(["analyse", str(path), "--urdf", str(urdf), *options, "--quiet", "--json", str(tmp_path / "a.json")])
+    summary = json.loads((tmp_path / "a.json").read_text())
+    if name == "panda":
+        assert status == 0 and summary["states"] == 20544
+        assert summary["explained"] == pytest.approx(0.95, abs=0.01) and summary["explained_with_potential"] > 0.99
+        assert summary["quality"]["velocity_delay"] == pytest.approx(0.005, abs=0.001)
+    elif name == "kuka":
+        assert summary["states"] == 5027
+        assert summary["explained"] < 0.0 < 0.95 < summary["explained_with_potential"]
+        recording = dd.read_recording(path, str(urdf))
+        with np.load(path) as arrays:  # not what was commanded
+            np.testing.assert_array_equal(recording.q, arrays["positions"])
+    else:
+        assert status == 1 and summary["explained"] == pytest.approx(0.29, abs=0.02)
+        assert "payload" in summary["balance"]["says"]
