@@ -246,7 +246,8 @@ def test_damaged_anywhere(tmp_path_factory, seed, count, kind):
     """Bytes overwritten anywhere, or the end cut off: states, losses, or one of our errors."""
     path, time, rng = tmp_path_factory.mktemp("damaged") / f"table.{kind}", np.arange(50) / 100, random.Random(seed)
     if kind == "parquet":
-        table = pa.table({"t": time, "q1": np.sin(time), "tau": [[x] for x in time], "name": [["a"]] * 50})
+        texts = {"name": [["a"]] * 50, "mode": [f"run {x}" for x in time]}
+        table = pa.table({"t": time, "q1": np.sin(time), "tau": [[x] for x in time]} | texts)
         parquet.write_table(table, path, row_group_size=10)
     else:
         np.savez_compressed(path, t=time, q=np.sin(time), tau=time[:, None], names=np.array(["a"]))
@@ -274,6 +275,16 @@ def test_a_damaged_row_group_is_left_out(written):
     np.testing.assert_array_equal(recording.q[:, 0], np.sin(np.delete(time, [*range(300, 400), *range(900, 1000)])))
     (said,) = lost(recording)
     assert said.startswith("row 300, row group 3: ") and said.endswith(": 200 rows lost")
+
+
+def test_texts_that_are_no_text_are_lost_with_their_row_group(written):
+    texts = [f"2026-01-01T00:00:0{k}" for k in range(4)]
+    table = pa.table({"t": texts, "q1": np.arange(4.0), "qd1": np.ones(4)})
+    path = written(table, row_group_size=1, compression="none", use_dictionary=False, write_statistics=False)
+    path.write_bytes(path.read_bytes().replace(texts[2].encode(), b"\xff" * len(texts[2])))
+    recording = read(path)
+    (said,) = lost(recording)
+    assert recording.q[:, 0].tolist() == [0, 1, 3] and said.startswith("row 2, row group 2: ") and "UTF8" in said
 
 
 @pytest.mark.parametrize("at", [300, 50_000])  # in what is read with the header of the array, and far behind it

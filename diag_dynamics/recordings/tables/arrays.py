@@ -6,7 +6,8 @@
 import tokenize
 import zipfile
 import zlib
-from itertools import islice
+from contextlib import suppress
+from itertools import chain, islice
 from math import prod
 from typing import NamedTuple
 
@@ -57,11 +58,8 @@ class ParquetSource:
         with self._open() as file:
             schema = _flatten(file.schema_arrow.empty_table()).schema
             columns = [self._column(file, field) for field in schema]
-            texts = [
-                one
-                for metadata in (file.schema_arrow.metadata, *(field.metadata for field in schema))
-                for one in metadata_texts(metadata)
-            ]
+            every = [file.schema_arrow.metadata, *(field.metadata for field in schema)]
+            texts = [text for metadata in every for text in metadata_texts(metadata)]
         self.headers = [one.name for one in columns]
         choice = choose(columns, wanted, joints, path, texts)
         for k in choice.used:
@@ -72,13 +70,12 @@ class ParquetSource:
     def blocks(self, losses):
         """Yield each :class:`Block`."""
         used, row = {k: self.headers[k] for k in self.choice.used}, 0
+        options = {"columns": list(used.values()), "use_threads": False}
         with self._open() as file:
             for group in range(file.num_row_groups):
                 end = row + file.metadata.row_group(group).num_rows
                 try:
-                    for batch in file.iter_batches(
-                        ROWS, row_groups=[group], columns=list(used.values()), use_threads=False
-                    ):
+                    for batch in file.iter_batches(ROWS, row_groups=[group], **options):
                         table = _flatten(pa.Table.from_batches([batch]))
                         arrays = {k: table.column(name).combine_chunks() for k, name in used.items()}
                         yield Block(arrays, np.arange(row, row + len(table)))
@@ -118,11 +115,9 @@ class ParquetSource:
                 if any(texts):
                     break
             texts = texts[: max(SAMPLE, next((k for k, text in enumerate(texts) if text), 0) + 1)]
-            return (
-                column._replace(sample=tuple(one or () for one in texts), listed=True)
-                if listed
-                else sample_column(column, texts)
-            )
+            if listed:
+                return column._replace(sample=tuple(one or () for one in texts), listed=True)
+            return sample_column(column, texts)
         if not (listed and column.numeric):
             return column
         lengths = (n for array in self._first_rows(file, field.name) for n in array.value_lengths().to_pylist() if n)
@@ -130,18 +125,23 @@ class ParquetSource:
         return column._replace(width=width, numeric=width > 0)
 
     def _first_rows(self, file, name):
-        """The first rows of a column, a few at a time: it may be one of pictures. Nothing where they cannot be read."""
-        try:
-            for batch in islice(file.iter_batches(16, columns=[name], use_threads=False), 64):
+        """The first rows of a column, a few at a time: it may be one of pictures."""
+        groups = (self._rows_of_group(file, name, group) for group in range(file.num_row_groups))
+        return islice(chain.from_iterable(groups), 64)
+
+    @staticmethod
+    def _rows_of_group(file, name, group):
+        """Rows of a column; those of a damaged row group up to the damage."""
+        with suppress(*_UNREADABLE, KeyError):
+            for batch in file.iter_batches(16, row_groups=[group], columns=[name], use_threads=False):
                 yield _flatten(pa.Table.from_batches([batch])).column(name).combine_chunks()
-        except (*_UNREADABLE, KeyError):
-            return
 
 
 def _flatten(table):
-    """A table with the fields of structs as columns."""
+    """A table with the fields of structs as columns; an ArrowException where damage has left invalid values."""
     while any(map(pa.types.is_struct, table.schema.types)):
         table = table.flatten()
+    table.validate(full=True)
     return table
 
 

@@ -80,16 +80,7 @@ def are_blank(array):
 
 
 def read_numbers(array, decimal, lose):
-    """Return the numbers of a column, (n,).
-
-    Parameters
-    ----------
-    array : pyarrow.Array
-    decimal : {'.', ','}
-        In texts.
-    lose : callable
-        Called with a cause, indices of rows and the first text, where texts are no numbers.
-    """
+    """Return the numbers of a column, (n,), and report texts that are none by `lose(cause, unit, rows, example)`."""
     if not is_text(array.type):
         return to_numpy(array)
     try:
@@ -105,16 +96,9 @@ def read_numbers(array, decimal, lose):
 
 
 def read_lists(array, width, lose):
-    """Return the numbers of a column of lists, (n, k): NaN behind the end of a list.
+    """Return the numbers of a column of lists, or of texts of them, (n, k): NaN behind the end of a list.
 
-    Parameters
-    ----------
-    array : pyarrow.Array
-        Lists, or texts of them.
-    width : int or None
-        Expected length of lists, others are NaN throughout; None: of any length.
-    lose : callable
-        As of :func:`read_numbers`.
+    Lists of another length than `width` are NaN throughout, unless it is None; `lose` is that of :func:`read_numbers`.
     """
     if is_text(array.type):
         texts = read_texts(decoded(array))

@@ -102,27 +102,9 @@ class _Group(NamedTuple):
 
 
 def choose(columns, wanted, model, file, texts=()):
-    """Choose the columns of a table.
+    """Return the :class:`Choice` among columns by a ColumnMap; InputError if one is missing, ambiguous or needs a scale.
 
-    Parameters
-    ----------
-    columns : list of Column
-    wanted : ColumnMap
-    model : sequence of str
-        Names of the model's joints that move, in their order; empty: unknown.
-    file : str
-        For messages.
-    texts : sequence of Text
-        Comments, metadata and arrays that may state names of joints.
-
-    Returns
-    -------
-    Choice
-
-    Raises
-    ------
-    InputError
-        A column is missing or ambiguous, or a unit needs a scale.
+    `model` are the names of the model's joints that move, in their order, or empty; `texts` may state names of joints.
     """
     try:
         return _Chooser(columns, wanted, tuple(model), texts).choose()

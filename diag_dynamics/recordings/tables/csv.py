@@ -47,15 +47,7 @@ _OPENERS = {"gzip": gzip.open, "bz2": bz2.open, "xz": lzma.open}
 
 
 class CsvSource:
-    """Rows of a text. A line is a row: a quote that was lost does not take the rest of the file along.
-
-    Parameters
-    ----------
-    path : str
-    wanted : ColumnMap
-    joints : sequence of str
-        The model's, in their order; empty: unknown.
-    """
+    """Rows of a text. A line is a row: a quote that was lost does not take the rest of the file along."""
 
     notes = ()
 

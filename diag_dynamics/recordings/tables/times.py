@@ -34,18 +34,9 @@ def is_date(text):
 
 
 def read_times(array, scale, decimal="."):
-    """Return times [s] and stamps [ns] of an array of pyarrow.
+    """Return times [s], NaN where one is missing, and stamps [ns] of an array of pyarrow; `scale` is the unit of numbers [s].
 
-    A time that is missing is NaN. Integers and texts are exact to the nanosecond.
-
-    Parameters
-    ----------
-    array : pyarrow.Array
-        Timestamps, durations, integers, doubles, decimals or texts; texts are numbers or ISO 8601, UTC without a zone.
-    scale : float
-        [s], unit of numbers.
-    decimal : {'.', ','}
-        Of numbers in texts.
+    Integers and texts are exact to the nanosecond. Texts are numbers or ISO 8601, UTC without a zone.
     """
     if decimal == ",":
         texts = ["" if one is None else str(one) for one in array.to_pylist()]
