@@ -11,15 +11,14 @@ from diag_dynamics.recordings.effort_checks import complaint
 from diag_dynamics.recordings.effort_relation import ERRORS, EffortRelation, Run
 from diag_dynamics.sweeps.spatial import ANGULAR_X
 
-INCREMENT = 0.05
-"""Time over which positions are compared with integrated velocities [s]."""
-
-TOLERANCE, MIN_CORRELATION = 0.02, 0.7
-"""Accepted error of the slope of positions over integrated velocities; and their correlation from which a joint counts."""
-
-DELAYS = np.arange(-20.0, 40.5, 0.5) * 1e-3
-"""Delays of velocities against positions that are tried [s]."""
-
+INCREMENT = 0.05  # time over which positions are compared with integrated velocities [s]
+TOLERANCE, MIN_CORRELATION = 0.02, 0.7  # accepted error of their slope; correlation from which a joint counts
+DELAYS = np.arange(-20.0, 40.5, 0.5) * 1e-3  # of velocities against positions that are tried [s]
+PART = 1000  # increments that are compared at once
+TINY = 1e-30  # sum of squares of a joint at rest [rad², m²]
+NOT_JUDGED, DOUBTFUL = "efforts not judged", "effort doubtful"  # causes of findings
+MOVING, EACH_WAY, RANGE = 0.05, 1.0, 0.5  # velocity [rad/s], time above it each way [s], range [rad] for friction
+PRISMATIC = 0.1  # factor of these for a prismatic joint [m]
 UNITS = (
     (-1.0, "of the other sign"),
     (np.pi / 180.0, "in degrees per second"),
@@ -30,21 +29,6 @@ UNITS = (
     (1e3, "right, and positions in mm or mrad"),
 )
 """Slopes of positions over integrated velocities, and what velocities then are."""
-
-PART = 1000
-"""Increments that are compared at once."""
-
-TINY = 1e-30
-"""Sum of squares of a joint at rest [rad², m²]."""
-
-NOT_JUDGED, DOUBTFUL = "efforts not judged", "effort doubtful"
-"""Causes of findings: the motion does not show the unit of the efforts; the effort of a light joint is not the model's."""
-
-MOVING, EACH_WAY, RANGE = 0.05, 1.0, 0.5
-"""Velocity [rad/s], time above it in each direction [s] and range of positions [rad] that a joint's friction needs."""
-
-PRISMATIC = 0.1
-"""Factor of these for a prismatic joint [m]."""
 
 
 def find_delay(model, t, states, segments):
@@ -115,17 +99,8 @@ def _refine_minimum(cost, best):
 def check_efforts(model, dataset, tolerant):
     """Compare efforts with the torques that the model needs; return their Relation and add findings to the dataset.
 
-    Parameters
-    ----------
-    model : RobotModel
-    dataset : Dataset
-    tolerant : bool
-        Whether the robot may carry what the model does not, or lack what it has.
-
-    Raises
-    ------
-    InputError
-        Efforts lack gravity, have another sign or unit, or are of joints in another order.
+    A `tolerant` comparison allows for a payload. Raises InputError if efforts lack gravity, have another
+    sign or unit, or are of joints in another order.
     """
     compared, states = EffortRelation(model), dataset.states
     for part in dataset.portions():

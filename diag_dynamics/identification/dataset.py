@@ -20,31 +20,15 @@ from diag_dynamics.recordings.recording import Recording
 from diag_dynamics.recordings.refused_units import refuse_units
 from diag_dynamics.recordings.states import States
 
-MAX_VALUES = 25_000_000
-"""Positions, velocities and efforts in memory, of all recordings: 200 MB. Longer ones are thinned."""
-
-SIZE = 20_000
-"""States of a portion, over which dynamics are evaluated."""
-
-MIN_GAP, GAP = 0.05, 10.0
-"""Time without states that ends a segment: the larger one of this [s] and so many median intervals."""
-
-MAX_VELOCITY, MAX_GARBAGE = 1.5, 0.01
-"""Multiple of the URDF's velocity limit above which a state is garbage; and the fraction of garbage above which velocities
-have another unit."""
-
-MIN_STATES = 10
-"""Shorter segments are left out."""
+MAX_VALUES = 25_000_000  # positions, velocities and efforts of all recordings in memory: 200 MB
+SIZE = 20_000  # states of a portion, over which dynamics are evaluated
+MIN_GAP, GAP = 0.05, 10.0  # the larger of this time [s] and so many median intervals ends a segment
+MAX_VELOCITY, MAX_GARBAGE = 1.5, 0.01  # multiple of the URDF's limit of garbage; larger fraction: another unit
+MIN_STATES = 10  # shorter segments are left out
 
 
 def list_recordings(name, recordings):
-    """Return recordings as a list of Recording and of functions that return pieces of one.
-
-    Raises
-    ------
-    InputError
-        There is none, or something else among them.
-    """
+    """Return recordings as a list of Recording and of functions that return pieces of one."""
     found = recordings if isinstance(recordings, Iterable) and not isinstance(recordings, Iterator) else [recordings]
     for k, one in enumerate(found := list(found)):
         if not callable(one) and not isinstance(one, Recording):
@@ -60,37 +44,10 @@ def list_recordings(name, recordings):
 class Dataset:
     """States of a recording that can be fitted. A long recording is thinned while it is read.
 
-    Parameters
-    ----------
-    name : str
-        Name of the argument.
-    recording : Recording or callable
-    model : RobotModel
-    max_values : int
-        Numbers in memory.
-
-    Attributes
-    ----------
-    path, robot : str
-    count : int
-        States of the recording.
-    start, end : float
-        Times of its first and last state [s].
-    zero : int
-        Stamp of its first state [ns].
-    t : ndarray, shape (T,)
-        Times since the first usable state [s], rising even where stamps start again.
-    states : States
-        Usable ones, velocities at the time of the positions.
-    segments : list of slice
-    delay : float
-        Delay of velocities against positions that was removed [s].
-    findings : list of Finding
-
-    Raises
-    ------
-    InputError
-        It is of another robot, has too few states or no efforts, or velocities in another unit.
+    `t` [s] rises even where stamps start again. `segments` are slices of `t` and `states` without gaps.
+    Velocities are at the time of the positions: `delay` [s] was removed. `start` and `end` are times of all
+    `count` states of the recording [s], `zero` is the stamp of the first one [ns]. Raises InputError if the
+    recording is of another robot, lacks states or efforts, or has velocities in another unit.
     """
 
     def __init__(self, name, recording, model, max_values=MAX_VALUES):

@@ -21,27 +21,13 @@ from diag_dynamics.model import RobotModel
 from diag_dynamics.yaml_files import yaml_text
 
 HARMONICS = 5
-
-RANDOM_TRIALS = 24
-"""Random trajectories before the best one of them is improved."""
-
-MIN_EIGENVALUE = 1e-10
-"""Smallest eigenvalue of a combination of unknowns that motions excite, relative to the largest."""
-
-MAX_VELOCITY, MAX_POSITION = 100.0, 1000.0
-"""Larger limits are placeholders, such as 1e16 [rad/s, m/s; rad, m]."""
-
-CONTINUOUS_RANGE = np.pi
-"""Range of a continuous joint [rad]."""
-
-MIN_TRAVEL, MIN_SPEED = 1e-3, 1e-3
-"""Travel [rad, m] and largest speed [rad/s, m/s] below which a joint stands still."""
-
-POINTS_PER_PERIOD = 2000
-"""Points at which a trajectory is scaled to its limits, however few of them are returned."""
-
-OTHERS = "*"
-"""Name of all joints without a limit of their own."""
+RANDOM_TRIALS = 24  # before the best trajectory is improved
+MIN_EIGENVALUE = 1e-10  # of a combination of unknowns that motions excite, relative to the largest
+MAX_VELOCITY, MAX_POSITION = 100.0, 1000.0  # larger limits are placeholders, such as 1e16 [rad/s, m/s; rad, m]
+CONTINUOUS_RANGE = np.pi  # [rad]
+MIN_TRAVEL, MIN_SPEED = 1e-3, 1e-3  # below these a joint stands still [rad, m; rad/s, m/s]
+POINTS_PER_PERIOD = 2000  # at which a trajectory is scaled to its limits
+OTHERS = "*"  # all joints without a limit of their own
 
 
 class Excitation(NamedTuple):

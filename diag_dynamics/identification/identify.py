@@ -17,13 +17,7 @@ from diag_dynamics.identification.data_checks import DOUBTFUL, check_efforts, ch
 from diag_dynamics.identification.dataset import MAX_VALUES, Dataset, list_recordings
 from diag_dynamics.identification.fit import payload_at
 from diag_dynamics.identification.regressors import NormalEquations, Regressors
-from diag_dynamics.identification.result import (
-    Identification,
-    friction_of,
-    model_of,
-    parameters_of,
-    payload_certainty,
-)
+from diag_dynamics.identification.result import Identification, friction_of, model_of, parameters_of, payload_certainty
 from diag_dynamics.identification.selection import GAIN, STEPS, Selection
 from diag_dynamics.identification.validation import validate
 from diag_dynamics.model import RobotModel
@@ -31,21 +25,11 @@ from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.recordings.balance import NOTHING_EXPLAINED
 from diag_dynamics.recordings.recording import Recording
 
-Readable: TypeAlias = Recording | Callable[[], Iterable[Recording]]
-"""A recording in memory, or a function that returns its pieces."""
-
-HELD_OUT = 1.0 / 3.0
-"""Fraction of the recordings that a fit is validated by."""
-
-MAX_BLOCKS, MIN_BLOCK = 8, 1.0
-"""Blocks of the other rows for cross-validation, and their shortest length [s]: six time constants of the filter."""
-
-UNASKED_GAIN, MAX_TIPS = 0.3, 3
-"""Reduction of the held-out residual by a payload that nobody asked for from which a warning names it; and links at ends of
-the robot where one is tried."""
-
-MAX_CHANGE = 0.2
-"""Relative change of kinetic energy above which there is a warning."""
+Readable: TypeAlias = Recording | Callable[[], Iterable[Recording]]  # in memory, or a function that returns pieces
+HELD_OUT = 1.0 / 3.0  # fraction of the recordings that validates a fit
+MAX_BLOCKS, MIN_BLOCK = 8, 1.0  # of other rows for cross-validation; shortest length: six time constants [s]
+UNASKED_GAIN, MAX_TIPS = 0.3, 3  # gain from which an unasked payload is named; ends of the robot that are tried
+MAX_CHANGE = 0.2  # relative change of kinetic energy without a warning
 
 
 def identify(
@@ -148,38 +132,9 @@ def _tips(model):
 
 
 class Data:
-    """Normal equations of recordings.
+    """Normal equations of recordings, with and without (`unloaded`) the payload that bodies `carriers` may have.
 
-    Parameters
-    ----------
-    model : RobotModel
-    carriers : sequence of int
-        Bodies that may have a payload.
-    recordings, reference
-        As of :func:`identify`.
-    tolerant : bool
-        Whether the robot may carry a payload that the model lacks.
-
-    Attributes
-    ----------
-    regressors : Regressors
-    loaded, datasets : list of Dataset
-        Recordings without and with the reference.
-    begin : float
-        Begin of the held-out part in the last loaded dataset [s].
-    blocks : list of NormalEquations
-        Rows that are not held out, in blocks of time.
-    fitted, held_out : NormalEquations
-    unloaded : NormalEquations or None
-        Rows of the reference.
-    relations : list of Relation
-        Efforts of each dataset against the model's torques.
-    moving : ndarray of bool, shape (nv,)
-        Degrees of freedom that move enough for their friction.
-    findings : list of Finding
-        On motion.
-    duration : float
-        Time in all segments [s].
+    The part from the time `begin` [s] of the last one on is held out; `blocks` are the others.
     """
 
     def __init__(self, model, carriers, recordings, reference, tolerant):

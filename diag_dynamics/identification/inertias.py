@@ -7,14 +7,9 @@ import numpy as np
 
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
 
-ORDER = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
-"""Entries of the rotational inertia, in the order of the parameters."""
-
-UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-"""Entries of the rotational inertia, in the order of BODY and LINK."""
-
-FLOOR = 1e-3
-"""Smallest variance of a body's mass along an axis, relative to the largest."""
+ORDER = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # rotational inertia in the order of the parameters
+UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # and of BODY and LINK
+FLOOR = 1e-3  # smallest variance of a body's mass along an axis, relative to the largest
 
 
 def parameters_of(mass, first_moment, rotational):

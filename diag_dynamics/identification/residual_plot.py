@@ -9,24 +9,14 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.identification.dataset import Dataset
 from diag_dynamics.recordings.observer import Observer
 
-MAX_STEPS = 6000
-"""Steps of a curve: ten times the pixels that they are drawn on."""
+MAX_STEPS = 6000  # of a curve: ten times the pixels that they are drawn on
 
 
 def residual_curves(models, pieces, gain):
     """Return times [s], shape (P,), and observed external torques of each model [N m, N], (P, nv).
 
-    Of more than MAX_STEPS states a curve has the smallest and the largest value of each step; rows of NaN
-    are gaps.
-
-    Parameters
-    ----------
-    models : sequence of RobotModel
-        Of one robot.
-    pieces : callable
-        Returns the pieces of one recording.
-    gain : float
-        Of the observer [1/s].
+    `pieces` returns the pieces of a recording, `gain` is the observer's [1/s]. Of more than MAX_STEPS states
+    a curve has the smallest and the largest value of each step; rows of NaN are gaps.
     """
     dataset = Dataset("recording", pieces, models[0])
     dynamics = [DiagonalDynamics(model) for model in models]

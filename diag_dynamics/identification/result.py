@@ -15,8 +15,7 @@ from diag_dynamics.identification import inertias
 from diag_dynamics.identification.regressors import DAMPING, FRICTION, OFFSET, ROTOR
 from diag_dynamics.model import JointParameters, Parameters, Payload, RobotModel
 
-MAX_DEVIATION = 0.5
-"""Relative standard deviation of a payload's inertia above which it is unknown."""
+MAX_DEVIATION = 0.5  # relative standard deviation above which a payload's inertia is unknown
 
 
 class Identification:

@@ -8,62 +8,25 @@ from __future__ import annotations
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.identification.fit import (
-    MIN_VARIANCE,
-    Free,
-    Layout,
-    Rows,
-    fit_rows,
-)
+from diag_dynamics.identification.fit import MIN_VARIANCE, Free, Layout, Rows, fit_rows
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
 from diag_dynamics.identification.regressors import ROTOR
 from diag_dynamics.identification.result import payload_in_link
 
 WEIGHT, SHORT_WEIGHT, SHORT = 10.0, 30.0, 6.0  # γ of the prior on inertias; for less motion than this [s]
-STEPS = "friction", "rotors", "inertias"
-"""Steps beside payloads, in the order in which they are tried."""
-
-BY_JOINT = "friction", "rotors"
-"""Steps that are taken for each joint by itself."""
-
-GAIN = 0.1
-"""Reduction of the held-out residual from which a step is taken."""
-
-ROTOR_GAIN = 0.01
-"""Reduction of the held-out residual from which the model's rotor inertias are left out."""
-
-MIN_EFFECTIVE = 5.0
-"""Parameters of inertia, of all bodies together, that the rows have to determine."""
-
-MIN_BLOCKS = 3
-"""Blocks of rows for cross-validation."""
+STEPS = "friction", "rotors", "inertias"  # beside payloads, in the order in which they are tried
+BY_JOINT = STEPS[:2]  # steps that are taken for each joint by itself
+GAIN, ROTOR_GAIN = 0.1, 0.01  # reductions of the held-out residual to take a step, and to leave out the model's rotors
+MIN_EFFECTIVE = 5.0  # parameters of inertia that the rows have to determine
+MIN_BLOCKS = 3  # of rows, for cross-validation
 
 
 class Selection:
     """Choose steps by rows that are held out, and the joints of a step by cross-validation.
 
-    Parameters
-    ----------
-    model : RobotModel
-    steps : list of str
-        Some of :data:`STEPS`, in their order.
-    payload : Payload or None
-    data : Data
-        Normal equations of the recordings.
-
-    Attributes
-    ----------
-    layout : Layout
-    held_out : list of Rows
-    taken : list of str
-        Steps that were taken.
-    fit : Fit or None
-        Fit of these to the rows that are not held out; None if nothing is fitted.
-    ladder : list of dict
-        Steps that were tried, their score, and whether they were taken.
-    kept : dict
-        By step and joint that keeps the model's values: residuals with these and with its own.
-    warnings : list of str
+    `fit` is that of the steps `taken` to the other rows, None if nothing is fitted. `ladder` has the steps
+    that were tried with their scores, `kept` by step and joint that keeps the model's values the residuals
+    with these and with its own.
     """
 
     def __init__(self, model, steps, payload, data):

@@ -43,13 +43,7 @@ class Problem(NamedTuple):
 
 
 def solve(problem, start):
-    """Return x at the minimum and the Hessian there, from a start within all cones.
-
-    Raises
-    ------
-    DiagDynamicsError
-        There is no minimum within MAX_STEPS steps.
-    """
+    """Return x at the minimum and the Hessian there, from a start within all cones; raises DiagDynamicsError."""
     x = np.array(start)
     weights = [body.weight for body in problem.bodies] or [problem.positive_weight]
     smallest, least = min(weights), min(*weights, problem.positive_weight)

@@ -14,40 +14,22 @@ from diag_dynamics.recordings.balance import Balance, WindowSums
 from diag_dynamics.recordings.effort_relation import Run, smoothed
 from diag_dynamics.recordings.observer import Observer
 
-GAIN = 25.0
-"""Gain of the observer [1/s]: the monitor's default."""
-
-MIN_SMOOTHED = 1.0
-"""Shortest portion whose errors of effort count [s]: a filter of 5 Hz has no more to say of a shorter one."""
+GAIN = 25.0  # of the observer: the monitor's default [1/s]
+MIN_SMOOTHED = 1.0  # shortest portion whose errors of effort count [s]: the filter has 5 Hz
 
 
 class Validation(NamedTuple):
-    """Errors of a model."""
+    """Errors of a model by degree of freedom, NaN if unknown, explained shares, None if unknown, and mean of K [J]."""
 
-    torque: np.ndarray
-    """Root mean square of the effort's error below 5 Hz, by degree of freedom [N m, N]; NaN if unknown."""
-    explained: float | None
-    """Explained share of dK/dt; None without enough windows."""
-    explained_total: float | None
-    """Explained share of d(K + U)/dt."""
-    spread: np.ndarray
-    """Standard deviation of the observed external torque m r [N m, N]; NaN if unknown."""
+    torque: np.ndarray  # root mean square of the effort's error below 5 Hz [N m, N]
+    explained: float | None  # of dK/dt
+    explained_total: float | None  # of d(K + U)/dt
+    spread: np.ndarray  # standard deviation of the observed external torque m r [N m, N]
     kinetic: float
-    """Mean of K [J]."""
 
 
 def validate(model, friction, dataset, begin):
-    """Return the :class:`Validation` by the states of a dataset from a time on [s].
-
-    Parameters
-    ----------
-    model : RobotModel
-        Its own friction is ignored.
-    friction : callable
-        Friction and offset at rates, (T, nv) to (T, nv).
-    dataset : Dataset
-    begin : float
-    """
+    """Return the :class:`Validation` by a dataset from a time on [s]; `friction` replaces the model's, (T, nv) to (T, nv)."""
     dynamics, sums, balance = DiagonalDynamics(model), WindowSums(model.nv), Balance(model.dof_names)
     balance.moved = True  # joints that do not move are not identified
     observer, errors, observed, energies = Observer(dynamics, GAIN), [], [], []

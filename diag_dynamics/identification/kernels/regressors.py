@@ -19,23 +19,8 @@ from diag_dynamics.compiled.kernel import (
     large_kernel,
 )
 from diag_dynamics.sweeps.bodies import motion_of, set_motion
-from diag_dynamics.sweeps.joints import (
-    accelerate_world,
-    are_finite,
-    are_positions,
-    move,
-    place,
-    rest_at_world,
-    turn,
-)
-from diag_dynamics.sweeps.spatial import (
-    add,
-    cross,
-    cross_motion,
-    dot,
-    motion_along,
-    motion_to_child,
-)
+from diag_dynamics.sweeps.joints import accelerate_world, are_finite, are_positions, move, place, rest_at_world, turn
+from diag_dynamics.sweeps.spatial import add, cross, cross_motion, dot, motion_along, motion_to_child
 from diag_dynamics.sweeps.workspace import clear, opened
 
 PARAMETERS = 10
