@@ -107,7 +107,7 @@ class Dataset:
             part, rest = _thinned(whole, step), whole[len(whole) // step * step :]
             parts, held = [*parts, part], held + len(part)
             while held > limit:
-                parts = [_thinned(States.concatenate(parts), 2)]
+                parts = [_thinned(States.concatenate(parts)[held % 2 :], 2)]
                 step, held = 2 * step, len(parts[0])
         refuse_units(refused)
         if not self.count:
