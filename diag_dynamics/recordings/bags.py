@@ -79,11 +79,6 @@ class Bag:
         self._maps = [self._map_connections(file) for file in self._files]
         self.start = min((file.start for file in self._files if file.start is not None), default=None)
 
-    @property
-    def misplaced(self):
-        """Whether messages were outside of the times that their chunk states."""
-        return self._notes.misplaced
-
     def limit(self, begin=None, end=None):
         """Allow to omit messages before one log time, and from another one on [ns]."""
         self.begin, self.end = begin, end

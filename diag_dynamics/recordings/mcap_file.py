@@ -101,13 +101,13 @@ class McapFile:
         summary, known, behind = SeekingReader(file, record_size_limit=MAX_SIZE).get_summary(), {}, begin
         for one in sorted(summary.chunk_indexes, key=lambda one: -one.chunk_start_offset):
             at, channels = one.chunk_start_offset, frozenset(one.message_index_offsets) or None
-            beyond = at + one.chunk_length + one.message_index_length
+            times, beyond = (
+                (one.message_start_time, one.message_end_time),
+                at + one.chunk_length + one.message_index_length,
+            )
             if beyond > behind:
                 raise DamageError(f"the chunk at byte {at} does not end before byte {behind}")
-            known[at], behind = (
-                Part(at, one.chunk_length, beyond, one.message_start_time, one.message_end_time, channels),
-                at,
-            )
+            known[at], behind = Part(at, one.chunk_length, beyond, *times, channels), at
         if all(channel.schema_id in {0, *summary.schemas} for channel in summary.channels.values()):
             self._channels, self._schemas = summary.channels, summary.schemas  # else chunks declare them
         return known, begin
@@ -225,7 +225,6 @@ class McapFile:
         rows = (place >= 0) & ~is_late
         messages = messages.sort() if rows.all() else messages.select(rows).sort()
         if len(messages.at):
-            self._notes.misplaced |= bool(messages.log_time[0] < part.start or messages.log_time[-1] > part.end)
             yield messages
 
 
@@ -305,7 +304,8 @@ def _parse_indexes(raw):
             return np.empty(0, np.int64)
         found.append(np.frombuffer(raw, "<u8", size // 8, at)[1::2].astype(np.int64))
         at += size
-    return found[0] if len(found) == 1 else np.sort(np.concatenate([np.empty(0, np.int64), *found]))
+    starts = np.concatenate([np.empty(0, np.int64), *found])
+    return starts if (starts[1:] > starts[:-1]).all() else np.sort(starts)
 
 
 def _decompress(raw, size):

@@ -79,7 +79,7 @@ class Notes:
     """Damage and oddities of the files of a bag, each once."""
 
     def __init__(self):
-        self.unread, self.findings, self.misplaced = [], [], False
+        self.unread, self.findings = [], []
 
     def add_damage(self, file, where, what):
         """Report data that cannot be read."""

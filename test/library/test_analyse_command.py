@@ -7,6 +7,7 @@ import json
 import os
 import resource
 import signal
+import struct
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -15,7 +16,10 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet
 import pytest
+from mcap.data_stream import ReadDataStream
 from mcap.reader import make_reader
+from mcap.records import Chunk, MessageIndex
+from mcap.stream_reader import get_chunk_data_stream
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -175,7 +179,16 @@ def test_mcap_has_an_index_that_others_use(written, tmp_path, table, analyse):
     part = messages_of(written / "out.mcap", TOPICS[:1], starting_at=begin, ending_before=end)
     assert [time for time, _ in part[TOPICS[0]]] == list(range(begin + 1000, end, 2 * MS))
     with open(written / "out.mcap", "rb") as file:
-        numbers = make_reader(file).get_summary().statistics
+        summary = make_reader(file).get_summary()
+        for index in summary.chunk_indexes:
+            file.seek(index.chunk_start_offset + 9)
+            content, size = get_chunk_data_stream(Chunk.read(ReadDataStream(file)), validate_crc=True)
+            records = content.read(size)
+            for channel, at in index.message_index_offsets.items():
+                file.seek(at + 9)
+                for time, offset in MessageIndex.read(ReadDataStream(file)).records:
+                    assert struct.unpack_from("<B8xH4xQ", records, offset) == (5, channel, time)
+    numbers = summary.statistics
     assert (numbers.message_count, numbers.channel_count) == (3 * COUNT, 3) and numbers.chunk_count > 0
     assert (numbers.message_start_time, numbers.message_end_time) == (START + 1000, START + 2 * (COUNT - 1) * MS + 1000)
     with Reader(written / "out.mcap") as reader:
@@ -184,8 +197,10 @@ def test_mcap_has_an_index_that_others_use(written, tmp_path, table, analyse):
     header, *rows = table.read_text().splitlines()
     (tmp_path / "twice.csv").write_text("\n".join([header, *rows[100:], *rows]))
     assert analyse(tmp_path / "twice.csv", "-o", tmp_path / "out.mcap", "--quiet")[0] in (0, 1)
-    times = [time for time, _ in messages_of(tmp_path / "out.mcap")[TOPICS[0]]]
-    assert times == sorted(times) and COUNT > len(times) > len(set(times)) == 200
+    times, found = zip(*messages_of(tmp_path / "out.mcap")[TOPICS[0]], strict=True)
+    assert list(times) == sorted(times) and COUNT > len(times) > len(set(times)) == 200
+    stamps = [one.header.stamp.sec * S + one.header.stamp.nanosec for one in found]
+    assert np.ptp(np.subtract(times, stamps)) == 0
 
 
 def test_mcap_has_alarms(tmp_path, bag, panda, analyse):

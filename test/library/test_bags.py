@@ -17,6 +17,7 @@ import yaml
 import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mcap.records import MessageIndex
 from mcap.writer import CompressionType, IndexType, Writer
 from rosbags import rosbag1
 from rosbags.rosbag2 import CompressionMode
@@ -88,7 +89,7 @@ def test_ros1(tmp_path, compression):
 
 
 def test_records_that_are_no_messages(tmp_path):
-    """Attachments and metadata are ignored; kinds of records that the format does not have are named."""
+    """Attachments and metadata are ignored; kinds that the format does not have, and damage between chunks are named."""
     with open(tmp_path / "x.mcap", "wb") as file:
         writer = Writer(file, chunk_size=300)
         writer.start(profile="ros2")
@@ -102,6 +103,24 @@ def test_records_that_are_no_messages(tmp_path):
     numbers, findings = read(tmp_path / "x.mcap")
     (lost,) = unread(findings)
     assert numbers == list(range(20)) and lost.endswith("kinds that the format does not have: 20, 260 bytes")
+    content = bytearray((tmp_path / "x.mcap").read_bytes())
+    at = content.index(b"rosbag2") - 13
+    content[at : at + 9] = bytes(9)
+    (tmp_path / "x.mcap").write_bytes(content)
+    numbers, findings = read(tmp_path / "x.mcap")
+    assert numbers == list(range(20)) and f"byte {at}: no record begins here: " in unread(findings)[0]
+
+
+@pytest.mark.parametrize(
+    "change", [slice(1, None), slice(-1), slice(None, None, -1), slice(0), slice(None, None, 2)], ids=str
+)
+def test_indexes_that_lack_messages(tmp_path, monkeypatch, change):
+    """All messages are read; indexes in another order are as good."""
+    write = MessageIndex.write
+    part = lambda self, stream: write(MessageIndex(self.channel_id, self.records[change]), stream)  # noqa: E731
+    monkeypatch.setattr(MessageIndex, "write", part)
+    path = write_mcap(tmp_path / "x.mcap", numbered(60, ("/a", "/b")), chunk_size=2000)
+    assert read(path, "/b") == (list(range(1, 60, 2)), [])
 
 
 @pytest.mark.parametrize("profiles", ["", ", offered_qos_profiles TEXT"])
@@ -197,6 +216,9 @@ def test_a_renamed_file_among_others(tmp_path):
     numbers, findings = read(folder)
     assert numbers == list(range(100)) and "monday.mcap is read instead" in findings[0][1]
     assert "does not list longer.mcap, results.mcap: not read" in findings[1][1]
+    shutil.copy(folder / "monday.mcap", folder / "copy.mcap")
+    refused("it is not certain which are meant", folder, arm("a"))
+    (folder / "copy.mcap").unlink()
     metadata = yaml.safe_load((folder / "metadata.yaml").read_text())
     for key in ("starting_time", "files"):
         del metadata["rosbag2_bagfile_information"][key]
@@ -493,13 +515,17 @@ def test_ros1_that_is_cut(tmp_path, compression):
     assert before == 120
 
 
-def test_a_damaged_chunk_of_ros1(tmp_path):
-    path = write_ros1(tmp_path / "x.bag", numbered(300), rosbag1.Writer.CompressionFormat.BZ2)
+@pytest.mark.parametrize(("compression", "sign"), [("BZ2", b"BZh"), (None, b"op=\2")])
+def test_damage_within_ros1(tmp_path, compression, sign):
+    """Without compression, messages before the damage are read."""
+    formats = rosbag1.Writer.CompressionFormat
+    path = write_ros1(tmp_path / "x.bag", numbered(300), formats[compression] if compression else None)
     content = bytearray(path.read_bytes())
-    at = content.index(b"BZh", len(content) // 3)
-    content[at + 40 : at + 60] = bytes(20)
+    begin, end = chunks_of_ros1(content)[12]
+    at = content.index(sign, begin if compression else (begin + end) // 2)
+    content[at : at + 4] = bytes(4)
     path.write_bytes(content)
     numbers, findings = read(path)
     (lost,) = unread(findings)
-    assert 200 < len(numbers) < 300
-    assert "chunk at byte " in lost and lost.endswith(f": {300 - len(numbers)} messages")
+    count = len(numbers)
+    assert 200 < count < 300 and f"chunk at byte {begin}: " in lost and lost.endswith(f": {300 - count} messages")
