@@ -110,9 +110,8 @@ def ellipsoid(
 ) -> Any:
     """Plot the ellipsoid of the linear part of JM⁻¹Jᵀ at a point of a link [1/kg], on a sketch [m].
 
-    Half axes are roots of eigenvalues: speeds of the point at the same kinetic energy. At their
-    ends stand the effective masses of a push, 1 over the eigenvalue [kg]. With `qd`, an arrow is
-    the point's velocity, and the title has the mass along it.
+    Half axes are roots of eigenvalues: speeds at the same kinetic energy; at their ends stand the
+    effective masses of a push [kg]. With `qd`, an arrow is the velocity, the title has its mass.
 
     Parameters
     ----------
@@ -140,36 +139,34 @@ def ellipsoid(
     dynamics = of if isinstance(of, DiagonalDynamics) else DiagonalDynamics(of)
     model = dynamics.model
     link = end_effector_link(model) if link is None else link
-    inverse = dynamics.operational_inverse_inertia(q, link, point, "world")[:3, :3]
-    values, directions = np.linalg.eigh(inverse)
-    roots = np.sqrt(np.where(values > 1e-12 * values.max(initial=0.0), values, 0.0))
+    roots, directions = _roots(dynamics.operational_inverse_inertia(q, link, point, "world")[:3, :3])
     X = dynamics.placement(q, link)
     centre = X[:3, :3] @ np.asarray(point, dtype=float) + X[:3, 3]
     origins = {name: dynamics.placement(q, name)[:3, 3] for name in model.link_names}
     points = np.array([*origins.values(), centre])
     reach = LARGEST * max(float(np.ptp(points, axis=0).max()), 0.1)
     half_axes = directions * (roots * reach / max(float(roots.max()), 1e-300))
-
     axes = drawing.make_axes(ax, (6.4, 5.6), "3d")
     _draw_robot(axes, model, origins)
-    _draw_surface(axes, centre, half_axes)
-    for root, half in zip(roots, half_axes.T, strict=True):
-        if root > 0.0:
-            axes.plot(*np.stack([centre - half, centre + half]).T, color=COLOURS[3], linewidth=1)
-            mass = f"{number(1.0 / root**2)} kg"
-            axes.text(*(centre + 1.15 * half), mass, fontsize="small", ha="center")
+    _draw_ellipsoid(axes, centre, half_axes, roots)
     title = f", {escape(link)}: JM⁻¹Jᵀ"
     if qd is not None:
         v = dynamics.link_velocity(q, qd, link, point, frame="world")[:3]
         speed = float(np.linalg.norm(v))
         title += f"; |v| = {number(speed)} m/s"
         if speed > 0.0:
-            mass_along = dynamics.reflected_mass(q, link, v, point, "world")
-            title += f", mass along v {number(mass_along)} kg"
+            title += f", mass along v {number(dynamics.reflected_mass(q, link, v, point, 'world'))} kg"
             axes.quiver(*centre, *(v * 1.6 * reach / speed), color=COLOURS[1], linewidth=2.2)
     _set_limits(axes, np.vstack([points, centre - reach, centre + reach]))
     set_title(axes, model.name, title)
     return axes
+
+
+def _roots(inverse: Array) -> tuple[Array, Array]:
+    """Return roots of eigenvalues, zero where they are rounding errors, and directions."""
+    values, directions = np.linalg.eigh(inverse)
+    kept = np.where(values > 1e-12 * values.max(initial=0.0), values, 0.0)
+    return np.sqrt(kept), directions
 
 
 def _draw_robot(axes: Any, model: RobotModel, origins: dict[str, Array]) -> None:
@@ -180,11 +177,16 @@ def _draw_robot(axes: Any, model: RobotModel, origins: dict[str, Array]) -> None
         axes.plot(*np.stack([origins[names[parent]], origins[name]]).T, **style)
 
 
-def _draw_surface(axes: Any, centre: Array, half_axes: Array) -> None:
+def _draw_ellipsoid(axes: Any, centre: Array, half_axes: Array, roots: Array) -> None:
     around, along = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 41), np.linspace(0.0, np.pi, 21))
     x, y, z = np.cos(around) * np.sin(along), np.sin(around) * np.sin(along), np.cos(along)
     surface = np.einsum("ij,jkl->ikl", half_axes, np.stack([x, y, z])) + centre[:, None, None]
     axes.plot_surface(*surface, color=COLOURS[0], alpha=0.25, linewidth=0)
+    for root, half in zip(roots, half_axes.T, strict=True):
+        if root > 0.0:
+            axes.plot(*np.stack([centre - half, centre + half]).T, color=COLOURS[3], linewidth=1)
+            mass = f"{number(1.0 / root**2)} kg"
+            axes.text(*(centre + 1.15 * half), mass, fontsize="small", ha="center")
 
 
 def _set_limits(axes: Any, points: Array) -> None:
