@@ -82,13 +82,13 @@ class WindowSums:
 
 
 class Moments:
-    """Count, mean and variance of each column of values that come in batches (Chan, Golub and LeVeque 1983)."""
+    """Count, mean and variance of columns of values that come in batches (Chan, Golub and LeVeque 1983)."""
 
-    def __init__(self, shape=()):
-        self.count, self.mean, self.squares = 0, np.zeros(shape), np.zeros(shape)
+    def __init__(self, columns):
+        self.count, self.mean, self.squares = 0, np.zeros(columns), np.zeros(columns)
 
     def take(self, values):
-        """Add values, along the first axis."""
+        """Add values, shape (T, columns)."""
         if not len(values):
             return
         count, mean = len(values), values.mean(axis=0)

@@ -246,7 +246,11 @@ class Quality:
 
     def warnings(self):
         """Return warnings, a sentence each."""
-        warnings, report, rate = [], self.report(), self.report()["rate"]
+        warnings, report = [], self.report()
+        rate, windows = report["rate"], max(self.duration / WINDOW, 1.0)
+        at_rest = (
+            np.sqrt(self._sums[0] / windows) < REST
+        )  # noise of positions is not the integral of that of velocities
         for cause, found in self._wrong_ratios().items():
             which = "all joints" if len(found) == len(self._joints) else ", ".join(name for name, _ in found)
             factor = four_digits(found[0][1])
@@ -256,8 +260,8 @@ class Quality:
                 f"states are {1.0 / rate:.3g} s apart: over more than {MAX_INTERVAL:g} s nothing is integrated, "
                 "so that there is neither a balance of power nor an external torque"
             )
-        for at_rest, (name, of) in zip(self._at_rest(), report["joints"].items(), strict=True):
-            warnings += _warnings_of_joint(name, of, at_rest)
+        for rests, (name, of) in zip(at_rest, report["joints"].items(), strict=True):
+            warnings += _warnings_of_joint(name, of, rests)
         delay = report["velocity_delay"]
         if delay is not None and abs(delay) * rate > MIN_PERIODS:
             when = "late: filtered, perhaps" if delay > 0.0 else "early"
@@ -272,11 +276,6 @@ class Quality:
         if self._same_state > MANY * self._count:
             warnings.append(f"{self._same_state} of {self._count} states repeat the one before")
         return warnings
-
-    def _at_rest(self):
-        """Return which joints are at rest: noise of their positions is not the integral of that of velocities."""
-        windows = max(self.duration / WINDOW, 1.0)
-        return np.sqrt(self._sums[0] / windows) < REST
 
 
 def _warnings_of_joint(name, of, at_rest):
