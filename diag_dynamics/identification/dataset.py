@@ -62,9 +62,8 @@ class Dataset:
             text = f"velocities are {abs(found) * 1e3:.1f} ms {late} against positions, which was taken out"
             self.findings.append(Finding("velocity delay", 1, text))
         if not self.segments:
-            raise InputError(
-                f"{name} has no segment that is longer than the delay of its velocities, {found * 1e3:.1f} ms."
-            )
+            delay = f"the delay of its velocities, {found * 1e3:.1f} ms"
+            raise InputError(f"{name} has no segment that is longer than {delay}.")
 
     @property
     def spans(self):
@@ -92,9 +91,8 @@ class Dataset:
         counts, refused, with_efforts, estimated, efforts = {}, [], False, 0, EffortRange(model.dof_names)
         for piece in _pieces(name, recording):
             if piece.model.dof_names != model.dof_names:
-                raise InputError(
-                    f"{name} is of robot '{piece.model.name}', whose degrees of freedom are not those of the model."
-                )
+                robot = piece.model.name
+                raise InputError(f"{name} is of robot '{robot}', whose degrees of freedom are not those of the model.")
             counts, refused, with_efforts = piece.counts, piece.findings, with_efforts or piece.tau is not None
             estimated += int(piece.states.velocity_estimated.sum())
             if len(piece) and not self.count:
@@ -145,9 +143,8 @@ class Dataset:
         restarted[:1] = False
         lost = self._cut(states[kept], jumped, restarted)
         if len(self.t) < MIN_STATES:
-            raise InputError(
-                f"the recording has {len(self.t)} states to identify from, expected {MIN_STATES} at least."
-            )
+            count = len(self.t)
+            raise InputError(f"the recording has {count} states to identify from, expected {MIN_STATES} at least.")
         counts = (~finite).sum(), (finite & ~forward).sum(), (forward & fast).sum(), restarted.sum(), lost
         found = zip(counts, FINDINGS, strict=True)
         self.findings[:0] = [Finding(cause, int(count), text) for count, (cause, text) in found if count]
@@ -191,10 +188,7 @@ FINDINGS = (
     ("not whole", "states without position, velocity or effort of all joints, left out"),
     ("time did not go on", "states with a stamp that is not after all before, left out"),
     ("too fast", f"states with a velocity above {MAX_VELOCITY} times the URDF's limit, left out"),
-    (
-        "time began anew",
-        "stamps went back and on from there, as of a robot that was started again: what follows is fitted, too",
-    ),
+    ("time began anew", "stamps went back and on from there, as of a restarted robot: what follows is fitted, too"),
     ("scattered", f"states in runs of fewer than {MIN_STATES}, left out"),
 )
 
@@ -247,8 +241,7 @@ def _refuse_fast(model, velocity, beyond):
         largest, limit = np.abs(velocity[:, k]).max(), model.velocity_limit[k]
         raise InputError(
             f"velocities of joint '{model.dof_names[k]}' reach {largest:.3g}, and {share[k]:.0%} of them are above "
-            f"{MAX_VELOCITY} times the URDF's limit, {limit:.3g} rad/s or m/s: are they in degrees or revolutions, or of the "
-            "motor?"
+            f"{MAX_VELOCITY} times the URDF's limit, {limit:.3g} rad/s or m/s: are they in degrees, or of the motor?"
         )
 
 

@@ -167,9 +167,9 @@ def excite(
     if cycles < 1 or abs(cycles * period - duration) > 1e-9 * duration:
         raise InputError(f"duration is {duration:g} s, expected a whole number of periods of {period:g} s.")
     if rate < 2.0 * HARMONICS / period:
+        least = 2.0 * HARMONICS / period
         raise InputError(
-            f"rate is {rate:g} 1/s; expected {2.0 * HARMONICS / period:g} 1/s at least, two points for each swing of the "
-            f"fastest harmonic. Give a higher rate, or a longer period."
+            f"rate is {rate:g} 1/s; expected {least:g} 1/s at least. Give a higher rate, or a longer period."
         )
     what, chosen = (what,) if isinstance(what, str) else tuple(what), model.dof_names if joints is None else joints
     _refuse_unknown("joints", chosen, model)
@@ -177,24 +177,16 @@ def excite(
         raise InputError("joints is empty; expected one joint at least that moves.")
     moving = np.isin(model.dof_names, chosen)
     limits = _find_limits(model, moving, velocity_limits or {}, position_limits or {}, ranges or {})
-    family = _Family(
-        limits,
-        moving,
-        period,
-        cycles,
-        rate,
-        velocity,
-        np.where(np.isin(model.dof_names, list(ranges or {})), 0.0, margin),
-    )
+    margins = np.where(np.isin(model.dof_names, list(ranges or {})), 0.0, margin)
+    family = _Family(limits, moving, period, cycles, rate, velocity, margins)
     objective = _Objective(model, family, what, effort)
     best, condition = _search(family, objective, np.random.default_rng(seed), whole("trials", trials), progress)
     if best is None:
         raise InputError(objective.refusal())
     q, qd, qdd = family.trajectory(best)
     _refuse_standstill(model.dof_names, moving, q, qd)
-    return Excitation(
-        model.dof_names, family.time, q, qd, qdd, objective.effort_of(q, qd, qdd), period, condition, what
-    )
+    needed = objective.effort_of(q, qd, qdd)
+    return Excitation(model.dof_names, family.time, q, qd, qdd, needed, period, condition, what)
 
 
 def _up_to(most):
@@ -220,9 +212,8 @@ def _search(family, objective, rng, trials, progress):
 def _refuse_unknown(what, names, model):
     for name in names:
         if name not in model.dof_names:
-            raise InputError(
-                f"{what}: '{name}' is not a joint of robot '{model.name}'; {', '.join(model.dof_names)} are."
-            )
+            joints = ", ".join(model.dof_names)
+            raise InputError(f"{what}: '{name}' is not a joint of robot '{model.name}'; {joints} are.")
 
 
 def _find_limits(model, moving, velocities, positions, ranges):
@@ -261,21 +252,27 @@ def _read_pair(what, name, given, low, high):
     except (TypeError, ValueError):
         least = most = np.nan
     if not (low <= least < most <= high and np.isfinite([least, most]).all()):
-        raise InputError(
-            f"{what}: '{name}' has {given!r}, expected a lower and an upper bound within {low:g} … {high:g}."
-        )
+        bounds = f"a lower and an upper bound within {low:g} … {high:g}"
+        raise InputError(f"{what}: '{name}' has {given!r}, expected {bounds}.")
     return least, most
 
 
 def _refuse_missing(names, velocities, positions):
     texts = []
-    for which, missing, expected, how in (
-        ("Velocity", velocities, "finite numbers > 0", "--velocity-limit JOINT=LIMIT (velocity_limits)"),
-        ("Position", positions, "lower < upper", "--position-limit JOINT=LOWER:UPPER (position_limits)"),
+    for text, missing in (
+        (
+            "Velocity limits of {} are missing; expected finite numbers > 0. Give --velocity-limit JOINT=LIMIT "
+            "(velocity_limits).",
+            velocities,
+        ),
+        (
+            "Position limits of {} are missing; expected lower < upper. Give --position-limit JOINT=LOWER:UPPER "
+            "(position_limits).",
+            positions,
+        ),
     ):
         if missing.any():
-            lacking = ", ".join(names[k] for k in np.flatnonzero(missing))
-            texts.append(f"{which} limits of {lacking} are missing; expected {expected}. Give {how}.")
+            texts.append(text.format(", ".join(np.array(names)[missing])))
     if texts:
         raise InputError(" ".join(texts))
 
@@ -348,8 +345,7 @@ class _Objective:
         if not np.any(np.diag(excited) > 0.0):
             names = ", ".join(np.array(model.dof_names)[family.moving])
             raise InputError(
-                f"what is {', '.join(what)}; expected unknowns that a motion of {names} shows. Let other joints move, or ask "
-                "for something else."
+                f"what is {', '.join(what)}; expected unknowns that a motion of {names} shows. Let other joints move."
             )
         self._scale = 1.0 / np.sqrt(np.maximum(np.diag(excited), 1e-300))
         values, vectors = np.linalg.eigh(self._scale[:, None] * excited * self._scale)
@@ -402,10 +398,7 @@ class _Objective:
     def refusal(self):
         """Return why no trajectory is possible."""
         if np.isinf(self._worst).all():
-            return (
-                "no trajectory shows all unknowns of what; expected a motion that tells them apart. Let more joints move, or "
-                "ask for fewer unknowns."
-            )
+            return "no trajectory tells all unknowns of what apart. Let more joints move, or ask for fewer unknowns."
         k = int(np.argmax(np.where(np.isinf(self._worst), 0.0, self._worst)))
         return (
             f"joint '{self._model.dof_names[k]}' would need {self._worst[k]:.2g} times the effort that may be used: give a "

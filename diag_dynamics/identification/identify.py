@@ -97,9 +97,7 @@ def _read_what(what, model, reference):
             if payloads[-1] not in model.link_names:
                 raise InputError(f"what: '{payloads[-1]}' is not a link of robot '{model.name}'.")
             if model.placement_in_body(payloads[-1])[0] == 0:
-                raise InputError(
-                    f"what: no joint moves link '{payloads[-1]}', so that nothing can be known of its payload."
-                )
+                raise InputError(f"what: no joint moves link '{payloads[-1]}', whose payload nothing shows.")
         elif name in STEPS:
             steps.append(name)
         else:
@@ -112,8 +110,7 @@ def _read_what(what, model, reference):
         raise InputError("reference is for a payload, and what has none.")
     if payloads and reference is None and "inertias" in steps:
         raise InputError(
-            f"what has both inertias and payload:{payloads[0]}, which are one to a recording: give one without the payload "
-            "as reference."
+            f"what has both inertias and payload:{payloads[0]}: give a recording without the payload as reference."
         )
     return [step for step in STEPS if step in steps], payload_at(model, payloads[0]) if payloads else None
 
@@ -139,28 +136,21 @@ class Data:
 
     def __init__(self, model, carriers, recordings, reference, tolerant):
         self.regressors = Regressors(model, carriers)
-        names, all_datasets = {"recordings": recordings}, {}
-        if reference is not None:
-            names["reference"] = reference
-        names = {name: list_recordings(name, some) for name, some in names.items()}
-        share = MAX_VALUES // sum(map(len, names.values()))
-        for name, some in names.items():
-            all_datasets[name] = [Dataset(f"{name}[{k}]", one, model, share) for k, one in enumerate(some)]
-        self.loaded, unloaded = all_datasets["recordings"], all_datasets.get("reference", [])
+        loaded = list_recordings("recordings", recordings)
+        unloaded = [] if reference is None else list_recordings("reference", reference)
+        share = MAX_VALUES // (len(loaded) + len(unloaded))
+        self.loaded = [Dataset(f"recordings[{k}]", one, model, share) for k, one in enumerate(loaded)]
+        unloaded = [Dataset(f"reference[{k}]", one, model, share) for k, one in enumerate(unloaded)]
         self.datasets = [*self.loaded, *unloaded]
         self.relations = [check_efforts(model, one, tolerant and one in self.loaded) for one in self.datasets]
         self.moving, self.findings = check_motion(model, self.datasets)
         self.duration = sum(one.duration for one in self.datasets)
         self.begin, early = self._split()
-        parts = self._sum_blocks(early)
-        zero = NormalEquations.zero(self.regressors.columns)
+        parts, zero = self._sum_blocks(early), NormalEquations.zero(self.regressors.columns)
         self.held_out, self.blocks = parts.pop(MAX_BLOCKS, zero), [parts[k] for k in sorted(parts)]
-        self.fitted, self.unloaded = zero, zero if unloaded else None
-        for block in self.blocks:
-            self.fitted += block
-        for one in unloaded:
-            for _, rows in self._rows(one):
-                self.unloaded += self.regressors.sum_rows(*rows)
+        self.fitted = sum(self.blocks, zero)
+        beside = (self.regressors.sum_rows(*rows) for one in unloaded for _, rows in self._rows(one))
+        self.unloaded = sum(beside, zero) if unloaded else None
 
     def _split(self):
         """Return where the held-out part begins in the last dataset, and the time before it [s]."""
