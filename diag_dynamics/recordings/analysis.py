@@ -44,7 +44,7 @@ class Peaks:
     def __init__(self):
         self._peaks = {}  # by quantity: largest value of each entry, its stamp [ns], names of the entries
 
-    def take(self, quantity, values, stamps, names=None):
+    def add_values(self, quantity, values, stamps, names=None):
         """Add values, shape (T,) or (T, number of names); NaN is ignored."""
         values = values.reshape(len(stamps), -1)
         each, at, _ = self._peaks.get(
@@ -167,17 +167,17 @@ class Analysis:
             outcome.collisions.add_states(states.stamp, norm, judged)
             observed = *observed[:4], judged.alarm
         else:
-            outcome.collisions.take(states.stamp, residual, norm, observed[4])
+            outcome.collisions.add_states(states.stamp, residual, norm, observed[4])
         windows = self._windows.take(states, s)
         outcome.balance.take(windows)
-        outcome.quality.take(states)
+        outcome.quality.add_states(states)
         outcome.efforts.take(states.position[:, -outcome.model.nv :], states.effort)
-        outcome.motion.take(states)
+        outcome.motion.add_states(states)
         if self._points:
             contact = self._dynamics.contact_batch(
                 states.position, states.velocity, self._points, threads=self._threads
             )
-            outcome.exposure.take(states.stamp, contact)
+            outcome.exposure.add_states(states.stamp, contact)
         self._add_figures(states, s, observed)
         return Piece(states, s, observed, windows, judged)
 
@@ -199,7 +199,7 @@ class Analysis:
             "residual_norm": (norm, None),
         }
         for quantity, (values, entries) in quantities.items():
-            outcome.peaks.take(quantity, values, states.stamp, entries)
+            outcome.peaks.add_values(quantity, values, states.stamp, entries)
 
     def _evaluate(self, states):
         """Return the states that can be evaluated, and their evaluation."""

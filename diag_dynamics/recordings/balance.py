@@ -87,7 +87,7 @@ class Moments:
     def __init__(self, columns):
         self.count, self.mean, self.squares = 0, np.zeros(columns), np.zeros(columns)
 
-    def take(self, values):
+    def add_values(self, values):
         """Add values, shape (T, columns)."""
         if not len(values):
             return
@@ -123,7 +123,7 @@ class Balance:
         """Add :class:`Windows`."""
         kinetic, residual, effort, gravity = windows.kinetic, windows.residual, windows.effort, windows.gravity
         powers = kinetic, kinetic + gravity, residual, effort, residual + effort, residual - gravity
-        self.moments.take(np.column_stack([*powers, windows.gained - windows.explained]))
+        self.moments.add_values(np.column_stack([*powers, windows.gained - windows.explained]))
 
     def _of(self, numbers):
         return dict(zip(POWERS, numbers.tolist(), strict=False))

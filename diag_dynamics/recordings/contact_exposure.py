@@ -37,7 +37,7 @@ class ContactExposure:
         self._above, self._any_above, self._duration = np.zeros(len(points.names)), 0.0, 0.0
         self._names, self._last, self._moments = points.names, None, []
 
-    def take(self, stamps, contact):
+    def add_states(self, stamps, contact):
         """Add states: stamps [ns] and Contact."""
         since = np.diff(stamps, prepend=stamps[0] if self._last is None else self._last) * 1e-9
         self._last = int(stamps[-1])

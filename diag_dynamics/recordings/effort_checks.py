@@ -129,7 +129,7 @@ class MotionSample:
         if model.floating_base or model.nq != model.nv or not model.nv:
             self._room = 0
 
-    def take(self, states):
+    def add_states(self, states):
         """Add states."""
         if self._room:
             moving = states.effort_known & (np.abs(states.velocity) > MOVING).any(axis=1)

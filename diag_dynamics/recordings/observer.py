@@ -205,7 +205,7 @@ class Collisions:
     def __init__(self, names):
         self._names, self._goes_on, self.found, self.judged = names, False, [], ()
 
-    def take(self, stamps, residual, norm, collision):
+    def add_states(self, stamps, residual, norm, collision):
         """Add states: stamps [ns], r, |r|, and whether the observer reports a collision."""
         edges = np.diff(collision.astype(np.int8), prepend=np.int8(0), append=np.int8(0))
         for first, end in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):

@@ -74,7 +74,7 @@ class Quality:
         self._count = self._without_effort = self._estimated = self._same_stamp = self._same_state = 0
         self._elapsed, self.begin, self.end = 0, None, None
 
-    def take(self, states):
+    def add_states(self, states):
         """Add states."""
         count, skip = len(states), self._skip
         self._without_effort += count - int(states.effort_known.sum())
