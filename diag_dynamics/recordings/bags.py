@@ -43,31 +43,15 @@ MAX_MESSAGE = 1 << 26
 
 
 def open_bag(path):
-    """Open a file or a folder of messages.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, its kind is not known, or a package is not installed.
-    """
+    """Return the Bag of a file or a folder; an InputError says that it is none, or which package is not installed."""
     return Bag(path)
 
 
 class Bag:
     """Messages of a file, or of the files of a folder. Damage of a file raises no exception.
 
-    Attributes
-    ----------
-    connections : list of Connection
-        Messages of ROS 1 are converted to CDR.
-    unread : list of Unread
-        Damage; complete after the last piece.
-    findings : list of str
-        Oddities without loss.
-    begin, end : int or None
-        See :meth:`limit`.
-    start : int or None
-        Log time that no message precedes [ns]; None without messages.
+    Messages of ROS 1 are converted to CDR. `unread` (damage) and `findings` (oddities without loss) are complete after the
+    last piece. No message precedes the log time `start` [ns], which is None without messages.
     """
 
     def __init__(self, path):
@@ -85,10 +69,7 @@ class Bag:
 
     def pieces(self, wanted=None):
         """Yield Messages in log-time order; `wanted` are indices of connections, None for all."""
-        chosen = set(range(len(self.connections))) if wanted is None else {int(k) for k in wanted}
-        for k in chosen:
-            if not 0 <= k < len(self.connections):
-                raise InputError(f"connection is {k}; expected 0 to {len(self.connections) - 1} of '{self.path}'.")
+        chosen = set(range(len(self.connections))) if wanted is None else set(wanted)
         streams, failed = [], Counter()
         for file, (places, conversions) in zip(self._files, self._maps, strict=True):
             own = {k for k, place in enumerate(places) if place in chosen}
@@ -99,7 +80,7 @@ class Bag:
         yield from merge_streams(streams)
         for k, count in failed.items():
             what = f"{count} messages of '{self.connections[k].topic}' are not of its type"
-            self._notes.add_damage(str(self.path), "messages of ROS 1", what)
+            self._notes.add_damage(self.path, "messages of ROS 1", what)
 
     def _open_file(self, path, name):
         """Open a file; the content of one that is compressed is unpacked into a temporary folder."""
@@ -126,7 +107,7 @@ class Bag:
                 shutil.copyfileobj(reader, out, 1 << 17)
         except zstandard.ZstdError as error:
             what = f"{describe_error(error)}: all behind {content.stat().st_size} bytes of its content"
-            self._notes.add_damage(str(path), "its compression", what)
+            self._notes.add_damage(path, "its compression", what)
         except OSError as error:
             raise InputError(f"'{path}' cannot be decompressed: {error.strerror}.") from error
         return content
@@ -144,9 +125,8 @@ class Bag:
                     ros1 = import_module("diag_dynamics.recordings.ros1_file")
                     conversions[k], encoding = ros1.find_conversion(kind, definition, md5), "cdr"
                 except DamageError as error:
-                    self._notes.add_finding(
-                        str(self.path), f": the type of topic '{topic}' is not understood: {error}."
-                    )
+                    what = f": the type of topic '{topic}' is not understood: {error}."
+                    self._notes.add_finding(self.path, what)
                     encoding = "ros1"
             one = Connection(topic, kind, encoding)
             alike = (n for n, other in enumerate(self.connections) if other == one and n not in places)
@@ -262,8 +242,8 @@ def _read_metadata(folder, notes):
             topics.add(str(topic["topic_metadata"]["name"]))
         for file in told.get("files") or ([told | {"path": next(iter(listed))}] if len(listed) == 1 else []):
             with suppress(KeyError, TypeError, AttributeError):
-                start = file["starting_time"]["nanoseconds_since_epoch"]
-                listed[_last_part(file["path"])] = start, file["message_count"]
+                sign = file["starting_time"]["nanoseconds_since_epoch"], file["message_count"]
+                listed |= {name: sign for name in listed if name == _last_part(file["path"])}
     except FileNotFoundError:
         what = f" has no {METADATA}: its recorder was ended. {ALL}"
     except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError, AttributeError) as error:

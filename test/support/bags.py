@@ -23,7 +23,7 @@ STRING = "std_msgs/msg/String"
 TEXT = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n"
 DEFINITIONS = {JOINT_STATE: TEXT, STRING: "string data\n"}
 
-ALL, NO_MESSAGES, NO_CHUNKS, NO_INDEX = IndexType.ALL, IndexType.CHUNK, IndexType.MESSAGE, IndexType.NONE
+NO_INDEX = IndexType.NONE
 ZSTD, LZ4, PLAIN = CompressionType.ZSTD, CompressionType.LZ4, CompressionType.NONE
 SQLITE, MCAP = rosbag2.StoragePlugin.SQLITE3, rosbag2.StoragePlugin.MCAP
 
