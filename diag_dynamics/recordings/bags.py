@@ -151,17 +151,27 @@ def _convert_stream(read, places, conversions, failed):
 
 def _convert(messages, is_packed, conversions, failed, places):
     """Return Messages of which some are decompressed or converted to CDR; None if there are none."""
-    rows, view = [], memoryview(messages.data)
+    rows, view, converted = [], memoryview(messages.data), {}
+    for k, (_, convert_alike) in conversions.items():
+        for size in set(messages.size[messages.connection == k].tolist()) if convert_alike else ():
+            which = np.flatnonzero((messages.connection == k) & (messages.size == size))
+            with suppress(Exception):  # those that are damaged are converted one by one
+                same = np.lib.stride_tricks.sliding_window_view(messages.data, size)[messages.at[which]]
+                alike, contents = convert_alike(same)
+                converted |= zip(which[alike].tolist(), contents, strict=True)
     columns = (column.tolist() for column in (*messages[1:], is_packed))
-    for k, at, size, time, packed in zip(*columns, strict=True):
+    for row, (k, at, size, time, packed) in enumerate(zip(*columns, strict=True)):
         raw = view[at : at + size]
+        if row in converted:
+            rows.append((k, time, converted[row]))
+            continue
         if packed:
             zstandard = require("zstandard")
             with suppress(zstandard.ZstdError):  # a damaged message is rejected when it is decoded
                 if zstandard.frame_content_size(raw) <= MAX_MESSAGE:
                     raw = zstandard.ZstdDecompressor().decompress(raw, MAX_MESSAGE)
         try:
-            rows.append((k, time, conversions[k](raw) if k in conversions else raw))
+            rows.append((k, time, conversions[k][0](raw) if k in conversions else raw))
         except Exception:  # rosbags generates code from the definition, which checks little
             failed[int(places[k])] += 1
     return Messages.from_rows(*zip(*rows, strict=True)) if rows else None

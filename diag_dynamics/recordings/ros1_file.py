@@ -20,7 +20,7 @@ MAX_SIZE = 1 << 30
 """Maximum size of a chunk [bytes]."""
 OP, CONN, TIME = b"\4\0\0\0op=\2", b"\t\0\0\0conn=", b"\r\0\0\0time="
 """Fields in the header of a message, behind their lengths."""
-HEADER = "std_msgs/msg/Header"
+HEADER, JOINT_STATE = "std_msgs/msg/Header", "sensor_msgs/msg/JointState"
 _TIME = struct.Struct("<II")
 
 
@@ -209,6 +209,8 @@ def _parse_chunk(fields, data):
 def find_conversion(name, definition, md5):
     """Return the function that converts messages of a type of ROS 1 to CDR, without the `seq` of headers.
 
+    A second one converts rows of messages and returns which are converted; it is None but for joint states.
+
     Types that the definition lacks are those of ROS Noetic. So is the type itself if the definition is empty or cannot be
     parsed, and the MD5 sums agree. A DamageError says why a type is not known.
     """
@@ -230,7 +232,42 @@ def find_conversion(name, definition, md5):
         if name not in types or md5 != expected:
             raise DamageError(describe_error(error)) from error
         store = _make_store(typesys, types, name, text)
-    return partial(store.ros1_to_cdr, typename=name)
+    convert = partial(store.ros1_to_cdr, typename=name)
+    return convert, partial(_convert_alike, convert) if name == JOINT_STATE else None
+
+
+def _convert_alike(convert, rows):
+    """Convert joint states that differ from the first one in numbers alone; return their mask and contents."""
+    template = np.frombuffer(convert(rows[0].tobytes()), np.uint8)
+    places, is_text = _find_numbers(rows[0], 1), np.ones(rows.shape[1], bool)
+    for place in (slice(4), *places):  # `seq` and all numbers
+        is_text[place] = False
+    alike = (rows[:, is_text] == rows[0, is_text]).all(axis=1)
+    contents = np.tile(template, (np.count_nonzero(alike), 1))
+    for old, new in zip(places, _find_numbers(template, 8), strict=True):
+        contents[:, new] = rows[alike, old]
+    return alike, contents
+
+
+def _find_numbers(raw, align):
+    """Return the slices of stamp, positions, velocities and efforts in a joint state of ROS 1 (`align` 1) or CDR (8)."""
+    at, found = 12, [slice(4, 12)]
+
+    def read_count(at):
+        at += (4 - at) % min(align, 4)
+        return _number(raw[at : at + 4]), at + 4
+
+    size, at = read_count(at)
+    names, at = read_count(at + size)
+    for _ in range(names):
+        size, at = read_count(at)
+        at += size
+    for _ in range(3):
+        count, at = read_count(at)
+        at += (4 - at) % align if count else 0
+        found.append(slice(at, at + 8 * count))
+        at += 8 * count
+    return found
 
 
 def _make_store(typesys, types, name, definition):

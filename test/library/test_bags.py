@@ -12,6 +12,7 @@ import sqlite3
 import struct
 import sys
 
+import numpy as np
 import pytest
 import yaml
 import zstandard
@@ -28,11 +29,13 @@ from bags import (
     MCAP,
     SQLITE,
     TEXT,
+    Message,
     arm,
     file_of,
     numbered,
     read,
     refused,
+    serialized,
     unread,
     write_mcap,
     write_ros1,
@@ -40,6 +43,7 @@ from bags import (
     write_split,
 )
 from examples import examples, some_of
+from hostile import MS, START
 
 COMPRESSIONS = tuple(CompressionType)
 ROS1_COMPRESSIONS = (None, *rosbag1.Writer.CompressionFormat)
@@ -86,6 +90,18 @@ def test_ros1(tmp_path, compression):
     path = write_ros1(tmp_path / "x.bag", numbered(100, ("/a", "/b")), compression)
     for k, topic in enumerate(("/a", "/b")):
         assert read(path, topic) == (list(range(k, 100, 2)), [])
+
+
+def test_alternating_names_in_ros1(tmp_path):
+    """Messages of one size that differ in names are converted one by one."""
+    sent = []
+    for k in range(40):
+        data = serialized(START + k * MS, ["ab"[k % 2]], [0.001 * k], [0.1])
+        sent.append(Message("/joint_states", START + k * MS, data))
+    paths = write_ros1(tmp_path / "x.bag", sent), write_mcap(tmp_path / "x.mcap", sent)
+    found, expected = (dd.read_recording(path, arm("a", "b")) for path in paths)
+    np.testing.assert_array_equal(found.q, expected.q)
+    assert len(found) > 30
 
 
 def test_records_that_are_no_messages(tmp_path):
