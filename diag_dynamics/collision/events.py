@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,18 @@ from diag_dynamics.collision.thresholds import NORM, TORQUE
 
 UNITS = {TORQUE: "N m", NORM: "J^0.5/s"}
 LABELS = {TORQUE: "|m r|", NORM: "|r|"}
+
+NAMED_SHARE = 0.5
+
+
+def most_pushed(names: Sequence[str], torque: Array) -> tuple[str, ...]:
+    """Return the joints with half of the largest |m r| or more, the largest first.
+
+    The residual names none: r follows ℓτ_ext, whose components mix the torques of several joints.
+    """
+    size = np.abs(torque)
+    order = np.argsort(-size, kind="stable")
+    return tuple(names[k] for k in order[size[order] >= NAMED_SHARE * size.max()])
 
 
 class Exceeded(NamedTuple):

@@ -167,7 +167,7 @@ class Analysis:
             outcome.collisions.add_states(states.stamp, norm, judged)
             observed = *observed[:4], judged.alarm
         else:
-            outcome.collisions.add_states(states.stamp, residual, norm, observed[4])
+            outcome.collisions.add_states(states.stamp, torque, norm, observed[4])
         windows = self._windows.take(states, s)
         outcome.balance.take(windows)
         outcome.quality.add_states(states)

@@ -12,15 +12,13 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, Flags, VectorLike
 from diag_dynamics.checks import instance, per_name, positive
+from diag_dynamics.collision.events import most_pushed
 from diag_dynamics.compiled.kernel import FILLED_MATRIX, FILLED_VECTOR, MATRIX, VECTOR, entry_kernel, ready
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.findings import without_efforts
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.recordings.windows import SampleChain
-
-NAMED_SHARE = 0.5
-"""Fraction of the largest component of r from which a collision names a joint."""
 
 
 class Observed(NamedTuple):
@@ -191,7 +189,7 @@ class Observer:
 
 
 class Collision(NamedTuple):
-    """Time for which |r| was above the threshold, with the joints that had most of r where it was largest."""
+    """Time for which |r| was above the threshold, with the joints that were pushed most where it was largest."""
 
     start: int  # first stamp, and the last one [ns]
     end: int
@@ -205,13 +203,12 @@ class Collisions:
     def __init__(self, names):
         self._names, self._goes_on, self.found, self.judged = names, False, [], ()
 
-    def add_states(self, stamps, residual, norm, collision):
-        """Add states: stamps [ns], r, |r|, and whether the observer reports a collision."""
+    def add_states(self, stamps, torque, norm, collision):
+        """Add states: stamps [ns], m r, |r|, and whether the observer reports a collision."""
         edges = np.diff(collision.astype(np.int8), prepend=np.int8(0), append=np.int8(0))
         for first, end in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
             k = first + int(np.argmax(norm[first:end]))
-            r = np.abs(residual[k])
-            joints = tuple(self._names[j] for j in np.flatnonzero(r >= NAMED_SHARE * r.max()))
+            joints = most_pushed(self._names, torque[k])
             one = Collision(int(stamps[first]), int(stamps[end - 1]), joints, float(norm[k]))
             if first == 0 and self._goes_on:
                 before = self.found.pop()

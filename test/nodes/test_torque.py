@@ -405,7 +405,7 @@ BY_JOINT, BY_NORM = Observation(GAIN, math.inf, math.inf, False, 0.1, ALARMS), O
     ("observation", "began", "lasts"),
     [
         (BY_JOINT, "collision: panda_joint2 30 N m > 20, panda_joint4 12 N m > 10", "alarm.release = 0.7"),
-        (BY_NORM, ", above external_torque.threshold = 4; most of it is joint '", "release_threshold = 1"),
+        (BY_NORM, " N m (prismatic: N), at joint 'panda_joint2', with r ", "release_threshold = 1"),
     ],
     ids=["joint by joint", "norm"],
 )

@@ -6,7 +6,7 @@
 import numpy as np
 
 from diag_dynamics.collision.detector import AlarmDetector
-from diag_dynamics.collision.events import Alarms
+from diag_dynamics.collision.events import Alarms, most_pushed
 from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
 from diag_dynamics.nodes.monitor.collision_log import CollisionLog
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, steady
@@ -141,12 +141,14 @@ class TorqueWatch:
         return seen._replace(collision=bool(judged.alarm[0])), bool(judged.begins[0])
 
     def _told(self, seen):
-        """What is above what, and which joint has most of it."""
-        k = int(np.argmax(np.abs(seen.residual)))
+        """Return what is above what, and which joint is pushed most."""
+        names = self.dynamics.model.dof_names
+        joint = most_pushed(names, seen.external_torque)[0]
+        k = names.index(joint)
         return (
-            f"|r| rose to {seen.norm:.6g} J^0.5/s, above external_torque.threshold = {self.observation.threshold:g}; most of "
-            f"it is joint '{self.dynamics.model.dof_names[k]}', with {seen.residual[k]:.6g} J^0.5/s and "
-            f"{seen.external_torque[k]:.6g} N m (prismatic: N)"
+            f"|r| rose to {seen.norm:.6g} J^0.5/s, above external_torque.threshold = {self.observation.threshold:g}; "
+            f"the largest external torque is {seen.external_torque[k]:.6g} N m (prismatic: N), at joint '{joint}', "
+            f"with r {seen.residual[k]:.6g} J^0.5/s"
         )
 
     def report(self, without_effort):
