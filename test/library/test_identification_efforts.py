@@ -32,7 +32,6 @@ def noise(tau, size, seed=5):
 CAUSES = {
     "mN m": (DOWN, lambda tau: 1000.0 * tau, r"another unit: they are [\d.e+]+ times .* as of mN m"),
     "motor current": (DOWN, lambda tau: -640.0 * tau, r"another unit and the other sign: they are -6\d\d times"),
-    "per cent of the largest": (DOWN, lambda tau: tau / 0.015, r"another unit: they are 6\d(\.\d)? times"),
     "load of the servo": (DOWN, lambda tau: np.round(tau / 0.0015), r"another unit: they are 6\d\d times"),
     "kgf cm": (DOWN, lambda tau: 10.2 * tau, r"another unit: they are 10.* as of kgf cm"),
     "each joint's own unit": (DOWN, lambda tau: tau * [900.0, 400.0, 30.0], r"changes by (9|4)\d\d ± .* is it in N m"),
