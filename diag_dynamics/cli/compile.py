@@ -37,7 +37,7 @@ UNITS = {
     "nodes.encoded.powers": 1,
     "sweeps.motions": 1,
     "identification.kernels.regressors": 1,
-    "recordings.observer": 1,
+    "sweeps.residuals": 1,
 }
 """Modules with entry kernels, in CPU-seconds, the longest first: one that is begun last keeps the others waiting."""
 

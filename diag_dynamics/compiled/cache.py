@@ -24,7 +24,6 @@ ROOMS = (
     "joint_states",
     "assembly",
     "wire",
-    "recordings/kernels",
     "identification/kernels",
     "nodes/encoded",
 )

@@ -13,12 +13,12 @@ import numpy as np
 from diag_dynamics.arrays import Array, Flags, VectorLike
 from diag_dynamics.checks import instance, per_name, positive
 from diag_dynamics.collision.events import most_pushed
-from diag_dynamics.compiled.kernel import FILLED_MATRIX, FILLED_VECTOR, MATRIX, VECTOR, entry_kernel, ready
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.findings import without_efforts
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.recordings.windows import SampleChain
+from diag_dynamics.sweeps.residuals import observe_samples
 
 
 class Observed(NamedTuple):
@@ -108,26 +108,6 @@ def require_efforts(with_states: bool, counts: Mapping[str, int]) -> None:
     raise InputError(f"{without_efforts(counts)}, without which no external torque can be observed.")
 
 
-@entry_kernel(VECTOR, VECTOR, *[MATRIX] * 3, FILLED_MATRIX, FILLED_MATRIX, FILLED_VECTOR, nogil=True)
-def observe_samples(gain, interval, nu, resisting, epsilon, last, residual, norm):
-    """Write r and |r| of samples; `last` has r, ν, ε_g + C + ε_fric and ε of the sample before, and then of the last one."""
-    for t in range(len(interval)):
-        square = 0.0
-        for k in range(len(gain)):
-            r = 0.0
-            if interval[t] > 0.0:
-                mean = 0.5 * (last[3, k] + epsilon[t, k] - last[2, k] - resisting[t, k])
-                external = (nu[t, k] - last[1, k]) / interval[t] - mean
-                r = last[0, k] - np.expm1(-gain[k] * interval[t]) * (external - last[0, k])
-            residual[t, k] = r
-            square += r * r
-            last[0, k], last[1, k], last[2, k], last[3, k] = r, nu[t, k], resisting[t, k], epsilon[t, k]
-        norm[t] = np.sqrt(square)
-        if not np.isfinite(norm[t]):
-            for k in range(len(gain)):
-                last[0, k] = 0.0
-
-
 class Observer:
     """Observe states batch by batch; arguments are those of :func:`observe`."""
 
@@ -143,7 +123,6 @@ class Observer:
         self._chain = SampleChain(positive("max_gap", max_gap, "[s]"))
         self._sample = np.zeros((4, count))
         self._results = [*np.zeros((2, 1, count)), np.zeros(1), *np.zeros((2, 1), dtype=bool)]  # of the last sample
-        ready(observe_samples)
 
     def observed(self, states):
         """Evaluate and observe states; yield the stamps [ns] of a batch and the results of :meth:`take`."""
