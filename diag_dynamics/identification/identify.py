@@ -288,16 +288,13 @@ def _add_warnings(selection, quality):
         warnings.append(f"kinetic energy is {after / before:.2f} times what it was with the model")
     for name, (first, then) in quality["row_residual"].items():
         if then > first:
-            warnings.append(
-                f"what is left of the effort of joint '{name}' is {then:.3g}, more than with the model, {first:.3g}: on "
-                "what was held out it behaves otherwise"
-            )
+            warnings.append(f"the held-out residual of joint '{name}' is {then:.3g}, with the model {first:.3g}")
     for step, joints in selection.kept.items():
         for name, (without, own) in joints.items():
-            end = "" if own >= without else f": less than the {GAIN:.0%} that is asked of what was refused before"
+            end = "" if own >= without else f"; a step that was refused before needs {GAIN:.0%} less"
             warnings.append(
-                f"{step} of joint '{name}': as the model has it. In blocks of the recording that were left out of the fit "
-                f"in turn, {own:.3g} would be left of the effort, and without {without:.3g}{end}"
+                f"{step} of joint '{name}': as the model has it. In cross-validation the residual is {own:.3g} with numbers "
+                f"of its own, {without:.3g} with the model's{end}"
             )
     share, total = quality["explained"], quality["explained_total"][1]
     if None not in share and share[1] < share[0]:
