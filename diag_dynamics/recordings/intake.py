@@ -147,9 +147,9 @@ class Intake:
         now, parts = batch.log_time, batch.parts
         self._counts["received"] += len(now)
         found = self._assemble(parts, now)
-        for k in np.flatnonzero(found.outcome["code"] == codes.MALFORMED).tolist():
-            self._reject(int(now[k]), "rejected: malformed", batch.errors[k])
-        for k, (cause, text) in found.rejected.items():
+        malformed = np.flatnonzero(found.outcome["code"] == codes.MALFORMED).tolist()
+        rejected = found.rejected | {k: ("malformed", batch.errors[k]) for k in malformed}
+        for k, (cause, text) in sorted(rejected.items()):
             self._reject(int(now[k]), f"rejected: {cause}", text)
         self.units.read(parts, np.isin(found.outcome["code"], codes.ABSURD))
         made = found.outcome["code"] == codes.STATE
