@@ -34,15 +34,13 @@ def summary_of(outcome):
     def time(stamp):
         return None if stamp is None else float((stamp - outcome.offset) * 1e-9)
 
-    balance.moved, unmeasured = outcome.efforts.moved, _unmeasured(outcome)
+    largest, report = peaks.largest(), quality.report()
+    balance.moved, unmeasured = outcome.efforts.moved, _unmeasured(outcome, report["without_effort"])
     good = balance.explained is not None and balance.explained >= MIN_EXPLAINED
     wrong_efforts = None if good or unmeasured else outcome.motion.complaint()
-    largest, report = peaks.largest(), quality.report()
     report["longest_gap_at"] = time(report["longest_gap_at"])
     energy, energy_at, _ = largest.get("kinetic_energy", (None, None, None))
-    rejected = {
-        cause.removeprefix(REJECTED): n for cause, n in sorted(counts.items()) if cause.startswith(REJECTED) and n
-    }
+    rejected = {cause: n for cause, n in sorted(counts.items()) if cause.startswith(REJECTED) and n}
     return {
         "robot": outcome.model.name,
         "degrees_of_freedom": list(outcome.model.dof_names),
@@ -51,7 +49,7 @@ def summary_of(outcome):
         "begin": time(quality.begin),
         "end": time(quality.end),
         "counts": dict(sorted(counts.items())),
-        "rejected": rejected,
+        "rejected": {cause.removeprefix(REJECTED): n for cause, n in rejected.items()},
         "kinetic_energy": {
             "mean": outcome.kinetic / outcome.states if outcome.states else None,
             "max": energy,
@@ -101,10 +99,10 @@ def _histogram(outcome):
     return bins
 
 
-def _unmeasured(outcome):
+def _unmeasured(outcome, without_effort):
     """Return which efforts cannot have been measured, in words; or an empty text."""
     names, absurd = outcome.without_effort, outcome.counts["absurd effort"]
-    if not names or absurd or outcome.quality.report()["without_effort"] < outcome.states:
+    if not names or absurd or without_effort < outcome.states:
         return outcome.efforts.complaint()
     return f"efforts of {', '.join(names)} are missing throughout, so that no state has those of all joints (locked_joints)"
 
