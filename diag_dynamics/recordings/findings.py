@@ -21,14 +21,11 @@ OTHER_TOPICS = "(--topic reads several)"
 
 
 class Finding(NamedTuple):
-    """Something about a recording that a reader of its numbers should know."""
+    """A finding: a short cause such as ``rejected: late`` or ``unread``, its count, and a text on the first one."""
 
     cause: str
-    """A short key, such as ``rejected: late`` or ``unread``."""
     count: int
-    """How often."""
     text: str
-    """What, and where it was first."""
 
     def __str__(self) -> str:
         return f"{self.cause} ({self.count} ×): {self.text}" if self.count > 1 else f"{self.cause}: {self.text}"
@@ -93,18 +90,21 @@ def find_all(intake, source):
     first = {one.cause: one.text for one in reversed(intake.rejections)}
     causes = dict.fromkeys(one.cause for one in intake.rejections)
     found += [Finding(cause, counts[cause], first[cause]) for cause in causes]
-    texts = TEXTS | intake.last_texts | _missing_texts(intake, counts)
+    texts = intake.assembler.last_texts | _name_texts(intake, counts)
     found += [Finding(cause, counts[cause], TEXTS[cause] or texts[cause]) for cause in TEXTS if counts[cause]]
     for text, number in intake.assembler.frozen.items():
         found.append(Finding("frozen values", number, text.removeprefix("frozen values: ")))
     return found + [Finding(NOTE, 1, note) for note in source.notes]
 
 
-def _missing_texts(intake, counts):
-    """Return texts on joints that never came, by the name of a count."""
+def _name_texts(intake, counts):
+    """Return texts on joints that never came, and on messages of other joints, by the name of a count."""
     missing, own = intake.assembler.missing, intake.assembler.names
+    foreign = "messages without a joint of this robot, of "
     if not missing:
-        return {"incomplete": "messages before all joints were known"}
+        robot = f"the robot has {listed(intake.assembler.joint_names)}"
+        foreign += f"{listed(intake.assembler.last_foreign)}; {robot}"
+        return {"incomplete": "messages before all joints were known", "foreign": foreign}
     map_name = intake.names.map_name if intake.names else str
     others = [name for name in intake.assembler.arrived if map_name(name) not in own]
     nothing = len(missing) == len(intake.assembler.joint_names)
@@ -115,8 +115,7 @@ def _missing_texts(intake, counts):
     else:
         advice = "Another name of a joint is given by --joint-names NAME=JOINT (joint_names)"
         advice += "" if nothing else f". {lock}"
-    foreign = f"messages without a joint of this robot, of {listed(others)}; "
-    foreign += f"{'the robot has' if nothing else 'never came:'} {listed(missing)}. {advice}"
+    foreign += f"{listed(others)}; {'the robot has' if nothing else 'never came:'} {listed(missing)}. {advice}"
     incomplete = f"messages before all joints were known; never came: {listed(missing)}. "
     if counts["foreign"] or not others:
         incomplete += lock

@@ -29,9 +29,6 @@ ABSURD = "absurd value"
 LOST = "lost by gaps in stamps"
 """Name of the count of states that never came."""
 
-FEW = 7
-"""Names of joints that a text has."""
-
 MAX_TEXTS = 20
 """Rejections whose text is kept, of each cause."""
 
@@ -114,14 +111,6 @@ class Intake:
         jumps = self._base.jumps if self._base else 0
         more = Counter({"time jumped back": jumps, LOST: self.assembler.lost})
         return self._counts + self.assembler.counts + more
-
-    @property
-    def last_texts(self):
-        """Text on the last time that something was counted, by its name."""
-        names, own = self.assembler.last_foreign, self.assembler.joint_names
-        foreign = f"{', '.join(names[:FEW])}{' …' * (len(names) > FEW)}"
-        text = f"messages without a joint of this robot, of {foreign}; the robot has {', '.join(own[:FEW])}"
-        return self.assembler.last_texts | {"foreign": f"{text}{' …' * (len(own) > FEW)}"}
 
     def reject(self, now, error):
         """Count a state that was handed out and cannot be evaluated."""

@@ -5,7 +5,7 @@
 
 from collections.abc import Mapping
 from difflib import get_close_matches
-from itertools import product
+from itertools import product, takewhile
 
 from diag_dynamics.exceptions import InputError
 
@@ -200,10 +200,8 @@ def _reversed(text):
 
 def _heads(name, joint):
     """Return what stands before the longest common end of two names, None without one that begins with a word."""
-    common = next(
-        (k for k, pair in enumerate(zip(_reversed(name), _reversed(joint), strict=False)) if len(set(pair)) == 2),
-        min(len(name), len(joint)),
-    )
+    pairs = zip(_reversed(name), _reversed(joint), strict=False)
+    common = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
     for k in range(common, 0, -1):
         at, there = len(name) - k, len(joint) - k
         if _begins_word(name, at) and _begins_word(joint, there):
