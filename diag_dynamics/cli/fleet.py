@@ -5,6 +5,8 @@
 
 import sys
 
+import numpy as np
+
 from diag_dynamics.cli.given import gain_of, parse_joint_names
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.fleet import analyse_fleet, collisions_in_words, printable
@@ -43,40 +45,35 @@ def refuse(chosen):
 
 
 def analyse(chosen, parameters, model):
-    """Analyse the recordings that were chosen; returns the report."""
-    given = [name for name in ALONE if getattr(chosen, name) is not None]
-    if given:
+    """Analyse the recordings that were chosen; return the report."""
+    if given := [name for name in ALONE if getattr(chosen, name) is not None]:
         raise InputError(f"--{given[0]} is of a single recording, not of --fleet, which writes into --out.")
     if chosen.out is None:
         raise InputError("--fleet needs --out DIR, the folder for what is written.")
     if chosen.workers is not None and chosen.workers < 1:
         raise InputError(f"--workers is {chosen.workers}, expected at least 1.")
-    with _Progress(chosen.quiet) as progress:
-        report = analyse_fleet(
-            [*chosen.recording, *chosen.fleet],
-            chosen.out,
-            model,
-            chosen.columns,
-            topic=chosen.topic,
-            joint_names=parse_joint_names(chosen),
-            parameters=parameters,
-            gain=gain_of(chosen),
-            scheduler=chosen.scheduler,
-            workers=chosen.workers,
-            parquet=not chosen.no_parquet,
-            reports=chosen.reports,
-            progress=progress,
-        )
+    options = {name: getattr(chosen, name) for name in ("topic", "scheduler", "workers", "reports")}
+    options |= {"joint_names": parse_joint_names(chosen), "parameters": parameters, "gain": gain_of(chosen)}
+    options |= {"parquet": not chosen.no_parquet, "progress": None if chosen.quiet else _show_progress}
+    try:
+        report = analyse_fleet([*chosen.recording, *chosen.fleet], chosen.out, model, chosen.columns, **options)
+    finally:
+        if not chosen.quiet and sys.stderr.isatty():
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
     if not chosen.quiet:
         print(printable(text_of(report)))
     return report
 
 
+def _show_progress(done, count, path):
+    """Write a line on stderr, over the last one where that is a terminal."""
+    begin, end = ("\r\033[K", "") if sys.stderr.isatty() else ("", "\n")
+    print(f"{begin}{done} of {count} recordings: {printable(path)}", end=end, file=sys.stderr, flush=True)
+
+
 def text_of(report):
     """Return the results of a fleet as text."""
-    lines = []
-    for robot in report["robots"]:
-        lines += [*_about_robot(robot), ""]
+    lines = [line for robot in report["robots"] for line in (*_about_robot(robot), "")]
     failed = report["failed"]
     kept = f", {report['kept']} had been" if report["kept"] else ""
     lines.append(f"{report['computed']} recordings analysed{kept}; {len(failed)} failed")
@@ -87,84 +84,40 @@ def text_of(report):
 
 
 def _about_robot(robot):
-    energy = robot["kinetic_energy"]
-    bounds = [(part, _quantile(energy["histogram"], part)) for part in (0.5, 0.99)]
-    below = ", ".join(f"{part:.0%} of states below {bound:.3g} J" for part, bound in bounds)
-    lines = [
-        f"Robot '{robot['robot']}': {robot['recordings']} recordings, {robot['hours']:.4g} h, {robot['states']} states",
-        f"  kinetic energy: at most {energy['max']:.4g} J, {below}",
-        f"    in {energy['recording']} at {energy['at']:.6f} s",
-    ]
+    """Yield lines on all recordings of a robot."""
+    energy, total = robot["kinetic_energy"], robot["explained_with_potential"]
+    yield f"Robot '{robot['robot']}': {robot['recordings']} recordings, {robot['hours']:.4g} h, {robot['states']} states"
+    below = [f"{part:.0%} of states below {_quantile(energy['histogram'], part):.3g} J" for part in (0.5, 0.99)]
+    yield f"  kinetic energy: at most {energy['max']:.4g} J, {', '.join(below)}"
+    yield f"    in {energy['recording']} at {energy['at']:.6f} s"
     if robot["explained"] is not None:
-        total = robot["explained_with_potential"]
         also = "" if total is None else f" (with potential energy {total:.3f})"
         rest = f"residual {robot['residual_power']:.3g} W rms"
-        lines.append(f"  balance of power: explained {robot['explained']:.3f}{also}, {rest}")
+        yield f"  balance of power: explained {robot['explained']:.3f}{also}, {rest}"
     if robot["unjudged"] or robot["collisions"]:
-        lines.append(f"  {collisions_in_words(robot)}")
+        yield f"  {collisions_in_words(robot)}"
     for heading, counts in (("rejected", robot["rejected"]), ("worth knowing", robot["findings"])):
-        some = sorted(counts.items(), key=lambda one: -one[1])[:FEW]
-        if some:
-            more = f" and {len(counts) - FEW} more causes" if len(counts) > FEW else ""
-            lines.append(f"  {heading}: " + ", ".join(f"{cause} ({count} ×)" for cause, count in some) + more)
-    return lines
+        causes = [f"{cause} ({n} ×)" for cause, n in sorted(counts.items(), key=lambda one: -one[1])]
+        more = f" and {len(causes) - FEW} more causes" if len(causes) > FEW else ""
+        if causes:
+            yield f"  {heading}: {', '.join(causes[:FEW])}{more}"
 
 
 def _quantile(histogram, part):
     """Return the upper bound of the bin within which this part of the states is reached [J]."""
-    wanted, reached = part * sum(one["states"] for one in histogram), 0
-    for one in histogram:
-        reached += one["states"]
-        if reached >= wanted:
-            return one["to"]
-    return 0.0
+    states = [one["states"] for one in histogram]
+    k = int(np.searchsorted(np.cumsum(states), part * sum(states)))
+    return histogram[k]["to"] if histogram else 0.0
 
 
 def table_of(summaries, failed):
-    """Return a line for each recording.
-
-    Parameters
-    ----------
-    summaries : list of dict
-    failed : iterable of str
-        Paths of the other recordings.
-    """
+    """Return a line for each recording, of these summaries and paths that failed."""
     rows = [("states", "s", "K max [J]", "explained", "residual [W]", "rejected", "recording")]
     for one in summaries:
-        explained, residual = one["explained"], one["residual_power"]
-        rows.append(
-            (
-                str(one["states"]),
-                f"{one['duration']:.6g}",
-                f"{one['kinetic_energy']['max']:.4g}",
-                "-" if explained is None else f"{explained:.3f}",
-                "-" if residual is None else f"{residual:.3g}",
-                str(sum(one["rejected"].values())),
-                one["recording"],
-            )
-        )
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [
-        "  ".join([*(text.rjust(width) for text, width in zip(row[:-1], widths, strict=False)), row[-1]])
-        for row in rows
-    ]
+        numbers = [one["states"], one["duration"], one["kinetic_energy"]["max"], one["explained"]]
+        numbers += [one["residual_power"], sum(one["rejected"].values())]
+        formats = zip(numbers, ("d", ".6g", ".4g", ".3f", ".3g", "d"), strict=True)
+        rows.append((*("-" if x is None else format(x, form) for x, form in formats), one["recording"]))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)][:-1]
+    lines = ["  ".join([*map(str.rjust, row[:-1], widths), row[-1]]) for row in rows]
     return "\n".join([*lines, *(f"failed: {path}" for path in failed)])
-
-
-class _Progress:
-    """A line on stderr: written anew where that is a terminal, else one for each recording."""
-
-    def __init__(self, quiet):
-        self._quiet, self._anew = quiet, sys.stderr.isatty()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        if not self._quiet and self._anew:
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
-
-    def __call__(self, done, count, path):
-        if not self._quiet:
-            begin, end = ("\r\033[K", "") if self._anew else ("", "\n")
-            print(f"{begin}{done} of {count} recordings: {printable(path)}", end=end, file=sys.stderr, flush=True)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -28,12 +28,14 @@ MAX_ALARM_TIME = 0.05  # fraction of the held-out time
 UNSEEN = -math.log(0.05)  # expected number of alarms that are none with a probability of 5 %
 
 
-@dataclass(frozen=True)
-class Calibration:
-    """Thresholds of a detector, and how far they can be trusted; see docs/alarms.md.
+@dataclass(frozen=True, kw_only=True)
+class Calibration(AlarmThresholds):
+    """Thresholds of an :class:`AlarmDetector`, and how far they can be trusted; see docs/alarms.md.
 
     Attributes
     ----------
+    joints, external_torque, norm, release, hold_off, standing
+        As of :class:`AlarmThresholds`.
     gain : float
         Of the observer [1/s].
     friction : bool
@@ -51,8 +53,6 @@ class Calibration:
         alarms; ``blocks``: from the maxima of single seconds.
     peaks : int
         Number of peaks that the thresholds are based on.
-    joints, external_torque, norm, release, hold_off, standing
-        As of :class:`AlarmThresholds`; `thresholds` are all of them.
     warnings : tuple of str
         Why the thresholds may be wrong.
     """
@@ -65,19 +65,12 @@ class Calibration:
     held_out: int
     method: str
     peaks: int
-    joints: Mapping[str, float]
-    external_torque: float
-    norm: float
-    release: float
-    hold_off: float
-    standing: float
     warnings: tuple[str, ...] = ()
 
     @property
     def thresholds(self) -> AlarmThresholds:
-        """Thresholds for an :class:`AlarmDetector`."""
-        names = (field.name for field in fields(AlarmThresholds))
-        return AlarmThresholds(**{name: getattr(self, name) for name in names})
+        """These thresholds."""
+        return self
 
     @property
     def rate(self) -> float:
@@ -96,13 +89,7 @@ class Calibration:
         return UNSEEN / self.duration
 
     def save(self, path: str | os.PathLike[str], notes: Sequence[str] = ()) -> None:
-        """Write a parameter file of the monitor.
-
-        Parameters
-        ----------
-        path : str or Path
-        notes : sequence of str
-            Further lines of comment at its head.
+        """Write a parameter file of the monitor, with `notes` as further comments at its head.
 
         Raises
         ------
@@ -168,8 +155,7 @@ def calibrate_residuals(
 
     See :func:`diag_dynamics.calibrate`.
     """
-    rate = positive("false_alarms", false_alarms, "[1/s]")
-    rows = residuals.rows()
+    rate, rows = positive("false_alarms", false_alarms, "[1/s]"), residuals.rows()
     time = rows.time
     duration = float(time[-1]) if len(time) else 0.0
     if duration == 0.0:
@@ -181,9 +167,9 @@ def calibrate_residuals(
             "separate peaks. Record a longer motion."
         )
     held_out, alarm_time, unfit = 0, 0.0, 0
-    for low, high in pairwise(np.append(np.linspace(0.0, duration, FOLDS + 1)[:-1], math.inf)):
-        inside, segment = (time >= low) & (time < high), 2 * rows.segment + (time >= high)
-        part, rest = rows.select(inside), rows._replace(segment=segment).select(~inside)
+    for low, high in pairwise([*np.linspace(0.0, duration, FOLDS + 1)[:-1], math.inf]):
+        inside = (time >= low) & (time < high)
+        part, rest = rows.select(inside), rows._replace(segment=2 * rows.segment + (time >= high)).select(~inside)
         if not len(part.stamps) or not len(rest.stamps):
             continue
         others, found = _fit(rest, names, rate, template)
@@ -193,9 +179,17 @@ def calibrate_residuals(
         judged = _detect(part, names, others)
         held_out += int(judged.begins.sum())
         alarm_time += float(judged.alarm.mean() * part.time[-1])
-    alarms = int(_detect(rows, names, thresholds).begins.sum())
-    trust = gain, friction, rate, duration, alarms, held_out, level.method, level.peaks
-    result = Calibration(*trust, **vars(thresholds))
+    result = Calibration(
+        **vars(thresholds),
+        gain=gain,
+        friction=friction,
+        asked=rate,
+        duration=duration,
+        alarms=int(_detect(rows, names, thresholds).begins.sum()),
+        held_out=held_out,
+        method=level.method,
+        peaks=level.peaks,
+    )
     return replace(result, warnings=(*warnings, *_warnings(result, alarm_time / duration, unfit)))
 
 
@@ -203,13 +197,11 @@ def _fit(
     rows: Rows, names: Sequence[str], rate: float, template: AlarmThresholds
 ) -> tuple[AlarmThresholds, Level | None]:
     """Return thresholds, and the level that is their factor upon the spread of each detector."""
-    values = rows.values
-    spread = np.quantile(block_maxima(rows.split(values)), SPREAD, axis=0, method="lower")
+    spread = np.quantile(block_maxima(rows.split(rows.values)), SPREAD, axis=0, method="lower")
     spread[spread <= 1e-9 * spread.max()] = math.inf  # a joint without residuals gets no threshold
-    scores = rows.split((values / spread).max(axis=1))
+    scores = rows.split((rows.values / spread).max(axis=1))
     level = find_level(scores, float(rows.time[-1]), rate, template.release, template.hold_off)
-    limits = spread * level.level if level else spread
-    *joints, torque, norm = limits.tolist()
+    *joints, torque, norm = (spread * level.level if level else spread).tolist()
     finite = {name: limit for name, limit in zip(names, joints, strict=True) if limit < math.inf}
     return replace(template, joints=finite, external_torque=torque, norm=norm), level
 

@@ -19,23 +19,12 @@ SECOND = 1_000_000_000  # [ns]
 
 
 class Judged(NamedTuple):
-    """Results of a detector, a row for each state.
+    """Results of a detector, a row for each state."""
 
-    Attributes
-    ----------
-    alarm, begins : ndarray of bool, shape (T,)
-        Whether an alarm is on, and whether it begins.
-    joints : ndarray of bool, shape (T, nv)
-        Whether the detector of each joint is active.
-    values : ndarray, shape (T, nv + 2)
-        |m r| of each joint [N m, N], ‖m r‖, |r| [J^½/s] as compared with the thresholds; 0 without
-        a result.
-    """
-
-    alarm: Flags
-    begins: Flags
-    joints: Flags
-    values: Array
+    alarm: Flags  # whether an alarm is on
+    begins: Flags  # whether it begins
+    joints: Flags  # whether the detector of each joint is active, shape (T, nv)
+    values: Array  # as compared with the thresholds, shape (T, nv + 2): see detector_values
 
 
 class AlarmDetector:
@@ -43,10 +32,9 @@ class AlarmDetector:
 
     A detector becomes active above its threshold and releases below `release` of it. A rise within
     `hold_off` after an alarm belongs to that alarm. Once an alarm has been on for `standing`, an
-    offset follows m r and r with a time constant of `standing` / 2, and so it follows decreasing
-    torques afterwards. The test statistic is min(|x|, |x − offset|): an offset raises no alarm, a
-    standing torque does not hold one, a further push is detected. The offset is reset where all
-    torques are below their release thresholds.
+    offset follows m r and r with a time constant of `standing` / 2, and afterwards decreasing torques.
+    The test statistic is min(|x|, |x − offset|): a standing torque holds no alarm, a further push is
+    one. The offset is reset where all torques are below their release thresholds.
 
     Parameters
     ----------
@@ -120,7 +108,7 @@ class AlarmDetector:
         residual, external_torque : ndarray, shape (T, nv)
             r and m r.
         valid : ndarray of bool, shape (T,)
-            Whether the observer has a result. A state without one has no alarm.
+            Whether the observer has a result. A state without one has no alarm, and zero values.
         restarts : ndarray of bool, shape (T,), optional
             States before which the detector is reset.
         values : ndarray, shape (T, nv + 2), optional
@@ -129,10 +117,7 @@ class AlarmDetector:
         x = np.concatenate([external_torque, residual], axis=1)
         x[~valid] = 0.0
         values = detector_values(x) if values is None else values.copy()
-        elapsed = np.zeros(len(x), dtype=np.int64)
-        np.subtract(stamps[1:], stamps[:-1], out=elapsed[1:])
-        if len(x) and self._last is not None:
-            elapsed[0] = stamps[0] - self._last
+        elapsed = np.diff(stamps, prepend=stamps[:1] if self._last is None else self._last)
         restart = elapsed < 0 if restarts is None else (elapsed < 0) | restarts
         alarm, begins = np.zeros((2, len(x)), dtype=bool)
         joints = np.zeros((len(x), len(self._names)), dtype=bool)

@@ -12,7 +12,7 @@ import numpy as np
 from diag_dynamics.arrays import Array, Flags, Whole
 from diag_dynamics.collision.detector import SECOND, detector_values
 
-MAX_NUMBERS = 2_000_000  # kept as states: 16 MB, of seven joints two minutes at 1 kHz
+MAX_NUMBERS = 2_000_000  # from which cells are kept: of seven joints two minutes at 1 kHz
 CELL = 20_000_000  # [ns]
 
 
@@ -22,12 +22,7 @@ class Rows(NamedTuple):
     stamps: Whole  # [ns], of a cell that of its first state
     segment: Whole  # number of the segment without a gap
     x: Array  # [m r, r]
-    norms: Array  # ‖m r‖, |r|
-
-    @property
-    def values(self) -> Array:
-        """Values of the detectors, shape (T, nv + 2)."""
-        return np.concatenate([np.abs(self.x[:, : self.x.shape[1] // 2]), self.norms], axis=1)
+    values: Array  # of the detectors, shape (T, nv + 2)
 
     @property
     def starts(self) -> Flags:
@@ -55,9 +50,8 @@ class Residuals:
     def __init__(self, width: int, max_gap: float = 0.1, max_numbers: int = MAX_NUMBERS) -> None:
         self._max_states, self._max_gap = max_numbers // (2 * width + 3), max_gap * SECOND
         none = np.empty(0, dtype=np.int64)
-        self._states: list[Rows] = [Rows(none, none, np.empty((0, 2 * width)), np.empty((0, 2)))]
-        self._cells: list[Rows] = []
-        self._count = self._segment = 0
+        self._parts = [Rows(none, none, np.empty((0, 2 * width)), np.empty((0, width + 2)))]
+        self._count = self._segment = self._reduced = 0  # states, segment, parts of cells
         self._last: int | None = None
 
     def add_states(self, stamps: Whole, residual: Array, torque: Array, valid: Flags) -> None:
@@ -69,26 +63,25 @@ class Residuals:
         segment = self._segment + np.cumsum((steps < 0) | (steps > self._max_gap))
         self._last, self._segment = int(stamps[-1]), int(segment[-1])
         self._count += len(stamps)
-        self._states.append(Rows(stamps, segment, x, detector_values(x)[:, -2:]))
+        self._parts.append(Rows(stamps, segment, x, detector_values(x)))
         if self._count > self._max_states:
-            self._cells.append(_reduced(self._states))
-            self._states = []
+            self._parts[self._reduced :] = [_reduce(self._parts[self._reduced :])]
+            self._reduced += 1
 
     def rows(self) -> Rows:
         """Return the rows of all segments that have two or more."""
-        parts = [*self._cells, *self._states]
-        rows = _reduced(parts) if self._cells else _concatenated(parts)
+        rows = _reduce(self._parts) if self._reduced else _concatenate(self._parts)
         return rows.select(np.bincount(rows.segment)[rows.segment] > 1)
 
 
-def _concatenated(parts: list[Rows]) -> Rows:
+def _concatenate(parts: list[Rows]) -> Rows:
     return Rows(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def _reduced(parts: list[Rows]) -> Rows:
+def _reduce(parts: list[Rows]) -> Rows:
     """Return one row of each cell."""
-    rows = _concatenated(parts)
+    rows = _concatenate(parts)
     first = np.flatnonzero(rows.starts | (np.diff(rows.stamps // CELL, prepend=0) != 0))
     high, low = np.maximum.reduceat(rows.x, first), np.minimum.reduceat(rows.x, first)
-    x, norms = np.where(high >= -low, high, low), np.maximum.reduceat(rows.norms, first)
-    return Rows(rows.stamps[first], rows.segment[first], x, norms)
+    x, values = np.where(high >= -low, high, low), np.maximum.reduceat(rows.values, first)
+    return Rows(rows.stamps[first], rows.segment[first], x, values)

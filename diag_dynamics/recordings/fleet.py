@@ -14,7 +14,6 @@ import re
 import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
 from importlib import import_module, resources
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,7 +25,6 @@ from diag_dynamics.batch import cores
 from diag_dynamics.checks import positive
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.robots import model_of, require_as_made
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.atomic_file import AtomicFile
@@ -34,7 +32,7 @@ from diag_dynamics.recordings.balance import MIN_WINDOWS, explained_share
 from diag_dynamics.recordings.findings import without_states
 from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.outputs.tables import TableOutput
-from diag_dynamics.recordings.recording import Reading
+from diag_dynamics.recordings.recording import Reading, settings_of
 from diag_dynamics.recordings.sources import checked_topics
 from diag_dynamics.recordings.summary import summary_of, wrongs_of
 
@@ -49,13 +47,13 @@ COLUMNS = {
     "explained": ("float64", lambda one: one["explained"]),
     "explained_with_potential": ("float64", lambda one: one["explained_with_potential"]),
     "residual_power": ("float64", lambda one: one["residual_power"]),
-    "external_torque_max": (
-        "float64",
-        lambda one: one["peaks"].get("external_torque", {"value": None})["value"],
+    "external_torque_max": ("float64", lambda one: one["peaks"].get("external_torque", {}).get("value")),
+    "collisions": (
+        "int64",  # unknown without a threshold or a result
+        lambda one: len(one["collisions"]) if one["observer"]["observed"] and not one["observer"]["missing"] else None,
     ),
-    "collisions": ("int64", lambda one: _collisions(one)),
     "rejected": ("int64", lambda one: sum(one["rejected"].values())),
-    "unread": ("int64", lambda one: sum(f["cause"] == "unread" for f in one["findings"])),
+    "unread": ("int64", lambda one: sum(finding["cause"] == "unread" for finding in one["findings"])),
     "warnings": ("int64", lambda one: len(one["warnings"])),
     "wrong": ("string", lambda one: "; ".join(wrongs_of(one))),
     "pieces": ("int64", lambda one: 1),  # recordings were cut before 0.2
@@ -88,17 +86,16 @@ def analyse_fleet(
     patterns : sequence of str
         Paths of recordings, or patterns of a shell; ``**`` is any number of folders.
     out : str or Path
-        Folder of the outputs, which all workers share, for one call at a time: a summary in JSON and
-        columns in Parquet of each recording; fleet.json, fleet.parquet and fleet.html.
+        Folder that all workers share, for one call at a time: a summary in JSON and columns in Parquet of
+        each recording; fleet.json, fleet.parquet and fleet.html.
     model, columns, topic, joint_names, parameters
         As of :func:`read_recording`.
     gain : float
         Of the observer [1/s], where the parameters have none.
     scheduler : str, optional
-        Address of a Dask scheduler, such as ``tcp://10.0.0.1:8786``, whose workers have this package;
-        by default processes of this machine.
+        Address of Dask, as ``tcp://10.0.0.1:8786``; by default processes of this machine.
     workers : int, optional
-        Number of these processes; by default that of the processors.
+        Number of these; by default that of the processors.
     parquet, reports : bool
         Whether to write columns, and a report, of each recording.
     progress : callable, optional
@@ -107,8 +104,8 @@ def analyse_fleet(
     Returns
     -------
     dict
-        Content of fleet.json: `recordings`, with a row of fleet.parquet each; `robots`;
-        `failed`, errors by the path of the recording; numbers `computed` and `kept`.
+        As fleet.json: `recordings`, rows of fleet.parquet; `robots`; `failed`, errors by the path of the
+        recording; numbers `computed` and `kept`.
 
     Raises
     ------
@@ -125,49 +122,55 @@ def analyse_fleet(
     except ImportError as error:
         missing = "which is not installed: pip install 'dask[distributed]' pyarrow"
         raise InputError(f"a fleet's recordings are analysed with {name}, {missing}.") from error
-    reading = _reading_options(model, columns, topic, joint_names, parameters)
+    values = settings_of(parameters).values
+    if isinstance(model, RobotModel):
+        require_as_made(values)
+    elif model is not None:
+        model = model_of(os.fspath(model), values)
+    if isinstance(columns, str | os.PathLike):
+        columns = str(Path(columns).expanduser().resolve())
+    options = {"model": model, "columns": columns, "topic": checked_topics(topic)}
+    options |= {"joint_names": joint_names, "parameters": dict(parameters or {})}
     gain = positive("gain", gain, "[1/s]")
     suffixes = [suffix for suffix, chosen in (("parquet", parquet), ("html", reports)) if chosen]
     out = Path(out).expanduser().resolve()
     out.mkdir(parents=True, exist_ok=True)
-    jobs = _jobs(_paths(patterns, out), out, reading, gain, suffixes)
+    jobs = _jobs(patterns, out, options, gain, suffixes)
     results = {job.path: job.read_summary() for job in jobs}
     todo = [job for job in jobs if results[job.path] is None]
     kept = len(jobs) - len(todo)
-    with closing(_results(todo, scheduler, workers)) as stream:
-        for done, (job, result) in enumerate(stream, kept + 1):
-            results[job.path] = result
-            if progress:
-                progress(done, len(jobs), job.path)
+
+    def finish(path, result):
+        results[path] = result
+        if progress:
+            progress(len(jobs) - list(results.values()).count(None), len(jobs), path)
+
+    _run(todo, scheduler, workers, finish)
     summaries = [result for result in results.values() if isinstance(result, dict)]
-    failed = {path: text for path, text in results.items() if isinstance(text, str)}
-    rows = list(map(_row, summaries))
-    report = {"recordings": rows, "robots": robots_of(summaries), "failed": failed}
-    report |= {"computed": len(summaries) - kept, "kept": kept}
+    report = {
+        "recordings": list(map(_row, summaries)),
+        "robots": robots_of(summaries),
+        "failed": {path: text for path, text in results.items() if isinstance(text, str)},
+        "computed": len(summaries) - kept,
+        "kept": kept,
+    }
     _write(out / "fleet.json", json.dumps(report, indent=1, allow_nan=False))
-    _write(out / "fleet.html", _page(report, {job.path: job.links() for job in jobs}))
+    _write(out / "fleet.html", _page(report, jobs))
     if parquet:
         _write_table(out / "fleet.parquet", report)
     return report
 
 
-# --- One recording ---
-
-
 class _Job(NamedTuple):
     path: str
     stem: str  # path of the outputs without a suffix
-    reading: dict  # options of Reading
+    options: dict  # of Reading
     gain: float
     suffixes: list  # of the outputs beside the summary
     fingerprint: dict
 
     def output(self, suffix):
         return Path(f"{self.stem}.{suffix}")
-
-    def links(self):
-        """Return the names of the report and of the summary, of those that are there."""
-        return [path.name for path in map(self.output, ("html", "json")) if path.exists()]
 
     def read_summary(self):
         """Return the summary, which is written last; None if it is not that of the same job."""
@@ -178,15 +181,64 @@ class _Job(NamedTuple):
         is_complete = all(self.output(suffix).exists() for suffix in self.suffixes)
         return summary if is_complete and summary.get("fingerprint") == self.fingerprint else None
 
-    def remove_outputs(self, suffix="*"):
+    def remove_outputs(self, suffix):
         for path in glob.glob(f"{glob.escape(self.stem)}.{suffix}"):
             shutil.rmtree(path) if os.path.isdir(path) else os.remove(path)
+
+
+def _jobs(patterns, out, options, gain, suffixes):
+    """Return the jobs of all recordings but of what is in the folder of the outputs."""
+    paths = {}
+    for pattern in map(os.path.expanduser, map(os.fspath, patterns)):
+        names = [pattern] if os.path.exists(pattern) else sorted(glob.glob(pattern, recursive=True))
+        if not names:
+            raise InputError(f"there is no recording '{pattern}'.")
+        paths |= dict.fromkeys(Path(name).resolve() for name in names)
+    about = options | {"gain": gain, "outputs": suffixes, "version": diag_dynamics.__version__}
+    if isinstance(options["columns"], str):
+        about["columns"] = Path(options["columns"]).read_text(encoding="utf-8", errors="replace")
+    if options["model"] is not None:
+        about["model"] = hashlib.sha256(pickle.dumps(options["model"])).hexdigest()
+    about, jobs = json.loads(json.dumps(about, default=str)), []
+    for path in paths:
+        if path == out or out in path.parents:
+            continue
+        words = re.sub(r"[^\w.-]+", "_", f"{path.parent.name}-{path.stem}").strip("_.-")
+        stem = str(out / f"{words}-{hashlib.sha256(os.fsencode(path)).hexdigest()[:8]}")
+        files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
+        times = [[one.name, one.stat().st_size, one.stat().st_mtime_ns] for one in files]
+        jobs.append(_Job(str(path), stem, options, gain, suffixes, about | {"input": times}))
+    return jobs
+
+
+def _run(jobs, scheduler, workers, finish):
+    """Analyse recordings; call `finish` with the path of each and its summary or the text of its error."""
+    if not jobs:
+        return
+    distributed = import_module("distributed")
+    for job in jobs:
+        job.remove_outputs("*")
+    local = {"threads_per_worker": 1, "dashboard_address": None, "n_workers": workers or min(cores(), len(jobs))}
+    try:
+        with distributed.Client(scheduler, **({} if scheduler else local)) as client:
+            futures = client.map(_analyse, jobs, retries=2, pure=False)
+            paths = {future.key: job.path for future, job in zip(futures, jobs, strict=True)}
+            completed = distributed.as_completed(futures)
+            del futures
+            for future in completed:
+                error, path = future.exception(), paths[future.key]
+                result = f"{type(error).__name__}: {error}" if error else future.result()
+                del future  # what has come is not computed again when its worker dies
+                finish(path, result)
+    finally:
+        for job in jobs:
+            job.remove_outputs("*.part")  # of attempts that were ended
 
 
 def _analyse(job):
     """Analyse a recording on a worker; return its summary, or the text of its error."""
     try:
-        reading, outputs = Reading(job.path, **job.reading), []
+        reading, outputs = Reading(job.path, **job.options), []
         analysis = Analysis(reading, gain=job.gain, threads=1)
         if "parquet" in job.suffixes:
             outputs.append(TableOutput(job.output("parquet"), reading, analysis.friction))
@@ -205,91 +257,6 @@ def _analyse(job):
         return str(error)
 
 
-def _results(jobs, scheduler, workers):
-    """Yield each job with its summary or the text of its error, when it is done."""
-    if not jobs:
-        return
-    distributed = import_module("distributed")
-    for job in jobs:
-        job.remove_outputs()
-    local = {"threads_per_worker": 1, "dashboard_address": None}
-    local["n_workers"] = workers or min(cores(), len(jobs))
-    try:
-        with distributed.Client(scheduler, **({} if scheduler else local)) as client:
-            futures = client.map(_analyse, jobs, retries=2, pure=False)
-            by_key = {future.key: job for future, job in zip(futures, jobs, strict=True)}
-            completed = distributed.as_completed(futures)
-            del futures
-            for future in completed:
-                error, job = future.exception(), by_key[future.key]
-                result = f"{type(error).__name__}: {error}" if error else future.result()
-                del future  # what has come is not computed again when its worker dies
-                yield job, result
-    finally:
-        for job in jobs:
-            job.remove_outputs("*.part")  # of attempts that were ended
-
-
-# --- Options ---
-
-
-def _reading_options(model, columns, topic, joint_names, parameters):
-    parameters = dict(parameters or {})
-    if unknown := set(parameters) - set(PARAMETERS):
-        raise InputError(f"the monitor has no parameter '{min(unknown)}'.")
-    settings = Settings.of({name: one.default for name, one in PARAMETERS.items()} | parameters)
-    if isinstance(model, RobotModel):
-        require_as_made(settings.values)
-    elif model is not None:
-        model = model_of(os.fspath(model), settings.values)
-    if isinstance(columns, str | os.PathLike):
-        columns = str(Path(columns).expanduser().resolve())
-    options = {"model": model, "columns": columns, "topic": checked_topics(topic)}
-    return options | {"joint_names": joint_names, "parameters": parameters}
-
-
-def _paths(patterns, out):
-    """Return the paths of recordings; what is in the folder of the outputs is none."""
-    paths = {}
-    for pattern in map(os.path.expanduser, map(os.fspath, patterns)):
-        names = [pattern] if os.path.exists(pattern) else sorted(glob.glob(pattern, recursive=True))
-        if not names:
-            raise InputError(f"there is no recording '{pattern}'.")
-        paths |= dict.fromkeys(Path(name).resolve() for name in names)
-    return [path for path in paths if path != out and out not in path.parents]
-
-
-def _jobs(paths, out, reading, gain, suffixes):
-    columns, model = reading["columns"], reading["model"]
-    if isinstance(columns, str):
-        columns = Path(columns).read_text(encoding="utf-8", errors="replace")
-    digest = None if model is None else hashlib.sha256(pickle.dumps(model)).hexdigest()
-    about = {**reading, "columns": columns, "model": digest, "gain": gain, "outputs": suffixes}
-    about = json.loads(json.dumps(about | {"version": diag_dynamics.__version__}, default=str))
-    jobs = []
-    for path in paths:
-        words = re.sub(r"[^\w.-]+", "_", f"{path.parent.name}-{path.stem}").strip("_.-")
-        stem = str(out / f"{words}-{hashlib.sha256(os.fsencode(path)).hexdigest()[:8]}")
-        files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
-        times = [[one.name, one.stat().st_size, one.stat().st_mtime_ns] for one in files]
-        jobs.append(_Job(str(path), stem, reading, gain, suffixes, about | {"input": times}))
-    return jobs
-
-
-# --- All recordings ---
-
-
-def _row(summary):
-    return {name: value(summary) for name, (_, value) in COLUMNS.items()}
-
-
-def _collisions(summary):
-    """Return the number of collisions; None if it is unknown, as without a threshold."""
-    observer = summary["observer"]
-    is_known = observer["observed"] and not observer["missing"]
-    return len(summary["collisions"]) if is_known else None
-
-
 def robots_of(summaries):
     """Return the results of all recordings of each robot together, a list of dict."""
     names = sorted({one["robot"] for one in summaries})
@@ -300,14 +267,8 @@ def _robot(summaries):
     rows = list(map(_row, summaries))
     highest = max(rows, key=lambda row: row["kinetic_energy_max"])
     known = [row["collisions"] for row in rows if row["collisions"] is not None]
-    states = sum(row["states"] for row in rows)
-    histogram, rejected, findings = Counter(), Counter(), Counter()
-    for one in summaries:
-        rejected.update(one["rejected"])
-        for finding in one["findings"]:
-            findings[finding["cause"]] += finding["count"]
-        for part in one["kinetic_energy"]["histogram"]:
-            histogram[part["from"], part["to"]] += part["states"]
+    states, energies = sum(row["states"] for row in rows), [one["kinetic_energy"] for one in summaries]
+    bins = _totals(((part["from"], part["to"]), part["states"]) for one in energies for part in one["histogram"])
     return {
         "robot": highest["robot"],
         "recordings": len(rows),
@@ -318,48 +279,55 @@ def _robot(summaries):
             "recording": highest["recording"],
             "at": highest["kinetic_energy_max_at"],
             "mean": sum(row["kinetic_energy_mean"] * row["states"] for row in rows) / states,
-            "histogram": [
-                {"from": low, "to": high, "states": count} for (low, high), count in sorted(histogram.items())
-            ],
+            "histogram": [{"from": low, "to": high, "states": n} for (low, high), n in sorted(bins.items())],
         },
         **_balance(summaries),
         "collisions": sum(known) if known else None,
         "unjudged": len(rows) - len(known),
-        "rejected": dict(rejected),
-        "findings": dict(findings),
+        "rejected": _totals(pair for one in summaries for pair in one["rejected"].items()),
+        "findings": _totals((one["cause"], one["count"]) for each in summaries for one in each["findings"]),
         "warnings": sum(row["warnings"] for row in rows),
     }
 
 
+def _row(summary):
+    return {name: value(summary) for name, (_, value) in COLUMNS.items()}
+
+
+def _totals(pairs):
+    """Return the sum of the numbers of each key."""
+    totals = Counter()
+    for key, count in pairs:
+        totals[key] += count
+    return dict(totals)
+
+
 def _balance(summaries):
     """Return the balance of power over the windows of all recordings."""
-    variance, keys = {}, ("count", "mean", "squares")
-    for name in ("kinetic", "total", "residual"):
-        moments = [one["balance"]["moments"][name] for one in summaries]
-        count, means, squares = (np.array([one[key] for one in moments]) for key in keys)
-        windows = int(count.sum())
-        mean = count @ means / max(windows, 1)
-        variance[name] = (squares.sum() + count @ (means - mean) ** 2) / max(windows, 1)
-    rms = float(np.sqrt(variance["residual"] + mean**2))
+    moments = [one["balance"]["moments"] for one in summaries]
+    changes = [_pooled([one[name] for one in moments])[2] for name in ("kinetic", "total")]
+    windows, mean, variance = _pooled([one["residual"] for one in moments])
     has_moved = any(one["explained"] is not None for one in summaries)
-    explained, with_potential = (
-        explained_share(variance["residual"], variance[name]) if has_moved and windows >= MIN_WINDOWS else None
-        for name in ("kinetic", "total")
-    )
-    about = {"explained": explained, "explained_with_potential": with_potential}
-    return about | {"residual_power": rms if windows >= MIN_WINDOWS else None}
+    shares = [explained_share(variance, change) if has_moved else None for change in changes]
+    balance = *shares, float(np.sqrt(variance + mean**2))
+    names = "explained", "explained_with_potential", "residual_power"
+    return dict(zip(names, balance if windows >= MIN_WINDOWS else [None] * 3, strict=True))
+
+
+def _pooled(moments):
+    """Return the number, mean and variance of all windows, from those of each recording."""
+    count, means, squares = (np.array([one[key] for one in moments]) for key in ("count", "mean", "squares"))
+    windows = int(count.sum())
+    mean = count @ means / max(windows, 1)
+    return windows, mean, (squares.sum() + count @ (means - mean) ** 2) / max(windows, 1)
 
 
 def collisions_in_words(robot, noun="collisions"):
     """Return how many a robot had, and in how many of its recordings this is unknown."""
     if robot["collisions"] is None:
         return f"nothing is known of {noun}: their thresholds are not set, or there are no efforts"
-    unknown = robot["unjudged"]
-    rest = f", nothing known in {unknown} recordings" if unknown else ""
-    return f"{robot['collisions']} {noun}{rest}"
-
-
-# --- Files ---
+    unknown = f", nothing known in {robot['unjudged']} recordings" if robot["unjudged"] else ""
+    return f"{robot['collisions']} {noun}{unknown}"
 
 
 def _write(path, text):
@@ -368,30 +336,28 @@ def _write(path, text):
     file.commit()
 
 
-def _page(report, links):
+def _page(report, jobs):
     """Return fleet.html. All texts are escaped: names of files and robots come from strangers."""
     jinja2, rows = import_module("jinja2"), report["recordings"]
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    template = resources.files("diag_dynamics.recordings").joinpath("fleet.html.j2")
+    text = resources.files("diag_dynamics.recordings").joinpath("fleet.html.j2").read_text(encoding="utf-8")
+    template = jinja2.Template(text, autoescape=True, undefined=jinja2.StrictUndefined)
     folders = [os.path.dirname(row["recording"]) for row in rows]
-    about = {
-        "links": links,
-        "folder": os.path.join(os.path.commonpath(folders), "") if folders else "",
-        "wrong": {row["recording"]: row["wrong"] for row in rows if row["wrong"]},
-        "contacts": collisions_in_words,
-    }
-    return environment.from_string(template.read_text(encoding="utf-8")).render(report | about)
+    outputs = {job.path: [job.output("html"), job.output("json")] for job in jobs}
+    return template.render(
+        report,
+        links={path: [file.name for file in files if file.exists()] for path, files in outputs.items()},
+        folder=os.path.join(os.path.commonpath(folders), "") if folders else "",
+        wrong={row["recording"]: row["wrong"] for row in rows if row["wrong"]},
+        contacts=collisions_in_words,
+    )
 
 
 def _write_table(path, report):
     arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
     types = {name: kind for name, (kind, _) in COLUMNS.items()} | {"error": "string"}
     schema = arrow.schema([(name, getattr(arrow, kind)()) for name, kind in types.items()])
-    failed = [{"recording": one, "error": text} for one, text in report["failed"].items()]
-    rows = [
-        {name: printable(x) if isinstance(x, str) else x for name, x in row.items()}
-        for row in report["recordings"] + failed
-    ]
+    rows = report["recordings"] + [{"recording": one, "error": text} for one, text in report["failed"].items()]
+    rows = [{name: printable(x) if isinstance(x, str) else x for name, x in row.items()} for row in rows]
     file = AtomicFile(path)
     parquet.write_table(arrow.Table.from_pylist(rows, schema), file.name)
     file.commit()

@@ -195,11 +195,7 @@ class Reading:
     def __init__(
         self, path, model=None, columns=None, *, topic=None, joint_names=None, parameters=None, start=None, end=None
     ):
-        unknown = set(parameters or {}) - set(PARAMETERS)
-        if unknown:
-            raise InputError(f"the monitor has no parameter '{min(unknown)}'.")
-        defaults = {name: spec.default for name, spec in PARAMETERS.items()}
-        self.settings = Settings.of(defaults | dict(parameters or {}))
+        self.settings = settings_of(parameters)
         self._after, self._path = _nanoseconds(start, end), os.fspath(path)
         self._source = source_of(path, columns, topic, joint_names)
         if isinstance(model, RobotModel):
@@ -274,6 +270,14 @@ class Reading:
     def findings(self):
         """Return what is known of the messages by now: a list of Finding."""
         return find_all(self.intake, self._source)
+
+
+def settings_of(parameters):
+    """Return the monitor's Settings with these parameters, or None, other than by default."""
+    parameters = dict(parameters or {})
+    if unknown := set(parameters) - set(PARAMETERS):
+        raise InputError(f"the monitor has no parameter '{min(unknown)}'.")
+    return Settings.of({name: spec.default for name, spec in PARAMETERS.items()} | parameters)
 
 
 def _nanoseconds(start, end):

@@ -16,7 +16,7 @@ from diag_dynamics.page.packing import LEVELS, pack, pack_mesh, pack_meshes
 from diag_dynamics.page.report import EVERY, SLOW, write_report
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.outputs import report as output
-from diag_dynamics.recordings.outputs.downsampling import AROUND, ContactRuns, Overview, Work, mean_powers
+from diag_dynamics.recordings.outputs.downsampling import AROUND, ContactRuns, Overview, Work, mean_powers, records_of
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import summary_of
 from recorded_arm import ARM, PUSHED, RATE, WATCHED, Recording, parts_of
@@ -86,11 +86,7 @@ def states_of(t, collision=False, powers=0.0, **columns):
     """Return records of states at some times."""
     sums = Work().integrate(t, np.broadcast_to(powers, (len(t), 4)))
     columns = {"t": t, "index": np.arange(len(t)), "collision": collision, "sums": sums, **columns}
-    columns = {name: np.broadcast_to(x, (len(t), *np.shape(x)[1:])) for name, x in columns.items()}
-    states = np.empty(len(t), [(name, x.dtype, x.shape[1:]) for name, x in columns.items()])
-    for name, column in columns.items():
-        states[name] = column
-    return states
+    return records_of({name: np.broadcast_to(x, (len(t), *np.shape(x)[1:])) for name, x in columns.items()})
 
 
 def in_pieces(states, size):

@@ -434,7 +434,9 @@ def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
     """A node takes it by --params-file: gain, friction, and every threshold."""
     joints = {name: 20.0 + k for k, name in enumerate(panda.names)}
     thresholds = AlarmThresholds(joints, 31.5, 4.25, 0.6, 0.3, 1.5)
-    Calibration(GAIN, True, 1 / 60, 300.0, 4, 5, "tail", 50, **vars(thresholds)).save(tmp_path / "alarms.yaml")
+    trust = {"asked": 1 / 60, "duration": 300.0, "alarms": 4, "held_out": 5, "method": "tail", "peaks": 50}
+    found = Calibration(**vars(thresholds), gain=GAIN, friction=True, **trust)
+    found.save(tmp_path / "alarms.yaml")
     arguments = "--params-file", str(tmp_path / "alarms.yaml")
     with Monitor(peer, "/calibrated", *arguments, robot_description=panda.path) as monitor:
         message = feed(subscribed(monitor), [free] * 2)[1]

@@ -16,6 +16,14 @@ HALF_WINDOW, MAX_GAP = 0.01, 0.1
 """Half the time over which powers are averaged, and the time over which they are unknown [s]."""
 
 
+def records_of(columns):
+    """Return columns by name, shape (T, …), as T records."""
+    records = np.empty(len(columns["t"]), [(name, x.dtype, x.shape[1:]) for name, x in columns.items()])
+    for name, column in columns.items():
+        records[name] = column
+    return records
+
+
 class Work:
     """Integrates k powers over a recording, piece by piece."""
 
@@ -29,8 +37,7 @@ class Work:
         """
         t0, p0, sums0 = self._last or (t[0], powers[0], np.zeros(2 * powers.shape[1] + 1))
         steps = np.diff(t, prepend=t0)[:, None]
-        mean = 0.5 * (powers + np.concatenate([p0[None], powers[:-1]]))
-        gap = steps > MAX_GAP
+        mean, gap = 0.5 * (powers + np.concatenate([p0[None], powers[:-1]])), steps > MAX_GAP
         known = np.isfinite(mean) & ~gap
         work = np.where(known, mean * steps, 0.0)
         sums = sums0 + np.cumsum(np.concatenate([work, ~known, gap], axis=1), axis=0)
@@ -92,8 +99,7 @@ class ContactRuns:
     def add(self, states):
         """Add the next states; yield the runs that are complete."""
         edges = states["t"][np.diff(states["collision"], prepend=self._touches)]
-        self._touches = bool(states["collision"][-1])
-        self._edges = np.sort(np.append(self._edges, edges))
+        self._touches, self._edges = bool(states["collision"][-1]), np.sort(np.append(self._edges, edges))
         held = states if self._held is None else np.concatenate([self._held, states])
         is_known = held["t"] < held["t"][-1] - AROUND
         self._held = held[~is_known]
@@ -102,20 +108,17 @@ class ContactRuns:
     def finish(self):
         """Yield the remaining runs."""
         yield from self._split(self._held)
-        yield from self._close()
-
-    def _split(self, states):
-        t, following = states["t"], np.searchsorted(self._edges, states["t"])
-        distance = np.minimum(t - self._edges[following - 1], self._edges[following] - t)
-        cuts = np.flatnonzero(np.diff(distance <= AROUND)) + 1
-        for part, apart in zip(np.split(states, cuts), np.split(distance, cuts), strict=True):
-            is_near = len(part) and apart[0] <= AROUND
-            if is_near:
-                self._run.append(part)
-            if len(part) and (not is_near or part["t"][-1] - self._run[0]["t"][0] > MAX_RUN):
-                yield from self._close()
-
-    def _close(self):
         if self._run:
             yield np.concatenate(self._run)
-            self._run = []
+
+    def _split(self, states):
+        following = np.searchsorted(self._edges, states["t"])
+        distance = np.minimum(states["t"] - self._edges[following - 1], self._edges[following] - states["t"])
+        is_near = distance <= AROUND
+        cuts = np.flatnonzero(np.diff(is_near, prepend=~is_near[:1]))
+        for first, part in zip(cuts, np.split(states, cuts)[1:], strict=True):
+            if is_near[first]:
+                self._run.append(part)
+            if self._run and (not is_near[first] or part["t"][-1] - self._run[0]["t"][0] > MAX_RUN):
+                yield np.concatenate(self._run)
+                self._run = []

@@ -18,25 +18,16 @@ from diag_dynamics.page.report import EVERY, as_text, full_rate, overview, page_
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.atomic_file import AtomicFile
-from diag_dynamics.recordings.outputs.downsampling import ContactRuns, Overview, Work, mean_powers
+from diag_dynamics.recordings.outputs.downsampling import ContactRuns, Overview, Work, mean_powers, records_of
 
 MAX_OVERVIEW, MAX_REPORT, MAX_MESHES = 5_200_000, 14_500_000, 2_000_000
 """Bytes of the overview before compression, of the file, and of compressed meshes."""
 
+POWERS = "p_effort", "p_gravity", "p_friction", "p_external", "dK"
+
 
 class ReportOutput:
-    """Writes an analysis into a report, piece by piece.
-
-    Parameters
-    ----------
-    path : str or Path
-    reading : Reading
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+    """Writes the analysis of a Reading into a report at a path, piece by piece."""
 
     def __init__(self, path, reading):
         self._target, self._reading = AtomicFile(path), reading
@@ -80,40 +71,35 @@ class ReportOutput:
         self._target.discard()
 
     def _records(self, piece):
+        """Return the states of a piece as records: all that a report needs of them."""
         states, s, (residual, torque, norm, valid, collision) = piece[:3]
         if self._first is None:
             self._first = int(states.stamp[0])
         t = (states.stamp - self._first) * 1e-9
         epsilon = np.where(states.effort_known[:, None], s.epsilon, np.nan)
         terms = epsilon, s.coriolis, s.gravity, s.articulated_inertia, s.kinetic_energy
-        evaluated = States(t, states.position, states.velocity, states.effort, s.nu, *terms)
-        observed = Seen(valid, residual, torque, norm, np.asarray(collision, dtype=bool))
-        forces = epsilon, -s.gravity, np.zeros_like(s.nu) if s.friction is None else -s.friction, residual
-        powers = [np.einsum("tk,tk->t", s.nu, force) for force in forces]
+        friction = np.zeros_like(s.nu) if s.friction is None else s.friction
+        powers = [np.einsum("tk,tk->t", s.nu, force) for force in (epsilon, -s.gravity, -friction, residual)]
         columns = {
-            **evaluated._asdict(),
-            **observed._asdict(),
+            **States(t, states.position, states.velocity, states.effort, s.nu, *terms)._asdict(),
+            **Seen(valid, residual, torque, norm, np.asarray(collision, dtype=bool))._asdict(),
             "estimated": states.velocity_estimated,
             "received": states.stamp_received,
             "index": self._count + np.arange(len(t)),
             "sums": self._work.integrate(t, np.stack(powers, axis=1)),
         }
         self._count += len(t)
-        records = np.empty(len(t), [(name, x.dtype, x.shape[1:]) for name, x in columns.items()])
-        for name, column in columns.items():
-            records[name] = column
-        return records
+        return records_of(columns)
 
     def _track(self, pack, states, every=1):
-        """Return a Track; only some states have the numbers of the end-effector link."""
+        """Return a Track; only every so many states have the numbers of the end-effector link."""
         columns = {name: np.ascontiguousarray(states[name]) for name in states.dtype.names}
         evaluated, observed = (kind(*map(columns.get, kind._fields)) for kind in (States, Seen))
-        flags = Told(columns["estimated"], columns["received"])
-        numbers = np.array(self._maker.frames(evaluated, observed, flags)["numbers"])
-        layout, link = self._maker.layout, end_effector_link(self._reading.model)
-        names = "p_effort", "p_gravity", "p_friction", "p_external", "dK"
-        for name, power in zip(names, mean_powers(states).T, strict=True):
+        frames = self._maker.frames(evaluated, observed, Told(columns["estimated"], columns["received"]))
+        numbers, layout = np.array(frames["numbers"]), self._maker.layout
+        for name, power in zip(POWERS, mean_powers(states).T, strict=True):
             numbers[:, layout.place(name).start] = power
+        link = end_effector_link(self._reading.model)
         for k in range(0, len(numbers), every):
             numbers[k, layout.common :] = self._maker.chosen(evaluated.q[k], evaluated.nu[k], link)
         contact = None
@@ -160,8 +146,7 @@ class ReportOutput:
             return None
         limits = [np.inf] * (len(names) + 1) + [observation.threshold]
         *joints, torque_norm, norm = finite(observation.alarms.limits(names) if observation.alarms else limits)
-        about = {"external_torque": joints, "external_torque_norm": torque_norm}
-        return about | {"norm": norm, "energy": None}
+        return {"external_torque": joints, "external_torque_norm": torque_norm, "norm": norm, "energy": None}
 
     def _parameters(self):
         """Return the monitor's parameters, those that differ from the default first."""
