@@ -13,6 +13,7 @@ import os
 import re
 import shutil
 import sys
+from collections import Counter
 from pathlib import Path
 
 import distributed
@@ -45,12 +46,13 @@ def good(model, seconds, seed=1):
     return [(driver.good(int(stamp)), int(stamp) + 200_000) for stamp in stamps]
 
 
-def write(path, pairs, robot):
-    """Write joint states and the description of their robot."""
-    path.parent.mkdir(exist_ok=True)
-    states = [Message("/joint_states", now, raw) for raw, now in pairs]
-    urdf = Path(find_urdf(robot)).read_text(encoding="utf-8")
-    write_mcap(path, [description(urdf, START), *states], chunk_size=200_000)
+def few(names, topics=("/joint_states",)):
+    """Return 40 messages of each topic with the joint of its name."""
+    return [
+        Message(topic, START + k * MS, serialized(START + k * MS, [name], [0.01 * k], [0.1], [1.0]))
+        for k in range(40)
+        for topic, name in zip(topics, names, strict=True)
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -58,11 +60,13 @@ def archive(tmp_path_factory):
     """Folder of recordings of two robots, one hostile; without messages of its joints, and of garbage."""
     folder = tmp_path_factory.mktemp("archive")
     panda, ur5 = dd.load_robot("panda"), dd.load_robot("ur5")
-    write(folder / GOOD[0], good(panda, 3.0), "panda")
-    write(folder / GOOD[1], good(panda, 6.0, seed=2), "panda")
-    write(folder / GOOD[2], good(ur5, 3.0, seed=3), "ur5")
-    write(folder / GOOD[3], hostile(panda, 4), "panda")
-    write(folder / BAD[1], [(serialized(START, ["elsewhere"], [0.0]), START)], "panda")
+    elsewhere = [(serialized(START, ["elsewhere"], [0.0]), START)]
+    pairs = good(panda, 3.0), good(panda, 6.0, seed=2), good(ur5, 3.0, seed=3), hostile(panda, 4), elsewhere
+    for name, sent in zip((*GOOD, BAD[1]), pairs, strict=True):
+        (folder / name).parent.mkdir(exist_ok=True)
+        urdf = Path(find_urdf("ur5" if name == GOOD[2] else "panda")).read_text(encoding="utf-8")
+        states = [Message("/joint_states", now, raw) for raw, now in sent]
+        write_mcap(folder / name, [description(urdf, START), *states], chunk_size=200_000)
     (folder / BAD[0]).write_bytes(np.random.default_rng(0).bytes(5000))
     return folder
 
@@ -108,10 +112,8 @@ def check(report, out, expected, archive):
     assert json.loads((out / "fleet.json").read_text(encoding="utf-8")) == json.loads(json.dumps(report))
     table = parquet.read_table(out / "fleet.parquet")
     assert {str(f.type): {g.name for g in table.schema if g.type == f.type} for f in table.schema} == NUMBERS
-    rows = [
-        dict.fromkeys(NUMBERS["double"]) | {"recording": path, "error": text} for path, text in report["failed"].items()
-    ]
-    for row, given in zip(table.to_pylist(), [*report["recordings"], *rows], strict=True):
+    failed = [{"recording": path, "error": text, "hours": None} for path, text in report["failed"].items()]
+    for row, given in zip(table.to_pylist(), [*report["recordings"], *failed], strict=True):
         assert {name: row[name] for name in given} == given
 
 
@@ -137,15 +139,14 @@ def test_robots_are_reported_together(analysed, expected):
     assert (panda["robot"], panda["recordings"], ur5["robot"], ur5["recordings"]) == ("panda", 3, "ur5", 1)
     of = [summary for summary in expected.values() if summary["robot"] == "panda"]
     energy, energies = panda["kinetic_energy"], [one["kinetic_energy"] for one in of]
+    states = [one["states"] for one in of]
     assert energy["max"] == max(one["max"] for one in energies)
     assert expected[energy["recording"]]["kinetic_energy"]["at"] == energy["at"]
-    states = [one["states"] for one in of]
     assert panda["states"] == sum(states) == sum(one["states"] for one in energy["histogram"])
     assert energy["mean"] == pytest.approx(np.average([one["mean"] for one in energies], weights=states), rel=1e-12)
     lows = {part["from"] for one in energies for part in one["histogram"]}
     assert [part["from"] for part in energy["histogram"]] == sorted(lows)
-    causes = {cause for one in of for cause in one["rejected"]}
-    assert panda["rejected"] == {cause: sum(one["rejected"].get(cause, 0) for one in of) for cause in causes}
+    assert panda["rejected"] == dict(sum((Counter(one["rejected"]) for one in of), Counter()))
     assert sum(panda["rejected"].values()) > 10
     kinetic, residual = (pooled(of, name) for name in ("kinetic", "residual"))
     assert panda["explained"] == pytest.approx(1.0 - residual[1] / kinetic[1], rel=1e-9)
@@ -167,38 +168,31 @@ def test_restart(analysed, archive, scheduler, tmp_path):
     patterns = [str(archive / name) for name in (*GOOD, BAD[0])]
 
     def again(**options):
-        before = {path.name: path.stat().st_mtime_ns for path in out.glob("*-*.json")}
+        before = {path: path.stat().st_mtime_ns for path in out.glob("*-*.json")}
         report = dd.analyse_fleet(patterns, out, scheduler=scheduler, **options)
         assert list(report["failed"]) == patterns[-1:]
-        written = {path.stem for path in out.glob("*-*.json") if path.stat().st_mtime_ns != before.get(path.name)}
+        written = {path.stem for path in out.glob("*-*.json") if path.stat().st_mtime_ns != before.get(path)}
         assert (report["computed"], report["kept"]) == (len(written), len(patterns) - 1 - len(written))
         return {name.rpartition("-")[0] for name in written}
 
     assert again() == set()
-    lost = next(out.glob("monday-arm-*.parquet"))
+    lost, touched = next(out.glob("monday-arm-*.parquet")), archive / "tuesday" / "arm.mcap"
     lost.unlink()
     (out / f"{lost.stem}.parquet.part").touch()  # of a run that was killed
     assert again() == {"monday-arm"} and lost.exists() and not list(out.glob("*.part"))
-    touched = archive / "tuesday" / "arm.mcap"
     os.utime(touched, ns=(touched.stat().st_atime_ns, touched.stat().st_mtime_ns + S))
     assert again() == {"tuesday-arm"}
-    patterns = [str(archive / GOOD[0]), *patterns[-1:]]
-    options = {}
+    patterns, options = [str(archive / GOOD[0]), *patterns[-1:]], {}
     for more in ({"parameters": {"absurd.jump": 0.5}}, {"gain": 30.0}, {"model": dd.load_robot("panda")}):
         options |= more
-        assert again(**options) == {"monday-arm"}
-        assert again(**options) == set()
+        assert [again(**options) for _ in range(2)] == [{"monday-arm"}, set()]
 
 
 def test_topics_and_names_of_joints(tmp_path, scheduler):
     """Those of all recordings; another map is another result, a model is known again."""
-    sent = [
-        Message(topic, START + k * MS, serialized(START + k * MS, [name], [0.01 * k], [0.1], [1.0]))
-        for k in range(40)
-        for topic, name in (("/one", "left_a"), ("/two", "left_b"))
-    ]
-    path, names = write_mcap(tmp_path / "x.mcap", sent), {"left_*": "*"}
-    options = {"topic": ["/one", "/two"], "scheduler": scheduler, "parquet": False}
+    topics, names = ("/one", "/two"), {"left_*": "*"}
+    path = write_mcap(tmp_path / "x.mcap", few(["left_a", "left_b"], topics))
+    options = {"topic": topics, "scheduler": scheduler, "parquet": False}
     for joint_names, computed, states in ((names, 1, 79), (names, 0, 79), (None, 0, 0)):
         report = dd.analyse_fleet([path], tmp_path / "out", arm("a", "b"), joint_names=joint_names, **options)
         assert report["computed"] == computed and sum(row["states"] for row in report["recordings"]) == states
@@ -213,13 +207,13 @@ def test_the_command(tmp_path, archive, scheduler, capsys):
     assert "Robot 'ur5': 1 recordings" in told.out and "2 recordings analysed; 2 failed" in told.out
     assert told.out.count("nothing is known of collisions") == 2
     assert "4 of 4 recordings" in told.err and not list(tmp_path.glob("*.parquet"))
+    run[2] = str(archive / GOOD[3])  # all are analysed, and messages were rejected
     assert main(["analyse", run[2], "--fleet", *run[3:], "--quiet"]) == 1  # before --fleet as well as behind it
     assert capsys.readouterr() == ("", "")
     for wrong, what in (
         (["analyse", "--fleet", "nothing.mcap", "--out", str(tmp_path)], "there is no recording 'nothing.mcap'"),
         (["analyse", "--fleet", str(archive)], "--fleet needs --out"),
         ([*arguments, "--csv", "x.csv"], "--csv is of a single recording"),
-        ([*arguments, "--topics", "state"], "--topics is of a single recording"),
         ([*arguments, "--workers", "0"], "--workers is 0"),
     ):
         assert main(wrong) == 2
@@ -234,17 +228,15 @@ def page_of(folder):
     return page, links, [re.findall('data-value="([^"]*)"', row) for row in page.split("<tr>")[2:]]
 
 
-def test_the_page(analysed, archive, expected):
+def test_the_page(analysed, expected):
     """A row for each recording, which leads to its summary; what is wrong with it and with others is below."""
     page, links, rows = page_of(analysed[1])
-    assert sorted(links) == sorted(analysed[1].glob("*-*.json"))
-    assert [row[0] for row in rows] == list(expected) and {row[8] for row in rows} == {""}
-    assert [int(row[3]) for row in rows] == [one["states"] for one in expected.values()]
-    assert [float(row[4]) for row in rows] == [one["kinetic_energy"]["max"] for one in expected.values()]
+    assert sorted(links) == sorted(analysed[1].glob("*-*.json")) and {row[8] for row in rows} == {""}
+    shown = [(row[0], int(row[3]), float(row[4])) for row in rows]
+    assert shown == [(path, one["states"], one["kinetic_energy"]["max"]) for path, one in expected.items()]
     assert "nothing is known of contacts" in page and "0 contacts" not in page
     notes = dict(re.findall("<li><b>(.*?)</b>: (.*?)</li>", page))
-    assert set(notes) == {*BAD, *GOOD}
-    assert "messages were rejected" in notes[GOOD[3]]
+    assert set(notes) == {*BAD, *GOOD} and "messages were rejected" in notes[GOOD[3]]
 
 
 def test_strange_names(tmp_path, scheduler, capsys):
@@ -253,11 +245,7 @@ def test_strange_names(tmp_path, scheduler, capsys):
     folder, out, urdf = tmp_path / strange, tmp_path / "out", tmp_path / "arm.urdf"
     folder.mkdir()
     urdf.write_text(re.sub('name="[^"]*"', f'name="{html.escape(strange)}"', urdf_of("a"), count=1))
-    sent = [
-        Message("/joint_states", START + k * MS, serialized(START + k * MS, ["a"], [0.01 * k], [0.1], [1.0]))
-        for k in range(40)
-    ]
-    paths = [write_mcap(folder / os.fsdecode(name), sent) for name in (b"caf\xe9.mcap", b"<b>&amp;.mcap")]
+    paths = [write_mcap(folder / os.fsdecode(name), few(["a"])) for name in (b"caf\xe9.mcap", b"<b>&amp;.mcap")]
     (folder / "<u>.mcap").write_bytes(b"nothing")
     command = ["analyse", "--fleet", str(folder / "*.mcap"), "--urdf", str(urdf), "--out", str(out)]
     assert main([*command, "--scheduler", scheduler]) == 1
@@ -268,9 +256,6 @@ def test_strange_names(tmp_path, scheduler, capsys):
     assert {html.unescape(row[0]) for row in rows} == shown
     assert {html.unescape(row[1]) for row in rows} == {strange}
     assert set(parquet.read_table(out / "fleet.parquet")["recording"].to_pylist()[:2]) == shown
-    assert {row["recording"] for row in json.loads((out / "fleet.json").read_text())["recordings"]} == set(
-        map(str, paths)
-    )
     assert main([*command, "--scheduler", scheduler]) == 1
     assert "0 recordings analysed, 2 had been; 1 failed" in capsys.readouterr().out
 
@@ -290,21 +275,6 @@ def test_reports(tmp_path, archive, scheduler, expected):
             assert summary == expected[summary["recording"]]
         if not computed:
             reports[0].unlink()
-
-
-def test_the_exit_status_is_that_of_a_recording_by_itself(tmp_path, scheduler, capsys):
-    """States too far apart for a balance, with efforts: worth a look in either way."""
-    rows = [f"{0.3 * k},{0.3 * math.sin(0.3 * k)},{0.3 * math.cos(0.3 * k)},1" for k in range(200)]
-    path, out, urdf = tmp_path / "slow.csv", tmp_path / "out", tmp_path / "arm.urdf"
-    path.write_text("\n".join(["t,q_a,qd_a,tau_a", *rows]))
-    urdf.write_text(urdf_of("a"))
-    why = "there are efforts, but no balance of power"
-    report = dd.analyse_fleet([path], out, arm("a"), scheduler=scheduler, parquet=False)
-    assert [row["wrong"] for row in report["recordings"]] == [why]
-    assert main(["analyse", str(path), "--urdf", str(urdf)]) == 1
-    assert why in capsys.readouterr().err
-    fleet = ["analyse", "--fleet", str(tmp_path / "sl*.csv"), "--out", str(out), "--no-parquet", "--quiet"]
-    assert main([*fleet, "--urdf", str(urdf), "--scheduler", scheduler]) == 1
 
 
 def test_wrong_arguments(tmp_path, archive, monkeypatch):

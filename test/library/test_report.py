@@ -150,6 +150,7 @@ def unpacked(data, columns, rows):
 
 
 def test_packed_numbers_come_back():
+    """Steps of noisy columns are a third of its standard deviation, and never coarser than the signal needs."""
     rng, t = np.random.default_rng(6), np.linspace(0.0, 9.0, 3000)
     columns = np.sin(t), 1e-9 * rng.normal(size=3000), rng.integers(0, 127, 3000), np.full(3000, 2.5)
     numbers = np.stack(columns, axis=1)
@@ -161,16 +162,10 @@ def test_packed_numbers_come_back():
     error, span = np.nanmax(np.abs(found - numbers), axis=0), np.nanmax(numbers, axis=0) - np.nanmin(numbers, axis=0)
     assert (error <= 0.51 * span / LEVELS).all()
     np.testing.assert_array_equal(found[:, 2:], numbers[:, 2:])
-
-
-def test_noise_is_not_kept():
-    """Steps are a third of its standard deviation, and never coarser than the signal without noise needs."""
-    t = np.linspace(0.0, 4.0, 4000)
     smooth = 30.0 * np.sin(3.0 * t) + 10.0 * (t > 2.0)
-    noisy = smooth + np.random.default_rng(10).normal(0.0, 0.1, len(t))
+    noisy = smooth + rng.normal(0.0, 0.1, len(t))
     (_, step, _), (_, least, _) = pack(np.stack([noisy, smooth], axis=1), 16_000, 1.0 / 3.0).columns
-    assert step == pytest.approx(0.1 / 3.0, rel=0.1)
-    assert least == pytest.approx(np.ptp(smooth) / 16_000)
+    assert (step, least) == pytest.approx((0.1 / 3.0, np.ptp(smooth) / 16_000), rel=0.1)
 
 
 def test_meshes_have_fewer_vertices_where_they_are_too_large():
@@ -253,32 +248,25 @@ def test_the_numbers_are_the_librarys(recording):
     np.testing.assert_allclose(np.diff(around), 1.0 / RATE, atol=2e-6)
 
 
-GAIN, THRESHOLD = "external_torque.gain", "external_torque.threshold"
-
-
 @pytest.mark.parametrize(
     ("given", "efforts", "missing", "words"),
     [
-        ([], True, [GAIN, THRESHOLD], [f"{GAIN} and", "calibrate"]),
-        (WATCHED[:1], True, [GAIN], ["gain is not set, without", "calibrate"]),
-        (WATCHED[1:], True, [THRESHOLD], ["threshold is not set", "calibrate"]),
-        (WATCHED, False, [], ["no efforts"]),
+        (WATCHED[:1], True, ["external_torque.gain"], ("gain is not set, without", "calibrate")),
+        (WATCHED[1:], True, ["external_torque.threshold"], ("threshold is not set", "calibrate")),
+        (WATCHED, False, [], ("no efforts",)),
     ],
-    ids=["neither", "no gain", "no threshold", "no efforts"],
+    ids=["no gain", "no threshold", "no efforts"],
 )
 def test_contacts_of_which_nothing_is_known(recording, capsys, given, efforts, missing, words):
     """Summary and text name the missing parameter and do not report zero contacts."""
     columns = recording.columns(slice(750, 1500))  # the push is in it
     if not efforts:
         del columns["tau"]
-    _, summary = recording.analyse("part", *(["--set", *given] if given else []), **columns)
-    observer = summary["observer"]
-    assert (observer["missing"], summary["collisions"]) == (missing, [])
-    assert observer["observed"] == (749 if efforts else 0)
-    said = " ".join(capsys.readouterr().out.split())
-    assert "0 collisions" not in said
-    assert all(word in said for word in ("Nothing is known of contacts", *words)), said
-    assert ("gain 25/s because external_torque.gain is not set" in said) == (GAIN in missing)
+    _, summary = recording.analyse("part", "--set", *given, **columns)
+    observer, said = summary["observer"], " ".join(capsys.readouterr().out.split())
+    assert (observer["missing"], observer["observed"], summary["collisions"]) == (missing, 749 * efforts, [])
+    assert "0 collisions" not in said and all(word in said for word in ("Nothing is known of contacts", *words)), said
+    assert ("gain 25/s because external_torque.gain is not set" in said) == ("external_torque.gain" in missing)
 
 
 def test_states_without_an_effort_are_counted(recording):
@@ -287,9 +275,8 @@ def test_states_without_an_effort_are_counted(recording):
     columns["tau"][2500:2700] = np.nan
     html, summary = recording.analyse("gap", "--quiet", "--set", *WATCHED, **columns)
     unknown = summary["states"] - summary["observer"]["observed"]
-    assert 201 <= unknown <= 202
+    assert 201 <= unknown <= 202 and len(summary["collisions"]) == 1
     assert f"Of {unknown} of 4000 states nothing is known" in summary["observer"]["says"]
-    assert len(summary["collisions"]) == 1
     told, blocks = parts_of(html)
     t, found, _ = track_of(told, blocks, told["tracks"][0])
     missing = np.abs(t - 5.2) < 0.18
@@ -302,53 +289,42 @@ def test_the_strongest_contacts_have_the_room_that_there_is(recording, monkeypat
     t, *motion = recording.motion(((0.5, 0.8), (6.5, 6.8)), (40.0, 80.0))
     rng = np.random.default_rng(9)
     noisy = {name: x + rng.normal(0.0, 1e-4, x.shape) for name, x in zip(("q", "qd", "tau"), motion, strict=True)}
-    columns = {"t": t} | noisy
-    html, _ = recording.analyse("pushed", "--quiet", "--set", *WATCHED, **columns)
-    told, blocks = parts_of(html)
-    assert len(told["tracks"]) == 3
-    room = html.stat().st_size - 4 * sum(len(blocks[k]) for k in told["tracks"][1]["blocks"]) // 6
-    monkeypatch.setattr(output, "MAX_REPORT", room)
-    html, _ = recording.analyse("less", "--quiet", "--set", *WATCHED, **columns)
-    told, blocks = parts_of(html)
-    assert html.stat().st_size < room * 1.01
-    assert (len(told["tracks"]), told["without_full_rate"]) == (2, 1)
+    room = output.MAX_REPORT
+    for name, contacts in (("pushed", 2), ("less", 1)):
+        monkeypatch.setattr(output, "MAX_REPORT", room)
+        html, _ = recording.analyse(name, "--quiet", "--set", *WATCHED, t=t, **noisy)
+        told, blocks = parts_of(html)
+        assert html.stat().st_size < room * 1.01
+        assert (len(told["tracks"]), told["without_full_rate"]) == (1 + contacts, 2 - contacts)
+        room = html.stat().st_size - 4 * sum(len(blocks[k]) for k in told["tracks"][1]["blocks"]) // 6
     assert track_of(told, blocks, told["tracks"][1])[0].min() > 4.0
 
 
 def test_times_behind_a_long_gap_are_right(recording):
-    """A gap of two hours is longer than the 71.6 minutes that microseconds of 32 bits hold."""
-    columns = recording.columns(slice(0, 1000))
+    """Two hours are longer than the 71.6 minutes of 32-bit microseconds. A made model has no points of contact."""
+    columns, path, html = (
+        recording.columns(slice(0, 1000)),
+        *(recording.folder / f"gap.{kind}" for kind in ("npz", "html")),
+    )
     columns["t"] = columns["t"] + 7200.0 * (np.arange(1000) >= 600)
-    told, blocks = parts_of(recording.analyse("gap", "--quiet", **columns)[0])
-    t = track_of(told, blocks, told["tracks"][0])[0]
-    assert t[-1] > 7200.0 and np.isin(np.rint(t * 1e6), np.rint(columns["t"] * 1e6)).all()
-
-
-def test_a_model_without_a_description_has_no_contact(recording):
-    """The report has no points of contact."""
-    html = recording.folder / "made.html"
-    path = recording.folder / "made.npz"
-    np.savez(path, **recording.columns(slice(0, 500)))
-    reading = Reading(path, recording.model)
+    np.savez(path, **columns)
+    reading = Reading(path, recording.model, parameters={"external_torque.gain": 25.0})
     analysis, report = Analysis(reading), output.ReportOutput(html, reading)
     analysis.run([report])
-    report.close(summary_of(analysis.outcome) | {"recording": "made.npz"})
-    told, _ = parts_of(html)
+    report.close(summary_of(analysis.outcome) | {"recording": "gap.npz"})
+    told, blocks = parts_of(html)
+    t = track_of(told, blocks, told["tracks"][0])[0]
+    assert t[-1] > 7200.0 and np.isin(np.rint(t * 1e6), np.rint(columns["t"] * 1e6)).all()
     assert (told["contact"], ["contact" in track for track in told["tracks"]]) == ([], [False])
+    assert told["parameters"][0] == {"name": "external_torque.gain", "value": "25.0", "default": False}
+    assert {"yes", "no", "none"} <= {row["value"] for row in told["parameters"]}
 
 
 def test_files_that_cannot_be_written(recording, capsys, tmp_path):
     path = recording.folder / "swing.csv"
     np.savetxt(path, np.zeros((1, 1)))
-    for target, key in ((path, "is read"), (tmp_path / "no" / "r.html", "there is no folder")):
+    for target, key in ((path, "is read"), (tmp_path / "no" / "r.html", "there is no folder"), (tmp_path, "folder")):
         assert main(["analyse", str(path), "--urdf", str(recording.urdf), "--report", str(target)]) == 2
         assert key in capsys.readouterr().err
-    with pytest.raises(dd.InputError, match="folder"):
-        output.ReportOutput(tmp_path, Reading(path, recording.model))
     with pytest.raises(dd.InputError, match="make page"):
         write_report(tmp_path / "r.html", {}, [], {}, static=tmp_path)
-
-
-def test_values_of_parameters():
-    told = [output.format_value(value) for value in (True, False, [], ["a=1.5", "b=2"], [0.5, 1.0], "", "x", 25.0)]
-    assert told == ["yes", "no", "none", "a=1.5, b=2", "0.5, 1.0", "none", "x", "25.0"]
