@@ -11,7 +11,7 @@ from diag_dynamics.joint_states.assembler import FIELDS, JointStates
 from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.recordings.intake import Batch
 from diag_dynamics.recordings.joint_names import describe_maps, listed, propose_maps
-from diag_dynamics.recordings.tables.columns import open_table
+from diag_dynamics.recordings.tables import open_table
 
 LATEST = (1 << 31) - 1
 """Last second that a stamp can be of."""
@@ -110,7 +110,7 @@ class TableSource:
         beyond = (sec < 0) | (sec > LATEST)
         if beyond.any() and not self._beyond:
             k = int(np.argmax(beyond))
-            self._first_beyond = f"row {columns.rows[k]}, of {columns.time[k]:g} s"
+            self._first_beyond = f"{self._table.unit} {columns.rows[k]}, of {columns.time[k]:g} s"
         self._beyond += int(beyond.sum())
         return np.where(beyond, -1, sec), nanosec
 

@@ -500,10 +500,6 @@ CONTRADICTIONS = {
         "t,joint,position,velocity\n0,0,1,1\n0,1,1,1\n0,2,1,1\n",
         "'joint' numbers the joints of rows. Write their names in its place",
     ),
-    "two of three fields": (
-        "1660000000,0,base,shoulder,elbow,wrist,1,2,3,4,5,6\n",
-        "no header and two numbers for each of 3 names: position, and velocity or effort",
-    ),
     "order of joints": (long_table(FIXED, by_joint=True), "in the order of joints, 'elbow' before 'shoulder'; .* Sort"),
 }
 

@@ -1,95 +1,132 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cells of a table, arrays of pyarrow, as numbers, lists of numbers and texts."""
+"""Cells of a table, arrays of pyarrow, as times, numbers, lists of numbers and texts."""
+
+import re
+from contextlib import suppress
+from datetime import datetime, timedelta, timezone
+from decimal import Context, Decimal
 
 import numpy as np
 import pyarrow as pa
 
+from diag_dynamics.recordings.tables.headers import Column
 from diag_dynamics.recordings.tables.joint_names import MAX_LENGTH, numbers_of
-from diag_dynamics.recordings.tables.times import is_date
 
-BLANK = ("", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "none", "-", "--")
-"""Texts of empty cells; nan is a value that a driver has sent."""
+SAMPLE = 6  # first rows that show what a column of texts holds
+BLANK = ("", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "none", "-", "--")  # nan is a value that was sent
 MISSING = frozenset((*BLANK, "nan", "NaN", "NAN", "-nan", "-NaN"))
 """Texts that stand for no number."""
-SAMPLE = 6
-"""First rows that show what a column of texts holds."""
+
+_SECOND = 10**9  # [ns]
+_LIMIT = 2**62  # [ns], of stamps: the difference of two fits into 64 bits
+_SHORT = 2.0**50 / _SECOND  # [s], 13 days: up to here a double holds nine decimals
+_EXACT = Context(prec=40, traps=[])
+_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_ISO = re.compile(
+    r"(?P<year>\d{4})(?P<dash>-?)(?P<month>\d\d)(?P=dash)(?P<day>\d\d)"
+    r"[T ]\s*(?P<hour>\d\d)(?P<colon>:?)(?P<minute>\d\d)(?:(?P=colon)(?P<second>\d\d)(?:[.,](?P<fraction>\d+))?)?"
+    r"\s*(?:Z|UTC|GMT|(?P<zone>[+-]\d\d(?::?\d\d)?))?(?:\[[\w/+-]+\])?",
+    re.ASCII | re.IGNORECASE,
+)
+"""ISO 8601 in the extended and the basic form, with the name of a zone behind its offset."""
 
 
-def is_text(kind):
-    """Return whether a type of pyarrow is of texts."""
-    kind = kind.value_type if pa.types.is_dictionary(kind) else kind
-    return str(kind) in ("string", "large_string", "string_view", "binary", "large_binary", "binary_view")
+# --- Texts ---
 
 
-def decoded(array):
-    """Return an array without its dictionary."""
-    return array.dictionary_decode() if pa.types.is_dictionary(array.type) else array
-
-
-def to_numpy(array):
-    """Return an array of numbers as doubles; null is NaN."""
-    return decoded(array).cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+def unify(array):
+    """Return an array without a dictionary, and texts of any type as strings; long binary ones, as pictures, empty."""
+    if pa.types.is_dictionary(array.type):
+        array = array.dictionary_decode()
+    kind = str(array.type)
+    if "binary" in kind:
+        texts = (one if len(one or b"") <= MAX_LENGTH else b"" for one in array.to_pylist())
+        return pa.array([None if one is None else one.decode(errors="replace") for one in texts], pa.string())
+    return array.cast(pa.string()) if kind in ("large_string", "string_view") else array
 
 
 def read_texts(array):
-    """Return texts, or lists of them; empty of null, and of a text too long for a name, such as a picture."""
-    return list(map(_text, array.to_pylist()))
+    """Return the texts of a column, empty for null; None for a column of other types."""
+    return [one or "" for one in array.to_pylist()] if pa.types.is_string(array.type) else None
 
 
-def _text(value):
-    if isinstance(value, list):
-        return list(map(_text, value))
-    text = value.decode(errors="replace") if isinstance(value, bytes) else value or ""
-    return text if len(text) <= MAX_LENGTH else ""
+def is_date(text):
+    """Return whether a text is a time in ISO 8601."""
+    return bool(_ISO.fullmatch(text.strip()))
 
 
-def parse_number(text, decimal="."):
-    """Return the number in a text, NaN of a sign of no value; None of any other text."""
+def is_number(text):
+    """Return whether a text is a number, with a decimal point or comma, or a time."""
+    given = text.strip() not in MISSING
+    return given and (parse_number(text.replace(",", ".")) is not None or is_date(text))
+
+
+def parse_number(text):
+    """Return the number in a text, NaN for a sign of no value; None for any other text."""
     text = text.strip()
     if text in MISSING:
         return np.nan
-    if decimal == ",":
-        text = "" if "." in text else text.replace(",", ".")
     try:
         return None if "_" in text else float(text)
     except ValueError:
         return None
 
 
-def sample_column(column, texts):
-    """Return a column with what its first texts show: times or numbers, lists of numbers, or names."""
-    texts = tuple(text.strip() for text in texts)
+def make_column(name, array, unit=None, numeric=False):
+    """Return the Column of an array with the first rows; `numeric`: texts may be numbers."""
+    kind = array.type
+    moments, numeric = pa.types.is_timestamp(kind), numeric or _is_numeric(kind)
+    dated = moments or pa.types.is_duration(kind)
+    column = Column(name, unit=unit or None, numeric=numeric, dated=dated, moments=moments, type=str(kind))
+    if is_list(kind):
+        lists = [one or () for one in array.to_pylist()]
+        first = next(filter(None, lists), ())
+        if _is_numeric(kind.value_type):
+            return column._replace(width=len(first), numeric=bool(first))
+        return column._replace(sample=tuple(lists), listed=True) if first and isinstance(first[0], str) else column
+    if (texts := read_texts(array)) is None:
+        return column
+    texts = [text.strip() for text in texts]
     given = [text for text in texts if text not in MISSING]
-    if any(parse_number(text, ",") is not None or parse_number(text) is not None or is_date(text) for text in given):
+    if any(map(is_number, given)):
         return column._replace(dated=True, moments=all(map(is_date, given)))
-    lists = [numbers_of(text) for text in given]
-    if any(lists) and None not in lists:
-        return column._replace(width=max(map(len, lists)), listed=True, numeric=True)
-    return column._replace(sample=texts, listed=bool(given) and all(text.endswith((")", "]")) for text in given))
+    numbers = [numbers_of(text) for text in given]
+    if any(numbers) and None not in numbers:
+        return column._replace(width=max(map(len, numbers)), listed=True, numeric=True)
+    first = texts.index(given[0]) if given else 0
+    sample = tuple(texts[: max(SAMPLE, first + 1)])
+    return column._replace(sample=sample, listed=bool(given) and all(text[-1] in ")]" for text in given))
+
+
+def is_list(kind):
+    """Return whether a type of pyarrow is of lists."""
+    return hasattr(kind, "value_field")
+
+
+def _is_numeric(kind):
+    return any(getattr(pa.types, f"is_{name}")(kind) for name in ("integer", "floating", "decimal", "null"))
 
 
 def are_blank(array):
     """Return whether cells hold nothing, bool (n,): null, an empty list, or a text for it."""
-    if is_text(array.type):
-        return np.array([text.strip() in (*BLANK, "[]", "()") for text in read_texts(array)], bool)
-    if hasattr(array, "value_lengths"):
-        return array.value_lengths().fill_null(0).to_numpy(zero_copy_only=False) == 0
+    if (texts := read_texts(array)) is not None:
+        return np.array([text.strip() in (*BLANK, "[]", "()") for text in texts], bool)
+    if is_list(array.type):
+        return _lengths(array) == 0
     return array.is_null().to_numpy(zero_copy_only=False)
 
 
-def read_numbers(array, decimal, lose):
+# --- Numbers ---
+
+
+def read_numbers(array, lose):
     """Return the numbers of a column, (n,), and report texts that are none by `lose(cause, unit, rows, example)`."""
-    if not is_text(array.type):
-        return to_numpy(array)
-    try:
-        if decimal == ".":
-            return decoded(array).cast(pa.float64()).to_numpy(zero_copy_only=False)
-    except pa.ArrowInvalid:
-        pass
+    with suppress(pa.ArrowInvalid):
+        return _to_numpy(array)
     texts = read_texts(array)
-    numbers = [parse_number(text, decimal) for text in texts]
+    numbers = [parse_number(text) for text in texts]
     if lost := [k for k, number in enumerate(numbers) if number is None]:
         lose("text where a number belongs", "fields are NaN", lost, f"'{texts[lost[0]].strip()[:40]}'")
     return np.array(numbers, float)
@@ -100,22 +137,101 @@ def read_lists(array, width, lose):
 
     Lists of another length than `width` are NaN throughout, unless it is None; `lose` is that of :func:`read_numbers`.
     """
-    if is_text(array.type):
-        texts = read_texts(decoded(array))
+    if (texts := read_texts(array)) is not None:
         lists = [numbers_of(text) for text in texts]
         if lost := [k for k, one in enumerate(lists) if one is None and texts[k].strip() not in MISSING]:
             lose("text where a list of numbers belongs", "rows of it are NaN", lost, f"'{texts[lost[0]].strip()[:40]}'")
         array = pa.array(lists, pa.list_(pa.float64()))
-    lengths = array.value_lengths().fill_null(0).to_numpy(zero_copy_only=False)
-    filled = np.arange(lengths.max(initial=0)) < lengths[:, None]
+    lengths = _lengths(array)
+    filled = np.arange(max(lengths.max(initial=0), width or 0)) < lengths[:, None]
     values = np.full(filled.shape, np.nan)
-    values[filled] = to_numpy(array.flatten())
+    values[filled] = _to_numpy(array.flatten())
     if width is None:
         return values
     odd = np.flatnonzero((lengths != width) & (lengths > 0))
     if odd.size:
         example = f"{lengths[odd[0]]} instead of {width}"
         lose("list of another length than there are joints", "rows of it are NaN", odd, example)
-    fitting = np.full((len(values), width), np.nan)
-    fitting[lengths == width] = values[lengths == width][:, :width]
-    return fitting
+        values[odd] = np.nan
+    return values[:, :width]
+
+
+def _to_numpy(array):
+    return array.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+
+
+def _lengths(array):
+    return array.value_lengths().fill_null(0).to_numpy(zero_copy_only=False)
+
+
+# --- Times ---
+
+
+def read_times(array, scale):
+    """Return times [s], NaN where one is missing, and stamps [ns] of an array of pyarrow; `scale` is the unit of numbers [s].
+
+    Integers and texts are exact to the nanosecond. Texts are numbers or ISO 8601, UTC without a zone.
+    """
+    kind = array.type
+    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
+        array, scale = array.cast(pa.int64()), _UNITS[kind.unit]
+    elif pa.types.is_decimal(kind):
+        array = array.cast(pa.string())
+    if pa.types.is_integer(array.type):
+        return _scale_integers(array, scale)
+    if not pa.types.is_string(array.type):
+        return _scale_floats(_to_numpy(array), scale)
+    with suppress(pa.ArrowInvalid):
+        return _scale_integers(array.cast(pa.int64()), scale)
+    with suppress(pa.ArrowInvalid):
+        values = _to_numpy(array)
+        if not (np.abs(values * scale) > _SHORT).any():
+            return _scale_floats(values, scale)
+    seconds = [_parse_time(text.strip(), Decimal(repr(scale))) for text in read_texts(array)]
+    exact = [0 if one.is_nan() else max(min(_EXACT.multiply(one, _SECOND), _LIMIT), -_LIMIT) for one in seconds]
+    return np.array(seconds, float), np.array([round(one) for one in exact], np.int64)
+
+
+def read_pairs(seconds, nanoseconds):
+    """Return times and stamps of whole seconds and nanoseconds in doubles."""
+    part = np.rint(np.clip(np.nan_to_num(nanoseconds), -5e9, 5e9)).astype(np.int64)
+    stamp = np.clip(_scale_floats(seconds, 1.0)[1] + part, -_LIMIT, _LIMIT)
+    return seconds + nanoseconds / _SECOND, stamp
+
+
+def _scale_floats(values, scale):
+    inverse = np.rint(1 / scale)
+    divided = scale < 1 and inverse and 1 / inverse == scale  # 5 / 1e6 is 5e-6, 5 * 1e-6 is not
+    time = values / inverse if divided else values * scale
+    whole = np.floor(np.clip(np.nan_to_num(time), -5e9, 5e9))
+    part = np.clip(np.nan_to_num(time) - whole, 0.0, 1.0)
+    stamp = whole.astype(np.int64) * _SECOND + np.rint(part * _SECOND).astype(np.int64)
+    return time, np.clip(stamp, -_LIMIT, _LIMIT)
+
+
+def _scale_integers(array, scale):
+    """Times and stamps; exact if a unit is a whole number of nanoseconds."""
+    values, unit = array.fill_null(0).to_numpy(zero_copy_only=False), round(scale * _SECOND)
+    time, stamp = _scale_floats(values.astype(float), scale)
+    if unit / _SECOND == scale:
+        small = np.abs(time) < _LIMIT / _SECOND
+        stamp[small] = values[small].astype(np.int64) * unit
+    time[array.is_null().to_numpy(zero_copy_only=False)] = np.nan
+    return time, stamp
+
+
+def _parse_time(text, unit):
+    """A text as Decimal [s]; NaN if it is no time."""
+    date = _ISO.fullmatch(text)
+    if date is None:
+        plain = text.isascii() and "_" not in text
+        return _EXACT.multiply(_EXACT.create_decimal(text), unit) if plain else Decimal("nan")
+    try:
+        zone = re.sub("[+:-]", "", date["zone"] or "0000")
+        offset = timedelta(hours=int(zone[:2]), minutes=int(zone[2:] or 0))
+        utc = timezone(-offset if "-" in (date["zone"] or "") else offset)
+        fields = ("year", "month", "day", "hour", "minute", "second")
+        moment = datetime(*(int(date[one] or 0) for one in fields), tzinfo=utc)
+    except ValueError:  # the 30th of February
+        return Decimal("nan")
+    return Decimal(round(moment.timestamp())) + Decimal(f"0.{date['fraction'] or 0}")

@@ -7,7 +7,6 @@ import bz2
 import csv
 import gzip
 import lzma
-import os
 import re
 import zlib
 
@@ -16,140 +15,106 @@ import pyarrow as pa
 from pyarrow import csv as arrow_csv
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.tables.cells import BLANK, MISSING, SAMPLE, parse_number, sample_column
+from diag_dynamics.recordings.tables.cells import BLANK, MISSING, SAMPLE, is_date, is_number, make_column
 from diag_dynamics.recordings.tables.choice import choose
 from diag_dynamics.recordings.tables.column_map import UNSAID
-from diag_dynamics.recordings.tables.headers import Column
 from diag_dynamics.recordings.tables.joint_names import comment_texts
-from diag_dynamics.recordings.tables.table import LEFT_OUT, ROWS, Block
-from diag_dynamics.recordings.tables.times import is_date
+from diag_dynamics.recordings.tables.table import LEFT_OUT, ROWS
 from diag_dynamics.recordings.tables.units import is_unit
 
-SPACES = " "
-"""As a delimiter: any number of spaces and tabs."""
-MAX_LINE = 1 << 26
-"""Bytes."""
-_BEGINNING = 1 << 20
-"""Bytes in which the header and the first rows are."""
-_COMMENTED = 100
-"""First lines whose comments may name joints."""
-_CHUNK = 1 << 18
-_BOM = b"\xef\xbb\xbf"
+SPACES = " "  # as a delimiter: any number of spaces and tabs
+MAX_LINE = 1 << 26  # bytes
+_BEGINNING = 1 << 20  # bytes in which the header and the first rows are
+_COMMENTED = 100  # first lines whose comments may name joints
 _COMMENT = re.compile(r'#|%[%\s]|"?sep=."?\s*$')
 _PACKINGS = {
-    b"\x1f\x8b": "gzip",
-    b"BZh": "bz2",
-    b"\xfd7zXZ\0": "xz",
-    b"\x28\xb5\x2f\xfd": "zstd",
-    b"\x04\x22\x4d\x18": "lz4",
+    b"\x1f\x8b": gzip.open,
+    b"BZh": bz2.open,
+    b"\xfd7zXZ\0": lzma.open,
+    b"\x28\xb5\x2f\xfd": lambda file: pa.CompressedInputStream(pa.PythonFile(file), "zstd"),
+    b"\x04\x22\x4d\x18": lambda file: pa.CompressedInputStream(pa.PythonFile(file), "lz4"),
 }
-_OPENERS = {"gzip": gzip.open, "bz2": bz2.open, "xz": lzma.open}
+_BROKEN = (EOFError, OSError, zlib.error, lzma.LZMAError)
 
 
 class CsvSource:
     """Rows of a text. A line is a row: a quote that was lost does not take the rest of the file along."""
 
-    notes = ()
+    notes, unit = (), "line"
 
     def __init__(self, path, wanted, joints):
-        self.path, self._decimal = path, wanted.decimal
-        lines = self._first_lines()
-        columns, self._delimiter, self.lines = _read_head(lines, wanted, joints, path)
+        self.path, self._broken, self._decimal = path, "", wanted.decimal
+        _, begin = next(self._read_lines(_BEGINNING), (1, b""))
+        lines = [_decode(line) for line in begin.split(b"\n")]
+        if len(lines) < 2 or "\0" in lines[0]:
+            why = self._broken or "its first line is no text (UTF-8) with a line break behind it (LF or CR LF)"
+            raise InputError(f"'{path}' is neither CSV nor Parquet or npz that can be read: {why}.")
+        columns, self._delimiter, self._above = _read_head(lines, wanted, joints, path)
         self.headers = [one.name for one in columns]
         marked = [
-            (at, line)
+            (at, re.sub(r"^[#%\s]+", "", line))
             for at, line in enumerate(lines[:_COMMENTED], 1)
             if at <= wanted.skip or line.startswith(("#", "%"))
         ]
-        comments = comment_texts([(at, re.sub(r"^[#%\s]+", "", line)) for at, line in marked])
-        self.choice = choose(columns, wanted, joints, path, comments)
-        self._size = min(max(ROWS * (sum(map(len, lines)) // len(lines) + 1), _BEGINNING), MAX_LINE)
-        texts = set(self.choice.used) - {k for k in self.choice.values if not columns[k].width} | set(self.choice.time)
+        self.choice = choose(columns, wanted, joints, path, comment_texts(marked))
+        self._size = min(max(ROWS * (len(begin) // len(lines) + 1), _BEGINNING), MAX_LINE)
+        self._scalars = {*self.choice.values, *self.choice.time} - {k for k, one in enumerate(columns) if one.listed}
+        numbers = self._scalars.difference(self.choice.time)
         self._convert = arrow_csv.ConvertOptions(
-            column_types={str(k): pa.string() if k in texts else pa.float64() for k in self.choice.used},
+            column_types={str(k): pa.float64() if k in numbers else pa.string() for k in self.choice.used},
             include_columns=[str(k) for k in self.choice.used],
             null_values=list(BLANK),
-            strings_can_be_null=False,
             decimal_point=wanted.decimal,
         )
 
     def blocks(self, losses):
-        """Yield each :class:`Block`."""
-        row = 0
-        for line, text in self._read_lines(losses):
-            if line == 1:  # the first lines are all in it
-                parts = text.removeprefix(_BOM).split(b"\n", self.lines)
-                line, text = self.lines + 1, parts[self.lines] if len(parts) > self.lines else b""
-            if text:
-                block, count = self._parse(text, line, row) or self._parse_lines(text, line, row, losses)
-                row += count
-                yield block
-        if not row:
-            losses.add("there is no row below the header", f"line {self.lines + 1}")
+        """Yield arrays by index of the column, and the number of each line."""
+        end = self._above + 1
+        for line, text in self._read_lines(self._size):
+            if line == 1:  # the lines above the rows are all in it
+                *above, text = text.split(b"\n", self._above)
+                line, text = self._above + 1, text if len(above) == self._above else b""
+            yield self._parse(text, line) or self._parse_lines(text, line, losses)
+            end = line + text.count(b"\n") + (not text.endswith(b"\n") and text != b"")
+        if self._broken:
+            losses.add(f"{self._broken}: all behind this line is lost", f"line {end - 1}")
+        if end == self._above + 1:
+            losses.add("there is no row below the header", f"line {end}")
 
-    def _chunks(self, broken):
-        """Unpacked bytes; `broken` receives why the file cannot be read to its end."""
-        size = os.path.getsize(self.path)
+    def _read_lines(self, size):
+        """Yield whole lines, about `size` bytes at a time, and the number of the first."""
+        held, line = bytearray(), 1
+        for chunk in self._read_chunks():
+            held += chunk
+            end = held.rfind(b"\n") + 1 if chunk or self._broken else len(held)
+            if end and (len(held) >= size or not chunk):
+                yield line, bytes(held[:end]).removeprefix(b"\xef\xbb\xbf" if line == 1 else b"")
+                line += held.count(b"\n", 0, end)
+                del held[:end]
+            elif len(held) > size + MAX_LINE:
+                raise InputError(f"'{self.path}': line {line} has more than {MAX_LINE} bytes.")
+
+    def _read_chunks(self):
+        """Yield unpacked bytes, an empty chunk at the end; `_broken` says why it is not the end of the file."""
+        self._broken = ""
         with open(self.path, "rb") as file:
             begin = file.read(8)
             file.seek(0)
-            packed = next((name for magic, name in _PACKINGS.items() if begin.startswith(magic)), None)
-            stream = _OPENERS[packed](file) if packed in _OPENERS else file
-            if packed in ("zstd", "lz4"):
-                stream = pa.CompressedInputStream(pa.PythonFile(file, mode="r"), packed)
+            opener = next((one for magic, one in _PACKINGS.items() if begin.startswith(magic)), None)
+            stream = opener(file) if opener else file
             try:
-                while chunk := stream.read1(_CHUNK):
+                while chunk := stream.read1(1 << 18):
                     yield chunk
-            except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
+            except _BROKEN as error:
                 why = str(error).rstrip(".") or type(error).__name__
                 cut = isinstance(error, EOFError) or "Truncated" in why
                 doubt = "" if cut else "; it is damaged, and rows before that may be wrong"
-                at = f"at byte {min(file.tell(), size)} of {size}, or shortly before"
-                broken.append(f"the {packed or 'file'} stream cannot be read to its end, {at}: {why}{doubt}")
+                self._broken = f"the packed stream cannot be read to its end: {why}{doubt}"
+        yield b""
 
-    def _first_lines(self):
-        """Lines of the beginning, as text."""
-        broken, begin = [], b""
-        for chunk in self._chunks(broken):
-            begin += chunk
-            if len(begin) >= _BEGINNING:
-                begin = begin[: begin.rfind(b"\n") + 1]  # nothing without a line break
-                break
-        begin = begin.removeprefix(_BOM)
-        first = begin.partition(b"\n")[0]
-        why = broken[0] if broken and b"\n" not in begin else ""
-        if b"\0" in first:
-            why = "it is neither a table of text nor Parquet or npz: there are NUL bytes in its first line"
-        elif not why and (not begin or (first == begin and b"\r" in begin.strip(b"\r"))):
-            why = f"there is no line break, LF or CR LF, in its first {_BEGINNING} bytes"
-        if why:
-            raise InputError(f"'{self.path}' is no table that can be read: {why}.")
-        return [_text(line) for line in begin.split(b"\n")]
-
-    def _read_lines(self, losses):
-        """Whole lines, about ROWS at a time, and the number of the first."""
-        broken, held, line = [], bytearray(), 1
-        for chunk in self._chunks(broken):
-            held += chunk
-            end = held.rfind(b"\n") + 1 if len(held) >= self._size else 0
-            if end:
-                yield line, bytes(held[:end])
-                line += held.count(b"\n", 0, end)
-                del held[:end]
-            elif len(held) > self._size + MAX_LINE:
-                raise InputError(f"'{self.path}': line {line} has more than {MAX_LINE} bytes.")
-        if broken:
-            end = held.rfind(b"\n") + 1
-            lost = ", and with it the row in which it breaks off" if end < len(held) else ""
-            del held[end:]
-            last = line + held.count(b"\n") - 1
-            losses.add(f"{broken[0]}: all behind this line is lost{lost}", f"line {last}")
-        if held:
-            yield line, bytes(held)
-
-    def _parse(self, text, line, row):
-        """A block in which each line is a row of numbers, and the number of rows; None of others."""
-        if b"\0" in text or text.startswith(b"#") or b"\n#" in text or self._delimiter == SPACES:
+    def _parse(self, text, line):
+        """A block in which each line is a row of numbers; None for others."""
+        if text.startswith(b"#") or b"\n#" in text or self._delimiter == SPACES:
             return None
         names = [str(k) for k in range(len(self.headers))]  # headers may be there twice
         read = arrow_csv.ReadOptions(column_names=names, block_size=1 << 27, use_threads=False)
@@ -162,32 +127,37 @@ class CsvSource:
         if table.num_rows != count:  # empty lines, or some between quotes
             return None
         arrays = {k: table.column(str(k)).combine_chunks() for k in self.choice.used}
-        return Block(arrays, np.arange(row, row + count), range(line, line + count), self._decimal), count
+        return self._replace_commas(arrays), np.arange(line, line + count)
 
-    def _parse_lines(self, text, line, row, losses):
-        """A block line by line, and the number of rows; what is no row is counted."""
-        width, kept, places, count = len(self.headers), [], [], 0
-        for at, one in enumerate(_text(text).split("\n"), line):
+    def _parse_lines(self, text, line, losses):
+        """A block line by line; what is no row is counted."""
+        width, kept, lines = len(self.headers), [], []
+        for at, one in enumerate(_decode(text).split("\n"), line):
             if one.startswith("#") or not one.strip():
                 continue
             fields = fields_of(one, self._delimiter)
             if not any(field.strip() for field in fields[width:]):
                 del fields[width:]
-            if "\0" in one:
-                losses.add("NUL bytes, as files have them of a machine that lost its power", f"line {at}", LEFT_OUT)
-            elif len(fields) != width:
+            if len(fields) == width:
+                kept.append(fields)
+                lines.append(at)
+            else:
                 example = f"{len(fields)} instead of {width}"
                 losses.add("another number of columns than the header has", f"line {at}", LEFT_OUT, example=example)
-            else:
-                kept.append(fields)
-                places.append((row + count, at))
-            count += 1
-        rows, lines = np.array(places, np.int64).reshape(-1, 2).T
         arrays = {k: pa.array([fields[k] for fields in kept], pa.string()) for k in self.choice.used}
-        return Block(arrays, rows, lines, self._decimal), count
+        return self._replace_commas(arrays), np.array(lines, np.int64)
+
+    def _replace_commas(self, arrays):
+        """Texts of numbers with a point for the decimal comma; a point, which separates thousands, makes them none."""
+        for k in self._scalars if self._decimal == "," else ():
+            if pa.types.is_string(arrays[k].type):
+                texts = arrays[k].to_pylist()
+                texts = [one if is_date(one) else one.replace(".", "_").replace(",", ".") for one in texts]
+                arrays[k] = pa.array(texts, pa.string())
+        return arrays
 
 
-def _text(data):
+def _decode(data):
     """Bytes as text: UTF-8, or Latin-1 of older spreadsheets."""
     try:
         return data.decode()
@@ -213,77 +183,27 @@ def fields_of(line, delimiter):
 def _read_head(lines, wanted, known, path):
     """Columns, delimiter, and the number of lines above the first row."""
     at, comment = wanted.skip, None
-    if at >= len(lines):
-        raise InputError(f"'{path}': {at} lines are to be skipped, but there are {len(lines)}.")
     while at < len(lines) and (not lines[at].strip() or _COMMENT.match(lines[at].lstrip())):
         comment = lines[at].lstrip("#% \t").rstrip() if lines[at].strip() else comment
         at += 1
-    rows = [(n, line) for n, line in enumerate(lines[at:], at + 1) if line.strip() and not line.startswith("#")][
-        : SAMPLE + 3
-    ]
+    rows = [(n, line) for n, line in enumerate(lines[at:], at + 1) if line.strip() and not line.startswith("#")]
     if not rows and comment is None:
-        raise InputError(f"'{path}' has {len(lines)} lines and nothing in them.")
-    rows, comment = (rows, comment) if rows else ([(at, comment)], None)
+        raise InputError(
+            f"'{path}' has {len(lines)} lines, and nothing in them behind the {wanted.skip} to be skipped."
+        )
+    rows, comment = (rows[: SAMPLE + 3], comment) if rows else ([(at, comment)], None)
     delimiter = wanted.delimiter or _guess_delimiter([line for _, line in rows], wanted.decimal)
     fields = [(n, fields_of(line, delimiter)) for n, line in rows]
-    columns, used = _read_header(fields, comment and fields_of(comment, delimiter), wanted, known, path)
+    names, units, used = _read_header(fields, comment and fields_of(comment, delimiter), wanted, known, path)
     below = [row for _, row in fields[used:]][:SAMPLE]
-    decimal_comma = re.compile(r"\s*[+-]?\d+,\d+(?:[eE][+-]?\d+)?\s*")
-    commas = [one.strip() for row in below for one in row if decimal_comma.fullmatch(one)]
+    commas = [one.strip() for row in below for one in row if re.fullmatch(r"\s*[+-]?\d+,\d+(e[+-]?\d+)?\s*", one)]
     if commas and "," not in (delimiter, wanted.decimal):
         raise InputError(
             f"'{path}': numbers such as '{commas[0]}' have a decimal comma: say `decimal: ','` in the map of columns."
         )
-    columns = [sample_column(one, [row[k] if k < len(row) else "" for row in below]) for k, one in enumerate(columns)]
+    texts = [pa.array([row[k] if k < len(row) else "" for row in below], pa.string()) for k in range(len(names))]
+    columns = [make_column(*one, True) for one in zip(names, texts, units, strict=True)]
     return columns, delimiter, fields[used - 1][0] if used else at
-
-
-def _read_header(fields, comment, wanted, known, path):
-    """Columns by the first lines, and how many of these are above the rows."""
-    line, first = fields[0]
-    echoed = _echoed_names(first, wanted, path)
-    if echoed or not (_is_header(first, path, line) if wanted.header is None else wanted.header):
-        named = comment if comment and wanted.header is None and len(comment) == len(first) else None
-        if not (echoed or named or wanted.header is False or _by_numbers(wanted)):
-            raise InputError(
-                f"'{path}' has no header, line {line} is of numbers: give a map of columns (--columns MAP.yaml) with "
-                f"`header: false`, and with `time`, `position` … as numbers of columns, from 0 to {len(first) - 1}."
-            )
-        return [Column(name.strip()) for name in echoed or named or map(str, range(len(first)))], 0
-    names, used, below = first, 1, [row for _, row in fields[1:]]
-    if below and (joined := _join_headers(names, below[0], known)):
-        names, used = joined, 2
-        if len(below) > 1 and below[1][0].strip() and not any(one.strip() for one in below[1][1:]):
-            names[0], used = below[1][0], 3  # pandas' name of the index
-    columns = [Column(name.strip()) for name in names]
-    units = [field.strip().strip("[]()") for field in fields[used][1]] if used < len(fields) else []
-    if len(units) == len(columns) and not any(map(_is_number, units)) and any(map(is_unit, units)):
-        columns = [
-            one._replace(unit=None if unit in MISSING else unit) for one, unit in zip(columns, units, strict=True)
-        ]
-        used += 1
-    return columns, used
-
-
-def _echoed_names(fields, wanted, path):
-    """Names of columns of `ros2 topic echo --csv` of joint states, which has no header; None of any other line."""
-    kinds = "".join("n" if _is_number(one) else "t" if one.strip() else " " for one in fields)
-    match = re.fullmatch(r"nn[t ]([t ]+)(n+) *", kinds)
-    if wanted.header is not None or wanted.position is not UNSAID or not match or not "".join(fields[:2]).isdecimal():
-        return None
-    names, times = len(match[1]), len(match[2]) / len(match[1])
-    if times == 2:
-        raise InputError(
-            f"'{path}' has no header and two numbers for each of {names} names: position, and velocity or effort. Write a "
-            "header such as sec,nanosec,frame_id,name0,position0,velocity0, with as many names."
-        )
-    labels = [f"{one}{k}" for one in ("name", "position", "velocity", "effort")[: 1 + int(times)] for k in range(names)]
-    return ["sec", "nanosec", "frame_id", *labels] if times in (1, 3) else None
-
-
-def _is_number(text):
-    """Whether a field is a number or a date."""
-    return text.strip() not in MISSING and (parse_number(text.replace(",", ".")) is not None or is_date(text))
 
 
 def _guess_delimiter(rows, decimal):
@@ -297,32 +217,63 @@ def _guess_delimiter(rows, decimal):
     return candidates[0] if candidates else SPACES if len(first.split()) > 1 else ","
 
 
+def _read_header(fields, comment, wanted, known, path):
+    """Names and units of columns by the first lines, and how many of these are above the rows."""
+    line, first = fields[0]
+    names = _find_echoed_names(first) if wanted.header is None and wanted.position is UNSAID else None
+    if names or not (_is_header(first, path, line) if wanted.header is None else wanted.header):
+        if comment and wanted.header is None and len(comment) == len(first):
+            names = names or comment
+        if not (names or wanted.header is False or _is_by_numbers(wanted)):
+            raise InputError(
+                f"'{path}' has no header, line {line} is of numbers: give a map of columns (--columns MAP.yaml) with "
+                f"`header: false`, and with `time`, `position` … as numbers of columns, from 0 to {len(first) - 1}."
+            )
+        names = names or list(map(str, range(len(first))))
+        return [name.strip() for name in names], [None] * len(names), 0
+    names, used, below = first, 1, [row for _, row in fields[1:]]
+    if below and (joined := _join_headers(names, below[0], known)):
+        names, used = joined, 2
+        if len(below) > 1 and below[1][0].strip() and not any(one.strip() for one in below[1][1:]):
+            names[0], used = below[1][0], 3  # pandas' name of the index
+    names = [name.strip() for name in names]
+    units = [field.strip().strip("[]()") for field in fields[used][1]] if used < len(fields) else []
+    if len(units) == len(names) and not any(map(is_number, units)) and any(map(is_unit, units)):
+        return names, [None if unit in MISSING else unit for unit in units], used + 1
+    return names, [None] * len(names), used
+
+
+def _find_echoed_names(fields):
+    """Names of columns of `ros2 topic echo --csv` of joint states, which has no header; None for any other line."""
+    kinds = "".join("n" if is_number(one) else "t" if one.strip() else " " for one in fields)
+    match = re.fullmatch(r"nn[t ]([t ]+)(n+) *", kinds)
+    if not match or len(match[2]) not in (len(match[1]), 3 * len(match[1])) or not "".join(fields[:2]).isdecimal():
+        return None
+    quantities = ("name", "position", "velocity", "effort")[: 1 + len(match[2]) // len(match[1])]
+    return ["sec", "nanosec", "frame_id", *(f"{one}{k}" for one in quantities for k in range(len(match[1])))]
+
+
 def _is_header(fields, path, line):
     """Whether a first line names columns."""
     known = [field.strip() for field in fields if field.strip() not in MISSING]
-    numbers = sum(map(_is_number, known))
+    numbers = sum(map(is_number, known))
     counting = len(known) == len(fields) > 1 and known == [str(k) for k in range(len(known))]
     if not numbers or (numbers == len(known) and not counting):
         return not numbers
     what = f"counts from 0 to {known[-1]}" if counting else "has text and numbers"
-    raise InputError(
-        f"'{path}': line {line} {what}, so it may be a header or a row: say `header: true` or `header: false` in the map of "
-        "columns."
-    )
+    say = "say `header: true` or `header: false` in the map of columns"
+    raise InputError(f"'{path}': line {line} {what}, so it may be a header or a row: {say}.")
 
 
-def _by_numbers(wanted):
-    """Whether a map names columns by their numbers only."""
-    values = [wanted.time, wanted.position, wanted.velocity, wanted.effort]
-    entries = [one for value in values if isinstance(value, list | tuple | str) for one in value]
-    return (
-        wanted.time is not UNSAID and isinstance(wanted.position, list) and all(isinstance(one, int) for one in entries)
-    )
+def _is_by_numbers(wanted):
+    """Whether a map gives columns of times and positions by their numbers."""
+    given = wanted.time is not UNSAID and isinstance(wanted.position, list)
+    return given and all(isinstance(one, int) for one in (*wanted.time, *wanted.position))
 
 
 def _join_headers(names, below, known):
-    """Names of columns of which two lines hold quantities and joints, either above the other; None of any other lines."""
-    if len(names) != len(below) or any(map(_is_number, below)):
+    """Names of columns of which two lines hold quantities and joints, either above the other; None for other lines."""
+    if len(names) != len(below) or any(map(is_number, below)):
         return None
     for above, joints, others in ((False, below, names), (True, names, below)):
         joints, others = [one.strip() for one in joints], [one.strip() for one in others]
