@@ -1,12 +1,14 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Colours, axes and downsampling of all plots."""
+"""Colours, style and downsampling of all plots."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import wraps
 from importlib import import_module
-from typing import Any
+from typing import Any, ParamSpec
 
 import numpy as np
 import numpy.typing as npt
@@ -21,11 +23,18 @@ COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#F
 GREY = "#666666"
 """Colour of remaining joints and secondary lines."""
 
-MARK: dict[str, Any] = {"linestyle": "none", "marker": "|", "markersize": 12, "markeredgewidth": 2}
+MARK = {"linestyle": "none", "marker": "|", "markersize": 12, "markeredgewidth": 2}
+STYLE = {
+    **{"axes.spines.top": False, "axes.spines.right": False, "axes.xmargin": 0.0},
+    **{"axes.titlelocation": "left", "axes.titlesize": "medium"},
+    **{"legend.frameon": False, "legend.fontsize": "small", "figure.constrained_layout.use": True},
+    **{f"axes3d.{axis}axis.panecolor": (0.5, 0.5, 0.5, 0.06) for axis in "xyz"},
+}
 
 MIN_GAP = 1.0  # time without values over which no line is drawn, if they are more frequent [s]
-MAX_POINTS = 2000  # of a curve: more than a screen has columns
+MAX_PARTS = 2000  # of a curve: more than a screen has columns
 
+P = ParamSpec("P")
 Rows = npt.NDArray[np.intp]
 
 
@@ -37,12 +46,20 @@ def pyplot() -> Any:
         raise InputError("matplotlib is not installed. Run: pip install matplotlib.") from error
 
 
+def styled(draw: Callable[P, Any]) -> Callable[P, Any]:
+    """Return a function that draws in the style of all plots."""
+
+    @wraps(draw)
+    def draw_styled(*args: P.args, **options: P.kwargs) -> Any:
+        with pyplot().rc_context(STYLE):
+            return draw(*args, **options)
+
+    return draw_styled
+
+
 def make_axes(ax: Any, size: tuple[float, float], projection: str | None = None) -> Any:
     """Return the axes that were passed, or those of a new figure of this size [inch]."""
-    if ax is not None:
-        return ax
-    figure = pyplot().figure(figsize=size, layout="constrained")
-    return figure.add_subplot(projection=projection)
+    return ax or pyplot().figure(figsize=size).add_subplot(projection=projection)
 
 
 def text_colour() -> str:
@@ -55,46 +72,26 @@ def escape(name: str) -> str:
     return plain(name).replace("$", r"\$")
 
 
-def set_title(axes: Any, robot: str, text: str = "") -> None:
-    """Set a title that begins with the robot's name."""
-    axes.set_title(f"{escape(robot)}{text}", fontsize="medium", loc="left")
+def find_peaks(values: Array) -> Rows:
+    """Return rows that show a curve: the minimum and the maximum of each of its parts, or all."""
+    rows = np.arange(len(values))
+    if len(values) <= 2 * MAX_PARTS:
+        return rows
+    low, high = (np.where(np.isnan(values), x, values) for x in (np.inf, -np.inf))
+    parts = np.array_split(rows, MAX_PARTS)
+    peaks = [(part[low[part].argmin()], part[high[part].argmax()]) for part in parts]
+    return np.unique(peaks)
 
 
-def hide_frame(axes: Any) -> None:
-    """Hide the upper and the right edge."""
-    axes.spines[["top", "right"]].set_visible(False)
-
-
-def split(values: Array) -> tuple[Rows, Rows]:
-    """Return first and last row of each part of a curve of at most :data:`MAX_POINTS` parts."""
-    bounds = np.linspace(0, len(values), min(len(values), MAX_POINTS), endpoint=False)
-    first = np.unique(bounds.astype(np.intp))
-    return first, np.append(first[1:], len(values))
-
-
-def envelope(t: Array, values: Array) -> tuple[Array, Array]:
-    """Return a curve with the minimum and maximum of each part; NaN where a part has no value.
-
-    Parameters
-    ----------
-    t, values : ndarray, shape (T,)
-    """
-    if len(values) <= 2 * MAX_POINTS:
-        return t, values
-    first, _ = split(values)
-    low, high = np.fmin.reduceat(values, first), np.fmax.reduceat(values, first)
-    return np.repeat(t[first], 2), np.stack([low, high], axis=1).ravel()
+def draw_curve(axes: Any, t: Array, values: Array, **style: Any) -> None:
+    """Draw a curve by its peaks."""
+    rows = find_peaks(values)
+    axes.plot(t[rows], values[rows], **style)
 
 
 def insert_gaps(t: Array, values: Array) -> tuple[Array, Array]:
-    """Return curves with NaN in every gap, so that no line is drawn over it.
-
-    Parameters
-    ----------
-    t : ndarray, shape (T,)
-    values : ndarray, shape (T,) or (T, n)
-    """
+    """Return times (T,) and curves (T,) or (T, n) with NaN where no line is drawn over a gap."""
     steps = np.diff(t)
-    gap = max(MIN_GAP, 10.0 * float(np.median(steps))) if len(steps) else MIN_GAP
-    after = np.flatnonzero(steps > gap) + 1
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    after = np.flatnonzero(steps > max(MIN_GAP, 10.0 * usual)) + 1
     return np.insert(t, after, t[after]), np.insert(values, after, np.nan, axis=0)

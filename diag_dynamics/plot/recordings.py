@@ -1,0 +1,269 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Plots of motions: energy, shares of the joints, balance of power and external torque."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from diag_dynamics.arrays import Array, VectorLike
+from diag_dynamics.checks import instance
+from diag_dynamics.collision.calibration import Calibration
+from diag_dynamics.collision.thresholds import AlarmThresholds
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.model import RobotModel
+from diag_dynamics.model.single_joints import sliding_dofs
+from diag_dynamics.plot import drawing
+from diag_dynamics.plot.drawing import COLOURS, GREY, MARK, draw_curve, escape, styled
+from diag_dynamics.recordings import balance as power
+from diag_dynamics.recordings.findings import without_efforts
+from diag_dynamics.recordings.observer import Observed, observe
+from diag_dynamics.recordings.recording import SIZE, Recording
+from diag_dynamics.results import BatchEvaluation, Evaluation
+from diag_dynamics.text import duration, number
+from diag_dynamics.views.parts import oscillates, parts_of
+
+JointEnergies = tuple[list[str], Array | None, Array]
+MAX_BARS = 30  # joints of most energy; the others are one bar
+
+
+@styled
+def energy(of: Recording | BatchEvaluation, t: VectorLike | None = None, ax: Any = None) -> Any:
+    """Plot kinetic energy over time [J], stacked by the shares ½ν_k² of the total joint rates.
+
+    The joints of most energy have a layer each, all others one. Of very many states those of the
+    largest and smallest K are drawn. With more than 100 oscillations the layers are means over a
+    hundredth of the time, and a grey band reaches up to the largest K.
+
+    Parameters
+    ----------
+    of : Recording or BatchEvaluation
+    t : array_like, shape (T,), optional
+        Times of a batch [s]; without them its states are numbered.
+    ax : matplotlib.axes.Axes, optional
+        By default those of a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    joints, times, values = _joint_energies(of, t)
+    names, values = _merge_joints(joints, values, len(COLOURS))
+    total, axes, label = values.sum(axis=1), drawing.make_axes(ax, (9.0, 3.8)), "kinetic energy [J]"
+    if times is not None and oscillates(total):
+        parts = parts_of(times, np.column_stack([values, total]))
+        at, values, largest = parts.time, parts.mean[:, :-1], parts.maximum[:, -1]
+        style = {"color": GREY, "alpha": 0.18, "linewidth": 0, "label": "maximum of K"}
+        axes.fill_between(at, values.sum(axis=1), largest, **style)
+        label += f", mean of {duration(parts.length)}"
+    else:
+        rows = drawing.find_peaks(total)
+        at = rows.astype(float) if times is None else times[rows]
+        at, values = drawing.insert_gaps(at, values[rows])
+    axes.stackplot(at, *values.T, labels=names, colors=(*COLOURS, GREY), linewidth=0)
+    axes.plot(at, values.sum(axis=1), color=drawing.text_colour(), linewidth=0.9, label="K")
+    axes.set(xlabel="state" if times is None else "time [s]", ylabel=label)
+    axes.set_title(f"{escape(of.model.name)}: kinetic energy by total joint rate")
+    axes.set_ylim(bottom=0.0)
+    entries = [entries[::-1] for entries in axes.get_legend_handles_labels()]
+    axes.legend(*entries, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return axes
+
+
+@styled
+def shares(of: Recording | Evaluation, ax: Any = None) -> Any:
+    """Plot the energy share ½ν_k² of each joint [J]: of one state, or mean and largest of many.
+
+    Parameters
+    ----------
+    of : Recording, BatchEvaluation or Evaluation
+    ax : matplotlib.axes.Axes, optional
+        By default those of a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    joints, _, values = _joint_energies(of)
+    names, values = _merge_joints(joints, values, MAX_BARS - 1)
+    rows, mean, largest = np.arange(len(names)), values.mean(axis=0), values.max(axis=0)
+    axes = drawing.make_axes(ax, (7.0, 1.1 + 0.27 * len(names)))
+    title, label = f"{escape(of.model.name)}: K = {number(mean.sum())} J", "energy share ½ν² [J]"
+    is_one = not isinstance(of, Recording | BatchEvaluation)
+    axes.barh(rows, mean, height=0.66, color=COLOURS[0], label="share" if is_one else "mean")
+    if not is_one:
+        title += f" on average, at most {number(values.sum(axis=1).max())} J"
+        label += "; in percent: part of the mean of K"
+        axes.plot(largest, rows, color=COLOURS[3], label="largest", **MARK)
+        axes.legend(loc="lower right")
+    end = max(largest.max(), 1e-300)
+    for y, percent in enumerate(100.0 * mean / (mean.sum() or 1.0)):
+        axes.text(largest[y] + 0.015 * end, y, f"{percent:.0f} %", va="center", fontsize="small")
+    axes.set(xlim=(0.0, 1.12 * end), xlabel=label)
+    axes.set_title(title)
+    axes.set_yticks(rows, names)
+    axes.invert_yaxis()
+    return axes
+
+
+@styled
+def balance(of: Recording) -> Any:
+    """Plot dK/dt over windows of 0.1 s [W], what efforts, gravity and friction explain, the rest.
+
+    The rest is the power of pushes and of what the model lacks: νᵀ(ε − ε_g − ε_fric) = dK/dt
+    without both (Lemma 7.2).
+
+    Parameters
+    ----------
+    of : Recording
+        With efforts.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    instance("of", of, Recording)
+    _check_states(of)
+    if of.tau is None:
+        raise InputError(f"{without_efforts(of.counts)}. A balance of power needs them.")
+    windows, title = _integrate(of)
+    middle = 0.5e-9 * ((windows.begin - of.stamp[0]) + (windows.end - of.stamp[0]))
+    powers = (windows.kinetic, windows.kinetic - windows.residual, windows.residual)
+    t, columns = drawing.insert_gaps(middle, np.column_stack(powers))
+    figure = drawing.pyplot().figure(figsize=(9.0, 4.6))
+    both, rest = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    causes = "efforts, gravity and friction" if of.model.has_friction else "efforts and gravity"
+    explained = {"color": drawing.text_colour(), "label": f"explained by {causes}"}
+    draw_curve(both, t, columns[:, 0], color=COLOURS[4], linewidth=2.6, label="dK/dt")
+    draw_curve(both, t, columns[:, 1], linewidth=0.9, **explained)
+    draw_curve(rest, t, columns[:, 2], color=COLOURS[3], linewidth=1.0)
+    for axes in (both, rest):
+        axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
+    both.set(ylabel="power [W]")
+    rest.set(ylabel="rest [W]", xlabel="time [s]")
+    both.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=2)
+    both.set_title(f"{escape(of.model.name)}{title}")
+    return figure
+
+
+@styled
+def external_torque(
+    of: Recording | Observed,
+    thresholds: Calibration | AlarmThresholds | Mapping[str, float] | None = None,
+    *,
+    gain: float = 25.0,
+    model: RobotModel | None = None,
+) -> Any:
+    """Plot the external torque of each joint over time [N m, N] by a disturbance observer.
+
+    Values beyond the joint's threshold have another colour. Gaps are states without a result.
+
+    Parameters
+    ----------
+    of : Recording or Observed
+        An Observed is the result of :func:`diag_dynamics.observe`.
+    thresholds : Calibration, AlarmThresholds or dict, optional
+        Thresholds of joints by name, ``*`` for all others [N m, N].
+    gain : float
+        Of the observer of a recording [1/s]; a calibration's own has precedence.
+    model : RobotModel
+        The robot of an Observed.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    if isinstance(thresholds, Calibration):
+        gain, thresholds = thresholds.gain, thresholds.thresholds
+    elif not isinstance(thresholds, AlarmThresholds):
+        thresholds = AlarmThresholds(thresholds or {})
+    if isinstance(of, Recording):
+        model = of.model
+        of = observe(DiagonalDynamics(model), of, gain)
+    of, model = instance("of", of, Observed), instance("model", model, RobotModel)
+    if (count := of.external_torque.shape[1]) != model.nv:
+        raise InputError(f"of has {count} degrees of freedom; expected {model.nv}, the model's.")
+    rows = -(-model.nv // 2)
+    figure = drawing.pyplot().figure(figsize=(10.0, 0.9 + 1.25 * rows))
+    grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
+    columns = (model.dof_names, sliding_dofs(model), thresholds.limits(model.dof_names))
+    for k, (dof, slides, limit) in enumerate(zip(*columns, strict=False)):
+        _draw_torque(grid.flat[k], of.t - of.t[0], of.external_torque[:, k], limit)
+        grid.flat[k].set_title(f"{escape(dof)} [{'N' if slides else 'N m'}]", fontsize="small")
+    for axes in grid.flat[model.nv :]:
+        axes.set_axis_off()
+    for axes in grid.flat[max(0, model.nv - 2) : model.nv]:  # the last of each column
+        axes.set(xlabel="time [s]")
+        axes.tick_params(labelbottom=True)
+    title = f"{escape(model.name)}: external torque"
+    figure.suptitle(title, fontsize="medium", x=0.01, ha="left")
+    return figure
+
+
+def _draw_torque(axes: Any, t: Array, torque: Array, limit: float) -> None:
+    axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
+    axes.tick_params(labelsize="small")
+    draw_curve(axes, t, torque, color=COLOURS[0], linewidth=0.9)
+    if np.isfinite(limit):
+        axes.axhspan(-limit, limit, color=GREY, alpha=0.18, linewidth=0, zorder=0)
+        beyond = np.where(np.abs(torque) > limit, torque, np.nan)
+        draw_curve(axes, t, beyond, color=COLOURS[3], linewidth=1.6)
+
+
+def _integrate(of: Recording) -> tuple[power.Windows, str]:
+    """Return the windows of a recording, and how much of dK/dt they explain, for the title."""
+    model, windows = of.model, []
+    whole, sums = power.Balance(model.dof_names), power.WindowSums(model.nv, model.has_friction)
+    efforts = np.where(of.states.effort_known[:, None], of.states.effort, 0.0)
+    options: dict[str, Any] = {"size": SIZE, "friction": model.has_friction}
+    stream = DiagonalDynamics(model).evaluate_stream(of.q, of.qd, efforts, **options)
+    for k, s in enumerate(stream):
+        windows.append(sums.take(of.states[k * SIZE : (k + 1) * SIZE], s))
+        whole.take(windows[-1])
+    if not any(len(one.kinetic) for one in windows):
+        raise InputError(f"there is no balance of power: {whole.judgement()}.")
+    share, total, what = whole.explained, whole.explained_total, "dK/dt"
+    if (share or 0.0) < power.NOTHING_EXPLAINED and (total or 0.0) >= power.MIN_EXPLAINED:
+        share, what = total, "d(K + U)/dt"  # gravity hides the share of dK/dt
+    title = "" if share is None else f": {100 * max(share, 0.0):.1f} % of {what} explained"
+    return power.Windows(*map(np.concatenate, zip(*windows, strict=True))), title
+
+
+def _joint_energies(of: Recording | Evaluation, t: VectorLike | None = None) -> JointEnergies:
+    """Return joints, times from zero on [s], and the energy share of each joint [J]."""
+    if isinstance(of, Recording):
+        _check_states(of)
+        t, stream = of.t, DiagonalDynamics(of.model).evaluate_stream(of.q, of.qd)
+        energies = np.concatenate([s.energy_share for s in stream])
+    elif isinstance(of, Evaluation):
+        energies = np.atleast_2d(of.energy_share)
+        _check_states(energies)
+    else:
+        raise InputError(f"of is {of!r}; expected a Recording or the result of an evaluation.")
+    times = None if t is None else np.asarray(t, dtype=float)
+    if times is not None and times.shape != (len(energies),):
+        raise InputError(f"t has shape {times.shape}; expected ({len(energies)},), one per state.")
+    joints = [joint for joint in of.model.joint_names if joint not in of.model.mimics]
+    names = [name if name in joints else name.rpartition("/")[0] for name in of.model.dof_names]
+    owned = np.array([[name == joint for joint in joints] for name in names], dtype=float)
+    return joints, None if times is None else times - times[0], energies @ owned
+
+
+def _merge_joints(joints: list[str], values: Array, count: int) -> tuple[list[str], Array]:
+    """Return names and energies of the joints of most energy, and those of all others as one."""
+    chosen = sorted(np.argsort(values.mean(axis=0))[::-1][:count].tolist())
+    names, others = [escape(joints[k]) for k in chosen], np.delete(values, chosen, axis=1)
+    if rest := others.shape[1]:
+        names.append(f"{rest} other{'s' * (rest > 1)}")
+        return names, np.column_stack([values[:, chosen], others.sum(axis=1)])
+    return names, values
+
+
+def _check_states(of: Recording | Array) -> None:
+    if not len(of):
+        raise InputError("of has no states. The findings of a recording name the cause.")
