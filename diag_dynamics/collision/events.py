@@ -77,32 +77,31 @@ class Alarms:
         """Add states: stamps [ns], |r| and the results of the detector."""
         on = np.flatnonzero(judged.alarm)
         for rows in np.split(on, np.flatnonzero(judged.begins[on])):
-            if not len(rows):
-                continue
-            values, largest = judged.values[rows], float(norm[rows].max())
-            start, at = int(stamps[rows[0]]), int(np.argmax(values[0] / self._limits))
-            first = self._detectors[at]
-            if judged.begins[rows[0]] or not self.found:
-                self._peaks, self._nearest = np.zeros(len(self._limits)), (-1.0, "")
-            else:
-                start, _, first, _, _, before = self.found.pop()
-                largest = max(largest, before)
-            self._add_values(values)
-            self.found.append(Alarm(start, int(stamps[rows[-1]]), first, *self._risen(), largest))
+            if len(rows):
+                begins = bool(judged.begins[rows[0]]) or not self.found
+                self._add_alarm(stamps[rows], norm[rows], judged.values[rows], begins)
 
-    def _add_values(self, values: Array) -> None:
+    def _add_alarm(self, stamps: Whole, norm: Array, values: Array, begins: bool) -> None:
+        """Add states of one alarm, which begins, or continues the last one."""
         n, ratios = len(self._limits) - 2, values / self._limits
-        self._peaks = np.maximum(self._peaks, values.max(axis=0))
+        if begins:
+            first = self._detectors[int(np.argmax(ratios[0]))]
+            alarm = Alarm(int(stamps[0]), 0, first, (), (), 0.0)
+            self._peaks, self._nearest = np.zeros(n + 2), (-1.0, "")
+        else:
+            alarm = self.found.pop()
         at = int(np.argmax(ratios.max(axis=1)))
         of_joints = ratios[at, :n] if ratios[at, :n].any() else values[at, :n]
         nearest = float(ratios[at].max()), self._detectors[int(np.argmax(of_joints))]
         self._nearest = max(self._nearest, nearest, key=lambda one: one[0])
-
-    def _risen(self) -> tuple[tuple[Exceeded, ...], tuple[str, ...]]:
-        """Return the detectors that rose, and the joints."""
-        above = np.flatnonzero(self._peaks > self._limits)
-        names = [self._detectors[k] for k in above]
-        risen = list(map(Exceeded, names, self._peaks[above].tolist(), self._limits[above].tolist()))
-        joints = tuple(names[: np.count_nonzero(above < len(self._limits) - 2)])
-        risen.sort(key=lambda one: -one.value / one.threshold)
-        return tuple(risen), joints or (self._nearest[1],)
+        self._peaks = np.maximum(self._peaks, values.max(axis=0))
+        risen = [
+            Exceeded(name, float(peak), float(limit))
+            for name, peak, limit in zip(self._detectors, self._peaks, self._limits, strict=True)
+            if peak > limit
+        ]
+        joints = tuple(one.detector for one in risen if one.detector not in (TORQUE, NORM))
+        exceeded = tuple(sorted(risen, key=lambda one: -one.value / one.threshold))
+        largest = max(alarm.norm, float(norm.max()))
+        end, joints = int(stamps[-1]), joints or (self._nearest[1],)
+        self.found.append(alarm._replace(end=end, exceeded=exceeded, joints=joints, norm=largest))

@@ -82,15 +82,13 @@ def find_level(segments: Segments, duration: float, rate: float, release: float,
     before, best, peaks = float(grid[0]), -math.inf, np.empty(0)
     for level in grid.tolist():
         found = peaks_above(segments, level, release, hold_off)
-        if expected >= wanted and len(found) > expected:
-            return Level(before, COUNTED, int(expected))
         if len(found) > len(peaks):
             best, peaks = level, found
-        if expected < wanted <= len(peaks):
+        if len(found) > max(expected, wanted - 1):
             break
         before = level
     if expected >= wanted:
-        return Level(before, COUNTED, len(found))
+        return Level(before, COUNTED, min(len(found), int(expected)))
     if len(peaks) >= MIN_PEAKS:
         return _extrapolate(best, peaks, expected, TAIL)
     maxima = block_maxima(segments)

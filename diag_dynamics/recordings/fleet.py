@@ -140,10 +140,10 @@ def analyse_fleet(
     todo = [job for job in jobs if results[job.path] is None]
     kept = len(jobs) - len(todo)
 
-    def finish(path, result):
+    def finish(done, path, result):
         results[path] = result
         if progress:
-            progress(len(jobs) - list(results.values()).count(None), len(jobs), path)
+            progress(kept + done, len(jobs), path)
 
     _run(todo, scheduler, workers, finish)
     summaries = [result for result in results.values() if isinstance(result, dict)]
@@ -212,7 +212,7 @@ def _jobs(patterns, out, options, gain, suffixes):
 
 
 def _run(jobs, scheduler, workers, finish):
-    """Analyse recordings; call `finish` with the path of each and its summary or the text of its error."""
+    """Analyse recordings; call `finish` with how many are done, and the path and summary or error of each."""
     if not jobs:
         return
     distributed = import_module("distributed")
@@ -225,11 +225,11 @@ def _run(jobs, scheduler, workers, finish):
             paths = {future.key: job.path for future, job in zip(futures, jobs, strict=True)}
             completed = distributed.as_completed(futures)
             del futures
-            for future in completed:
+            for done, future in enumerate(completed, 1):
                 error, path = future.exception(), paths[future.key]
                 result = f"{type(error).__name__}: {error}" if error else future.result()
                 del future  # what has come is not computed again when its worker dies
-                finish(path, result)
+                finish(done, path, result)
     finally:
         for job in jobs:
             job.remove_outputs("*.part")  # of attempts that were ended
