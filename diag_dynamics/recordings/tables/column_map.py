@@ -11,14 +11,11 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.tables.units import UNITS, factor_of
+from diag_dynamics.recordings.tables.headers import JOINT, UNITS, factor_of
 from diag_dynamics.yaml_files import read_yaml
 
 QUANTITIES = ("position", "velocity", "effort")
-JOINT = "{joint}"
-"""Stands for the joints in a pattern."""
-UNSAID = object()
-"""Value of a quantity that the map does not have."""
+UNSAID = object()  # value of a quantity that the map does not have
 
 _DELIMITERS = {"tab": "\t", "\\t": "\t", "comma": ",", "semicolon": ";", "space": " "}
 
@@ -26,25 +23,18 @@ _DELIMITERS = {"tab": "\t", "\\t": "\t", "comma": ",", "semicolon": ";", "space"
 class ColumnMap(NamedTuple):
     """A map of columns, checked as far as it can be without its table."""
 
-    time: Any = UNSAID
-    """One column or two (seconds and nanoseconds), by name or number."""
-    position: Any = UNSAID
-    """A name, a pattern, or a list of names or numbers; None: not read."""
+    time: Any = UNSAID  # one column or two (seconds and nanoseconds), by name or number
+    position: Any = UNSAID  # a name, a pattern, or a list of names or numbers; None: not read
     velocity: Any = UNSAID
     effort: Any = UNSAID
-    joints: tuple[str, ...] = ()
-    """In the order of the columns; empty if the map does not name them."""
-    scale: Mapping[str, Any] = {}
-    """By quantity: a number, a list, or a dict by joint."""
+    joints: tuple[str, ...] = ()  # in the order of the columns; empty if the map does not name them
+    scale: Mapping[str, Any] = {}  # by quantity: a number, a list, or a dict by joint
     header: bool | None = None
     delimiter: str | None = None
     decimal: str = "."
-    skip: int = 0
-    """Lines before the header."""
-    joint_names: Mapping[str, str] | None = None
-    """The robot's name of a joint by that of the file; not checked here."""
-    source: str = "columns"
-    """Where the map comes from, for messages."""
+    skip: int = 0  # lines before the header
+    joint_names: Mapping[str, str] | None = None  # the robot's name of a joint by that of the file
+    source: str = "columns"  # for messages
 
 
 def column_map(columns):
@@ -72,9 +62,9 @@ def column_map(columns):
         columns = read_yaml(os.fspath(columns), f"The map of columns {source}")
     if not isinstance(columns, Mapping):
         keys = ", ".join(_PARSERS)
-        raise InputError(f"{source} is {_shown(columns)}, expected the path of a YAML file or a dict with {keys}.")
+        raise InputError(f"{source} is {columns!r:.80}, expected the path of a YAML file or a dict with {keys}.")
     given = _parse(columns, _PARSERS, source)
-    given["scale"] = _parse(given.get("scale", {}), _SCALES, f"{source}: scale")
+    given["scale"] = _parse(given.get("scale") or {}, _SCALES, f"{source}: scale")
     given = {key: value for key, value in given.items() if value is not None or key in QUANTITIES}
     if given.get("decimal") == given.get("delimiter") == ",":
         raise InputError(f"{source}: decimal and delimiter are both ','.")
@@ -93,20 +83,14 @@ def _parse(values, parsers, where):
     parsed = {}
     for key, value in values.items():
         if key not in parsers:
-            near = get_close_matches(str(key), parsers, n=1)
-            expected = f"'{near[0]}'" if near else ", ".join(parsers)
-            raise InputError(f"{where} has '{key}', expected {expected}.")
+            near = get_close_matches(str(key), parsers, n=1) or parsers
+            raise InputError(f"{where} has '{key}', expected {', '.join(map(repr, near))}.")
         parser, expected = parsers[key]
         try:
-            parsed[key] = parser(value)
+            parsed[key] = None if value is None and key != "position" else parser(value)
         except (TypeError, ValueError):
-            raise InputError(f"{where}: {key} is {_shown(value)}, expected {expected}.") from None
+            raise InputError(f"{where}: {key} is {value!r:.80}, expected {expected}.") from None
     return parsed
-
-
-def _shown(value):
-    text = repr(value)
-    return text if len(text) < 80 else f"{text[:77]}..."
 
 
 def _require(valid, value):
@@ -119,32 +103,32 @@ def _require(valid, value):
 def _parse_columns(value, most=1 << 20):
     """A list of different columns, by name or number."""
     columns = list(value) if isinstance(value, list | tuple) else [value]
-    for one in columns:
-        is_number = isinstance(one, int) and not isinstance(one, bool) and one >= 0
-        _require(is_number or (isinstance(one, str) and one), one)
-    return _require(0 < len(columns) == len(set(columns)) <= most, columns)
+    valid = all((type(one) is str and one) or (type(one) is int and one >= 0) for one in columns)
+    return _require(valid and 0 < len(columns) == len(set(columns)) <= most, columns)
 
 
 def _parse_quantity(value):
     if isinstance(value, str):
         return _require(value and value.count(JOINT) < 2, value)
     if isinstance(value, Mapping):
-        return dict(zip(_parse_joints(list(value)), _parse_columns(list(value.values())), strict=True))
+        columns = _parse_columns(list(value.values()))
+        return dict(zip(_parse_joints(list(value)), columns, strict=True))
     return _parse_columns(value)
 
 
 def _parse_joints(value):
-    _require(isinstance(value, list | tuple) and value and len(set(value)) == len(value), value)
-    return tuple(_require(isinstance(one, str) and one, one) for one in value)
+    valid = isinstance(value, list | tuple) and value and len(set(value)) == len(value)
+    return tuple(_require(isinstance(one, str) and one, one) for one in _require(valid, value))
 
 
 def _parse_delimiter(value):
     text = _DELIMITERS.get(value, value)
-    return _require(len(text) == 1 and text.isascii() and not text.isalnum() and text not in "\"\n\r.+-_#'", text)
+    valid = len(text) == 1 and text.isascii() and not text.isalnum() and text not in "\"\n\r.+-_#'"
+    return _require(valid, text)
 
 
 def _parse_scale(quantity, value):
-    """A scale as a number, or as numbers in a list or by joint; YAML 1.1 takes 1e-9 for text."""
+    """A scale as a number, or as numbers in a list or by joint; YAML 1.1 reads 1e-9 as text."""
     if quantity != "time" and isinstance(value, Mapping):
         return {str(joint): _parse_scale(quantity, one) for joint, one in value.items()}
     if quantity != "time" and isinstance(value, list | tuple):
@@ -154,10 +138,6 @@ def _parse_scale(quantity, value):
     return _require(math.isfinite(number) and number != 0, number)
 
 
-def _optional(parse):
-    return lambda value: None if value is None else parse(value)
-
-
 _COLUMNS = f"a column's name, a pattern with {JOINT} once, or a list of columns by name or number from 0, each once"
 _PARSERS = {
     "time": (
@@ -165,20 +145,20 @@ _PARSERS = {
         "one column, or two: seconds and nanoseconds, by name or number from 0",
     ),
     "position": (_parse_quantity, _COLUMNS),
-    "velocity": (_optional(_parse_quantity), f"null, {_COLUMNS}"),
-    "effort": (_optional(_parse_quantity), f"null, {_COLUMNS}"),
-    "joints": (_optional(_parse_joints), "a list of the joints' names, each once"),
-    "joint_names": (lambda value: value, ""),
-    "scale": (lambda value: _require(isinstance(value or {}, Mapping), value or {}), f"one of {', '.join(UNITS)}"),
-    "header": (lambda value: _require(value in (None, True, False), value), "true or false"),
-    "delimiter": (_optional(_parse_delimiter), "one character, such as ',', or tab or space"),
+    "velocity": (_parse_quantity, f"null, {_COLUMNS}"),
+    "effort": (_parse_quantity, f"null, {_COLUMNS}"),
+    "joints": (_parse_joints, "a list of the joints' names, each once"),
+    "joint_names": (lambda value: value, ""),  # not checked here
+    "scale": (lambda value: _require(isinstance(value, Mapping), value), f"one of {', '.join(UNITS)}"),
+    "header": (lambda value: _require(value in (True, False), value), "true or false"),
+    "delimiter": (_parse_delimiter, "one character, such as ',', or tab or space"),
     "decimal": (lambda value: _require(value in (".", ","), value), "'.' or ','"),
     "skip": (lambda value: _require(type(value) is int and value >= 0, value), "a whole number from 0"),
 }
-"""By key: what returns a value or raises ValueError, and what is expected."""
+"""By key: what returns a value or raises ValueError, and what is expected. null is no value."""
 _SCALES = {
     quantity: (
-        _optional(partial(_parse_scale, quantity)),
+        partial(_parse_scale, quantity),
         f"finite numbers other than 0 or units such as {', '.join(list(units)[:8])}",
     )
     for quantity, units in UNITS.items()

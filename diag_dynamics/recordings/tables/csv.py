@@ -18,9 +18,9 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.tables.cells import BLANK, MISSING, SAMPLE, is_date, is_number, make_column
 from diag_dynamics.recordings.tables.choice import choose
 from diag_dynamics.recordings.tables.column_map import UNSAID
+from diag_dynamics.recordings.tables.headers import is_unit
 from diag_dynamics.recordings.tables.joint_names import comment_texts
 from diag_dynamics.recordings.tables.table import LEFT_OUT, ROWS
-from diag_dynamics.recordings.tables.units import is_unit
 
 SPACES = " "  # as a delimiter: any number of spaces and tabs
 MAX_LINE = 1 << 26  # bytes

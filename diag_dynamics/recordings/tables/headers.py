@@ -1,177 +1,224 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Contents of columns by their headers: docs/recordings.md has the rules."""
+"""Time, quantity, joint and unit of columns by their headers: docs/recordings.md has the rules."""
 
 import re
+from math import pi
 from typing import NamedTuple
 
-from diag_dynamics.recordings.tables.column_map import JOINT
-from diag_dynamics.recordings.tables.units import is_unit, split_unit, unit_word
+JOINT = "{joint}"  # stands for the joints in a pattern
+_UNITS = {
+    "time": {
+        "s sec secs second seconds utc gmt unix epoch": 1.0,
+        "ms msec millisec milliseconds": 1e-3,
+        "us µs usec microsec microseconds": 1e-6,
+        "ns nsec nanosec nanoseconds": 1e-9,
+        "min minute minutes": 60.0,
+        "h hour hours": 3600.0,
+        "d day days": 86400.0,
+    },
+    "position": {
+        "rad radian radians m": 1.0,
+        "mrad mm": 1e-3,
+        "cm": 1e-2,
+        "deg degree degrees °": pi / 180,
+        "rev revs turn turns": 2 * pi,
+    },
+    "velocity": {
+        "rad/s m/s": 1.0,
+        "mrad/s mm/s": 1e-3,
+        "cm/s": 1e-2,
+        "deg/s °/s dps": pi / 180,
+        "rpm rev/min 1/min": 2 * pi / 60,
+        "rev/s 1/s hz": 2 * pi,
+    },
+    "effort": {"nm n": 1.0, "mnm": 1e-3, "knm kn": 1e3, "ncm": 1e-2},
+}
+UNITS = {
+    quantity: {unit: factor for units, factor in table.items() for unit in units.split()}
+    for quantity, table in _UNITS.items()
+}
+"""Factor to SI by quantity and unit, in lower case without spaces and signs of multiplication."""
+_WITHOUT_FACTOR = re.compile("a|ma|amps?|amperes?|v|volts?|%|percent|ticks|counts|steps")
+_BRACKETS = re.compile(r"(.+?)(\s*)[\[(]([^\[\]()]*[^\[\]()\s][^\[\]()]*)[\])]\s*$")
+_UNIT_WORD = re.compile(
+    r"°(?:/s)?|(?<![a-z0-9])(?:"
+    r"(?P<per>degrees?|deg|radians?|rad|rev|mm|mrad)(?:_s|_?per_?s(?:ec(?:ond)?)?|_?p_?s|/s)"
+    r"|dps|degrees?|deg|radians?|rad|mrad|revs?|turns?|mm|rpm|nm|mnm"
+    r"|ma|amps?|amperes?|volts?|percent|ticks|counts|steps)(?![a-z])"
+)
+"""A unit as a word in a header. Single letters (m, s, A) are units in brackets only."""
 
 _IGNORED = re.compile(
-    r"(?<![a-z])(?:target|desired|des|command|commanded|cmd|reference|ref|setpoint|goal|error|err|planned|external"
-    r"|accelerations?|acc)(?![a-z])"
+    r"(?<![a-z])(?:target|desired|des|command|commanded|cmd|reference|ref|setpoint|goal|error|err"
+    r"|planned|external|accelerations?|acc)(?![a-z])"
 )
-_WORDS = {
-    "velocity": "velocities|velocity|speeds|speed|q_dot|qdot|vel|qd|dq",
-    "position": "positions|position|angles|angle|theta|pos|q",
-    "effort": "efforts|effort|torques|torque|eff|tau",
-    "current": "currents|current",
-}
 _QUANTITY = re.compile(
-    f"(?<![a-z0-9])(?:{'|'.join(f'(?P<{name}>{words})' for name, words in _WORDS.items())})(?![a-z])"
+    r"(?<![a-z0-9])(?:(?P<velocity>velocities|velocity|speeds|speed|q_dot|qdot|vel|qd|dq)"
+    r"|(?P<position>positions|position|angles|angle|theta|pos|q)"
+    r"|(?P<effort>efforts|effort|torques|torque|eff|tau)|(?P<current>currents|current))(?![a-z])"
 )
-_TIME = re.compile(
-    r"(?:t|time|times|timestamps?|time_stamp|stamp|secs?|seconds?|elapsed|elapsed_time|unix_time"
-    r"|(?:.*[./])?header[./]stamp)(?:_(?P<unit>s|sec|ms|msec|us|usec|µs|ns|nsec|nanosec))?"
-)
-_TOOL_TIMES = {"%time": "ns", "__time": None, "rosbagtimestamp": "ns"}
-"""Times that tools add to a recording, and their units."""
-_NANOSECONDS = "field.header.stamp"
-_STAMP = re.compile(r"(?:.*[./_ ])?header[./_ ]stamp(?:[./_ ]n?secs?)?")
-_PAIR = re.compile(r"(?P<prefix>(?:.*[^a-z])?)(?P<nano>n|nano)?secs?")
-_NUMBER = re.compile(r"(?:(?:joints?|j|axis)[^a-z0-9]*)?(?P<number>\d{1,4})")
+_NUMBER = re.compile(r"(?:(?:joints?|j|axis)[^a-z0-9]*)?(\d{1,4})")
 _BETWEEN = "_./[]()<>{}|: -\t"
+
+_TIME_UNIT = "_(?P<unit>s|sec|ms|msec|us|usec|µs|ns|nsec|nanosec)"
+_TIMES = (
+    re.compile(rf"(?:.*[./])?header[./]stamp(?:{_TIME_UNIT})?"),
+    re.compile(
+        r"(?:t|time|times|timestamps?|time_stamp|stamp|secs?|seconds?|elapsed|elapsed_time|unix_time)"
+        rf"(?:{_TIME_UNIT})?"
+    ),
+    re.compile("%time|__time|rosbagtimestamp"),  # which tools add to a recording
+)
+"""Headers of times, the best kind first."""
+_NANOSECONDS = ("%time", "rosbagtimestamp", "field.header.stamp")
+_PAIR = re.compile(r"(?P<prefix>(?P<stamp>(?:.*[./_ ])?header[./_ ]stamp[./_ ])?(?:.*[^a-z])?)(?P<nano>n|nano)?secs?")
 
 
 class Column(NamedTuple):
     """One column of a table, or one array."""
 
     name: str
-    width: int = 0
-    """Columns of an array or of lists; 0 of one number a row."""
-    unit: str | None = None
-    """Unit outside of the name: in a line of units, in metadata."""
-    numeric: bool = True
-    """Whether the column holds numbers or times."""
-    sample: tuple = ()
-    """Texts of the first rows, or lists of them, of a column without numbers."""
-    listed: bool = False
-    """Whether each row has a list."""
-    dated: bool = False
-    """Whether the texts are times or numbers."""
-    moments: bool = False
-    """Whether all values are times by themselves: ISO 8601, or of a type of times."""
-    type: str = ""
-    """Type of values that are no numbers, for messages."""
+    width: int = 0  # columns of an array or of lists; 0 of one number a row
+    unit: str | None = None  # outside of the name: in a line of units, in metadata
+    numeric: bool = True  # whether the column holds numbers or times
+    sample: tuple = ()  # texts of the first rows, or lists of them, of a column without numbers
+    listed: bool = False  # whether each row has a list
+    dated: bool = False  # whether the texts are times or numbers
+    moments: bool = False  # whether all values are ISO 8601 times, or of a type of times
+    type: str = ""  # of values that are no numbers, for messages
 
 
 class Header(NamedTuple):
     """Content of one column by its name."""
 
     quantity: str
-    pattern: str
-    """Name with {joint} for the joint."""
-    joint: str
-    """Empty where there is none."""
-    number: int | None = None
+    pattern: str  # name with {joint} for the joint
+    joint: str  # name or number; empty where there is none
 
 
-def unit_of(column, name):
-    """Return the unit of a column or None; `name` is its name without the joint's."""
-    stem, unit = _split_unit(name)
-    word = unit_word(stem.lower()) if unit is None else None
-    return column.unit or unit or (word and word[1])
+# --- Units ---
+
+
+def _normalized(unit):
+    """A unit in lower case without signs of multiplication and spaces; ``s^-1`` is ``/s``."""
+    text = re.sub(r"[\s·*⋅.]", "", unit.lower()).replace("\u03bc", "µ").replace("º", "°")
+    text = re.sub(r"(?:s\^?-1|s⁻¹)$", "/s", text).replace("//", "/")
+    return re.sub(r"^(deg|rad)[a-z]*/", r"\1/", re.sub(r"/sec(?:ond)?$", "/s", text))
+
+
+def is_unit(text):
+    """Return whether a text is a known unit of any quantity."""
+    unit = _normalized(text)
+    return any(unit in table for table in UNITS.values()) or bool(_WITHOUT_FACTOR.fullmatch(unit))
+
+
+def factor_of(quantity, unit):
+    """Return the factor of a unit to SI; None if the quantity has no such unit."""
+    return UNITS[quantity].get(_normalized(unit))
+
+
+def split_unit(header, known=()):
+    """Return a header without its unit in brackets, and the unit or None.
+
+    After a space any text in brackets is a unit, right after a name only a known unit: ``pos[0]`` has
+    none. The name of a joint in `known`, or of the quantity, is no unit: ``q0 (elbow)``, ``elbow (q0)``.
+    """
+    match = _BRACKETS.match(header)
+    if match is None:
+        return header, None
+    stem, space, unit = match[1], match[2], match[3].strip()
+    is_name = unit in known or (_find_quantity(unit.lower()) and not _find_quantity(stem.lower()))
+    if not is_unit(unit) and (unit.isdigit() or not space or is_name):
+        return header, None
+    return stem, unit
+
+
+def unit_of(column, joint=""):
+    """Return the unit of a column or None; a joint may be called deg."""
+    stem, unit = split_unit(column.name.replace(joint, " ", 1))
+    word = _UNIT_WORD.search(stem.lower())
+    in_name = word and (f"{word['per']}/s" if word["per"] else word[0])
+    return column.unit or unit or in_name
+
+
+# --- Times ---
 
 
 def time_columns(columns):
-    """Return columns that may be the times: tuples of one index or two, by name, the best kind of them only."""
-    times, tool_times, pairs, moments = {}, {}, ({}, {}), {}
+    """Return columns that may be the times: tuples of one index or two, by name, the best kind only."""
+    kinds, pairs = [{}, {}, {}, {}], {}
     for k, column in enumerate(columns):
         if not (column.numeric or column.dated) or (column.sample and not any(column.sample)):
             continue
         name = split_unit(column.name.strip())[0].lower()
-        if name in _TOOL_TIMES:
-            tool_times[column.name] = (k,)
-        elif _TIME.fullmatch(name) or name == _NANOSECONDS:
-            times.setdefault(column.name, (k,))
-        if column.moments:
-            moments[column.name] = (k,)
+        kind = next((n for n, pattern in enumerate(_TIMES) if pattern.fullmatch(name)), None)
+        if kind is not None or column.moments:
+            kinds[3 if kind is None else kind].setdefault(column.name, (k,))
         if match := _PAIR.fullmatch(name):
-            pairs[bool(match["nano"])].setdefault(match["prefix"], k)
-    for prefix in pairs[0].keys() & pairs[1].keys():
-        both = pairs[0][prefix], pairs[1][prefix]
-        times.pop(columns[both[0]].name, None)
-        times[" and ".join(columns[k].name for k in both)] = both
-    stamps = {name: ks for name, ks in times.items() if _STAMP.fullmatch(columns[ks[0]].name.strip().lower())}
-    return stamps or times or tool_times or moments
+            pair = pairs.setdefault(match["prefix"], {"kind": 0 if match["stamp"] else 1})
+            pair.setdefault("nano" if match["nano"] else "sec", k)
+    for pair in pairs.values():
+        if len(pair) == 3:
+            both = pair["sec"], pair["nano"]
+            kinds[pair["kind"]].pop(columns[both[0]].name, None)
+            kinds[pair["kind"]][" and ".join(columns[k].name for k in both)] = both
+    return next(filter(None, kinds), {})
 
 
 def unit_of_time(column):
     """Return the unit of a column of times, or None."""
     name, unit = split_unit(column.name.strip())
-    name = name.lower()
     if column.unit or unit:
         return column.unit or unit
-    if name in _TOOL_TIMES:
-        return _TOOL_TIMES[name]
-    if name == _NANOSECONDS:
+    if name.lower() in _NANOSECONDS:
         return "ns"
-    match = _TIME.fullmatch(name) or re.search(r"_(?P<unit>ms|us|µs|ns|sec|s)$", name)
+    match = re.search(f"{_TIME_UNIT}$", name.lower())
     return match and match["unit"]
 
 
+# --- Quantities and joints ---
+
+
 def parse_header(column, known):
-    """Return the :class:`Header` of a numeric column or None; `known` are the model's joints, the longest first."""
-    name = _split_unit(column.name.strip(), known)[0]
+    """Return the :class:`Header` of a numeric column or None; `known` are the model's joints, longest first."""
+    name = split_unit(column.name.strip(), known)[0]
     for joint in known:
-        if span := _span_of(joint, name):
-            quantity = _quantity(_blank(name.lower(), span))
-            if quantity:
-                return Header(quantity[0], name[: span[0]] + JOINT + name[span[1] :], joint)
+        place = re.search(rf"(?<![^\W_]){re.escape(joint)}(?![^\W_])", name)
+        if place and (quantity := _find_quantity(_blank(name.lower(), place))):
+            return Header(quantity.lastgroup, name[: place.start()] + JOINT + name[place.end() :], joint)
     return _parse_unknown_joint(column, name)
 
 
-def _split_unit(header, known=()):
-    """A header and its unit in brackets; the name of a joint or of the quantity in brackets is no unit."""
-    stem, unit = split_unit(header)
-    if not unit or is_unit(unit):
-        return stem, unit
-    names_quantity = _quantity(unit.lower()) and not _quantity(stem.lower())
-    return (header, None) if names_quantity or unit in known else (stem, unit)
-
-
-def _span_of(joint, name):
-    """Place of a joint's name in a header, no letter or digit beside it."""
-    match = re.search(rf"(?<![^\W_]){re.escape(joint)}(?![^\W_])", name)
-    return match and match.span()
-
-
-def _blank(text, span):
-    return text[: span[0]] + " " * (span[1] - span[0]) + text[span[1] :]
-
-
-def _quantity(text):
-    """The quantity of a header and the place of its last word; None without a word, or with words of two."""
-    if _IGNORED.search(text):
-        return None
-    spans = {match.lastgroup: match.span() for match in _QUANTITY.finditer(text)}
-    if len(spans) > 1:
-        spans.pop("current", None)  # the current position is no current
-    return next(iter(spans.items())) if len(spans) == 1 else None
-
-
 def _parse_unknown_joint(column, name):
-    """The header of a column that names none of the model's joints."""
-    text, quantity = name.lower(), _quantity(name.lower())
+    """The header of a column that names none of the model's joints: the joint follows or precedes the quantity."""
+    quantity, word = _find_quantity(name.lower()), _UNIT_WORD.search(name.lower())
     if quantity is None:
         return None
-    quantity, (start, begin) = quantity
-    if word := unit_word(text):
-        text = _blank(text, word[0])
-    end = len(text)
+    text = _blank(name, word) if word else name
+    begin, end = quantity.end(), len(text)
     if not text[begin:].strip(_BETWEEN):  # the quantity ends the name
-        end = len(text[:start].rstrip(_BETWEEN))
+        end = len(text[: quantity.start()].rstrip(_BETWEEN))
         begin = max(text.rfind("/", 0, end), text.rfind(".", 0, end)) + 1
-    end = begin + len(text[begin:end].rstrip(_BETWEEN))
-    begin = end - len(text[begin:end].lstrip(_BETWEEN))
-    if column.width or begin >= end:
-        return Header(quantity, column.name, "")
-    if number := _NUMBER.fullmatch(text[begin:end]):
-        begin += number.start("number")
-    joint = _blank(name, word[0])[begin:end] if word else name[begin:end]
+    joint = text[begin:end].strip(_BETWEEN)
+    if column.width or not joint:
+        return Header(quantity.lastgroup, column.name, "")
+    number = _NUMBER.fullmatch(joint.lower())
+    joint = number[1] if number else joint
     if joint.lower() in ("x", "y", "z", "w") or re.search(r"[\[\](){}]", joint):  # q_d[0] is no 'd[0' of q
         return None
-    stem = split_unit(column.name.strip())[0]
-    return Header(quantity, stem[:begin] + JOINT + stem[end:], joint, int(joint) if number else None)
+    begin = text.index(joint, begin)
+    return Header(quantity.lastgroup, name[:begin] + JOINT + name[begin + len(joint) :], joint)
+
+
+def _find_quantity(text):
+    """The match of the last word of the only quantity in a header; None without one, or of two quantities."""
+    found = {match.lastgroup: match for match in _QUANTITY.finditer(text)}
+    if len(found) > 1:
+        found.pop("current", None)  # the current position is no current
+    return None if len(found) != 1 or _IGNORED.search(text) else next(iter(found.values()))
+
+
+def _blank(text, match):
+    return text[: match.start()] + " " * len(match[0]) + text[match.end() :]

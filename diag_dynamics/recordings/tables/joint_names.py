@@ -1,25 +1,25 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names of joints in the data: in columns of text row by row, in comments, metadata and arrays for all rows."""
+"""Names of joints in the data: in columns of text for each row, in comments, metadata and arrays for all rows."""
 
 import json
 import re
 from contextlib import suppress
 from functools import lru_cache
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.recordings.tables.units import is_unit
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.tables.headers import is_unit
 
 NAMES = ("name", "names", "joint", "joints", "joint_name", "joint_names", "joint_order")
-MAX_LENGTH = 10_000
-"""Characters of a text that may state names of joints."""
+MAX_LENGTH = 10_000  # characters of a text that may state names of joints
 
 _HEADER = re.compile(r"(?:.*[./:\s|])?(?:(?:joints?[_ -]*)?names?|joints?|joint[_ -]?order)")
-_QUOTED = re.compile(r"""b?'([^']*)'|b?"([^"]*)\"""")
-_SCALAR = re.compile(r"\b(?:np|numpy)\.\w+\(([^()\[\]]*)\)")
+_NO_NAMES = ("", "nan", "none", "null", "na", "n/a", "-", "--")
 _LABEL = re.compile(
     r"(?:^|[,;{|\"']\s*|[:=]\s?[^\s,;]{1,80}\s+)[\"']?(?:the\s+)?(?:(?:names?|order)\s+of\s+(?:the\s+|all\s+)?)?"
     r"(?P<label>joints?(?:[_ -]?(?:names?|order))?|names?|order|motors|actuators|axes|dofs)"
@@ -27,36 +27,21 @@ _LABEL = re.compile(
     re.IGNORECASE,
 )
 """A label of a list of names, and the list."""
-_BEFORE = r"(?:^|[^\w.])(?:[a-z_]+[\s.]?)?[\[(]?(?P<number>\d{1,3})[\])]?"
-_NUMBER_OF = re.compile(rf"{_BEFORE}\s*(?:[:=)|]|->|=>|-(?=\s)|\bis\b)\s*['\"\[(]*$", re.IGNORECASE)
-"""The number of a joint before its name: ``q1 = elbow``."""
-_BARE_NUMBER = re.compile(rf"{_BEFORE}[\s'\"]+$", re.IGNORECASE)
-"""The same without a sign: ``[1] elbow``."""
-_BEHIND = re.compile(
-    r"['\"\s:=\[({]*(?:->|=>|is\b)?[\s\[({]*(?P<word>(?:columns?|col|index|joint|axis|pos|[qj])[\s_.\[(]*)?"
+_BEFORE = re.compile(
+    r"(?:^|[^\w.])(?:[a-z_]+[\s.]?)?[\[(]?(?P<number>\d{1,3})[\])]??"
+    r"\s*(?P<sign>[:=)|]|->|=>|-(?=\s)|\bis\b)?[\s'\"\[(]*$",
+    re.IGNORECASE,
+)
+"""The number of a joint before its name: ``q1 = elbow``, ``[1] elbow``."""
+_AFTER = re.compile(
+    r"['\"\s:=\[({]*(?:->|=>|is\b)?[\s\[({]*(?P<sign>(?:columns?|col|index|joint|axis|pos|[qj])[\s_.\[(]*)?"
     r"(?P<number>[-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?)",
     re.IGNORECASE,
 )
-"""A number behind the name of a joint: its index or a value."""
+"""A number after the name of a joint: its index or a value."""
 _QUANTITIES = "q|qd|dq|pos|positions?|angles?|theta|vel|velocity|velocities|tau|torques?|efforts?|measured|actual"
-_FILLERS = re.compile(
-    "and|then|und|et|y|in|t|time|stamp|joint|joints|j|motor|motors|axis|axes|column|columns|col|q|qd|dq|"
-    "qdot|pos|position|positions|angle|angles|theta|vel|velocity|velocities|tau|torque|torques|effort|"
-    "efforts|measured|actual"
-)
+_FILLERS = re.compile(f"and|then|und|et|y|in|t|time|stamp|joints?|j|motors?|ax[ei]s|columns?|col|qdot|{_QUANTITIES}")
 """Words between the names of a list."""
-_PROSE = re.compile(
-    "a|all|and|any|are|as|at|axes|axis|bad|both|by|cold|continuous|days|each|every|false|first|five|"
-    "fixed|floating|for|four|from|good|hot|in|is|it|left|lower|manual|motors|new|no|none|not|of|off|ok|"
-    "old|on|one|only|or|order|planar|position|positions|prismatic|revolute|right|same|see|six|ten|the|"
-    "these|they|three|to|true|two|unknown|upper|was|were|with|velocity|velocities|effort|efforts|torque|"
-    "torques|yes|zero|run|test|trial"
-)
-"""Words that are no names of joints."""
-
-
-class MismatchError(Exception):
-    """Columns do not fit joints; the text says why."""
 
 
 class RowNames(NamedTuple):
@@ -64,16 +49,11 @@ class RowNames(NamedTuple):
 
     pattern: str
     columns: tuple[int, ...]
-    numbers: tuple[int, ...] = ()
-    """Index of each column in its header; empty where headers have none."""
-    listed: bool = False
-    """Whether one column has a list of names in each row."""
-    first: tuple[str, ...] = ()
-    """Names in the first row that has any."""
-    labelled: bool = False
-    """Whether the header says that these are names."""
-    known: bool = False
-    """Whether the first rows name joints of the model."""
+    numbers: tuple[int, ...] = ()  # of the columns by their headers; empty where headers have none
+    listed: bool = False  # whether one column has a list of names in each row
+    first: tuple[str, ...] = ()  # names in the first row that has any
+    labelled: bool = False  # whether the header says that these are names
+    known: bool = False  # whether the first rows name joints of the model
 
 
 class Text(NamedTuple):
@@ -81,18 +61,16 @@ class Text(NamedTuple):
 
     where: str
     text: str
-    following: tuple[str, ...] = ()
-    """Comments in the next lines."""
-    array: str = ""
-    """Name of the array that holds the text."""
+    following: tuple[str, ...] = ()  # comments in the next lines
+    array: str = ""  # name of the array that holds the text
 
 
 def names_of(text):
-    """Return the names in a text: ``['a', 'b']``, ``(a; b)``, ``a, b``, ``a b`` or ``a``; or in a list of texts."""
+    """Return the names in a text, ``['a', 'b']``, ``(a; b)``, ``a, b``, ``a b`` or ``a``, or in a list of texts."""
     if not isinstance(text, str):
-        return () if text is None else tuple("" if one is None else _clean(str(one)) for one in text)
+        return tuple("" if one is None else _clean(str(one)) for one in text or ())
     body = _inner(text)
-    if quoted := _QUOTED.findall(body):
+    if quoted := re.findall(r"""b?'([^']*)'|b?"([^"]*)\"""", body):
         return tuple(_clean(one or other) for one, other in quoted)
     separator = next((one for one in ",;|\t" if one in body), None)
     return tuple(filter(None, map(_clean, body.split(separator))))
@@ -100,90 +78,79 @@ def names_of(text):
 
 def numbers_of(text):
     """Return the numbers in the text of an array, ``(0.1, 0.2)`` or ``[0.1 0.2]``; None of any other text."""
-    text = text.strip()
-    if not text or text[-1] not in "])}":
+    if not text.strip().endswith(("]", ")", "}")):
         return None
-    body = _inner(text).strip(" \t,;")
     try:
-        return [float(one) for one in re.split(r"\s*[,;]\s*|\s+", body)] if body else []
+        return [float(one) for one in re.split(r"\s*[,;]\s*|\s+", _inner(text).strip(" \t,;")) if one]
     except ValueError:
         return None
 
 
 def _inner(text):
-    """The text between the innermost brackets, or the text; scalars of numpy without their type."""
-    text = _SCALAR.sub(r"\1", text.strip())
+    """The text between the innermost brackets at the end, or the text; scalars of numpy without their type."""
+    text = re.sub(r"\b(?:np|numpy)\.\w+\(([^()\[\]]*)\)", r"\1", text.strip())
     match = re.search(r"[\[({]([^\[\](){}]*)[\])}]", text)
     return match[1] if match and text[-1] in "])}" else text
 
 
 def _clean(text):
-    """A name without quotes and blanks; empty for texts that stand for no value."""
     text = text.strip().strip("'\"").strip()
-    return "" if text.lower() in ("", "nan", "none", "null", "na", "n/a", "-", "--") else text
+    return "" if text.lower() in _NO_NAMES else text
 
 
-# --- Rows ---
+# --- Names in rows ---
 
 
-def find_row_names(columns, known):
-    """Return all :class:`RowNames` of a table: by headers such as ``name0``, or because texts are joints of the model."""
+def find_row_names(columns, known, arrays):
+    """Return all :class:`RowNames` of a table but for `arrays`, which name the joints of all rows.
+
+    Headers such as ``name0`` say that texts are names. Columns with one joint of the model in each row may have any.
+    """
     sets = {}
     for k, column in enumerate(columns):
-        match = re.fullmatch(r"(.*?)(\d{1,4})(\D*)", column.name.strip().lower(), re.DOTALL)  # the last number
-        stem, number = (f"{match[1]}*{match[3]}", int(match[2])) if match else (column.name.strip().lower(), -1)
+        header, names = column.name.strip().lower(), [names_of(text) for text in column.sample]
+        match = re.fullmatch(r"(.*?)(\d{1,4})(\D*)", header, re.DOTALL)  # the last number
+        stem, number = (f"{match[1]}*{match[3]}", int(match[2])) if match else (header, -1)
         labelled = bool(_HEADER.fullmatch(stem.replace("*", "").strip(" _.[](){}/-:|")))
-        names = [names_of(text) for text in column.sample]
-        ours = any(name in known for one in names for name in one)
-        if names and (labelled or ours):
-            sets.setdefault(stem, []).append((number, k, names, labelled, ours))
-    found = []
-    for stem, members in sets.items():
-        numbers, places, names, labelled, ours = zip(*sorted(members, key=lambda one: one[:2]), strict=True)
-        column = columns[places[0]]
-        rows = RowNames(stem, places, numbers, False, _first_names(names), all(labelled), any(ours))
-        if len(places) == 1 and (column.listed or any(len(one) > 1 for one in names[0])):
-            first = next(filter(any, names[0]), ())
-            rows = rows._replace(pattern=column.name, numbers=(), listed=True, first=first)
-            split = column.listed or any(re.search("[,;|]", text) for text in column.sample)
-            count = sum(name in known for name in first)
-            if first and (2 * count > len(first) or (rows.labelled and (count or _are_names(first, split)))):
-                found.append(rows)
-        elif any(rows.first) and (numbers == (-1,) or -1 not in numbers):
-            found.append(rows._replace(pattern=column.name, numbers=()) if numbers == (-1,) else rows)
-    return found
+        ours = any(set(one).intersection(known) for one in names)
+        if any(names) and (labelled or ours):
+            sets.setdefault((stem, labelled), []).append((number, k, names))
+        if ours and not column.listed and max(map(len, names)) == 1 and column.name not in arrays:
+            sets.setdefault((None, False), []).append((-1, k, names))
+    found = [_row_names(columns, known, *key, sorted(members)) for key, members in sets.items()]
+    return list(filter(None, found))
 
 
-def find_loose_names(columns, known, arrays):
-    """Return a :class:`RowNames` of all columns but `arrays` with one joint of the model in each row.
-
-    There are none if a row has a joint twice.
-    """
-    found = {}
-    for k, column in enumerate(columns):
-        names = [names_of(text) for text in column.sample] if column.name not in arrays else []
-        if not column.listed and any(map(set(known).intersection, names)) and max(map(len, names)) == 1:
-            found[k] = names
-    rows = [[one[0] for one in row if one] for row in zip(*found.values(), strict=False)]
-    if any(len(set(row)) < len(row) for row in rows):
-        return RowNames("", ())
-    pattern = ", ".join(columns[k].name for k in found)
-    return RowNames(pattern, tuple(found), first=_first_names(found.values()), known=True)
-
-
-def _first_names(columns):
-    """Names of the first row that has any, one of each column."""
-    rows = ([next(iter(one), "") for one in row] for row in zip(*columns, strict=False))
-    return tuple(next(filter(any, rows), ()))
+def _row_names(columns, known, stem, labelled, members):
+    """The RowNames of columns of one stem, or of any header without one; None if their texts are no names."""
+    numbers, places, names = zip(*members, strict=True)
+    column = columns[places[0]]
+    listed = stem is not None and len(places) == 1 and (column.listed or any(len(one) > 1 for one in names[0]))
+    rows = names[0] if listed else [tuple(next(iter(one), "") for one in row) for row in zip(*names, strict=False)]
+    first = next(filter(any, rows), ())
+    if listed:
+        split = column.listed or any(re.search("[,;|]", text) for text in column.sample)
+        ours = len(set(first).intersection(known))
+        valid = 2 * ours > len(first) or (labelled and (ours or split))
+    elif stem is None:
+        given = [list(filter(None, row)) for row in rows]
+        valid = len(places) > 1 and all(len(set(row)) == len(row) for row in given)
+    else:
+        valid = len(places) == 1 or -1 not in numbers
+    ours = any(set(row).intersection(known) for row in rows)
+    numbers = () if listed or -1 in numbers else numbers
+    pattern = stem if numbers else ", ".join(columns[k].name for k in places)
+    return RowNames(pattern, places, numbers, listed, first, labelled, ours) if first and valid else None
 
 
 def nearest(headers, pattern):
     """Return those of several headers that share the longest beginning with a pattern."""
-    pattern, lengths = pattern.lower(), []
-    for header in headers:
-        begins = (size for size in range(len(header), -1, -1) if pattern.startswith(header.lower()[:size]))
-        lengths.append(next(begins))
-    return [one for one, length in zip(headers, lengths, strict=True) if length == max(lengths)]
+
+    def shared(header):
+        pairs = zip(header.lower(), pattern.lower(), strict=False)
+        return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+
+    return [one for one in headers if shared(one) == max(map(shared, headers))]
 
 
 def read_row_names(names, arrays):
@@ -200,12 +167,12 @@ def read_row_names(names, arrays):
 def _read_names(array):
     """The name in each cell of a column of texts."""
     encoded = array if hasattr(array, "dictionary") else array.dictionary_encode()
-    names = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in encoded.dictionary.to_pylist()]
-    names = np.array([*map(_clean, names), ""], object)
-    return names[encoded.indices.fill_null(len(names) - 1).to_numpy(zero_copy_only=False)]
+    texts = encoded.dictionary.to_pylist()
+    names = [_clean(one.decode(errors="replace") if isinstance(one, bytes) else one) for one in texts]
+    return np.array([*names, ""], object)[encoded.indices.fill_null(len(names)).to_numpy(zero_copy_only=False)]
 
 
-# --- Statements ---
+# --- Comments, metadata and arrays ---
 
 
 def comment_texts(lines):
@@ -245,33 +212,31 @@ def stated_order(texts, known, count, pattern="position"):
 
     Raises
     ------
-    MismatchError
+    InputError
         Statements contradict each other, or the number of columns.
     """
     orders = _find_orders(texts, known, count)
-    for joints, text in orders:
-        if joints != orders[0][0]:
+    for order in orders:
+        if order[0] != orders[0][0]:
             first, second = (
-                f"{one.where} ('{' '.join(one.text.split())[:100]}') has the joints {', '.join(order)}"
-                for order, one in (orders[0], (joints, text))
+                f"{one.where} ('{' '.join(one.text.split())[:100]}') has the joints {', '.join(joints)}"
+                for joints, one in (orders[0], order)
             )
-            raise MismatchError(f"{first}, but {second}. Say which by `joints` in the map of columns.")
+            raise InputError(f"{first}, but {second}. Say which by `joints` in the map of columns.")
     if orders:
         return orders[0]
     for names, text, of_joints in _find_lists(texts, known):
-        ours = len(set(names) & set(known))
-        complete = len(names) == count and (2 * ours > count or (of_joints and ours))
-        twice = next((name for name in names if names.count(name) > 1), None)
+        ours, fits, twice = len(set(names) & set(known)), len(names) == count, len(set(names)) < len(names)
         says = f"{text.where} names {len(names)} joints: {', '.join(names)}"
-        if complete or (of_joints and ours and len(names) > 1):
+        if ours and ((of_joints and len(names) > 1) or (fits and 2 * ours > count)):
             if twice:
-                raise MismatchError(f"{text.where} names the joint '{twice}' twice.")
-            if not complete:
-                raise MismatchError(f"{pattern} has {count} columns, but {says}.")
+                raise InputError(f"{says}. One of them is there twice.")
+            if not fits:
+                raise InputError(f"{pattern} has {count} columns, but {says}.")
             return names, text
-        if of_joints and len(names) == count and not twice and (count > 1 or _has_index(names[0])):
+        if of_joints and fits and not twice and not ours and (count > 1 or _has_index(names[0])):
             if known:
-                raise MismatchError(f"{says}, none of which is among the joints of the model: {', '.join(known)}.")
+                raise InputError(f"{says}, none of which is among the joints of the model: {', '.join(known)}.")
             return names, text
     return None
 
@@ -284,28 +249,26 @@ def labelled_joints(texts, known):
 
 def _find_orders(texts, known, count):
     """Joints and texts with as many joints of the model as there are columns, in one line or in several."""
-    whole, parts = [], []
+    found = []
     for one in texts if known and count > 1 else ():
-        order, text = _order(one.text, known), one.text
-        if len(order) == count:
-            whole.append((order, one))
+        text, order = one.text, _order(one.text, known)
         for line in one.following if 0 < len(order) < count else ():
+            if len(order) == count or len(text) > MAX_LENGTH or not 0 < len(_order(line, known)) < count:
+                break
             text = f"{text}\n{line}"
-            if len(text) > MAX_LENGTH or not 0 < len(_order(line, known)) < count:
-                break
-            if len(order := _order(text, known)) == count:
-                parts.append((order, one._replace(text=text)))
-                break
-    return whole + parts
+            order = _order(text, known)
+        if len(order) == count:
+            found.append((order, one._replace(text=text)))
+    return found
 
 
 @lru_cache(maxsize=8)
 def _joint_pattern(known):
-    """A pattern of the names of joints, the longest first, with a quantity before or behind."""
+    """A pattern of the names of joints, the longest first, with a quantity before or after."""
     names = [re.escape(one) for one in sorted(known, key=len, reverse=True) if re.search(r"[^\W\d]", one)]
     every = "|".join(names) or r"(?!)"
-    begin, behind = rf"(?<!\w)(?:(?:{_QUANTITIES})\d*[_.])?", rf"(?:[_.](?:{_QUANTITIES})(?:\[\d+\])?)?"
-    return re.compile(rf"{begin}(?P<name>{every}){behind}(?!\w|[./-](?!{every})\w)")
+    before, after = rf"(?<!\w)(?:(?:{_QUANTITIES})\d*[_.])?", rf"(?:[_.](?:{_QUANTITIES})(?:\[\d+\])?)?"
+    return re.compile(rf"{before}(?P<name>{every}){after}(?!\w|[./-](?!{every})\w)")
 
 
 @lru_cache(maxsize=4096)
@@ -319,31 +282,19 @@ def _order(text, known):
         return names
     begins, ends = [*(one.start() for one in marks), len(text)], [0, *(one.end() for one in marks)]
     gaps = [text[end:begin] for end, begin in zip(ends, begins, strict=True)]
-    numbers = _integers(_NUMBER_OF.search(gaps[k][-60:]) for k in places)
-    if not numbers:
-        numbers = _consecutive(_integers(_BARE_NUMBER.search(gaps[k][-60:]) for k in places))
-    behind = [_BEHIND.match(gaps[k + 1]) for k in places]
-    if not numbers and any(behind[:-1]):
-        numbers = _integers(behind)
-        numbers = numbers if numbers and all(one["word"] for one in behind) else _consecutive(numbers)
-        if not numbers:
-            return ()
-    if numbers:
+    before, after = [_BEFORE.search(gaps[k][-60:]) for k in places], [_AFTER.match(gaps[k + 1]) for k in places]
+    if numbers := _numbers(before) or _numbers(after, mixed=True):
         return tuple(name for _, name in sorted(zip(numbers, names, strict=True)))
-    return names if all(map(_is_separator, gaps[1 : places[-1] + 1])) else ()
+    return names if not any(after[:-1]) and all(map(_is_separator, gaps[1 : places[-1] + 1])) else ()
 
 
-def _integers(matches):
-    """Different integers of all matches; empty if one has none."""
-    numbers = [match["number"] if match else "" for match in matches]
-    return (
-        [int(one) for one in numbers] if all(map(str.isdecimal, numbers)) and len(set(numbers)) == len(numbers) else []
-    )
-
-
-def _consecutive(numbers):
-    """Numbers without gaps; empty of others."""
-    return numbers if numbers and max(numbers) - min(numbers) == len(numbers) - 1 else []
+def _numbers(matches, mixed=False):
+    """Different integers of all matches, consecutive without signs; empty otherwise."""
+    if not all(matches) or not all(match["number"].isdecimal() for match in matches):
+        return []
+    numbers, signs = [int(match["number"]) for match in matches], {bool(match["sign"]) for match in matches}
+    consecutive = max(numbers) - min(numbers) == len(numbers) - 1 and (mixed or signs == {False})
+    return numbers if len(set(numbers)) == len(numbers) and (signs == {True} or consecutive) else []
 
 
 def _is_separator(gap):
@@ -355,36 +306,22 @@ def _is_separator(gap):
 def _find_lists(texts, known):
     """Lists with a label, and whether the label is one of joints."""
     for one in texts:
-        match = _LABEL.search(one.text)
-        text = re.split(r"\s+\w+\s*=", match["names"])[0] if match else ""
-        names = names_of(text) if text.strip() or not match else _entries(one.following)
-        split = bool(re.search(r"[,;|'\"\[]", text)) or not text.strip()
-        if match and names and _are_names([name for name in names if name not in known], split):
-            label = match[0][: match.start("names") - match.start()]
-            yield names, one, "joint" in label.lower()
-
-
-def _entries(lines):
-    """Names on lines of their own."""
-    names = []
-    for line in lines:
-        match = re.fullmatch(r"-?\s*([\w./-]+)", line.strip())
-        if match is None:
-            return tuple(names) or names_of(line)
-        names.append(match[1])
-    return tuple(names)
+        if match := _LABEL.search(one.text):
+            text = re.split(r"\s+\w+\s*=", match["names"])[0].strip()
+            text = text or ",".join(line.strip("- ") for line in one.following)
+            names = names_of(text)
+            if names and _are_names([name for name in names if name not in known], re.search(r"[,;|'\"\[]", text)):
+                yield names, one, "joint" in one.text[match.start() : match.start("names")].lower()
 
 
 def _are_names(names, split):
     """Whether texts may be names of joints; where blanks alone split a list, only those with an index are."""
-    for name in names:
-        word = name.lower()
-        is_word = not split or _PROSE.fullmatch(word) or word.endswith("ed")
-        if not re.fullmatch(r"(?=.*[^\W\d])[\w./-]+", name) or is_unit(name) or (is_word and not _has_index(name)):
-            return False
-    return True
+    return all(
+        re.fullmatch(r"(?=.*[^\W\d])[\w./-]+(?<!ed)", name) and not is_unit(name) and (split or _has_index(name))
+        for name in names
+    )
 
 
 def _has_index(name):
     """Whether a name has a digit or a sign that no word has."""
-    return bool(re.search(r"[\d_/.]", name)) and not is_unit(name)
+    return bool(re.search(r"[\d_/.]", name))
