@@ -205,12 +205,6 @@ def calibrate(stamps, r, torque, rate=1 / 60, part=20_000, **options):
     return calibrate_residuals(residuals, FOUR, 25.0, rate, dd.AlarmThresholds())
 
 
-def count(thresholds, stamps, r, torque):
-    """Return the number of alarms."""
-    judged = dd.AlarmDetector(FOUR, thresholds).judge(stamps, r, torque, np.ones(len(stamps), dtype=bool))
-    return int(judged.begins.sum())
-
-
 KINDS = (200, 1 / 60, "tail", True), (600, 0.1, "counted", False)
 RATES = [(*kind, heavy) for *kind, first in KINDS for heavy in (first, not first)]
 
@@ -222,8 +216,10 @@ def test_the_rate_that_was_asked_for(seconds, rate, method, heavy):
     for seed in range(8):
         rng = np.random.default_rng(seed)
         found = calibrate(*noise(rng, seconds, heavy), rate=rate)
-        assert found.method == method
-        ratios.append(count(found.thresholds, *noise(rng, 1000, heavy)) / (1000 * rate))
+        assert found.method == method and (method == "tail" or found.peaks == int(rate * found.duration))
+        stamps, r, torque = noise(rng, 1000, heavy)
+        judged = dd.AlarmDetector(FOUR, found).judge(stamps, r, torque, np.ones(len(stamps), dtype=bool))
+        ratios.append(judged.begins.sum() / (1000 * rate))
         low, high = found.rate_interval
         inside += low <= rate <= high
     assert 0.6 < np.mean(ratios) < 1.5
@@ -235,10 +231,9 @@ def test_one_jerk_is_one_alarm():
     """A jerk of 25 times the spread moves no threshold by an eighth, and joints have thresholds by their own spread."""
     with_jerk = calibrate(*noise(np.random.default_rng(2), 200, jerks=[0.37 * 200]))
     without = calibrate(*noise(np.random.default_rng(2), 200))
-    assert with_jerk.joints == pytest.approx(without.joints, rel=0.12)
-    assert with_jerk.norm == pytest.approx(without.norm, rel=0.12)
-    assert with_jerk.alarms == without.alarms + 1
-    assert with_jerk.held_out >= 1
+    limits, expected = (found.limits(FOUR).tolist() for found in (with_jerk, without))
+    assert limits == pytest.approx(expected, rel=0.12)
+    assert with_jerk.alarms == without.alarms + 1 and with_jerk.held_out >= 1
     ratios = [without.joints[name] / spread for name, spread in zip(FOUR, TORQUE_SPREAD, strict=True)]
     assert max(ratios) < 1.25 * min(ratios)
 
@@ -252,9 +247,8 @@ def test_warnings_of_the_recording():
     with pytest.raises(InputError, match="too short"):
         calibrate(*noise(np.random.default_rng(3), 0.5))
     stamps, r, torque = noise(np.random.default_rng(4), 300)
-    for none in (slice(1), np.zeros(9, dtype=int)):  # one state, or all at one time
-        with pytest.raises(InputError, match="no external torque"):
-            calibrate(stamps[none], r[none], torque[none])
+    with pytest.raises(InputError, match="no external torque"):
+        calibrate(stamps[:1], r[:1], torque[:1])
     r[24_000:], torque[24_000:] = 1.5 * r[24_000:], 1.5 * torque[24_000:]
     found = calibrate(stamps, r, torque)
     assert any("unlike" in text for text in found.warnings) and found.held_out > 2 * found.alarms
@@ -267,8 +261,7 @@ def test_residuals_in_parts(max_numbers):
     stamps[3000:] += 5 * 10**8
     expected = calibrate(stamps, r, torque, part=len(stamps))
     whole = calibrate(stamps, r, torque, part=len(stamps), max_numbers=max_numbers)
-    assert whole.joints == pytest.approx(expected.joints, rel=0.03)
-    assert whole.norm == pytest.approx(expected.norm, rel=0.03)
+    assert whole.limits(FOUR).tolist() == pytest.approx(expected.limits(FOUR).tolist(), rel=0.03)
     assert whole.duration == pytest.approx(59.98, abs=0.04)
     assert (whole == expected) == (max_numbers == 10**6)
     for part in (1, 77):
@@ -342,8 +335,7 @@ def test_the_command(ur5, tables, tmp_path, capsys):
     (found,) = (one for one in summaries[1]["collisions"] if 20.0 <= one["start"] < 20.1)
     assert joint in found["joints"] and found["norm"] > 0.0
     assert found["exceeded"][joint]["value"] > 8.0 > found["exceeded"][joint]["threshold"]
-    assert len(summaries[0]["collisions"]) < 15
-    assert joint in summaries[0]["observer"]["judged"]
+    assert len(summaries[0]["collisions"]) < 15 and joint in summaries[0]["observer"]["judged"]
 
 
 def test_the_library_and_the_command_write_the_same(ur5, tables, tmp_path):

@@ -285,7 +285,7 @@ def test_a_full_disk_leaves_nothing(tmp_path, table, analyse):
         assert [one.name for one in tmp_path.iterdir()] == ["log.csv"]
 
 
-@pytest.mark.parametrize("option", OUTPUTS)
+@pytest.mark.parametrize("option", [*OUTPUTS, "--report"])
 def test_where_nothing_is_written(tmp_path, bag, table, states, analyse, option, monkeypatch):
     """Over what is read, and where nothing can be written, which is named before anything is analysed."""
     urdf, folder = tmp_path / "panda.urdf", write_rosbag2(tmp_path / "bag", states, MCAP)
