@@ -42,14 +42,14 @@ def run(kind):
     output = kind(reading, analysis.friction) if kind else None
     spent = dict.fromkeys(("read", "compute", "observe", "write"), 0.0)
     pieces = reading.pieces(SIZE)
-    take = analysis._observer.take
+    observe = analysis._observer.observe_batch
     def observed(*arguments):
         begun = time.process_time()
         try:
-            return take(*arguments)
+            return observe(*arguments)
         finally:
             spent["observe"] += time.process_time() - begun
-    analysis._observer.take = observed
+    analysis._observer.observe_batch = observed
     while True:
         begun = time.process_time()
         piece = next(pieces, None)

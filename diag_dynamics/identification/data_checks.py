@@ -7,7 +7,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.account import Finding
-from diag_dynamics.recordings.effort_checks import complaint
+from diag_dynamics.recordings.effort_checks import find_fault
 from diag_dynamics.recordings.effort_relation import ERRORS, EffortRelation, Run
 from diag_dynamics.sweeps.spatial import ANGULAR_X
 
@@ -104,9 +104,9 @@ def check_efforts(model, dataset, tolerant):
     """
     compared, states = EffortRelation(model), dataset.states
     for part in dataset.portions():
-        compared.take(Run(dataset.t[part], states.position[part], states.velocity[part], states.effort[part]))
-    relation = compared.relation()
-    wrong = complaint(compared, relation, tolerant)
+        compared.add_run(Run(dataset.t[part], states.position[part], states.velocity[part], states.effort[part]))
+    relation = compared.fit()
+    wrong = find_fault(compared, relation, tolerant)
     if wrong and wrong.kind != "light":
         raise InputError(f"{wrong.text}.")
     if wrong:

@@ -100,7 +100,7 @@ class Dataset:
                 self.start, self.zero = float(piece.t[0]), int(piece.stamp[0])
             if len(piece):
                 self.count, self.end = self.count + len(piece), float(piece.t[-1])
-            efforts.take(piece.states.position, piece.states.effort)
+            efforts.add_values(piece.states.position, piece.states.effort)
             whole = States.concatenate([rest, piece.states]) if rest else piece.states
             part, rest = _thinned(whole, step), whole[len(whole) // step * step :]
             parts, held = [*parts, part], held + len(part)
@@ -110,7 +110,7 @@ class Dataset:
         refuse_units(refused)
         if not self.count:
             raise without_states(name, refused)
-        unmeasured = efforts.complaint()
+        unmeasured = efforts.unmeasured()
         if unmeasured:
             raise InputError(f"{unmeasured}. Record the efforts of these joints, or lock the joints (locked_joints).")
         if not with_efforts:

@@ -26,7 +26,7 @@ def residual_curves(models, pieces, gain):
         states, torques = dataset.states[part], []
         for one, observer in zip(dynamics, observers, strict=True):
             s = one.evaluate_batch(states.position, states.velocity, states.effort, friction=True)
-            torques.append(observer.take(states, s)[1])
+            torques.append(observer.observe_batch(states, s)[1])
         torques, first = np.hstack(torques), np.arange(0, part.stop - part.start, each)
         low, high = (extreme.reduceat(torques, first, axis=0) for extreme in (np.fmin, np.fmax))
         if states.jumped[0]:

@@ -37,8 +37,8 @@ def validate(model, friction, dataset, begin):
         t, states = dataset.t[part], dataset.states[part]
         q, qd, tau = states.position, states.velocity, states.effort - friction(states.velocity)
         s = dynamics.evaluate_batch(q, qd, tau)
-        balance.take(sums.take(states, s))
-        _, torque, _, valid, _ = observer.take(states, s)
+        balance.add_windows(sums.integrate_states(states, s))
+        _, torque, _, valid, _ = observer.observe_batch(states, s)
         observed.append(torque[valid])
         energies.append(s.kinetic_energy.copy())
         if t[-1] - t[0] >= MIN_SMOOTHED:

@@ -223,8 +223,8 @@ def _integrate(of: Recording) -> tuple[power.Windows, str]:
     options: dict[str, Any] = {"size": SIZE, "friction": model.has_friction}
     stream = DiagonalDynamics(model).evaluate_stream(of.q, of.qd, efforts, **options)
     for k, s in enumerate(stream):
-        windows.append(sums.take(of.states[k * SIZE : (k + 1) * SIZE], s))
-        whole.take(windows[-1])
+        windows.append(sums.integrate_states(of.states[k * SIZE : (k + 1) * SIZE], s))
+        whole.add_windows(windows[-1])
     if not any(len(one.kinetic) for one in windows):
         raise InputError(f"there is no balance of power: {whole.judgement()}.")
     share, total, what = whole.explained, whole.explained_total, "dK/dt"

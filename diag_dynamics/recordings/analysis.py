@@ -44,29 +44,27 @@ class Peaks:
     def __init__(self):
         self._peaks = {}  # by quantity: largest value of each entry, its stamp [ns], names of the entries
 
-    def add_values(self, quantity, values, stamps, names=None):
+    def add_values(self, quantity, values, stamps, names):
         """Add values, shape (T,) or (T, number of names); NaN is ignored."""
         values = values.reshape(len(stamps), -1)
-        each, at, _ = self._peaks.get(
-            quantity, (np.full(values.shape[1], -np.inf), np.zeros(values.shape[1], int), None)
-        )
+        start = np.full(len(names), -np.inf), np.zeros(len(names), int), names
+        each, at, _ = self._peaks.setdefault(quantity, start)
         largest = column_maxima(values)
         for k in np.flatnonzero(largest > each):
             each[k], at[k] = largest[k], stamps[np.argmax(values[:, k] == largest[k])]
-        if (each > -np.inf).any():
-            self._peaks[quantity] = each, at, names
 
     def largest(self):
         """Return by quantity its largest value, the first stamp of that [ns], and the name of the entry or None."""
         found = {}
         for quantity, (each, at, names) in self._peaks.items():
-            k = int(np.argmax(each))
-            found[quantity] = float(each[k]), int(at[k]), None if names is None else names[k]
+            if each.max(initial=-np.inf) > -np.inf:
+                k = int(np.argmax(each))
+                found[quantity] = float(each[k]), int(at[k]), names[k] or None
         return found
 
     def of_each(self, quantity):
         """Return the largest value of each entry of a quantity by its name."""
-        each, _, names = self._peaks.get(quantity, ((), (), ()))
+        each, _, names = self._peaks[quantity]
         return dict(zip(names, map(float, each), strict=True))
 
 
@@ -160,7 +158,7 @@ class Analysis:
         outcome, (states, s) = self.outcome, self._evaluate(states)
         if not len(states):
             return None
-        observed, judged = self._observer.take(states, s), None
+        observed, judged = self._observer.observe_batch(states, s), None
         residual, torque, norm, valid, _ = observed
         if self._detector:
             judged = self._detector.judge(states.stamp, residual, torque, valid, states.jumped)
@@ -168,10 +166,10 @@ class Analysis:
             observed = *observed[:4], judged.alarm
         else:
             outcome.collisions.add_states(states.stamp, torque, norm, observed[4])
-        windows = self._windows.take(states, s)
-        outcome.balance.take(windows)
+        windows = self._windows.integrate_states(states, s)
+        outcome.balance.add_windows(windows)
         outcome.quality.add_states(states)
-        outcome.efforts.take(states.position[:, -outcome.model.nv :], states.effort)
+        outcome.efforts.add_values(states.position[:, -outcome.model.nv :], states.effort)
         outcome.motion.add_states(states)
         if self._points:
             contact = self._dynamics.contact_batch(
@@ -191,12 +189,12 @@ class Analysis:
         bins = np.floor(BINS_PER_DECADE * np.log10(positive)).astype(int) - LOWEST_BIN
         outcome.histogram += np.bincount(bins, minlength=BINS)
         quantities = {
-            "kinetic_energy": (s.kinetic_energy, None),
+            "kinetic_energy": (s.kinetic_energy, ("",)),
             "energy_share": (s.energy_share, names),
             "velocity": (np.abs(states.velocity), names),
             "effort": (np.abs(states.effort), names),
             "external_torque": (np.abs(torque), names),
-            "residual_norm": (norm, None),
+            "residual_norm": (norm, ("",)),
         }
         for quantity, (values, entries) in quantities.items():
             outcome.peaks.add_values(quantity, values, states.stamp, entries)

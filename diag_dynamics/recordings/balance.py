@@ -10,23 +10,20 @@ import numpy as np
 from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.recordings.windows import SampleChain, WindowIntegrals
 
-WINDOW = 0.1
-"""Length of a window [s]: noise of velocities spoils shorter ones, longer ones average errors away."""
+WINDOW, MAX_GAP = 0.1, 0.1
+"""Length of a window, and longest interval between its states [s]: noise of velocities spoils shorter ones."""
 
-MAX_GAP = 0.1
-"""Longest interval between states of a window [s]."""
-
-MIN_WINDOWS, MIN_POWER = 20, 1e-3
-"""Fewest windows, and smallest root mean square of dK/dt [W], that are judged."""
-
+MIN_WINDOWS, MIN_POWER = 20, 1e-3  # fewest windows, and least root mean square of dK/dt [W], of an explained share
 NOTHING_EXPLAINED, MIN_EXPLAINED = 0.3, 0.8
 """Explained shares below which the balance explains nothing, and too little."""
 
-FAULT_SHARE = 0.2
-"""Share of the sum of all joints' squared residuals from which a joint is named."""
-
+FAULT_SHARE = 0.2  # share of the sum of all joints' squared residuals from which a joint is named
 CORRELATION, NO_FACTOR = 0.9, 1.5
 """Squared correlation of effort power and required power of a factor; factors up to this are none."""
+
+POWERS = "kinetic", "total", "residual", "effort", "needed", "weightless"
+"""Powers whose variances are judged: dK/dt, d(K + U)/dt, the residual, νᵀε, dK/dt + νᵀ(ε_g + ε_fric), and the residual of
+efforts without gravity, dK/dt + νᵀ(ε_fric − ε)."""
 
 
 class Windows(NamedTuple):
@@ -55,7 +52,7 @@ class WindowSums:
         self._chain, self._integrals = SampleChain(MAX_GAP), WindowIntegrals(WINDOW)
         self._last = 0, np.zeros(3 + count), np.zeros(count)  # stamp, powers and ½ν² of the last sample
 
-    def take(self, states, s):
+    def integrate_states(self, states, s):
         """Return the :class:`Windows` that end at states, given their BatchEvaluation."""
         samples = self._chain.select(states)
         rows, (stamp, power, share) = samples.rows, self._last
@@ -107,127 +104,98 @@ class Moments:
         return self.variance + self.mean**2
 
 
-POWERS = "kinetic", "total", "residual", "effort", "needed", "weightless"
-"""Powers whose variances are judged: dK/dt, d(K + U)/dt, the residual, νᵀε, dK/dt + νᵀ(ε_g + ε_fric), and the residual of
-efforts without gravity, dK/dt + νᵀ(ε_fric − ε)."""
-
-
 class Balance:
     """Judge windows of a robot with these degrees of freedom; `moved` tells whether any joint moves, if that is known."""
 
-    def __init__(self, names):
-        self._names, self.moved = tuple(names), None
+    def __init__(self, names, moved=None):
+        self._names, self.moved = tuple(names), moved
         self.moments = Moments(len(POWERS) + len(names))
 
-    def take(self, windows):
+    def add_windows(self, windows):
         """Add :class:`Windows`."""
         kinetic, residual, effort, gravity = windows.kinetic, windows.residual, windows.effort, windows.gravity
         powers = kinetic, kinetic + gravity, residual, effort, residual + effort, residual - gravity
         self.moments.add_values(np.column_stack([*powers, windows.gained - windows.explained]))
 
-    def _of(self, numbers):
-        return dict(zip(POWERS, numbers.tolist(), strict=False))
-
     @property
-    def _squares(self):
-        return self.moments.square[len(POWERS) :]
+    def _variances(self):
+        return dict(zip(POWERS, self.moments.variance.tolist(), strict=False))
 
     @property
     def explained(self):
         """1 − var(residual) / var(dK/dt); None with too few windows, or at rest."""
-        return self._share("kinetic")
+        return self._explained_share("kinetic")
 
     @property
     def explained_total(self):
         """1 − var(residual) / var(d(K + U)/dt); None with too few windows, or at rest."""
-        return self._share("total")
+        return self._explained_share("total")
 
-    def _share(self, change):
-        count, variances = self.moments.count, self._of(self.moments.variance)
-        judged = count >= MIN_WINDOWS and self.moved
-        if self.moved is None:
-            judged = is_judged(count, self._of(self.moments.square)["kinetic"])
-        return explained_share(variances["residual"], variances[change]) if judged else None
+    def _explained_share(self, change):
+        kinetic = self.moments.square[POWERS.index("kinetic")]
+        moved = kinetic >= MIN_POWER**2 if self.moved is None else self.moved
+        if self.moments.count < MIN_WINDOWS or not moved:
+            return None
+        return explained_share(self._variances["residual"], self._variances[change])
 
     @property
     def residual_power(self):
         """Root mean square of the residual [W]; None with too few windows."""
-        square = self._of(self.moments.square)["residual"]
+        square = self.moments.square[POWERS.index("residual")]
         return float(np.sqrt(square)) if self.moments.count >= MIN_WINDOWS else None
 
-    def of_joints(self):
-        """Return each joint's root mean square residual [W] and its share of all squares, by name."""
-        squares = self._squares
-        shares = squares / (squares.sum() or 1.0)
-        return dict(zip(self._names, zip(np.sqrt(squares).tolist(), shares.tolist(), strict=True), strict=True))
+    @property
+    def joints(self):
+        """Each joint's root mean square residual `residual_power` [W] and its `share` of all squares, by name."""
+        squares = self.moments.square[len(POWERS) :]
+        rows = zip(np.sqrt(squares).tolist(), (squares / (squares.sum() or 1.0)).tolist(), strict=True)
+        rows = ({"residual_power": rms, "share": share} for rms, share in rows)
+        return dict(zip(self._names, rows, strict=True))
 
     def cause(self):
-        """Return a likely cause by the powers of all joints together, in words; or an empty text."""
-        variances = self._of(self.moments.variance)
-        del variances["total"]
-        return likely_cause(**variances)
+        """Return gravity, or a factor of all efforts, if it explains the motion, in words; or an empty text."""
+        kinetic, _, residual, effort, needed, weightless = self._variances.values()
+        if kinetic > 0.0 and 1.0 - weightless / kinetic >= MIN_EXPLAINED:
+            return "gravity seems not to be in the efforts (effort_includes_gravity)"
+        together = 0.5 * (needed + effort - residual)
+        if effort * needed <= 0.0 or together**2 < CORRELATION * effort * needed:
+            return ""
+        factor = together / effort
+        is_one = 1.0 / NO_FACTOR < abs(factor) < NO_FACTOR
+        if factor < 0.0:
+            whose = "the efforts" if is_one else "efforts of some joints"
+            return f"{whose} seem to have the wrong sign: times {factor:.3g} all are what is needed"
+        return "" if is_one else f"the efforts seem to have another unit: times {factor:.3g} all are what is needed"
 
     def judgement(self, cause="", instead=False):
         """Return the judgement in words; a cause by the efforts of joints stands beside or instead of that by powers."""
-        explained, count = self.explained, self.moments.count
-        if explained is not None:
-            culprits = culprits_of(self._names, self._squares)
-            causes = "; ".join(filter(None, ("" if instead else self.cause(), cause)))
-            return judgement(explained, self.explained_total, culprits, causes)
-        if count >= MIN_WINDOWS:
+        explained, total, count = self.explained, self.explained_total, self.moments.count
+        if count < MIN_WINDOWS:
+            return (
+                f"there are {count} windows of {WINDOW:g} s, of at least {MIN_WINDOWS}, in which all states "
+                f"have efforts and are no more than {MAX_GAP:g} s apart"
+            )
+        if explained is None:
             how = f"dK/dt is less than {MIN_POWER:g} W rms" if self.moved is None else "no joint moves"
             return f"the robot is at rest, or nearly so: {how}"
-        return (
-            f"there are {count} windows of {WINDOW:g} s, of at least {MIN_WINDOWS}, in which all states "
-            f"have efforts and are no more than {MAX_GAP:g} s apart"
+        if explained >= MIN_EXPLAINED:
+            return f"the efforts explain {explained:.0%} of the change of kinetic energy"
+        causes = filter(None, ("" if instead else self.cause(), cause))
+        remedy = "; ".join(
+            [*causes, "check the unit of efforts, friction, rotor inertias, payload (docs/recordings.md)"]
         )
-
-
-def is_judged(count, square):
-    """Return whether so many windows are judged, given the mean square of dK/dt [W²]."""
-    return count >= MIN_WINDOWS and square >= MIN_POWER**2
+        if total is not None and total >= MIN_EXPLAINED and explained < NOTHING_EXPLAINED:
+            return (
+                f"kinetic energy changes less than what is not explained; of kinetic and potential energy "
+                f"together the efforts explain {total:.0%}: for more, {remedy}"
+            )
+        culprits = ", ".join(name for name, one in self.joints.items() if one["share"] >= FAULT_SHARE)
+        where = f"; most of what is missing is at {culprits}" if culprits else ""
+        if explained >= NOTHING_EXPLAINED:
+            return f"the efforts explain only {explained:.0%} of the change of kinetic energy: {remedy}{where}"
+        return f"the balance explains nothing ({explained:.3g}): {remedy}{where}"
 
 
 def explained_share(residual, change):
     """Return 1 − var(residual) / var(change) from the two variances; None if nothing changes."""
     return float(1.0 - residual / change) if change > 0.0 else None
-
-
-def culprits_of(names, squares):
-    """Return the joints with most of the residual, by the mean squares of their residuals."""
-    total = sum(squares) or 1.0
-    return [name for name, one in zip(names, squares, strict=True) if one / total >= FAULT_SHARE]
-
-
-def likely_cause(residual, effort, needed, kinetic, weightless):
-    """Return gravity, or a factor of all efforts, if it explains the motion, in words, by variances of POWERS [W²]."""
-    if kinetic > 0.0 and 1.0 - weightless / kinetic >= MIN_EXPLAINED:
-        return "gravity seems not to be in the efforts (effort_includes_gravity)"
-    together = 0.5 * (needed + effort - residual)
-    if effort * needed <= 0.0 or together**2 < CORRELATION * effort * needed:
-        return ""
-    factor = together / effort
-    is_one = 1.0 / NO_FACTOR < abs(factor) < NO_FACTOR
-    if factor < 0.0:
-        whose = "the efforts" if is_one else "efforts of some joints"
-        return f"{whose} seem to have the wrong sign: times {factor:.3g} all are what is needed"
-    return "" if is_one else f"the efforts seem to have another unit: times {factor:.3g} all are what is needed"
-
-
-def judgement(explained, total, culprits=(), cause=""):
-    """Return the judgement of explained shares of dK/dt and of d(K + U)/dt in words; empty if they are None."""
-    if explained is None:
-        return ""
-    if explained >= MIN_EXPLAINED:
-        return f"the efforts explain {explained:.0%} of the change of kinetic energy"
-    remedy = "check the unit of efforts, friction, rotor inertias, payload (docs/recordings.md)"
-    remedy = f"{cause}; {remedy}" if cause else remedy
-    where = f"; most of what is missing is at {', '.join(culprits)}" if culprits else ""
-    if total is not None and total >= MIN_EXPLAINED and explained < NOTHING_EXPLAINED:
-        return (
-            f"kinetic energy changes less than what is not explained; of kinetic and potential energy "
-            f"together the efforts explain {total:.0%}: for more, {remedy}"
-        )
-    if explained >= NOTHING_EXPLAINED:
-        return f"the efforts explain only {explained:.0%} of the change of kinetic energy: {remedy}{where}"
-    return f"the balance explains nothing ({explained:.3g}): {remedy}{where}"

@@ -85,15 +85,15 @@ def calibrate(
             require_same_robot(dynamics, piece)
             states, with_efforts = states + len(piece), with_efforts or piece.tau is not None
             counts, findings = piece.counts, piece.findings  # of all pieces until here
-            efforts.take(piece.states.position[:, -len(names) :], piece.states.effort)
-            for stamps, (residual, torque, _, valid, _) in observer.observed(piece.states):
+            efforts.add_values(piece.states.position[:, -len(names) :], piece.states.effort)
+            for stamps, (residual, torque, _, valid, _) in observer.observe_states(piece.states):
                 residuals.add_states(stamps, residual, torque, valid)
         refuse_units(findings)
         if not with_efforts:
             require_efforts(states > 0, counts)
     if not efforts.states:
         raise InputError("recordings are none, expected at least one.")
-    unmeasured = efforts.complaint()
+    unmeasured = efforts.unmeasured()
     if unmeasured and not efforts.measures:
         raise InputError(f"{unmeasured}. Record the efforts of the joints.")
     still = "" if efforts.moved else "no joint moves: the thresholds are those of a robot at rest"

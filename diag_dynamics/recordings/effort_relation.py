@@ -15,13 +15,9 @@ from diag_dynamics.sweeps.spatial import ANGULAR_X
 CUTOFF, ORDER, MEMORY = 5.0, 4, 3.0
 """Zero-phase Butterworth low-pass: cutoff frequency [Hz], order, and time after which it has forgotten all [s]."""
 
-INERTIAL = 3
-"""Column of the torque of inertia, after those of gravity along each axis of the base by 1 m/s²."""
-
-DAMPING, FRICTION, OFFSET, ROTOR = range(4, 8)
-"""Columns that resist: rate, its sign, a constant, and the acceleration. Efforts follow them."""
-
-COLUMNS = 8
+INERTIAL, DAMPING, FRICTION, OFFSET, ROTOR, COLUMNS = range(3, 9)
+"""Columns of torque: of gravity along each axis of the base by 1 m/s² (0 to 2), of inertia, and of what resists: rate, its
+sign, a constant, and the acceleration. Efforts follow them."""
 
 BLOCK, MAX_BLOCKS, MIN_BLOCKS = 0.5, 32, 4
 """Length of a block [s], which doubles beyond so many blocks, and fewest blocks for a standard error."""
@@ -29,14 +25,11 @@ BLOCK, MAX_BLOCKS, MIN_BLOCKS = 0.5, 32, 4
 ERRORS, SMALL_ERRORS = 4.0, 8.0
 """Standard errors on both sides of a factor that contain the true one, and below the limits of a light joint."""
 
-MODEL_ERROR = 0.1
-"""Torque that a model may miss at any joint, in fractions of the largest torque of a joint of its kind."""
-
+MODEL_ERROR = 0.1  # torque that a model may miss at any joint over the largest torque of a joint of its kind
 LIMITS, WIDE_LIMITS, GEARED_LIMITS = (0.6, 1.6), (0.2, 5.0), (0.2, 100.0)
 """Accepted factors: of gravity; of inertia, or with an unknown payload; and of inertia with an unknown rotor."""
 
-SINGULAR = 1e-9
-"""Fraction of a column's square below which it depends on others."""
+SINGULAR = 1e-9  # fraction of a column's square below which it depends on others
 
 
 def smoothed(segment, tau):
@@ -167,21 +160,19 @@ class EffortRelation:
         size = COLUMNS + self.model.nv
         return sum(self._blocks, np.zeros((self.model.nv, size, size)))
 
-    def take(self, states):
-        """Add states that follow one another: `t`, `q`, `qd`, `tau`."""
-        if len(states.t) < 2:
+    def add_run(self, run):
+        """Add a :class:`Run`."""
+        if len(run.t) < 2:
             return
         if any(self._turning):
-            q = states.q.copy()
-            q[:, self._turning] = np.unwrap(q[:, self._turning], axis=0)
-            states = states._replace(q=q)
-        q, qd, tau, qdd = smoothed(states, states.tau)
+            run = run._replace(q=np.where(self._turning, np.unwrap(run.q, axis=0), run.q))
+        q, qd, tau, qdd = smoothed(run, run.tau)
         pulls = np.stack([one.gravity_torque_batch(q) for one in self._pulls])
         inertial = self._dynamics.inverse_dynamics_batch(q, qd, qdd) - np.tensordot(self.model.gravity, pulls, 1)
         turned = np.tanh(qd / max(self.model.friction_velocity, 1e-9))
         columns = np.stack([*pulls, inertial, qd, turned, np.ones_like(qd), qdd], axis=-1).transpose(1, 0, 2)
         columns = np.concatenate([columns, np.broadcast_to(tau, (self.model.nv, *tau.shape))], axis=-1)
-        number = ((states.t - states.t[0]) // self._length).astype(int)
+        number = ((run.t - run.t[0]) // self._length).astype(int)
         for part in np.split(columns, np.flatnonzero(np.diff(number)) + 1, axis=1):
             self._blocks.append(part.transpose(0, 2, 1) @ part)
         self.rows += len(tau)
@@ -189,7 +180,7 @@ class EffortRelation:
             pairs = [self._blocks[k : k + 2] for k in range(0, len(self._blocks), 2)]
             self._blocks, self._length = [sum(pair[1:], pair[0]) for pair in pairs], 2.0 * self._length
 
-    def relation(self):
+    def fit(self):
         """Return the :class:`Relation`."""
         joints = np.arange(self.model.nv)
         own = np.hstack([np.tile(np.arange(COLUMNS), (len(joints), 1)), COLUMNS + joints[:, None]])

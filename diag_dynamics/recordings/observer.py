@@ -87,7 +87,7 @@ def observe(
     if recording.tau is None:
         require_efforts(len(recording) > 0, recording.counts)
     observer = Observer(dynamics, gain, threshold, release, friction=friction, max_gap=max_gap, threads=threads)
-    batches = [columns for _, columns in observer.observed(recording.states)]
+    batches = [columns for _, columns in observer.observe_states(recording.states)]
     return Observed(recording.t, *map(np.concatenate, zip(*batches, strict=True)))
 
 
@@ -122,32 +122,38 @@ class Observer:
         self._gain = np.array(np.broadcast_to(gain, count), dtype=float)
         self._chain = SampleChain(positive("max_gap", max_gap, "[s]"))
         self._sample = np.zeros((4, count))
-        self._results = [*np.zeros((2, 1, count)), np.zeros(1), *np.zeros((2, 1), dtype=bool)]  # of the last sample
+        self._last = [*np.zeros((2, 1, count)), np.zeros(1), *np.zeros((2, 1), dtype=bool)]  # of the last sample
 
-    def observed(self, states):
-        """Evaluate and observe states; yield the stamps [ns] of a batch and the results of :meth:`take`."""
+    def observe_states(self, states):
+        """Evaluate and observe states; yield stamps [ns] and results of :meth:`observe_batch` of batches."""
         for first in range(0, len(states), SIZE):
             part = states[first : first + SIZE]
             columns = part.position, part.velocity, np.nan_to_num(part.effort)
             s = self._dynamics.evaluate_batch(*columns, threads=self._threads, friction=self._friction)
-            yield part.stamp, self.take(part, s)
+            yield part.stamp, self.observe_batch(part, s)
 
-    def take(self, states, s):
+    def observe_batch(self, states, s):
         """Return the columns of :class:`Observed` but for times at states, given their BatchEvaluation."""
         samples = self._chain.select(states)
         results = self._observe(samples, states.position[samples.rows], s)
         if not isinstance(samples.rows, slice):
-            results, of_samples = [], results
-            for last, column in zip(self._results, of_samples, strict=True):
-                results.append(np.zeros((len(states.stamp), *column.shape[1:]), column.dtype))
-                results[-1][samples.known] = np.concatenate([last, column])[samples.sample + 1]
+            results = [
+                self._expand(samples, len(states.stamp), *pair) for pair in zip(self._last, results, strict=True)
+            ]
         if len(samples.known):
-            self._results = [column[samples.known[-1:]].copy() for column in results]
+            self._last = [column[samples.known[-1:]].copy() for column in results]
         valid = results[3]
         if not valid.all():
             for column in results[:3]:
                 column[~valid] = np.nan
         return tuple(results)
+
+    @staticmethod
+    def _expand(samples, count, last, of_samples):
+        """Return a result at all states from those of the samples and of the last one of the batch before."""
+        column = np.zeros((count, *of_samples.shape[1:]), of_samples.dtype)
+        column[samples.known] = np.concatenate([last, of_samples])[samples.sample + 1]
+        return column
 
     def _observe(self, samples, positions, s):
         """Return residual, external torque, norm, whether they are valid, and collision of the samples."""
@@ -164,7 +170,7 @@ class Observer:
         above = norm > self.threshold
         changes = np.append(True, above | ~valid | (norm < self.release))
         last_change = np.maximum.accumulate(np.where(changes, np.arange(len(changes)), 0))
-        return [residual, torque, norm, valid, np.append(self._results[4], above)[last_change][1:]]
+        return [residual, torque, norm, valid, np.append(self._last[4], above)[last_change][1:]]
 
 
 class Collision(NamedTuple):

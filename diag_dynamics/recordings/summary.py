@@ -14,40 +14,33 @@ from diag_dynamics.recordings.balance import MIN_EXPLAINED, POWERS, WINDOW
 from diag_dynamics.recordings.findings import NOTE, Finding, without_efforts
 from diag_dynamics.recordings.quality import four_digits
 
-REJECTED = "rejected: "
-"""Prefix of the counts of rejected joint states."""
-
-FEW = 5
-"""Joints, findings and collisions that the text lists one by one."""
-
-JOINED = "\u00a0"
-"""Space without a line break."""
-
-WIDTH = 100
-"""Longest line of the text by default."""
+REJECTED = "rejected: "  # prefix of the counts of rejected joint states
+FEW = 5  # joints, findings and collisions that the text lists one by one
+JOINED = "\u00a0"  # space without a line break
+WIDTH = 100  # longest line of the text by default
 
 
 def summary_of(outcome):
     """Return the numbers of an Outcome as a dict in SI units; docs/recordings.md lists the keys."""
-    quality, balance, peaks, counts = outcome.quality, outcome.balance, outcome.peaks, outcome.counts
+    balance, peaks, counts = outcome.balance, outcome.peaks, outcome.counts
 
     def time(stamp):
         return None if stamp is None else float((stamp - outcome.offset) * 1e-9)
 
-    largest, report = peaks.largest(), quality.report()
-    balance.moved, unmeasured = outcome.efforts.moved, _unmeasured(outcome, report["without_effort"])
+    largest, (quality, warnings) = peaks.largest(), outcome.quality.report()
+    quality["longest_gap_at"] = time(quality["longest_gap_at"])
+    balance.moved, unmeasured = outcome.efforts.moved, _unmeasured(outcome, quality["without_effort"])
     good = balance.explained is not None and balance.explained >= MIN_EXPLAINED
-    wrong_efforts = None if good or unmeasured else outcome.motion.complaint()
-    report["longest_gap_at"] = time(report["longest_gap_at"])
+    fault = None if good or unmeasured else outcome.motion.fault()
     energy, energy_at, _ = largest.get("kinetic_energy", (None, None, None))
     rejected = {cause: n for cause, n in sorted(counts.items()) if cause.startswith(REJECTED) and n}
     return {
         "robot": outcome.model.name,
         "degrees_of_freedom": list(outcome.model.dof_names),
         "states": outcome.states,
-        "duration": quality.duration,
-        "begin": time(quality.begin),
-        "end": time(quality.end),
+        "duration": outcome.quality.duration,
+        "begin": time(outcome.quality.begin),
+        "end": time(outcome.quality.end),
         "counts": dict(sorted(counts.items())),
         "rejected": {cause.removeprefix(REJECTED): n for cause, n in rejected.items()},
         "kinetic_energy": {
@@ -65,17 +58,17 @@ def summary_of(outcome):
             "windows": balance.moments.count,
             "length": WINDOW,
             "moments": _moments(balance.moments),
-            "says": _judgement(balance, unmeasured, wrong_efforts),
-            "joints": {name: {"residual_power": rms, "share": one} for name, (rms, one) in balance.of_joints().items()},
+            "says": _judgement(balance, unmeasured, fault),
+            "joints": balance.joints,
         },
-        "efforts": {"unmeasured": unmeasured, "says": wrong_efforts.text if wrong_efforts else ""},
+        "efforts": {"unmeasured": unmeasured, "says": fault.text if fault else ""},
         "observer": {
             "gain": outcome.gain,
             "threshold": None if outcome.threshold == float("inf") else outcome.threshold,
             "judged": list(outcome.collisions.judged),
             "missing": list(outcome.missing),
             "observed": outcome.observed,
-            "says": _says_of_contacts(outcome, report["without_effort"]),
+            "says": _unknown_contacts(outcome, quality["without_effort"]),
         },
         "collisions": [
             {"start": time(one.start), "end": time(one.end), "joints": list(one.joints), "norm": one.norm}
@@ -83,9 +76,9 @@ def summary_of(outcome):
             for one in outcome.collisions.found
         ],
         "contact": outcome.exposure.summary(time) if outcome.exposure else None,
-        "quality": report,
-        "warnings": [text for text in (unmeasured, *quality.warnings()) if text],
-        "findings": [{"cause": one.cause, "count": one.count, "text": one.text} for one in outcome.findings],
+        "quality": quality,
+        "warnings": [unmeasured, *warnings] if unmeasured else warnings,
+        "findings": [one._asdict() for one in outcome.findings],
     }
 
 
@@ -103,7 +96,7 @@ def _unmeasured(outcome, without_effort):
     """Return which efforts cannot have been measured, in words; or an empty text."""
     names, absurd = outcome.without_effort, outcome.counts["absurd effort"]
     if not names or absurd or without_effort < outcome.states:
-        return outcome.efforts.complaint()
+        return outcome.efforts.unmeasured()
     return f"efforts of {', '.join(names)} are missing throughout, so that no state has those of all joints (locked_joints)"
 
 
@@ -113,23 +106,22 @@ def _moments(moments):
     return {name: {"count": moments.count, "mean": mean, "squares": squares} for name, mean, squares in numbers}
 
 
-def _judgement(balance, unmeasured, wrong):
+def _judgement(balance, unmeasured, fault):
     """Return the judgement of the balance with the fault of efforts; powers show faults of all joints, too."""
     if unmeasured:
         return balance.judgement(unmeasured, instead=True)
-    if wrong is None or (wrong.kind in ("sign", "unit", "weightless", "light") and balance.cause()):
+    if fault is None or (fault.kind in ("sign", "unit", "weightless", "light") and balance.cause()):
         return balance.judgement()
-    return balance.judgement(wrong.text, instead=wrong.kind in ("gravity", "order"))
+    return balance.judgement(fault.text, instead=fault.kind in ("gravity", "order"))
 
 
-def _says_of_contacts(outcome, without_effort):
+def _unknown_contacts(outcome, without_effort):
     """Return what is not known of contacts, and why; or an empty text."""
     said, missing, states = [], outcome.missing, outcome.states
     unknown = states - outcome.observed
     if not outcome.observed:
-        why = "the observer has no result at any state"
-        if without_effort == states:
-            why = without_efforts(outcome.counts)
+        none = without_effort == states
+        why = without_efforts(outcome.counts) if none else "the observer has no result at any state"
         said.append(f"Nothing is known of contacts: {why}.")
     elif unknown > 1 and not missing:  # the first one never has a result
         said.append(f"Of {unknown} of {states} states nothing is known: the observer has no result there.")
@@ -154,28 +146,22 @@ def _exceeded(alarm):
 
 def wrongs_of(summary):
     """Return what is wrong with a recording or its robot, in words: the causes of exit status 1."""
-    rejected, explained, unit = (
-        sum(summary["rejected"].values()),
-        summary["explained"],
-        summary["quality"]["wrong_unit"],
-    )
-    causes = {one["cause"] for one in summary["findings"]}
-    says, few = (
-        summary["efforts"]["says"],
-        f"the balance of power explains less than {100 * MIN_EXPLAINED:.0f} % of dK/dt",
-    )
+    efforts, explained, unit = summary["efforts"], summary["explained"], summary["quality"]["wrong_unit"]
+    rejected, causes = sum(summary["rejected"].values()), {one["cause"] for one in summary["findings"]}
+    few = f"the balance of power explains less than {100 * MIN_EXPLAINED:.0f} % of dK/dt"
+    absurd = "no balance of power, because efforts are beyond what can be (absurd.effort): are they in N m or N?"
+    none, scale = explained is None, ""
+    if unit:
+        scale = f"{unit['cause']} (positions change {four_digits(unit['factor'])} times as fast as velocities say)"
     wrongs = {
         "part of it could not be read": "unread" in causes,
         f"{rejected} message{' was' if rejected == 1 else 's were'} rejected": rejected,
-        few: explained is not None and explained < MIN_EXPLAINED,
-        "there are efforts, but no balance of power": explained is None and _has_efforts(summary),
-        summary["efforts"]["unmeasured"]: explained is None and not _has_efforts(summary),
-        "no balance of power, because efforts are beyond what can be (absurd.effort): are they in N m or N?": (
-            explained is None and "absurd effort" in causes
-        ),
-        unit
-        and f"{unit['cause']} (positions change {four_digits(unit['factor'])} times as fast as velocities say)": unit,
-        says: says,
+        few: not none and explained < MIN_EXPLAINED,
+        "there are efforts, but no balance of power": none and _has_efforts(summary),
+        efforts["unmeasured"]: none and not _has_efforts(summary),
+        absurd: none and "absurd effort" in causes,
+        scale: True,
+        efforts["says"]: True,
     }
     return [text for text, applies in wrongs.items() if text and applies]
 
@@ -186,8 +172,7 @@ def _has_efforts(summary):
 
 def text_of(summary, width=WIDTH):
     """Return the summary for people: lines up to a width, as far as names allow, with times from the first state on."""
-    parts = _about_states, _about_energy, _about_balance, _about_collisions, _about_contact
-    lines = [line for part in parts for line in part(summary)]
+    lines = [line for part in PARTS for line in part(summary)]
     notes = [one["text"] for one in summary["findings"] if one["cause"] == NOTE]
     faults = [str(Finding(**one)) for one in summary["findings"] if one["cause"] != NOTE]
     for heading, texts in (("Worth knowing", [*faults, *summary["warnings"]]), ("How it was read", notes)):
@@ -207,6 +192,12 @@ def _wrapped(line, width):
 def _some(texts, more):
     lines = [f"  {text}" for text in texts[:FEW]]
     return [*lines, f"  … {len(texts) - FEW} {more}"] if len(texts) > FEW else lines
+
+
+def _largest(numbers, form):
+    """Return the largest few numbers by name, in words."""
+    largest = sorted(numbers.items(), key=lambda one: -one[1])[:FEW]
+    return ", ".join(form.format(name, number) for name, number in largest)
 
 
 def _after(summary, time):
@@ -233,8 +224,7 @@ def _about_energy(summary):
     at = _after(summary, energy["at"])
     yield ""
     yield f"Kinetic energy: at most {energy['max']:.4g} J at {at}, {energy['mean']:.4g} J on average"
-    shares = sorted(energy["share"].items(), key=lambda one: -one[1])[:FEW]
-    yield "  largest shares: " + ", ".join(f"{name} {share:.3g} J" for name, share in shares)
+    yield f"  largest shares: {_largest(energy['share'], '{} {:.3g} J')}"
     for name, unit in (("velocity", "rad/s or m/s"), ("effort", "N m or N")):
         if peak := peaks.get(name):
             yield f"  largest {name}: {peak['value']:.4g} {unit} at {peak['of']}, {_after(summary, peak['at'])}"
@@ -258,8 +248,8 @@ def _about_balance(summary):
             "  collisions are in it, and the power of a push is in no effort: judge the balance where nothing touches "
             "the robot (--start, --end)"
         )
-    worst = sorted(summary["balance"]["joints"].items(), key=lambda one: -one[1]["share"])[:FEW]
-    yield "  residual by joint: " + ", ".join(f"{name} {of['residual_power']:.2g} W" for name, of in worst)
+    joints = {name: one["residual_power"] for name, one in summary["balance"]["joints"].items()}
+    yield f"  residual by joint: {_largest(joints, '{} {:.2g} W')}"
 
 
 def _about_collisions(summary):
@@ -296,12 +286,14 @@ def _about_contact(summary):
         return
     yield ""
     yield f"Limits of contact exceeded for {contact['above']:.3g} s of {contact['of']:.6g} s"
-    by_point = sorted(contact["above_by_point"].items(), key=lambda one: -one[1])
-    if by_point:
-        yield f"  by {', '.join(f'{name} {seconds:.3g} s' for name, seconds in by_point[:FEW])}"
+    if contact["above_by_point"]:
+        yield f"  by {_largest(contact['above_by_point'], '{} {:.3g} s')}"
     for one in contact["worst"][:FEW]:
         yield (
             f"  {_after(summary, one['at'])}: {one['point']} at {100 * one['usage']:.0f} % of the speed allowed by "
             f"{one['region']}: {one['speed']:.3g} m/s, {one['reflected_mass']:.3g} kg, {one['energy']:.3g} J, "
             f"{one['force']:.3g} N"
         )
+
+
+PARTS = _about_states, _about_energy, _about_balance, _about_collisions, _about_contact

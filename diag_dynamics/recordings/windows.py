@@ -31,9 +31,7 @@ class Samples(NamedTuple):
     rows: np.ndarray | slice  # of the S samples in the batch
     interval: np.ndarray  # since the sample before [s], shape (S,); 0 if no motion leads from there
     known: np.ndarray  # rows of all states with efforts, shape (N,)
-    sample: (
-        np.ndarray
-    )  # number of the sample with the stamp of each, shape (N,); −1 is the last one of the batch before
+    sample: np.ndarray  # number of the sample of each, shape (N,); −1 is the last one of the batch before
 
 
 class SampleChain:

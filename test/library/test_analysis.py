@@ -430,6 +430,18 @@ def test_late_velocities(analysed, motion, delay):
     assert any(("late" if delay > 0 else "early") in text for text in summary["warnings"])
 
 
+def test_joints_with_one_stamp_each_keep_their_motion(analysed, ur5, motion):
+    """An arm and its gripper, with the same stamps in messages of their own: velocities are those of the positions."""
+    once, last = motion, ur5.nv - 1
+    t, q, qd, tau = (np.repeat(x, 2, axis=0) for x in once)
+    for values, sent in ((q, once[1]), (qd, once[2])):
+        values[2::2, last] = sent[:-1, last]  # it comes after the others
+    report = analysed(t, q, qd, tau, parameters=LOOSE)[0]["quality"]
+    assert report["repeated_stamps"] == len(once[0])
+    errors = {name: one["velocity_error"] for name, one in report["joints"].items()}
+    assert max(errors.values()) < 0.05, errors
+
+
 def test_gaps_repeats_and_bounds(analysed, ur5, motion):
     t, q, qd, tau = (x.copy() for x in motion)
     t[1500:] += 0.05

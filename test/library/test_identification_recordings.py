@@ -92,7 +92,7 @@ def explained(model, recording):
     """Explained share of dK/dt over a recording."""
     sums, balance = WindowSums(model.nv, friction=True), Balance(model.dof_names)
     s = dd.DiagonalDynamics(model).evaluate_batch(recording.q, recording.qd, recording.tau, friction=True)
-    balance.take(sums.take(recording.states, s))
+    balance.add_windows(sums.integrate_states(recording.states, s))
     return balance.explained
 
 

@@ -5,7 +5,6 @@
 
 import numpy as np
 
-from diag_dynamics import sweeps
 from diag_dynamics.model.single_joints import places, single_joints
 from diag_dynamics.nodes.monitor.last_minute import LastMinute
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN, Status
@@ -23,9 +22,9 @@ class EnergyWatch:
 
     The power-balance residual is the measured change of K less the integral of ν·(ε − ε_g), both over the time since the
     last report: what friction, contact and payloads that the model does not know take out or put in, or efforts that are
-    not what they are declared to be. Beside it stands the balance of the last minute, which a recording has, too, and which
-    holds the URDF's friction. No balance, however poor, is a warning: what the URDF lacks (friction, rotor inertias) and
-    what robots are for (contact, loads) spoil it, and a robot that is well would warn all day.
+    not what they are declared to be. Beside it stands the explained share of the last minute, which a recording has, too,
+    and which holds the URDF's friction. No balance, however poor, is a warning: what the URDF lacks (friction, rotor
+    inertias) and what robots are for (contact, loads) spoil it, and a robot that is well would warn all day.
 
     Parameters
     ----------
@@ -39,7 +38,7 @@ class EnergyWatch:
     """
 
     def __init__(self, model, thresholds):
-        self._model, self._minute = model, LastMinute(model.dof_names)
+        self._model, self._minute = model, LastMinute()
         self.configure(model, thresholds)
         self._K = self._power = self._last = None
         self._since = 0.0  # length of the last interval that was integrated [s]
@@ -61,7 +60,7 @@ class EnergyWatch:
         self._watch_shares = bool(np.isfinite([*warn, *error]).any())
         if model is not self._model:
             self._model = model
-            self._minute.forget(model.dof_names)
+            self._minute.clear()
         self.forget()
 
     def forget(self):
@@ -93,21 +92,9 @@ class EnergyWatch:
         power = s.effort_power
         self._balance(stamp, K, power)
         if power is not None:
-            joints = self._joints(s) if self._minute.looks_closer else None
-            self._minute.take(stamp, K, power, lifting, friction, joints)
+            self._minute.add_state(stamp, K, power - friction)
         self._last, self._K, self._power = stamp, K, power
         return self._level > self._reported
-
-    def _joints(self, s):
-        """½ν_k² [J], and the power by which it should change [W], with friction as that of the joint itself, q̇_k τ_fric,k."""
-        rows, model = s.rows[:, : self._model.nv], self._model
-        nu, qd = rows[sweeps.NU], rows[sweeps.RATES]
-        power = nu * (rows[sweeps.EPSILON] - rows[sweeps.CORIOLIS] - rows[sweeps.GRAVITY])
-        if model.has_friction:
-            v0 = model.friction_velocity
-            turned = np.tanh(qd / v0) if v0 > 0.0 else np.sign(qd)
-            power -= qd * (model.damping * qd + model.friction * turned + model.effort_offset)
-        return 0.5 * nu * nu, power
 
     def _balance(self, stamp, K, power):
         """Take in what K has gained since the last state and what the power explains of it."""
