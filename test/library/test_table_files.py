@@ -82,8 +82,7 @@ WRITERS = {
     "txt": lambda path, frame, **_: np.savetxt(path, frame, header=" ".join(NAMES), fmt="%25.18e"),
     "parquet": lambda path, frame, **_: frame.to_parquet(path, row_group_size=7),
     "npz by joint": lambda path, frame, **_: np.savez(path, **{name: frame[name].to_numpy() for name in NAMES}),
-    "npz": lambda path, frame, **_: np.savez(path, **in_arrays(frame.to_numpy())),
-    "npz, packed": lambda path, frame, **_: np.savez_compressed(path, **in_arrays(frame.to_numpy())),
+    "npz": lambda path, frame, **_: np.savez_compressed(path, **in_arrays(frame.to_numpy())),
 }
 
 
@@ -160,14 +159,12 @@ HOSTILE = {
     "rows too long": ("0,1,2\n1,1,9,9\n2,3,4\n4,5,6,7\n", [0, 2], ["line 3: " + WIDTH.format(4, 3, 2)]),
     "empty columns at the end": ("0,1,2,\n1,1,2,,\n", [0, 1], []),
     "broken off": ("0,1,2\n1,1,", [0], []),
-    "broken off earlier": ("0,1,2\n1,", [0], ["line 3: " + WIDTH.format(2, 3, 1)]),
     "text": (
         "0,1,2\n1,x,2\n2,1,1_0\n3,1,2\n",
         [0, 3],
         ["line 3: text where a number belongs (column 'q_a': 'x'): 4 fields are NaN"],  # each one is read twice
     ),
-    "times": ("0,1,2\nx,2,2\n,3,2\nnan,4,2\n2,5,2\n", [0, 2], ["line 3: " + NO_TIME.format(" ('x')", 3)]),
-    "times behind empty lines": ("0,1,2\n\n\nx,2,2\n2,5,2\n", [0, 2], ["line 5: " + NO_TIME.format(" ('x')", 1)]),
+    "times": ("0,1,2\n\n\nx,2,2\n,3,2\nnan,4,2\n2,5,2\n", [0, 2], ["line 5: " + NO_TIME.format(" ('x')", 3)]),
     "NUL": (b"0,1,2\n\0\0\0\0\n2,3,4\n" + b"\0" * 5000, [0, 2], ["line 3: " + WIDTH.format(1, 3, 2)]),
     "empty lines and comments": ("\n0,1,2\n\n  \n# a pause, here\n#1,2\n1,2,2\n\n", [0, 1], []),
     "quotes": ('"0","1"," 2 "\n1,"lost,2\n2,3,4\n', [0, 2], ["line 3: " + WIDTH.format(2, 3, 1)]),
@@ -190,29 +187,7 @@ def test_hostile_texts(written, kind):
     assert (recording.t.tolist(), lost(recording)) == (times, unread)
 
 
-BITS = (
-    ",",
-    "\n",
-    '"',
-    "#",
-    "\0",
-    "x",
-    "-",
-    ".",
-    "e",
-    " ",
-    "\r",
-    "_",
-    "1e400",
-    "nan",
-    "inf",
-    ";",
-    "\n\n",
-    "+",
-    '""',
-    "NA",
-    "\xff",
-)
+BITS = [*',\n"#\0x-.e \r_;+\xff', "1e400", "nan", "inf", "\n\n", '""', "NA"]
 
 
 @examples(300)
@@ -283,25 +258,23 @@ def test_texts_that_are_no_text_are_lost_with_their_row_group(written):
     assert recording.q[:, 0].tolist() == [0, 1, 3] and said.startswith("row 2, row group 2: ") and "UTF8" in said
 
 
-@pytest.mark.parametrize("at", [300, 50_000])  # in what is read with the header of the array, and far behind it
-def test_a_damaged_array(written, at):
-    time = np.arange(10_000.0)
+def test_a_damaged_array(written):
+    """Efforts that cannot be read are none; positions and names that cannot be read are an error."""
+    numbers = {name: np.arange(10_000.0) for name in ("t", "q1", "qd1", "tau1")}
 
-    def spoiled(name, **arrays):
-        path = written({"t": time, "q1": time, "qd1": np.ones(10_000)} | arrays)
+    def spoil(name):
+        path = written(numbers)
         with zipfile.ZipFile(path) as file:
-            begin = file.getinfo(f"{name}.npy").header_offset + at
-        content = bytearray(path.read_bytes())
-        content[begin : begin + 50] = b"\x55" * 50
-        path.write_bytes(content)
+            begin = file.getinfo(f"{name}.npy").header_offset + 50_000
+        path.write_bytes(path.read_bytes()[:begin] + b"\x55" * 50 + path.read_bytes()[begin + 50 :])
         return path
 
-    recording = read(spoiled("tau1", tau1=time), parameters=LOOSE)
+    recording = read(spoil("tau1"), parameters=LOOSE)
     assert len(recording) == 10_000 and recording.tau is None
     what = "array 'tau1' cannot be read: Bad CRC-32 for file 'tau1.npy': all its numbers are lost"
     assert lost(recording) == [f"array tau1: {what}"]
     with pytest.raises(dd.InputError, match="array 'q1' cannot be read: Bad CRC-32"):
-        read(spoiled("q1"), parameters=LOOSE)
+        read(spoil("q1"), parameters=LOOSE)
 
 
 def test_files_that_are_cut_or_none(written, tmp_path, monkeypatch):
@@ -625,7 +598,7 @@ CONTENTS = [
     ("t,q1\r0,1\r", None, "its first line is no text .* line break"),
     ("5,1,2\n1,2,3\n", None, "has no header, line 1 is of numbers"),
     ("1.5,1,base\n", None, "line 1 has text and numbers"),
-    ("0,1,2\n1,2,3\n", {"time": 0, "position": [1, 2]}, "so it may be a header or a row"),
+    ("0,1,2\n1,2,3\n", {"time": 0, "position": [1, 2]}, "may be a header or a row"),
     ("t,q1\n", {"skip": 5}, "has 2 lines, and nothing in them behind the 5 to be skipped"),
     ("t,q1,q1\n0,1,2\n", {"position": "q1"}, "'q1' is the name of columns 1, 2"),
     ("t;q1\n0,5;1\n", None, "have a decimal comma"),

@@ -125,11 +125,15 @@ def read_numbers(array, lose):
     """Return the numbers of a column, (n,), and report texts that are none by `lose(cause, unit, rows, example)`."""
     with suppress(pa.ArrowInvalid):
         return _to_numpy(array)
-    texts = read_texts(array)
-    numbers = [parse_number(text) for text in texts]
-    if lost := [k for k, number in enumerate(numbers) if number is None]:
-        lose("text where a number belongs", "fields are NaN", lost, f"'{texts[lost[0]].strip()[:40]}'")
-    return np.array(numbers, float)
+    return np.array(_parse_texts(array, parse_number, lose, "number", "fields"), float)
+
+
+def _parse_texts(array, parse, lose, what, units):
+    texts = [text.strip() for text in read_texts(array)]
+    values = list(map(parse, texts))
+    if lost := [k for k, one in enumerate(values) if one is None and texts[k] not in MISSING]:
+        lose(f"text where a {what} belongs", f"{units} are NaN", lost, f"'{texts[lost[0]][:40]}'")
+    return values
 
 
 def read_lists(array, width, lose):
@@ -137,10 +141,8 @@ def read_lists(array, width, lose):
 
     Lists of another length than `width` are NaN throughout, unless it is None; `lose` is that of :func:`read_numbers`.
     """
-    if (texts := read_texts(array)) is not None:
-        lists = [numbers_of(text) for text in texts]
-        if lost := [k for k, one in enumerate(lists) if one is None and texts[k].strip() not in MISSING]:
-            lose("text where a list of numbers belongs", "rows of it are NaN", lost, f"'{texts[lost[0]].strip()[:40]}'")
+    if not is_list(array.type):
+        lists = _parse_texts(array, numbers_of, lose, "list of numbers", "rows of it")
         array = pa.array(lists, pa.list_(pa.float64()))
     lengths = _lengths(array)
     filled = np.arange(max(lengths.max(initial=0), width or 0)) < lengths[:, None]

@@ -224,7 +224,9 @@ def _read_header(fields, comment, wanted, known, path):
     if names or not (_is_header(first, path, line) if wanted.header is None else wanted.header):
         if comment and wanted.header is None and len(comment) == len(first):
             names = names or comment
-        if not (names or wanted.header is False or _is_by_numbers(wanted)):
+        by_numbers = wanted.time is not UNSAID and isinstance(wanted.position, list)
+        by_numbers = by_numbers and all(isinstance(one, int) for one in (*wanted.time, *wanted.position))
+        if not (names or by_numbers or wanted.header is False):
             raise InputError(
                 f"'{path}' has no header, line {line} is of numbers: give a map of columns (--columns MAP.yaml) with "
                 f"`header: false`, and with `time`, `position` … as numbers of columns, from 0 to {len(first) - 1}."
@@ -238,15 +240,19 @@ def _read_header(fields, comment, wanted, known, path):
             names[0], used = below[1][0], 3  # pandas' name of the index
     names = [name.strip() for name in names]
     units = [field.strip().strip("[]()") for field in fields[used][1]] if used < len(fields) else []
-    if len(units) == len(names) and not any(map(is_number, units)) and any(map(is_unit, units)):
+    if len(units) == len(names) and "n" not in _kinds(units) and any(map(is_unit, units)):
         return names, [None if unit in MISSING else unit for unit in units], used + 1
     return names, [None] * len(names), used
 
 
+def _kinds(fields):
+    """A letter for each field: number or time, text, or nothing."""
+    return "".join("n" if is_number(one) else " " if one.strip() in MISSING else "t" for one in fields)
+
+
 def _find_echoed_names(fields):
     """Names of columns of `ros2 topic echo --csv` of joint states, which has no header; None for any other line."""
-    kinds = "".join("n" if is_number(one) else "t" if one.strip() else " " for one in fields)
-    match = re.fullmatch(r"nn[t ]([t ]+)(n+) *", kinds)
+    match = re.fullmatch(r"nn[t ]([t ]+)(n+) *", _kinds(fields))
     if not match or len(match[2]) not in (len(match[1]), 3 * len(match[1])) or not "".join(fields[:2]).isdecimal():
         return None
     quantities = ("name", "position", "velocity", "effort")[: 1 + len(match[2]) // len(match[1])]
@@ -255,25 +261,16 @@ def _find_echoed_names(fields):
 
 def _is_header(fields, path, line):
     """Whether a first line names columns."""
-    known = [field.strip() for field in fields if field.strip() not in MISSING]
-    numbers = sum(map(is_number, known))
-    counting = len(known) == len(fields) > 1 and known == [str(k) for k in range(len(known))]
-    if not numbers or (numbers == len(known) and not counting):
-        return not numbers
-    what = f"counts from 0 to {known[-1]}" if counting else "has text and numbers"
-    say = "say `header: true` or `header: false` in the map of columns"
-    raise InputError(f"'{path}': line {line} {what}, so it may be a header or a row: {say}.")
-
-
-def _is_by_numbers(wanted):
-    """Whether a map gives columns of times and positions by their numbers."""
-    given = wanted.time is not UNSAID and isinstance(wanted.position, list)
-    return given and all(isinstance(one, int) for one in (*wanted.time, *wanted.position))
+    kinds, counting = _kinds(fields), [str(k) for k in range(len(fields))]
+    if "n" in kinds and ("t" in kinds or [field.strip() for field in fields] == counting != ["0"]):
+        say = "say `header: true` or `header: false` in the map of columns"
+        raise InputError(f"'{path}': line {line} has text and numbers, or counts, and may be a header or a row: {say}.")
+    return "n" not in kinds
 
 
 def _join_headers(names, below, known):
     """Names of columns of which two lines hold quantities and joints, either above the other; None for other lines."""
-    if len(names) != len(below) or any(map(is_number, below)):
+    if len(names) != len(below) or "n" in _kinds(below):
         return None
     for above, joints, others in ((False, below, names), (True, names, below)):
         joints, others = [one.strip() for one in joints], [one.strip() for one in others]
