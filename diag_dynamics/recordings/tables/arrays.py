@@ -208,7 +208,7 @@ def _make_array_column(name, array, lengths):
     """Content of an array."""
     of_rows = array.ndim == 1 or (array.ndim == 2 and len(array) in lengths)
     if _is_numeric(array) or (array.dtype.kind == "U" and of_rows):
-        return make_column(name, _convert(array[:SAMPLE]))
+        return make_column(name, unify(_convert(array[:SAMPLE])))
     return Column(name, numeric=False, type=array.dtype.name)
 
 

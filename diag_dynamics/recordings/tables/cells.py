@@ -10,6 +10,7 @@ from decimal import Context, Decimal
 
 import numpy as np
 import pyarrow as pa
+from pyarrow import compute as pc
 
 from diag_dynamics.recordings.tables.headers import Column
 from diag_dynamics.recordings.tables.joint_names import MAX_LENGTH, numbers_of
@@ -37,14 +38,20 @@ _ISO = re.compile(
 
 
 def unify(array):
-    """Return an array without a dictionary, and texts of any type as strings; long binary ones, as pictures, empty."""
+    """Return an array without a dictionary; texts of any type as strings without blanks around them, null for empty cells.
+
+    Binary texts that are long, as pictures, are null, too.
+    """
     if pa.types.is_dictionary(array.type):
         array = array.dictionary_decode()
     kind = str(array.type)
     if "binary" in kind:
-        texts = (one if len(one or b"") <= MAX_LENGTH else b"" for one in array.to_pylist())
-        return pa.array([None if one is None else one.decode(errors="replace") for one in texts], pa.string())
-    return array.cast(pa.string()) if kind in ("large_string", "string_view") else array
+        texts = (one if one and len(one) <= MAX_LENGTH else b"" for one in array.to_pylist())
+        array = pa.array([one.decode(errors="replace") for one in texts], pa.string())
+    if "binary" in kind or kind in ("string", "large_string", "string_view"):
+        array = pc.utf8_trim_whitespace(array.cast(pa.string()))
+        return pc.if_else(pc.is_in(array, pa.array([*BLANK, "[]", "()"])), None, array)
+    return array
 
 
 def read_texts(array):
@@ -88,7 +95,6 @@ def make_column(name, array, unit=None, numeric=False):
         return column._replace(sample=tuple(lists), listed=True) if first and isinstance(first[0], str) else column
     if (texts := read_texts(array)) is None:
         return column
-    texts = [text.strip() for text in texts]
     given = [text for text in texts if text not in MISSING]
     if any(map(is_number, given)):
         return column._replace(dated=True, moments=all(map(is_date, given)))
@@ -110,12 +116,8 @@ def _is_numeric(kind):
 
 
 def are_blank(array):
-    """Return whether cells hold nothing, bool (n,): null, an empty list, or a text for it."""
-    if (texts := read_texts(array)) is not None:
-        return np.array([text.strip() in (*BLANK, "[]", "()") for text in texts], bool)
-    if is_list(array.type):
-        return _lengths(array) == 0
-    return array.is_null().to_numpy(zero_copy_only=False)
+    """Return whether cells hold nothing, bool (n,): null or an empty list."""
+    return _lengths(array) == 0 if is_list(array.type) else array.is_null().to_numpy(zero_copy_only=False)
 
 
 # --- Numbers ---
@@ -129,7 +131,7 @@ def read_numbers(array, lose):
 
 
 def _parse_texts(array, parse, lose, what, units):
-    texts = [text.strip() for text in read_texts(array)]
+    texts = read_texts(array)
     values = list(map(parse, texts))
     if lost := [k for k, one in enumerate(values) if one is None and texts[k] not in MISSING]:
         lose(f"text where a {what} belongs", f"{units} are NaN", lost, f"'{texts[lost[0]][:40]}'")
@@ -189,7 +191,7 @@ def read_times(array, scale):
         values = _to_numpy(array)
         if not (np.abs(values * scale) > _SHORT).any():
             return _scale_floats(values, scale)
-    seconds = [_parse_time(text.strip(), Decimal(repr(scale))) for text in read_texts(array)]
+    seconds = [_parse_time(text, Decimal(repr(scale))) for text in read_texts(array)]
     exact = [0 if one.is_nan() else max(min(_EXACT.multiply(one, _SECOND), _LIMIT), -_LIMIT) for one in seconds]
     return np.array(seconds, float), np.array([round(one) for one in exact], np.int64)
 

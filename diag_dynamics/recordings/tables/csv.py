@@ -15,7 +15,7 @@ import pyarrow as pa
 from pyarrow import csv as arrow_csv
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.tables.cells import BLANK, MISSING, SAMPLE, is_date, is_number, make_column
+from diag_dynamics.recordings.tables.cells import BLANK, MISSING, SAMPLE, is_date, is_number, make_column, unify
 from diag_dynamics.recordings.tables.choice import choose
 from diag_dynamics.recordings.tables.column_map import UNSAID
 from diag_dynamics.recordings.tables.headers import is_unit
@@ -201,8 +201,9 @@ def _read_head(lines, wanted, known, path):
         raise InputError(
             f"'{path}': numbers such as '{commas[0]}' have a decimal comma: say `decimal: ','` in the map of columns."
         )
-    texts = [pa.array([row[k] if k < len(row) else "" for row in below], pa.string()) for k in range(len(names))]
-    columns = [make_column(*one, True) for one in zip(names, texts, units, strict=True)]
+    texts = [[row[k] if k < len(row) else "" for row in below] for k in range(len(names))]
+    arrays = [unify(pa.array(one, pa.string())) for one in texts]
+    columns = [make_column(*one, True) for one in zip(names, arrays, units, strict=True)]
     return columns, delimiter, fields[used - 1][0] if used else at
 
 
