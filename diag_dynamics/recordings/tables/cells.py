@@ -191,6 +191,9 @@ def read_times(array, scale):
         values = _to_numpy(array)
         if not (np.abs(values * scale) > _SHORT).any():
             return _scale_floats(values, scale)
+        if scale == 1.0 and not array.null_count:
+            exact = pc.multiply(array.cast(pa.decimal128(19, 9)), pa.scalar(_SECOND, pa.decimal128(10)))
+            return values, np.clip(exact.cast(pa.int64()).to_numpy(), -_LIMIT, _LIMIT)
     seconds = [_parse_time(text, Decimal(repr(scale))) for text in read_texts(array)]
     exact = [0 if one.is_nan() else max(min(_EXACT.multiply(one, _SECOND), _LIMIT), -_LIMIT) for one in seconds]
     return np.array(seconds, float), np.array([round(one) for one in exact], np.int64)
