@@ -5,16 +5,15 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.inspection.urdf import ROLES, Body, Found, Link, Urdf
 from diag_dynamics.model.geometry import Solid
-from diag_dynamics.model.meshes import find_mesh
-from diag_dynamics.model.options import not_physical
+from diag_dynamics.model.options import negative_moments, not_physical
 
 DENSEST = 20000.0  # density that no link has [kg/m³]: tungsten has 19 300
 DENSE = 9000.0  # density of solid copper [kg/m³]
@@ -30,10 +29,10 @@ SAME = 3  # sizes of links with one inertia from which it is a copy; two sides h
 SLENDER = 4.0  # ratio of moments from which a shape is a bar
 UNEVEN = 0.05  # relative difference of the masses of two sides that no cable explains
 
-NAMES_OF_SIDES = (
-    *(("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT")),
-    *(("l_", "r_"), ("L_", "R_"), ("FL_", "FR_"), ("RL_", "RR_")),
-)  # parts of names; the short ones are prefixes
+SIDES = {
+    **{"left": "right", "Left": "Right", "LEFT": "RIGHT"},
+    **{"^l_": "r_", "^L_": "R_", "^FL_": "FR_", "^RL_": "RR_"},
+}  # parts of names
 
 ESTIMATE = "Give measured ones, or estimate them: --estimate-inertias DENSITY -o new.urdf."
 SIZES = "Is the mass in kg, and are sizes and the meshes' scale in m? Open meshes count as hulls."
@@ -108,6 +107,13 @@ def possible_inertias(urdf: Urdf) -> Found:
             yield "rounded" if rounded else "triangle", link.name, percent
 
 
+def negative_inertias(urdf: Urdf) -> Found:
+    """Find negative principal moments, the cause of errors about D."""
+    for link in urdf.links.values():
+        if link.inertia is not None and negative_moments(link.inertia, link.mass or 0.0):
+            yield "negative D", link.name, np.linalg.eigvalsh(link.inertia)[0]
+
+
 def missing_inertias(urdf: Urdf) -> Found:
     """Find links with geometry and no mass, mass without moments, and moments without mass."""
     links = urdf.links.values()
@@ -115,34 +121,31 @@ def missing_inertias(urdf: Urdf) -> Found:
         bare = [link.name for link in links if not link.has_inertial]
         yield from (("massless", name, 0.0) for name in bare or (None,))
         return
-    moving = {joint.child for joint in urdf.joints}
     for body in urdf.bodies:
-        row = "lumped" if body.mass else "moving" if body.links[0].name in moving else "base"
+        row = "moving" if body.links[0].name in urdf.moving else "base"
         for link in body.links:
             if link.has_geometry and not link.has_inertial:
-                yield row, link.name, 0.0
+                yield "lumped" if body.mass else row, link.name, 0.0
             if link.mass == 0.0 and link.inertia is not None and link.inertia.any():
                 yield "no mass", link.name, 0.0
         points = [x for x in body.links if x.mass and x.inertia is not None and not x.inertia.any()]
         mass = sum(link.mass or 0.0 for link in points)
         alone = len(points) == len(body.heavy)
         if not urdf.is_negligible(mass) and (alone or mass > SHARE * body.mass):
-            for link in points:
-                yield "point" if alone else "attached", link.name, link.mass
+            yield from (("point" if alone else "attached", x.name, x.mass) for x in points)
 
 
 def mass_without_geometry(urdf: Urdf) -> Found:
     """Find bodies with mass and without shapes."""
-    for body in urdf.bodies:
-        if not urdf.is_negligible(body.mass) and not any(link.has_geometry for link in body.links):
+    for body in urdf.heavy_bodies:
+        if not any(link.has_geometry for link in body.links):
             yield "bodiless", body.heavy[0], body.mass
 
 
 def density(urdf: Urdf) -> Found:
     """Find densities of metal and foam; of visual and collision geometry the less remarkable."""
-    for body in urdf.measured_bodies():
-        densities = [body.mass / solid.volume for solid in body.solids.values()]
-        low, high = min(densities), max(densities)
+    for body in urdf.measured_bodies:
+        low, high = min(body.densities.values()), max(body.densities.values())
         if low > DENSE:
             yield "impossible" if low > DENSEST else "dense", body.heavy[0], low
         elif high < LIGHTEST:
@@ -152,26 +155,23 @@ def density(urdf: Urdf) -> Found:
 def uniform_density(urdf: Urdf) -> Found:
     """Find masses that CAD computed from volumes: nearly all of steel, or all of one density."""
     for role in ROLES:
-        bodies = [body for body in urdf.bodies if role in body.solids]
-        bodies = [body for body in bodies if not urdf.is_negligible(body.mass)]
-        found = {body.heavy[0]: body.mass / body.solids[role].volume for body in bodies}
-        masses = {body.heavy[0]: body.mass for body in bodies}
-        steel = [name for name, value in found.items() if STEEL[0] <= value <= STEEL[1]]
-        mostly = sum(masses[name] for name in steel) > MOSTLY * sum(masses.values())
-        if len(steel) > 1 and mostly:
-            row, names = "steel", steel
-        elif len(found) >= SAME and max(found.values()) < (1.0 + ALIKE) * min(found.values()):
-            row, names = "uniform", list(found)
+        bodies = [body for body in urdf.heavy_bodies if role in body.solids]
+        densities = [body.densities[role] for body in bodies]
+        steel = [body for body in bodies if STEEL[0] <= body.densities[role] <= STEEL[1]]
+        mass = MOSTLY * sum(body.mass for body in bodies)
+        if len(steel) > 1 and sum(body.mass for body in steel) > mass:
+            row, bodies = "steel", steel
+        elif len(bodies) >= SAME and max(densities) < (1.0 + ALIKE) * min(densities):
+            row = "uniform"
         else:
             continue
-        for name in names:
-            yield row, name, found[name]
+        yield from ((row, body.heavy[0], body.densities[role]) for body in bodies)
         return
 
 
 def centre_of_mass(urdf: Urdf) -> Found:
     """Find centres of mass far outside of the bounding box, as in the frame of an assembly."""
-    for body in urdf.measured_bodies():
+    for body in urdf.measured_bodies:
         low, high = body.corners.min(axis=0), body.corners.max(axis=0)
         outside = np.maximum(0.0, np.maximum(low - body.centre, body.centre - high))
         if np.linalg.norm(outside) > OUTSIDE * np.linalg.norm(high - low):
@@ -179,51 +179,39 @@ def centre_of_mass(urdf: Urdf) -> Found:
 
 
 def gyration(urdf: Urdf) -> Found:
-    """Find radii of gyration √(J/m) beyond the farthest point of the geometry, or near zero.
-
-    The other moments of a body that turns about one axis on a fixed base have no effect.
-    """
-    for body in urdf.measured_bodies():
-        for link in body.links:
-            if link.inertia is None or not link.inertia.any() or urdf.is_negligible(link.mass):
-                continue
+    """Find radii of gyration √(J/m) beyond the farthest point of the geometry, or near zero."""
+    for body in urdf.measured_bodies:
+        for link in filter(urdf.has_inertia, body.links):
             reach = np.linalg.norm(body.corners - body.centres[link.name], axis=1).max()
-            ratio = _gyration(np.linalg.eigvalsh(link.inertia)[-1], link) / reach
+            moments = np.linalg.eigvalsh(link.inertia)[-1], _felt_moment(urdf, body, link)
+            ratio, felt = np.sqrt(np.maximum(moments, 0.0) / link.mass) / reach
             if ratio > WIDE:
-                axis = _only_axis(urdf, body)
-                felt = axis is None or _gyration(axis @ link.inertia @ axis, link) > WIDE * reach
-                yield "large" if felt else "idle", link.name, ratio
+                yield "large" if felt > WIDE else "idle", link.name, ratio
             elif ratio < POINT and (link.mass or 0.0) > 1e-3 * urdf.total_mass:
                 yield "small", link.name, ratio
 
 
-def _gyration(moment: Any, link: Link) -> float:
-    return float(np.sqrt(max(moment, 0.0) / (link.mass or np.inf)))
-
-
-def _only_axis(urdf: Urdf, body: Body) -> Array | None:
-    """Return the one axis a body turns about on a fixed base; zero if it stands, None else."""
-    joints = {joint.child: joint for joint in urdf.joints if joint.moves}
-    joint = joints.get(body.links[0].name)
-    if joint is None or not urdf.stands:
-        return np.zeros(3) if urdf.stands else None
-    bases = [one for one in urdf.bodies if one.links[0].name not in joints]
-    on_base = any(joint.parent in base.placements for base in bases)
-    if not on_base or joint.kind not in ("revolute", "continuous") or len(body.links) > 1:
-        return None
-    axis = np.array(joint.axis or (1.0, 0.0, 0.0))
-    return axis / np.linalg.norm(axis)
+def _felt_moment(urdf: Urdf, body: Body, link: Any) -> float:
+    """Return the largest moment with an effect; on a fixed base a body may turn about one axis."""
+    joint = urdf.moving.get(body.links[0].name)
+    if urdf.stands and joint is None:
+        return 0.0
+    bases = [one for one in urdf.bodies if one.links[0].name not in urdf.moving]
+    on_base = joint and any(joint.parent in base.placements for base in bases)
+    turns = joint and joint.kind in ("revolute", "continuous") and len(body.links) == 1
+    if joint and urdf.stands and on_base and turns:
+        axis = np.array(joint.axis or (1.0, 0.0, 0.0))
+        return float(axis @ link.inertia @ axis / (axis @ axis))
+    return float(np.linalg.eigvalsh(link.inertia)[-1])
 
 
 def inertia_axes(urdf: Urdf) -> Found:
     """Find bars and discs with the inertia of one along another axis."""
-    for body in urdf.measured_bodies():
-        for link in body.links:
-            mass = link.mass or 0.0
-            if link.inertia is None or urdf.is_negligible(mass) or mass < 0.8 * body.mass:
-                continue
-            R = body.placements[link.name][:3, :3]
-            if all(_is_turned(solid, R @ link.inertia @ R.T) for solid in body.solids.values()):
+    for body in urdf.measured_bodies:
+        for link in filter(urdf.has_inertia, body.links):
+            R, mass = body.placements[link.name][:3, :3], link.mass or 0.0
+            turned = [_is_turned(x, R @ link.inertia @ R.T) for x in body.solids.values()]
+            if all(turned) and mass >= 0.8 * body.mass:
                 yield "turned", link.name, 0.0
 
 
@@ -240,15 +228,12 @@ def _is_turned(solid: Solid, inertia: Array) -> bool:
 def placeholders(urdf: Urdf) -> Found:
     """Find the identity, and one inertia at links of several sizes."""
     groups: dict[tuple[float, ...], list[Link]] = {}
-    for link in urdf.links.values():
-        if link.inertia is None or not link.inertia.any() or urdf.is_negligible(link.mass):
-            continue
-        mass = link.mass or 0.0
+    for link in filter(urdf.has_inertia, urdf.links.values()):
         if np.allclose(link.inertia, np.eye(3), rtol=0.0, atol=1e-9):
-            yield "identity", link.name, 2.0 * np.sqrt(2.5 / mass)
+            yield "identity", link.name, 2.0 * np.sqrt(2.5 / (link.mass or np.inf))
         else:
             rounded = np.round(np.linalg.eigvalsh(link.inertia), 12)
-            groups.setdefault((mass, *rounded), []).append(link)
+            groups.setdefault((link.mass or 0.0, *rounded), []).append(link)
     for (mass, *moments), links in groups.items():
         sizes: list[float] = []
         for solid in [x.solids.get("collision") or x.solids.get("visual") for x in links]:
@@ -261,35 +246,19 @@ def placeholders(urdf: Urdf) -> Found:
 def sides(urdf: Urdf) -> Found:
     """Find left and right links of different mass."""
     for name, link in urdf.links.items():
-        for left, right in NAMES_OF_SIDES:
-            at = name.find(left) if len(left) > 3 else 0 if name.startswith(left) else -1
-            other = urdf.links.get(name[:at] + right + name[at + len(left) :]) if at >= 0 else None
-            if other is None or not link.has_inertial or not other.has_inertial:
-                continue
+        for left, right in SIDES.items():
+            other = urdf.links.get(re.sub(left, right, name, count=1), link)
             masses = [link.mass or 0.0, other.mass or 0.0]
             uneven = abs(masses[0] - masses[1]) > UNEVEN * max(masses)
-            if uneven and not urdf.is_negligible(max(masses)):
+            known = link.has_inertial and other.has_inertial
+            if uneven and known and not urdf.is_negligible(max(masses)):
                 yield "uneven", name, masses[0]
                 yield "uneven", other.name, masses[1]
 
 
 def meshes(urdf: Urdf) -> Found:
     """Find meshes that are missing or cannot be measured; viewers need them, dynamics do not."""
-    errors: list[tuple[str, str, str]] = []
-    for link in urdf.links.values():
-        if link.bad_shape:
-            errors.append(("unmeasured", link.name, link.bad_shape))
-    for name, shape, error in urdf.unmeasured:
-        row = "missing" if shape.file and _is_missing(shape.file, urdf) else "unmeasured"
-        errors.append(("no trimesh" if isinstance(error, InputError) else row, name, str(error)))
-    reasons = {row: reason for row, _, reason in reversed(errors)}
-    for row, name, _ in errors:
+    errors = [(link.name, *error) for link in urdf.links.values() for error in link.errors]
+    reasons = {row: reason for _, row, reason in reversed(errors)}
+    for name, row, _ in errors:
         yield row, None if row == "no trimesh" else name, 0.0, reasons[row]
-
-
-def _is_missing(file: str, urdf: Urdf) -> bool:
-    try:
-        find_mesh(file, urdf.folder)
-    except UrdfError:
-        return True
-    return False

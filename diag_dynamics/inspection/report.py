@@ -20,7 +20,7 @@ from diag_dynamics.inspection import joints, links, motion
 from diag_dynamics.inspection.motion import Motion
 from diag_dynamics.inspection.urdf import Found, Urdf
 from diag_dynamics.model import RobotModel, load_urdf
-from diag_dynamics.model.options import negative_moments, warnings_told
+from diag_dynamics.model.options import warnings_told
 from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.model.sources import folder_of
 
@@ -52,34 +52,16 @@ ROWS |= {key: ("joints", *row) for key, row in (joints.ROWS | motion.ROWS).items
 
 @dataclass(frozen=True)
 class Finding:
-    """A result of a check.
+    """A result of a check."""
 
-    Attributes
-    ----------
-    severity : str
-        One of :data:`SEVERITIES`.
-    check : str
-        Name of the check.
-    what : str
-        The finding in words.
-    links, joints : tuple of str
-        Names of the links or joints concerned, the worst first.
-    values : dict
-        Number by name, for those that have one.
-    unit : str
-        Unit of the numbers.
-    remedy : str
-        What to do.
-    """
-
-    severity: str
-    check: str
-    what: str
-    links: Sequence[str] = ()
+    severity: str  # one of SEVERITIES
+    check: str  # its name
+    what: str  # the finding in words
+    links: Sequence[str] = ()  # names concerned, the worst first
     joints: Sequence[str] = ()
-    values: Mapping[str, float] = field(default_factory=dict)
-    unit: str = ""
-    remedy: str = ""
+    values: Mapping[str, float] = field(default_factory=dict)  # number by name, if there is one
+    unit: str = ""  # of the numbers
+    remedy: str = ""  # what to do
 
     def to_dict(self) -> dict[str, Any]:
         """Return the attributes as JSON has them; numbers that are not finite are None."""
@@ -90,24 +72,12 @@ class Finding:
 
 @dataclass(frozen=True)
 class Report:
-    """The result of an inspection.
+    """The result of an inspection."""
 
-    Attributes
-    ----------
-    source : str
-        File of the robot.
-    facts : dict
-        Facts by name; None where the robot has no model.
-    findings : tuple of Finding
-        In descending order of severity.
-    checks : dict
-        Maximum severity of each check's findings; "skipped" where the check does not apply.
-    """
-
-    source: str
-    facts: dict[str, Any]
-    findings: tuple[Finding, ...]
-    checks: dict[str, str]
+    source: str  # file of the robot
+    facts: dict[str, Any]  # by name; None where the robot has no model
+    findings: tuple[Finding, ...]  # in descending order of severity
+    checks: dict[str, str]  # severity of the worst finding of each; or ok, or skipped
 
     @property
     def status(self) -> int:
@@ -161,7 +131,7 @@ def inspect_robot(
         urdf = Urdf(described.text, folder)
         model, poses, rows = _load(described.text, options)
         urdf.stands = model is not None and not model.floating_base
-        rows = [*(_negative_moments(urdf) if rows else ()), *rows]
+        rows = [*(links.negative_inertias(urdf) if rows else ()), *rows]
         rows += [("omitted", None, 0.0, text) for text in described.omitted]
         results = {"loading": _findings("loading", iter(rows))}
         for check in OF_XML:
@@ -199,38 +169,26 @@ def _findings(check: str, found: Found) -> list[Finding]:
 
 def _load(text: str, options: dict[str, Any]) -> tuple[RobotModel | None, Motion | None, list[Any]]:
     """Return the model, its motion, and rows of errors; options exclude what they can."""
-    rows: list[Any] = []
-    while True:
+    model, rows = None, list[Any]()
+    for _ in range(3):
         try:
             with warnings_told(lambda text: None):  # possible_inertias reports them
                 model = load_urdf(text, **options)
-            break
+            return model, Motion(model) if model.nv else None, rows
+        except exceptions.MasslessLinkError as error:
+            D = zip(error.joints, error.articulated_inertia, strict=True)
+            rows += [("singular", *pair) for pair in D]
+            options["massless"] = "lock"
+        except exceptions.MimicJointError as error:
+            rows += [("mimic", name, 0.0, str(error)) for name in error.joints]
+            options["mimic"] = "free"
+        except exceptions.SingularMassMatrixError as error:
+            rows.append(("rejected", None, 0.0, f"in a random pose within the limits: {error}"))
+            return model, None, rows
         except DiagDynamicsError as error:
-            other = {}
-            if isinstance(error, exceptions.MasslessLinkError):
-                D = zip(error.joints, error.articulated_inertia, strict=True)
-                rows += [("singular", *pair) for pair in D]
-                other = {"massless": "lock"}
-            elif isinstance(error, exceptions.MimicJointError):
-                rows += [("mimic", name, 0.0, str(error)) for name in error.joints]
-                other = {"mimic": "free"}
-            else:
-                rows.append(("rejected", None, 0.0, str(error)))
-            if other.items() <= options.items():
-                return None, None, rows
-            options |= other
-    try:
-        return model, Motion(model) if model.nv else None, rows
-    except DiagDynamicsError as error:
-        rows.append(("rejected", None, 0.0, f"in a random pose within the limits: {error}"))
-    return model, None, rows
-
-
-def _negative_moments(urdf: Urdf) -> Found:
-    """Find negative principal moments, the cause of errors about D."""
-    for link in urdf.links.values():
-        if link.inertia is not None and negative_moments(link.inertia, link.mass or 0.0):
-            yield "negative D", link.name, np.linalg.eigvalsh(link.inertia)[0]
+            rows.append(("rejected", None, 0.0, str(error)))
+            break
+    return None, None, rows
 
 
 def _facts(urdf: Urdf, model: RobotModel | None, poses: Motion | None) -> dict[str, Any]:
@@ -264,11 +222,9 @@ def _range(values: Array) -> dict[str, float | None]:
 
 def _tips(urdf: Urdf) -> list[str]:
     """Return the farthest link of every moving body that carries no other."""
-    moving = [joint for joint in urdf.joints if joint.moves]
-    parents, children = {joint.parent for joint in moving}, {joint.child for joint in moving}
-    tips = []
+    parents, tips = {joint.parent for joint in urdf.joints if joint.moves}, []
     for body in urdf.bodies:
-        if body.links[0].name in children and not parents & set(body.placements):
-            X = body.placements
+        X = body.placements
+        if body.links[0].name in urdf.moving and not parents & set(X):
             tips.append(max(X, key=lambda name: np.linalg.norm(X[name][:3, 3]).round(9)))
     return tips

@@ -16,7 +16,7 @@ from lxml import etree
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model.geometry import Shape, Solid, floats, moved, shapes_of, solid_of, united
-from diag_dynamics.model.meshes import Meshes
+from diag_dynamics.model.meshes import Meshes, find_mesh
 from diag_dynamics.model.origins import placement_of
 from diag_dynamics.model.remarks import remarks_of
 from diag_dynamics.model.transmissions import reflected_inertias
@@ -26,7 +26,13 @@ NEGLIGIBLE = 1e-5  # fraction of the robot's mass that rounding of its numbers e
 
 ROLES = ("visual", "collision")
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-ONCE = ("origin", "axis", "limit", "mimic", "parent", "child", "dynamics")
+LIMITS = ("lower", "upper", "effort", "velocity")
+ONCE = {
+    "link": ("inertial",),
+    "inertial": ("mass", "inertia", "origin"),
+    "geometry": ("*",),
+    "joint": ("origin", "axis", "limit", "mimic", "parent", "child", "dynamics"),
+}  # children that an element has once
 
 Found = Iterator[tuple[Any, ...]]
 """Results of a check: row of a table or its key, name or None, number, words of the text."""
@@ -36,39 +42,48 @@ class Link:
     """A link; mass [kg] and inertia (about the centre of mass, link's axes) may be None.
 
     `half_digit` is half a unit of the inertia's last digit; `solids` has None for a role of which a
-    shape cannot be measured, `bad_shape` says why shapes cannot be read.
+    shape cannot be measured; `errors` are rows and texts of the check of meshes.
     """
 
-    def __init__(self, element: Any) -> None:
+    def __init__(self, element: Any, folder: Path | None, meshes: Meshes) -> None:
         self.name: str = element.get("name", "")
         inertial = _child(element, "inertial")
-        placement = _placement(inertial)
+        placement, inertia = _placement(inertial), _child(inertial, "inertia")
         self.has_inertial = element.find("inertial") is not None
         self.mass = _number(_child(inertial, "mass"), "value")
         self.centre = placement[:3, 3]
-        self.inertia = _inertia(_child(inertial, "inertia"), placement[:3, :3])
-        self.half_digit = _half_digit(_child(inertial, "inertia"))
-        self.shapes: dict[str, tuple[Shape, ...]] = {}
+        self.inertia: Any = _inertia(inertia, placement[:3, :3])
+        self.half_digit = _half_digit(inertia)
+        self.has_geometry = False
         self.solids: dict[str, Solid | None] = {}
-        self.bad_shape = ""
+        self.errors: list[tuple[str, str]] = []
         for role in ROLES:
-            try:
-                self.shapes[role] = shapes_of(element, role)
-            except UrdfError as error:
-                self.bad_shape = str(error)
-        self.has_geometry = any(self.shapes.values())
+            self._measure(element, role, folder, meshes)
 
-    def measure(self, meshes: Meshes) -> Iterator[tuple[str, Shape, Exception]]:
-        """Measure all shapes, and yield those that cannot be measured with the error."""
-        for role, shapes in self.shapes.items():
-            solids = []
-            for shape in shapes:
-                try:
-                    solids.append(solid_of(shape, meshes))
-                except (UrdfError, InputError) as error:
-                    yield self.name, shape, error
-            if shapes:
-                self.solids[role] = united(solids) if len(solids) == len(shapes) else None
+    def _measure(self, element: Any, role: str, folder: Path | None, meshes: Meshes) -> None:
+        try:
+            shapes = shapes_of(element, role)
+        except UrdfError as error:
+            self.solids[role] = None
+            self.errors.append(("unmeasured", str(error)))
+            return
+        solids = [self._solid(shape, folder, meshes) for shape in shapes]
+        measured = [solid for solid in solids if solid is not None]
+        if shapes:
+            self.has_geometry = True
+            self.solids[role] = united(measured) if len(measured) == len(shapes) else None
+
+    def _solid(self, shape: Shape, folder: Path | None, meshes: Meshes) -> Solid | None:
+        row = "missing"
+        try:
+            if shape.file:
+                find_mesh(shape.file, folder)
+            row = "unmeasured"
+            return solid_of(shape, meshes)
+        except (UrdfError, InputError) as error:  # an InputError: trimesh is not installed
+            row = "no trimesh" if isinstance(error, InputError) else row
+            self.errors.append((row, str(error)))
+        return None
 
 
 class Joint:
@@ -83,8 +98,7 @@ class Joint:
         self.placement = _placement(element)
         self.axis = floats(_child(element, "axis").get("xyz", "1 0 0"), 3)
         limit, mimic = _child(element, "limit"), _child(element, "mimic")
-        names = ("lower", "upper", "effort", "velocity")
-        self.limit = {name: _limit(limit.get(name)) for name in names}
+        self.limit = {name: _limit(limit.get(name)) for name in LIMITS}
         low, high = self.limit["lower"], self.limit["upper"]
         limited = low is not None and high is not None and self.kind in ("revolute", "prismatic")
         self.range = (low or 0.0, high or 0.0) if limited else None
@@ -97,26 +111,25 @@ class Body:
     """Links that fixed joints connect, the nearest to the root first, and in whose axes all is."""
 
     def __init__(self, links: list[Link], placements: list[Array]) -> None:
-        self.links = links
-        names = [link.name for link in links]
-        self.placements = dict(zip(names, placements, strict=True))
+        self.links, names = links, [link.name for link in links]
         self.mass = sum(link.mass or 0.0 for link in links)
         self.heavy = [link.name for link in links if link.mass]
-        centres = [X[:3, :3] @ x.centre + X[:3, 3] for x, X in zip(links, placements, strict=True)]
-        self.centres = dict(zip(names, centres, strict=True))
+        self.placements = dict(zip(names, placements, strict=True))
+        placed = list(zip(links, placements, strict=True))
+        self.centres = {link.name: X[:3, :3] @ link.centre + X[:3, 3] for link, X in placed}
         moment = sum(((link.mass or 0.0) * self.centres[link.name] for link in links), np.zeros(3))
         self.centre = moment / self.mass if self.mass > 0.0 else moment
         self.solids: dict[str, Solid] = {}
-        roles = {role for link in links for role in link.solids}
+        self.is_measured = any(link.solids for link in links)
         for role in ROLES:
-            parts = [link for link in links if role in link.solids]
-            solids = [(link.solids[role], self.placements[link.name]) for link in parts]
-            placed = [moved(solid, placement) for solid, placement in solids if solid]
-            if placed and len(placed) == len(parts) and not any(x.bad_shape for x in links):
-                self.solids[role] = united(placed)
-        self.is_measured = bool(roles) and roles == set(self.solids)
-        if self.is_measured:
-            self.corners = np.concatenate([solid.corners for solid in self.solids.values()])
+            parts = [(link.solids[role], X) for link, X in placed if role in link.solids]
+            solids = [moved(solid, X) for solid, X in parts if solid]
+            if len(solids) < len(parts):
+                self.is_measured = False
+            elif solids:
+                self.solids[role] = united(solids)
+        self.densities = {role: self.mass / solid.volume for role, solid in self.solids.items()}
+        self.corners = np.array([x for solid in self.solids.values() for x in solid.corners])
 
 
 class Urdf:
@@ -125,31 +138,31 @@ class Urdf:
     def __init__(self, text: str, folder: Path | None) -> None:
         robot = parse_urdf(text.encode(errors="replace"))
         self.name: str = robot.get("name") or "robot"
-        self.folder, self.remarks = folder, remarks_of(robot)
+        self.remarks = remarks_of(robot)
         self.rotors: dict[str, float] = {}
         with suppress(UrdfError):  # the loader reports it
             self.rotors, ignored = reflected_inertias(robot)
             self.remarks += ignored
-        links, joints = robot.findall("link"), robot.findall("joint")
+        links, joints, meshes = robot.findall("link"), robot.findall("joint"), Meshes(folder)
         self.repeated = [one for element in (*links, *joints) for one in _repeated(element)]
         self.links: dict[str, Link] = {}
-        for link in map(Link, links):
+        for link in (Link(element, folder, meshes) for element in links):
             self.links.setdefault(link.name, link)
-        meshes = Meshes(folder)
-        self.unmeasured = [one for link in self.links.values() for one in link.measure(meshes)]
         self.joints = [Joint(element) for element in joints]
+        self.moving = {joint.child: joint for joint in self.joints if joint.moves}
         self.total_mass: float = sum(link.mass or 0.0 for link in self.links.values())
         self.bodies = list(self._connect())
+        self.heavy_bodies = [body for body in self.bodies if not self.is_negligible(body.mass)]
+        self.measured_bodies = [body for body in self.heavy_bodies if body.is_measured]
         self.stands = False  # whether the model's base is fixed
 
     def is_negligible(self, mass: float | None) -> bool:
         """Return whether a mass is too small to change results."""
         return not mass or mass < NEGLIGIBLE * self.total_mass
 
-    def measured_bodies(self) -> list[Body]:
-        """Return the bodies that have mass, and shapes that are all measured."""
-        bodies = [body for body in self.bodies if body.is_measured]
-        return [body for body in bodies if not self.is_negligible(body.mass)]
+    def has_inertia(self, link: Link) -> bool:
+        """Return whether a link has moments of inertia, and a mass that changes results."""
+        return link.inertia is not None and link.inertia.any() and not self.is_negligible(link.mass)
 
     def _connect(self) -> Iterator[Body]:
         fixed: dict[str, list[Joint]] = {}
@@ -177,16 +190,11 @@ def _child(element: Any, tag: str) -> Any:
 
 
 def _repeated(element: Any) -> Iterator[tuple[str, str, str]]:
-    """Yield kind, name and tag of children that an element has more than once."""
-    tags: list[str] = list(ONCE)
-    if element.tag == "link":
-        parts = ["inertial/mass", "inertial/inertia", "inertial/origin"]
-        tags = parts if len(element.findall("inertial")) == 1 else ["inertial"]
-        tags += [f"{role}/geometry/*" for role in ROLES if len(element.findall(role)) == 1]
-    for tag in tags:
-        if len(element.findall(tag)) > 1:
-            shown = tag.split("/")[-1].replace("*", "shape")
-            yield f"{element.tag}s", element.get("name", ""), shown
+    """Yield kind, name and tag of children that a link or joint has more than once."""
+    for part in element.iter(*ONCE):
+        for tag in ONCE[part.tag]:
+            if len(part.findall(tag)) > 1:
+                yield f"{element.tag}s", element.get("name", ""), tag.replace("*", "shape")
 
 
 def _number(element: Any, attribute: str, default: float | None = None) -> float | None:
