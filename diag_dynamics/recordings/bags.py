@@ -16,20 +16,16 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.messages import (
-    Connection,
     DamageError,
     Messages,
     Notes,
-    Stream,
     describe_error,
-    merge_streams,
-    normalize_type,
+    merge_parts,
     require,
 )
 
 METADATA = "metadata.yaml"
 """File that rosbag2 writes into a folder when it closes a recording."""
-ALL = "All bags in it are read, in the order of their names."
 ZSTD = b"\x28\xb5\x2f\xfd"
 MAGIC = {b"\x89MCAP": "mcap", b"SQLite format 3": "sqlite", b"#ROSBAG": "ros1"}
 SUFFIXES = {".mcap": "mcap", ".db3": "sqlite", ".bag": "ros1"}
@@ -43,15 +39,16 @@ MAX_MESSAGE = 1 << 26
 
 
 def open_bag(path):
-    """Return the Bag of a file or a folder; an InputError says that it is none, or which package is not installed."""
+    """Return the Bag of a file or a folder; an InputError says why it is none."""
     return Bag(path)
 
 
 class Bag:
     """Messages of a file, or of the files of a folder. Damage of a file raises no exception.
 
-    Messages of ROS 1 are converted to CDR. `unread` (damage) and `findings` (oddities without loss) are complete after the
-    last piece. No message precedes the log time `start` [ns], which is None without messages.
+    Messages of ROS 1 are converted to CDR. `unread` (damage) and `findings` (oddities without loss)
+    are complete after the last piece. No message precedes the log time `start` [ns], which is None
+    without messages.
     """
 
     def __init__(self, path):
@@ -61,7 +58,8 @@ class Bag:
         paths = _find_files(self.path, self._notes) if self.path.is_dir() else [self.path]
         self._files = [self._open_file(one, str(one)) for one in paths]
         self._maps = [self._map_connections(file) for file in self._files]
-        self.start = min((file.start for file in self._files if file.start is not None), default=None)
+        starts = (file.start for file in self._files if file.start is not None)
+        self.start = min(starts, default=None)
 
     def limit(self, begin=None, end=None):
         """Allow to omit messages before one log time, and from another one on [ns]."""
@@ -70,20 +68,24 @@ class Bag:
     def pieces(self, wanted=None):
         """Yield Messages in log-time order; `wanted` are indices of connections, None for all."""
         chosen = set(range(len(self.connections))) if wanted is None else set(wanted)
-        streams, failed = [], Counter()
-        for file, (places, conversions) in zip(self._files, self._maps, strict=True):
-            own = {k for k, place in enumerate(places) if place in chosen}
-            for start, end, read in file.streams(own):
-                if (self.end is None or start < self.end) and (self.begin is None or end >= self.begin):
-                    read = partial(_convert_stream, read, np.array(places), conversions, failed)
-                    streams.append(Stream(start, end, read))
-        yield from merge_streams(streams)
+        failed = Counter()
+        yield from merge_parts(
+            self._read_file(file, *maps, chosen, failed) for file, maps in zip(self._files, self._maps, strict=True)
+        )
         for k, count in failed.items():
             what = f"{count} messages of '{self.connections[k].topic}' are not of its type"
             self._notes.add_damage(self.path, "messages of ROS 1", what)
 
+    def _read_file(self, file, places, conversions, chosen, failed):
+        """Yield (start, function that returns Messages) of the parts of a file within the limits."""
+        convert = partial(_convert, conversions=conversions, places=np.array(places), failed=failed)
+        for start, end, read in file.parts({k for k, one in enumerate(places) if one in chosen}):
+            is_late = self.end is not None and start >= self.end
+            if not (is_late or (self.begin is not None and end < self.begin)):
+                yield start, lambda read=read: convert(read())
+
     def _open_file(self, path, name):
-        """Open a file; the content of one that is compressed is unpacked into a temporary folder."""
+        """Open a file; one that is compressed is unpacked into a temporary folder."""
         begin = _first_bytes(path, name)
         if begin.startswith(ZSTD):
             return self._open_file(self._unpack(path), name)
@@ -103,8 +105,8 @@ class Bag:
         content = Path(folder.name) / path.name.removesuffix(PACKED)
         try:
             with open(path, "rb") as file, open(content, "wb") as out:
-                reader = zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True)
-                shutil.copyfileobj(reader, out, 1 << 17)
+                unpacker = zstandard.ZstdDecompressor()
+                shutil.copyfileobj(unpacker.stream_reader(file, read_across_frames=True), out, 1 << 17)
         except zstandard.ZstdError as error:
             what = f"{describe_error(error)}: all behind {content.stat().st_size} bytes of its content"
             self._notes.add_damage(path, "its compression", what)
@@ -113,172 +115,140 @@ class Bag:
         return content
 
     def _map_connections(self, file):
-        """Return the places of a file's declarations in `connections`, and conversions to CDR by declaration.
+        """Return the places of a file's connections in `connections`, and conversions by connection.
 
         A topic of several files is one connection; several writers in one file are several.
         """
         places, conversions = [], {}
-        for k, (topic, kind, encoding, definition, md5) in enumerate(file.declarations):
-            kind = normalize_type(kind)
-            if encoding in ROS1:
+        for k, one in enumerate(file.connections):
+            one = one._replace(type=_normalize_type(one.type))
+            if one.encoding in ROS1:
+                ros1, encoding = import_module("diag_dynamics.recordings.ros1_file"), "cdr"
                 try:
-                    ros1 = import_module("diag_dynamics.recordings.ros1_file")
-                    conversions[k], encoding = ros1.find_conversion(kind, definition, md5), "cdr"
+                    conversions[k] = ros1.find_conversion(one.type, one.md5)
                 except DamageError as error:
-                    what = f": the type of topic '{topic}' is not understood: {error}."
+                    what = f": the type of topic '{one.topic}' is not understood: {error}."
                     self._notes.add_finding(self.path, what)
                     encoding = "ros1"
-            one = Connection(topic, kind, encoding)
-            alike = (n for n, other in enumerate(self.connections) if other == one and n not in places)
-            if (place := next(alike, None)) is None:
+                one = one._replace(encoding=encoding)
+            others = enumerate(self.connections)
+            place = next((n for n, other in others if other == one and n not in places), None)
+            if place is None:
                 place = len(self.connections)
                 self.connections.append(one)
             places.append(place)
         return places, conversions
 
 
-def _convert_stream(read, places, conversions, failed):
-    """Yield the Messages of a file in CDR, with connections of the bag; `failed` counts those of another type."""
-    for messages in read():
-        is_packed = messages.size >= len(ZSTD)
-        for k, byte in enumerate(ZSTD):
-            is_packed[is_packed] = messages.data[messages.at[is_packed] + k] == byte
-        if conversions or is_packed.any():
-            messages = _convert(messages, is_packed, conversions, failed, places)
-        if messages:
-            yield messages._replace(connection=places[messages.connection])
-
-
-def _convert(messages, is_packed, conversions, failed, places):
-    """Return Messages of which some are decompressed or converted to CDR; None if there are none."""
-    rows, view, converted = [], memoryview(messages.data), {}
-    for k, (_, convert_alike) in conversions.items():
-        for size in set(messages.size[messages.connection == k].tolist()) if convert_alike else ():
-            which = np.flatnonzero((messages.connection == k) & (messages.size == size))
-            with suppress(Exception):  # those that are damaged are converted one by one
-                same = np.lib.stride_tricks.sliding_window_view(messages.data, size)[messages.at[which]]
-                alike, contents = convert_alike(same)
-                converted |= zip(which[alike].tolist(), contents, strict=True)
+def _convert(messages, conversions, places, failed):
+    """Return Messages in CDR with connections of the bag; `failed` counts those of another type."""
+    if messages is None:
+        return None
+    is_packed = messages.size >= len(ZSTD)
+    for k, byte in enumerate(ZSTD):
+        is_packed[is_packed] = messages.data[messages.at[is_packed] + k] == byte
+    if not conversions and not is_packed.any():
+        return messages._replace(connection=places[messages.connection])
+    rows, view = [], memoryview(messages.data)
     columns = (column.tolist() for column in (*messages[1:], is_packed))
-    for row, (k, at, size, time, packed) in enumerate(zip(*columns, strict=True)):
+    for k, at, size, time, packed in zip(*columns, strict=True):
         raw = view[at : at + size]
-        if row in converted:
-            rows.append((k, time, converted[row]))
-            continue
-        if packed:
-            zstandard = require("zstandard")
-            with suppress(zstandard.ZstdError):  # a damaged message is rejected when it is decoded
-                if zstandard.frame_content_size(raw) <= MAX_MESSAGE:
-                    raw = zstandard.ZstdDecompressor().decompress(raw, MAX_MESSAGE)
         try:
-            rows.append((k, time, conversions[k][0](raw) if k in conversions else raw))
+            raw = _unpack_message(raw) if packed else raw
+            rows.append((places[k], time, conversions[k](raw) if k in conversions else raw))
         except Exception:  # rosbags generates code from the definition, which checks little
             failed[int(places[k])] += 1
-    return Messages.from_rows(*zip(*rows, strict=True)) if rows else None
+    return Messages.from_rows(rows) if rows else None
+
+
+def _unpack_message(raw):
+    """Return the content of a message; itself if it is damaged, for its decoder to reject it."""
+    zstandard = require("zstandard")
+    with suppress(zstandard.ZstdError):
+        if zstandard.frame_content_size(raw) <= MAX_MESSAGE:
+            return zstandard.ZstdDecompressor().decompress(raw, MAX_MESSAGE)
+    return raw
+
+
+def _normalize_type(name):
+    """Return a type as ROS 2 has it; ROS 1 omits ``/msg/``, IDL writes ``a::msg::dds_::B_``."""
+    name = name.replace("::", "/")
+    if "/dds_/" in name:
+        name = name.replace("/dds_/", "/").removesuffix("_")
+    package, slash, rest = name.partition("/")
+    return f"{package}/msg/{rest}" if slash and "/" not in rest else name
 
 
 # --- Files of a folder ---
 
 
 def _find_files(folder, notes):
-    """Return the files that metadata.yaml lists, renamed ones too; without it, all bags by their names and numbers."""
-    listed, topics = _read_metadata(folder, notes)
-    names = _names(folder, lambda name: Path(name.removesuffix(PACKED).removesuffix(UNFINISHED)).suffix in SUFFIXES)
+    """Return the files that metadata.yaml lists, renamed ones too; without it, all bags by name."""
+    listed, why = _read_metadata(folder)
+    bags = _find_bags(folder)
+    if not bags and not listed:
+        inner = sorted(path.parent.name for path in folder.glob(f"*/{METADATA}"))
+        meant = f" Is one of its folders meant: {', '.join(inner[:8])}?" if inner else ""
+        raise InputError(f"'{folder}' {why}, and no bags are in it; there are {KNOWN}.{meant}")
     if not listed:
-        names = names or _names(folder, partial(_begins_as_bag, folder))
-        if not names:
-            has = f"no {METADATA} and no" if listed is None else f"a {METADATA} that lists no files, and no"
-            inner = sorted(path.parent.name for path in folder.glob(f"*/{METADATA}"))
-            meant = f" Is one of its folders meant: {', '.join(inner[:8])}?" if inner else ""
-            raise InputError(f"'{folder}' has {has} bags in it; there are {KNOWN}.{meant}")
-        if listed is not None:
-            notes.add_finding(folder, f": {METADATA} lists no files. {ALL}")
-        return [folder / name for name in names]
-    stored = {name: (name, f"{name}{PACKED}", name.removesuffix(PACKED)) for name in listed}
-    files = {name: next((one for one in stored[name] if (folder / one).is_file()), None) for name in listed}
-    others = [name for name in names if name not in files.values()]
-    if None in files.values():
-        others = others or _names(folder, lambda name: name not in names and _begins_as_bag(folder, name))
-        missing = {name: listed[name] for name, file in files.items() if file is None}
-        files |= _find_renamed(folder, listed, missing, others, topics, notes)
-    for name, file in files.items():
-        if file is None:
-            notes.add_damage(folder, name, f"{METADATA} lists this file, which is not there")
-    if others := sorted(set(others) - set(files.values())):
+        notes.add_finding(folder, f" {why}. All bags in it are read, in the order of their names.")
+        return [folder / name for name in bags]
+    files = {}
+    for name in listed:
+        stored = name, f"{name}{PACKED}", name.removesuffix(PACKED)
+        files[name] = next((one for one in stored if (folder / one).is_file()), None)
+    missing = [name for name, file in files.items() if file is None]
+    others = [name for name in bags if name not in files.values()]
+    if len(missing) == len(listed) == len(others):
+        for name, other in zip(missing, others, strict=True):
+            what = f"lists {name}, which is not there; {other} is read instead"
+            notes.add_finding(folder, f": {METADATA} {what}.")
+            files[name] = other
+        missing, others = [], []
+    if others and len(missing) == len(listed):
+        raise InputError(
+            f"'{folder}': {METADATA} lists {', '.join(missing)}; the folder has {', '.join(others)} instead, and it "
+            f"is not certain which are meant. Give one file, or delete {METADATA} to read all of them."
+        )
+    for name in missing:
+        notes.add_damage(folder, name, f"{METADATA} lists this file, which is not there")
+    if others:
         notes.add_finding(folder, f": {METADATA} does not list {', '.join(others)}: not read.")
     return [folder / file for file in files.values() if file is not None]
 
 
-def _find_renamed(folder, listed, missing, others, topics, notes):
-    """Return other files by the listed name that each had.
-
-    A file is recognized by its first time, its topics and the number of its messages. Where none of the listed files is
-    there, as many others are taken for them.
-    """
-    bags, found = {other: Bag(folder / other) for other in others}, {}
-    for name, sign in missing.items():
-        alike = [other for other, bag in bags.items() if sign and _fits(bag, sign, topics)]
-        if len(alike) == 1 and list(missing.values()).count(sign) == 1:
-            found[name] = alike[0]
-    rest = [name for name in missing if name not in found]
-    left = [other for other in others if other not in found.values()]
-    if len(missing) == len(listed) and rest and left:
-        if len(rest) != len(left):
-            raise InputError(
-                f"'{folder}': {METADATA} lists {', '.join(missing)}; the folder has {', '.join(others)} instead, and "
-                f"it is not certain which are meant. Give one file, or delete {METADATA} to read all of them."
-            )
-        found |= zip(rest, left, strict=True)
-    for name, other in found.items():
-        notes.add_finding(folder, f": {METADATA} lists {name}, which is not there; {other} is read instead.")
-    return found
-
-
-def _fits(bag, sign, topics):
-    """Return whether a bag has a first time [ns] and a number of messages, and no topics but some."""
-    if bag.start != sign[0] or not {one.topic for one in bag.connections} <= topics:
-        return False
-    return sum(len(piece.at) for piece in bag.pieces()) == sign[1]
-
-
-def _read_metadata(folder, notes):
-    """Return (first time [ns], number of messages) or None by listed file, and the topics; None without a list."""
-    yaml, listed, topics = require("yaml"), {}, set()
+def _read_metadata(folder):
+    """Return the names of the listed files, and why there are none."""
+    yaml = require("yaml")
     try:
         text = (folder / METADATA).read_text(encoding="utf-8")
-        told = yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))["rosbag2_bagfile_information"]
-        listed = {_last_part(path): None for path in told["relative_file_paths"]}
-        for topic in told.get("topics_with_message_count") or ():
-            topics.add(str(topic["topic_metadata"]["name"]))
-        for file in told.get("files") or ([told | {"path": next(iter(listed))}] if len(listed) == 1 else []):
-            with suppress(KeyError, TypeError, AttributeError):
-                sign = file["starting_time"]["nanoseconds_since_epoch"], file["message_count"]
-                listed |= {name: sign for name in listed if name == _last_part(file["path"])}
+        content = yaml.safe_load(text)["rosbag2_bagfile_information"]
+        paths = [str(path).replace("\\", "/") for path in content["relative_file_paths"]]
     except FileNotFoundError:
-        what = f" has no {METADATA}: its recorder was ended. {ALL}"
-    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError, AttributeError) as error:
-        what = f": {METADATA} is damaged ({describe_error(error)}). {ALL}"
-    else:
-        return listed, topics
-    notes.add_finding(folder, what)
-    return None, set()
+        return [], f"has no {METADATA}: its recorder was ended"
+    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError) as error:
+        return [], f"has a {METADATA} that is damaged ({describe_error(error)})"
+    return [path.rpartition("/")[2] for path in paths], f"has a {METADATA} that lists no files"
 
 
-def _last_part(path):
-    """Return the name of a file, whatever system has written its path."""
-    return str(path).replace("\\", "/").rpartition("/")[2]
-
-
-def _names(folder, is_wanted):
-    """Return names of files, `bag_10` behind `bag_9`."""
+def _find_bags(folder):
+    """Return the names of bags by suffix or first bytes, `bag_10` behind `bag_9`."""
 
     def by_number(name):
-        return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
+        parts = re.split(r"(\d+)", name)
+        return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+
+    def is_bag(path):
+        name = path.name.removesuffix(PACKED).removesuffix(UNFINISHED)
+        with suppress(InputError):
+            return Path(name).suffix in SUFFIXES or _first_bytes(path, name).startswith(tuple(MAGIC))
+        return False
 
     try:
-        return sorted((one.name for one in folder.iterdir() if one.is_file() and is_wanted(one.name)), key=by_number)
+        names = [one.name for one in folder.iterdir() if one.is_file() and is_bag(one)]
     except OSError as error:
         raise InputError(f"'{folder}' cannot be read: {error.strerror}.") from error
+    return sorted(names, key=by_number)
 
 
 def _first_bytes(path, name):
@@ -287,10 +257,3 @@ def _first_bytes(path, name):
             return file.read(16)
     except OSError as error:
         raise InputError(f"'{name}' cannot be read: {error.strerror}.") from error
-
-
-def _begins_as_bag(folder, name):
-    """Return whether the first bytes of a file are those of a bag."""
-    with suppress(InputError):
-        return _first_bytes(folder / name, name).startswith(tuple(MAGIC))
-    return False

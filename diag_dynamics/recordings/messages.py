@@ -3,15 +3,14 @@
 
 """Serialized messages in columns, and what readers of bags report about their files."""
 
+import heapq
 from importlib import import_module
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
-
-LAST_TIME = (1 << 63) - 1
-"""Latest log time that int64 holds [ns]."""
 
 
 class Connection(NamedTuple):
@@ -20,13 +19,14 @@ class Connection(NamedTuple):
     topic: str
     type: str
     encoding: str
+    md5: str = ""  # of the definition, in ROS 1
 
 
 class Messages(NamedTuple):
     """Messages in log-time order; message k is ``data[at[k] : at[k] + size[k]]``.
 
-    `connection` are indices into the connections of the bag, log times are in ns. `data` is of uint8, all others are of
-    int64, shape (n,).
+    `connection` are indices into the connections of the bag, log times are in ns. `data` is of
+    uint8, all others are of int64, shape (n,).
     """
 
     data: np.ndarray
@@ -46,12 +46,13 @@ class Messages(NamedTuple):
         return self.select(np.argsort(self.log_time, kind="stable"))
 
     @classmethod
-    def from_rows(cls, connection, log_time, contents):
-        """Return messages of three sequences; `contents` are bytes."""
+    def from_rows(cls, rows):
+        """Return messages of a list of (connection, log time, bytes)."""
+        connection, log_time, contents = zip(*rows, strict=True)
         size = np.fromiter(map(len, contents), np.int64, len(contents))
         data = np.frombuffer(b"".join(contents), np.uint8)
-        at = np.cumsum(size) - size
-        return cls(data, np.array(connection, np.int64), at, size, np.array(log_time, np.int64)).sort()
+        columns = np.array(connection, np.int64), np.cumsum(size) - size, size
+        return cls(data, *columns, np.array(log_time, np.int64)).sort()
 
     @classmethod
     def concatenate(cls, pieces):
@@ -59,12 +60,31 @@ class Messages(NamedTuple):
         if len(pieces) == 1:
             return pieces[0]
         data, columns, offset = [], [], 0
-        for piece in pieces:
-            first, last = int(piece.at.min()), int((piece.at + piece.size).max())
-            data.append(piece.data[first:last])
-            columns.append((piece.connection, piece.at + (offset - first), piece.size, piece.log_time))
+        for data_of_all, connection, at, size, log_time in pieces:
+            first, last = int(at.min()), int((at + size).max())
+            data.append(data_of_all[first:last])
+            columns.append((connection, at + (offset - first), size, log_time))
             offset += last - first
         return cls(np.concatenate(data), *map(np.concatenate, zip(*columns, strict=True))).sort()
+
+
+def merge_parts(files):
+    """Yield the messages of several files in log-time order.
+
+    A file iterates over pairs (start, read): `read()` returns Messages from log time `start` on
+    [ns], or None. Starts of a file are in order. Parts that overlap in time are in memory.
+    """
+    held = []
+    for start, read in heapq.merge(*files, key=itemgetter(0)):
+        if held and min(int(messages.log_time[0]) for messages in held) < start:
+            messages = Messages.concatenate(held)
+            count = int(np.searchsorted(messages.log_time, start))
+            yield messages.select(slice(count))
+            held = [messages.select(slice(count, None))] if count < len(messages.at) else []
+        if messages := read():
+            held.append(messages)
+    if held:
+        yield Messages.concatenate(held)
 
 
 class Unread(NamedTuple):
@@ -96,61 +116,13 @@ class DamageError(Exception):
     """Part of a file cannot be read; the text says why."""
 
 
-class Stream(NamedTuple):
-    """A source of Messages in log-time order, from `start` to `end` [ns], which the iterator `read()` yields."""
-
-    start: int
-    end: int
-    read: object
-
-
-def merge_streams(streams):
-    """Yield the messages of all streams in log-time order; those of one time are in the order of the streams.
-
-    Only pieces of streams that overlap in time are in memory.
-    """
-    waiting = sorted(enumerate(streams), key=lambda one: one[1].start, reverse=True)
-    pieces, readers, fetched = {}, {}, []
-    while waiting or pieces or fetched:
-        for place in fetched:
-            if (piece := next((one for one in readers[place] if len(one.at)), None)) is not None:
-                pieces[place] = piece
-        until = min((int(piece.log_time[-1]) for piece in pieces.values()), default=None)
-        if waiting and (until is None or waiting[-1][1].start <= until):
-            place, stream = waiting.pop()
-            readers[place], fetched = iter(stream.read()), [place]
-            continue
-        ready, fetched = [], []
-        for place in sorted(pieces):
-            piece = pieces.pop(place)
-            count = int(np.searchsorted(piece.log_time, until, "right"))
-            if count == len(piece.at):
-                ready.append(piece)
-                fetched.append(place)
-                continue
-            pieces[place] = piece.select(slice(count, None))
-            if count:
-                ready.append(piece.select(slice(count)))
-        if ready:
-            yield Messages.concatenate(ready)
-
-
-def normalize_type(name):
-    """Return the name of a type as ROS 2 has it; ROS 1 omits ``/msg/``, IDL writes ``a::msg::dds_::B_``."""
-    name = name.replace("::", "/")
-    if "/dds_/" in name:
-        name = name.replace("/dds_/", "/").removesuffix("_")
-    package, slash, rest = name.partition("/")
-    return f"{package}/msg/{rest}" if slash and "/" not in rest else name
-
-
 def describe_error(error):
     """Return the text of an error in one line without a full stop; its class if there is none."""
     return " ".join(str(error).split()).rstrip(".")[:200] or type(error).__name__
 
 
 def require(module):
-    """Import a module of the extra `recordings`; an InputError names its package if it is not installed."""
+    """Import a module of the extra `recordings`; an InputError names a package that is missing."""
     try:
         return import_module(module)
     except ImportError as error:

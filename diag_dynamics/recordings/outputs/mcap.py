@@ -38,6 +38,31 @@ RESULT_FIELDS = {"residual", "external_torque", "joint_collision"}
 ALARM_FIELDS = {"torque_threshold", "joint_collision"}
 """Fields that are empty without effort, without a result of the observer, and without alarms."""
 MATRIX_TOPICS = "joint_space_dynamics", "mass_matrix_factors"
+MATRICES = {
+    "mass_matrix": lambda dynamics, q, _: dynamics.mass_matrix_batch(q),
+    "bias": lambda dynamics, q, qd: dynamics.bias_batch(q, qd),
+    "gravity": lambda dynamics, q, _: dynamics.gravity_torque_batch(q),
+    "m": lambda dynamics, q, _: np.array([dynamics.factors(one).m for one in q]),
+    "d": lambda dynamics, q, _: np.array([dynamics.factors(one).D for one in q]),
+    "l": lambda dynamics, q, _: np.array([dynamics.factors(one).l for one in q]),
+}
+"""Fields of these, which no evaluation has."""
+VALUES = {
+    "position": lambda piece: piece.states.position,
+    "velocity": lambda piece: piece.states.velocity,
+    "effort": lambda piece: piece.states.effort,
+    "stamp_is_receive_time": lambda piece: piece.states.stamp_received,
+    "velocity_estimated": lambda piece: piece.states.velocity_estimated,
+    "power": lambda piece: piece.s.effort_power,
+    "total": lambda piece: piece.s.kinetic_energy,
+    "residual": lambda piece: piece.observed[0],
+    "external_torque": lambda piece: piece.observed[1],
+    "norm": lambda piece: piece.observed[2],
+    "collision": lambda piece: piece.observed[4],
+    "torque_norm": lambda piece: np.linalg.norm(piece.observed[1], axis=1),
+    "joint_collision": lambda piece: piece.judged.joints,
+}
+"""Other fields that are not named as those of the evaluation."""
 REVISION = 1
 CHUNK = 1 << 20
 """Size of a chunk before compression, about [bytes]."""
@@ -74,20 +99,16 @@ class McapOutput:
         self._writer = import_module("diag_dynamics.recordings.outputs.mcap_writer").McapWriter(self._file, declared)
 
     def write(self, piece):
-        """Write messages about a piece in log-time order; times of a table may restart."""
-        order = np.argsort(piece.states.log_time, kind="stable")
-        times, rank, blocks = piece.states.log_time[order], np.argsort(order, kind="stable"), []
+        """Write messages about a piece."""
+        times = piece.states.log_time  # those of a table may restart
+        numbers = self._count + np.argsort(np.argsort(times, kind="stable"), kind="stable")
         for k, topic in enumerate(self._topics):
             for which, rows in topic.make_rows(piece):
-                sort = np.argsort(rank[which], kind="stable")
-                is_sorted = (np.diff(sort) == 1).all()
-                blocks.append((k, rank[which[sort]], rows if is_sorted else rows[sort]))
-        step = max(1, CHUNK * len(times) // sum(rows.size for _, _, rows in blocks))
-        for first in range(0, len(times), step):
-            parts = [(one, slice(*np.searchsorted(one[1], (first, first + step)))) for one in blocks]
-            chunk = [(k, at[part], rows[part]) for (k, at, rows), part in parts if part.start < part.stop]
-            self._writer.write_chunk([(k, self._count + at, times[at], rows) for k, at, rows in chunk])
-        self._count += len(times)
+                step = max(1, CHUNK // rows.shape[1])
+                for first in range(0, len(which), step):
+                    part = which[first : first + step]
+                    self._writer.write_chunk(k, numbers[part], times[part], rows[first : first + step])
+        self._count += len(piece.states)
 
     def close(self):
         """Complete the file."""
@@ -131,46 +152,21 @@ class TopicRows:
 
     def _values(self, piece, which, path):
         """Return the values of a field, a row for each message; None if they are constant."""
-        states, s, (residual, torque, norm, _, collision), _, judged = piece
-        first, _, field = path.rpartition(".")
+        states, field = piece.states, path.rpartition(".")[2]
         if field in ("sec", "nanosec"):
-            stamp = (states.stamp if first.startswith("header") else states.oldest_stamp)[which]
+            stamp = (states.stamp if path.startswith("header") else states.oldest_stamp)[which]
             return stamp // SECOND if field == "sec" else stamp % SECOND
         if path in ("model_revision", "nv") or path.endswith(("valid", "threshold")):
             return None
-        if self.topic in MATRIX_TOPICS and path in ("mass_matrix", "bias", "gravity", "m", "d", "l"):
-            return self._matrix(states.position[which], states.velocity[which], path)
-        if path in ("position", "velocity", "effort"):
-            return getattr(states, path)[which]
+        if self.topic in MATRIX_TOPICS and path in MATRICES:
+            return MATRICES[path](self._dynamics, states.position[which], states.velocity[which])
         if path == "link_energy":
             energy = np.empty((len(states), len(self._model.link_names)))
-            s.write_link_energy(energy)
+            piece.s.write_link_energy(energy)
             return energy[which]
-        if path == "joint_collision":
-            return judged.joints[which]
-        if path == "torque_norm":
-            return np.nan_to_num(np.linalg.norm(torque[which], axis=1))
-        observed = {
-            "stamp_is_receive_time": states.stamp_received,
-            "velocity_estimated": states.velocity_estimated,
-            "residual": residual,
-            "external_torque": torque,
-            "norm": norm,
-            "collision": collision,
-        }
-        if path in observed:
-            return np.nan_to_num(observed[path][which])
-        return getattr(s, {"power": "effort_power", "total": "kinetic_energy"}.get(path, path))[which]
-
-    def _matrix(self, q, qd, path):
-        """Return a field of a message of matrices, which no evaluation has."""
-        if path == "mass_matrix":
-            return self._dynamics.mass_matrix_batch(q)
-        if path == "bias":
-            return self._dynamics.bias_batch(q, qd)
-        if path == "gravity":
-            return self._dynamics.gravity_torque_batch(q)
-        return np.array([getattr(self._dynamics.factors(one), {"d": "D"}.get(path, path)) for one in q])
+        if path in VALUES:
+            return np.nan_to_num(VALUES[path](piece)[which])
+        return getattr(piece.s, path)[which]
 
     def _make_template(self, is_known):
         """Return the template of messages with or without efforts, or with or without a result of the observer."""
