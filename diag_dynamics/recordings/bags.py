@@ -189,7 +189,7 @@ def _find_files(folder, notes):
     if not bags and not listed:
         inner = sorted(path.parent.name for path in folder.glob(f"*/{METADATA}"))
         meant = f" Is one of its folders meant: {', '.join(inner[:8])}?" if inner else ""
-        raise InputError(f"'{folder}' {why}, and no bags are in it; there are {KNOWN}.{meant}")
+        raise InputError(f"'{folder}' {why}, and has no bags in it; there are {KNOWN}.{meant}")
     if not listed:
         notes.add_finding(folder, f" {why}. All bags in it are read, in the order of their names.")
         return [folder / name for name in bags]

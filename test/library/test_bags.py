@@ -205,8 +205,8 @@ def test_folders_without_a_list_of_files(tmp_path):
     numbers, ((cause, text),) = read(folder)
     assert numbers == list(range(50)) and cause == "note" and "metadata.yaml that lists no files" in text
     (folder / "recording").unlink()
-    refused(r"has a metadata\.yaml that lists no files, and no bags are in it", folder, arm("a"))
-    refused(r"has no metadata\.yaml: .* no bags are in it.* Is one of its folders meant: monday\?", tmp_path, arm("a"))
+    refused(r"has a metadata\.yaml that lists no files, and has no bags in it", folder, arm("a"))
+    refused(r"has no metadata\.yaml: .* no bags in it.* Is one of its folders meant: monday\?", tmp_path, arm("a"))
     write_ros1(folder / "b.bag", messages[50:])
     write_mcap(folder / "a.mcap", messages[:50])
     (folder / "metadata.yaml").unlink()
