@@ -117,7 +117,10 @@ class AlarmDetector:
         x = np.concatenate([external_torque, residual], axis=1)
         x[~valid] = 0.0
         values = detector_values(x) if values is None else values.copy()
-        elapsed = np.diff(stamps, prepend=stamps[:1] if self._last is None else self._last)
+        elapsed = np.zeros(len(x), dtype=np.int64)
+        np.subtract(stamps[1:], stamps[:-1], out=elapsed[1:])  # np.diff costs 7 µs of each live state
+        if len(x) and self._last is not None:
+            elapsed[0] = stamps[0] - self._last
         restart = elapsed < 0 if restarts is None else (elapsed < 0) | restarts
         alarm, begins = np.zeros((2, len(x)), dtype=bool)
         joints = np.zeros((len(x), len(self._names)), dtype=bool)

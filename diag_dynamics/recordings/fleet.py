@@ -131,21 +131,22 @@ def analyse_fleet(
         columns = str(Path(columns).expanduser().resolve())
     options = {"model": model, "columns": columns, "topic": checked_topics(topic)}
     options |= {"joint_names": joint_names, "parameters": dict(parameters or {})}
-    gain = positive("gain", gain, "[1/s]")
     suffixes = [suffix for suffix, chosen in (("parquet", parquet), ("html", reports)) if chosen]
+    about = options | {"gain": positive("gain", gain, "[1/s]"), "outputs": suffixes}
     out = Path(out).expanduser().resolve()
     out.mkdir(parents=True, exist_ok=True)
-    jobs = _jobs(patterns, out, options, gain, suffixes)
+    jobs = _jobs(patterns, out, about)
     results = {job.path: job.read_summary() for job in jobs}
-    todo = [job for job in jobs if results[job.path] is None]
+    todo = {path for path, summary in results.items() if summary is None}
     kept = len(jobs) - len(todo)
 
-    def finish(done, path, result):
+    def finish(path, result):
         results[path] = result
+        todo.discard(path)
         if progress:
-            progress(kept + done, len(jobs), path)
+            progress(len(jobs) - len(todo), len(jobs), path)
 
-    _run(todo, scheduler, workers, finish)
+    _run([job for job in jobs if job.path in todo], options, scheduler, workers, finish)
     summaries = [result for result in results.values() if isinstance(result, dict)]
     report = {
         "recordings": list(map(_row, summaries)),
@@ -164,10 +165,7 @@ def analyse_fleet(
 class _Job(NamedTuple):
     path: str
     stem: str  # path of the outputs without a suffix
-    options: dict  # of Reading
-    gain: float
-    suffixes: list  # of the outputs beside the summary
-    fingerprint: dict
+    fingerprint: dict  # of the recording and all options
 
     def output(self, suffix):
         return Path(f"{self.stem}.{suffix}")
@@ -178,7 +176,7 @@ class _Job(NamedTuple):
             summary = json.loads(self.output("json").read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
-        is_complete = all(self.output(suffix).exists() for suffix in self.suffixes)
+        is_complete = all(self.output(suffix).exists() for suffix in self.fingerprint["outputs"])
         return summary if is_complete and summary.get("fingerprint") == self.fingerprint else None
 
     def remove_outputs(self, suffix):
@@ -186,19 +184,19 @@ class _Job(NamedTuple):
             shutil.rmtree(path) if os.path.isdir(path) else os.remove(path)
 
 
-def _jobs(patterns, out, options, gain, suffixes):
-    """Return the jobs of all recordings but of what is in the folder of the outputs."""
+def _jobs(patterns, out, about):
+    """Return the jobs of all recordings but of what is in the folder of the outputs; `about` has all options."""
     paths = {}
     for pattern in map(os.path.expanduser, map(os.fspath, patterns)):
         names = [pattern] if os.path.exists(pattern) else sorted(glob.glob(pattern, recursive=True))
         if not names:
             raise InputError(f"there is no recording '{pattern}'.")
         paths |= dict.fromkeys(Path(name).resolve() for name in names)
-    about = options | {"gain": gain, "outputs": suffixes, "version": diag_dynamics.__version__}
-    if isinstance(options["columns"], str):
-        about["columns"] = Path(options["columns"]).read_text(encoding="utf-8", errors="replace")
-    if options["model"] is not None:
-        about["model"] = hashlib.sha256(pickle.dumps(options["model"])).hexdigest()
+    about = about | {"version": diag_dynamics.__version__}
+    if isinstance(about["columns"], str):
+        about["columns"] = Path(about["columns"]).read_text(encoding="utf-8", errors="replace")
+    if about["model"] is not None:
+        about["model"] = hashlib.sha256(pickle.dumps(about["model"])).hexdigest()
     about, jobs = json.loads(json.dumps(about, default=str)), []
     for path in paths:
         if path == out or out in path.parents:
@@ -207,12 +205,12 @@ def _jobs(patterns, out, options, gain, suffixes):
         stem = str(out / f"{words}-{hashlib.sha256(os.fsencode(path)).hexdigest()[:8]}")
         files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
         times = [[one.name, one.stat().st_size, one.stat().st_mtime_ns] for one in files]
-        jobs.append(_Job(str(path), stem, options, gain, suffixes, about | {"input": times}))
+        jobs.append(_Job(str(path), stem, about | {"input": times}))
     return jobs
 
 
-def _run(jobs, scheduler, workers, finish):
-    """Analyse recordings; call `finish` with how many are done, and the path and summary or error of each."""
+def _run(jobs, options, scheduler, workers, finish):
+    """Analyse recordings; call `finish` with the path of each and its summary or the text of its error."""
     if not jobs:
         return
     distributed = import_module("distributed")
@@ -221,28 +219,28 @@ def _run(jobs, scheduler, workers, finish):
     local = {"threads_per_worker": 1, "dashboard_address": None, "n_workers": workers or min(cores(), len(jobs))}
     try:
         with distributed.Client(scheduler, **({} if scheduler else local)) as client:
-            futures = client.map(_analyse, jobs, retries=2, pure=False)
+            futures = client.map(_analyse, jobs, options=options, retries=2, pure=False)
             paths = {future.key: job.path for future, job in zip(futures, jobs, strict=True)}
             completed = distributed.as_completed(futures)
             del futures
-            for done, future in enumerate(completed, 1):
+            for future in completed:  # enumerate would hold the future
                 error, path = future.exception(), paths[future.key]
                 result = f"{type(error).__name__}: {error}" if error else future.result()
                 del future  # what has come is not computed again when its worker dies
-                finish(done, path, result)
+                finish(path, result)
     finally:
         for job in jobs:
             job.remove_outputs("*.part")  # of attempts that were ended
 
 
-def _analyse(job):
+def _analyse(job, options):
     """Analyse a recording on a worker; return its summary, or the text of its error."""
     try:
-        reading, outputs = Reading(job.path, **job.options), []
-        analysis = Analysis(reading, gain=job.gain, threads=1)
-        if "parquet" in job.suffixes:
+        reading, outputs = Reading(job.path, **options), []
+        analysis = Analysis(reading, gain=job.fingerprint["gain"], threads=1)
+        if "parquet" in job.fingerprint["outputs"]:
             outputs.append(TableOutput(job.output("parquet"), reading, analysis.friction))
-        if "html" in job.suffixes:
+        if "html" in job.fingerprint["outputs"]:
             outputs.append(ReportOutput(job.output("html"), reading))
         analysis.run(outputs)
         if not analysis.states:

@@ -178,8 +178,10 @@ def test_restart(analysed, archive, scheduler, tmp_path):
     assert again() == set()
     lost, touched = next(out.glob("monday-arm-*.parquet")), archive / "tuesday" / "arm.mcap"
     lost.unlink()
-    (out / f"{lost.stem}.parquet.part").touch()  # of a run that was killed
-    assert again() == {"monday-arm"} and lost.exists() and not list(out.glob("*.part"))
+    for old in ("parquet.part", "html"):  # of a run that was killed, and of one with reports
+        (out / f"{lost.stem}.{old}").touch()
+    assert again() == {"monday-arm"} and lost.exists()
+    assert not [*out.glob("*.part"), *out.glob("*-*.html")]
     os.utime(touched, ns=(touched.stat().st_atime_ns, touched.stat().st_mtime_ns + S))
     assert again() == {"tuesday-arm"}
     patterns, options = [str(archive / GOOD[0]), *patterns[-1:]], {}
