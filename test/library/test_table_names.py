@@ -64,17 +64,25 @@ def in_lines(header, rows, separator=","):
     return "".join(separator.join(map(str, line)) + "\n" for line in (header.split(","), *rows))
 
 
-def rostopic(order, separator=",", name="field.{}{}", decimal=".", quote="", echo=True):
+BEGINS = {
+    "%time,field.header.seq,field.header.stamp,field.header.frame_id": lambda stamp: [stamp + 77, 5, stamp, ""],
+    "Time": lambda stamp: [f"{stamp * 1e-9:.9f}"],
+    "sec,nanosec,frame_id": lambda stamp: [*divmod(stamp, 10**9), "base"],
+}
+ECHO = next(iter(BEGINS))
+
+
+def rostopic(order, separator=",", name="field.{}{}", quote="", begin=ECHO, listed=False):
     """Return what `rostopic echo -p` writes; with other options, what others make of it."""
     width, lines = max(len(names) for _, names, _ in rows_of(order)), []
-    begin = "%time,field.header.seq,field.header.stamp,field.header.frame_id" if echo else "Time"
     for stamp, names, numbers in rows_of(order):
-        line = [stamp + 77, 5, stamp, ""] if echo else [f"{stamp * 1e-9:.9f}"]
-        for cells in ([f"{quote}{joint}{quote}" for joint in names], *numbers):
-            line += [*(one.replace(".", decimal) for one in cells), *[""] * (width - len(cells))]
-        lines.append(line)
-    header = [begin, *(name.format(field, k) for field in ("name", *FIELDS) for k in range(width))]
-    return in_lines(",".join(header), lines, separator)
+        names = [f'"{list(names)}"'] if listed else [f"{quote}{joint}{quote}" for joint in names]
+        lines.append(BEGINS[begin](stamp) + names + [""] * (0 if listed else width - len(names)))
+        for cells in numbers:
+            lines[-1] += [*cells, *[""] * (width - len(cells))]
+    header = ["name"] if listed else [name.format("name", k) for k in range(width)]
+    header += [name.format(field, k) for field in FIELDS for k in range(width)]
+    return in_lines(",".join([begin, *header]), lines, separator)
 
 
 def bagpy(order, numbers="({})", names="['{}']", between="', '", comma=", ", separator=","):
@@ -84,17 +92,6 @@ def bagpy(order, numbers="({})", names="['{}']", between="', '", comma=", ", sep
         cells = [names.format(between.join(joints)), *(numbers.format(comma.join(one)) for one in values)]
         lines.append([f"{stamp * 1e-9:.9f}", "base", *(f'"{one}"' for one in cells)])
     return in_lines("Time,header.frame_id,name,position,velocity,effort", lines, separator)
-
-
-def flat(order, header="sec,nanosec,frame_id", echo=False):
-    """Return a column for each number, and one for all names (bagpy) or one for each (`ros2 topic echo --csv`)."""
-    lines = [
-        [*divmod(stamp, 10**9), "base", *(names if echo else [f'"{list(names)}"']), *np.ravel(numbers)]
-        for stamp, names, numbers in rows_of(order)
-    ]
-    columns = [f"{field}_{k}" for field in FIELDS for k in range(len(order(0)))]
-    text = in_lines(",".join([header, "name", *columns]), lines)
-    return text.split("\n", 1)[1] if echo else text
 
 
 def long_table(order, header="time,joint,position,velocity,effort", by_joint=False):
@@ -136,10 +133,10 @@ WRITERS = {
     "rostopic in capitals": lambda order: rostopic(order, name="FIELD.{}{}").replace("field.name", "FIELD.NAME"),
     "rostopic with tabs": lambda order: rostopic(order, separator="\t"),
     "rostopic with single quotes": lambda order: rostopic(order, quote="'"),
-    "brackets": lambda order: rostopic(order, name="/joint_states/{}[{}]", echo=False),
-    "dots": lambda order: rostopic(order, name="joint_states.{}.{}", echo=False),
+    "brackets": lambda order: rostopic(order, name="/joint_states/{}[{}]", begin="Time"),
+    "dots": lambda order: rostopic(order, name="joint_states.{}.{}", begin="Time"),
     "bagpy": bagpy,
-    "bagpy of numbers": flat,
+    "bagpy of numbers": lambda order: rostopic(order, name="{}_{}", begin="Time", listed=True),
     "bagpy with semicolons": lambda order: bagpy(order, separator=";"),
     "arrays of ROS 2": lambda order: bagpy(order, numbers="array('d', [{}])"),
     "arrays of numpy": lambda order: bagpy(order, "[{}]", "['{}']", "' '", " "),
@@ -148,7 +145,7 @@ WRITERS = {
     "long": long_table,
     "long with other headers": lambda order: long_table(order, "Stamp,Joint Name,Pos [rad],Vel [rad/s],Tau [Nm]"),
     "long by content": lambda order: long_table(order, "t,axis,q,qd,tau"),
-    "ros2 topic echo --csv": lambda order: flat(order, echo=True),
+    "ros2 topic echo --csv": lambda order: rostopic(order, begin="sec,nanosec,frame_id").partition("\n")[2],
     "lists in Parquet": in_parquet,
     "columns in Parquet": lambda order: in_columns_of_parquet(order, pa.string()),
     "dictionaries in Parquet": lambda order: in_columns_of_parquet(order, pa.dictionary(pa.int8(), pa.string())),
@@ -257,6 +254,13 @@ def test_values_without_a_name_are_counted(read):
     recording = read(rostopic(FIXED).replace("elbow", "", 1))
     assert "line 2: values without the name of a joint (position 0.1): 3 values left out" in texts_of(recording)[0]
     assert recording.counts["incomplete"] == 1 and len(recording) == ROWS - 1
+
+
+def test_velocities_of_some_joints_have_the_numbers_of_positions(read):
+    text = "t,q1,q2,q3,qd3,qd1\n" + "".join(f"{k},0,0,0,7,5\n" for k in range(ROWS))
+    recording = read(text, parameters=ESTIMATED)
+    assert recording.qd[-1].tolist() == [5, 0, 7]
+    assert "velocity: 'qd{joint}' of 3 joints, none for elbow." in texts_of(recording)
 
 
 # --- Headers of two lines ---
@@ -388,7 +392,7 @@ TWO = "# columns: t, elbow, shoulder, wrist\n# motors: shoulder, elbow, wrist\n"
 HIP = ["hip", "knee", "toe"]
 CONTRADICTIONS = [
     (f"# joints: elbow, shoulder, hip\n{HEADERS}", "headers name .* line 1 names elbow, shoulder, hip: wrist"),
-    (WITH_NAMES, "headers name the joints shoulder, elbow, wrist, but 'name' names shoulder, elbow, hip: wrist"),
+    (WITH_NAMES, "headers name the joints shoulder, elbow, wrist, but 'name' in .* names shoulder, elbow, hip: wrist"),
     (f"# joints: shoulder, elbow, wrist\n{rostopic(FIXED)}", "line 1 names .*, but 'field.name.*' names elbow,"),
     (f"# joints: elbow, elbow, wrist\n{PLAIN}", "3 joints: elbow, elbow, wrist. One of them is there twice"),
     (f"# joints: elbow, wrist\n{PLAIN}", "has 3 columns, but the comment in line 1 names 2 joints"),
@@ -424,8 +428,8 @@ def test_contradictions_are_errors(read, content, message):
 )
 def test_joints_of_a_map_have_priority_with_a_note(read, content, where):
     recording = read(content, {"joints": ["wrist", "elbow", "shoulder"]}, parameters=ESTIMATED)
-    used = "are not used, but those of the map of columns."
-    assert f"joints: elbow, shoulder, wrist in {where} {used}" in texts_of(recording)
+    note = f"joints: those of the map of columns, not elbow, shoulder, wrist of {where}."
+    assert note in texts_of(recording)
     assert any("of wrist, elbow, shoulder" in text for text in texts_of(recording))
     if where.startswith("'"):
         first = [value("position", joint, 5) for joint in CHANGING(5)]
@@ -443,7 +447,8 @@ def test_columns_of_a_map_have_priority(read):
     np.testing.assert_allclose(read(rostopic(CHANGING), columns).q[-1], first, atol=1e-12)
     pattern = {field: f"field.{field}{{joint}}" for field in FIELDS} | {"time": "field.header.stamp"}
     require_expected(read(rostopic(CHANGING), pattern))
-    require_expected(read(rostopic(CHANGING, separator=";", decimal=","), {"decimal": ","}))
+    header, _, lines = rostopic(CHANGING, separator=";").partition("\n")
+    require_expected(read(f"{header}\n{lines.replace('.', ',')}", {"decimal": ","}))
     require_digits(read(f"joints: elbow, shoulder, wrist\n{PLAIN}", {"skip": 1}, parameters=ESTIMATED), 2, 1, 3)
 
 

@@ -5,7 +5,6 @@
 
 import re
 from collections.abc import Mapping
-from contextlib import suppress
 from difflib import get_close_matches
 from functools import partial
 from typing import NamedTuple
@@ -106,10 +105,7 @@ class _Chooser:
     def choose(self):
         time, scale, in_doubt = self._choose_time()
         group, (joints, columns, rows, text) = self._choose_position()
-        if self._by_map:
-            self._note_overruled(group, joints)
-        else:
-            self._require_agreement(group, joints, rows)
+        self._compare_names(group, joints, rows)
         if text:
             self._notes.append(f"joints: {_list(joints)}, by {text.where}.")
         numbers = {k: number for number, k in group.numbers.items()}
@@ -134,10 +130,10 @@ class _Chooser:
         """Columns of the times, their scale, and whether nothing says it."""
         given, wanted = self._wanted.scale.get("time"), self._wanted.time
         time = self._find_time() if wanted is UNSAID else self._find_columns("time", wanted)
+        for k in time:
+            self._require_numbers(k, "time")
         columns = [self._columns[k] for k in time]
         name = " and ".join(one.name for one in columns)
-        if width := max(one.width for one in columns):
-            raise InputError(f"time: '{name}' has {width} columns, expected one.")
         if len(time) == 2:
             if given is not None:
                 raise InputError("there is a scale of time, but two columns of times, seconds and nanoseconds.")
@@ -150,17 +146,20 @@ class _Chooser:
 
     def _find_time(self):
         """Columns of the times by their names; of several stamps those beside the positions."""
-        found, advice = headers.time_columns(self._columns), "name it by `time: …` in the map of columns"
+        advice, texts = (
+            "name it by `time: …` in the map of columns",
+            [one._replace(dated=True) for one in self._columns],
+        )
+        found = headers.time_columns(self._columns) or headers.time_columns(texts)
         if len(found) > 1 and all("stamp" in name.lower() for name in found):
-            near = joint_names.nearest(list(found), self._choose_position()[0].pattern.strip("'"))
-            found = {near[0]: found[near[0]]} if len(near) == 1 else found
+            pattern = self._choose_position()[0].pattern.strip("'")
+            shared = {name: joint_names.shared_length(name, pattern) for name in found}
+            near = {name: found[name] for name in found if shared[name] == max(shared.values())}
+            found = near if len(near) == 1 else found
         if len(found) == 1:
             return next(iter(found.values()))
         if found:
             raise InputError(f"several columns may be the times: {advice}, one of {_list(found)}.")
-        texts = [one._replace(dated=not one.numeric, sample=()) for one in self._columns]
-        for columns in headers.time_columns(texts).values():
-            self._require_numbers(columns[0], "time")
         raise InputError(f"no column is known as that of the times: {advice}, which of {_list(self._headers)}.")
 
     # --- Joints ---
@@ -213,11 +212,12 @@ class _Chooser:
 
     def _rows_for(self, group):
         """The columns of names that belong to columns of positions; None without any."""
+        pattern = group.pattern.strip("'")
         fitting = [one for one in self._row_names if _fits(one, group)]
-        sizes = [(len(one.columns), bool(one.numbers)) for one in fitting]
-        fitting = {one.pattern: one for one, size in zip(fitting, sizes, strict=True) if size == max(sizes)}
-        near = joint_names.nearest(list(fitting), group.pattern.strip("'"))
-        return fitting[near[0]] if near else None
+        sizes = [
+            (len(one.columns), bool(one.numbers), joint_names.shared_length(one.pattern, pattern)) for one in fitting
+        ]
+        return fitting[sizes.index(max(sizes))] if fitting else None
 
     def _places(self, group, rows):
         """Labels and columns of positions by the places of names in rows."""
@@ -231,32 +231,27 @@ class _Chooser:
         labels = range(group.width) or (group.members if group.ordered else numbers)
         return tuple(map(str, labels)), group.columns
 
-    def _require_agreement(self, group, joints, rows):
-        """Reject names in headers, rows, comments and metadata that contradict each other."""
-        labelled = joint_names.labelled_joints(self._texts, self._model)
-        if group.names_joints(self._model):
-            sets = [one for one in self._row_names if one.labelled and one.known and len(one.first) > 1]
-            others = [(one.first, f"'{one.pattern}'") for one in sets]
-            for names, where in [(labelled[0], labelled[1].where), *others] if labelled else others:
-                if odd := [joint for joint in joints if joint not in names]:
-                    differ = f"{where} names {_list(names)}: {_list(odd)} is not among them"
-                    raise InputError(f"headers name the joints {_list(joints)}, but {differ}. {_ADVICE}")
-        elif rows and labelled and len(rows.first) == len(labelled[0]) and rows.first != labelled[0]:
-            names = f"{labelled[1].where} names the joints {_list(labelled[0])}"
-            raise InputError(f"{names}, but '{rows.pattern}' names {_list(rows.first)} in the first row. {_ADVICE}")
-
-    def _note_overruled(self, group, joints):
-        """Note names in rows, comments and metadata that the map overrules."""
-        rows, others = self._rows_for(group), []
-        if rows:
-            others.append((f"'{rows.pattern}' in the first row", rows.first))
-        with suppress(InputError):
-            if stated := joint_names.stated_order(self._texts, self._model, len(joints)):
-                others.append((stated[1].where, stated[0]))
-        for where, names in others:
-            if names != joints:
-                used = "are not used, but those of the map of columns"
-                self._notes.append(f"joints: {_list(names)} in {where} {used}.")
+    def _compare_names(self, group, joints, rows):
+        """Reject names in headers, rows and texts that contradict each other; note those that the map overrules."""
+        lists = joint_names.find_lists(self._texts, self._model)
+        lists = [(text.where, names) for names, text, of_joints in lists if of_joints and len(names) > 1]
+        named = {where: names for where, names in lists if set(names) & set(self._model)}
+        sets = [one for one in self._row_names if one.labelled and one.known and len(one.first) > 1]
+        in_rows = {f"'{one.pattern}' in the first row": one.first for one in sets}
+        orders = joint_names.find_orders(self._texts, self._model, len(joints)) if self._by_map else ()
+        by_headers = group.names_joints(self._model)
+        named |= {text.where: order for order, text in orders} | (in_rows if by_headers or self._by_map else {})
+        for where, names in named.items():
+            if self._by_map:
+                if names != joints:
+                    self._notes.append(f"joints: those of the map of columns, not {_list(names)} of {where}.")
+            elif by_headers and not set(joints) <= set(names):
+                odd = _list([joint for joint in joints if joint not in names])
+                differ = f"{where} names {_list(names)}: {odd} is not among them"
+                raise InputError(f"headers name the joints {_list(joints)}, but {differ}. {_ADVICE}")
+            elif rows and len(rows.first) == len(names) and rows.first != names:
+                differ = f"'{rows.pattern}' names {_list(rows.first)} in the first row"
+                raise InputError(f"{where} names the joints {_list(names)}, but {differ}. {_ADVICE}")
 
     def _choose_other(self, quantity, joints, numbers):
         """The group of velocities or efforts, and an index or None for each joint; None without columns."""
@@ -311,9 +306,10 @@ class _Chooser:
 
     def _require_numbers(self, k, quantity):
         column, is_time = self._columns[k], quantity == "time"
-        if not (column.numeric or (is_time and column.dated)):
+        if (is_time and column.width) or not (column.numeric or (is_time and column.dated)):
             text = next((str(one)[:40] for one in column.sample if one), "")
             holds = f"holds text such as '{text}'" if text else f"is of type {column.type}"
+            holds = f"has {column.width} columns" if column.width else holds
             expected = "numbers or ISO 8601 times" if is_time else "numbers in one or two dimensions"
             raise InputError(f"{quantity}: '{column.name}' {holds}, expected {expected}.")
 

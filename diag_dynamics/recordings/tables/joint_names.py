@@ -7,7 +7,6 @@ import json
 import re
 from contextlib import suppress
 from functools import lru_cache
-from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +41,7 @@ _AFTER = re.compile(
 _QUANTITIES = "q|qd|dq|pos|positions?|angles?|theta|vel|velocity|velocities|tau|torques?|efforts?|measured|actual"
 _FILLERS = re.compile(f"and|then|und|et|y|in|t|time|stamp|joints?|j|motors?|ax[ei]s|columns?|col|qdot|{_QUANTITIES}")
 """Words between the names of a list."""
+_INDEX = re.compile(r"[\d_/.]")  # a digit or a sign that no word has
 
 
 class RowNames(NamedTuple):
@@ -143,33 +143,24 @@ def _row_names(columns, known, stem, labelled, members):
     return RowNames(pattern, places, numbers, listed, first, labelled, ours) if first and valid else None
 
 
-def nearest(headers, pattern):
-    """Return those of several headers that share the longest beginning with a pattern."""
-
-    def shared(header):
-        pairs = zip(header.lower(), pattern.lower(), strict=False)
-        return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
-
-    return [one for one in headers if shared(one) == max(map(shared, headers))]
+def shared_length(first, second):
+    """Return how many characters two headers share from their beginnings on, whatever their case."""
+    pairs = enumerate(zip(first.lower(), second.lower(), strict=False))
+    return next((k for k, (one, other) in pairs if one != other), min(len(first), len(second)))
 
 
 def read_row_names(names, arrays):
     """Return the names of each row, (n, k) of str; `arrays` are those of pyarrow by index of the column."""
     if not names.listed:
-        return np.column_stack([_read_names(arrays[k]) for k in names.columns])
+        columns = [arrays[k].dictionary_encode() for k in names.columns]
+        places = [one.indices.fill_null(len(one.dictionary)).to_numpy(zero_copy_only=False) for one in columns]
+        texts = [np.array([*map(_clean, one.dictionary.to_pylist()), ""], object) for one in columns]
+        return np.column_stack([text[place] for text, place in zip(texts, places, strict=True)])
     rows = [tuple(one) if isinstance(one, list) else one for one in arrays[names.columns[0]].to_pylist()]
     split = {row: names_of(row) for row in set(rows)}
     width = max(map(len, split.values()), default=0)
     padded = {row: (*one, *[""] * (width - len(one))) for row, one in split.items()}
     return np.array([padded[row] for row in rows], object).reshape(len(rows), width)
-
-
-def _read_names(array):
-    """The name in each cell of a column of texts."""
-    encoded = array if hasattr(array, "dictionary") else array.dictionary_encode()
-    texts = encoded.dictionary.to_pylist()
-    names = [_clean(one.decode(errors="replace") if isinstance(one, bytes) else one) for one in texts]
-    return np.array([*names, ""], object)[encoded.indices.fill_null(len(names)).to_numpy(zero_copy_only=False)]
 
 
 # --- Comments, metadata and arrays ---
@@ -208,14 +199,8 @@ def label_text(where, label, value, array=""):
 
 
 def stated_order(texts, known, count, pattern="position"):
-    """Return the joints of `count` columns and the :class:`Text` that states them, or None.
-
-    Raises
-    ------
-    InputError
-        Statements contradict each other, or the number of columns.
-    """
-    orders = _find_orders(texts, known, count)
+    """Return the joints of `count` columns and the :class:`Text` that states them, or None; InputError for contradictions."""
+    orders = find_orders(texts, known, count)
     for order in orders:
         if order[0] != orders[0][0]:
             first, second = (
@@ -225,7 +210,7 @@ def stated_order(texts, known, count, pattern="position"):
             raise InputError(f"{first}, but {second}. Say which by `joints` in the map of columns.")
     if orders:
         return orders[0]
-    for names, text, of_joints in _find_lists(texts, known):
+    for names, text, of_joints in find_lists(texts, known):
         ours, fits, twice = len(set(names) & set(known)), len(names) == count, len(set(names)) < len(names)
         says = f"{text.where} names {len(names)} joints: {', '.join(names)}"
         if ours and ((of_joints and len(names) > 1) or (fits and 2 * ours > count)):
@@ -234,21 +219,15 @@ def stated_order(texts, known, count, pattern="position"):
             if not fits:
                 raise InputError(f"{pattern} has {count} columns, but {says}.")
             return names, text
-        if of_joints and fits and not twice and not ours and (count > 1 or _has_index(names[0])):
+        if of_joints and fits and not twice and not ours and (count > 1 or _INDEX.search(names[0])):
             if known:
                 raise InputError(f"{says}, none of which is among the joints of the model: {', '.join(known)}.")
             return names, text
     return None
 
 
-def labelled_joints(texts, known):
-    """Return the first list of several names with a label of joints that has joints of the model, as stated_order."""
-    lists = ((names, text) for names, text, of_joints in _find_lists(texts, known) if of_joints)
-    return next((one for one in lists if len(one[0]) > 1 and set(one[0]) & set(known)), None)
-
-
-def _find_orders(texts, known, count):
-    """Joints and texts with as many joints of the model as there are columns, in one line or in several."""
+def find_orders(texts, known, count):
+    """Return joints and texts with as many joints of the model as there are columns, in one line or in several."""
     found = []
     for one in texts if known and count > 1 else ():
         text, order = one.text, _order(one.text, known)
@@ -285,7 +264,10 @@ def _order(text, known):
     before, after = [_BEFORE.search(gaps[k][-60:]) for k in places], [_AFTER.match(gaps[k + 1]) for k in places]
     if numbers := _numbers(before) or _numbers(after, mixed=True):
         return tuple(name for _, name in sorted(zip(numbers, names, strict=True)))
-    return names if not any(after[:-1]) and all(map(_is_separator, gaps[1 : places[-1] + 1])) else ()
+    between = re.sub(r"[\[({][^\[\](){}]*[\])}]", "", "\n".join(gaps[1 : places[-1] + 1]))
+    words = re.findall(r"[^\W\d_]+", between)
+    listed = all(_FILLERS.fullmatch(word.lower()) or is_unit(word) for word in words)
+    return names if listed and not any(after[:-1]) else ()
 
 
 def _numbers(matches, mixed=False):
@@ -297,14 +279,8 @@ def _numbers(matches, mixed=False):
     return numbers if len(set(numbers)) == len(numbers) and (signs == {True} or consecutive) else []
 
 
-def _is_separator(gap):
-    """Whether a text between two joints only separates the entries of a list."""
-    words = re.findall(r"[^\W\d_]+", re.sub(r"[\[({][^\[\](){}]*[\])}]", "", gap))
-    return all(_FILLERS.fullmatch(word.lower()) or is_unit(word) for word in words)
-
-
-def _find_lists(texts, known):
-    """Lists with a label, and whether the label is one of joints."""
+def find_lists(texts, known):
+    """Yield lists with a label as names, the Text, and whether the label is one of joints."""
     for one in texts:
         if match := _LABEL.search(one.text):
             text = re.split(r"\s+\w+\s*=", match["names"])[0].strip()
@@ -317,11 +293,6 @@ def _find_lists(texts, known):
 def _are_names(names, split):
     """Whether texts may be names of joints; where blanks alone split a list, only those with an index are."""
     return all(
-        re.fullmatch(r"(?=.*[^\W\d])[\w./-]+(?<!ed)", name) and not is_unit(name) and (split or _has_index(name))
+        re.fullmatch(r"(?=.*[^\W\d])[\w./-]+(?<!ed)", name) and not is_unit(name) and (split or _INDEX.search(name))
         for name in names
     )
-
-
-def _has_index(name):
-    """Whether a name has a digit or a sign that no word has."""
-    return bool(re.search(r"[\d_/.]", name))
