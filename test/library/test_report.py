@@ -16,7 +16,15 @@ from diag_dynamics.page.packing import LEVELS, pack, pack_mesh, pack_meshes
 from diag_dynamics.page.report import EVERY, SLOW, write_report
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.outputs import report as output
-from diag_dynamics.recordings.outputs.downsampling import AROUND, ContactRuns, Overview, Work, mean_powers, records_of
+from diag_dynamics.recordings.outputs.downsampling import (
+    AROUND,
+    MAX_RUN,
+    ContactRuns,
+    Overview,
+    Work,
+    mean_powers,
+    records_of,
+)
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import summary_of
 from recorded_arm import ARM, PUSHED, RATE, WATCHED, Recording, parts_of
@@ -105,14 +113,20 @@ def test_no_peak_is_missing_from_the_overview():
 @pytest.mark.parametrize("size", [700, 2500, 20_000])
 def test_all_states_around_contacts_are_kept(size):
     """The size of pieces has no effect. Of a long contact, states around its start and end are kept."""
+
+    def runs_of(states):
+        contacts = ContactRuns()
+        return [run for piece in in_pieces(states, size) for run in contacts.add(piece)] + list(contacts.finish())
+
     t, edges = np.arange(20_000) * 1e-3, [5.0, 5.2, 6.5, 6.6, 13.0, 19.0]
     collision = np.any([(t >= begin) & (t < end) for begin, end in zip(edges[::2], edges[1::2], strict=True)], axis=0)
-    contacts = ContactRuns()
-    runs = [run for piece in in_pieces(states_of(t, collision), size) for run in contacts.add(piece)]
-    runs += contacts.finish()
+    runs = runs_of(states_of(t, collision))
     expected = t[np.any([np.abs(t - edge) <= AROUND + 1e-9 for edge in edges], axis=0)]
     np.testing.assert_allclose(np.concatenate([run["t"] for run in runs]), expected)
     assert len(runs) == 3
+    t = np.arange(60_000) * 1e-3
+    often = runs_of(states_of(t, t % 1.0 < 0.1))  # one run is bounded, not what is kept
+    assert sum(map(len, often)) == len(t) and max(np.ptp(run["t"]) for run in often) < MAX_RUN + 1e-3 * size
 
 
 def test_mean_powers_are_works_by_time():
