@@ -77,20 +77,13 @@ class Motion:
 
 
 def too_quick(model: RobotModel, D: Array) -> dict[str, float]:
-    """Return the time D q̇_max/τ_max [s] of the joints in which it is below :data:`CURRENT_RISE`.
+    """Return the time D q̇_max/τ_max [s] of joints in which it is below :data:`CURRENT_RISE`.
 
-    Parameters
-    ----------
-    model : RobotModel
-    D : ndarray, shape (poses, nv)
-        Articulated inertias [kg m², kg]; the largest of each joint counts.
+    D has shape (poses, nv) [kg m², kg]; the largest of each joint counts.
     """
-    speed, effort = model.velocity_limit, model.effort_limit
-    with np.errstate(divide="ignore", invalid="ignore"):
-        time = D.max(axis=0) * speed / effort
-    quick = np.isfinite(speed) & np.isfinite(effort) & (effort > 0.0) & (speed > 0.0)
-    quick &= time < CURRENT_RISE
-    return {model.dof_names[k]: float(time[k]) for k in np.flatnonzero(quick)}
+    times = zip(model.dof_names, D.max(axis=0), model.velocity_limit, model.effort_limit, strict=True)
+    known = [(name, d * speed / effort) for name, d, speed, effort in times if 0.0 < effort < np.inf]
+    return {name: float(time) for name, time in known if 0.0 < time < CURRENT_RISE}
 
 
 def rotor_inertia(motion: Motion) -> Found:

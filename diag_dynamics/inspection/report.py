@@ -133,17 +133,17 @@ def inspect_robot(
         urdf.stands = model is not None and not model.floating_base
         rows = [*(links.negative_inertias(urdf) if rows else ()), *rows]
         rows += [("omitted", None, 0.0, text) for text in described.omitted]
-        results = {"loading": _findings("loading", iter(rows))}
+        found = {"loading": iter(rows)}
         for check in OF_XML:
             if not described.is_mjcf or check not in OF_GEOMETRY:
-                results[check.__name__] = _findings(check.__name__, check(urdf))
+                found[check.__name__] = check(urdf)
         if poses:
-            results |= {one.__name__: _findings(one.__name__, one(poses)) for one in OF_MOTION}
+            found |= {check.__name__: check(poses) for check in OF_MOTION}
+        findings = [one for name, rows in found.items() for one in _findings(name, rows)]
         facts = _facts(urdf, model, poses)
-    findings = [finding for found in results.values() for finding in found]
     findings.sort(key=lambda finding: -SEVERITIES.index(finding.severity))
-    checks = dict.fromkeys(CHECKS, "skipped") | dict.fromkeys(results, "ok")
-    checks |= {found.check: found.severity for found in reversed(findings)}
+    checks = dict.fromkeys(CHECKS, "skipped") | dict.fromkeys(found, "ok")
+    checks |= {finding.check: finding.severity for finding in reversed(findings)}
     return Report(str(source) if is_path else "text", facts, tuple(findings), checks)
 
 

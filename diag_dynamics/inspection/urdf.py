@@ -110,12 +110,11 @@ class Joint:
 class Body:
     """Links that fixed joints connect, the nearest to the root first, and in whose axes all is."""
 
-    def __init__(self, links: list[Link], placements: list[Array]) -> None:
-        self.links, names = links, [link.name for link in links]
+    def __init__(self, placed: list[tuple[Link, Array]]) -> None:
+        self.links = links = [link for link, _ in placed]
         self.mass = sum(link.mass or 0.0 for link in links)
         self.heavy = [link.name for link in links if link.mass]
-        self.placements = dict(zip(names, placements, strict=True))
-        placed = list(zip(links, placements, strict=True))
+        self.placements = {link.name: X for link, X in placed}
         self.centres = {link.name: X[:3, :3] @ link.centre + X[:3, 3] for link, X in placed}
         moment = sum(((link.mass or 0.0) * self.centres[link.name] for link in links), np.zeros(3))
         self.centre = moment / self.mass if self.mass > 0.0 else moment
@@ -151,7 +150,9 @@ class Urdf:
         self.joints = [Joint(element) for element in joints]
         self.moving = {joint.child: joint for joint in self.joints if joint.moves}
         self.total_mass: float = sum(link.mass or 0.0 for link in self.links.values())
-        self.bodies = list(self._connect())
+        attached = {joint.child for joint in self.joints if not joint.moves}
+        roots, seen = [name for name in self.links if name not in attached], set[str]()
+        self.bodies = [Body(list(self._connect(name, np.eye(4), seen))) for name in roots]
         self.heavy_bodies = [body for body in self.bodies if not self.is_negligible(body.mass)]
         self.measured_bodies = [body for body in self.heavy_bodies if body.is_measured]
         self.stands = False  # whether the model's base is fixed
@@ -164,23 +165,14 @@ class Urdf:
         """Return whether a link has moments of inertia, and a mass that changes results."""
         return link.inertia is not None and link.inertia.any() and not self.is_negligible(link.mass)
 
-    def _connect(self) -> Iterator[Body]:
-        fixed: dict[str, list[Joint]] = {}
-        for joint in self.joints:
-            if not joint.moves:
-                fixed.setdefault(joint.parent, []).insert(0, joint)
-        carried = {joint.child for joints in fixed.values() for joint in joints}
-        seen = set()
-        for root in [name for name in self.links if name not in carried]:
-            links, placements, stack = [], [], [(root, np.eye(4))]
-            while stack:
-                name, X = stack.pop()
-                if name in self.links and name not in seen:
-                    seen.add(name)
-                    links.append(self.links[name])
-                    placements.append(X)
-                    stack += [(joint.child, X @ joint.placement) for joint in fixed.get(name, [])]
-            yield Body(links, placements)
+    def _connect(self, name: str, X: Array, seen: set[str]) -> Iterator[tuple[Link, Array]]:
+        """Yield a link, and those that fixed joints attach to it, with their placements."""
+        if name in self.links and name not in seen:
+            seen.add(name)
+            yield self.links[name], X
+            for joint in self.joints:
+                if joint.parent == name and not joint.moves:
+                    yield from self._connect(joint.child, X @ joint.placement, seen)
 
 
 def _child(element: Any, tag: str) -> Any:
