@@ -8,10 +8,12 @@ import json
 import shutil
 import sys
 import time
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
 from diag_dynamics.cli import fleet, given
+from diag_dynamics.cli.given import FAILED
 from diag_dynamics.cli.interrupted import orderly
 from diag_dynamics.cli.robot_argument import parsed, robot_of
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
@@ -26,8 +28,8 @@ from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import WIDTH, summary_of, text_of, wrongs_of
 
-DONE, WORTH_KNOWING, FAILED = range(3)
-"""Exit statuses: all is well; the recording has been analysed, but something about it is not right; it could not be."""
+DONE, WORTH_KNOWING = range(2)
+"""Exit statuses: all is well; the recording has been analysed, but something about it is not right."""
 
 DESCRIPTION = """A recording in, everything that the library says of it out: energies, balance of power, external torque,
 quality of the data. docs/recordings.md says what is read, and what the numbers mean."""
@@ -43,6 +45,7 @@ OUTPUTS = "mcap", "parquet", "csv", "report", "json"
 """Options that name a file to be written."""
 
 
+@given.reported
 def run(name, arguments):
     """Analyse recordings; returns the exit status."""
     parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=DESCRIPTION, epilog=EPILOG)
@@ -71,31 +74,20 @@ def run(name, arguments):
     chosen = parsed(parser, arguments)
     if not chosen.recording and not chosen.fleet:
         parser.error("a recording is expected, before --set and --joint-names, or --fleet PATTERN…")
-    try:
-        with orderly(name, [] if chosen.fleet is not None else [getattr(chosen, option) for option in OUTPUTS]):
-            if chosen.fleet is not None:
-                return _analyse_fleet(chosen)
-            return _analyse(chosen) if len(chosen.recording) == 1 else _analyse_several(chosen)
-    except BrokenPipeError:  # `… | head`, which main knows of
-        raise
-    except (DiagDynamicsError, OSError) as error:
-        print(f"diag-dynamics {name}: {error}", file=sys.stderr)
-        return FAILED
+    with orderly(name, [] if chosen.fleet is not None else [getattr(chosen, option) for option in OUTPUTS]):
+        if chosen.fleet is not None:
+            return _analyse_fleet(chosen)
+        return _analyse(chosen) if len(chosen.recording) == 1 else _analyse_several(chosen)
 
 
 def _analyse(chosen):
     parameters, robot = _common(chosen)
     (recording,) = chosen.recording
     _refuse_outputs(chosen)
-    report = _json_output(chosen)
-    try:
-        begun = time.perf_counter()
+    begun = time.perf_counter()
+    with _json_output(chosen) as write:
         summary = _summary(chosen, recording, parameters, robot)
-        _tell(summary, report, chosen)
-    except BaseException:
-        if report:
-            report.discard()
-        raise
+        write(summary)
     wrong = wrongs_of(summary)
     if _speaks(chosen):
         print(text_of(summary, _width()))
@@ -120,9 +112,8 @@ def _analyse_several(chosen):
         )
     parameters, robot = _common(chosen)
     _refuse_outputs(chosen)
-    report = _json_output(chosen)
     summaries, failed = [], {}
-    try:
+    with _json_output(chosen) as write:
         for recording in chosen.recording:
             try:
                 summary = _summary(chosen, recording, parameters, robot)
@@ -133,11 +124,7 @@ def _analyse_several(chosen):
             summaries.append(summary)
             if _speaks(chosen):
                 print(f"{printable(recording)}\n\n{text_of(summary, _width())}\n")
-        _tell({"recordings": summaries, "robots": robots_of(summaries), "failed": failed}, report, chosen)
-    except BaseException:
-        if report:
-            report.discard()
-        raise
+        write({"recordings": summaries, "robots": robots_of(summaries), "failed": failed})
     if _speaks(chosen):
         print(printable(fleet.table_of(summaries, failed)))
     if not summaries:
@@ -195,19 +182,25 @@ def _outputs(chosen):
     return {"--mcap": chosen.mcap, "--parquet": chosen.parquet, "--csv": chosen.csv, "--report": chosen.report}
 
 
+@contextmanager
 def _json_output(chosen):
-    """The file of the summary, which is begun before all else: whether it can be written is known at once."""
-    return AtomicFile(chosen.json) if chosen.json and chosen.json != "-" else None
+    """Yield a function that writes a summary for programs; a file is begun before all else, and left out after errors."""
+    file = AtomicFile(chosen.json) if chosen.json and chosen.json != "-" else None
 
+    def write(summary):
+        text = json.dumps(summary, indent=1, allow_nan=False)
+        if file:
+            Path(file.name).write_text(text, encoding="utf-8")
+            file.commit()
+        elif chosen.json == "-":
+            print(text)
 
-def _tell(summary, report, chosen):
-    """Write a summary for programs, where it is wanted."""
-    text = json.dumps(summary, indent=1, allow_nan=False)
-    if report:
-        Path(report.name).write_text(text, encoding="utf-8")
-        report.commit()
-    elif chosen.json == "-":
-        print(text)
+    try:
+        yield write
+    except BaseException:
+        if file:
+            file.discard()
+        raise
 
 
 def _width():
@@ -244,26 +237,16 @@ def _refuse_outputs(chosen):
     given.refuse_outputs(read, {f"--{option}": getattr(chosen, option) for option in OUTPUTS})
 
 
-class _Progress:
-    """A line on stderr that is written anew, where that is a terminal."""
+class _Progress(given.Progress):
+    """States and recorded time, five times a second."""
 
     def __init__(self, quiet):
-        self._shown = not quiet and sys.stderr.isatty()
-        self._begun = self._last = None
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        if self._shown and self._last is not None:
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
+        super().__init__(quiet)
+        self._begun, self._last = None, -1.0
 
     def __call__(self, states, log_time):
         now = time.perf_counter()
-        if self._begun is None:
-            self._begun = log_time
-        if self._shown and (self._last is None or now - self._last > 0.2):
+        self._begun = log_time if self._begun is None else self._begun
+        if now - self._last > 0.2:
             self._last = now
-            print(
-                f"\r\033[K{states} states, {(log_time - self._begun) * 1e-9:.0f} s", end="", file=sys.stderr, flush=True
-            )
+            self.show(f"{states} states, {(log_time - self._begun) * 1e-9:.0f} s")

@@ -6,11 +6,8 @@
 import argparse
 import math
 import re
-import sys
 from datetime import datetime, timezone
 from pathlib import Path
-
-import numpy as np
 
 from diag_dynamics.cli import given
 from diag_dynamics.cli.interrupted import orderly
@@ -18,31 +15,31 @@ from diag_dynamics.cli.robot_argument import parsed, robot_of
 from diag_dynamics.collision.calibration import format_rate
 from diag_dynamics.collision.thresholds import HOLD_OFF, RELEASE, STANDING
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.single_joints import sliding_dofs
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.calibration import calibrate
 from diag_dynamics.recordings.summary import REJECTED
-from diag_dynamics.sweeps.spatial import LINEAR_X, LINEAR_Y, LINEAR_Z
 
-DONE, WORTH_KNOWING, FAILED = range(3)
-"""Exit statuses: thresholds that hold what was asked; thresholds with a warning; none."""
+DONE, WORTH_KNOWING = range(2)
+"""Exit statuses: thresholds that hold what was asked; thresholds with a warning."""
 
 EPILOG = """exit status: 0 calibrated; 1 calibrated, but the recordings are too short for what was asked, their parts are
 unlike, or something of them could not be read (see the summary); 2 not calibrated."""
 
-LINEAR = (LINEAR_X, LINEAR_Y, LINEAR_Z)
-"""Directions along which an external effort is a force."""
-
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 
 
+@given.reported
 def run(name, arguments):
     """Calibrate; returns the exit status."""
     parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
     parser.add_argument("recording", nargs="+", help="without any contact: bag, MCAP, CSV, TSV, Parquet, npz")
     given.add_arguments(parser)
-    parser.add_argument("--gain", type=float, default=25.0, help="of the disturbance observer [1/s] (default: 25)")
+    parser.add_argument(
+        "--gain", type=float, default=given.GAIN, help="of the disturbance observer [1/s] (default: 25)"
+    )
     parser.add_argument(
         "--false-alarms", metavar="N/min", default="1/min", help="N/s, N/min or N/h, of all detectors together (1/min)"
     )
@@ -55,12 +52,8 @@ def run(name, arguments):
     parser.add_argument("--threads", type=int, help="for evaluation (default: as many as there are processors)")
     parser.add_argument("--quiet", action="store_true", help="no summary")
     chosen = parsed(parser, arguments)
-    try:
-        with orderly(name, [chosen.output]):
-            return _calibrate(chosen)
-    except (DiagDynamicsError, OSError) as error:
-        print(f"diag-dynamics {name}: {error}", file=sys.stderr)
-        return FAILED
+    with orderly(name, [chosen.output]):
+        return _calibrate(chosen)
 
 
 def _calibrate(chosen):
@@ -121,8 +114,7 @@ def text_of(found, model, path, findings):
     low, high = found.rate_interval
     how = f"{found.peaks} alarms counted" if found.method == "counted" else f"from the tail of {found.peaks} peaks"
     width = max(len("|m r|"), *map(len, found.joints))
-    bodies = model.bodies[1:]
-    slides = {model.dof_names[k] for k in bodies["dof"][np.isin(bodies["direction"], LINEAR)]}
+    units = {name: "N" if slides else "N m" for name, slides in zip(model.dof_names, sliding_dofs(model), strict=True)}
     return [
         f"{found.duration:.4g} s without contact, observer of gain {found.gain:g}/s "
         f"{'with' if found.friction else 'without'} friction of the model",
@@ -131,7 +123,7 @@ def text_of(found, model, path, findings):
         f"(95 %: {format_rate(low)} to {format_rate(high)}); on the recordings themselves {found.alarms}",
         "",
         "Thresholds",
-        *(f"  {name:{width}}  {value:.4g} {'N' if name in slides else 'N m'}" for name, value in found.joints.items()),
+        *(f"  {name:{width}}  {value:.4g} {units[name]}" for name, value in found.joints.items()),
         f"  {'|m r|':{width}}  {found.external_torque:.4g} N m",
         f"  {'|r|':{width}}  {found.norm:.4g} J^0.5/s",
         *(["", "Worth knowing"] if found.warnings or findings else []),

@@ -10,18 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from diag_dynamics.cli import given
-from diag_dynamics.cli.robot_argument import ROBOT, parsed, robot_of
-from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.cli.robot_argument import ROBOT, parsed
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.excite import excite
-from diag_dynamics.parameters.files import parameters_of
-from diag_dynamics.parameters.monitor import PARAMETERS
-from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.text import plain
 
+MISSING = "of a joint for which the robot's file has none [{}]; * for all that lack one"
 EPILOG = """Nobody looks whether the robot hits itself or something else. Try the trajectory on the simulator first, give
 --range where there is less room than the joints have, and begin slowly (--velocity)."""
 
 
+@given.reported
 def run(name, arguments):
     """Write a trajectory; returns the exit status."""
     parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
@@ -32,30 +31,9 @@ def run(name, arguments):
     parser.add_argument("--duration", type=float, default=20.0, help="[s], a whole number of periods (default: 20)")
     parser.add_argument("--period", type=float, default=10.0, help="of the Fourier series [s] (default: 10)")
     parser.add_argument("--joints", help="those that move, separated by commas (default: all)")
-    parser.add_argument(
-        "--range",
-        metavar="JOINT=LOWER:UPPER",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="of a joint's position [rad, m]",
-    )
-    parser.add_argument(
-        "--velocity-limit",
-        metavar="JOINT=LIMIT",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="of a joint for which the robot's file has none [rad/s, m/s]; * for all that lack one",
-    )
-    parser.add_argument(
-        "--position-limit",
-        metavar="JOINT=LOWER:UPPER",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="of a joint for which the robot's file has none [rad, m]; * for all that lack one",
-    )
+    given.add_entries(parser, "--range", "JOINT=LOWER:UPPER", "of a joint's position [rad, m]")
+    given.add_entries(parser, "--velocity-limit", "JOINT=LIMIT", MISSING.format("rad/s, m/s"))
+    given.add_entries(parser, "--position-limit", "JOINT=LOWER:UPPER", MISSING.format("rad, m"))
     parser.add_argument("--velocity", type=float, default=0.5, help="part of the limits that is used (default: 0.5)")
     parser.add_argument("--effort", type=float, default=0.7, help="part of the limits that is used (default: 0.7)")
     parser.add_argument("--rate", type=float, default=50.0, help="of points [1/s] (default: 50)")
@@ -72,36 +50,23 @@ def run(name, arguments):
     chosen = parsed(parser, arguments)
     if not (chosen.output or chosen.trajectory):
         parser.error("-o OUT.json or --trajectory OUT.yaml is expected: else nothing is kept")
-    try:
-        return _excite(chosen)
-    except BrokenPipeError:
-        raise  # of `… | head`, which main knows
-    except (DiagDynamicsError, OSError) as error:
-        print(f"diag-dynamics {name}: {error}", file=sys.stderr)
-        return 2
+    return _excite(chosen)
 
 
 def _excite(chosen):
-    values = {name: spec.default for name, spec in PARAMETERS.items()} | parameters_of(chosen.parameters, chosen.set)
-    model = model_of(robot_of(chosen.urdf, chosen.xacro_args), values)
-    told = _Progress(chosen.trials)
-    found = excite(
-        model,
-        chosen.what.split(","),
-        duration=chosen.duration,
-        period=chosen.period,
-        joints=None if chosen.joints is None else chosen.joints.split(","),
-        ranges=dict(_range("--range", one) for one in chosen.range),
-        velocity_limits=dict(map(_limit, chosen.velocity_limit)),
-        position_limits=dict(_range("--position-limit", one) for one in chosen.position_limit),
-        velocity=chosen.velocity,
-        effort=chosen.effort,
-        rate=chosen.rate,
-        trials=chosen.trials,
-        seed=chosen.seed,
-        progress=told,
-    )
-    told.end()
+    model = given.chosen_model(chosen)
+    names = "duration", "period", "velocity", "effort", "rate", "trials", "seed"
+    with given.Progress() as line:
+        found = excite(
+            model,
+            chosen.what.split(","),
+            joints=None if chosen.joints is None else chosen.joints.split(","),
+            ranges=dict(_range("--range", one) for one in chosen.range),
+            velocity_limits=dict(map(_limit, chosen.velocity_limit)),
+            position_limits=dict(_range("--position-limit", one) for one in chosen.position_limit),
+            progress=lambda trial, condition: _show(line, trial, chosen.trials, condition),
+            **{name: getattr(chosen, name) for name in names},
+        )
     if chosen.output:
         Path(chosen.output).write_text(found.to_json(), encoding="utf-8")
     if chosen.trajectory:
@@ -164,16 +129,6 @@ def _part(value, limit):
     return f"{100 * value / limit:.0f} %" if 0.0 < limit < np.inf else "-"
 
 
-class _Progress:
-    """A line on stderr that is written anew, where that is a terminal."""
-
-    def __init__(self, trials):
-        self._trials, self._shown = trials, sys.stderr.isatty()
-
-    def __call__(self, trial, condition):
-        if self._shown and trial % 10 == 0:
-            print(f"\r\033[K{trial} of {self._trials}, condition {condition:.3g}", end="", file=sys.stderr, flush=True)
-
-    def end(self):
-        if self._shown:
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
+def _show(line, trial, trials, condition):
+    if trial % 10 == 0:
+        line.show(f"{trial} of {trials}, condition {condition:.3g}")

@@ -1,60 +1,98 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What several commands are given alike: recordings, a robot, parameters; and files that are to be written."""
+"""What several commands have alike: errors, options, recordings, a robot, parameters, progress, files to be written."""
 
+import sys
+from functools import wraps
 from pathlib import Path
 
-from diag_dynamics.cli.robot_argument import ROBOT
+from diag_dynamics.cli.robot_argument import ROBOT, robot_of
 from diag_dynamics.entries import split_arguments
-from diag_dynamics.exceptions import InputError
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.parameters.files import parameters_of
+from diag_dynamics.parameters.monitor import PARAMETERS
+from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.recordings.findings import without_states
 from diag_dynamics.recordings.recording import Reading
 
 GAIN = 25.0
 """Of the disturbance observer where no other is given [1/s]."""
 
+FAILED = 2
+"""Exit status of a command with an error."""
+
+
+def reported(run):
+    """Return a command that prints its errors on stderr, with the exit status :data:`FAILED`."""
+
+    @wraps(run)
+    def command(name, arguments):
+        try:
+            return run(name, arguments)
+        except BrokenPipeError:
+            raise  # of `… | head`, which main handles
+        except (DiagDynamicsError, OSError) as error:
+            print(f"diag-dynamics {name}: {error}", file=sys.stderr)
+            return FAILED
+
+    return command
+
+
+def add_entries(parser, option, metavar, text):
+    """Add an option of several entries, which may be repeated."""
+    parser.add_argument(option, metavar=metavar, nargs="+", action="extend", default=[], help=text)
+
 
 def add_arguments(parser):
-    """Arguments that say which robot a recording is of, and how it is read."""
+    """Add the options that say which robot a recording is of, and how it is read."""
     parser.add_argument("--urdf", metavar="ROBOT", help=f"{ROBOT} (default: the bag's own)")
     parser.add_argument("--columns", metavar="MAP.yaml", help="map of the columns of a table (docs/recordings.md)")
-    parser.add_argument(
-        "--topic",
-        action="append",
-        help="topic of the joint states, where a bag has several; repeated, as for arm and gripper, it merges them",
-    )
-    parser.add_argument(
-        "--joint-names",
-        metavar="NAME=JOINT",
-        nargs="+",
-        action="extend",
-        help="the robot's joint of a name in the recording; * is any text: 'fer_*=panda_*' (docs/recordings.md)",
-    )
+    text = "topic of the joint states, where a bag has several; repeated, as for arm and gripper, it merges them"
+    parser.add_argument("--topic", action="append", help=text)
+    text = "the robot's joint of a name in the recording; * is any text: 'fer_*=panda_*' (docs/recordings.md)"
+    add_entries(parser, "--joint-names", "NAME=JOINT", text)
     add_parameters(parser)
-    parser.add_argument("--start", type=float, metavar="SECONDS", help="after the beginning: nothing before is read")
-    parser.add_argument(
-        "--end", type=float, metavar="SECONDS", help="after the beginning: nothing from there on is read"
-    )
+    for option, what in (("--start", "nothing before is read"), ("--end", "nothing from there on is read")):
+        parser.add_argument(option, type=float, metavar="SECONDS", help=f"after the beginning: {what}")
 
 
 def add_parameters(parser):
-    """Arguments that set parameters."""
-    parser.add_argument(
-        "--parameters",
-        metavar="FILE.yaml",
-        action="append",
-        default=[],
-        help="of the monitor, or of the robot: friction, rotor inertias, … (docs/library.md); may be repeated",
-    )
-    parser.add_argument(
-        "--set",
-        metavar="PARAMETER=VALUE",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="parameters of the monitor (docs/parameters.md), as effort_scale='*=0.5'",
-    )
+    """Add the options that set parameters."""
+    text = "of the monitor, or of the robot: friction, rotor inertias, … (docs/library.md); may be repeated"
+    parser.add_argument("--parameters", metavar="FILE.yaml", action="append", default=[], help=text)
+    text = "parameters of the monitor (docs/parameters.md), as effort_scale='*=0.5'"
+    add_entries(parser, "--set", "PARAMETER=VALUE", text)
+
+
+def chosen_model(chosen):
+    """Return the model of the robot and the parameters that were chosen."""
+    values = {name: spec.default for name, spec in PARAMETERS.items()} | parameters_of(chosen.parameters, chosen.set)
+    return model_of(robot_of(chosen.urdf, chosen.xacro_args), values)
+
+
+class Progress:
+    """A line on stderr that each call replaces, where that is a terminal.
+
+    Parameters
+    ----------
+    quiet : bool
+        Whether nothing is shown.
+    """
+
+    def __init__(self, quiet=False):
+        self._shown = not quiet and sys.stderr.isatty()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.show("")
+
+    def show(self, text):
+        """Replace the line."""
+        if self._shown:
+            print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
 
 
 def parse_joint_names(chosen):
@@ -66,7 +104,7 @@ def parse_joint_names(chosen):
         One has no =, or a name comes twice.
     """
     found = {}
-    for text in chosen.joint_names or ():
+    for text in chosen.joint_names:
         name, equals, joint = text.partition("=")
         if not equals or found.setdefault(name.strip(), joint.strip()) != joint.strip():
             raise InputError(f"--joint-names has {text!r}; expected NAME=JOINT, each name once.")

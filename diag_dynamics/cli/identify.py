@@ -11,7 +11,7 @@ from pathlib import Path
 from diag_dynamics.cli import given
 from diag_dynamics.cli.interrupted import orderly
 from diag_dynamics.cli.robot_argument import parsed, robot_of
-from diag_dynamics.exceptions import DiagDynamicsError, InputError, UnsupportedError
+from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.identification.identify import identify
 from diag_dynamics.identification.residual_plot import residual_curves
 from diag_dynamics.identification.result import without_impossible_links
@@ -24,11 +24,8 @@ from diag_dynamics.recordings.sources import source_of
 from diag_dynamics.text import plain
 from diag_dynamics.views.identified import picture
 
-GAIN = 25.0
-"""Of the observer on the page of plots [1/s]."""
-
-DONE, DOUBTFUL, FAILED = range(3)
-"""Exit statuses: identified; nothing was gained, or the unit of the efforts is not known; it could not be identified."""
+DONE, DOUBTFUL = range(2)
+"""Exit statuses: identified; nothing was gained, or the unit of the efforts is not known."""
 
 EPILOG = """exit status: 0 identified; 1 nothing of it makes the model better on the part held out, so that it stays as it
 was, the motion does not show whether efforts are torques, or the effort of a light joint is doubtful; 2 it could not be
@@ -36,6 +33,7 @@ identified, as where efforts have another unit, sign or order than the model. do
 recordings it takes."""
 
 
+@given.reported
 def run(name, arguments):
     """Identify; returns the exit status."""
     parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
@@ -65,14 +63,8 @@ def run(name, arguments):
     )
     parser.add_argument("--quiet", action="store_true", help="no summary")
     chosen = parsed(parser, arguments)
-    try:
-        with orderly(name, [chosen.output, chosen.json, chosen.plots, chosen.write_urdf]):
-            return _identify(chosen)
-    except BrokenPipeError:
-        raise  # of `… | head`, which main knows
-    except (DiagDynamicsError, OSError) as error:
-        print(f"diag-dynamics {name}: {error}", file=sys.stderr)
-        return FAILED
+    with orderly(name, [chosen.output, chosen.json, chosen.plots, chosen.write_urdf]):
+        return _identify(chosen)
 
 
 def _identify(chosen):
@@ -139,10 +131,10 @@ def _draw(path, recording, model, found):
     shares = ["-" if share is None else f"{share:.2f}" for share in found.quality["explained_total"]]
     title = (
         f"{model.name}: {', '.join(found.quality['taken']) or 'nothing taken'}. Effort that the model leaves unexplained, by "
-        f"the observer at {GAIN:g}/s; shaded: held out.\n"
+        f"the observer at {given.GAIN:g}/s; shaded: held out.\n"
         f"Of d(K + U)/dt the efforts explain {shares[0]} before, {shares[1]} after."
     )
-    time, torques = residual_curves((model, found.model), recording.pieces, GAIN)
+    time, torques = residual_curves((model, found.model), recording.pieces, given.GAIN)
     held_out = time[-1] - found.quality["held_out_duration"], time[-1]
     picture(path, title, time, torques, found.quality["torque_rms"], held_out)
 

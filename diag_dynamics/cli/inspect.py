@@ -154,7 +154,8 @@ def _count(number, noun):
 def _facts(report):
     facts = report.facts
     yield from _wrapped("", facts["name"])
-    rows = [("file", _tail(report.source)), ("links", _links(facts)), ("joints", _joints(facts))]
+    joints = f"{facts['joints']}, {facts['moving_joints']} of which move"
+    rows = [("file", _tail(report.source)), ("links", _links(facts)), ("joints", joints)]
     rows.append(("mass", f"{facts['total_mass']:.5g} kg"))
     if facts["degrees_of_freedom"] is not None:
         base = "floating" if facts["floating_base"] else "fixed"
@@ -197,10 +198,6 @@ def _links(facts):
     return ", ".join(parts)
 
 
-def _joints(facts):
-    return f"{facts['joints']}, {facts['moving_joints']} of which move"
-
-
 def _range(found, unit):
     low, high = (found[name] for name in ("least", "greatest"))
     unit = unit and f" {unit}"
@@ -212,8 +209,7 @@ def _range(found, unit):
 def _finding(finding):
     names = (*finding.links, *finding.joints)
     values = finding.values
-    texts = [f"{name}{JOINED}{values[name]:.3g}" if name in values else name for name in names[:MOST]]
-    listed = ", ".join(texts) + (f" … and {len(names) - MOST} more" if len(names) > MOST else "")
+    listed = _some([f"{name}{JOINED}{values[name]:.3g}" if name in values else name for name in names])
     unit = f" [{finding.unit.replace(' ', JOINED)}]" if finding.unit and values else ""
     count = f"{_count(len(names), 'link' if finding.links else 'joint')}: " if len(names) > 1 else ""
     yield from _wrapped(

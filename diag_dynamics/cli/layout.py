@@ -9,18 +9,15 @@ import sys
 from pathlib import Path
 
 from diag_dynamics.cli import given
-from diag_dynamics.cli.robot_argument import ROBOT, parsed, robot_of
-from diag_dynamics.exceptions import DiagDynamicsError
+from diag_dynamics.cli.robot_argument import ROBOT, parsed
 from diag_dynamics.layouts.tools import TOOLS, layout
-from diag_dynamics.parameters.files import parameters_of
-from diag_dynamics.parameters.monitor import PARAMETERS
-from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.text import plain
 
 EPILOG = """Give the parameters that the monitor is given: mimic, locked_joints and floating_base say which joints there are,
 and entries of arrays go by their order."""
 
 
+@given.reported
 def run(name, arguments):
     """Write a layout; returns the exit status."""
     parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
@@ -32,19 +29,12 @@ def run(name, arguments):
     given.add_parameters(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="where to write it (default: stdout)")
     chosen = parsed(parser, arguments)
-    try:
-        return _write(chosen)
-    except BrokenPipeError:
-        raise  # of `… | head`, which main knows
-    except (DiagDynamicsError, OSError) as error:
-        print(f"diag-dynamics {name}: {error}", file=sys.stderr)
-        return 2
+    return _write(chosen)
 
 
 def _write(chosen):
     given.refuse_outputs([chosen.urdf, *chosen.parameters], {"-o": chosen.output})
-    values = {name: spec.default for name, spec in PARAMETERS.items()} | parameters_of(chosen.parameters, chosen.set)
-    text = layout(chosen.tool, model_of(robot_of(chosen.urdf, chosen.xacro_args), values), chosen.monitor)
+    text = layout(chosen.tool, given.chosen_model(chosen), chosen.monitor)
     tool = TOOLS[chosen.tool]
     if chosen.output in (None, "-"):
         print(text, end="")
