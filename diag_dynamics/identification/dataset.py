@@ -5,8 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,21 +22,45 @@ from diag_dynamics.recordings.recording import Recording
 from diag_dynamics.recordings.refused_units import refuse_units
 from diag_dynamics.recordings.states import States
 
-MAX_VALUES = 25_000_000  # positions, velocities and efforts of all recordings in memory: 200 MB
-SIZE = 20_000  # states of a portion, over which dynamics are evaluated
-MIN_GAP, GAP = 0.05, 10.0  # the larger of this time [s] and so many median intervals ends a segment
-MAX_VELOCITY, MAX_GARBAGE = 1.5, 0.01  # multiple of the URDF's limit of garbage; larger fraction: another unit
+MAX_VALUES = 25_000_000  # positions, velocities and efforts of all recordings: 200 MB
+SIZE = 20_000  # states over which dynamics are evaluated at once
+MIN_GAP, GAP = 0.05, 10.0  # the larger of this time [s] and so many median intervals is a gap
+MAX_VELOCITY, MAX_GARBAGE = 1.5, 0.01  # multiple of the URDF's limit; larger fraction: another unit
 MIN_STATES = 10  # shorter segments are left out
+FINDINGS = (
+    ("not whole", "states without position, velocity or effort of all joints, left out"),
+    ("time did not go on", "states with a stamp that is not after all before, left out"),
+    ("too fast", f"states with a velocity above {MAX_VELOCITY} times the URDF's limit, left out"),
+    ("time began anew", "stamps went back and on from there; what follows is fitted, too"),
+    ("scattered", f"states in runs of fewer than {MIN_STATES}, left out"),
+)
+
+
+class Segment(NamedTuple):
+    """Times [s], which rise even where stamps start again, and states without gaps."""
+
+    t: np.ndarray
+    states: States
+
+    @property
+    def columns(self):
+        """Times, positions, velocities and efforts."""
+        return self.t, self.states.position, self.states.velocity, self.states.effort
+
+    @property
+    def duration(self):
+        """Time from the first to the last state [s]."""
+        return self.t[-1] - self.t[0]
 
 
 def list_recordings(name, recordings):
     """Return recordings as a list of Recording and of functions that return pieces of one."""
-    found = recordings if isinstance(recordings, Iterable) and not isinstance(recordings, Iterator) else [recordings]
-    for k, one in enumerate(found := list(found)):
+    found = list(recordings) if isinstance(recordings, Sequence) else [recordings]
+    for k, one in enumerate(found):
         if not callable(one) and not isinstance(one, Recording):
             raise InputError(
-                f"{name}[{k}] is {one!r}; expected a Recording, or a function that returns the pieces of one. Give lambda: "
-                "dd.stream_recording(path, model)."
+                f"{name}[{k}] is {one!r}; expected a Recording, or a function that returns the "
+                "pieces of one. Give lambda: dd.stream_recording(path, model)."
             )
     if not found:
         raise InputError(f"{name} is empty, expected one recording or more.")
@@ -42,77 +68,71 @@ def list_recordings(name, recordings):
 
 
 class Dataset:
-    """States of a recording that can be fitted. A long recording is thinned while it is read.
+    """Segments of a recording that can be fitted. A long recording is thinned while it is read.
 
-    `t` [s] rises even where stamps start again. `segments` are slices of `t` and `states` without gaps.
-    Velocities are at the time of the positions: `delay` [s] was removed. `start` and `end` are times of all
-    `count` states of the recording [s], `zero` is the stamp of the first one [ns]. Raises InputError if the
-    recording is of another robot, lacks states or efforts, or has velocities in another unit.
+    Velocities are at the time of the positions: `delay` [s] was removed. `start` and `end` are
+    times of all `count` states [s], `zero` is the stamp of the first one [ns]. Raises InputError
+    if the recording is of another robot, lacks states or efforts, or has velocities in another unit.
     """
 
     def __init__(self, name, recording, model, max_values=MAX_VALUES):
-        self.path, self.robot, self.count, self.start, self.end, self.zero = None, model.name, 0, 0.0, 0.0, 0
-        self.delay, self.findings = 0.0, []
-        self._clean(self._read(name, recording, model, max_values), model)
-        found = find_delay(model, self.t, self.states, self.segments)
-        sample = np.median(np.concatenate([np.diff(self.t[segment]) for segment in self.segments]))
-        if abs(found) > sample:
-            self._shift(found)
-            late = "late" if found > 0.0 else "early"
-            text = f"velocities are {abs(found) * 1e3:.1f} ms {late} against positions, which was taken out"
+        self.path, self.robot, self.count = None, model.name, 0
+        self.start, self.end, self.zero, self.delay, self.findings = 0.0, 0.0, 0, 0.0, []
+        self.segments = self._clean(self._read(name, recording, model, max_values), model)
+        delay = find_delay(model, self.segments)
+        if abs(delay) > np.median(np.concatenate([np.diff(one.t) for one in self.segments])):
+            long = [one for one in self.segments if one.duration > abs(delay)]
+            self.delay, self.segments = delay, [_shifted(one, delay) for one in long]
+            size, late = f"{abs(delay) * 1e3:.1f} ms", "late" if delay > 0.0 else "early"
+            text = f"velocities are {size} {late} against positions, which was taken out"
             self.findings.append(Finding("velocity delay", 1, text))
         if not self.segments:
-            delay = f"the delay of its velocities, {found * 1e3:.1f} ms"
-            raise InputError(f"{name} has no segment that is longer than {delay}.")
-
-    @property
-    def spans(self):
-        """Begin and end of each segment [s]."""
-        return [(self.t[segment.start], self.t[segment.stop - 1]) for segment in self.segments]
+            raise InputError(f"{name} has no segment longer than the velocities' delay, {size}.")
 
     @property
     def duration(self):
         """Time in segments [s]."""
-        return sum(end - begin for begin, end in self.spans)
+        return sum(one.duration for one in self.segments)
 
     def portions(self, begin=-np.inf):
-        """Yield slices of about SIZE states without gaps, from a time on [s]."""
-        for segment in self.segments:
-            first = segment.start + int(np.searchsorted(self.t[segment], begin))
-            while 2 * (segment.stop - first) >= 3 * SIZE:
-                yield slice(first, first + SIZE)
-                first += SIZE
-            if first < segment.stop:
-                yield slice(first, segment.stop)
+        """Yield parts of segments, of about SIZE states, from a time on [s]."""
+        for t, states in self.segments:
+            first = int(np.searchsorted(t, begin))
+            edges = [first, *range(first + SIZE, len(t) - SIZE // 2 + 1, SIZE), len(t)]
+            for part in pairwise(edges):
+                if first < len(t):
+                    yield Segment(t[slice(*part)], states[slice(*part)])
 
     def _read(self, name, recording, model, max_values):
         """Return the states of a recording, thinned to a number of values."""
-        limit, parts, rest, step, held = max_values // (model.nq + 2 * model.nv), [], None, 1, 0
-        counts, refused, with_efforts, estimated, efforts = {}, [], False, 0, EffortRange(model.dof_names)
+        limit, step, parts, jumps = max_values // (model.nq + 2 * model.nv), 1, [], []
+        counts, refused, with_efforts, estimated = {}, [], False, 0
+        efforts = EffortRange(model.dof_names)
         for piece in _pieces(name, recording):
             if piece.model.dof_names != model.dof_names:
-                robot = piece.model.name
-                raise InputError(f"{name} is of robot '{robot}', whose degrees of freedom are not those of the model.")
-            counts, refused, with_efforts = piece.counts, piece.findings, with_efforts or piece.tau is not None
-            estimated += int(piece.states.velocity_estimated.sum())
+                raise InputError(
+                    f"{name} is of robot '{piece.model.name}', whose degrees of freedom are not those of the model."
+                )
+            states, counts, refused = piece.states, piece.counts, piece.findings
             if len(piece) and not self.count:
                 self.path, self.robot = piece.path, piece.model.name
                 self.start, self.zero = float(piece.t[0]), int(piece.stamp[0])
-            if len(piece):
-                self.count, self.end = self.count + len(piece), float(piece.t[-1])
-            efforts.add_values(piece.states.position, piece.states.effort)
-            whole = States.concatenate([rest, piece.states]) if rest else piece.states
-            part, rest = _thinned(whole, step), whole[len(whole) // step * step :]
-            parts, held = [*parts, part], held + len(part)
-            while held > limit:
-                parts = [_thinned(States.concatenate(parts)[held % 2 :], 2)]
-                step, held = 2 * step, len(parts[0])
+            self.end = float(piece.t[-1]) if len(piece) else self.end
+            with_efforts = with_efforts or piece.tau is not None
+            estimated += int(states.velocity_estimated.sum())
+            efforts.add_values(states.position, states.effort)
+            jumps.append(self.count + np.flatnonzero(states.jumped))
+            parts.append(states[-(self.count + 1) % step :: step])  # rows step − 1, 2 step − 1, …
+            self.count += len(states)
+            while sum(map(len, parts)) > limit:
+                parts, step = [States.concatenate(parts)[1::2]], 2 * step
         refuse_units(refused)
         if not self.count:
             raise without_states(name, refused)
-        unmeasured = efforts.unmeasured()
-        if unmeasured:
-            raise InputError(f"{unmeasured}. Record the efforts of these joints, or lock the joints (locked_joints).")
+        if efforts.unmeasured():
+            raise InputError(
+                f"{efforts.unmeasured()}. Record the efforts of these joints, or lock the joints (locked_joints)."
+            )
         if not with_efforts:
             raise InputError(f"{without_efforts(counts)}, without which nothing can be identified.")
         if step > 1:
@@ -121,99 +141,48 @@ class Dataset:
         if estimated:
             text = "velocities were estimated from positions: those of the driver would be better"
             self.findings.append(Finding("velocity estimated", estimated, text))
-        return States.concatenate(parts) if len(parts) > 1 else parts[0]
+        jumped = _any_since(np.concatenate(jumps), np.arange(step - 1, self.count, step))
+        return replace(States.concatenate(parts), jumped=jumped)
 
     def _clean(self, states, model):
-        """Keep usable states, cut into segments."""
+        """Return segments of usable states, and add findings on the others."""
         columns = states.position, states.velocity, states.effort
         finite = np.logical_and.reduce([np.isfinite(column).all(axis=1) for column in columns])
-        restarts = find_restarts(states.stamp)
-        forward = _forward(states.stamp, finite, restarts)
-        limit = np.asarray(model.velocity_limit)
-        limit = MAX_VELOCITY * np.where(limit > 0.0, limit, np.inf)  # 0 stands for none in many URDFs
-        with np.errstate(invalid="ignore"):
-            beyond = np.abs(states.velocity) > limit
-        fast = beyond.any(axis=1)
         if not finite.any():
             raise InputError("no state of the recording is whole: positions, velocities and efforts of all joints.")
+        restarts = find_restarts(states.stamp)
+        forward = _forward(states.stamp, finite, restarts)
+        limit = np.where(model.velocity_limit > 0.0, model.velocity_limit, np.inf)  # 0: none
+        with np.errstate(invalid="ignore"):
+            beyond = np.abs(states.velocity) > MAX_VELOCITY * limit
         _refuse_fast(model, states.velocity[forward], beyond[forward])
-        kept, restarted = np.flatnonzero(forward & ~fast), np.zeros(len(states), dtype=bool)
-        restarted[restarts] = True
-        restarted, jumped = _since(restarted, kept), _since(states.jumped, kept)
+        fast = beyond.any(axis=1)
+        kept = np.flatnonzero(forward & ~fast)
+        restarted, jumped = (_any_since(rows, kept) for rows in (restarts, np.flatnonzero(states.jumped)))
         restarted[:1] = False
-        lost = self._cut(states[kept], jumped, restarted)
-        if len(self.t) < MIN_STATES:
-            count = len(self.t)
-            raise InputError(f"the recording has {count} states to identify from, expected {MIN_STATES} at least.")
-        counts = (~finite).sum(), (finite & ~forward).sum(), (forward & fast).sum(), restarted.sum(), lost
-        found = zip(counts, FINDINGS, strict=True)
-        self.findings[:0] = [Finding(cause, int(count), text) for count, (cause, text) in found if count]
-
-    def _cut(self, states, jumped, restarted):
-        """Set times, states and segments; return how many states are in segments that are too short."""
-        intervals = np.diff(states.stamp) * 1e-9
-        gap = max(MIN_GAP, GAP * float(np.median(intervals))) if len(intervals) else MIN_GAP
-        begins = np.r_[True, intervals > gap][: len(states)] | jumped | restarted
-        steps = np.diff(states.stamp, prepend=states.stamp[:1])
-        later = np.cumsum(np.where(restarted, round(2.0 * gap * SECOND) - steps, 0))
-        lengths = np.diff(np.r_[np.flatnonzero(begins), len(states)])
-        kept = np.repeat(lengths >= MIN_STATES, lengths)
-        self.t = ((states.stamp - (states.stamp[:1] - later)) * 1e-9)[kept]
-        self._set_states(states if kept.all() else states[kept], lengths[lengths >= MIN_STATES])
-        return int((~kept).sum())
-
-    def _set_states(self, states, lengths):
-        ends = np.cumsum(lengths)
-        self.segments = [slice(end - length, end) for end, length in zip(ends.tolist(), lengths.tolist(), strict=True)]
-        begins = np.zeros(len(states), dtype=bool)
-        begins[ends - lengths] = True
-        self.states = replace(states, jumped=begins, effort_known=np.ones(len(states), dtype=bool))
-
-    def _shift(self, delay):
-        """Shift velocities to the time of the positions; ends of segments without velocities are cut off."""
-        velocity, inside, lengths = np.empty_like(self.states.velocity), [], []
-        for segment in self.segments:
-            t, at = self.t[segment], self.t[segment] + delay
-            for k, column in enumerate(self.states.velocity[segment].T):
-                velocity[segment, k] = np.interp(at, t, column)
-            inside.append((at >= t[0]) & (at <= t[-1]))
-            lengths.append(inside[-1].sum() if t[-1] - t[0] > abs(delay) else 0)
-            inside[-1] &= lengths[-1] > 0
-        inside, lengths = np.concatenate(inside), np.array(lengths)
-        self.delay, self.t = delay, self.t[inside]
-        self._set_states(replace(self.states, velocity=velocity)[inside], lengths[lengths > 0])
-
-
-FINDINGS = (
-    ("not whole", "states without position, velocity or effort of all joints, left out"),
-    ("time did not go on", "states with a stamp that is not after all before, left out"),
-    ("too fast", f"states with a velocity above {MAX_VELOCITY} times the URDF's limit, left out"),
-    ("time began anew", "stamps went back and on from there, as of a restarted robot: what follows is fitted, too"),
-    ("scattered", f"states in runs of fewer than {MIN_STATES}, left out"),
-)
+        segments = _cut(states[kept], jumped, restarted)
+        used = sum(len(one.t) for one in segments)
+        if not segments:
+            raise InputError(f"the recording has {used} states to identify from, expected {MIN_STATES} at least.")
+        counts = [~finite, finite & ~forward, forward & fast, restarted, np.ones(len(kept) - used)]
+        pairs = zip(FINDINGS, (int(one.sum()) for one in counts), strict=True)
+        self.findings[:0] = [Finding(cause, count, text) for (cause, text), count in pairs if count]
+        return segments
 
 
 def _pieces(name, recording):
     pieces = recording if isinstance(recording, Recording) else recording()
-    if isinstance(pieces, Recording):
-        pieces = [pieces]
-    if not isinstance(pieces, Iterable):
-        raise InputError(f"{name} returns {pieces!r}, expected pieces of a recording.")
-    for piece in pieces:
+    for piece in [pieces] if isinstance(pieces, Recording) else pieces:
         yield instance(f"a piece of {name}", piece, Recording)
 
 
-def _thinned(states, step):
-    """Return the last state of each `step` states; a jump in between counts."""
-    if step == 1:
-        return states
-    count = len(states) // step
-    jumped = states.jumped[: count * step].reshape(count, step).any(axis=1)
-    return replace(states[step - 1 :: step], jumped=jumped)
+def _any_since(rows, kept):
+    """Return for each kept row whether any of the rows is it, or is between it and the one before."""
+    return np.diff(np.searchsorted(rows, kept, side="right"), prepend=0) > 0
 
 
 def find_restarts(stamps):
-    """Return the rows at which stamps start again: they go back, and rise from there without reaching the latest one."""
+    """Return the rows from which stamps rise again without reaching the latest one before."""
     found, latest, before = [], np.iinfo(np.int64).min, 0
     for k in (np.flatnonzero(np.diff(stamps) < 0) + 1).tolist():
         latest, before = max(latest, stamps[before:k].max()), k
@@ -238,13 +207,34 @@ def _refuse_fast(model, velocity, beyond):
     share = beyond.mean(axis=0) if len(beyond) else np.zeros(model.nv)
     k = int(np.argmax(share))
     if share[k] > MAX_GARBAGE:
-        largest, limit = np.abs(velocity[:, k]).max(), model.velocity_limit[k]
         raise InputError(
-            f"velocities of joint '{model.dof_names[k]}' reach {largest:.3g}, and {share[k]:.0%} of them are above "
-            f"{MAX_VELOCITY} times the URDF's limit, {limit:.3g} rad/s or m/s: are they in degrees, or of the motor?"
+            f"velocities of joint '{model.dof_names[k]}' reach {np.abs(velocity[:, k]).max():.3g}, and {share[k]:.0%} "
+            f"of them are above {MAX_VELOCITY} times the URDF's limit, {model.velocity_limit[k]:.3g} rad/s or m/s: are "
+            "they in degrees, or of the motor?"
         )
 
 
-def _since(flags, kept):
-    """Return for each kept row whether a flag was set there or since the kept row before."""
-    return np.diff(np.cumsum(flags)[kept], prepend=0) > 0
+def _cut(states, jumped, restarted):
+    """Return the segments of states between gaps, jumps and restarts, without short ones."""
+    steps = np.diff(states.stamp, prepend=states.stamp[:1])
+    gap = max(MIN_GAP, GAP * float(np.median(steps[1:])) * 1e-9) if len(steps) > 1 else MIN_GAP
+    later = np.cumsum(np.where(restarted, round(2.0 * gap * SECOND) - steps, 0))
+    t = (states.stamp - states.stamp[:1] + later) * 1e-9
+    begins = (steps * 1e-9 > gap) | jumped | restarted
+    ends = [0, *(np.flatnonzero(begins[1:]) + 1), len(t)]
+    rows = [slice(*pair) for pair in pairwise(ends) if pair[1] - pair[0] >= MIN_STATES]
+    return [_segment(t[some], states[some]) for some in rows]
+
+
+def _segment(t, states):
+    """Return a segment, whose first state alone is marked as a jump."""
+    return Segment(t, replace(states, jumped=np.arange(len(t)) == 0, effort_known=np.ones(len(t), dtype=bool)))
+
+
+def _shifted(segment, delay):
+    """Return a segment with velocities of the time of its positions; ends without any are cut off."""
+    t, states = segment
+    at = t + delay
+    inside = (at >= t[0]) & (at <= t[-1])
+    velocity = np.column_stack([np.interp(at, t, column) for column in states.velocity.T])
+    return _segment(t[inside], replace(states, velocity=velocity)[inside])

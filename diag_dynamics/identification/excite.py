@@ -16,7 +16,7 @@ from diag_dynamics.checks import instance, number, positive, whole
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
-from diag_dynamics.identification.regressors import DAMPING, FRICTION, OFFSET, OWN, ROTOR, Regressors
+from diag_dynamics.identification.regressors import DAMPING, FRICTION, OFFSET, ROTOR, Regressors
 from diag_dynamics.model import RobotModel
 from diag_dynamics.yaml_files import yaml_text
 
@@ -63,10 +63,7 @@ class Excitation(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers."""
-        keys = "joints", "what", "period", "condition", "time", "position", "velocity", "acceleration", "effort"
-        values = (getattr(self, key) for key in keys)
-        plain = (x.tolist() if isinstance(x, np.ndarray) else list(x) if isinstance(x, tuple) else x for x in values)
-        return dict(zip(keys, plain, strict=True))
+        return {key: np.asarray(value).tolist() for key, value in self._asdict().items()}
 
     def to_json(self) -> str:
         """Return :meth:`to_dict` as JSON."""
@@ -153,44 +150,51 @@ def excite(
         The robot has a floating base, or a joint of several degrees of freedom.
     """
     instance("model", model, RobotModel)
+    what, names = (what,) if isinstance(what, str) else tuple(what), model.dof_names
+    moving = _read_joints(model, names if joints is None else joints)
+    for name, value, unit in (("duration", duration, "[s]"), ("period", period, "[s]"), ("rate", rate, "[1/s]")):
+        positive(name, value, unit)
+    for name, value in (("velocity", velocity), ("effort", effort)):
+        number(name, value, "a number within 0 … 1", lambda x: 0.0 < x <= 1.0)
+    number("margin", margin, "a number within 0 … 0.45", lambda x: 0.0 < x <= 0.45)
+    cycles = round(duration / period)
+    if cycles < 1 or abs(cycles * period - duration) > 1e-9 * duration:
+        raise InputError(f"duration is {duration:g} s, expected a whole number of periods of {period:g} s.")
+    if rate * period < 2.0 * HARMONICS:
+        least = 2.0 * HARMONICS / period
+        raise InputError(
+            f"rate is {rate:g} 1/s; expected {least:g} 1/s at least. Give a higher rate, or a longer period."
+        )
+    fastest, low, high = _find_limits(model, moving, velocity_limits or {}, position_limits or {}, ranges or {})
+    margins = np.where(np.isin(names, list(ranges or {})), 0.0, margin)
+    time = np.arange(round(duration * rate) + 1) / rate
+    family = _Family((velocity * fastest, low, high), moving, period, time, margins)
+    objective = _Objective(model, family, what, effort)
+    best, condition = _search(family, objective, np.random.default_rng(seed), whole("trials", trials), progress)
+    if best is None:
+        raise InputError(objective.refusal())
+    q, qd, qdd = family.trajectory(best)
+    travel, speed = np.ptp(q, axis=0), abs(qd).max(axis=0)
+    for k in np.flatnonzero(moving & ((travel < MIN_TRAVEL) | (speed < MIN_SPEED))):
+        raise InputError(
+            f"joint '{names[k]}' stands still: it moves over {travel[k]:.2g} rad or m at {speed[k]:.2g} rad/s or m/s at "
+            "most. Widen its limits or its range, or leave it out of joints."
+        )
+    return Excitation(names, time, q, qd, qdd, objective.effort_of(q, qd, qdd), period, condition, what)
+
+
+def _read_joints(model, joints):
+    """Return which degrees of freedom move, bool (nv,)."""
     if not model.nv:
         raise InputError(f"robot '{model.name}' has no degrees of freedom; expected one joint at least that can move.")
     if model.floating_base or model.nq != model.nv:
         raise UnsupportedError(
             f"robot '{model.name}' has a floating base, or a joint of several degrees of freedom: nothing excites that."
         )
-    for name, value in (("duration", duration), ("period", period), ("rate", rate)):
-        positive(name, value, "[s]" if name != "rate" else "[1/s]")
-    for name, part, most in (("velocity", velocity, 1.0), ("effort", effort, 1.0), ("margin", margin, 0.45)):
-        number(name, part, f"a number within 0 … {most:g}", _up_to(most))
-    cycles = round(duration / period)
-    if cycles < 1 or abs(cycles * period - duration) > 1e-9 * duration:
-        raise InputError(f"duration is {duration:g} s, expected a whole number of periods of {period:g} s.")
-    if rate < 2.0 * HARMONICS / period:
-        least = 2.0 * HARMONICS / period
-        raise InputError(
-            f"rate is {rate:g} 1/s; expected {least:g} 1/s at least. Give a higher rate, or a longer period."
-        )
-    what, chosen = (what,) if isinstance(what, str) else tuple(what), model.dof_names if joints is None else joints
-    _refuse_unknown("joints", chosen, model)
-    if not chosen:
+    _refuse_unknown("joints", joints, model)
+    if not joints:
         raise InputError("joints is empty; expected one joint at least that moves.")
-    moving = np.isin(model.dof_names, chosen)
-    limits = _find_limits(model, moving, velocity_limits or {}, position_limits or {}, ranges or {})
-    margins = np.where(np.isin(model.dof_names, list(ranges or {})), 0.0, margin)
-    family = _Family(limits, moving, period, cycles, rate, velocity, margins)
-    objective = _Objective(model, family, what, effort)
-    best, condition = _search(family, objective, np.random.default_rng(seed), whole("trials", trials), progress)
-    if best is None:
-        raise InputError(objective.refusal())
-    q, qd, qdd = family.trajectory(best)
-    _refuse_standstill(model.dof_names, moving, q, qd)
-    needed = objective.effort_of(q, qd, qdd)
-    return Excitation(model.dof_names, family.time, q, qd, qdd, needed, period, condition, what)
-
-
-def _up_to(most):
-    return lambda x: 0.0 < x <= most
+    return np.isin(model.dof_names, joints)
 
 
 def _search(family, objective, rng, trials, progress):
@@ -219,83 +223,56 @@ def _refuse_unknown(what, names, model):
 def _find_limits(model, moving, velocities, positions, ranges):
     """Return velocity, lower and upper limits: the model's, or given ones where the model has none; ranges within them."""
     names = model.dof_names
-    for what, given in (("velocity_limits", velocities), ("position_limits", positions), ("ranges", ranges)):
-        _refuse_unknown(what, [name for name in given if what == "ranges" or name != OTHERS], model)
     velocity, lower, upper = model.velocity_limit.copy(), model.lower.copy(), model.upper.copy()
     slow = moving & ~((velocity > 0.0) & (velocity <= MAX_VELOCITY))
     widest = np.maximum(np.abs(lower), np.abs(upper))
     unbounded = moving & ~np.isin(names, model.continuous_joints) & ~((widest <= MAX_POSITION) & (lower < upper))
-    for k, given in _given(velocities, names, slow):
-        most = np.inf if slow[k] else velocity[k]
-        if not isinstance(given, (int, float)) or not (0.0 < given < np.inf and given <= most):
-            bound = "a finite number > 0" if slow[k] else f"a number > 0 up to the model's limit, {most:g}"
-            raise InputError(f"velocity_limits: '{names[k]}' has {given!r}; expected {bound} [rad/s, m/s].")
-        velocity[k], slow[k] = given, False
-    for what, bounds in (("position_limits", positions), ("ranges", ranges)):
-        for k, given in _given(bounds, names, unbounded & (what != "ranges")):
-            low, high = (-np.inf, np.inf) if unbounded[k] else (lower[k], upper[k])
-            lower[k], upper[k] = _read_pair(what, names[k], given, low, high)
-            unbounded[k] = False
-    _refuse_missing(names, slow, unbounded)
+    velocity[slow], lower[unbounded], upper[unbounded] = np.inf, -np.inf, np.inf
+    velocities = {name: (0.0, one) for name, one in velocities.items()}
+    for what, given, low, high, missing in (
+        ("velocity_limits", velocities, np.zeros(model.nv), velocity, slow),
+        ("position_limits", positions, lower, upper, unbounded),
+        ("ranges", ranges, lower, upper, unbounded),
+    ):
+        _refuse_unknown(what, [name for name in given if what == "ranges" or name != OTHERS], model)
+        for k, name in enumerate(names):
+            if name in given or (missing[k] and OTHERS in given):
+                bounds = given.get(name, given.get(OTHERS))
+                low[k], high[k] = _read_bounds(f"{what}: '{name}'", bounds, low[k], high[k])
+                missing[k] = False
+    lacks = (
+        ("Velocity", slow, "finite numbers > 0", "--velocity-limit JOINT=LIMIT (velocity_limits)"),
+        ("Position", unbounded, "lower < upper", "--position-limit JOINT=LOWER:UPPER (position_limits)"),
+    )
+    texts = [
+        f"{what} limits of {', '.join(np.array(names)[missing])} are missing; expected {bounds}. Give {option}."
+        for what, missing, bounds, option in lacks
+        if missing.any()
+    ]
+    if texts:
+        raise InputError(" ".join(texts))
     return velocity, lower, upper
 
 
-def _given(given, names, missing):
-    """Return index and value of joints in a mapping, ``*`` standing for all that lack a limit."""
-    chosen = [(k, name if name in given else OTHERS) for k, name in enumerate(names)]
-    return [(k, given[key]) for k, key in chosen if key in given and (key != OTHERS or missing[k])]
-
-
-def _read_pair(what, name, given, low, high):
+def _read_bounds(name, given, low, high):
     try:
         least, most = map(float, given)
     except (TypeError, ValueError):
         least = most = np.nan
     if not (low <= least < most <= high and np.isfinite([least, most]).all()):
-        bounds = f"a lower and an upper bound within {low:g} … {high:g}"
-        raise InputError(f"{what}: '{name}' has {given!r}, expected {bounds}.")
+        raise InputError(f"{name} has {given!r}; expected finite limits that rise, within {low:g} … {high:g}.")
     return least, most
-
-
-def _refuse_missing(names, velocities, positions):
-    texts = []
-    for text, missing in (
-        (
-            "Velocity limits of {} are missing; expected finite numbers > 0. Give --velocity-limit JOINT=LIMIT "
-            "(velocity_limits).",
-            velocities,
-        ),
-        (
-            "Position limits of {} are missing; expected lower < upper. Give --position-limit JOINT=LOWER:UPPER "
-            "(position_limits).",
-            positions,
-        ),
-    ):
-        if missing.any():
-            texts.append(text.format(", ".join(np.array(names)[missing])))
-    if texts:
-        raise InputError(" ".join(texts))
-
-
-def _refuse_standstill(names, moving, position, velocity):
-    travel, speed = np.ptp(position, axis=0), abs(velocity).max(axis=0)
-    for k in np.flatnonzero(moving & ((travel < MIN_TRAVEL) | (speed < MIN_SPEED))):
-        raise InputError(
-            f"joint '{names[k]}' stands still: it moves over {travel[k]:.2g} rad or m at {speed[k]:.2g} rad/s or m/s at "
-            f"most; expected {MIN_TRAVEL:g} and {MIN_SPEED:g}. Widen its limits or its range, or leave it out of joints."
-        )
 
 
 class _Family:
     """Trajectories within limits of position and velocity, by genes."""
 
-    def __init__(self, limits, moving, period, cycles, rate, velocity, margin):
-        self.time, self.moving = np.arange(round(cycles * period * rate) + 1) / rate, moving
-        fastest, low, high = limits
-        self._fastest, bounded = velocity * fastest, np.isfinite(low) & np.isfinite(high)
-        self._rest = np.clip(
-            np.where(bounded, 0.5 * (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0)), 0.0), low, high
-        )
+    def __init__(self, limits, moving, period, time, margin):
+        self.time, self.moving = time, moving
+        self._fastest, low, high = limits
+        bounded = np.isfinite(low) & np.isfinite(high)
+        middle = 0.5 * (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0))
+        self._rest = np.clip(middle, low, high)
         low, high = (np.where(np.isinf(x), sign * 0.5 * CONTINUOUS_RANGE, x) for sign, x in ((-1.0, low), (1.0, high)))
         self._low, self._high = low + margin * (high - low), high - margin * (high - low)
         w = 2.0 * np.pi / period * np.arange(1, HARMONICS + 1)
@@ -303,7 +280,7 @@ class _Family:
         held = np.zeros((2, 2 * HARMONICS))
         held[0, :HARMONICS], held[1, HARMONICS:] = 1.0, w
         self._free, self._w = np.linalg.svd(held)[2][2:].T, w
-        self._bases = self._make_bases(self.time)
+        self._bases = self._make_bases(time)
         self._dense = self._make_bases(np.linspace(0.0, period, POINTS_PER_PERIOD, endpoint=False))[:2]
 
     def _make_bases(self, time):
@@ -353,26 +330,22 @@ class _Objective:
 
     def _find_columns(self, what, moving):
         """Return the unknowns of `what`."""
-        bodies, wanted = self._regressors.bodies, []
-        own = len(bodies) * PARAMETERS + len(OWN) * np.arange(self._model.nv)[moving]
+        model, bodies, own = self._model, self._regressors.bodies, self._regressors.own
+        known = {
+            "friction": [own(column)[moving] for column in (DAMPING, FRICTION, OFFSET)],
+            "rotors": [own(ROTOR)[moving]],
+            "inertias": [np.arange(PARAMETERS * len(bodies))],
+        }
+        places = [PARAMETERS * np.flatnonzero(bodies == model.placement_in_body(link)[0]) for link in model.link_names]
+        for link, at in zip(model.link_names, places, strict=True):
+            if len(at):  # a body with inertia
+                known[f"payload:{link}"] = [at[0] + np.arange(PARAMETERS)]
         for one in what:
-            kind, _, link = one.partition(":")
-            if one == "friction":
-                wanted += [own + DAMPING, own + FRICTION, own + OFFSET]
-            elif one == "rotors":
-                wanted.append(own + ROTOR)
-            elif one == "inertias":
-                wanted.append(np.arange(len(bodies) * PARAMETERS))
-            elif kind == "payload" and link in self._model.link_names:
-                at = np.flatnonzero(bodies == self._model.placement_in_body(link)[0])
-                if not len(at):
-                    raise InputError(f"what: link '{link}' moves with a body without inertia, or with the base.")
-                wanted.append(PARAMETERS * at[0] + np.arange(PARAMETERS))
-            else:
+            if one not in known:
                 raise InputError(f"what has {one!r}, expected some of friction, rotors, inertias, payload:<link>.")
-        if not wanted:
+        if not what:
             raise InputError("what is empty: nothing is to be excited.")
-        return np.unique(np.concatenate(wanted))
+        return np.unique(np.concatenate([columns for one in what for columns in known[one]]))
 
     def effort_of(self, *motion):
         """Return efforts of the model, friction included, (T, nv)."""
@@ -382,7 +355,7 @@ class _Objective:
         """Return AᵀA of the wanted unknowns, each joint's rows over the variance of its effort."""
         effort = self.effort_of(*motion)
         sums = self._regressors.sum_segment(self._time, *motion[:2], effort)
-        A, _ = sums.weighted(np.maximum(effort.var(axis=0), 1e-12), self._regressors.size)
+        A, _ = self._regressors.weighted(sums, np.maximum(effort.var(axis=0), 1e-12))
         return A[np.ix_(self._columns, self._columns)]
 
     def condition(self, *motion):

@@ -3,15 +3,13 @@
 
 """A fit: its unknowns, the normal equations that it is made to, and its numbers with their certainty."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
 
 from diag_dynamics.identification import inertias
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
-from diag_dynamics.identification.regressors import DAMPING, FRICTION, OFFSET, OWN, ROTOR, NormalEquations
+from diag_dynamics.identification.regressors import DAMPING, FRICTION, OFFSET, OWN, ROTOR
 from diag_dynamics.identification.solver import Body, Problem, solve
 
 PAYLOAD_WEIGHT, POSITIVE_WEIGHT = 0.1, 0.01  # γ of a payload (10 would shift its centre by centimetres) and γ'
@@ -23,7 +21,7 @@ MASS, RADIUS, DISTANCE = 1.0, 0.05, 0.05  # prior of a payload: a ball [kg, m] a
 
 
 class Payload(NamedTuple):
-    """Link, body, 4x4 placement of the link in it, and prior pseudo-inertia in the body's frame."""
+    """Link, its body, its 4x4 placement in that, and the prior pseudo-inertia in the body's frame."""
 
     link: str
     body: int
@@ -47,13 +45,6 @@ class Free(NamedTuple):
     payload: bool
 
 
-class Rows(NamedTuple):
-    """Normal equations, and whether the robot carries the payload in them."""
-
-    sums: NormalEquations
-    loaded: bool
-
-
 class Fit(NamedTuple):
     """All unknowns; which were fitted, their covariance, and the fraction that the rows determine: diag (A + γH)⁻¹A."""
 
@@ -64,15 +55,21 @@ class Fit(NamedTuple):
 
 
 class Layout:
-    """Unknowns of a model (`known`): those of :class:`Regressors`, then the ten of a payload."""
+    """Unknowns of a model (`known`): those of :class:`Regressors`, then the ten of a payload.
+
+    Rows are pairs of normal equations, and of whether the robot carries the payload in them.
+    """
 
     def __init__(self, model, regressors, payload=None):
         self.model, self.payload, self.bodies = model, payload, regressors.bodies
-        self.robot, self.without_rotors = regressors.size, False
+        self.regressors, self.own, self.without_rotors = regressors, regressors.own, False
+        self.robot = regressors.size
         self.size = self.robot + (PARAMETERS if payload else 0)
-        self._own = PARAMETERS * len(self.bodies) + len(OWN) * np.arange(model.nv)
+        # Unknowns of the robot, without and with the payload in them, are these matrices times all unknowns.
+        self._maps = np.repeat(np.eye(self.robot, self.size)[None], 2, axis=0)
         if payload:
-            self._carrier = PARAMETERS * int(np.searchsorted(self.bodies, payload.body)) + np.arange(PARAMETERS)
+            carrier = self.block(int(np.searchsorted(self.bodies, payload.body)))
+            self._maps[1, carrier, self.robot :] = np.eye(PARAMETERS)
         self.known = np.zeros(self.size)
         for k, body in enumerate(self.bodies.tolist()):
             self.known[self.block(k)] = inertias.parameters_of_record(model.bodies[body])
@@ -84,58 +81,47 @@ class Layout:
         """Return the unknowns of the k-th body."""
         return slice(PARAMETERS * k, PARAMETERS * (k + 1))
 
-    def own(self, column):
-        """Return the unknowns of one kind, of all degrees of freedom."""
-        return self._own + column
-
-    def effective(self, x, loaded):
-        """Return the unknowns of the robot with its payload in them."""
-        robot = x[: self.robot].copy()
-        if loaded:
-            robot[self._carrier] += x[self.robot :]
-        return robot
+    def squares(self, rows, x):
+        """Return the sum of squared residuals of each degree of freedom."""
+        each = (self.regressors.residual_squares(sums, self._maps[int(loaded)] @ x) for sums, loaded in rows)
+        return sum(each)
 
     def mean_squares(self, rows, x):
-        """Return the mean squared residual of each degree of freedom."""
-        squares = sum(sums.residual_squares(self.effective(x, loaded)) for sums, loaded in rows)
-        return squares / max(sum(sums.weight for sums, _ in rows), 1e-300)
+        """Return the mean squared residual of each degree of freedom; of efforts, if the unknowns are 0."""
+        return self.squares(rows, x) / max(sum(sums[-1] for sums, _ in rows), 1e-300)
 
     def weighted(self, rows, variance):
         """Return A and b over all rows."""
-        A, b, robot = np.zeros((self.size, self.size)), np.zeros(self.size), slice(0, self.robot)
+        A, b = np.zeros((self.size, self.size)), np.zeros(self.size)
         for sums, loaded in rows:
-            square, right = sums.weighted(variance, self.robot)
-            A[robot, robot] += square
-            b[robot] += right
-            if loaded:
-                A[robot, self.robot :] += square[:, self._carrier]
-                A[self.robot :, robot] += square[self._carrier]
-                A[self.robot :, self.robot :] += square[np.ix_(self._carrier, self._carrier)]
-                b[self.robot :] += right[self._carrier]
+            square, right = self.regressors.weighted(sums, variance)
+            matrix = self._maps[int(loaded)]
+            A += matrix.T @ square @ matrix
+            b += matrix.T @ right
         return A, b
 
 
 def fit_rows(layout, rows, free, weight):
-    """Return the :class:`Fit` to a list of :class:`Rows`; `weight` is γ of the prior on inertias.
+    """Return the :class:`Fit` to rows; `weight` is γ of the prior on inertias.
 
     A payload is physical by itself; if its mass is negative, together with its body.
     """
     if free.payload:
         base = inertias.parameters_of_record(layout.model.bodies[layout.payload.body])
-        if base[0] > 0.0:
-            lighter = _fit(layout, rows, free, weight, base)
-            if lighter.x[layout.robot] < 0.0:
-                return lighter
+        lighter = _fit(layout, rows, free, weight, base) if base[0] > 0.0 else None
+        if lighter and lighter.x[layout.robot] < 0.0:
+            return lighter
     return _fit(layout, rows, free, weight, None)
 
 
 def _fit(layout, rows, free, weight, base):
     which, positive, start, bodies = _unknowns(layout, free, weight, base)
     index = np.flatnonzero(which)
+    if not len(index):
+        return Fit(layout.known.copy(), index, np.zeros((0, 0)), np.zeros(0))
     bodies = [body._replace(first=int(np.searchsorted(index, body.first))) for body in bodies]
     known, positive = np.where(which, 0.0, layout.known), np.flatnonzero(positive[index])
-    total = max(sum(sums.weight for sums, _ in rows), 1e-300)
-    variance = scale = np.maximum(sum(sums.effort_squares for sums, _ in rows) / total, 1e-12)
+    variance = scale = np.maximum(layout.mean_squares(rows, np.zeros(layout.size)), 1e-12)
     for turn in range(MAX_ROUNDS):
         A, b = layout.weighted(rows, variance)
         problem = Problem(A[np.ix_(index, index)], (b - A @ known)[index], bodies, positive, POSITIVE_WEIGHT)
@@ -145,8 +131,6 @@ def _fit(layout, rows, free, weight, base):
         falls = np.any(variance <= FALLING * before)
         if np.all(np.abs(variance / before - 1.0) < CONVERGED) or (turn >= ROUNDS and not falls):
             break
-    if not len(index):
-        return Fit(x, index, np.zeros((0, 0)), np.zeros(0))
     units = 1.0 / np.sqrt(np.diag(hessian))
     covariance = np.linalg.pinv(hessian * units[:, None] * units, hermitian=True) * units[:, None] * units
     return Fit(x, index, covariance, np.einsum("ij,ji->i", covariance, problem.A))
@@ -160,11 +144,9 @@ def _unknowns(layout, free, weight, base):
         which[chosen] = positive[chosen] = True
         start[chosen] = START
     which[layout.own(OFFSET)[free.friction]] = True
-    if free.inertias:
-        for k, body in enumerate(layout.bodies.tolist()):
-            if layout.model.bodies["mass"][body] > 0.0:
-                prior, carried = _without_payloads(layout.model, body)
-                bodies.append(Body(layout.block(k).start, prior, weight, carried))
+    for k, body in enumerate(layout.bodies.tolist()):
+        if free.inertias and layout.model.bodies["mass"][body] > 0.0:
+            bodies.append(Body(layout.block(k).start, *_prior(layout.model, body, weight)))
     if free.payload and base is None:
         bodies.append(Body(layout.robot, layout.payload.prior, PAYLOAD_WEIGHT, np.zeros((4, 4))))
     elif free.payload:
@@ -175,14 +157,12 @@ def _unknowns(layout, free, weight, base):
     return which, positive, start, bodies
 
 
-def _without_payloads(model, body):
-    """Return a body's floored pseudo-inertia without the model's payloads, and theirs, negative."""
-    carried = np.zeros(PARAMETERS)
+def _prior(model, body, weight):
+    """Return a body's floored pseudo-inertia without the model's payloads, the weight, and theirs, negative."""
+    whole, carried = inertias.parameters_of_record(model.bodies[body]), np.zeros(PARAMETERS)
     for link, payload in model.payloads.items():
         of_link, placement = model.placement_in_body(link)
         if of_link == body:
             carried += inertias.moved(inertias.of_body(*payload), placement)
-    own = inertias.parameters_of_record(model.bodies[body]) - carried
-    if own[0] <= 0.0:
-        own, carried = own + carried, np.zeros(PARAMETERS)
-    return inertias.floored(own), -inertias.pseudo_inertia(carried)
+    carried *= whole[0] > carried[0]
+    return inertias.floored(whole - carried), weight, -inertias.pseudo_inertia(carried)

@@ -13,23 +13,22 @@ import numpy as np
 
 from diag_dynamics.checks import instance
 from diag_dynamics.exceptions import DiagDynamicsError, InputError, UnsupportedError
-from diag_dynamics.identification.data_checks import DOUBTFUL, check_efforts, check_motion
+from diag_dynamics.identification.data_checks import check_efforts, check_motion
 from diag_dynamics.identification.dataset import MAX_VALUES, Dataset, list_recordings
 from diag_dynamics.identification.fit import payload_at
-from diag_dynamics.identification.regressors import NormalEquations, Regressors
-from diag_dynamics.identification.result import Identification, friction_of, model_of, parameters_of, payload_certainty
-from diag_dynamics.identification.selection import GAIN, STEPS, Selection
-from diag_dynamics.identification.validation import validate
+from diag_dynamics.identification.quality import quality_of
+from diag_dynamics.identification.regressors import Regressors
+from diag_dynamics.identification.result import Identification, parameters_of, payload_parameters
+from diag_dynamics.identification.selection import STEPS, Selection
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.single_joints import single_joints
-from diag_dynamics.recordings.balance import NOTHING_EXPLAINED
 from diag_dynamics.recordings.recording import Recording
+from diag_dynamics.sweeps.spatial import ANGULAR_X
 
 Readable: TypeAlias = Recording | Callable[[], Iterable[Recording]]  # in memory, or a function that returns pieces
 HELD_OUT = 1.0 / 3.0  # fraction of the recordings that validates a fit
 MAX_BLOCKS, MIN_BLOCK = 8, 1.0  # of other rows for cross-validation; shortest length: six time constants [s]
 UNASKED_GAIN, MAX_TIPS = 0.3, 3  # gain from which an unasked payload is named; ends of the robot that are tried
-MAX_CHANGE = 0.2  # relative change of kinetic energy without a warning
 
 
 def identify(
@@ -78,54 +77,50 @@ def identify(
     """
     instance("model", model, RobotModel)
     steps, payload = _read_what(what, model, reference)
-    _refuse_unsupported(model)
-    tips = _tips(model)
-    carriers = [one.body for one in ([payload] if payload else tips)]
-    data = Data(model, carriers, recordings, reference, payload is not None)
-    result = _identify(model, Selection(model, steps, payload, data), data)
-    if payload is None and "inertias" not in result.quality["taken"]:
-        result.quality["warnings"] += _warn_of_payload(model, steps, tips, data, result.quality["ladder"])
-    return result
-
-
-def _read_what(what, model, reference):
-    """Return steps, in order, and the Payload or None."""
-    names, steps, payloads = (what,) if isinstance(what, str) else tuple(what), [], []
-    for name in names:
-        if isinstance(name, str) and name.startswith("payload:"):
-            payloads.append(name.removeprefix("payload:"))
-            if payloads[-1] not in model.link_names:
-                raise InputError(f"what: '{payloads[-1]}' is not a link of robot '{model.name}'.")
-            if model.placement_in_body(payloads[-1])[0] == 0:
-                raise InputError(f"what: no joint moves link '{payloads[-1]}', whose payload nothing shows.")
-        elif name in STEPS:
-            steps.append(name)
-        else:
-            raise InputError(f"what has {name!r}, expected {', '.join(STEPS)} or payload:<link>.")
-    if not names:
-        raise InputError(f"what is empty, expected some of {', '.join(STEPS)}, payload:<link>.")
-    if len(payloads) > 1:
-        raise InputError(f"what has {len(payloads)} payloads, expected one.")
-    if reference is not None and not payloads:
-        raise InputError("reference is for a payload, and what has none.")
-    if payloads and reference is None and "inertias" in steps:
-        raise InputError(
-            f"what has both inertias and payload:{payloads[0]}: give a recording without the payload as reference."
-        )
-    return [step for step in STEPS if step in steps], payload_at(model, payloads[0]) if payloads else None
-
-
-def _refuse_unsupported(model):
     if model.floating_base:
         raise UnsupportedError(f"robot '{model.name}' has a floating base, whose support nothing measures.")
     for name in set(model.joint_names) - set(single_joints(model)):
         raise UnsupportedError(f"joint '{name}' has several degrees of freedom, which is not supported here.")
+    ends = np.setdiff1d(np.arange(1, len(model.bodies)), model.bodies["parent"])[-MAX_TIPS:]
+    tips = [payload_at(model, model.link_names[model.bodies["link"][end]]) for end in ends]
+    carriers = [one.body for one in ([payload] if payload else tips)]
+    data = Data(model, carriers, recordings, reference, payload is not None)
+    selection = Selection(model, steps, payload, data)
+    last = selection.fit_all() if selection.fit else None
+    quality = quality_of(model, selection, data, last)
+    free = selection.free(selection.taken)._replace(inertias="inertias" in selection.taken)
+    x, origin = last.x if last else selection.layout.known, _origin(model, data, quality)
+    parameters = parameters_of(selection.layout, x, free, origin)
+    if payload is None and "inertias" not in selection.taken:
+        quality["warnings"] += _warn_of_payload(model, steps, tips, data, selection.score)
+    return Identification(model.with_parameters(parameters), parameters, quality)
 
 
-def _tips(model):
-    """Return payloads at ends of the robot that nobody asked for."""
-    tips = np.setdiff1d(np.arange(1, len(model.bodies)), model.bodies["parent"])[-MAX_TIPS:]
-    return [payload_at(model, model.link_names[model.bodies["link"][tip]]) for tip in tips]
+def _read_what(what, model, reference):
+    """Return steps, in order, and the Payload or None."""
+    names = (what,) if isinstance(what, str) else tuple(what)
+    payloads = [name[8:] for name in names if isinstance(name, str) and name.startswith("payload:")]
+    steps = [step for step in STEPS if step in names]
+    expected = f"expected some of {', '.join(STEPS)}, payload:<link>"
+    for name in names:
+        if name not in (*STEPS, *(f"payload:{link}" for link in payloads)):
+            raise InputError(f"what has {name!r}, {expected}.")
+    if not names:
+        raise InputError(f"what is empty, {expected}.")
+    if len(payloads) > 1:
+        raise InputError(f"what has {len(payloads)} payloads, expected one.")
+    for link in payloads:
+        if link not in model.link_names:
+            raise InputError(f"what: '{link}' is not a link of robot '{model.name}'.")
+        if model.placement_in_body(link)[0] == 0:
+            raise InputError(f"what: no joint moves link '{link}', whose payload nothing shows.")
+        if reference is None and "inertias" in steps:
+            raise InputError(
+                f"what has both inertias and payload:{link}: give a recording without the payload as reference."
+            )
+    if reference is not None and not payloads:
+        raise InputError("reference is for a payload, and what has none.")
+    return steps, payload_at(model, payloads[0]) if payloads else None
 
 
 class Data:
@@ -143,58 +138,50 @@ class Data:
         unloaded = [Dataset(f"reference[{k}]", one, model, share) for k, one in enumerate(unloaded)]
         self.datasets = [*self.loaded, *unloaded]
         self.relations = [check_efforts(model, one, tolerant and one in self.loaded) for one in self.datasets]
-        self.moving, self.findings = check_motion(model, self.datasets)
+        own = model.bodies[1:][model.bodies["owner"][1:] == np.arange(1, len(model.bodies))]
+        slides = np.isin(np.arange(model.nv), own["dof"][own["direction"] < ANGULAR_X])
+        self.moving, self.findings = check_motion(model, self.datasets, slides)
         self.duration = sum(one.duration for one in self.datasets)
         self.begin, early = self._split()
-        parts, zero = self._sum_blocks(early), NormalEquations.zero(self.regressors.columns)
+        parts, zero = self._sum_blocks(early), self.regressors.zero()
         self.held_out, self.blocks = parts.pop(MAX_BLOCKS, zero), [parts[k] for k in sorted(parts)]
         self.fitted = sum(self.blocks, zero)
-        beside = (self.regressors.sum_rows(*rows) for one in unloaded for _, rows in self._rows(one))
-        self.unloaded = sum(beside, zero) if unloaded else None
+        segments = (segment for one in unloaded for segment in one.segments)
+        beside = [self.regressors.sum_segment(*segment.columns) for segment in segments]
+        self.unloaded = sum(beside) if unloaded else None
 
     def _split(self):
         """Return where the held-out part begins in the last dataset, and the time before it [s]."""
         last, total = self.loaded[-1], sum(one.duration for one in self.loaded)
         held = remaining = min(HELD_OUT * total, last.duration if len(self.loaded) > 1 else total)
-        for begin, end in reversed(last.spans):
-            if end - begin >= remaining:
-                return end - remaining, total - held
-            remaining -= end - begin
-        return last.spans[0][0], total - held
-
-    def _rows(self, dataset):
-        """Yield slices of states, and their filtered rows and weights."""
-        states = dataset.states
-        for one in dataset.segments:
-            columns = dataset.t[one], states.position[one], states.velocity[one], states.effort[one]
-            first = one.start + 1
-            for rows in self.regressors.filtered_rows(*columns):
-                yield slice(first, first + len(rows[0])), rows
-                first += len(rows[0])
+        for segment in reversed(last.segments):
+            if segment.duration >= remaining:
+                return segment.t[-1] - remaining, total - held
+            remaining -= segment.duration
+        return last.segments[0].t[0], total - held
 
     def _sum_blocks(self, early):
         """Return normal equations by number of the block; MAX_BLOCKS is that of the held-out part."""
         count, parts, elapsed = int(np.clip(early // MIN_BLOCK, 1, MAX_BLOCKS)), {}, 0.0
-        for dataset in self.loaded:
-            number = np.zeros(len(dataset.t), dtype=int)
-            for one in dataset.segments:
-                t = dataset.t[one]
-                if early > 0.0:
-                    number[one] = np.minimum((elapsed + t - t[0]) // (early / count), count - 1)
-                elapsed += t[-1] - t[0]
+        for dataset, segment in ((one, segment) for one in self.loaded for segment in one.segments):
+            t = segment.t
+            number = np.minimum((elapsed + t - t[0]) // max(early / count, 1e-9), count - 1).astype(int)
             if dataset is self.loaded[-1]:
-                number[dataset.t >= self.begin] = MAX_BLOCKS
-            for part, rows in self._rows(dataset):
-                for block in np.unique(number[part]).tolist():
-                    chosen = number[part] == block
-                    sums = self.regressors.sum_rows(*(column[chosen] for column in rows))
-                    parts[block] = parts[block] + sums if block in parts else sums
+                number[t >= self.begin] = MAX_BLOCKS
+            elapsed += segment.duration
+            first = 1
+            for rows, weights in self.regressors.filtered_rows(*segment.columns):
+                part = number[first : first + len(rows)]
+                first += len(rows)
+                for block in np.unique(part).tolist():
+                    chosen = part == block
+                    sums = self.regressors.sum_rows(rows[chosen], weights[chosen])
+                    parts[block] = parts.get(block, 0.0) + sums
         return parts
 
 
-def _warn_of_payload(model, steps, tips, data, ladder):
-    """Return a warning of the payload at an end of the robot that would explain much of the residual."""
-    left = min(rung["score"] for rung in ladder if rung["taken"])
+def _warn_of_payload(model, steps, tips, data, left):
+    """Return a warning of the payload at an end of the robot that would explain much of the residual that is left."""
     best, warnings = (1.0 - UNASKED_GAIN) * left, []
     for payload in tips:
         try:
@@ -202,109 +189,13 @@ def _warn_of_payload(model, steps, tips, data, ladder):
         except DiagDynamicsError:
             continue
         if trial.score < best:
-            best = trial.score
+            best, mass = trial.score, payload_parameters(trial.layout, trial.fit.x)[0]
             warnings = [
-                f"a payload of {trial.payload_mass():+.2g} kg at '{payload.link}' would make the residual of what was held "
-                f"out {1.0 - best / left:.0%} smaller: if the robot carries, or lacks, something there, ask for "
+                f"a payload of {mass:+.2g} kg at '{payload.link}' would make the residual of what was held out "
+                f"{1.0 - best / left:.0%} smaller: if the robot carries, or lacks, something there, ask for "
                 f"payload:{payload.link}, too; else for inertias"
             ]
     return warnings
-
-
-def _identify(model, selection, data):
-    """Return the :class:`Identification`, given the steps that were selected."""
-    layout, nothing, payload = selection.layout, selection.fit is None, selection.layout.payload
-    free = selection.free(selection.taken)
-    last = None if nothing else selection.fit_all()
-    x = layout.known if nothing else selection.fit.x
-    subjects = [(model, friction_of(layout, layout.known))]
-    if not nothing:
-        subjects.append((model_of(layout, x, payload is not None), friction_of(layout, x)))
-    validations = [validate(*subject, data.loaded[-1], data.begin) for subject in subjects]
-    quality = _quality(model, selection, data, validations, x)
-    if last is not None:
-        _add_certainty(model, selection, data, last, free, quality)
-    _add_warnings(selection, quality)
-    free = free._replace(inertias="inertias" in selection.taken)
-    parameters = parameters_of(layout, layout.known if nothing else last.x, free, _origin(model, data, quality))
-    return Identification(model.with_parameters(parameters), parameters, quality)
-
-
-def _quality(model, selection, data, validations, x):
-    names, before, after, last = model.dof_names, validations[0], validations[-1], data.loaded[-1]
-    held = np.flatnonzero(last.t >= data.begin)[[0, -1]]
-    findings = [finding for one in data.datasets for finding in one.findings]
-    judged = any(one.judged().any() for one in data.relations)
-    layout = selection.layout
-    residuals = [np.sqrt(layout.mean_squares(selection.held_out, y)) for y in (layout.known, x)]
-    return {
-        "held_out": [last.start + int(stamp - last.zero) * 1e-9 for stamp in last.states.stamp[held]],
-        "held_out_duration": float(np.diff(last.t[held])[0]),
-        "torque_rms": _pairs(names, before.torque, after.torque),
-        "explained": [before.explained, after.explained],
-        "explained_total": [before.explained_total, after.explained_total],
-        "row_residual": _pairs(names, *residuals),
-        "observer_spread": _pairs(names, before.spread, after.spread),
-        "kinetic_energy": [before.kinetic, after.kinetic],
-        "taken": selection.named(selection.taken),
-        "kept": selection.kept,
-        "ladder": selection.ladder,
-        "effort_factor": _factors(names, data.relations),
-        "efforts_judged": judged and not any(finding.cause == DOUBTFUL for finding in findings),
-        "velocity_delay": [one.delay for one in data.loaded],
-        "effective_parameters": {},
-        "payload": None,
-        "warnings": selection.warnings,
-        "findings": [str(finding) for finding in findings + data.findings * selection.asks_for_joints],
-    }
-
-
-def _add_certainty(model, selection, data, fit, free, quality):
-    """Add what the rows determine of inertias."""
-    warnings, layout = quality["warnings"], selection.layout
-    if free.inertias:
-        effective = selection.effective_parameters(fit)
-        quality["effective_parameters"] = {
-            model.link_names[model.bodies["link"][body]]: float(count)
-            for body, count in zip(layout.bodies, effective, strict=True)
-            if model.bodies["mass"][body] > 0.0
-        }
-        warnings.append(
-            "masses and inertias of single links are not determined by any motion: only what they do together is"
-        )
-    if layout.payload:
-        quality["payload"] = payload_certainty(layout, fit)
-        warnings.append(f"payload of {layout.payload.link}: {quality['payload']['inertia_known']}")
-        if data.unloaded is None:
-            warnings.append(
-                f"payload of {layout.payload.link}: its deviations take the model of the robot for right; a reference "
-                "without the payload would tell"
-            )
-
-
-def _add_warnings(selection, quality):
-    warnings, (before, after) = quality["warnings"], quality["kinetic_energy"]
-    if before > 0.0 and abs(after / before - 1.0) > MAX_CHANGE:
-        warnings.append(f"kinetic energy is {after / before:.2f} times what it was with the model")
-    for name, (first, then) in quality["row_residual"].items():
-        if then > first:
-            warnings.append(f"the held-out residual of joint '{name}' is {then:.3g}, with the model {first:.3g}")
-    for step, joints in selection.kept.items():
-        for name, (without, own) in joints.items():
-            end = "" if own >= without else f"; a step that was refused before needs {GAIN:.0%} less"
-            warnings.append(
-                f"{step} of joint '{name}': as the model has it. In cross-validation the residual is {own:.3g} with numbers "
-                f"of its own, {without:.3g} with the model's{end}"
-            )
-    share, total = quality["explained"], quality["explained_total"][1]
-    if None not in share and share[1] < share[0]:
-        warnings.append(f"the efforts explain less of dK/dt than before: {share[1]:.2f} of {share[0]:.2f}")
-    if None not in (share[1], total) and max(share[1], total) < NOTHING_EXPLAINED:
-        quality["efforts_judged"] = False
-        warnings.append(
-            f"the identified model explains nothing of the motion: {share[1]:.3g} of dK/dt and {total:.3g} of d(K + U)/dt. "
-            "Check that efforts are those of these joints, in their order and in N m or N"
-        )
 
 
 def _origin(model, data, quality):
@@ -319,19 +210,3 @@ def _origin(model, data, quality):
         "method": "filtered momentum, " + (", ".join(quality["taken"]) or "nothing taken"),
         "quality": {key: quality[key] for key in ("held_out", "torque_rms", "explained", "observer_spread")},
     }
-
-
-def _factors(names, relations):
-    """Return factor and standard error of each joint's effort, of the recording with the smallest; None without any."""
-    errors = np.array([one.error for one in relations])
-    found = {}
-    for k, best in enumerate(np.argmin(errors, axis=0).tolist()):
-        pair = float(relations[best].factor[k]), float(errors[best, k])
-        found[names[k]] = list(pair) if np.isfinite(pair).all() else None
-    return found
-
-
-def _pairs(names, before, after):
-    """Return [before, after] by name; None for an unknown value."""
-    pairs = zip(names, np.transpose([before, after]).tolist(), strict=True)
-    return {name: [None if np.isnan(one) else one for one in pair] for name, pair in pairs}

@@ -7,43 +7,26 @@ import numpy as np
 
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
 
-ORDER = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # rotational inertia in the order of the parameters
-UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # and of BODY and LINK
+TRIANGLE = np.tril_indices(3)  # Ixx, Ixy, Iyy, Ixz, Iyz, Izz: the order of the parameters
+SQUARE = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # places of these in the 3x3 inertia
 FLOOR = 1e-3  # smallest variance of a body's mass along an axis, relative to the largest
-
-
-def parameters_of(mass, first_moment, rotational):
-    """Return ten parameters, given mass, mass times centre, and 3x3 inertia about the origin."""
-    return np.array([mass, *first_moment, *(rotational[i, j] for i, j in ORDER)])
 
 
 def of_body(mass, centre, about_centre):
     """Return ten parameters, given mass, centre of mass and 3x3 inertia about it."""
     c = np.asarray(centre, dtype=float)
     rotational = np.asarray(about_centre) + mass * (c @ c * np.eye(3) - np.outer(c, c))
-    return parameters_of(mass, mass * c, rotational)
+    return np.r_[mass, mass * c, rotational[TRIANGLE]]
 
 
 def parameters_of_record(record):
     """Return ten parameters of a record of BODY or LINK, in the body's frame."""
-    return parameters_of(record["mass"], record["first_moment"], _symmetric(record["inertia"], UPPER))
-
-
-def rotational_of(parameters):
-    """Return the 3x3 inertia about the origin."""
-    return _symmetric(parameters[4:], ORDER)
-
-
-def _symmetric(six, order):
-    rotational = np.zeros((3, 3))
-    for value, (i, j) in zip(six, order, strict=True):
-        rotational[i, j] = rotational[j, i] = value
-    return rotational
+    return np.r_[record["mass"], record["first_moment"], record["inertia"][[0, 1, 3, 2, 4, 5]]]
 
 
 def pseudo_inertia(parameters):
     """Return the 4x4 pseudo-inertia ∫ (r, 1)(r, 1)ᵀ dm, positive definite for a physical body."""
-    rotational = rotational_of(parameters)
+    rotational = np.asarray(parameters)[4:][SQUARE]
     J = np.empty((4, 4))
     J[:3, :3] = 0.5 * np.trace(rotational) * np.eye(3) - rotational
     J[:3, 3] = J[3, :3] = parameters[1:4]
@@ -53,7 +36,8 @@ def pseudo_inertia(parameters):
 
 def parameters_of_pseudo(J):
     """Return ten parameters of a 4x4 pseudo-inertia."""
-    return parameters_of(J[3, 3], J[:3, 3], np.trace(J[:3, :3]) * np.eye(3) - J[:3, :3])
+    rotational = np.trace(J[:3, :3]) * np.eye(3) - J[:3, :3]
+    return np.r_[J[3, 3], J[:3, 3], rotational[TRIANGLE]]
 
 
 BASIS = np.array([pseudo_inertia(unit) for unit in np.eye(PARAMETERS)])
@@ -67,11 +51,11 @@ def moved(parameters, placement):
 
 def about_centre(parameters):
     """Return mass, centre of mass and 3x3 inertia about it."""
-    mass, h = float(parameters[0]), parameters[1:4]
+    mass, rotational = float(parameters[0]), parameters[4:][SQUARE]
     if mass == 0.0:
-        return 0.0, np.zeros(3), rotational_of(parameters)
-    c = h / mass
-    return mass, c, rotational_of(parameters) - mass * (c @ c * np.eye(3) - np.outer(c, c))
+        return 0.0, np.zeros(3), rotational
+    c = parameters[1:4] / mass
+    return mass, c, rotational - mass * (c @ c * np.eye(3) - np.outer(c, c))
 
 
 def is_physical(parameters):
@@ -95,12 +79,12 @@ def share_out(parts, whole):
     J = Σ A J_part A with the symmetric A that maps the old sum to the new one, so that every part
     stays physical.
     """
-    root = _power(sum(parts), 0.5)
+    root = _root(sum(parts))
     inverse = np.linalg.inv(root)
-    A = inverse @ _power(root @ whole @ root, 0.5) @ inverse
+    A = inverse @ _root(root @ whole @ root) @ inverse
     return [A @ part @ A for part in parts]
 
 
-def _power(J, exponent):
+def _root(J):
     values, axes = np.linalg.eigh(J)
-    return axes @ np.diag(np.maximum(values, 0.0) ** exponent) @ axes.T
+    return axes @ np.diag(np.sqrt(np.maximum(values, 0.0))) @ axes.T

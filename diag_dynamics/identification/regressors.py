@@ -3,10 +3,6 @@
 
 """Regressors of a robot, its filtered rows and their normal equations."""
 
-from __future__ import annotations
-
-from typing import NamedTuple
-
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
@@ -16,7 +12,7 @@ from diag_dynamics.sweeps import Workspace
 OWN = DAMPING, FRICTION, OFFSET, ROTOR = range(4)  # unknowns of a degree of freedom beside inertias
 RATE = 2.0 * np.pi  # λ of the low-pass [1/s]; at 3 Hz the noise of velocities biases the columns
 SIZE = 1000  # states whose rows are in memory at once
-PRODUCT = 240_000  # rows × columns² of a product: BLAS has more threads wait for larger ones than work
+PRODUCT = 240_000  # rows × columns² of a product: in larger ones threads of BLAS wait
 
 
 class Regressors:
@@ -26,30 +22,37 @@ class Regressors:
     offset and rotor inertia of each degree of freedom. The row of a degree of freedom has `columns` of
     them, of the bodies that it moves and its own, and then the effort. `rows` are their places in the row
     of all. Bodies in `also` are unknowns even without inertia.
+
+    Normal equations of rows are one vector, so that those of several parts add up: [Y τ]ᵀ[Y τ] of each
+    degree of freedom, and the sum of weights.
     """
 
     def __init__(self, model, also=()):
         bodies, nv = model.bodies, model.nv
         self.bodies = np.union1d(np.flatnonzero(bodies["mass"][1:] > 0.0) + 1, np.array(also, dtype=int))
-        self.size = PARAMETERS * len(self.bodies) + len(OWN) * nv
-        moved = [set() for _ in range(nv)]
+        inertial = PARAMETERS * len(self.bodies)
+        self.size = inertial + len(OWN) * nv
+        moved = np.zeros((nv, len(self.bodies)), dtype=bool)
         for number, body in enumerate(self.bodies.tolist()):
-            inboard = body
-            while inboard > 0:
-                moved[bodies["dof"][inboard]].add(number)
-                inboard = int(bodies["parent"][inboard])
+            while body > 0:
+                moved[bodies["dof"][body], number] = True
+                body = int(bodies["parent"][body])
         self.columns, self.rows, end = [], [], 0
         self._first = np.full((nv, len(bodies)), -1.0)
-        for k, numbers in enumerate(map(sorted, moved)):
-            blocks = [PARAMETERS * number + np.arange(PARAMETERS) for number in numbers]
-            own = PARAMETERS * len(self.bodies) + len(OWN) * k + np.arange(len(OWN))
-            self.columns.append(np.concatenate([*blocks, own]))
+        for k in range(nv):
+            numbers = np.flatnonzero(moved[k])
+            blocks = (PARAMETERS * numbers[:, None] + np.arange(PARAMETERS)).ravel()
+            self.columns.append(np.r_[blocks, inertial + len(OWN) * k + np.arange(len(OWN))])
             self._first[k, self.bodies[numbers]] = end + PARAMETERS * np.arange(len(numbers))
             self.rows.append(slice(end, end + len(self.columns[k]) + 1))
             end = self.rows[k].stop
         self._friction_velocity = model.friction_velocity
         self._workspace = Workspace(bodies, model.gravity)
         self._directions = np.zeros((len(bodies), len(bodies), 12))
+
+    def own(self, column):
+        """Return the unknowns of one kind, of all degrees of freedom."""
+        return PARAMETERS * len(self.bodies) + len(OWN) * np.arange(len(self.rows)) + column
 
     def evaluate(self, q, qd):
         """Return Y_p and Y_g − Y_∂ at states (T, nq) and (T, nv): rows of all, (T, R), zero beside inertias."""
@@ -85,14 +88,36 @@ class Regressors:
             yield momentum[1:] + filtered[1:], np.minimum(1.0, 0.5 * np.diff(time))
 
     def sum_rows(self, rows, weights):
-        """Return the :class:`NormalEquations` of rows."""
+        """Return the normal equations of rows."""
         rows = rows * np.sqrt(weights)[:, None]
-        return NormalEquations(self.columns, [_square(rows[:, part]) for part in self.rows], weights.sum())
+        return np.concatenate([*(_square(rows[:, part]).ravel() for part in self.rows), [weights.sum()]])
 
     def sum_segment(self, t, q, qd, tau):
-        """Return the :class:`NormalEquations` of consecutive states."""
-        sums = (self.sum_rows(*some) for some in self.filtered_rows(t, q, qd, tau))
-        return sum(sums, NormalEquations.zero(self.columns))
+        """Return the normal equations of consecutive states."""
+        return sum(self.sum_rows(*some) for some in self.filtered_rows(t, q, qd, tau))
+
+    def zero(self):
+        """Return the normal equations of no rows."""
+        return np.zeros(1 + sum((len(columns) + 1) ** 2 for columns in self.columns))
+
+    def products(self, sums):
+        """Return [Y τ]ᵀ[Y τ] of each degree of freedom."""
+        sizes = [len(columns) + 1 for columns in self.columns]
+        parts = np.split(sums[:-1], np.cumsum(np.square(sizes))[:-1])
+        return [part.reshape(size, size) for part, size in zip(parts, sizes, strict=True)]
+
+    def residual_squares(self, sums, x):
+        """Return sums of squared residuals of each degree of freedom, given all unknowns."""
+        signed = [np.append(-x[columns], 1.0) for columns in self.columns]
+        return np.maximum([y @ one @ y for y, one in zip(signed, self.products(sums), strict=True)], 0.0)
+
+    def weighted(self, sums, variance):
+        """Return A and b over all rows, each degree of freedom's over its variance."""
+        A, b = np.zeros((self.size, self.size)), np.zeros(self.size)
+        for columns, one, each in zip(self.columns, self.products(sums), variance, strict=True):
+            A[np.ix_(columns, columns)] += one[:-1, :-1] / each
+            b[columns] += one[:-1, -1] / each
+        return A, b
 
 
 def _square(rows):
@@ -102,44 +127,3 @@ def _square(rows):
     whole = count // each * each
     chunks, rest = np.ascontiguousarray(rows[:whole]).reshape(-1, each, size), rows[whole:]
     return (chunks.transpose(0, 2, 1) @ chunks).sum(axis=0) + rest.T @ rest
-
-
-class NormalEquations(NamedTuple):
-    """Weighted products of the columns of each degree of freedom, the effort behind them, and the sum of weights."""
-
-    columns: list
-    products: list
-    weight: float
-
-    @classmethod
-    def zero(cls, columns):
-        """Return sums over no rows."""
-        return cls(columns, [np.zeros((len(one) + 1,) * 2) for one in columns], 0.0)
-
-    def __add__(self, other):
-        return self._merge(other, 1.0)
-
-    def __sub__(self, other):
-        return self._merge(other, -1.0)
-
-    def _merge(self, other, factor):
-        products = [a + factor * b for a, b in zip(self.products, other.products, strict=True)]
-        return NormalEquations(self.columns, products, self.weight + factor * other.weight)
-
-    @property
-    def effort_squares(self):
-        """Sums of squared efforts, shape (nv,)."""
-        return np.array([one[-1, -1] for one in self.products])
-
-    def residual_squares(self, x):
-        """Return sums of squared residuals of each degree of freedom, given all unknowns."""
-        signed = [np.append(-x[columns], 1.0) for columns in self.columns]
-        return np.maximum([y @ one @ y for y, one in zip(signed, self.products, strict=True)], 0.0)
-
-    def weighted(self, variance, size):
-        """Return A and b over all rows, each degree of freedom's over its variance."""
-        A, b = np.zeros((size, size)), np.zeros(size)
-        for columns, one, each in zip(self.columns, self.products, variance, strict=True):
-            A[np.ix_(columns, columns)] += one[:-1, :-1] / each
-            b[columns] += one[:-1, -1] / each
-        return A, b

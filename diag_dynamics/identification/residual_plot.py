@@ -15,23 +15,22 @@ MAX_STEPS = 6000  # of a curve: ten times the pixels that they are drawn on
 def residual_curves(models, pieces, gain):
     """Return times [s], shape (P,), and observed external torques of each model [N m, N], (P, nv).
 
-    `pieces` returns the pieces of a recording, `gain` is the observer's [1/s]. Of more than MAX_STEPS states
-    a curve has the smallest and the largest value of each step; rows of NaN are gaps.
+    `pieces` returns the pieces of a recording, `gain` is the observer's [1/s]. Of more than MAX_STEPS
+    states a curve has the smallest and the largest value of each step; rows of NaN are gaps.
     """
     dataset = Dataset("recording", pieces, models[0])
-    dynamics = [DiagonalDynamics(model) for model in models]
-    observers = [Observer(one, gain, friction=True) for one in dynamics]
-    each, times, curves = -(-len(dataset.t) // MAX_STEPS), [], []
-    for part in dataset.portions():
-        states, torques = dataset.states[part], []
-        for one, observer in zip(dynamics, observers, strict=True):
-            s = one.evaluate_batch(states.position, states.velocity, states.effort, friction=True)
-            torques.append(observer.observe_batch(states, s)[1])
-        torques, first = np.hstack(torques), np.arange(0, part.stop - part.start, each)
-        low, high = (extreme.reduceat(torques, first, axis=0) for extreme in (np.fmin, np.fmax))
-        if states.jumped[0]:
-            times.append(dataset.t[part][:1])
-            curves.append(np.full((1, torques.shape[1]), np.nan))
-        curves.append(np.stack([low, high], axis=1)[:, : 1 + (each > 1)].reshape(-1, torques.shape[1]))
-        times.append(np.repeat(dataset.t[part][first], 1 + (each > 1)))
+    observers = [Observer(DiagonalDynamics(model), gain, friction=True) for model in models]
+    each = -(-sum(len(one.t) for one in dataset.segments) // MAX_STEPS)
+    times, curves = [], []
+    for t, states in dataset.portions():
+        torques = np.hstack([_observed(one, states) for one in observers])
+        first = np.arange(0, len(t), each)
+        extremes = [one.reduceat(torques, first, axis=0) for one in (np.fmin, np.fmax)]
+        gap = np.full((int(states.jumped[0]), torques.shape[1]), np.nan)
+        curves += [gap, np.stack(extremes, axis=1).reshape(-1, torques.shape[1])]
+        times += [t[: len(gap)], np.repeat(t[first], 2)]
     return np.concatenate(times), np.split(np.concatenate(curves), len(models), axis=1)
+
+
+def _observed(observer, states):
+    return np.concatenate([torque for _, (_, torque, *_) in observer.observe_states(states)])

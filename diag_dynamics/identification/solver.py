@@ -44,19 +44,16 @@ class Problem(NamedTuple):
 
 def solve(problem, start):
     """Return x at the minimum and the Hessian there, from a start within all cones; raises DiagDynamicsError."""
-    x = np.array(start)
     weights = [body.weight for body in problem.bodies] or [problem.positive_weight]
     smallest, least = min(weights), min(*weights, problem.positive_weight)
-    if not problem.bodies and not len(problem.positive):
-        _, gradient, hessian = _evaluate(problem, x, 1.0)
-        return x + _newton_step(gradient, hessian)[1], hessian
-    first = _newton_step(*_evaluate(problem, x, 1.0)[1:])[0]
+    x = np.array(start)
+    first = _newton_step(*_derivatives(problem, x, 1.0))[0]
     stages, steps = max(0, int(np.ceil(np.log10(max(first, smallest) / smallest)))), 0
     for stage in range(stages, -1, -1):
         scale, before, length = 10.0**stage, np.inf, 0.0
         goal = STAGE_DECREMENT * smallest * scale if stage else LAST_DECREMENT
         while True:
-            value, gradient, hessian = _evaluate(problem, x, scale)
+            gradient, hessian = _derivatives(problem, x, scale)
             squared, direction = _newton_step(gradient, hessian)
             # A whole step squares the decrement near the minimum; if not, only rounding is left.
             rounded = length == 1.0 and before < CONVERGED * scale * least and squared > 0.5 * before
@@ -64,37 +61,46 @@ def solve(problem, start):
                 break
             if steps == MAX_STEPS:
                 raise DiagDynamicsError(f"Identification has found no minimum within {MAX_STEPS} Newton steps.")
-            x, length = _search_line(problem, x, direction, value, squared, scale)
-            before, steps = squared, steps + 1
+            length = _step_length(problem, x, direction, squared, scale)
+            x, before, steps = x + length * direction, squared, steps + 1
             if not length:
                 break
     return x, hessian
 
 
-def _evaluate(problem, x, scale, derivatives=True):
-    """Return value, gradient and Hessian, barriers times a scale; the value is infinite outside of the cones."""
-    gradient, hessian = problem.A @ x - problem.b, problem.A.copy() if derivatives else None
-    value, k = 0.5 * x @ (gradient - problem.b), problem.positive
+def _pseudo_inertia(x, body):
+    return np.tensordot(x[body.first : body.first + PARAMETERS], BASIS, 1) + body.fixed
+
+
+def _value(problem, x, scale):
+    """Return the function, barriers times a scale; infinite outside of the cones."""
+    positive = x[problem.positive]
+    if (positive <= 0.0).any():
+        return np.inf
+    value = x @ (0.5 * problem.A @ x - problem.b) - scale * problem.positive_weight * np.log(positive).sum()
+    for body in problem.bodies:
+        J = _pseudo_inertia(x, body)
+        try:
+            diagonal = np.diag(np.linalg.cholesky(J))
+        except np.linalg.LinAlgError:
+            return np.inf
+        prior = np.sum(np.linalg.inv(body.prior) * J)
+        value += scale * body.weight * (prior - 2.0 * np.log(diagonal).sum())
+    return value
+
+
+def _derivatives(problem, x, scale):
+    """Return gradient and Hessian."""
+    gradient, hessian, k = problem.A @ x - problem.b, problem.A.copy(), problem.positive
     for body in problem.bodies:
         own, weight = slice(body.first, body.first + PARAMETERS), scale * body.weight
-        J, prior = np.tensordot(x[own], BASIS, 1) + body.fixed, np.linalg.inv(body.prior)
-        try:
-            factor = np.linalg.cholesky(J)
-        except np.linalg.LinAlgError:
-            return np.inf, gradient, hessian
-        value += weight * (np.sum(prior * J) - 2.0 * np.log(np.diag(factor)).sum())
-        if derivatives:
-            inverse = np.linalg.inv(J)
-            gradient[own] += weight * np.tensordot(BASIS, prior - inverse, 2)
-            turned = inverse @ BASIS
-            hessian[own, own] += weight * np.einsum("aij,bji->ab", turned, turned)
-    if (x[k] <= 0.0).any():
-        return np.inf, gradient, hessian
-    weight = scale * problem.positive_weight
-    if derivatives:
-        gradient[k] -= weight / x[k]
-        hessian[k, k] += weight / x[k] ** 2
-    return value - weight * np.log(x[k]).sum(), gradient, hessian
+        inverse = np.linalg.inv(_pseudo_inertia(x, body))
+        gradient[own] += weight * np.tensordot(BASIS, np.linalg.inv(body.prior) - inverse, 2)
+        turned = inverse @ BASIS
+        hessian[own, own] += weight * np.einsum("aij,bji->ab", turned, turned)
+    gradient[k] -= scale * problem.positive_weight / x[k]
+    hessian[k, k] += scale * problem.positive_weight / x[k] ** 2
+    return gradient, hessian
 
 
 def _newton_step(gradient, hessian):
@@ -111,11 +117,11 @@ def _newton_step(gradient, hessian):
     return float(direction @ right), direction * scale
 
 
-def _search_line(problem, x, direction, value, squared, scale):
-    """Return the next point and the fraction of the Newton step to it; 0 where only rounding is left."""
+def _step_length(problem, x, direction, squared, scale):
+    """Return the fraction of the Newton step that reduces the function; 0 where only rounding is left."""
+    value = _value(problem, x, scale)
     for length in 0.5 ** np.arange(MAX_HALVINGS):
-        ahead = x + length * direction
         goal = value - 0.1 * length * squared + ROUNDING * abs(value)
-        if _evaluate(problem, ahead, scale, derivatives=False)[0] <= goal:
-            return ahead, length
-    return x, 0.0
+        if _value(problem, x + length * direction, scale) <= goal:
+            return length
+    return 0.0

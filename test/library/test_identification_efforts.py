@@ -32,26 +32,16 @@ def noise(tau, size, seed=5):
 CAUSES = {
     "mN m": (DOWN, lambda tau: 1000.0 * tau, r"another unit: they are [\d.e+]+ times .* as of mN m"),
     "motor current": (DOWN, lambda tau: -640.0 * tau, r"another unit and the other sign: they are -6\d\d times"),
-    "load of the servo": (DOWN, lambda tau: np.round(tau / 0.0015), r"another unit: they are 6\d\d times"),
     "kgf cm": (DOWN, lambda tau: 10.2 * tau, r"another unit: they are 10.* as of kgf cm"),
     "each joint's own unit": (DOWN, lambda tau: tau * [900.0, 400.0, 30.0], r"changes by (9|4)\d\d ± .* is it in N m"),
     "sign of all": (DOWN, lambda tau: -tau, r"all joints seem to have the other sign \(effort_scale: '\*=-1'\)"),
     "sign of one": (DOWN, lambda tau: tau * [1.0, 1.0, -1.0], r"joint 'elbow' is of the other sign: .*'elbow=-1'\)"),
     "no relation": (DOWN, lambda tau: noise(tau, 1.0), "has no relation to the motion"),
-    "an offset and noise": (DOWN, lambda tau: 0.4 + noise(tau, 0.01), "has no relation to the motion"),
     "exchanged": (DOWN, lambda tau: tau[:, [0, 2, 1]], "lift and elbow seem to be exchanged"),
-    "order": (
-        DOWN,
-        lambda tau: tau[:, [1, 2, 0]],
-        "another order: those of pan, lift, elbow are in .* elbow, pan, lift",
-    ),
+    "order": (DOWN, lambda tau: tau[:, [1, 2, 0]], "another order: those of pan, lift, elbow .* elbow, pan, lift"),
     "no gravity": ((0.0, 0.0, 0.0), lambda tau: tau, "gravity (seems not to be|is not) in the efforts"),
     "ceiling": (UP, lambda tau: tau, r"gravity seems to point along .*180° from .* on a ceiling"),
-    "wall": (
-        (9.81, 0.0, 0.0),
-        lambda tau: tau,
-        r"gravity seems to point along \[(9|10)[\d.]*, .*(8[5-9]|9[0-5])° .* on a wall",
-    ),
+    "wall": ((9.81, 0.0, 0.0), lambda tau: tau, r"gravity .* along \[(9|10)[\d.]*, .*(8[5-9]|9[0-5])° .* on a wall"),
     "slope": ((0.0, -6.94, -6.94), lambda tau: tau, r"gravity seems to point along .* on a slope"),
 }
 
@@ -121,10 +111,7 @@ LIGHT_JOINTS = {
     "sign of the last": ({-1: -1.0}, r"joint '{-1}' is of the other sign: .*'{-1}=-1'\)"),
     "unit of the last": ({-1: 10.0}, r"joint '{-1}' changes by (9\.\d+|10) ± .* is it in N m"),
     "unit of wrist 2": ({-2: 0.01}, r"joint '{-2}' changes by 0\.0(10?|09\d*) ± .* is it in N m"),
-    "signs and unit": (
-        {-3: -1.0, -2: -1.0, -1: 10.0},
-        r"joints '{-3}', '{-2}' are of the other sign.*; the effort of joint '{-1}' changes by",
-    ),
+    "signs and unit": ({-3: -1.0, -2: -1.0, -1: 10.0}, r"joints '{-3}', '{-2}' .* other sign.*; .* '{-1}' changes by"),
 }
 
 
@@ -163,12 +150,7 @@ def axes_alone(kind):
 @pytest.mark.parametrize("kind", AXES)
 @pytest.mark.parametrize(
     ("factor", "key"),
-    [
-        (1.0, None),
-        (-1.0, "of the other sign"),
-        (1000.0, r"changes by 1e\+03 .* is it in N m or N"),
-        (0.0, "no relation"),
-    ],
+    [(1.0, None), (-1.0, "of the other sign"), (1000.0, r"by 1e\+03 .* is it in N m or N"), (0.0, "no relation")],
 )
 def test_axes_whose_gravity_does_not_change(kind, factor, key):
     """Inertia tells unit and sign, though a rotor may be part of it; efforts in closed form: mass or inertia times q̈."""
@@ -195,10 +177,7 @@ def commanded(tmp_path, capsys, command, columns, *options):
 
 UNMEASURED = {
     "all": (lambda tau: 0.0 * tau, "efforts of pan, lift, elbow are 0 throughout"),
-    "minus 0": (lambda tau: -0.0 * abs(tau), "efforts of pan, lift, elbow are 0 throughout"),
     "denormal": (lambda tau: 0.0 * tau + 1e-308, "efforts of pan, lift, elbow are 0 throughout"),
-    "one": (lambda tau: tau * [1.0, 0.0, 1.0], "efforts of lift are 0 throughout"),
-    "constant": (lambda tau: 0.0 * tau + 0.25, "efforts of pan, lift, elbow are 0.25 throughout"),
     "one constant": (lambda tau: tau * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.5], "efforts of elbow are 1.5 throughout"),
 }
 

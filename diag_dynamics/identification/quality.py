@@ -1,0 +1,163 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Quality of an identification: validation on the part held out, certainty, and warnings."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.identification.data_checks import DOUBTFUL
+from diag_dynamics.identification.result import parameters_of, payload_certainty
+from diag_dynamics.identification.selection import GAIN
+from diag_dynamics.recordings.balance import NOTHING_EXPLAINED, Balance, WindowSums
+from diag_dynamics.recordings.effort_relation import Run, smoothed
+from diag_dynamics.recordings.observer import Observer
+
+OBSERVER_GAIN = 25.0  # the monitor's default [1/s]
+MIN_SMOOTHED = 1.0  # shortest portion whose errors of effort count [s]: the filter has 5 Hz
+MAX_CHANGE = 0.2  # relative change of kinetic energy without a warning
+
+
+class Validation(NamedTuple):
+    """Errors of a model by degree of freedom, NaN if unknown; explained shares, None if unknown; mean of K [J]."""
+
+    torque: np.ndarray  # root mean square of the effort's error below 5 Hz [N m, N]
+    explained: float | None  # of dK/dt
+    explained_total: float | None  # of d(K + U)/dt
+    spread: np.ndarray  # standard deviation of the observed external torque m r [N m, N]
+    kinetic: float
+
+
+def validate(model, dataset, begin):
+    """Return how well a model explains a dataset from a time on [s]."""
+    dynamics, sums, balance = DiagonalDynamics(model), WindowSums(model.nv), Balance(model.dof_names)
+    balance.moved = True  # joints that do not move are not identified
+    observer, errors, observed, energies = Observer(dynamics, OBSERVER_GAIN), [], [], []
+    for part in dataset.portions(begin):
+        t, q, qd, tau = part.columns
+        tau = tau - dynamics.friction_torque_batch(qd)  # of rates as they are: that of filtered ones turns later
+        s = dynamics.evaluate_batch(q, qd, tau)
+        balance.add_windows(sums.integrate_states(part.states, s))
+        _, torque, _, valid, _ = observer.observe_batch(part.states, s)
+        observed.append(torque[valid])
+        energies.append(s.kinetic_energy.copy())
+        if part.duration >= MIN_SMOOTHED:
+            q, qd, tau, qdd = smoothed(Run(t, q, qd, tau), tau)
+            errors.append(tau - dynamics.inverse_dynamics_batch(q, qd, qdd))
+    unknown, torque = np.full(model.nv, np.nan), np.concatenate(observed)
+    return Validation(
+        np.sqrt((np.concatenate(errors) ** 2).mean(axis=0)) if errors else unknown,
+        balance.explained,
+        balance.explained_total,
+        torque.std(axis=0) if len(torque) else unknown,
+        float(np.concatenate(energies).mean()),
+    )
+
+
+def quality_of(model, selection, data, last):
+    """Return the quality of what was selected; `last` is the fit to all rows, None if nothing was fitted."""
+    layout, names, dataset = selection.layout, model.dof_names, data.loaded[-1]
+    before = after = validate(model, dataset, data.begin)
+    x = layout.known
+    if selection.fit:
+        x = selection.fit.x
+        fitted = parameters_of(layout, x, selection.free(selection.taken))
+        after = validate(model.with_parameters(fitted), dataset, data.begin)
+    held = [(t, stamp) for one in dataset.segments for t, stamp in zip(one.t, one.states.stamp, strict=True)]
+    held = [(t, stamp) for t, stamp in held if t >= data.begin]
+    findings = [finding for one in data.datasets for finding in one.findings]
+    doubtful = any(finding.cause == DOUBTFUL for finding in findings)
+    residuals = [np.sqrt(layout.mean_squares(selection.held_out, y)) for y in (layout.known, x)]
+    quality = {
+        "held_out": [dataset.start + int(held[k][1] - dataset.zero) * 1e-9 for k in (0, -1)],
+        "held_out_duration": float(held[-1][0] - held[0][0]),
+        "torque_rms": _pairs(names, before.torque, after.torque),
+        "explained": [before.explained, after.explained],
+        "explained_total": [before.explained_total, after.explained_total],
+        "row_residual": _pairs(names, *residuals),
+        "observer_spread": _pairs(names, before.spread, after.spread),
+        "kinetic_energy": [before.kinetic, after.kinetic],
+        "taken": selection.named(selection.taken),
+        "kept": selection.kept,
+        "ladder": selection.ladder,
+        "effort_factor": _factors(names, data.relations),
+        "efforts_judged": any(one.judged().any() for one in data.relations) and not doubtful,
+        "velocity_delay": [one.delay for one in data.loaded],
+        "effective_parameters": _effective_parameters(model, selection, last) if last else {},
+        "payload": payload_certainty(layout, last) if layout.payload else None,
+        "warnings": selection.warnings,
+        "findings": [str(finding) for finding in findings + data.findings * selection.asks_for_joints],
+    }
+    if _explains_nothing(quality):
+        quality["efforts_judged"] = False
+    quality["warnings"] += _warnings(quality, data.unloaded is None)
+    return quality
+
+
+def _pairs(names, before, after):
+    """Return [before, after] by name; None for an unknown value."""
+    pairs = zip(names, np.transpose([before, after]).tolist(), strict=True)
+    return {name: [None if np.isnan(one) else one for one in pair] for name, pair in pairs}
+
+
+def _factors(names, relations):
+    """Return factor and standard error of each joint's effort, of the recording with the smallest; None without any."""
+    found = {}
+    for k, name in enumerate(names):
+        best = min(relations, key=lambda one: one.error[k])
+        pair = [float(best.factor[k]), float(best.error[k])]
+        found[name] = pair if np.isfinite(pair).all() else None
+    return found
+
+
+def _effective_parameters(model, selection, fit):
+    """Return how many parameters the rows determine of each link that was fitted."""
+    if not selection.free(selection.taken).inertias:
+        return {}
+    pairs = zip(selection.layout.bodies.tolist(), selection.effective_parameters(fit).tolist(), strict=True)
+    names, records = model.link_names, model.bodies
+    return {names[records["link"][body]]: count for body, count in pairs if records["mass"][body] > 0.0}
+
+
+def _explains_nothing(quality):
+    shares = quality["explained"][1], quality["explained_total"][1]
+    return None not in shares and max(shares) < NOTHING_EXPLAINED
+
+
+def _warnings(quality, without_reference):
+    warnings, payload = [], quality["payload"]
+    if quality["effective_parameters"]:
+        warnings.append(
+            "masses and inertias of single links are not determined by any motion: only what they do together is"
+        )
+    if payload:
+        warnings.append(f"payload of {payload['link']}: {payload['inertia_known']}")
+    if payload and without_reference:
+        warnings.append(
+            f"payload of {payload['link']}: its deviations take the model of the robot for right; a reference without the "
+            "payload would tell"
+        )
+    before, after = quality["kinetic_energy"]
+    if before > 0.0 and abs(after / before - 1.0) > MAX_CHANGE:
+        warnings.append(f"kinetic energy is {after / before:.2f} times what it was with the model")
+    for name, (first, then) in quality["row_residual"].items():
+        if then > first:
+            warnings.append(f"the held-out residual of joint '{name}' is {then:.3g}, with the model {first:.3g}")
+    kept = ((step, name, pair) for step, joints in quality["kept"].items() for name, pair in joints.items())
+    for step, name, (without, own) in kept:
+        end = "" if own >= without else f"; a step that was refused before needs {GAIN:.0%} less"
+        warnings.append(
+            f"{step} of joint '{name}': as the model has it. In cross-validation the residual is {own:.3g} with numbers "
+            f"of its own, {without:.3g} with the model's{end}"
+        )
+    share, total = quality["explained"], quality["explained_total"][1]
+    if None not in share and share[1] < share[0]:
+        warnings.append(f"the efforts explain less of dK/dt than before: {share[1]:.2f} of {share[0]:.2f}")
+    if _explains_nothing(quality):
+        warnings.append(
+            f"the identified model explains nothing of the motion: {share[1]:.3g} of dK/dt and {total:.3g} of d(K + U)/dt. "
+            "Check that efforts are those of these joints, in their order and in N m or N"
+        )
+    return warnings
