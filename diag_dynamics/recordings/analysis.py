@@ -109,18 +109,12 @@ class Analysis:
         self._windows, names = WindowSums(model.nv, self.friction), model.dof_names
         alarms = wanted.alarms if wanted else None
         self._detector = AlarmDetector(names, alarms) if alarms else None
-        self._points = self._limited_points()
+        points = reading.contact_points[0] if settings.contact.limits is not None else None
+        self._points = points if points and points.limited.any() else None
         collisions = Alarms(self._detector) if self._detector else Collisions(names)
         exposure = ContactExposure(self._points) if self._points else None
         missing = tuple(settings.unjudged_without)
         self.outcome = Outcome(model, gain, threshold, missing, collisions, exposure)
-
-    def _limited_points(self):
-        """Return the ContactPoints if any has a limit."""
-        if self.reading.settings.contact.limits is None:
-            return None
-        points, _ = self.reading.contact_points
-        return points if points.limited.any() else None
 
     @property
     def states(self):
@@ -181,45 +175,37 @@ class Analysis:
 
     def _add_figures(self, states, s, observed):
         outcome, (_, torque, norm, valid, _) = self.outcome, observed
-        names = outcome.model.dof_names
+        names, energy = outcome.model.dof_names, s.kinetic_energy
         outcome.states += len(states)
         outcome.observed += int(valid.sum())
-        outcome.kinetic += float(s.kinetic_energy.sum())
-        positive = s.kinetic_energy[s.kinetic_energy > 0.0]
-        bins = np.floor(BINS_PER_DECADE * np.log10(positive)).astype(int) - LOWEST_BIN
+        outcome.kinetic += float(energy.sum())
+        bins = np.floor(BINS_PER_DECADE * np.log10(energy[energy > 0.0])).astype(int) - LOWEST_BIN
         outcome.histogram += np.bincount(bins, minlength=BINS)
-        quantities = {
-            "kinetic_energy": (s.kinetic_energy, ("",)),
-            "energy_share": (s.energy_share, names),
-            "velocity": (np.abs(states.velocity), names),
-            "effort": (np.abs(states.effort), names),
-            "external_torque": (np.abs(torque), names),
-            "residual_norm": (norm, ("",)),
-        }
-        for quantity, (values, entries) in quantities.items():
+        for quantity, values, entries in (
+            ("kinetic_energy", energy, ("",)),
+            ("energy_share", s.energy_share, names),
+            ("velocity", np.abs(states.velocity), names),
+            ("effort", np.abs(states.effort), names),
+            ("external_torque", np.abs(torque), names),
+            ("residual_norm", norm, ("",)),
+        ):
             outcome.peaks.add_values(quantity, values, states.stamp, entries)
 
     def _evaluate(self, states):
-        """Return the states that can be evaluated, and their evaluation."""
-        known = states.effort_known.all()
-        while True:
-            efforts = states.effort if known else np.where(states.effort_known[:, None], states.effort, 0.0)
-            try:
-                return states, self._dynamics.evaluate_batch(
-                    states.position, states.velocity, efforts, threads=self._threads, friction=self.friction
-                )
-            except DiagDynamicsError as error:
-                states = self._without_bad(states, efforts, error)
-
-    def _without_bad(self, states, efforts, error):
-        """Return the states that can be evaluated; the others are counted as the monitor counts them."""
-        good = np.ones(len(states), dtype=bool)
-        for t in range(len(states)):
-            try:
-                self._dynamics.evaluate(states.position[t], states.velocity[t], efforts[t])
-            except DiagDynamicsError as one:
-                good[t] = False
-                self.reading.intake.reject(int(states.log_time[t]), one)
-        if good.all():
-            raise error  # of something else
-        return states[good]
+        """Return the states that can be evaluated, and their evaluation; the others are counted as the monitor does."""
+        efforts = np.where(states.effort_known[:, None], states.effort, 0.0)
+        try:
+            return states, self._dynamics.evaluate_batch(
+                states.position, states.velocity, efforts, threads=self._threads, friction=self.friction
+            )
+        except DiagDynamicsError:
+            good = np.ones(len(states), dtype=bool)
+            for t in range(len(states)):
+                try:
+                    self._dynamics.evaluate(states.position[t], states.velocity[t], efforts[t])
+                except DiagDynamicsError as one:
+                    good[t] = False
+                    self.reading.intake.reject(int(states.log_time[t]), one)
+            if good.all():
+                raise  # of something else
+            return self._evaluate(states[good])

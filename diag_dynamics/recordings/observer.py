@@ -135,25 +135,15 @@ class Observer:
     def observe_batch(self, states, s):
         """Return the columns of :class:`Observed` but for times at states, given their BatchEvaluation."""
         samples = self._chain.select(states)
-        results = self._observe(samples, states.position[samples.rows], s)
-        if not isinstance(samples.rows, slice):
-            results = [
-                self._expand(samples, len(states.stamp), *pair) for pair in zip(self._last, results, strict=True)
-            ]
+        results, of_samples = [], self._observe(samples, states.position[samples.rows], s)
+        for last, column in zip(self._last, of_samples, strict=True):
+            results.append(np.zeros((len(states.stamp), *column.shape[1:]), column.dtype))
+            results[-1][samples.known] = np.concatenate([last, column])[samples.sample + 1]
         if len(samples.known):
-            self._last = [column[samples.known[-1:]].copy() for column in results]
-        valid = results[3]
-        if not valid.all():
-            for column in results[:3]:
-                column[~valid] = np.nan
+            self._last = [column[samples.known[-1:]] for column in results]
+        for column in results[:3]:
+            column[~results[3]] = np.nan
         return tuple(results)
-
-    @staticmethod
-    def _expand(samples, count, last, of_samples):
-        """Return a result at all states from those of the samples and of the last one of the batch before."""
-        column = np.zeros((count, *of_samples.shape[1:]), of_samples.dtype)
-        column[samples.known] = np.concatenate([last, of_samples])[samples.sample + 1]
-        return column
 
     def _observe(self, samples, positions, s):
         """Return residual, external torque, norm, whether they are valid, and collision of the samples."""
