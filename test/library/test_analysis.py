@@ -212,19 +212,10 @@ def test_explained_share_is_that_of_windows_by_numpy(analysed, ur5, motion, gaps
 # --- Figures ---
 
 
-def compare(one, other):
-    """Assert that texts and whole numbers of two summaries are equal, other numbers to rounding."""
-    if isinstance(other, dict):
-        assert list(one) == list(other)
-        for key in other:
-            compare(one[key], other[key])
-    elif isinstance(other, list):
-        for pair in zip(one, other, strict=True):
-            compare(*pair)
-    elif isinstance(other, float):
-        assert one == pytest.approx(other, rel=1e-9, abs=1e-11)
-    else:
-        assert one == other
+def leaves(value):
+    """Return all texts and numbers of a summary in order, with their keys."""
+    pairs = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
+    return [value] if pairs is None else [leaf for key, one in pairs for leaf in (key, *leaves(one))]
 
 
 @pytest.mark.parametrize("size", [1, 100])
@@ -242,7 +233,8 @@ def test_batches_do_not_matter(analysed, motion, monkeypatch, size):
 
     monkeypatch.setattr(Reading, "pieces", small)
     parts, *_ = analysed(*columns, parameters=options)
-    compare(parts, whole)
+    for one, other in zip(leaves(parts), leaves(whole), strict=True):
+        assert one == (pytest.approx(other, rel=1e-9, abs=1e-11) if isinstance(other, float) else other)
     assert whole["collisions"] and whole["balance"]["windows"] > 4 and whole["quality"]["repeated_stamps"] == 1
     assert whole["quality"]["joints"]["shoulder_pan_joint"]["clipped"] == ["effort"]
 
