@@ -208,6 +208,11 @@ def test_the_command(tmp_path, archive, scheduler, capsys):
     told = capsys.readouterr()
     assert "Robot 'ur5': 1 recordings" in told.out and "2 recordings analysed; 2 failed" in told.out
     assert told.out.count("nothing is known of collisions") == 2
+    for robot in json.loads((tmp_path / "fleet.json").read_text(encoding="utf-8"))["robots"]:
+        bins = robot["kinetic_energy"]["histogram"]
+        energies = np.repeat([one["to"] for one in bins], [one["states"] for one in bins])
+        most = [np.quantile(energies, part, method="inverted_cdf") for part in (0.5, 0.99)]
+        assert "50% of states below {:.3g} J, 99% of states below {:.3g} J".format(*most) in told.out
     assert "4 of 4 recordings" in told.err and not list(tmp_path.glob("*.parquet"))
     run[2] = str(archive / GOOD[3])  # all are analysed, and messages were rejected
     assert main(["analyse", run[2], "--fleet", *run[3:], "--quiet"]) == 1  # before --fleet as well as behind it
