@@ -332,11 +332,10 @@ class _Chooser:
         """The columns that match a pattern, with or without their units in brackets."""
         before, after = pattern.split(JOINT)
         matcher = re.compile(f"{re.escape(before)}(.+){re.escape(after)}")
-        with_units, members = split_unit(pattern)[1] is not None, []
-        for k, column in enumerate(self._columns):
-            match = matcher.fullmatch(column.name if with_units else split_unit(column.name)[0])
-            if match and column.numeric and not column.width:
-                members.append((match[1], k))
+        with_units = split_unit(pattern)[1] is not None
+        names = self._headers if with_units else [split_unit(one)[0] for one in self._headers]
+        found = [(k, matcher.fullmatch(name)) for k, name in enumerate(names)]
+        members = [(one[1], k) for k, one in found if one and self._columns[k].numeric and not self._columns[k].width]
         if not members:
             near = _near(before + (self._known[0] if self._known else "") + after, self._headers)
             raise InputError(f"{quantity}: no column is like '{pattern}'{near}. There are {_list(self._headers)}.")
@@ -373,22 +372,21 @@ class _Chooser:
     def _make_quantity(self, quantity, group, columns, joints, rows):
         """Columns with their scale, and a note of both."""
         scale = self._find_scale(quantity, group, columns, joints, rows)
-        whose = _list(joints) if self._by_map else f"{len(joints)} joints"
-        lack = [joint for joint, k in zip(joints, columns, strict=False) if k is None]
-        if rows:
-            whose, lack = f"the joints that '{rows.pattern}' names in each row", []
+        times, lack = "", [joint for joint, k in zip(joints, columns, strict=False) if k is None and not rows]
+        if not isinstance(scale, Mapping):
+            times, scale = _times(scale, quantity), np.array(scale, float)
+        whose = f"the joints that '{rows.pattern}' names in each row" if rows else f"{len(joints)} joints"
+        whose = _list(joints) if self._by_map else whose
         lack = f", none for {_list(lack)}" if lack else ""
-        times = "" if isinstance(scale, Mapping) else _times(scale, quantity)
         self._notes.append(f"{quantity}: {group.pattern} of {whose}{times}{lack}.")
-        return Quantity(columns, bool(group.width), scale if isinstance(scale, Mapping) else np.array(scale, float))
+        return Quantity(columns, bool(group.width), scale)
 
     def _find_scale(self, quantity, group, columns, joints, rows):
         """Factors of the columns by the map, or by their units; those by joint as they are where rows name joints."""
         scale, count = self._wanted.scale.get(quantity), len(joints)
         if scale is None:
-            labels, default = {k: joint for joint, k in group.members.items()}, None
-            if quantity == "effort" and group in self._groups.get("current", []):
-                default = "A"
+            labels = {k: joint for joint, k in group.members.items()}
+            default = "A" if quantity == "effort" and group in self._groups.get("current", []) else None
             units = {k: headers.unit_of(self._columns[k], labels[k]) or default for k in columns if k is not None}
             scale = [1.0 if k is None else _factor(quantity, units[k], self._headers[k]) for k in columns]
             return scale * count if group.width else scale
