@@ -233,6 +233,17 @@ def test_one_jerk_is_one_alarm():
     assert max(ratios) < 1.25 * min(ratios)
 
 
+def test_each_fifth_is_held_out():
+    """Its alarms are those by thresholds from the other four, which are two recordings."""
+    columns, held_out = noise(np.random.default_rng(5), 100), 0
+    for k in range(5):
+        inside = np.arange(10_000) // 2000 == k
+        others = calibrate(*(column[~inside] for column in columns), rate=0.3)
+        part = (column[inside] for column in columns)
+        held_out += dd.AlarmDetector(FOUR, others).judge(*part, np.ones(2000, dtype=bool)).begins.sum()
+    assert calibrate(*columns, rate=0.3).held_out == held_out > 20
+
+
 def test_warnings_of_the_recording():
     """A short recording cannot show a rate below −ln 0.05 alarms in its time; a rough part exceeds other thresholds."""
     found = calibrate(*noise(np.random.default_rng(3), 60))
