@@ -38,11 +38,6 @@ MAX_MESSAGE = 1 << 26
 """Maximum size of a message that is compressed by itself [bytes]."""
 
 
-def open_bag(path):
-    """Return the Bag of a file or a folder; an InputError says why it is none."""
-    return Bag(path)
-
-
 class Bag:
     """Messages of a file, or of the files of a folder. Damage of a file raises no exception.
 

@@ -5,10 +5,8 @@
 
 import struct
 from functools import lru_cache, partial
-from itertools import accumulate, pairwise
+from itertools import accumulate
 from pathlib import Path
-
-import numpy as np
 
 from diag_dynamics.recordings.messages import (
     Connection,
@@ -21,6 +19,8 @@ from diag_dynamics.recordings.messages import (
 ROWS = 2000
 """Messages that are read together."""
 JOINT_STATE = "sensor_msgs/msg/JointState"
+CDR = b"\0\1\0\0"
+"""First bytes of a message in CDR."""
 
 
 class Ros1File:
@@ -90,43 +90,40 @@ def find_conversion(name, md5):
     expected = noetic.generate_msgdef(name, ros_version=1)[1]
     if md5 not in ("", "*", expected):
         raise DamageError(f"its MD5 sum is {md5}; expected {expected}")
-    convert = partial(store.ros1_to_cdr, typename=name)
-    return partial(_convert_joint_state, convert, {}) if name == JOINT_STATE else convert
+    if name == JOINT_STATE:  # four times as fast as the library
+        return partial(_convert_joint_state, [])
+    return partial(store.ros1_to_cdr, typename=name)
 
 
-def _convert_joint_state(convert, known, raw):
-    """Convert a joint state; one that differs from a known one in numbers alone takes its texts."""
+def _convert_joint_state(known, raw):
+    """Convert a joint state; `known` has the texts of the last one, and what they are in CDR."""
     raw = bytes(raw)
-    texts, places, parts = known.get(len(raw), ((), (), ()))
-    if not texts or any(raw[place] != text for place, text in texts):
-        texts, places, parts = known[len(raw)] = _find_texts(convert, raw)
-    converted = parts.copy()
-    converted[1::2] = [raw[place] for place in places]
-    return b"".join(converted)
-
-
-def _find_texts(convert, raw):
-    """Return places and bytes between the numbers of a joint state, places of numbers, and its parts in CDR."""
-
-    def read_count(at):
-        return struct.unpack_from("<I", raw, at)[0]
-
-    places, at = [slice(4, 12)], 16 + read_count(12)
-    names, at = read_count(at), at + 4
-    for _ in range(names):
-        at += 4 + read_count(at)
+    if not known or not raw.startswith(known[0], 12):
+        known[:] = _convert_texts(raw)
+    at, converted = 12 + len(known[0]), bytearray(CDR + raw[4:12] + known[1])
     for _ in range(3):
-        places.append(slice(at + 4, at + 4 + 8 * read_count(at)))
-        at = places[-1].stop
-    gaps = [slice(one.stop, other.start) for one, other in pairwise(places)]
-    flipped, converted, parts = bytearray(raw), bytes(convert(raw)), []
-    for place in places:
-        flipped[place] = bytes(255 - byte for byte in raw[place])
-    is_number = np.frombuffer(converted, np.uint8) != np.frombuffer(convert(flipped), np.uint8)
-    numbers, end = np.flatnonzero(is_number).tolist(), 0
-    for place in places:
-        length = place.stop - place.start
-        first = numbers[0] if length else end
-        parts += [converted[end:first], b""]
-        numbers, end = numbers[length:], first + length
-    return [(gap, raw[gap]) for gap in gaps], places, [*parts, converted[end:]]
+        size = 8 * int.from_bytes(raw[at : at + 4], "little")
+        converted += raw[at : at + 4]
+        if size:
+            converted += bytes((4 - len(converted)) % 8) + raw[at + 4 : at + 4 + size]
+        at += 4 + size
+    if at != len(raw):
+        raise DamageError("the message has another size than its arrays")
+    return converted
+
+
+def _convert_texts(raw):
+    """Return frame and names of a joint state in ROS 1 and in CDR."""
+
+    def convert_text(at):
+        (size,) = struct.unpack_from("<I", raw, at)
+        end = at + 4 + size
+        return struct.pack("<I", size + 1) + raw[at + 4 : end] + bytes(4 - size % 4), end
+
+    converted, at = convert_text(12)
+    (count,) = struct.unpack_from("<I", raw, at)
+    converted, at = converted + raw[at : at + 4], at + 4
+    for _ in range(count):
+        name, at = convert_text(at)
+        converted += name
+    return raw[12:at], converted

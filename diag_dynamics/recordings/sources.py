@@ -12,7 +12,7 @@ import numpy as np
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.decoding import Decoder
 from diag_dynamics.model.sources import GIT_LFS
-from diag_dynamics.recordings.bags import MAGIC, METADATA, SUFFIXES, open_bag
+from diag_dynamics.recordings.bags import MAGIC, METADATA, SUFFIXES, Bag
 from diag_dynamics.recordings.findings import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
 from diag_dynamics.recordings.joint_names import JointNames
@@ -104,7 +104,7 @@ class BagSource:
     offset = without_values = 0  # as of TableSource
 
     def __init__(self, path, topic=None, names=None):
-        self.names, self._path, self._bag = names, path, open_bag(path)
+        self.names, self._path, self._bag = names, path, Bag(path)
         self._topics, self._notes = checked_topics(topic), []
         self.start, self.unread, self.limit = self._bag.start, self._bag.unread, self._bag.limit
         self._kinds = np.array([connection.type for connection in self._bag.connections])
