@@ -163,7 +163,7 @@ class Dataset:
         segments = _cut(states[kept], jumped, restarted)
         used = sum(len(one.t) for one in segments)
         if not segments:
-            raise InputError(f"the recording has {used} states to identify from, expected {MIN_STATES} at least.")
+            raise InputError(f"the recording has no {MIN_STATES} states without a gap among {len(kept)} usable ones.")
         counts = [~finite, finite & ~forward, forward & fast, restarted, np.ones(len(kept) - used)]
         pairs = zip(FINDINGS, (int(one.sum()) for one in counts), strict=True)
         self.findings[:0] = [Finding(cause, count, text) for (cause, text), count in pairs if count]

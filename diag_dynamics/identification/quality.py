@@ -3,8 +3,6 @@
 
 """Quality of an identification: validation on the part held out, certainty, and warnings."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
@@ -20,18 +18,8 @@ MIN_SMOOTHED = 1.0  # shortest portion whose errors of effort count [s]: the fil
 MAX_CHANGE = 0.2  # relative change of kinetic energy without a warning
 
 
-class Validation(NamedTuple):
-    """Errors of a model by degree of freedom, NaN if unknown; explained shares, None if unknown; mean of K [J]."""
-
-    torque: np.ndarray  # root mean square of the effort's error below 5 Hz [N m, N]
-    explained: float | None  # of dK/dt
-    explained_total: float | None  # of d(K + U)/dt
-    spread: np.ndarray  # standard deviation of the observed external torque m r [N m, N]
-    kinetic: float
-
-
 def validate(model, dataset, begin):
-    """Return how well a model explains a dataset from a time on [s]."""
+    """Return how well a model explains a dataset from a time on [s], by key of the quality; NaN and None are unknown."""
     dynamics, sums, balance = DiagonalDynamics(model), WindowSums(model.nv), Balance(model.dof_names)
     balance.moved = True  # joints that do not move are not identified
     observer, errors, observed, energies = Observer(dynamics, OBSERVER_GAIN), [], [], []
@@ -47,13 +35,13 @@ def validate(model, dataset, begin):
             q, qd, tau, qdd = smoothed(Run(t, q, qd, tau), tau)
             errors.append(tau - dynamics.inverse_dynamics_batch(q, qd, qdd))
     unknown, torque = np.full(model.nv, np.nan), np.concatenate(observed)
-    return Validation(
-        np.sqrt((np.concatenate(errors) ** 2).mean(axis=0)) if errors else unknown,
-        balance.explained,
-        balance.explained_total,
-        torque.std(axis=0) if len(torque) else unknown,
-        float(np.concatenate(energies).mean()),
-    )
+    return {
+        "torque_rms": np.sqrt((np.concatenate(errors) ** 2).mean(axis=0)) if errors else unknown,  # below 5 Hz [N m, N]
+        "explained": balance.explained,  # of dK/dt
+        "explained_total": balance.explained_total,  # of d(K + U)/dt
+        "observer_spread": torque.std(axis=0) if len(torque) else unknown,  # of the external torque m r [N m, N]
+        "kinetic_energy": float(np.concatenate(energies).mean()),  # [J]
+    }
 
 
 def quality_of(model, selection, data, last):
@@ -65,20 +53,16 @@ def quality_of(model, selection, data, last):
         x = selection.fit.x
         fitted = parameters_of(layout, x, selection.free(selection.taken))
         after = validate(model.with_parameters(fitted), dataset, data.begin)
-    held = [(t, stamp) for one in dataset.segments for t, stamp in zip(one.t, one.states.stamp, strict=True)]
-    held = [(t, stamp) for t, stamp in held if t >= data.begin]
+    parts = list(dataset.portions(data.begin))
+    stamps = parts[0].states.stamp[0], parts[-1].states.stamp[-1]
     findings = [finding for one in data.datasets for finding in one.findings]
     doubtful = any(finding.cause == DOUBTFUL for finding in findings)
     residuals = [np.sqrt(layout.mean_squares(selection.held_out, y)) for y in (layout.known, x)]
     quality = {
-        "held_out": [dataset.start + int(held[k][1] - dataset.zero) * 1e-9 for k in (0, -1)],
-        "held_out_duration": float(held[-1][0] - held[0][0]),
-        "torque_rms": _pairs(names, before.torque, after.torque),
-        "explained": [before.explained, after.explained],
-        "explained_total": [before.explained_total, after.explained_total],
-        "row_residual": _pairs(names, *residuals),
-        "observer_spread": _pairs(names, before.spread, after.spread),
-        "kinetic_energy": [before.kinetic, after.kinetic],
+        "held_out": [dataset.start + int(stamp - dataset.zero) * 1e-9 for stamp in stamps],
+        "held_out_duration": float(parts[-1].t[-1] - parts[0].t[0]),
+        **{key: _pair(names, before[key], after[key]) for key in before},
+        "row_residual": _pair(names, *residuals),
         "taken": selection.named(selection.taken),
         "kept": selection.kept,
         "ladder": selection.ladder,
@@ -96,8 +80,10 @@ def quality_of(model, selection, data, last):
     return quality
 
 
-def _pairs(names, before, after):
-    """Return [before, after] by name; None for an unknown value."""
+def _pair(names, before, after):
+    """Return [before, after], by name if these are arrays; None for an unknown value."""
+    if not isinstance(before, np.ndarray):
+        return [before, after]
     pairs = zip(names, np.transpose([before, after]).tolist(), strict=True)
     return {name: [None if np.isnan(one) else one for one in pair] for name, pair in pairs}
 

@@ -215,15 +215,11 @@ def test_the_balance_names_the_same_causes(tmp_path, capsys, cause):
     assert summary["explained"] < 0.8
 
 
-def test_a_balance_is_what_efforts_need(tmp_path, capsys):
-    """A desk arm has one in motion, though its dK/dt is less than 1 mW; two seconds of it and a standing arm have none."""
+def test_the_balance_of_a_desk_arm(tmp_path, capsys):
+    """It has one in motion, though its dK/dt is less than 1 mW; efforts beyond what can be have none."""
     t, q, qd, tau = motion()
     status, said = commanded(tmp_path, capsys, "analyse", (t, q, qd, tau))
     assert status == 0 and re.search(r"explained (0\.99|1\.00)", said)
-    for rows, scale, why in ((150, 1.0, "there are 1[34] windows"), (len(t), 0.0, "the robot is at rest")):
-        columns = t[:rows], scale * q[:rows] + 0.1, scale * qd[:rows], tau[:rows]
-        status, said = commanded(tmp_path, capsys, "analyse", columns)
-        assert status == 1 and "there are efforts, but no balance of power" in said and re.search(why, said)
     status, said = commanded(tmp_path, capsys, "analyse", (t, q, qd, 1e6 * tau))
     assert status == 1 and "no balance of power, because efforts are beyond what can be (absurd.effort)" in said
 
