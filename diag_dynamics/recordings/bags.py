@@ -120,7 +120,8 @@ class Bag:
             if one.encoding in ROS1:
                 ros1, encoding = import_module("diag_dynamics.recordings.ros1_file"), "cdr"
                 try:
-                    conversions[k] = ros1.find_conversion(one.type, one.md5)
+                    if convert := ros1.find_conversion(one.type, one.md5):
+                        conversions[k] = convert
                 except DamageError as error:
                     what = f": the type of topic '{one.topic}' is not understood: {error}."
                     self._notes.add_finding(self.path, what)

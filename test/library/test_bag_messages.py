@@ -88,7 +88,7 @@ def test_a_robot_of_ros1_in_mcap(tmp_path):
 NOT_UNDERSTOOD = [
     (b"short", {}, "sensor_msgs/JointState", "40 messages of '/joint_states' are not of its type"),
     (None, {"md5sum": "1" * 32}, "sensor_msgs/JointState", f"its MD5 sum is {'1' * 32}; expected {MD5}"),
-    (None, {}, "my_msgs/JointState", "has no joint states: its topics are /joint_states .my_msgs/msg/JointState, enc"),
+    (None, {}, "my_msgs/JointState", r"has no joint states: its topics are /joint_states .my_msgs/msg/JointState\)"),
 ]
 
 
@@ -145,10 +145,12 @@ def test_encodings_that_are_not_read_are_named(tmp_path, encoding, type):
 
 @pytest.mark.parametrize("md5", [MD5, "*"])
 def test_ros1_without_definitions(tmp_path, md5):
-    """Its type and MD5 sum say which definition it is."""
+    """Its type and MD5 sum say which definition it is. Those of other topics do not matter."""
     path = tmp_path / "x.bag"
     with rosbag1.Writer(path) as writer:
         connection = writer.add_connection("/joint_states", JOINT_STATE, msgdef="", md5sum=md5)
+        other = writer.add_connection("/other", "my_msgs/msg/Other", msgdef="what is this?!", md5sum="0" * 32)
+        writer.write(other, START, b"raw")
         for one in of_ros1(numbered(30)):
             writer.write(connection, one.log_time, one.data)
     assert read(path) == (list(range(30)), [])
