@@ -24,11 +24,9 @@ from bags import (
     NOETIC,
     ODOMETRY,
     PLAIN,
-    STRING,
     ZSTD,
     Message,
     arm,
-    definitions_of_ros1,
     description,
     file_of,
     numbered,
@@ -48,7 +46,7 @@ from hostile import MS, START
 # --- Encodings ---
 
 
-IN_ROS1 = {"encoding": "ros1", "schema": "ros1msg", "definitions": definitions_of_ros1(JOINT_STATE)}
+IN_ROS1 = {"encoding": "ros1", "schema": "ros1msg"}
 MD5 = NOETIC.generate_msgdef(JOINT_STATE, ros_version=1)[1]
 
 
@@ -77,8 +75,7 @@ def test_a_robot_of_ros1_in_mcap(tmp_path):
         sent.append(Message("/odom", stamp, odometry(stamp, "base", pose, twist), ODOMETRY))
         sent.append(Message("/joint_states", stamp, serialized(stamp, ["a"], [0.01 * k], [0.1], [2.0])))
     new = write_mcap(tmp_path / "new.mcap", sent)
-    definitions = definitions_of_ros1(JOINT_STATE, ODOMETRY, STRING)
-    old = write_mcap(tmp_path / "old.mcap", of_ros1(sent), encoding="ros1", schema="ros1msg", definitions=definitions)
+    old = write_mcap(tmp_path / "old.mcap", of_ros1(sent), **IN_ROS1)
     expected, found = (dd.read_recording(path, parameters={"floating_base": True}) for path in (new, old))
     assert len(expected) > 15 and found.findings == expected.findings
     for ours, theirs in zip(found.states.columns(), expected.states.columns(), strict=True):

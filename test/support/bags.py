@@ -61,17 +61,17 @@ def arm(*names):
     return dd.load_urdf(urdf_of(*names))
 
 
-def joint_state(store, stamp, names, position, velocity=(), effort=(), frame="", **header):
-    """Return a JointState of a type store of rosbags; `header` has the `seq` of ROS 1."""
-    types, arrays = store.types, [np.asarray(values, float) for values in (position, velocity, effort)]
+def joint_state(stamp, names, position, velocity=(), effort=(), frame=""):
+    """Return a JointState of rosbags."""
+    types, arrays = JAZZY.types, [np.asarray(values, float) for values in (position, velocity, effort)]
     time = types["builtin_interfaces/msg/Time"](*divmod(stamp, 10**9))
-    header = types["std_msgs/msg/Header"](stamp=time, frame_id=frame, **header)
+    header = types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
     return types[JOINT_STATE](header, list(names), *arrays)
 
 
 def serialized(*arguments, **options):
     """Return the bytes of a :func:`joint_state` of ROS 2."""
-    return bytes(JAZZY.serialize_cdr(joint_state(JAZZY, *arguments, **options), JOINT_STATE))
+    return bytes(JAZZY.serialize_cdr(joint_state(*arguments, **options), JOINT_STATE))
 
 
 def numbered(count, topics=("/joint_states",), disorder=0, longest=40, seed=0):
@@ -128,11 +128,6 @@ def of_ros1(messages):
     ]
 
 
-def definitions_of_ros1(*types):
-    """Return the definitions of ROS Noetic, with all types in them, by the name of the type without ``/msg/``."""
-    return {kind.replace("/msg/", "/"): NOETIC.generate_msgdef(kind, ros_version=1)[0] for kind in types}
-
-
 def description(urdf, log_time=START):
     """Return a message with the description of a robot."""
     data = JAZZY.serialize_cdr(JAZZY.types[STRING](urdf), STRING)
@@ -162,21 +157,13 @@ def file_of(folder):
 def write_split(folder, parts, plugin=SQLITE):
     """Write a folder with a file for each part, as rosbag2 splits recordings; return its path."""
     folder.mkdir()
-    whole = None
+    names = []
     for k, messages in enumerate(parts):
         part = write_rosbag2(folder.with_name(f"{folder.name}_{k}"), messages, plugin)
-        own = yaml.safe_load((part / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
-        file_of(part).rename(folder / file_of(part).name)
+        names.append(file_of(part).rename(folder / file_of(part).name).name)
         shutil.rmtree(part)
-        if whole is None:
-            whole = own
-            continue
-        whole["relative_file_paths"] += own["relative_file_paths"]
-        whole["files"] += own["files"]
-        counts = {topic["topic_metadata"]["name"]: topic for topic in whole["topics_with_message_count"]}
-        for topic in own["topics_with_message_count"]:
-            counts[topic["topic_metadata"]["name"]]["message_count"] += topic["message_count"]
-    (folder / "metadata.yaml").write_text(yaml.safe_dump({"rosbag2_bagfile_information": whole}))
+    metadata = {"rosbag2_bagfile_information": {"relative_file_paths": names}}
+    (folder / "metadata.yaml").write_text(yaml.safe_dump(metadata))
     return folder
 
 
@@ -191,10 +178,7 @@ def write_ros1(path, messages, compression=None, chunk=2000):
         for k, one in enumerate(messages):
             if one.topic not in connections:
                 connections[one.topic] = writer.add_connection(one.topic, JOINT_STATE, typestore=NOETIC)
-            new = JAZZY.deserialize_cdr(one.data, JOINT_STATE)
-            stamp = new.header.stamp.sec * 10**9 + new.header.stamp.nanosec
-            values = new.name, new.position, new.velocity, new.effort, new.header.frame_id
-            raw = NOETIC.serialize_ros1(joint_state(NOETIC, stamp, *values, seq=k), JOINT_STATE)
+            raw = k.to_bytes(4, "little") + bytes(JAZZY.cdr_to_ros1(one.data, JOINT_STATE))[4:]  # `seq` is k
             writer.write(connections[one.topic], one.log_time, raw)
     return path
 
