@@ -159,12 +159,12 @@ def _summary(chosen, recording, parameters, robot):
         with _Progress(chosen.quiet) as progress:
             analysis.run(outputs, progress)
         if not analysis.states:
-            if (chosen.start, chosen.end) != (None, None) and not analysis.outcome.counts["received"]:
+            if (chosen.start, chosen.end) != (None, None) and not analysis.reading.counts["received"]:
                 raise InputError(
                     f"'{printable(recording)}' has not a single state: no message is within --start and --end."
                 )
-            raise without_states(printable(recording), analysis.outcome.findings)
-        summary = summary_of(analysis.outcome) | {"recording": str(recording)}
+            raise without_states(printable(recording), analysis.findings)
+        summary = summary_of(analysis) | {"recording": str(recording)}
         for output in outputs:
             if output is not report:
                 output.close()

@@ -4,7 +4,6 @@
 """Analysis of a recording: evaluate, observe and judge its states batch by batch, and write them to outputs."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +12,6 @@ from diag_dynamics.collision.detector import AlarmDetector, Judged
 from diag_dynamics.collision.events import Alarms
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
-from diag_dynamics.model import RobotModel
 from diag_dynamics.recordings.balance import Balance, Windows, WindowSums
 from diag_dynamics.recordings.contact_exposure import ContactExposure
 from diag_dynamics.recordings.effort_checks import EffortRange, MotionSample
@@ -68,58 +66,33 @@ class Peaks:
         return dict(zip(names, map(float, each), strict=True))
 
 
-@dataclass
-class Outcome:
-    """Results of an analysis, of which a summary is made."""
-
-    model: RobotModel
-    gain: float
-    threshold: float
-    missing: tuple  # parameters without which no collision is reported
-    collisions: Collisions | Alarms
-    exposure: ContactExposure | None
-    states: int = 0
-    observed: int = 0  # states of which the observer has a result
-    kinetic: float = 0.0  # sum of K over the states [J]
-    counts: dict | None = None
-    findings: list | None = None
-    offset: int = 0  # of stamps from times in the recording [ns]
-    without_effort: tuple = ()  # joints whose effort never came, although that of others did
-
-    def __post_init__(self):
-        model = self.model
-        self.balance, self.quality, self.peaks = Balance(model.dof_names), Quality(model), Peaks()
-        self.efforts, self.motion = EffortRange(model.dof_names), MotionSample(model)
-        self.histogram = np.zeros(BINS, dtype=int)
-
-
 class Analysis:
-    """Analyse a Reading, with an observer of this gain [1/s] if its settings have none; `outcome` has the results."""
+    """Analyse a Reading, with an observer of this gain [1/s] if its settings have none; attributes are its results."""
 
     def __init__(self, reading, *, gain=25.0, threads=None):
-        model, settings = reading.model, reading.settings
-        self.reading, self.friction, self._threads = reading, model.has_friction, threads
-        self._dynamics = DiagonalDynamics(model)
-        wanted, values = settings.observation, settings.values
-        gain, threshold, release = (wanted.gain, wanted.threshold, wanted.release) if wanted else (gain, np.inf, None)
-        release = None if threshold == np.inf else release
+        model, settings, values = reading.model, reading.settings, reading.settings.values
+        names, wanted, alarms = model.dof_names, settings.observation, None
+        threshold, release = np.inf, None
+        if wanted:
+            gain, threshold, alarms = wanted.gain, wanted.threshold, wanted.alarms
+            release = None if threshold == np.inf else wanted.release
+        self.reading, self.model, self.friction, self._threads = reading, model, model.has_friction, threads
+        self.gain, self.threshold = gain, threshold
+        self.missing = tuple(settings.unjudged_without)  # parameters without which no collision is reported
+        self._dynamics, self._windows = DiagonalDynamics(model), WindowSums(model.nv, self.friction)
         friction, max_gap = self.friction and values["external_torque.friction"], values["external_torque.max_gap"]
         options = {"friction": friction, "max_gap": max_gap, "threads": threads}
         self._observer = Observer(self._dynamics, gain, threshold, release, **options)
-        self._windows, names = WindowSums(model.nv, self.friction), model.dof_names
-        alarms = wanted.alarms if wanted else None
         self._detector = AlarmDetector(names, alarms) if alarms else None
+        self.collisions = Alarms(self._detector) if self._detector else Collisions(names)
         points = reading.contact_points[0] if settings.contact.limits is not None else None
         self._points = points if points and points.limited.any() else None
-        collisions = Alarms(self._detector) if self._detector else Collisions(names)
-        exposure = ContactExposure(self._points) if self._points else None
-        missing = tuple(settings.unjudged_without)
-        self.outcome = Outcome(model, gain, threshold, missing, collisions, exposure)
-
-    @property
-    def states(self):
-        """Number of states."""
-        return self.outcome.states
+        self.exposure = ContactExposure(self._points) if self._points else None
+        self.balance, self.quality, self.peaks = Balance(names), Quality(model), Peaks()
+        self.efforts, self.motion = EffortRange(names), MotionSample(model)
+        self.histogram = np.zeros(BINS, dtype=int)
+        self.states, self.observed, self.kinetic = 0, 0, 0.0  # number, that with a residual, and sum of K [J]
+        self.findings = None  # after run()
 
     def run(self, outputs=(), progress=None):
         """Analyse all states, and call `write(piece)` of the outputs with each :class:`Piece` in order.
@@ -137,9 +110,7 @@ class Analysis:
                     output.write(piece)
                 if progress:
                     progress(states, int(piece.states.log_time[-1]))
-        outcome, reading = self.outcome, self.reading
-        outcome.counts, outcome.findings, outcome.offset = reading.counts, reading.findings(), reading.offset
-        outcome.without_effort = reading.intake.assembler.without_effort
+        self.findings = self.reading.findings()
 
     def _next_piece(self, batches):
         for batch in batches:
@@ -148,39 +119,38 @@ class Analysis:
         return None
 
     def analyse_batch(self, states):
-        """Evaluate states, add them to the outcome, and return the :class:`Piece`; None if no state can be evaluated."""
-        outcome, (states, s) = self.outcome, self._evaluate(states)
+        """Evaluate states, add them to the results, and return the :class:`Piece`; None if no state can be evaluated."""
+        states, s = self._evaluate(states)
         if not len(states):
             return None
         observed, judged = self._observer.observe_batch(states, s), None
         residual, torque, norm, valid, _ = observed
         if self._detector:
             judged = self._detector.judge(states.stamp, residual, torque, valid, states.jumped)
-            outcome.collisions.add_states(states.stamp, norm, judged)
+            self.collisions.add_states(states.stamp, norm, judged)
             observed = *observed[:4], judged.alarm
         else:
-            outcome.collisions.add_states(states.stamp, torque, norm, observed[4])
+            self.collisions.add_states(states.stamp, torque, norm, observed[4])
         windows = self._windows.integrate_states(states, s)
-        outcome.balance.add_windows(windows)
-        outcome.quality.add_states(states)
-        outcome.efforts.add_values(states.position[:, -outcome.model.nv :], states.effort)
-        outcome.motion.add_states(states)
+        self.balance.add_windows(windows)
+        self.quality.add_states(states)
+        self.efforts.add_values(states.position[:, -self.model.nv :], states.effort)
+        self.motion.add_states(states)
         if self._points:
             contact = self._dynamics.contact_batch(
                 states.position, states.velocity, self._points, threads=self._threads
             )
-            outcome.exposure.add_states(states.stamp, contact)
+            self.exposure.add_states(states.stamp, contact)
         self._add_figures(states, s, observed)
         return Piece(states, s, observed, windows, judged)
 
     def _add_figures(self, states, s, observed):
-        outcome, (_, torque, norm, valid, _) = self.outcome, observed
-        names, energy = outcome.model.dof_names, s.kinetic_energy
-        outcome.states += len(states)
-        outcome.observed += int(valid.sum())
-        outcome.kinetic += float(energy.sum())
+        (_, torque, norm, valid, _), names, energy = observed, self.model.dof_names, s.kinetic_energy
+        self.states += len(states)
+        self.observed += int(valid.sum())
+        self.kinetic += float(energy.sum())
         bins = np.floor(BINS_PER_DECADE * np.log10(energy[energy > 0.0])).astype(int) - LOWEST_BIN
-        outcome.histogram += np.bincount(bins, minlength=BINS)
+        self.histogram += np.bincount(bins, minlength=BINS)
         for quantity, values, entries in (
             ("kinetic_energy", energy, ("",)),
             ("energy_share", s.energy_share, names),
@@ -189,7 +159,7 @@ class Analysis:
             ("external_torque", np.abs(torque), names),
             ("residual_norm", norm, ("",)),
         ):
-            outcome.peaks.add_values(quantity, values, states.stamp, entries)
+            self.peaks.add_values(quantity, values, states.stamp, entries)
 
     def _evaluate(self, states):
         """Return the states that can be evaluated, and their evaluation; the others are counted as the monitor does."""

@@ -244,8 +244,8 @@ def _analyse(job, options):
             outputs.append(ReportOutput(job.output("html"), reading))
         analysis.run(outputs)
         if not analysis.states:
-            raise without_states(job.path, analysis.outcome.findings)
-        summary = summary_of(analysis.outcome) | {"recording": job.path}
+            raise without_states(job.path, analysis.findings)
+        summary = summary_of(analysis) | {"recording": job.path}
         for output in outputs:
             output.close(summary)
         summary |= {"pieces": 1, "fingerprint": job.fingerprint}

@@ -20,35 +20,35 @@ JOINED = "\u00a0"  # space without a line break
 WIDTH = 100  # longest line of the text by default
 
 
-def summary_of(outcome):
-    """Return the numbers of an Outcome as a dict in SI units; docs/recordings.md lists the keys."""
-    balance, peaks, counts = outcome.balance, outcome.peaks, outcome.counts
+def summary_of(analysis):
+    """Return the numbers of an Analysis that has run as a dict in SI units; docs/recordings.md lists the keys."""
+    balance, peaks, counts = analysis.balance, analysis.peaks, analysis.reading.counts
 
     def time(stamp):
-        return None if stamp is None else float((stamp - outcome.offset) * 1e-9)
+        return None if stamp is None else float((stamp - analysis.reading.offset) * 1e-9)
 
-    largest, (quality, warnings) = peaks.largest(), outcome.quality.report()
+    largest, (quality, warnings) = peaks.largest(), analysis.quality.report()
     quality["longest_gap_at"] = time(quality["longest_gap_at"])
-    balance.moved, unmeasured = outcome.efforts.moved, _unmeasured(outcome, quality["without_effort"])
+    balance.moved, unmeasured = analysis.efforts.moved, _unmeasured(analysis, quality["without_effort"])
     good = balance.explained is not None and balance.explained >= MIN_EXPLAINED
-    fault = None if good or unmeasured else outcome.motion.fault()
+    fault = None if good or unmeasured else analysis.motion.fault()
     energy, energy_at, _ = largest.get("kinetic_energy", (None, None, None))
     rejected = {cause: n for cause, n in sorted(counts.items()) if cause.startswith(REJECTED) and n}
     return {
-        "robot": outcome.model.name,
-        "degrees_of_freedom": list(outcome.model.dof_names),
-        "states": outcome.states,
-        "duration": outcome.quality.duration,
-        "begin": time(outcome.quality.begin),
-        "end": time(outcome.quality.end),
+        "robot": analysis.model.name,
+        "degrees_of_freedom": list(analysis.model.dof_names),
+        "states": analysis.states,
+        "duration": analysis.quality.duration,
+        "begin": time(analysis.quality.begin),
+        "end": time(analysis.quality.end),
         "counts": dict(sorted(counts.items())),
         "rejected": {cause.removeprefix(REJECTED): n for cause, n in rejected.items()},
         "kinetic_energy": {
-            "mean": outcome.kinetic / outcome.states if outcome.states else None,
+            "mean": analysis.kinetic / analysis.states if analysis.states else None,
             "max": energy,
             "at": time(energy_at),
             "share": peaks.of_each("energy_share"),
-            "histogram": _histogram(outcome),
+            "histogram": _histogram(analysis),
         },
         "peaks": {name: {"value": value, "at": time(at), "of": of} for name, (value, at, of) in largest.items()},
         "explained": balance.explained,
@@ -63,40 +63,40 @@ def summary_of(outcome):
         },
         "efforts": {"unmeasured": unmeasured, "says": fault.text if fault else ""},
         "observer": {
-            "gain": outcome.gain,
-            "threshold": None if outcome.threshold == float("inf") else outcome.threshold,
-            "judged": list(outcome.collisions.judged),
-            "missing": list(outcome.missing),
-            "observed": outcome.observed,
-            "says": _unknown_contacts(outcome, quality["without_effort"]),
+            "gain": analysis.gain,
+            "threshold": None if analysis.threshold == float("inf") else analysis.threshold,
+            "judged": list(analysis.collisions.judged),
+            "missing": list(analysis.missing),
+            "observed": analysis.observed,
+            "says": _unknown_contacts(analysis, quality["without_effort"]),
         },
         "collisions": [
             {"start": time(one.start), "end": time(one.end), "joints": list(one.joints), "norm": one.norm}
             | _exceeded(one)
-            for one in outcome.collisions.found
+            for one in analysis.collisions.found
         ],
-        "contact": outcome.exposure.summary(time) if outcome.exposure else None,
+        "contact": analysis.exposure.summary(time) if analysis.exposure else None,
         "quality": quality,
         "warnings": [unmeasured, *warnings] if unmeasured else warnings,
-        "findings": [one._asdict() for one in outcome.findings],
+        "findings": [one._asdict() for one in analysis.findings],
     }
 
 
-def _histogram(outcome):
+def _histogram(analysis):
     """Return the bins of the kinetic energy with states; the first one of those without energy is from 0 to 0."""
-    none = outcome.states - int(outcome.histogram.sum())
+    none = analysis.states - int(analysis.histogram.sum())
     bins = [{"from": 0.0, "to": 0.0, "states": none}] if none else []
-    for k in np.flatnonzero(outcome.histogram).tolist():
+    for k in np.flatnonzero(analysis.histogram).tolist():
         low, high = (10.0 ** ((k + LOWEST_BIN + one) / BINS_PER_DECADE) for one in (0, 1))
-        bins.append({"from": low, "to": high, "states": int(outcome.histogram[k])})
+        bins.append({"from": low, "to": high, "states": int(analysis.histogram[k])})
     return bins
 
 
-def _unmeasured(outcome, without_effort):
+def _unmeasured(analysis, without_effort):
     """Return which efforts cannot have been measured, in words; or an empty text."""
-    names, absurd = outcome.without_effort, outcome.counts["absurd effort"]
-    if not names or absurd or without_effort < outcome.states:
-        return outcome.efforts.unmeasured()
+    names, absurd = analysis.reading.intake.assembler.without_effort, analysis.reading.counts["absurd effort"]
+    if not names or absurd or without_effort < analysis.states:
+        return analysis.efforts.unmeasured()
     return f"efforts of {', '.join(names)} are missing throughout, so that no state has those of all joints (locked_joints)"
 
 
@@ -115,13 +115,13 @@ def _judgement(balance, unmeasured, fault):
     return balance.judgement(fault.text, instead=fault.kind in ("gravity", "order"))
 
 
-def _unknown_contacts(outcome, without_effort):
+def _unknown_contacts(analysis, without_effort):
     """Return what is not known of contacts, and why; or an empty text."""
-    said, missing, states = [], outcome.missing, outcome.states
-    unknown = states - outcome.observed
-    if not outcome.observed:
+    said, missing, states = [], analysis.missing, analysis.states
+    unknown = states - analysis.observed
+    if not analysis.observed:
         none = without_effort == states
-        why = without_efforts(outcome.counts) if none else "the observer has no result at any state"
+        why = without_efforts(analysis.reading.counts) if none else "the observer has no result at any state"
         said.append(f"Nothing is known of contacts: {why}.")
     elif unknown > 1 and not missing:  # the first one never has a result
         said.append(f"Of {unknown} of {states} states nothing is known: the observer has no result there.")
@@ -130,7 +130,7 @@ def _unknown_contacts(outcome, without_effort):
         if missing == ("external_torque.gain",):
             lacks += ", without which external_torque.threshold does not count"
         said.append(
-            f"{'Nothing is known of contacts: ' if outcome.observed else ''}{lacks}. diag-dynamics calibrate finds "
+            f"{'Nothing is known of contacts: ' if analysis.observed else ''}{lacks}. diag-dynamics calibrate finds "
             "thresholds, and writes them with their gain for --alarms."
         )
     return " ".join(said)

@@ -316,7 +316,7 @@ def test_times_behind_a_long_gap_are_right(recording):
     reading = Reading(path, recording.model, parameters={"external_torque.gain": 25.0})
     analysis, report = Analysis(reading), output.ReportOutput(html, reading)
     analysis.run([report])
-    report.close(summary_of(analysis.outcome) | {"recording": "gap.npz"})
+    report.close(summary_of(analysis) | {"recording": "gap.npz"})
     told, blocks = parts_of(html)
     t = track_of(told, blocks, told["tracks"][0])[0]
     assert t[-1] > 7200.0 and np.isin(np.rint(t * 1e6), np.rint(columns["t"] * 1e6)).all()
