@@ -332,7 +332,7 @@ def test_unusable_rows_are_counted(panda, eventful, monkeypatch):
     texts = " ".join(whole.quality["findings"])
     assert all(cause in texts for cause in ("too fast", "not whole", "time did not go on", "began anew", "scattered"))
     assert whole.quality["velocity_delay"][0] == pytest.approx(0.012, abs=1e-3)
-    assert residual(whole.model, model, oracle)[0] < 1.0
+    assert residual(whole.model, model, oracle)[0] < 0.1
     pieces = dd.identify(in_pieces(eventful, 7411), model, "friction")
     assert pieces.quality == whole.quality
     assert pieces.parameters.origin["recordings"] == whole.parameters.origin["recordings"]

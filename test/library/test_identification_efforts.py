@@ -79,14 +79,6 @@ def test_residuals_of_neighbours_in_time_are_alike(arm, seed):
     assert abs(factor - 1.0) < 4.0 * error < 2.0
 
 
-def test_a_light_joint_whose_effort_is_doubtful(tmp_path, capsys):
-    """The model may miss what it carries: a finding names it, and the exit status is 1. Alone it would be rejected."""
-    t, q, qd, tau = motion()
-    tau = worn(tau, qd) * [-1.0, 1.0, 1.0]  # of the pan joint, which gravity does not load
-    status, said = commanded(tmp_path, capsys, "identify", (t, q, qd, tau), "--what", "friction")
-    assert status == 1 and "effort doubtful: the effort of joint 'pan' is of the other sign" in said
-
-
 FINGERS = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
 ARMS = {"ur5": ("ur_description/urdf/ur5_robot.urdf", {}), "panda": ("panda_description/urdf/panda.urdf", FINGERS)}
 
