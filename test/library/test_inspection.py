@@ -147,6 +147,7 @@ MISTAKES = (
     ("sides", "note", "left_upper right_upper", 3.2, with_right("2.8")),
     ("meshes", "warning", "left_upper", None, changed(BOX, '<mesh filename="package://no/a.stl"/>')),
     ("meshes", "note", "left_upper", None, changed(BOX, "<cone/>")),
+    ("meshes", "note", "left_upper", None, changed(BOX, '<box size="0.4 0 0.09"/>')),
     ("elements", "warning", "elbow", None, changed(LIMIT, LIMIT * 2)),
     ("attributes", "warning", "elbow", None, limit("lower", "Lower")),
     ("attributes", "note", "elbow", None, limit("/>", ' current="1"/>')),
