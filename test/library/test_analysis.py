@@ -18,6 +18,7 @@ from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from diag_dynamics.cli.main import main
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.recordings.recording import Reading
+from robots import TwoLinkArm
 
 RECORDINGS = Path(
     os.environ.get("DIAG_DYNAMICS_RECORDINGS", Path(__file__).parents[2].parent / "shared" / "recordings")
@@ -219,10 +220,11 @@ def leaves(value):
 
 
 @pytest.mark.parametrize("size", [1, 100])
-def test_batches_do_not_matter(analysed, motion, monkeypatch, size):
-    """Windows, observer, neighbours and collisions go on from batch to batch."""
+def test_batches_do_not_matter(analysed, motion, monkeypatch, tmp_path, size):
+    """Windows, observer, neighbours, collisions and the worst contacts go on from batch to batch."""
     columns = [x if size > 1 else x[np.r_[600:920, 1450:1600]] for x in broken(motion)]
-    options = ["external_torque.gain=25", "external_torque.threshold=1"]
+    (tmp_path / "limits.yaml").write_text("regions: {any: {energy: 0.5}}")
+    options = ["external_torque.gain=25", "external_torque.threshold=1", f"contact.limits_file={tmp_path}/limits.yaml"]
     whole, *_ = analysed(*columns, parameters=options)
     pieces = Reading.pieces
 
@@ -233,9 +235,18 @@ def test_batches_do_not_matter(analysed, motion, monkeypatch, size):
 
     monkeypatch.setattr(Reading, "pieces", small)
     parts, *_ = analysed(*columns, parameters=options)
+    worst = [one["contact"]["worst"] for one in (parts, whole)]
+    assert np.diff(sorted(one["at"] for one in worst[0])).min(initial=np.inf) >= 1.0 - 1e-9
+    for moments in worst:
+        del moments[1:]  # one that hid others may give way to a later one
     for one, other in zip(leaves(parts), leaves(whole), strict=True):
         assert one == (pytest.approx(other, rel=1e-9, abs=1e-11) if isinstance(other, float) else other)
-    assert whole["collisions"] and whole["balance"]["windows"] > 4 and whole["quality"]["repeated_stamps"] == 1
+    assert (
+        worst[1]
+        and whole["collisions"]
+        and whole["balance"]["windows"] > 4
+        and whole["quality"]["repeated_stamps"] == 1
+    )
     assert whole["quality"]["joints"]["shoulder_pan_joint"]["clipped"] == ["effort"]
 
 
@@ -404,6 +415,8 @@ def test_quality_of_good_data(analysed, motion):
     """Steps of an encoder are no disagreement."""
     t, q, qd, tau = motion
     report = analysed(*motion)[0]["quality"]
+    for name, values in (("largest_velocity", qd), ("largest_effort", tau)):
+        assert [one[name] for one in report["joints"].values()] == np.abs(values).max(axis=0).tolist()
     assert report["rate"] == pytest.approx(500.0, rel=0.02) and report["jitter"] < 2e-5
     assert report["gaps"] == report["repeated_states"] == report["without_effort"] == 0
     assert all(one["velocity_error"] < 1e-3 and not one["clipped"] for one in report["joints"].values())
@@ -411,6 +424,18 @@ def test_quality_of_good_data(analysed, motion):
     report = analysed(t, np.round(q / 1e-4) * 1e-4, qd, tau)[0]["quality"]
     moving = [one for one in report["joints"].values() if one["largest_velocity"] > 0.2]
     assert moving and all(one["velocity_error"] < 0.05 for one in moving)
+
+
+def test_wrapped_positions_of_a_continuous_joint(tmp_path):
+    """They are the integral of its velocity, and no wrong unit."""
+    (tmp_path / "arm.urdf").write_text(TwoLinkArm().urdf.replace("revolute", "continuous"))
+    t = np.arange(2000) * 0.002
+    q, qd = np.outer(t, [2.5, -2.0]) + 0.1 * np.sin(3.0 * t)[:, None], [2.5, -2.0] + 0.3 * np.cos(3.0 * t)[:, None]
+    path = write_columns(tmp_path / "x.npz", t, (q + np.pi) % (2.0 * np.pi) - np.pi, qd)
+    main(["analyse", str(path), "--urdf", str(tmp_path / "arm.urdf"), "--quiet", "--json", str(tmp_path / "a.json")])
+    report = json.loads((tmp_path / "a.json").read_text())["quality"]
+    assert report["wrong_unit"] is None
+    assert all(one["velocity_error"] < 1e-3 for one in report["joints"].values())
 
 
 @pytest.mark.parametrize("delay", [0.006, -0.004, 0.02])
