@@ -196,6 +196,7 @@ def test_commands_name_degrees_and_how_to_read_them(arm, command, which, scale, 
     assert main([command, str(path), "--urdf", str(UR5), *options]) != 0
     printed = " ".join("".join(capsys.readouterr()).split())
     assert f"{which} seem to be in degrees" in printed
+    assert "and positions then change as velocities say" in printed
     assert f"scale: {{{', '.join(f'{key}: {value}' for key, value in scale.items())}}}" in printed
     data = dd.read_recording(path, model, {"scale": scale})
     assert len(data) == len(t) and not units(data)
