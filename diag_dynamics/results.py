@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from diag_dynamics import sweeps
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.optional import require
 
 if TYPE_CHECKING:
     from diag_dynamics.model import RobotModel
@@ -123,7 +123,7 @@ class Evaluation:
         """
         values = {name: getattr(self, name) for name in PER_DOF}
         columns = {name: value for name, value in values.items() if value is not None}
-        return _pandas().DataFrame(columns, index=list(self._model.dof_names))
+        return require("pandas", "to_frame").DataFrame(columns, index=list(self._model.dof_names))
 
     @property
     def model(self) -> RobotModel:
@@ -360,7 +360,7 @@ class BatchEvaluation(Evaluation):
                 continue
             of = self._model.link_names if name == "link_energy" else self._model.dof_names
             columns |= {(name, one): value[:, k] for k, one in enumerate(of)}
-        frame = _pandas().DataFrame(columns)
+        frame = require("pandas", "to_frame").DataFrame(columns)
         frame.columns.names = ["quantity", "of"]
         return frame
 
@@ -494,13 +494,6 @@ def reused_evaluation(model: RobotModel, shape: tuple[int, int]) -> Evaluation:
     result = Evaluation(model, state, tuple(state[:, : model.nv]), False)
     result._memory = memory
     return result
-
-
-def _pandas() -> Any:
-    try:
-        return import_module("pandas")
-    except ImportError as error:
-        raise InputError("to_frame needs pandas: pip install pandas.") from error
 
 
 def _sealed(array: Array) -> Array:

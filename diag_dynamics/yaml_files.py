@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 import re
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.optional import require
 
 
 def read_yaml(path: object, what: str) -> Any:
@@ -43,7 +43,7 @@ def parsed_yaml(text: str, what: str) -> Any:
     InputError
         It is no YAML.
     """
-    yaml = _yaml(what)
+    yaml = require("yaml", what)
     try:
         return yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: of a date that is none
@@ -53,15 +53,7 @@ def parsed_yaml(text: str, what: str) -> Any:
 
 def yaml_text(content: Any) -> str:
     """YAML of plain dicts, lists, texts and numbers, in their order; every number is read back with the same bits."""
-    return _yaml("what is to be written").safe_dump(content, sort_keys=False, allow_unicode=True, width=100)
-
-
-def _yaml(what: str) -> Any:
-    """PyYAML, which a `pip install --no-deps` leaves out."""
-    try:
-        return import_module("yaml")
-    except ImportError as error:
-        raise InputError(f"{what} is YAML, and PyYAML is not installed: pip install pyyaml.") from error
+    return require("yaml", "writing YAML").safe_dump(content, sort_keys=False, allow_unicode=True, width=100)
 
 
 def as_yaml(value: Any) -> str:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, Whole
-from diag_dynamics.exceptions import InputError
+from diag_dynamics.optional import require
 
 MIN_PEAKS, MAX_PEAKS = 10, 50  # to count alarms, or to fit the tail to
 PEAK_PERIOD = 4.0  # time for each peak of the tail [s]
@@ -35,10 +35,7 @@ class Level(NamedTuple):
 
 def poisson_interval(count: int, confidence: float = 0.95) -> tuple[float, float]:
     """Return the exact interval (Garwood, 1936) of the expected number of events after a count."""
-    try:
-        from scipy.special import gammaincinv  # half a quantile of χ²
-    except ImportError as error:
-        raise InputError("calibrate needs SciPy: pip install scipy.") from error
+    gammaincinv = require("scipy.special", "calibrate").gammaincinv  # half a quantile of χ²
     tail = 0.5 * (1.0 - confidence)
     low = float(gammaincinv(count, tail)) if count else 0.0
     return low, float(gammaincinv(count + 1, 1.0 - tail))

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from importlib import import_module
 from typing import Any, ParamSpec
 
 import numpy as np
 import numpy.typing as npt
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.exceptions import InputError
+from diag_dynamics.optional import require
 from diag_dynamics.text import plain
 
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#F0E442")
@@ -40,10 +39,7 @@ Rows = npt.NDArray[np.intp]
 
 def pyplot() -> Any:
     """Return matplotlib.pyplot, imported on first use."""
-    try:
-        return import_module("matplotlib.pyplot")
-    except ImportError as error:
-        raise InputError("matplotlib is not installed. Run: pip install matplotlib.") from error
+    return require("matplotlib.pyplot", "plotting")
 
 
 def styled(draw: Callable[P, Any]) -> Callable[P, Any]:

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.optional import require
 from diag_dynamics.recordings.messages import (
     DamageError,
     Messages,
     Notes,
     describe_error,
     merge_parts,
-    require,
 )
 
 METADATA = "metadata.yaml"
@@ -89,13 +89,16 @@ class Bag:
         if kind is None:
             raise InputError(f"'{name}' is no bag that is known; there are {KNOWN}.")
         if kind == "mcap":
-            require("mcap")
+            require("mcap", "reading the recording")
         reader = import_module(f"diag_dynamics.recordings.{kind}_file")  # the libraries are optional
         return getattr(reader, f"{kind.capitalize()}File")(path, name, self._notes)
 
     def _unpack(self, path):
         """Return the path of the content of a compressed file."""
-        zstandard, folder = require("zstandard"), tempfile.TemporaryDirectory(prefix="diag_dynamics-")
+        zstandard, folder = (
+            require("zstandard", "reading the recording"),
+            tempfile.TemporaryDirectory(prefix="diag_dynamics-"),
+        )
         self._unpacked.append(folder)  # it is deleted with the bag
         content = Path(folder.name) / path.name.removesuffix(PACKED)
         try:
@@ -159,7 +162,7 @@ def _convert(messages, conversions, places, failed):
 
 def _unpack_message(raw):
     """Return the content of a message; itself if it is damaged, for its decoder to reject it."""
-    zstandard = require("zstandard")
+    zstandard = require("zstandard", "reading the recording")
     with suppress(zstandard.ZstdError):
         if zstandard.frame_content_size(raw) <= MAX_MESSAGE:
             return zstandard.ZstdDecompressor().decompress(raw, MAX_MESSAGE)
@@ -215,7 +218,7 @@ def _find_files(folder, notes):
 
 def _read_metadata(folder):
     """Return the names of the listed files, and why there are none."""
-    yaml = require("yaml")
+    yaml = require("yaml", "reading the recording")
     try:
         text = (folder / METADATA).read_text(encoding="utf-8")
         content = yaml.safe_load(text)["rosbag2_bagfile_information"]

@@ -25,6 +25,7 @@ from diag_dynamics.batch import cores
 from diag_dynamics.checks import positive
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import RobotModel
+from diag_dynamics.optional import require
 from diag_dynamics.parameters.robots import model_of, require_as_made
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.atomic_file import AtomicFile
@@ -116,12 +117,8 @@ def analyse_fleet(
     """
     if isinstance(patterns, str | os.PathLike):
         raise InputError(f"patterns is {patterns!r}, expected a list of paths and patterns.")
-    try:
-        for name in ("distributed", "jinja2", *(["pyarrow.parquet"] if parquet else [])):
-            import_module(name)
-    except ImportError as error:
-        missing = "which is not installed: pip install 'dask[distributed]' pyarrow"
-        raise InputError(f"a fleet's recordings are analysed with {name}, {missing}.") from error
+    for name in ("distributed", "jinja2", *(["pyarrow.parquet"] if parquet else [])):
+        require(name, "the analysis of a fleet")
     values = settings_of(parameters).values
     if isinstance(model, RobotModel):
         require_as_made(values)

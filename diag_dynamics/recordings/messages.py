@@ -4,13 +4,10 @@
 """Serialized messages in columns, and what readers of bags report about their files."""
 
 import heapq
-from importlib import import_module
 from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
-
-from diag_dynamics.exceptions import InputError
 
 
 class Connection(NamedTuple):
@@ -119,12 +116,3 @@ class DamageError(Exception):
 def describe_error(error):
     """Return the text of an error in one line without a full stop; its class if there is none."""
     return " ".join(str(error).split()).rstrip(".")[:200] or type(error).__name__
-
-
-def require(module):
-    """Import a module of the extra `recordings`; an InputError names a package that is missing."""
-    try:
-        return import_module(module)
-    except ImportError as error:
-        package = module.partition(".")[0].replace("yaml", "pyyaml")
-        raise InputError(f"recordings of this kind need the package {package}: pip install {package}.") from error

@@ -8,12 +8,12 @@ from functools import lru_cache, partial
 from itertools import accumulate
 from pathlib import Path
 
+from diag_dynamics.optional import require
 from diag_dynamics.recordings.messages import (
     Connection,
     DamageError,
     Messages,
     describe_error,
-    require,
 )
 
 ROWS = 2000
@@ -30,7 +30,7 @@ class Ros1File:
 
     def __init__(self, path, name, notes):
         self._path, self._lose = Path(path), partial(notes.add_damage, name)
-        self._open = partial(require("rosbags.rosbag1").Reader, self._path)
+        self._open = partial(require("rosbags.rosbag1", "reading the recording").Reader, self._path)
         self.connections, self.start = [], None
         try:
             with self._open() as reader:
@@ -86,7 +86,7 @@ def find_conversion(name, md5):
     """
     if name not in TYPES:
         return None
-    typesys = require("rosbags.typesys")
+    typesys = require("rosbags.typesys", "reading the recording")
     noetic = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
     expected = noetic.generate_msgdef(name, ros_version=1)[1]
     if md5 not in ("", "*", expected):

@@ -11,8 +11,8 @@ import numpy as np
 from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.optional import require
 from diag_dynamics.recordings.atomic_file import AtomicFile
-from diag_dynamics.recordings.messages import require
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import definition_with_parts, message_type
 from diag_dynamics.wire.ours import our_definitions
@@ -90,7 +90,7 @@ class McapOutput:
             if topic not in TOPICS:
                 raise InputError(f"there is no topic '{topic}' to write, expected some of {', '.join(TOPICS)}.")
         self._file, definitions = AtomicFile(path), our_definitions()
-        require("mcap")
+        require("mcap", "writing MCAP")
         self._count = 0
         self._topics = [TopicRows(topic, reading, friction) for topic in topics]
         declared = [

@@ -13,8 +13,8 @@ from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Footer, Header, Sc
 
 import diag_dynamics
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.optional import require
 from diag_dynamics.recordings.mcap_file import HEAD, MAGIC
-from diag_dynamics.recordings.messages import require
 
 LEVEL = 1
 """Of the compression by zstd."""
@@ -31,7 +31,7 @@ class McapWriter:
 
     def __init__(self, file, topics):
         self._path, self._size = file.path, 0
-        self._compress = require("zstandard").ZstdCompressor(level=LEVEL).compress
+        self._compress = require("zstandard", "writing MCAP").ZstdCompressor(level=LEVEL).compress
         self._file = self._call(open, file.name, "wb")
         self._indexes, self._counts, self._records = [], [0] * len(topics), []
         for k, (topic, kind, definition) in enumerate(topics, 1):

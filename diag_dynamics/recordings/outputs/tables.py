@@ -5,12 +5,12 @@
 
 import os
 from contextlib import suppress
-from importlib import import_module
 
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.single_joints import sliding_dofs
+from diag_dynamics.optional import require
 from diag_dynamics.recordings.atomic_file import AtomicFile
 
 STATE = {"velocity": ("rad/s", "m/s"), "effort": ("N m", "N")}
@@ -51,11 +51,7 @@ class TableOutput:
     """
 
     def __init__(self, path, reading, friction=False, kind="parquet"):
-        try:
-            self._arrow, self._library = import_module("pyarrow"), import_module(f"pyarrow.{kind}")
-        except ImportError as error:
-            missing = "is written by pyarrow, which is not installed: pip install pyarrow."
-            raise InputError(f"'{path}' {missing}") from error
+        self._arrow, self._library = (require(name, f"'{path}'") for name in ("pyarrow", f"pyarrow.{kind}"))
         self._reading, self._friction, self._csv = reading, friction, kind == "csv"
         self._units = column_units(reading.model, friction)
         self._target, self._writer, self._file = AtomicFile(path), None, None

@@ -7,6 +7,7 @@ import os
 from importlib import import_module
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.optional import require
 from diag_dynamics.recordings.tables.column_map import column_map
 
 
@@ -43,11 +44,7 @@ def open_table(path, columns=None, joints=()):
         raise InputError(f"'{path}' is empty: it has 0 bytes.")
     if begin.startswith(b"\x93NUMPY"):
         raise InputError(f"'{path}' is a single array without names: write an npz, np.savez(path, time=…, position=…).")
-    try:
-        import_module("pyarrow")
-    except ImportError as error:
-        need = "pyarrow is not installed: pip install diag_dynamics[recordings]"
-        raise InputError(f"'{path}' is a table, and {need}.") from error
+    require("pyarrow", f"'{path}'")
     module, kind = ("csv", "Csv")
     if begin.startswith((b"PAR1", b"PK\x03\x04", b"PK\x05\x06")):
         module, kind = "arrays", "Parquet" if begin.startswith(b"PAR1") else "Npz"

@@ -1,0 +1,28 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Packages that pip installs as an extra."""
+
+from importlib import import_module
+from typing import Any
+
+from diag_dynamics.exceptions import InputError
+
+PACKAGES = {"yaml": "pyyaml", "distributed": "'dask[distributed]'"}
+"""Names of packages that differ from those of their modules."""
+
+
+def require(module: str, what: str) -> Any:
+    """Import a module that `what` needs.
+
+    Raises
+    ------
+    InputError
+        Its package is not installed.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        name = module.partition(".")[0]
+        package = PACKAGES.get(name, name)
+        raise InputError(f"{what} needs the package {name}: pip install {package}.") from error
