@@ -6,9 +6,9 @@
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.account import Finding
 from diag_dynamics.recordings.effort_checks import find_fault
 from diag_dynamics.recordings.effort_relation import ERRORS, EffortRelation, Run
+from diag_dynamics.recordings.findings import Finding
 
 INCREMENT = 0.05  # time over which positions are compared with integrated velocities [s]
 TOLERANCE, MIN_CORRELATION = 0.02, 0.7  # error of their slope; correlation from which a joint counts

@@ -16,6 +16,7 @@ import numpy as np
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.identification.inertias import BASIS
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
+from diag_dynamics.optional import require
 
 STAGE_DECREMENT, LAST_DECREMENT = 0.1, 1e-7  # squared Newton decrement at the end of a stage, over its γ; of the last
 CONVERGED = 0.05  # squared decrement over the smallest weight below which convergence is quadratic
@@ -105,13 +106,13 @@ def _derivatives(problem, x, scale):
 
 def _newton_step(gradient, hessian):
     """Return the squared Newton decrement and the step, the Hessian scaled by its diagonal because units differ."""
-    from scipy.linalg import cho_factor, cho_solve  # slow to import
+    linalg = require("scipy.linalg", "identify")  # slow to import
 
     diagonal = np.diag(hessian)
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled, right = hessian * scale[:, None] * scale, -gradient * scale
     try:  # by Cholesky, as the threads of an LU factorization mostly wait
-        direction = cho_solve(cho_factor(scaled, check_finite=False), right, check_finite=False)
+        direction = linalg.cho_solve(linalg.cho_factor(scaled, check_finite=False), right, check_finite=False)
     except np.linalg.LinAlgError:
         direction = np.linalg.lstsq(scaled, right, rcond=None)[0]
     return float(direction @ right), direction * scale

@@ -95,10 +95,8 @@ class Bag:
 
     def _unpack(self, path):
         """Return the path of the content of a compressed file."""
-        zstandard, folder = (
-            require("zstandard", "reading the recording"),
-            tempfile.TemporaryDirectory(prefix="diag_dynamics-"),
-        )
+        folder = tempfile.TemporaryDirectory(prefix="diag_dynamics-")
+        zstandard = require("zstandard", "reading the recording")
         self._unpacked.append(folder)  # it is deleted with the bag
         content = Path(folder.name) / path.name.removesuffix(PACKED)
         try:
