@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.optional import require
 from diag_dynamics.sweeps.spatial import ANGULAR_X
 
 CUTOFF, ORDER, MEMORY = 5.0, 4, 3.0
@@ -37,7 +38,7 @@ def smoothed(segment, tau):
 
     Its gain is that of a Butterworth filter, forward and backward: 1 / (1 + (f/f_c)^2n). Ends are reflected.
     """
-    from scipy.fft import next_fast_len
+    next_fast_len = require("scipy.fft", "the judgement of efforts").next_fast_len
 
     t, count = segment.t, len(segment.t)
     even = np.linspace(t[0], t[-1], count)

@@ -50,7 +50,8 @@ ITEMS = {
         library/test_analyse_command.py::test_a_full_disk_leaves_nothing""",
     "exit status": "library/test_analyse_command.py::test_what_makes_the_exit_status_1",
     "Parquet and MCAP for others": """
-        library/test_analyse_command.py::test_mcap_has_every_field library/test_report.py::test_columns_of_tables""",
+        library/test_analyse_command.py::test_mcap_has_every_field
+        library/test_analyse_command.py::test_others_read_the_mcap library/test_report.py::test_columns_of_tables""",
     "report": """
         library/test_report.py::test_no_peak_is_missing_from_the_overview
         library/test_report.py::test_all_states_around_contacts_are_kept""",
