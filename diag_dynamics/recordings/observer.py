@@ -137,12 +137,15 @@ class Observer:
         samples = self._chain.select(states)
         results, of_samples = [], self._observe(samples, states.position[samples.rows], s)
         for last, column in zip(self._last, of_samples, strict=True):
-            results.append(np.zeros((len(states.stamp), *column.shape[1:]), column.dtype))
-            results[-1][samples.known] = np.concatenate([last, column])[samples.sample + 1]
+            results.append(column)
+            if not isinstance(samples.rows, slice):  # not every state is a sample
+                results[-1] = np.zeros((len(states.stamp), *column.shape[1:]), column.dtype)
+                results[-1][samples.known] = np.concatenate([last, column])[samples.sample + 1]
         if len(samples.known):
             self._last = [column[samples.known[-1:]] for column in results]
+        invalid = np.flatnonzero(~results[3])
         for column in results[:3]:
-            column[~results[3]] = np.nan
+            column[invalid] = np.nan
         return tuple(results)
 
     def _observe(self, samples, positions, s):

@@ -102,7 +102,8 @@ class Quality:
         np.multiply(0.5 * elapsed[:, None], velocity[:-1] + velocity[1:], out=steps[1:, 1])
         same, again = moved == 0.0, elapsed == 0.0
         self._still += column_counts(same & (np.abs(velocity[1:]) >= MOVING))
-        k = np.flatnonzero(same.all(axis=1))
+        k = np.flatnonzero(same[:, 0])  # NumPy is slow along short rows
+        k = k[same[k].all(axis=1)]
         same = (velocity[k + 1] == velocity[k]) & (effort[k + 1] == effort[k])
         self._same_state += int(np.count_nonzero(same.all(axis=1)))
         self._same_stamp += int(np.count_nonzero(again))
