@@ -188,8 +188,8 @@ def table(measured):
         "|---|---|---|---|---|---|---|---|",
     ]
     for name, (read, compute, observe, written), target in (
-        ("Parquet: state, kinetic energy, observer", measured.parquet, 200),
-        ("MCAP: `DiagonalizedState`", measured.mcap, 100),
+        ("Parquet: state, kinetic energy, observer", measured.parquet, 180),
+        ("MCAP: `DiagonalizedState`", measured.mcap, 90),
     ):
         total = read + compute + written
         speed = 1000.0 / total
