@@ -11,12 +11,14 @@ import numpy as np
 from diag_dynamics.assembly.bounds import Bounds
 from diag_dynamics.assembly.efforts import Efforts
 from diag_dynamics.assembly.followers import Followers
+from diag_dynamics.assembly.frozen import SAMPLES
+from diag_dynamics.assembly.gaps import WINDOW
+from diag_dynamics.assembly.jumps import MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT
 from diag_dynamics.assembly.stamps import nanoseconds
 from diag_dynamics.entries import by_name
 from diag_dynamics.joint_states import codes, memory
 from diag_dynamics.joint_states.rules import judge_messages
-from diag_dynamics.joint_states.steps import MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT, ROWS
-from diag_dynamics.joint_states.watches import SAMPLES, WINDOW
+from diag_dynamics.joint_states.steps import ROWS
 
 
 class JointStates(NamedTuple):

@@ -11,6 +11,8 @@ import math
 
 import numpy as np
 
+from diag_dynamics.assembly.stamps import LATE_COUNT, LATE_TIME, PATIENCE, SECOND
+from diag_dynamics.assembly.velocities import LONGEST, PERIODS
 from diag_dynamics.compiled.kernel import entry_kernel, kernel, large_kernel
 from diag_dynamics.joint_states import codes
 from diag_dynamics.joint_states.memory import (
@@ -25,17 +27,6 @@ from diag_dynamics.joint_states.memory import (
 )
 from diag_dynamics.joint_states.steps import DISPLACED, FAR, NOTHING, accept_step, is_contradicted, judge_step
 from diag_dynamics.joint_states.watches import count_gap, pause_gaps, watch_frozen
-
-SECOND = 1_000_000_000
-
-CLOCK_TIME = 10 * SECOND
-"""Time [ns] for which all stamps must differ from the clock by the same amount before they are accepted again."""
-
-LATE_COUNT, LATE_TIME = 5, SECOND // 2
-"""Late stamps in a row, and time [ns] from the first to the last of them, after which time has restarted."""
-
-ESTIMATE_TIME, ESTIMATE_PERIODS = 10.0 * SECOND, 3.0
-"""Longest time [ns] between the first two positions of an estimate, and periods without a position that restart it."""
 
 
 @entry_kernel(*MEMORY_TYPES, *LAYOUT_TYPES, *BATCH_TYPES, *OUTCOME_TYPES, nogil=True)
@@ -205,13 +196,13 @@ def _judge_stamp(memory, here, beside, stamp, unstamped, now, one):
 
 @kernel
 def _judge_clock(memory, stamp, now, one):
-    """Return the code of a stamp that is far from the clock, unless all stamps have been so for CLOCK_TIME."""
+    """Return the code of a stamp that is far from the clock, unless all stamps have been so for PATIENCE."""
     shared, apart = memory.shared[0], now - stamp
     if abs(apart) <= shared.max_age or (shared.in_step != 1 and not shared.refuse_foreign):
         return codes.STATE
     if not shared.refused or abs(apart - shared.refused_apart) > shared.max_age or now < shared.refused_at:
         shared.refused, shared.refused_at, shared.refused_apart = 1, now, apart
-    if not shared.refuse_foreign and now - shared.refused_at >= CLOCK_TIME:
+    if not shared.refuse_foreign and now - shared.refused_at >= PATIENCE:
         return codes.STATE
     one.first, one.second = apart * 1e-9, shared.max_age * 1e-9
     if shared.in_step != 1:
@@ -284,7 +275,7 @@ def _estimate(memory, here, position, velocity, stamp, unstamped, moved, one):
         elapsed = stamp - joint.estimate_stamp
         if not _continues(joint, elapsed, unstamped, moved and memory.scratch[FAR, j] > 0.0):
             joint.estimate_since, joint.estimate_sum, joint.estimate_weight = stamp, 0.0, 0.0
-            joint.estimate_period = ESTIMATE_TIME / ESTIMATE_PERIODS
+            joint.estimate_period = LONGEST / PERIODS
             joint.estimate_position, joint.estimate_stamp, joint.estimate_known = position[j], stamp, 1
         elif elapsed > 0:
             dt = elapsed / 1e9
@@ -307,7 +298,7 @@ def _continues(joint, elapsed, unstamped, moved):
     if not joint.estimate_known or joint.unstamped != unstamped or moved or elapsed < 0:
         return False
     longest = joint.span if np.isfinite(joint.span) else 0.0
-    return elapsed <= max(longest, ESTIMATE_PERIODS * joint.estimate_period)
+    return elapsed <= max(longest, PERIODS * joint.estimate_period)
 
 
 @kernel

@@ -18,31 +18,20 @@ rest.
 
 import numpy as np
 
+from diag_dynamics.assembly.jumps import (
+    CANDIDATE_TIMEOUT,
+    MARGIN,
+    MIN_STEP_TIME,
+    SOURCE_TIMEOUT,
+    STATES,
+    STOP_FRACTION,
+)
 from diag_dynamics.compiled.kernel import kernel, large_kernel
 from diag_dynamics.joint_states import codes
 
-STATES = 3
-"""Messages in a row that agree on a new place before it is believed. The last of them is accepted."""
-
-MIN_STEP_TIME, MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT = 0.01, 0.5, 0.05
-"""Time between two states [s]: the shortest that counts, as stamps jitter and clocks tick; the longest over which a step is
-judged, with a velocity limit and without. Over a longer one the two velocities do not bound the way in between."""
-
-SOURCE_TIMEOUT = 0.5
-"""Time [s] without a message of the source in force after which another source may take its place."""
-
-CANDIDATE_TIMEOUT = 5_000_000_000
-"""Time [ns] after which a pose that comes again is no longer that of the source that sent it before."""
-
-MARGIN = 1e-3
-"""Largest distance [rad, m] between positions of one stamp that says nothing."""
-
-STOP_FRACTION = 0.15
-"""Fraction of the slack by which a robot may stop elsewhere than its velocities lead: some counts of a coarse encoder."""
-
-FAR, KNOWN, STEP, LARGEST, SAME, COUNT, RETURNS, VELOCITY, ROWS = range(9)
+FAR, KNOWN, STEP, LARGEST, COUNT, RETURNS, VELOCITY, ROWS = range(8)
 """Rows of the scratch, by joint: whether a step is too far, whether it can be judged, the step, the largest step that is
-explained; of the candidate whether its position is the same, messages in a row and returns; the velocity of the message."""
+explained; of the candidate messages in a row and returns; the velocity of the message."""
 
 NOTHING, CANDIDATE, DISPLACED, CONTRADICTED = 0, 1, 2, 4
 """What :func:`accept_step` does: store the message, or the state in force, as the candidate; count a contradiction."""
@@ -113,7 +102,7 @@ def is_contradicted(memory, here, position, stamp, unstamped):
             newest = max(newest, memory.joints[j].stamp)
     source, again = memory.joints[first], True
     again = source.bare_count == len(here) and source.bare_since != newest
-    again = again and abs(stamp - source.bare_stamp) <= CANDIDATE_TIMEOUT
+    again = again and abs(stamp - source.bare_stamp) <= CANDIDATE_TIMEOUT * 1e9
     for i in range(len(here)):
         again = again and memory.bare[first, i] == position[here[i]]
         memory.bare[first, i] = position[here[i]]
@@ -138,7 +127,7 @@ def _measure_steps(memory, here, position, velocity, stamp, unstamped):
     """Fill the scratch; return whether a step is too far, whether there is one, and whether one contradicts its stamp."""
     table, joints = memory.scratch, memory.joints
     for j in range(len(joints)):
-        if abs(stamp - joints[j].other_stamp) > CANDIDATE_TIMEOUT:
+        if abs(stamp - joints[j].other_stamp) > CANDIDATE_TIMEOUT * 1e9:
             joints[j].other_count = joints[j].other_returns = 0
     far, moves, contradicts = False, False, False
     for j in here:
