@@ -70,7 +70,8 @@ def list_recordings(name, recordings):
 class Dataset:
     """Segments of a recording that can be fitted. A long recording is thinned while it is read.
 
-    Velocities are at the time of the positions: `delay` [s] was removed. `start` and `end` are
+    Velocities are at the time of the positions: `delay` [s] was removed. `spans` are the times of the
+    segments that have such velocities [s], which begin and end between states. `start` and `end` are
     times of all `count` states [s], `zero` is the stamp of the first one [ns]. Raises InputError
     if the recording is of another robot, lacks states or efforts, or has velocities in another unit.
     """
@@ -81,18 +82,22 @@ class Dataset:
         self.segments = self._clean(self._read(name, recording, model, max_values), model)
         delay = find_delay(model, self.segments)
         if abs(delay) > np.median(np.concatenate([np.diff(one.t) for one in self.segments])):
-            long = [one for one in self.segments if one.duration > abs(delay)]
-            self.delay, self.segments = delay, [_shifted(one, delay) for one in long]
+            self.delay = delay
+            self.segments = [one for one in self.segments if one.duration > abs(delay)]
             size, late = f"{abs(delay) * 1e3:.1f} ms", "late" if delay > 0.0 else "early"
             text = f"velocities are {size} {late} against positions, which was taken out"
             self.findings.append(Finding("velocity delay", 1, text))
         if not self.segments:
             raise InputError(f"{name} has no segment longer than the velocities' delay, {size}.")
+        head, tail = max(0.0, -self.delay), max(0.0, self.delay)
+        self.spans = [(t[0] + head, t[-1] - tail) for t, _ in self.segments]
+        if self.delay:
+            self.segments = [_shifted(one, delay) for one in self.segments]
 
     @property
     def duration(self):
-        """Time in segments [s]."""
-        return sum(one.duration for one in self.segments)
+        """Time in spans [s]."""
+        return sum(end - begin for begin, end in self.spans)
 
     def portions(self, begin=-np.inf):
         """Yield parts of segments, of about SIZE states, from a time on [s]."""

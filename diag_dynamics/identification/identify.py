@@ -154,11 +154,11 @@ class Data:
         """Return where the held-out part begins in the last dataset, and the time before it [s]."""
         last, total = self.loaded[-1], sum(one.duration for one in self.loaded)
         held = remaining = min(HELD_OUT * total, last.duration if len(self.loaded) > 1 else total)
-        for segment in reversed(last.segments):
-            if segment.duration >= remaining:
-                return segment.t[-1] - remaining, total - held
-            remaining -= segment.duration
-        return last.segments[0].t[0], total - held
+        for begin, end in reversed(last.spans):
+            if end - begin >= remaining:
+                return end - remaining, total - held
+            remaining -= end - begin
+        return last.spans[0][0], total - held
 
     def _sum_blocks(self, early):
         """Return normal equations by number of the block; MAX_BLOCKS is that of the held-out part."""

@@ -345,6 +345,18 @@ def test_unusable_rows_are_counted(panda, eventful, monkeypatch):
         np.testing.assert_allclose(getattr(thinned.model, name), getattr(whole.model, name), atol=0.03)
 
 
+def test_the_held_out_part_of_delayed_velocities(panda):
+    """A third of the time that has velocities, which ends between two states: counted in states it begins one earlier."""
+    model, oracle = panda
+    t, q, qd, qdd = motion(model, 6, 10.0, 100.0)
+    tau, delay = efforts(oracle, q, qd, qdd) + friction(qd), 0.0123
+    late = np.column_stack([np.interp(t - delay, t, column) for column in qd.T])
+    quality = dd.identify(recorded(model, t, q, late, tau), model, "friction").quality
+    assert quality["velocity_delay"] == [pytest.approx(delay, abs=1e-3)]
+    begin = t[t >= 2.0 / 3.0 * (t[-1] - delay)][0]
+    np.testing.assert_allclose(quality["held_out"], [begin, t[t <= t[-1] - delay][-1]], atol=1e-6)
+
+
 def test_a_file_gives_the_same_model(panda, noisy, tmp_path):
     model, _ = panda
     start = model.perturbed(0.2, 9)
