@@ -26,9 +26,8 @@ import pinocchio as pin
 
 import diag_dynamics as dd
 from diag_dynamics.collision.calibration import calibrate_residuals, format_rate
-from diag_dynamics.collision.detector import AlarmDetector
+from diag_dynamics.collision.detector import AlarmDetector, AlarmThresholds
 from diag_dynamics.collision.residuals import Residuals
-from diag_dynamics.collision.thresholds import AlarmThresholds
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.recordings.observer import Observed
 

@@ -57,7 +57,7 @@ _HOME = {
     "RateDamping": "control",
     "DisturbanceObserver": "control.observer",
     "AlarmDetector": "collision.detector",
-    "AlarmThresholds": "collision.thresholds",
+    "AlarmThresholds": "collision.detector",
     "Recording": "recordings.recording",
     "read_recording": "recordings.recording",
     "stream_recording": "recordings.recording",
@@ -77,7 +77,7 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics import plot as plot
     from diag_dynamics.collision.calibration import Calibration as Calibration
     from diag_dynamics.collision.detector import AlarmDetector as AlarmDetector
-    from diag_dynamics.collision.thresholds import AlarmThresholds as AlarmThresholds
+    from diag_dynamics.collision.detector import AlarmThresholds as AlarmThresholds
     from diag_dynamics.contact import BodyRegion as BodyRegion
     from diag_dynamics.contact import Contact as Contact
     from diag_dynamics.contact import ContactLimits as ContactLimits

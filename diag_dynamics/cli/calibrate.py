@@ -13,7 +13,7 @@ from diag_dynamics.cli import given
 from diag_dynamics.cli.interrupted import orderly
 from diag_dynamics.cli.robot_argument import parsed, robot_of
 from diag_dynamics.collision.calibration import format_rate
-from diag_dynamics.collision.thresholds import HOLD_OFF, RELEASE, STANDING
+from diag_dynamics.collision.detector import HOLD_OFF, RELEASE, STANDING
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.single_joints import sliding_dofs

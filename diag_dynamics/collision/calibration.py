@@ -15,12 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from diag_dynamics.checks import positive
-from diag_dynamics.collision.detector import AlarmDetector, Judged
+from diag_dynamics.collision.detector import AlarmDetector, AlarmThresholds, Judged
 from diag_dynamics.collision.residuals import Residuals, Rows
-from diag_dynamics.collision.tail import BLOCKS, Level, block_maxima, find_level, poisson_interval
-from diag_dynamics.collision.thresholds import AlarmThresholds
+from diag_dynamics.collision.tail import Level, block_maxima, find_level, poisson_interval
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.yaml_files import as_yaml
+from diag_dynamics.yaml_files import yaml_text
 
 FOLDS = 5
 SPREAD = 0.9  # fraction of the seconds whose maxima are within a detector's spread
@@ -103,34 +102,29 @@ class Calibration(AlarmThresholds):
             f"{format_rate(self.rate)} (95 %: {low} to {high}).",
             *self.warnings,
             *notes,
+            "Units: gain 1/s; joints and external_torque N m, of prismatic joints N; norm J^0.5/s; times s.",
         ]
-        standing = 0.0 if self.standing == math.inf else float(self.standing)
-        lines = [
-            *(f"# {' '.join(note.split())}" for note in head),
-            "/**:",
-            "  ros__parameters:",
-            "    external_torque:",
-            f"      gain: {as_yaml(float(self.gain))}  # 1/s",
-            f"      friction: {as_yaml(self.friction)}",
-            "    alarm:",
-            "      joints:  # |m r| [N m, prismatic: N]",
-            *(f'        - "{name}={_rounded_up(value)}"' for name, value in self.joints.items()),
-            f"      external_torque: {_rounded_up(self.external_torque)}  # norm of m r [N m]",
-            f"      norm: {_rounded_up(self.norm)}  # |r| [J^0.5/s]",
-            f"      release: {as_yaml(float(self.release))}",
-            f"      hold_off: {as_yaml(float(self.hold_off))}  # s",
-            f"      standing: {as_yaml(standing)}  # s",
-        ]
+        alarm = {
+            "joints": [f"{name}={_rounded_up(value)!r}" for name, value in self.joints.items()],
+            "external_torque": _rounded_up(self.external_torque),
+            "norm": _rounded_up(self.norm),
+            "release": float(self.release),
+            "hold_off": float(self.hold_off),
+            "standing": 0.0 if self.standing == math.inf else float(self.standing),
+        }
+        torque = {"gain": float(self.gain), "friction": bool(self.friction)}
+        lines = [f"# {' '.join(note.split())}\n" for note in head]
+        content = yaml_text({"/**": {"ros__parameters": {"external_torque": torque, "alarm": alarm}}})
         try:
-            Path(path).expanduser().write_text("\n".join([*lines, ""]), encoding="utf-8")
+            Path(path).expanduser().write_text("".join([*lines, content]), encoding="utf-8")
         except OSError as error:
             raise InputError(f"'{os.fspath(path)}' cannot be written: {error.strerror}.") from error
 
 
-def _rounded_up(value: float) -> str:
+def _rounded_up(value: float) -> float:
     """Return four digits, never below the value."""
     digits = 3 - math.floor(math.log10(value))
-    return as_yaml(float(f"{math.ceil(value * 10.0**digits * (1.0 - 1e-12)) / 10.0**digits:.12g}"))
+    return float(f"{math.ceil(value * 10.0**digits * (1.0 - 1e-12)) / 10.0**digits:.12g}")
 
 
 def format_rate(rate: float) -> str:
@@ -166,19 +160,16 @@ def calibrate_residuals(
             f"the residuals are too short for any threshold: {duration:.3g} s with fewer than four "
             "separate peaks. Record a longer motion."
         )
-    held_out, alarm_time, unfit = 0, 0.0, 0
+    held_out, alarm_time = 0, 0.0
     for low, high in pairwise([*np.linspace(0.0, duration, FOLDS + 1)[:-1], math.inf]):
         inside = (time >= low) & (time < high)
-        part, rest = rows.select(inside), rows._replace(segment=2 * rows.segment + (time >= high)).select(~inside)
-        if not len(part.stamps) or not len(rest.stamps):
-            continue
-        others, found = _fit(rest, names, rate, template)
-        if found is None:
-            unfit += 1
-            continue
-        judged = _detect(part, names, others)
-        held_out += int(judged.begins.sum())
-        alarm_time += float(judged.alarm.mean() * part.time[-1])
+        rest = rows._replace(segment=2 * rows.segment + (time >= high)).select(~inside)
+        others, found = _fit(rest, names, rate, template) if inside.any() and len(rest.stamps) else (template, None)
+        if found:
+            part = rows.select(inside)
+            judged = _detect(part, names, others)
+            held_out += int(judged.begins.sum())
+            alarm_time += float(judged.alarm.mean() * part.time[-1])
     result = Calibration(
         **vars(thresholds),
         gain=gain,
@@ -187,10 +178,10 @@ def calibrate_residuals(
         duration=duration,
         alarms=int(_detect(rows, names, thresholds).begins.sum()),
         held_out=held_out,
-        method=level.method,
-        peaks=level.peaks,
+        method=level[1],
+        peaks=level[2],
     )
-    return replace(result, warnings=(*warnings, *_warnings(result, alarm_time / duration, unfit)))
+    return replace(result, warnings=(*warnings, *_warnings(result, alarm_time / duration)))
 
 
 def _fit(
@@ -201,7 +192,7 @@ def _fit(
     spread[spread <= 1e-9 * spread.max()] = math.inf  # a joint without residuals gets no threshold
     scores = rows.split((rows.values / spread).max(axis=1))
     level = find_level(scores, float(rows.time[-1]), rate, template.release, template.hold_off)
-    *joints, torque, norm = (spread * level.level if level else spread).tolist()
+    *joints, torque, norm = (spread * level[0] if level else spread).tolist()
     finite = {name: limit for name, limit in zip(names, joints, strict=True) if limit < math.inf}
     return replace(template, joints=finite, external_torque=torque, norm=norm), level
 
@@ -212,21 +203,14 @@ def _detect(rows: Rows, names: Sequence[str], thresholds: AlarmThresholds) -> Ju
     return detector.judge(rows.stamps, r, torque, valid, rows.starts, rows.values)
 
 
-def _warnings(result: Calibration, alarm_time: float, unfit: int) -> list[str]:
+def _warnings(result: Calibration, alarm_time: float) -> list[str]:
     """Return why the thresholds may be wrong."""
-    warnings = []
-    if result.vouched > result.asked:
-        warnings.append(
-            f"too short for {format_rate(result.asked)}: {result.duration:.4g} s can demonstrate at best "
-            f"{format_rate(result.vouched)}; record {UNSEEN / result.asked:.3g} s without an alarm"
-        )
-    if result.method == BLOCKS:
-        warnings.append(f"alarms run into one another: {result.peaks} maxima of single seconds are used")
-    if result.rate_interval[0] > result.asked or alarm_time > MAX_ALARM_TIME:
-        warnings.append(
-            f"parts are unlike one another: {result.held_out} alarms by thresholds from the others, "
-            f"{format_rate(result.rate)}, on for {alarm_time:.0%} of the time"
-        )
-    if unfit:
-        warnings.append(f"{unfit} of {FOLDS} parts could not be held out: the rest is too short")
-    return warnings
+    asked, best, rate = map(format_rate, (result.asked, result.vouched, result.rate))
+    warnings = {
+        f"too short for {asked}: {result.duration:.4g} s can demonstrate at best {best}; "
+        f"record {UNSEEN / result.asked:.3g} s without an alarm": result.vouched > result.asked,
+        f"alarms run into one another: {result.peaks} maxima of single seconds are used": result.method == "blocks",
+        f"parts are unlike one another: {result.held_out} alarms by thresholds from the others, {rate}, "
+        f"on for {alarm_time:.0%} of the time": (result.rate_interval[0] > result.asked or alarm_time > MAX_ALARM_TIME),
+    }
+    return [text for text, applies in warnings.items() if applies]

@@ -1,21 +1,79 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Detector of collisions in the residuals of a disturbance observer, of one state or of many."""
+"""Thresholds and detector of collisions in the residuals of a disturbance observer, of one state or of many."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from diag_dynamics.arrays import Array, Flags, VectorLike, Whole
-from diag_dynamics.checks import instance, number, vector
-from diag_dynamics.collision.thresholds import NORM, TORQUE, AlarmThresholds
+from diag_dynamics.checks import instance, mapping, not_negative, number, positive, vector
+from diag_dynamics.entries import ALL, by_name
 
 SECOND = 1_000_000_000  # [ns]
+RELEASE, HOLD_OFF, STANDING = 0.7, 0.5, 2.0
+
+TORQUE, NORM = "external_torque", "norm"
+"""Names of the detectors of ‖m r‖ and of |r|; the others have the names of joints."""
+
+
+@dataclass(frozen=True)
+class AlarmThresholds:
+    """Thresholds of an :class:`~diag_dynamics.AlarmDetector`; inf switches a detector off.
+
+    Parameters
+    ----------
+    joints : mapping
+        |m r| by joint [N m, N], ``*`` for all other joints. A joint that is missing has none.
+    external_torque : float
+        ‖m r‖ of all joints [N m].
+    norm : float
+        |r| [J^½/s].
+    release : float
+        Fraction of its threshold below which a detector releases.
+    hold_off : float
+        Time after an alarm within which another rise belongs to it [s].
+    standing : float
+        Age of an alarm from which an offset follows the torque [s]; inf: never. See docs/alarms.md.
+
+    Raises
+    ------
+    InputError
+        A value is wrong.
+    """
+
+    joints: Mapping[str, float] = field(default_factory=dict)
+    external_torque: float = math.inf
+    norm: float = math.inf
+    release: float = RELEASE
+    hold_off: float = HOLD_OFF
+    standing: float = STANDING
+
+    def __post_init__(self) -> None:
+        checked = [(f"threshold of joint '{name}'", x, "[N m]") for name, x in mapping("joints", self.joints).items()]
+        checked += [(TORQUE, self.external_torque, "[N m]"), (NORM, self.norm, "[J^½/s]")]
+        for name, value, unit in [*checked, ("standing", self.standing, "[s]")]:
+            if value != math.inf:
+                positive(name, value, unit)
+        number("release", self.release, "a fraction > 0 and <= 1", lambda x: 0.0 < x <= 1.0)
+        not_negative("hold_off", self.hold_off, "[s]")
+
+    def limits(self, names: Sequence[str]) -> Array:
+        """Return the thresholds of these joints, of ‖m r‖ and of |r|; inf without one.
+
+        Raises
+        ------
+        InputError
+            There is a threshold of another joint.
+        """
+        joints = by_name("alarm.joints", self.joints, (*names, ALL))
+        return np.array([*(joints.get(name, math.inf) for name in names), self.external_torque, self.norm])
 
 
 class Judged(NamedTuple):

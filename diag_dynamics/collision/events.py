@@ -11,12 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, Whole
-from diag_dynamics.collision.detector import AlarmDetector, Judged
-from diag_dynamics.collision.thresholds import NORM, TORQUE
+from diag_dynamics.collision.detector import NORM, TORQUE, AlarmDetector, Judged
 
-UNITS = {TORQUE: "N m", NORM: "J^0.5/s"}
-LABELS = {TORQUE: "|m r|", NORM: "|r|"}
-
+LABELS = {TORQUE: ("|m r|", "N m"), NORM: ("|r|", "J^0.5/s")}
 NAMED_SHARE = 0.5
 
 
@@ -39,29 +36,24 @@ class Exceeded(NamedTuple):
 
     def describe(self) -> str:
         """Return a text such as ``shoulder_lift 34 N m > 21``."""
-        label, unit = LABELS.get(self.detector, self.detector), UNITS.get(self.detector, "N m")
+        label, unit = LABELS.get(self.detector, (self.detector, "N m"))
         return f"{label} {self.value:.3g} {unit} > {self.threshold:.3g}"
 
 
 class Alarm(NamedTuple):
-    """A collision by the detector.
-
-    Without a joint that rose, `joints` is the one with the largest ratio to its threshold.
-    """
+    """A collision by the detector."""
 
     start: int  # stamp of the first state [ns]
     end: int  # of the last one
     first: str  # detector that rose first; of several, the one with the largest ratio
     exceeded: tuple[Exceeded, ...]  # all that rose, the largest ratio first
-    joints: tuple[str, ...]
+    joints: tuple[str, ...]  # that rose; without any, the one with the largest ratio to its threshold
     norm: float  # largest |r| [J^½/s]
 
     def describe(self) -> str:
         """Return what rose in words: the joints, or else the detector with the largest ratio."""
-        joints = [one for one in self.exceeded if one.detector in self.joints]
-        if joints:
-            return ", ".join(one.describe() for one in joints)
-        return f"{self.exceeded[0].describe()}, most of it at {self.joints[0]}"
+        joints = [one.describe() for one in self.exceeded if one.detector in self.joints]
+        return ", ".join(joints) or f"{self.exceeded[0].describe()}, most of it at {self.joints[0]}"
 
 
 class Alarms:
@@ -71,7 +63,6 @@ class Alarms:
         self._detectors, self._limits = detector.detectors, detector.limits
         self.judged = tuple(np.array(self._detectors)[np.isfinite(self._limits)].tolist())
         self.found: list[Alarm] = []
-        self._peaks, self._nearest = np.zeros(len(self._limits)), (-1.0, "")
 
     def add_states(self, stamps: Whole, norm: Array, judged: Judged) -> None:
         """Add states: stamps [ns], |r| and the results of the detector."""
@@ -83,25 +74,19 @@ class Alarms:
 
     def _add_alarm(self, stamps: Whole, norm: Array, values: Array, begins: bool) -> None:
         """Add states of one alarm, which begins, or continues the last one."""
-        n, ratios = len(self._limits) - 2, values / self._limits
         if begins:
-            first = self._detectors[int(np.argmax(ratios[0]))]
-            alarm = Alarm(int(stamps[0]), 0, first, (), (), 0.0)
-            self._peaks, self._nearest = np.zeros(n + 2), (-1.0, "")
-        else:
-            alarm = self.found.pop()
-        at = int(np.argmax(ratios.max(axis=1)))
-        of_joints = ratios[at, :n] if ratios[at, :n].any() else values[at, :n]
-        nearest = float(ratios[at].max()), self._detectors[int(np.argmax(of_joints))]
-        self._nearest = max(self._nearest, nearest, key=lambda one: one[0])
-        self._peaks = np.maximum(self._peaks, values.max(axis=0))
-        risen = [
-            Exceeded(name, float(peak), float(limit))
-            for name, peak, limit in zip(self._detectors, self._peaks, self._limits, strict=True)
-            if peak > limit
-        ]
-        joints = tuple(one.detector for one in risen if one.detector not in (TORQUE, NORM))
-        exceeded = tuple(sorted(risen, key=lambda one: -one.value / one.threshold))
-        largest = max(alarm.norm, float(norm.max()))
-        end, joints = int(stamps[-1]), joints or (self._nearest[1],)
-        self.found.append(alarm._replace(end=end, exceeded=exceeded, joints=joints, norm=largest))
+            first = self._detectors[int(np.argmax(values[0] / self._limits))]
+            self.found.append(Alarm(int(stamps[0]), 0, first, (), (), 0.0))
+            self._peaks = np.zeros(len(self._limits))
+        peaks = self._peaks = np.maximum(self._peaks, values.max(axis=0))
+        ratios, rose, n = peaks / self._limits, peaks > self._limits, len(peaks) - 2
+        order = np.argsort(-ratios, kind="stable")
+        exceeded = [Exceeded(self._detectors[k], float(peaks[k]), float(self._limits[k])) for k in order if rose[k]]
+        nearest = int(np.argmax(ratios[:n] if ratios[:n].any() else peaks[:n]))
+        joints = np.flatnonzero(rose[:n]).tolist() or [nearest]
+        self.found[-1] = self.found[-1]._replace(
+            end=int(stamps[-1]),
+            exceeded=tuple(exceeded),
+            joints=tuple(self._detectors[k] for k in joints),
+            norm=max(self.found[-1].norm, float(norm.max())),
+        )

@@ -47,8 +47,8 @@ class Rows(NamedTuple):
 class Residuals:
     """Collects residuals of an observer in parts of any size; a gap [s] starts another segment."""
 
-    def __init__(self, width: int, max_gap: float = 0.1, max_numbers: int = MAX_NUMBERS) -> None:
-        self._max_states, self._max_gap = max_numbers // (2 * width + 3), max_gap * SECOND
+    def __init__(self, width: int, max_gap: float = 0.1) -> None:
+        self._max_states, self._max_gap = MAX_NUMBERS // (2 * width + 3), max_gap * SECOND
         none = np.empty(0, dtype=np.int64)
         self._parts = [Rows(none, none, np.empty((0, 2 * width)), np.empty((0, width + 2)))]
         self._count = self._segment = self._reduced = 0  # states, segment, parts of cells

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,26 +18,14 @@ MIN_FITTED = 4
 CENSORED = 10  # one of so many peaks counts while its height is ignored: the highest
 BLOCK = 1_000_000_000  # [ns]
 
-COUNTED, TAIL, BLOCKS = "counted", "tail", "blocks"
-
-Segments = list[tuple[Whole, Array]]
-"""Stamps [ns] and values of rows without a gap."""
+Segments = list[tuple[Whole, Array]]  # stamps [ns] and values of rows without a gap
+Level = tuple[float, str, int]  # level of a score, the method that found it, and its number of peaks
 
 
-class Level(NamedTuple):
-    """Level of a score, the method that found it, and its number of peaks."""
-
-    level: float
-    method: str
-    peaks: int
-
-
-def poisson_interval(count: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the exact interval (Garwood, 1936) of the expected number of events after a count."""
+def poisson_interval(count: int) -> tuple[float, float]:
+    """Return the exact 95 % interval (Garwood, 1936) of the expected number of events after a count."""
     gammaincinv = require("scipy.special", "calibrate").gammaincinv  # half a quantile of χ²
-    tail = 0.5 * (1.0 - confidence)
-    low = float(gammaincinv(count, tail)) if count else 0.0
-    return low, float(gammaincinv(count + 1, 1.0 - tail))
+    return float(gammaincinv(count, 0.025)) if count else 0.0, float(gammaincinv(count + 1, 0.975))
 
 
 def peaks_above(segments: Segments, level: float, release: float, hold_off: float) -> Array:
@@ -85,12 +72,12 @@ def find_level(segments: Segments, duration: float, rate: float, release: float,
             break
         before = level
     if expected >= wanted:
-        return Level(before, COUNTED, min(len(found), int(expected)))
+        return before, "counted", min(len(found), int(expected))
     if len(peaks) >= MIN_PEAKS:
-        return _extrapolate(best, peaks, expected, TAIL)
+        return _extrapolate(best, peaks, expected, "tail")
     maxima = block_maxima(segments)
     median = float(np.median(maxima))
-    return _extrapolate(median, maxima[maxima > median], expected, BLOCKS)
+    return _extrapolate(median, maxima[maxima > median], expected, "blocks")
 
 
 def _extrapolate(level: float, peaks: Array, expected: float, method: str) -> Level | None:
@@ -102,4 +89,4 @@ def _extrapolate(level: float, peaks: Array, expected: float, method: str) -> Le
     censored = max(1, m // CENSORED)
     d = m - censored
     total = float(heights[:d].sum() + censored * heights[d - 1])
-    return Level(level + max(0.0, total * ((m / expected) ** (1.0 / d) - 1.0)), method, m)
+    return level + max(0.0, total * ((m / expected) ** (1.0 / d) - 1.0)), method, m

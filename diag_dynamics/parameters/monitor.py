@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from diag_dynamics.assembly.assembler import Options
-from diag_dynamics.collision.thresholds import HOLD_OFF, RELEASE, STANDING, AlarmThresholds
+from diag_dynamics.collision.detector import HOLD_OFF, RELEASE, STANDING, AlarmThresholds
 from diag_dynamics.entries import ALL, assignments, by_name
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.options import FRICTION_VELOCITY

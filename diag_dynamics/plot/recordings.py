@@ -13,7 +13,7 @@ import numpy as np
 from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.checks import instance
 from diag_dynamics.collision.calibration import Calibration
-from diag_dynamics.collision.thresholds import AlarmThresholds
+from diag_dynamics.collision.detector import AlarmThresholds
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel

@@ -12,7 +12,7 @@ from diag_dynamics.collision.detector import AlarmDetector, Judged
 from diag_dynamics.collision.events import Alarms
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
-from diag_dynamics.recordings.balance import Balance, Windows, WindowSums
+from diag_dynamics.recordings.balance import Balance, WindowSums
 from diag_dynamics.recordings.contact_exposure import ContactExposure
 from diag_dynamics.recordings.effort_checks import EffortRange, MotionSample
 from diag_dynamics.recordings.observer import Collisions, Observer
@@ -32,15 +32,14 @@ class Piece(NamedTuple):
     states: States
     s: BatchEvaluation
     observed: tuple  # residual, external_torque, norm, valid, collision
-    windows: Windows
     judged: Judged | None = None  # with thresholds of alarms
 
 
 class Peaks:
-    """Largest values of quantities, batch by batch."""
+    """Largest values of quantities, batch by batch: of each entry its value, its stamp [ns] and its name."""
 
     def __init__(self):
-        self._peaks = {}  # by quantity: largest value of each entry, its stamp [ns], names of the entries
+        self._peaks = {}
 
     def add_values(self, quantity, values, stamps, names):
         """Add values, shape (T,) or (T, number of names); NaN is ignored."""
@@ -63,7 +62,7 @@ class Peaks:
     def of_each(self, quantity):
         """Return the largest value of each entry of a quantity by its name."""
         each, _, names = self._peaks[quantity]
-        return dict(zip(names, map(float, each), strict=True))
+        return dict(zip(names, each.tolist(), strict=True))
 
 
 class Analysis:
@@ -71,8 +70,7 @@ class Analysis:
 
     def __init__(self, reading, *, gain=25.0, threads=None):
         model, settings, values = reading.model, reading.settings, reading.settings.values
-        names, wanted, alarms = model.dof_names, settings.observation, None
-        threshold, release = np.inf, None
+        names, wanted, threshold, release, alarms = model.dof_names, settings.observation, np.inf, None, None
         if wanted:
             gain, threshold, alarms = wanted.gain, wanted.threshold, wanted.alarms
             release = None if threshold == np.inf else wanted.release
@@ -84,7 +82,7 @@ class Analysis:
         options = {"friction": friction, "max_gap": max_gap, "threads": threads}
         self._observer = Observer(self._dynamics, gain, threshold, release, **options)
         self._detector = AlarmDetector(names, alarms) if alarms else None
-        self.collisions = Alarms(self._detector) if self._detector else Collisions(names)
+        self.collisions = Alarms(self._detector) if alarms else Collisions(names)
         points = reading.contact_points[0] if settings.contact.limits is not None else None
         self._points = points if points and points.limited.any() else None
         self.exposure = ContactExposure(self._points) if self._points else None
@@ -113,10 +111,8 @@ class Analysis:
         self.findings = self.reading.findings()
 
     def _next_piece(self, batches):
-        for batch in batches:
-            if len(batch.states) and (piece := self.analyse_batch(batch.states)):
-                return piece
-        return None
+        pieces = (self.analyse_batch(batch.states) for batch in batches if len(batch.states))
+        return next(filter(None, pieces), None)
 
     def analyse_batch(self, states):
         """Evaluate states, add them to the results, and return the :class:`Piece`; None if no state can be evaluated."""
@@ -124,25 +120,23 @@ class Analysis:
         if not len(states):
             return None
         observed, judged = self._observer.observe_batch(states, s), None
-        residual, torque, norm, valid, _ = observed
+        residual, torque, norm, valid, collision = observed
         if self._detector:
             judged = self._detector.judge(states.stamp, residual, torque, valid, states.jumped)
             self.collisions.add_states(states.stamp, norm, judged)
             observed = *observed[:4], judged.alarm
         else:
-            self.collisions.add_states(states.stamp, torque, norm, observed[4])
-        windows = self._windows.integrate_states(states, s)
-        self.balance.add_windows(windows)
+            self.collisions.add_states(states.stamp, torque, norm, collision)
+        self.balance.add_windows(self._windows.integrate_states(states, s))
         self.quality.add_states(states)
         self.efforts.add_values(states.position[:, -self.model.nv :], states.effort)
         self.motion.add_states(states)
-        if self._points:
-            contact = self._dynamics.contact_batch(
-                states.position, states.velocity, self._points, threads=self._threads
-            )
+        if self.exposure:
+            options = {"threads": self._threads}
+            contact = self._dynamics.contact_batch(states.position, states.velocity, self._points, **options)
             self.exposure.add_states(states.stamp, contact)
         self._add_figures(states, s, observed)
-        return Piece(states, s, observed, windows, judged)
+        return Piece(states, s, observed, judged)
 
     def _add_figures(self, states, s, observed):
         (_, torque, norm, valid, _), names, energy = observed, self.model.dof_names, s.kinetic_energy
@@ -163,16 +157,14 @@ class Analysis:
 
     def _evaluate(self, states):
         """Return the states that can be evaluated, and their evaluation; the others are counted as the monitor does."""
-        efforts = np.where(states.effort_known[:, None], states.effort, 0.0)
+        columns = states.position, states.velocity, np.where(states.effort_known[:, None], states.effort, 0.0)
         try:
-            return states, self._dynamics.evaluate_batch(
-                states.position, states.velocity, efforts, threads=self._threads, friction=self.friction
-            )
+            return states, self._dynamics.evaluate_batch(*columns, threads=self._threads, friction=self.friction)
         except DiagDynamicsError:
             good = np.ones(len(states), dtype=bool)
-            for t in range(len(states)):
+            for t, state in enumerate(zip(*columns, strict=True)):
                 try:
-                    self._dynamics.evaluate(states.position[t], states.velocity[t], efforts[t])
+                    self._dynamics.evaluate(*state)
                 except DiagDynamicsError as one:
                     good[t] = False
                     self.reading.intake.reject(int(states.log_time[t]), one)

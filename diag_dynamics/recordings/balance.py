@@ -18,12 +18,8 @@ NOTHING_EXPLAINED, MIN_EXPLAINED = 0.3, 0.8
 """Explained shares below which the balance explains nothing, and too little."""
 
 FAULT_SHARE = 0.2  # share of the sum of all joints' squared residuals from which a joint is named
-CORRELATION, NO_FACTOR = 0.9, 1.5
-"""Squared correlation of effort power and required power of a factor; factors up to this are none."""
-
-POWERS = "kinetic", "total", "residual", "effort", "needed", "weightless"
-"""Powers whose variances are judged: dK/dt, d(K + U)/dt, the residual, νᵀε, dK/dt + νᵀ(ε_g + ε_fric), and the residual of
-efforts without gravity, dK/dt + νᵀ(ε_fric − ε)."""
+POWERS = "kinetic", "total", "residual"  # whose variances count: dK/dt, d(K + U)/dt, and the residual
+KINETIC, TOTAL, RESIDUAL = range(3)
 
 
 class Windows(NamedTuple):
@@ -57,15 +53,12 @@ class WindowSums:
         samples = self._chain.select(states)
         rows, (stamp, power, share) = samples.rows, self._last
         nu, epsilon, gravity = s.nu[rows], s.epsilon[rows], s.gravity[rows]
-        resisting = s.coriolis[rows] + gravity
+        friction = s.friction[rows] if self._friction else np.zeros_like(nu)
         powers = np.empty((len(nu) + 1, len(power)))
-        powers[0], powers[1:, 2] = power, 0.0
-        np.einsum("tk,tk->t", nu, epsilon, out=powers[1:, 0])
-        np.einsum("tk,tk->t", nu, gravity, out=powers[1:, 1])
-        if self._friction:
-            np.einsum("tk,tk->t", nu, s.friction[rows], out=powers[1:, 2])
-            resisting += s.friction[rows]
-        np.multiply(nu, epsilon - resisting, out=powers[1:, 3:])
+        powers[0] = power
+        for k, force in enumerate((epsilon, gravity, friction)):
+            np.einsum("tk,tk->t", nu, force, out=powers[1:, k])
+        powers[1:, 3:] = nu * (epsilon - (s.coriolis[rows] + gravity + friction))
         shares = np.vstack([share, 0.5 * nu * nu])
         steps = np.empty_like(powers)
         np.multiply(0.5 * samples.interval[:, None], powers[:-1] + powers[1:], out=steps[1:])
@@ -78,14 +71,21 @@ class WindowSums:
         return Windows(begin, end, gained.sum(axis=1), *work[:, :3].T, gained, work[:, 3:])
 
 
-class Moments:
-    """Count, mean and variance of columns of values that come in batches (Chan, Golub and LeVeque 1983)."""
+class Balance:
+    """Judge windows of a robot with these degrees of freedom.
 
-    def __init__(self, columns):
-        self.count, self.mean, self.squares = 0, np.zeros(columns), np.zeros(columns)
+    `moved` tells whether any joint moves; None if that is unknown. Count, means and sums of squared deviations are those of
+    POWERS and of the residual of each joint (Chan, Golub and LeVeque 1983).
+    """
 
-    def add_values(self, values):
-        """Add values, shape (T, columns)."""
+    def __init__(self, names):
+        self._names, self.moved = tuple(names), None
+        self.count, self.mean, self.squares = 0, *np.zeros((2, len(POWERS) + len(names)))
+
+    def add_windows(self, windows):
+        """Add :class:`Windows`."""
+        powers = windows.kinetic, windows.kinetic + windows.gravity, windows.residual
+        values = np.column_stack([*powers, windows.gained - windows.explained])
         if not len(values):
             return
         count, mean = len(values), values.mean(axis=0)
@@ -94,96 +94,51 @@ class Moments:
         self.mean, self.count = self.mean + apart * (count / total), total
 
     @property
-    def variance(self):
-        """Mean squared distance from the mean; 0 without values."""
-        return self.squares / max(self.count, 1)
-
-    @property
-    def square(self):
-        """Mean of the squares."""
-        return self.variance + self.mean**2
-
-
-class Balance:
-    """Judge windows of a robot with these degrees of freedom; `moved` tells whether any joint moves, if that is known."""
-
-    def __init__(self, names, moved=None):
-        self._names, self.moved = tuple(names), moved
-        self.moments = Moments(len(POWERS) + len(names))
-
-    def add_windows(self, windows):
-        """Add :class:`Windows`."""
-        kinetic, residual, effort, gravity = windows.kinetic, windows.residual, windows.effort, windows.gravity
-        powers = kinetic, kinetic + gravity, residual, effort, residual + effort, residual - gravity
-        self.moments.add_values(np.column_stack([*powers, windows.gained - windows.explained]))
-
-    @property
-    def _variances(self):
-        return dict(zip(POWERS, self.moments.variance.tolist(), strict=False))
-
-    @property
     def explained(self):
         """1 − var(residual) / var(dK/dt); None with too few windows, or at rest."""
-        return self._explained_share("kinetic")
+        return self._explained_share(KINETIC)
 
     @property
     def explained_total(self):
         """1 − var(residual) / var(d(K + U)/dt); None with too few windows, or at rest."""
-        return self._explained_share("total")
+        return self._explained_share(TOTAL)
 
     def _explained_share(self, change):
-        kinetic = self.moments.square[POWERS.index("kinetic")]
-        moved = kinetic >= MIN_POWER**2 if self.moved is None else self.moved
-        if self.moments.count < MIN_WINDOWS or not moved:
+        moved = self._mean_squares()[KINETIC] >= MIN_POWER**2 if self.moved is None else self.moved
+        if self.count < MIN_WINDOWS or not moved:
             return None
-        return explained_share(self._variances["residual"], self._variances[change])
+        variance = self.squares / self.count
+        return explained_share(variance[RESIDUAL], variance[change])
+
+    def _mean_squares(self):
+        return self.squares / max(self.count, 1) + self.mean**2
 
     @property
     def residual_power(self):
         """Root mean square of the residual [W]; None with too few windows."""
-        square = self.moments.square[POWERS.index("residual")]
-        return float(np.sqrt(square)) if self.moments.count >= MIN_WINDOWS else None
+        return float(np.sqrt(self._mean_squares()[RESIDUAL])) if self.count >= MIN_WINDOWS else None
 
     @property
     def joints(self):
         """Each joint's root mean square residual `residual_power` [W] and its `share` of all squares, by name."""
-        squares = self.moments.square[len(POWERS) :]
-        rows = zip(np.sqrt(squares).tolist(), (squares / (squares.sum() or 1.0)).tolist(), strict=True)
-        rows = ({"residual_power": rms, "share": share} for rms, share in rows)
-        return dict(zip(self._names, rows, strict=True))
+        squares = self._mean_squares()[len(POWERS) :]
+        rows = zip(self._names, np.sqrt(squares).tolist(), (squares / (squares.sum() or 1.0)).tolist(), strict=True)
+        return {name: {"residual_power": rms, "share": share} for name, rms, share in rows}
 
-    def cause(self):
-        """Return gravity, or a factor of all efforts, if it explains the motion, in words; or an empty text."""
-        kinetic, _, residual, effort, needed, weightless = self._variances.values()
-        if kinetic > 0.0 and 1.0 - weightless / kinetic >= MIN_EXPLAINED:
-            return "gravity seems not to be in the efforts (effort_includes_gravity)"
-        together = 0.5 * (needed + effort - residual)
-        if effort * needed <= 0.0 or together**2 < CORRELATION * effort * needed:
-            return ""
-        factor = together / effort
-        is_one = 1.0 / NO_FACTOR < abs(factor) < NO_FACTOR
-        if factor < 0.0:
-            whose = "the efforts" if is_one else "efforts of some joints"
-            return f"{whose} seem to have the wrong sign: times {factor:.3g} all are what is needed"
-        return "" if is_one else f"the efforts seem to have another unit: times {factor:.3g} all are what is needed"
-
-    def judgement(self, cause="", instead=False):
-        """Return the judgement in words; a cause by the efforts of joints stands beside or instead of that by powers."""
-        explained, total, count = self.explained, self.explained_total, self.moments.count
-        if count < MIN_WINDOWS:
+    def judgement(self, fault=""):
+        """Return the judgement in words, with the likely fault of the efforts."""
+        explained, total = self.explained, self.explained_total
+        if self.count < MIN_WINDOWS:
             return (
-                f"there are {count} windows of {WINDOW:g} s, of at least {MIN_WINDOWS}, in which all states "
+                f"there are {self.count} windows of {WINDOW:g} s, of at least {MIN_WINDOWS}, in which all states "
                 f"have efforts and are no more than {MAX_GAP:g} s apart"
             )
         if explained is None:
-            how = f"dK/dt is less than {MIN_POWER:g} W rms" if self.moved is None else "no joint moves"
-            return f"the robot is at rest, or nearly so: {how}"
+            return "the robot is at rest, or nearly so: no joint moves"
         if explained >= MIN_EXPLAINED:
             return f"the efforts explain {explained:.0%} of the change of kinetic energy"
-        causes = filter(None, ("" if instead else self.cause(), cause))
-        remedy = "; ".join(
-            [*causes, "check the unit of efforts, friction, rotor inertias, payload (docs/recordings.md)"]
-        )
+        remedy = "check the unit of efforts, friction, rotor inertias, payload (docs/recordings.md)"
+        remedy = f"{fault}; {remedy}" if fault else remedy
         if total is not None and total >= MIN_EXPLAINED and explained < NOTHING_EXPLAINED:
             return (
                 f"kinetic energy changes less than what is not explained; of kinetic and potential energy "
@@ -191,9 +146,8 @@ class Balance:
             )
         culprits = ", ".join(name for name, one in self.joints.items() if one["share"] >= FAULT_SHARE)
         where = f"; most of what is missing is at {culprits}" if culprits else ""
-        if explained >= NOTHING_EXPLAINED:
-            return f"the efforts explain only {explained:.0%} of the change of kinetic energy: {remedy}{where}"
-        return f"the balance explains nothing ({explained:.3g}): {remedy}{where}"
+        how = f"only {explained:.0%}" if explained >= NOTHING_EXPLAINED else f"nothing ({explained:.3g})"
+        return f"the efforts explain {how} of the change of kinetic energy: {remedy}{where}"
 
 
 def explained_share(residual, change):

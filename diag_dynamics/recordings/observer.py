@@ -114,10 +114,10 @@ class Observer:
     def __init__(self, dynamics, gain, threshold=np.inf, release=None, *, friction=False, max_gap=0.1, threads=None):
         names, count = dynamics.model.dof_names, dynamics.model.nv
         gain = per_name("gain", gain, names, "a finite number > 0 [1/s]")
-        self.threshold = np.inf if threshold == np.inf else positive("threshold", threshold, "[J^½/s]")
-        self.release = 0.5 * self.threshold if release is None else positive("release", release, "[J^½/s]")
-        if self.release > self.threshold:
-            raise InputError(f"release is {release!r} J^½/s, expected no more than the threshold, {self.threshold!r}.")
+        self._threshold = np.inf if threshold == np.inf else positive("threshold", threshold, "[J^½/s]")
+        self._release = 0.5 * self._threshold if release is None else positive("release", release, "[J^½/s]")
+        if self._release > self._threshold:
+            raise InputError(f"release is {release!r} J^½/s, expected no more than the threshold, {threshold!r}.")
         self._dynamics, self._friction, self._threads = dynamics, friction, threads
         self._gain = np.array(np.broadcast_to(gain, count), dtype=float)
         self._chain = SampleChain(positive("max_gap", max_gap, "[s]"))
@@ -135,12 +135,11 @@ class Observer:
     def observe_batch(self, states, s):
         """Return the columns of :class:`Observed` but for times at states, given their BatchEvaluation."""
         samples = self._chain.select(states)
-        results, of_samples = [], self._observe(samples, states.position[samples.rows], s)
-        for last, column in zip(self._last, of_samples, strict=True):
-            results.append(column)
-            if not isinstance(samples.rows, slice):  # not every state is a sample
-                results[-1] = np.zeros((len(states.stamp), *column.shape[1:]), column.dtype)
-                results[-1][samples.known] = np.concatenate([last, column])[samples.sample + 1]
+        results = self._observe_samples(samples, states.position[samples.rows], s)
+        if not isinstance(samples.rows, slice):  # not every state is a sample
+            for k, (last, column) in enumerate(zip(self._last, results, strict=True)):
+                results[k] = np.zeros((len(states.stamp), *column.shape[1:]), column.dtype)
+                results[k][samples.known] = np.concatenate([last, column])[samples.sample + 1]
         if len(samples.known):
             self._last = [column[samples.known[-1:]] for column in results]
         invalid = np.flatnonzero(~results[3])
@@ -148,7 +147,7 @@ class Observer:
             column[invalid] = np.nan
         return tuple(results)
 
-    def _observe(self, samples, positions, s):
+    def _observe_samples(self, samples, positions, s):
         """Return residual, external torque, norm, whether they are valid, and collision of the samples."""
         rows, interval = samples.rows, samples.interval
         resisting = s.coriolis[rows] + s.gravity[rows]
@@ -160,8 +159,8 @@ class Observer:
         valid = (interval > 0.0) & np.isfinite(norm)
         residual[~valid], norm[~valid] = 0.0, 0.0
         torque = self._dynamics.tau_from_epsilon_batch(positions, residual, threads=self._threads)
-        above = norm > self.threshold
-        changes = np.append(True, above | ~valid | (norm < self.release))
+        above = norm > self._threshold
+        changes = np.append(True, above | ~valid | (norm < self._release))
         last_change = np.maximum.accumulate(np.where(changes, np.arange(len(changes)), 0))
         return [residual, torque, norm, valid, np.append(self._last[4], above)[last_change][1:]]
 
@@ -183,11 +182,12 @@ class Collisions:
 
     def add_states(self, stamps, torque, norm, collision):
         """Add states: stamps [ns], m r, |r|, and whether the observer reports a collision."""
-        edges = np.diff(collision.astype(np.int8), prepend=np.int8(0), append=np.int8(0))
-        for first, end in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+        edges = np.flatnonzero(np.diff(collision.astype(np.int8), prepend=0, append=0))
+        for first, end in edges.reshape(-1, 2).tolist():
             k = first + int(np.argmax(norm[first:end]))
-            joints = most_pushed(self._names, torque[k])
-            one = Collision(int(stamps[first]), int(stamps[end - 1]), joints, float(norm[k]))
+            one = Collision(
+                int(stamps[first]), int(stamps[end - 1]), most_pushed(self._names, torque[k]), float(norm[k])
+            )
             if first == 0 and self._goes_on:
                 before = self.found.pop()
                 one = (before if before.norm >= one.norm else one)._replace(start=before.start, end=one.end)

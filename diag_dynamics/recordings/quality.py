@@ -21,9 +21,7 @@ MAX_VELOCITY_ERROR, REST = 0.2, 2e-4
 """Root mean square of Δq − ∫q̇dt over that of Δq from which there is a warning, and of Δq of a joint at rest [rad, m]."""
 
 CLIPPED_STATES, CLIPPED_SHARE = 20, 1e-3  # states, and fraction of all, at the largest value that is a bound
-MAX_ERROR_LEFT, WORTH_SAYING = 0.8, 0.7
-"""Fractions of the velocity error without the delay up to which there is a delay, and one that a warning names."""
-
+MAX_ERROR_LEFT = 0.8  # fraction of the velocity error without the delay up to which there is a delay
 MIN_PERIODS = 1.0  # of a delay worth a warning
 MANY = 0.01  # fraction of repeated stamps or states worth a warning
 SAMPLE, MAX_LEVELS, MOVING = 5000, 0.2, 0.05
@@ -76,8 +74,11 @@ class Quality:
         self._without_effort += int(np.count_nonzero(~states.effort_known))
         self._estimated += int(np.count_nonzero(states.velocity_estimated))
         self.begin, self.end = states.stamp[0] if self.begin is None else self.begin, states.stamp[-1]
-        for name, values in (("velocity", states.velocity), ("effort", states.effort)):
-            self._count_largest(name, np.abs(values[:, self._v]))
+        for name, (largest, number) in self._largest.items():
+            values = np.abs(getattr(states, name)[:, self._v])
+            top = np.maximum(column_maxima(values), 0.0)
+            here = column_counts(values == top)
+            self._largest[name][:] = np.maximum(largest, top), number * (largest >= top) + here * (top >= largest)
         if self._count < SAMPLE:
             self._sample.append(states[: SAMPLE - self._count])
         self._count += len(states)
@@ -87,11 +88,19 @@ class Quality:
         self._add_intervals(states.stamp)
         self._compare(states)
 
-    def _count_largest(self, name, values):
-        largest, number = self._largest[name]
-        top = np.maximum(column_maxima(values), 0.0)
-        here = column_counts(values == top)
-        self._largest[name][:] = np.maximum(largest, top), number * (largest >= top) + here * (top >= largest)
+    def _add_intervals(self, stamps):
+        elapsed = np.diff(stamps)
+        forward = elapsed[elapsed > 0]
+        if not len(forward):
+            return
+        self._elapsed += int(forward.sum())
+        k = int(np.argmax(elapsed))
+        self._longest = max(self._longest, (elapsed[k] * 1e-9, int(stamps[k])), key=lambda one: one[0])
+        forward = forward * 1e-9
+        bins = np.clip(np.log(forward / MIN_INTERVAL) / BIN_WIDTH, 0, BINS - 1).astype(int)
+        apart = forward - MIDDLES[bins]
+        for row, weights in zip(self._intervals, (None, apart, apart * apart), strict=True):
+            row += np.bincount(bins, weights, minlength=BINS)
 
     def _compare(self, states):
         """Compare neighbours, and positions with velocities over windows."""
@@ -115,20 +124,6 @@ class Quality:
         pairs = (moved, moved), (change, change), (apart, apart), (apart, change)
         self._sums += [(one * other).sum(axis=0) for one, other in pairs]
 
-    def _add_intervals(self, stamps):
-        elapsed = np.diff(stamps)
-        forward = elapsed[elapsed > 0]
-        if not len(forward):
-            return
-        self._elapsed += int(forward.sum())
-        k = int(np.argmax(elapsed))
-        self._longest = max(self._longest, (elapsed[k] * 1e-9, int(stamps[k])), key=lambda one: one[0])
-        forward = forward * 1e-9
-        bins = np.clip(np.log(forward / MIN_INTERVAL) / BIN_WIDTH, 0, BINS - 1).astype(int)
-        apart = forward - MIDDLES[bins]
-        for row, weights in zip(self._intervals, (None, apart, apart * apart), strict=True):
-            row += np.bincount(bins, weights, minlength=BINS)
-
     def _regularity(self):
         """Return period and root mean square deviation of intervals [s], and number of gaps."""
         number, apart, squares = self._intervals
@@ -149,7 +144,8 @@ class Quality:
             name: self._report_joint(j) | {"steps": _smallest_steps(*(column[:, j] for column in columns))}
             for j, name in enumerate(self._joints)
         }
-        ratios = dict(zip(self._joints, position_ratios(sample.stamp, *columns[:2], self._continuous), strict=True))
+        ratios = position_ratios(sample.stamp, *columns[:2], self._continuous)
+        wrong_unit, warnings = _judge_ratios(dict(zip(self._joints, ratios.tolist(), strict=True)))
         period, jitter, gaps = self._regularity()
         report = {
             "rate": None if period is None else 1.0 / period,
@@ -162,10 +158,10 @@ class Quality:
             "without_effort": self._without_effort,
             "estimated_velocity": self._estimated,
             "velocity_delay": _common_delay(joints.values()),
-            "wrong_unit": _wrong_unit(ratios),
+            "wrong_unit": wrong_unit,
             "joints": joints,
         }
-        return report, [*_warn_of_ratios(ratios), *self._warnings(report)]
+        return report, [*warnings, *self._warnings(report)]
 
     def _report_joint(self, j):
         travel, change, apart, together = self._sums[:, j]
@@ -183,40 +179,28 @@ class Quality:
 
     def _warnings(self, report):
         """Return warnings, a sentence each, but for those of ratios."""
-        rate, delay, joints = report["rate"] or np.inf, report["velocity_delay"] or 0.0, []
+        rate, delay = report["rate"] or np.inf, report["velocity_delay"] or 0.0
+        warnings = {
+            f"states are {1.0 / rate:.3g} s apart: over more than {MAX_INTERVAL:g} s nothing is integrated, so that there "
+            "is neither a balance of power nor an external torque": rate * MAX_INTERVAL < 1.0
+        }
         # Noise of positions at rest is not the integral of that of velocities.
         moves = np.sqrt(self._sums[0] / max(self.duration / WINDOW, 1.0)) >= REST
-        for moving, (name, of) in zip(moves, report["joints"].items(), strict=True):
-            joints += _warn_of_velocity(name, of) if moving else []
-            clipped = {what: f"{of[f'largest_{what}']:.6g}" for what in of["clipped"]}
-            joints += [f"joint '{name}': {what} often is just {value}: clipped" for what, value in clipped.items()]
-        apart = (
-            f"states are {1.0 / rate:.3g} s apart: over more than {MAX_INTERVAL:g} s nothing is integrated, "
-            "so that there is neither a balance of power nor an external torque"
-        )
-        late = f"{abs(delay) * 1e3:.2g} ms {'late: filtered, perhaps' if delay > 0.0 else 'early'}, against positions"
-        stamps = (
-            f"{self._same_stamp} of {self._count} states have the time of the one before: several messages "
-            "have one time, as those of an arm and its gripper, or times need more digits"
-        )
-        checks = {
-            f"velocities come {late}": delay and abs(delay) * rate > MIN_PERIODS,
+        for moving, (name, joint) in zip(moves, report["joints"].items(), strict=True):
+            error = joint["velocity_error"] or 0.0
+            apart = f"joint '{name}': velocities are not the slope of positions ({error:.0%} apart)"
+            warnings[apart] = moving and error > MAX_VELOCITY_ERROR
+            for what in joint["clipped"]:
+                warnings[f"joint '{name}': {what} often is just {joint[f'largest_{what}']:.6g}: clipped"] = True
+        late = "late: filtered, perhaps" if delay > 0.0 else "early"
+        warnings |= {
+            f"velocities come {abs(delay) * 1e3:.2g} ms {late}, against positions": abs(delay) * rate > MIN_PERIODS,
             f"{report['gaps']} gaps, the longest of {report['longest_gap']:.3g} s": report["gaps"],
-            stamps: self._same_stamp > MANY * self._count,
+            f"{self._same_stamp} of {self._count} states have the time of the one before: several messages have one time, "
+            "as those of an arm and its gripper, or times need more digits": self._same_stamp > MANY * self._count,
             f"{self._same_state} of {self._count} states repeat the one before": self._same_state > MANY * self._count,
         }
-        first = [apart] if rate * MAX_INTERVAL < 1.0 else []
-        return [*first, *joints, *(text for text, applies in checks.items() if applies)]
-
-
-def _warn_of_velocity(name, of):
-    error, delay, left = (of[key] for key in ("velocity_error", "velocity_delay", "velocity_error_without_delay"))
-    if error is None or error <= MAX_VELOCITY_ERROR:
-        return []
-    late = ""
-    if delay is not None and left < WORTH_SAYING * error:
-        late = f"; they are {'late' if delay > 0.0 else 'early'} by {abs(delay) * 1e3:.3g} ms"
-    return [f"joint '{name}': velocities are not the slope of positions ({error:.0%} apart{late})"]
+        return [text for text, applies in warnings.items() if applies]
 
 
 def _smallest_steps(position, velocity, effort):
@@ -230,37 +214,31 @@ def _smallest_steps(position, velocity, effort):
     return found
 
 
-def _wrong_ratios(ratios):
-    """Return the ratios of Δq to ∫q̇dt that are not 1, by cause and by joint."""
-    found = {}
+def _judge_ratios(ratios):
+    """Return `cause` and `factor` of a wrong unit on which all joints in motion agree, or None; and warnings.
+
+    `ratios` are those of Δq to ∫q̇dt by joint, NaN of a joint at rest.
+    """
+    causes, moving = {}, sum(map(np.isfinite, ratios.values()))
     for name, ratio in ratios.items():
         if np.isfinite(ratio) and not 1.0 / RATIO_ERROR < ratio < RATIO_ERROR:
             apart = {cause: abs(np.log(ratio / one)) for one, cause in RATIOS.items() if ratio / one > 0.0}
             cause = min(apart, key=apart.get)
-            found.setdefault(cause if apart[cause] < np.log(RATIO_ERROR) else UNKNOWN, {})[name] = ratio
-    return found
-
-
-def _warn_of_ratios(ratios):
-    for cause, wrong in _wrong_ratios(ratios).items():
+            causes.setdefault(cause if apart[cause] < np.log(RATIO_ERROR) else UNKNOWN, {})[name] = ratio
+    warnings, unit = [], None
+    for cause, wrong in causes.items():
         which = "all joints" if len(wrong) == len(ratios) else ", ".join(wrong)
-        factor = four_digits(next(iter(wrong.values())))
-        yield f"{which}: positions change {factor} times as fast as velocities say: {cause}"
+        factors = np.array(list(wrong.values()))
+        warnings.append(f"{which}: {describe_ratio(factors[0])}: {cause}")
+        unlike = factors.max() > RATIO_ERROR * factors.min() or 1.0 / WRONG_RATIO < factors[0] < WRONG_RATIO
+        if len(wrong) == moving and not (cause == UNKNOWN and unlike):
+            unit = {"cause": cause.partition(" (")[0], "factor": float(np.median(factors))}
+    return unit, warnings
 
 
-def _wrong_unit(ratios):
-    """Return `cause` and `factor` of a wrong unit on which all joints in motion agree, or None."""
-    causes = _wrong_ratios(ratios)
-    if len(causes) != 1:
-        return None
-    ((cause, wrong),) = causes.items()
-    wrong = np.array(list(wrong.values()))
-    if len(wrong) < np.isfinite(list(ratios.values())).sum():
-        return None
-    unlike = wrong.max() > RATIO_ERROR * wrong.min() or 1.0 / WRONG_RATIO < wrong[0] < WRONG_RATIO
-    if cause == UNKNOWN and unlike:
-        return None
-    return {"cause": cause.partition(" (")[0], "factor": float(np.median(wrong))}
+def describe_ratio(ratio):
+    """Return a ratio of Δq to ∫q̇dt in words, with four digits, without an exponent where it has five places."""
+    return f"positions change {float(f'{ratio:.4g}'):g} times as fast as velocities say"
 
 
 def _common_delay(joints):
@@ -273,8 +251,3 @@ def _common_delay(joints):
         and one["velocity_error_without_delay"] < MAX_ERROR_LEFT * one["velocity_error"]
     ]
     return float(np.median(delays)) if delays and 2 * len(delays) >= len(moving) else None
-
-
-def four_digits(value):
-    """Return a number with four digits, without an exponent where it has five places."""
-    return f"{float(f'{value:.4g}'):g}"

@@ -3,7 +3,6 @@
 
 """Summary of an analysis, as numbers for programs and as text for people."""
 
-import re
 import textwrap
 
 import numpy as np
@@ -12,17 +11,16 @@ from diag_dynamics.collision.events import Alarm
 from diag_dynamics.recordings.analysis import BINS_PER_DECADE, LOWEST_BIN
 from diag_dynamics.recordings.balance import MIN_EXPLAINED, POWERS, WINDOW
 from diag_dynamics.recordings.findings import NOTE, Finding, without_efforts
-from diag_dynamics.recordings.quality import four_digits
+from diag_dynamics.recordings.quality import describe_ratio
 
 REJECTED = "rejected: "  # prefix of the counts of rejected joint states
 FEW = 5  # joints, findings and collisions that the text lists one by one
-JOINED = "\u00a0"  # space without a line break
 WIDTH = 100  # longest line of the text by default
 
 
 def summary_of(analysis):
     """Return the numbers of an Analysis that has run as a dict in SI units; docs/recordings.md lists the keys."""
-    balance, peaks, counts = analysis.balance, analysis.peaks, analysis.reading.counts
+    balance, peaks, counts = analysis.balance, analysis.peaks, dict(sorted(analysis.reading.counts.items()))
 
     def time(stamp):
         return None if stamp is None else float((stamp - analysis.reading.offset) * 1e-9)
@@ -32,8 +30,8 @@ def summary_of(analysis):
     balance.moved, unmeasured = analysis.efforts.moved, _unmeasured(analysis, quality["without_effort"])
     good = balance.explained is not None and balance.explained >= MIN_EXPLAINED
     fault = None if good or unmeasured else analysis.motion.fault()
+    says = fault.text if fault else ""
     energy, energy_at, _ = largest.get("kinetic_energy", (None, None, None))
-    rejected = {cause: n for cause, n in sorted(counts.items()) if cause.startswith(REJECTED) and n}
     return {
         "robot": analysis.model.name,
         "degrees_of_freedom": list(analysis.model.dof_names),
@@ -41,8 +39,8 @@ def summary_of(analysis):
         "duration": analysis.quality.duration,
         "begin": time(analysis.quality.begin),
         "end": time(analysis.quality.end),
-        "counts": dict(sorted(counts.items())),
-        "rejected": {cause.removeprefix(REJECTED): n for cause, n in rejected.items()},
+        "counts": counts,
+        "rejected": {key.removeprefix(REJECTED): n for key, n in counts.items() if key.startswith(REJECTED) and n},
         "kinetic_energy": {
             "mean": analysis.kinetic / analysis.states if analysis.states else None,
             "max": energy,
@@ -55,16 +53,19 @@ def summary_of(analysis):
         "explained_with_potential": balance.explained_total,
         "residual_power": balance.residual_power,
         "balance": {
-            "windows": balance.moments.count,
+            "windows": balance.count,
             "length": WINDOW,
-            "moments": _moments(balance.moments),
-            "says": _judgement(balance, unmeasured, fault),
+            "moments": {  # of which those of a fleet are made
+                name: {"count": balance.count, "mean": float(balance.mean[k]), "squares": float(balance.squares[k])}
+                for k, name in enumerate(POWERS)
+            },
+            "says": balance.judgement(unmeasured or says),
             "joints": balance.joints,
         },
-        "efforts": {"unmeasured": unmeasured, "says": fault.text if fault else ""},
+        "efforts": {"unmeasured": unmeasured, "says": says},
         "observer": {
             "gain": analysis.gain,
-            "threshold": None if analysis.threshold == float("inf") else analysis.threshold,
+            "threshold": None if analysis.threshold == np.inf else analysis.threshold,
             "judged": list(analysis.collisions.judged),
             "missing": list(analysis.missing),
             "observed": analysis.observed,
@@ -100,40 +101,22 @@ def _unmeasured(analysis, without_effort):
     return f"efforts of {', '.join(names)} are missing throughout, so that no state has those of all joints (locked_joints)"
 
 
-def _moments(moments):
-    """Return count, mean and sum of squared deviations of the powers whose shares a fleet combines."""
-    numbers = zip(POWERS[:3], moments.mean.tolist(), moments.squares.tolist(), strict=False)
-    return {name: {"count": moments.count, "mean": mean, "squares": squares} for name, mean, squares in numbers}
-
-
-def _judgement(balance, unmeasured, fault):
-    """Return the judgement of the balance with the fault of efforts; powers show faults of all joints, too."""
-    if unmeasured:
-        return balance.judgement(unmeasured, instead=True)
-    if fault is None or (fault.kind in ("sign", "unit", "weightless", "light") and balance.cause()):
-        return balance.judgement()
-    return balance.judgement(fault.text, instead=fault.kind in ("gravity", "order"))
-
-
 def _unknown_contacts(analysis, without_effort):
     """Return what is not known of contacts, and why; or an empty text."""
-    said, missing, states = [], analysis.missing, analysis.states
-    unknown = states - analysis.observed
+    states, unknown, missing = analysis.states, analysis.states - analysis.observed, analysis.missing
     if not analysis.observed:
-        none = without_effort == states
-        why = without_efforts(analysis.reading.counts) if none else "the observer has no result at any state"
-        said.append(f"Nothing is known of contacts: {why}.")
-    elif unknown > 1 and not missing:  # the first one never has a result
-        said.append(f"Of {unknown} of {states} states nothing is known: the observer has no result there.")
-    if missing:
-        lacks = f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not set"
-        if missing == ("external_torque.gain",):
-            lacks += ", without which external_torque.threshold does not count"
-        said.append(
-            f"{'Nothing is known of contacts: ' if analysis.observed else ''}{lacks}. diag-dynamics calibrate finds "
-            "thresholds, and writes them with their gain for --alarms."
+        why = "the observer has no result at any state"
+        why = without_efforts(analysis.reading.counts) if without_effort == states else why
+    elif missing:
+        why = (
+            f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not set. diag-dynamics calibrate finds "
+            "thresholds, and writes them with their gain for --alarms"
         )
-    return " ".join(said)
+    elif unknown > 1:  # the first one never has a result
+        return f"Of {unknown} of {states} states nothing is known: the observer has no result there."
+    else:
+        return ""
+    return f"Nothing is known of contacts: {why}."
 
 
 def _exceeded(alarm):
@@ -150,17 +133,15 @@ def wrongs_of(summary):
     rejected, causes = sum(summary["rejected"].values()), {one["cause"] for one in summary["findings"]}
     few = f"the balance of power explains less than {100 * MIN_EXPLAINED:.0f} % of dK/dt"
     absurd = "no balance of power, because efforts are beyond what can be (absurd.effort): are they in N m or N?"
-    none, scale = explained is None, ""
-    if unit:
-        scale = f"{unit['cause']} (positions change {four_digits(unit['factor'])} times as fast as velocities say)"
+    none, with_efforts = explained is None, _has_efforts(summary)
     wrongs = {
         "part of it could not be read": "unread" in causes,
         f"{rejected} message{' was' if rejected == 1 else 's were'} rejected": rejected,
         few: not none and explained < MIN_EXPLAINED,
-        "there are efforts, but no balance of power": none and _has_efforts(summary),
-        efforts["unmeasured"]: none and not _has_efforts(summary),
+        "there are efforts, but no balance of power": none and with_efforts,
+        efforts["unmeasured"]: none and not with_efforts,
         absurd: none and "absurd effort" in causes,
-        scale: True,
+        f"{unit['cause']} ({describe_ratio(unit['factor'])})" if unit else "": True,
         efforts["says"]: True,
     }
     return [text for text, applies in wrongs.items() if text and applies]
@@ -172,21 +153,18 @@ def _has_efforts(summary):
 
 def text_of(summary, width=WIDTH):
     """Return the summary for people: lines up to a width, as far as names allow, with times from the first state on."""
-    lines = [line for part in PARTS for line in part(summary)]
     notes = [one["text"] for one in summary["findings"] if one["cause"] == NOTE]
     faults = [str(Finding(**one)) for one in summary["findings"] if one["cause"] != NOTE]
+    parts = [list(part(summary)) for part in PARTS]
     for heading, texts in (("Worth knowing", [*faults, *summary["warnings"]]), ("How it was read", notes)):
-        if texts:
-            lines += ["", heading, *_some(texts, "more; --json has all")]
-    return "\n".join(_wrapped(line, width) for line in lines)
+        parts += [[heading, *_some(texts, "more; --json has all")]] if texts else []
+    return "\n\n".join("\n".join(_wrapped(line, width) for line in part) for part in parts if part)
 
 
 def _wrapped(line, width):
     """Return the line with line breaks, the next lines farther in; no word is cut."""
     inward = (len(line) - len(line.lstrip()) + 2) * " "
-    line = re.sub(r"(?<=\d) (?=(?:s|ms|J|W|N|Hz|rad)\b)", JOINED, line)  # a number and its unit
-    line = textwrap.fill(line, width, subsequent_indent=inward, break_long_words=False, break_on_hyphens=False)
-    return line.replace(JOINED, " ")
+    return textwrap.fill(line, width, subsequent_indent=inward, break_long_words=False, break_on_hyphens=False)
 
 
 def _some(texts, more):
@@ -207,10 +185,9 @@ def _after(summary, time):
 
 def _about_states(summary):
     quality, rejected = summary["quality"], sum(summary["rejected"].values())
-    rate = "" if quality["rate"] is None else f" at {quality['rate']:.4g} Hz"
-    jitter = "" if quality["jitter"] is None else f", jitter {quality['jitter'] * 1e3:.2g} ms"
+    rate = "" if quality["rate"] is None else f" at {quality['rate']:.4g} Hz, jitter {quality['jitter'] * 1e3:.2g} ms"
     yield f"Robot '{summary['robot']}', {len(summary['degrees_of_freedom'])} degrees of freedom"
-    yield f"{summary['states']} states in {summary['duration']:.6g} s{rate}{jitter}; {rejected} messages rejected"
+    yield f"{summary['states']} states in {summary['duration']:.6g} s{rate}; {rejected} messages rejected"
     if summary["begin"]:
         yield f"Times below are from the first state on, at {summary['begin']:.6f} s in the recording"
     if quality["without_effort"]:
@@ -222,7 +199,6 @@ def _about_energy(summary):
     if energy["max"] is None:
         return
     at = _after(summary, energy["at"])
-    yield ""
     yield f"Kinetic energy: at most {energy['max']:.4g} J at {at}, {energy['mean']:.4g} J on average"
     yield f"  largest shares: {_largest(energy['share'], '{} {:.3g} J')}"
     for name, unit in (("velocity", "rad/s or m/s"), ("effort", "N m or N")):
@@ -231,60 +207,53 @@ def _about_energy(summary):
 
 
 def _about_balance(summary):
-    explained, total, wrong = summary["explained"], summary["explained_with_potential"], summary["efforts"]["says"]
-    yield ""
+    explained, total, balance = summary["explained"], summary["explained_with_potential"], summary["balance"]
     if explained is None:
-        yield f"No balance of power: {summary['balance']['says'] if _has_efforts(summary) else 'no efforts'}."
-        yield from [f"  {wrong}"] * bool(wrong)
+        yield f"No balance of power: {balance['says'] if _has_efforts(summary) else 'no efforts'}."
+        if summary["efforts"]["says"]:
+            yield f"  {summary['efforts']['says']}"
         return
     also = "" if total is None else f" (with potential energy {total:.3f})"
-    yield (
-        f"Balance of power over windows of {WINDOW:g} s: explained {explained:.3f}{also}, "
-        f"residual {summary['residual_power']:.3g} W rms"
-    )
-    yield f"  {summary['balance']['says']}"
+    power = summary["residual_power"]
+    yield f"Balance of power over windows of {WINDOW:g} s: explained {explained:.3f}{also}, residual {power:.3g} W rms"
+    yield f"  {balance['says']}"
     if summary["collisions"] and explained < MIN_EXPLAINED:
         yield (
             "  collisions are in it, and the power of a push is in no effort: judge the balance where nothing touches "
             "the robot (--start, --end)"
         )
-    joints = {name: one["residual_power"] for name, one in summary["balance"]["joints"].items()}
+    joints = {name: one["residual_power"] for name, one in balance["joints"].items()}
     yield f"  residual by joint: {_largest(joints, '{} {:.2g} W')}"
 
 
 def _about_collisions(summary):
     observer, peaks, found = summary["observer"], summary["peaks"], summary["collisions"]
-    says = [f"  {observer['says']}"] if observer["says"] else []
-    if "residual_norm" not in peaks:
-        yield from ["", "External torque", *says]
-        return
-    norm, torque = peaks["residual_norm"], peaks["external_torque"]
-    why = " because external_torque.gain is not set" if "external_torque.gain" in observer["missing"] else ""
-    yield ""
-    yield (
-        f"External torque (observer of gain {observer['gain']:g}/s{why}): at most {torque['value']:.4g} N m or N at "
-        f"{torque['of']}, {_after(summary, torque['at'])}; |r| at most {norm['value']:.4g} J^0.5/s"
-    )
     count = f"{len(found)} collision{'' if len(found) == 1 else 's'}"
-    if observer["judged"]:
+    if "residual_norm" in peaks:
+        torque, norm = peaks["external_torque"], peaks["residual_norm"]["value"]
+        yield (
+            f"External torque (observer of gain {observer['gain']:g}/s): at most {torque['value']:.4g} N m or N at "
+            f"{torque['of']}, {_after(summary, torque['at'])}; |r| at most {norm:.4g} J^0.5/s"
+        )
+    else:
+        yield "External torque"
+    if observer["observed"] and observer["judged"]:
         yield f"  {count}, by thresholds of {', '.join(observer['judged'])}"
-    elif observer["threshold"] is not None:
+    elif observer["observed"] and observer["threshold"] is not None:
         yield f"  {count} above {observer['threshold']:g} J^0.5/s"
-    yield from says
-    yield from _some(
-        [
-            f"{_after(summary, one['start'])} to {_after(summary, one['end'])}, "
-            + (one.get("told") or f"|r| {one['norm']:.3g}, {', '.join(one['joints'])}")
-            for one in found
-        ],
-        "more",
-    )
+    if observer["says"]:
+        yield f"  {observer['says']}"
+    lines = [
+        f"{_after(summary, one['start'])} to {_after(summary, one['end'])}, "
+        + (one.get("told") or f"|r| {one['norm']:.3g}, {', '.join(one['joints'])}")
+        for one in found
+    ]
+    yield from _some(lines, "more")
 
 
 def _about_contact(summary):
     if not (contact := summary["contact"]):
         return
-    yield ""
     yield f"Limits of contact exceeded for {contact['above']:.3g} s of {contact['of']:.6g} s"
     if contact["above_by_point"]:
         yield f"  by {_largest(contact['above_by_point'], '{} {:.3g} s')}"

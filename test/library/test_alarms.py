@@ -14,9 +14,9 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
+from diag_dynamics.collision import residuals
 from diag_dynamics.collision.calibration import calibrate_residuals
 from diag_dynamics.collision.events import Alarms
-from diag_dynamics.collision.residuals import Residuals
 from diag_dynamics.collision.tail import poisson_interval
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.files import parameters_of
@@ -193,13 +193,13 @@ def noise(rng, seconds, heavy=False, jerks=()):
     return np.arange(count) * (10**9 // HZ), x * R_SPREAD, x * TORQUE_SPREAD
 
 
-def calibrate(stamps, r, torque, rate=1 / 60, part=20_000, **options):
+def calibrate(stamps, r, torque, rate=1 / 60, part=20_000):
     """Return the Calibration of residuals that come in parts."""
-    residuals, valid = Residuals(len(FOUR), **options), np.ones(len(stamps), dtype=bool)
+    collected, valid = residuals.Residuals(len(FOUR)), np.ones(len(stamps), dtype=bool)
     for first in range(0, len(stamps), part):
         rows = slice(first, first + part)
-        residuals.add_states(stamps[rows], r[rows], torque[rows], valid[rows])
-    return calibrate_residuals(residuals, FOUR, 25.0, rate, dd.AlarmThresholds())
+        collected.add_states(stamps[rows], r[rows], torque[rows], valid[rows])
+    return calibrate_residuals(collected, FOUR, 25.0, rate, dd.AlarmThresholds())
 
 
 KINDS = (200, 1 / 60, "tail", True), (600, 0.1, "counted", False)
@@ -261,17 +261,18 @@ def test_warnings_of_the_recording():
 
 
 @pytest.mark.parametrize("max_numbers", [10**6, 20_000])
-def test_residuals_in_parts(max_numbers):
+def test_residuals_in_parts(max_numbers, monkeypatch):
     """Thresholds depend on the states, not on their parts; cells of 20 ms in place of states move none by 3 %."""
     stamps, r, torque = noise(np.random.default_rng(11), 60)
     stamps[3000:] += 5 * 10**8
     expected = calibrate(stamps, r, torque, part=len(stamps))
-    whole = calibrate(stamps, r, torque, part=len(stamps), max_numbers=max_numbers)
+    monkeypatch.setattr(residuals, "MAX_NUMBERS", max_numbers)
+    whole = calibrate(stamps, r, torque, part=len(stamps))
     assert whole.limits(FOUR).tolist() == pytest.approx(expected.limits(FOUR).tolist(), rel=0.03)
     assert whole.duration == pytest.approx(59.98, abs=0.04)
     assert (whole == expected) == (max_numbers == 10**6)
     for part in (1, 77):
-        assert calibrate(stamps, r, torque, part=part, max_numbers=max_numbers) == whole
+        assert calibrate(stamps, r, torque, part=part) == whole
 
 
 def test_poisson():
