@@ -34,7 +34,6 @@ MIN_GAP = 1.0  # time without values over which no line is drawn, if they are mo
 MAX_PARTS = 2000  # of a curve: more than a screen has columns
 
 P = ParamSpec("P")
-Rows = npt.NDArray[np.intp]
 
 
 def pyplot() -> Any:
@@ -68,7 +67,7 @@ def escape(name: str) -> str:
     return plain(name).replace("$", r"\$")
 
 
-def find_peaks(values: Array) -> Rows:
+def find_peaks(values: Array) -> npt.NDArray[np.intp]:
     """Return rows that show a curve: the minimum and the maximum of each of its parts, or all."""
     rows = np.arange(len(values))
     if len(values) <= 2 * MAX_PARTS:
@@ -77,12 +76,6 @@ def find_peaks(values: Array) -> Rows:
     parts = np.array_split(rows, MAX_PARTS)
     peaks = [(part[low[part].argmin()], part[high[part].argmax()]) for part in parts]
     return np.unique(peaks)
-
-
-def draw_curve(axes: Any, t: Array, values: Array, **style: Any) -> None:
-    """Draw a curve by its peaks."""
-    rows = find_peaks(values)
-    axes.plot(t[rows], values[rows], **style)
 
 
 def insert_gaps(t: Array, values: Array) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.single_joints import sliding_dofs
 from diag_dynamics.plot import drawing
-from diag_dynamics.plot.drawing import COLOURS, GREY, MARK, draw_curve, escape, styled
+from diag_dynamics.plot.drawing import COLOURS, GREY, MARK, escape, styled
 from diag_dynamics.recordings import balance as power
 from diag_dynamics.recordings.findings import without_efforts
 from diag_dynamics.recordings.observer import Observed, observe
@@ -27,9 +27,6 @@ from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.results import BatchEvaluation, Evaluation
 from diag_dynamics.text import duration, number
 from diag_dynamics.views.parts import oscillates, parts_of
-
-JointEnergies = tuple[list[str], Array | None, Array]
-MAX_BARS = 30  # joints of most energy; the others are one bar
 
 
 @styled
@@ -53,7 +50,7 @@ def energy(of: Recording | BatchEvaluation, t: VectorLike | None = None, ax: Any
     matplotlib.axes.Axes
     """
     joints, times, values = _joint_energies(of, t)
-    names, values = _merge_joints(joints, values, len(COLOURS))
+    names, values = _merge_joints(joints, values)
     total, axes, label = values.sum(axis=1), drawing.make_axes(ax, (9.0, 3.8)), "kinetic energy [J]"
     if times is not None and oscillates(total):
         parts = parts_of(times, np.column_stack([values, total]))
@@ -90,23 +87,21 @@ def shares(of: Recording | Evaluation, ax: Any = None) -> Any:
     matplotlib.axes.Axes
     """
     joints, _, values = _joint_energies(of)
-    names, values = _merge_joints(joints, values, MAX_BARS - 1)
-    rows, mean, largest = np.arange(len(names)), values.mean(axis=0), values.max(axis=0)
-    axes = drawing.make_axes(ax, (7.0, 1.1 + 0.27 * len(names)))
+    rows, mean, largest = np.arange(len(joints)), values.mean(axis=0), values.max(axis=0)
+    axes = drawing.make_axes(ax, (7.0, 1.1 + 0.27 * len(joints)))
     title, label = f"{escape(of.model.name)}: K = {number(mean.sum())} J", "energy share ½ν² [J]"
-    is_one = not isinstance(of, Recording | BatchEvaluation)
-    axes.barh(rows, mean, height=0.66, color=COLOURS[0], label="share" if is_one else "mean")
-    if not is_one:
+    axes.barh(rows, mean, height=0.66, color=COLOURS[0], label="mean")
+    if isinstance(of, Recording | BatchEvaluation):
         title += f" on average, at most {number(values.sum(axis=1).max())} J"
         label += "; in percent: part of the mean of K"
         axes.plot(largest, rows, color=COLOURS[3], label="largest", **MARK)
         axes.legend(loc="lower right")
-    end = max(largest.max(), 1e-300)
+    end = largest.max(initial=1e-300)
     for y, percent in enumerate(100.0 * mean / (mean.sum() or 1.0)):
         axes.text(largest[y] + 0.015 * end, y, f"{percent:.0f} %", va="center", fontsize="small")
     axes.set(xlim=(0.0, 1.12 * end), xlabel=label)
     axes.set_title(title)
-    axes.set_yticks(rows, names)
+    axes.set_yticks(rows, [escape(joint) for joint in joints])
     axes.invert_yaxis()
     return axes
 
@@ -131,7 +126,14 @@ def balance(of: Recording) -> Any:
     _check_states(of)
     if of.tau is None:
         raise InputError(f"{without_efforts(of.counts)}. A balance of power needs them.")
-    windows, title = _integrate(of)
+    windows, whole = _integrate(of), power.Balance(of.model.dof_names)
+    whole.add_windows(windows)
+    if not len(windows.kinetic):
+        raise InputError(f"there is no balance of power: {whole.judgement()}.")
+    share, total, what = whole.explained, whole.explained_total, "dK/dt"
+    if (share or 0.0) < power.NOTHING_EXPLAINED and (total or 0.0) >= power.MIN_EXPLAINED:
+        share, what = total, "d(K + U)/dt"  # gravity hides the share of dK/dt
+    title = "" if share is None else f": {100 * max(share, 0.0):.1f} % of {what} explained"
     middle = 0.5e-9 * ((windows.begin - of.stamp[0]) + (windows.end - of.stamp[0]))
     powers = (windows.kinetic, windows.kinetic - windows.residual, windows.residual)
     t, columns = drawing.insert_gaps(middle, np.column_stack(powers))
@@ -139,9 +141,9 @@ def balance(of: Recording) -> Any:
     both, rest = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     causes = "efforts, gravity and friction" if of.model.has_friction else "efforts and gravity"
     explained = {"color": drawing.text_colour(), "label": f"explained by {causes}"}
-    draw_curve(both, t, columns[:, 0], color=COLOURS[4], linewidth=2.6, label="dK/dt")
-    draw_curve(both, t, columns[:, 1], linewidth=0.9, **explained)
-    draw_curve(rest, t, columns[:, 2], color=COLOURS[3], linewidth=1.0)
+    both.plot(t, columns[:, 0], color=COLOURS[4], linewidth=2.6, label="dK/dt")
+    both.plot(t, columns[:, 1], linewidth=0.9, **explained)
+    rest.plot(t, columns[:, 2], color=COLOURS[3], linewidth=1.0)
     for axes in (both, rest):
         axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
     both.set(ylabel="power [W]")
@@ -206,35 +208,28 @@ def external_torque(
 
 
 def _draw_torque(axes: Any, t: Array, torque: Array, limit: float) -> None:
+    rows = drawing.find_peaks(torque)
+    t, torque = t[rows], torque[rows]
     axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
-    axes.tick_params(labelsize="small")
-    draw_curve(axes, t, torque, color=COLOURS[0], linewidth=0.9)
+    axes.plot(t, torque, color=COLOURS[0], linewidth=0.9)
     if np.isfinite(limit):
         axes.axhspan(-limit, limit, color=GREY, alpha=0.18, linewidth=0, zorder=0)
         beyond = np.where(np.abs(torque) > limit, torque, np.nan)
-        draw_curve(axes, t, beyond, color=COLOURS[3], linewidth=1.6)
+        axes.plot(t, beyond, color=COLOURS[3], linewidth=1.6)
 
 
-def _integrate(of: Recording) -> tuple[power.Windows, str]:
-    """Return the windows of a recording, and how much of dK/dt they explain, for the title."""
-    model, windows = of.model, []
-    whole, sums = power.Balance(model.dof_names), power.WindowSums(model.nv, model.has_friction)
+def _integrate(of: Recording) -> power.Windows:
+    """Return the powers of a recording over windows."""
+    sums = power.WindowSums(of.model.nv, of.model.has_friction)
     efforts = np.where(of.states.effort_known[:, None], of.states.effort, 0.0)
-    options: dict[str, Any] = {"size": SIZE, "friction": model.has_friction}
-    stream = DiagonalDynamics(model).evaluate_stream(of.q, of.qd, efforts, **options)
-    for k, s in enumerate(stream):
-        windows.append(sums.integrate_states(of.states[k * SIZE : (k + 1) * SIZE], s))
-        whole.add_windows(windows[-1])
-    if not any(len(one.kinetic) for one in windows):
-        raise InputError(f"there is no balance of power: {whole.judgement()}.")
-    share, total, what = whole.explained, whole.explained_total, "dK/dt"
-    if (share or 0.0) < power.NOTHING_EXPLAINED and (total or 0.0) >= power.MIN_EXPLAINED:
-        share, what = total, "d(K + U)/dt"  # gravity hides the share of dK/dt
-    title = "" if share is None else f": {100 * max(share, 0.0):.1f} % of {what} explained"
-    return power.Windows(*map(np.concatenate, zip(*windows, strict=True))), title
+    options: dict[str, Any] = {"size": SIZE, "friction": of.model.has_friction}
+    stream = DiagonalDynamics(of.model).evaluate_stream(of.q, of.qd, efforts, **options)
+    parts = [of.states[k : k + SIZE] for k in range(0, len(of), SIZE)]
+    windows = [sums.integrate_states(*pair) for pair in zip(parts, stream, strict=True)]
+    return power.Windows(*map(np.concatenate, zip(*windows, strict=True)))
 
 
-def _joint_energies(of: Recording | Evaluation, t: VectorLike | None = None) -> JointEnergies:
+def _joint_energies(of: Recording | Evaluation, t: VectorLike | None = None) -> tuple[list[str], Array | None, Array]:
     """Return joints, times from zero on [s], and the energy share of each joint [J]."""
     if isinstance(of, Recording):
         _check_states(of)
@@ -254,9 +249,9 @@ def _joint_energies(of: Recording | Evaluation, t: VectorLike | None = None) -> 
     return joints, None if times is None else times - times[0], energies @ owned
 
 
-def _merge_joints(joints: list[str], values: Array, count: int) -> tuple[list[str], Array]:
+def _merge_joints(joints: list[str], values: Array) -> tuple[list[str], Array]:
     """Return names and energies of the joints of most energy, and those of all others as one."""
-    chosen = sorted(np.argsort(values.mean(axis=0))[::-1][:count].tolist())
+    chosen = sorted(np.argsort(values.mean(axis=0))[::-1][: len(COLOURS)].tolist())
     names, others = [escape(joints[k]) for k in chosen], np.delete(values, chosen, axis=1)
     if rest := others.shape[1]:
         names.append(f"{rest} other{'s' * (rest > 1)}")

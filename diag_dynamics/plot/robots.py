@@ -52,7 +52,7 @@ def tree(of: DiagonalDynamics | RobotModel, q: VectorLike | None = None) -> Any:
             bars.barh(rows[chosen], D[chosen] - low, left=low, **style)
     bars.plot(M, rows, color=COLOURS[1], label="M_kk: outboard joints locked", **MARK)
     for y in rows.tolist():
-        bars.text(max(D[y], M[y]) * 1.12, y, number(D[y]), va="center", fontsize="small")
+        bars.text(max(D[y], M[y]) * 1.12, y, f"D = {number(D[y])}", va="center", fontsize="small")
     bars.set(xscale="log", xlim=(low, 3.0 * max(M.max(initial=low), low)))
     bars.set(xlabel=f"inertia that an effort of the joint accelerates [{unit}]")
     bars.set_ylim(model.nv - 0.4, -0.6)
@@ -143,7 +143,9 @@ def ellipsoid(
             mass = dynamics.reflected_mass(q, link, v, point, "world")
             title += f", mass along v {number(mass)} kg"
             axes.quiver(*centre, *(v * 1.6 * reach / speed), color=COLOURS[1], linewidth=2.2)
-    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", aspect="equal")
+    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    sizes = np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], axis=1)
+    axes.set_box_aspect(sizes, zoom=0.9)  # equal scales, and space for labels
     axes.set_title(title, loc="left")  # in 3D the style does not count
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.label.set_size("small")
@@ -168,8 +170,9 @@ def _draw_ellipsoid(axes: Any, centre: Array, inverse: Array, reach: float) -> N
     x, y, z = np.cos(around) * np.sin(along), np.sin(around) * np.sin(along), np.cos(along)
     surface = np.einsum("ij,jkl->ikl", half_axes, np.stack([x, y, z])) + centre[:, None, None]
     axes.plot_surface(*surface, color=COLOURS[0], alpha=0.25, linewidth=0)
+    box = {"facecolor": axes.get_facecolor(), "alpha": 0.6, "linewidth": 0, "pad": 1}
     for root, half in zip(roots, half_axes.T, strict=True):
         if root > 0.0:
             axes.plot(*np.stack([centre - half, centre + half]).T, color=COLOURS[3], linewidth=1)
             mass = f"{number(1.0 / root**2)} kg"
-            axes.text(*(centre + 1.15 * half), mass, fontsize="small", ha="center")
+            axes.text(*(centre + 1.3 * half), mass, fontsize="small", ha="center", bbox=box)

@@ -151,16 +151,10 @@ def test_shares_of_one_state_and_of_many(recording, dyn, panda):
     axes = dd.plot.shares(recording)
     assert [bar.get_width() for bar in axes.patches] == pytest.approx(many.energy_share.mean(axis=0).tolist())
     assert np.allclose(curve(axes, "largest")[0], many.energy_share.max(axis=0))
-    talos = dd.load_robot("talos_full_v2", floating_base=True)
-    s = dd.DiagonalDynamics(talos).evaluate(talos.random(1), np.ones(talos.nv))
-    axes = dd.plot.shares(s)
-    joints = np.sort([s.energy_share[:6].sum(), *s.energy_share[6:]])  # those of least energy are one bar
-    widths = [bar.get_width() for bar in axes.patches]
-    assert len(widths) == 30 and np.sort(widths[:-1]) == pytest.approx(joints[-29:])
-    assert widths[-1] == pytest.approx(joints[:-29].sum()) and sum(widths) == pytest.approx(s.kinetic_energy)
-    assert (
-        axes.get_yticklabels()[-1].get_text() == f"{talos.nv - 5 - 29} others"
-    )  # six freedoms of the base are one joint
+    go2 = dd.load_robot("go2", floating_base=True)
+    s = dd.DiagonalDynamics(go2).evaluate(go2.random(1), np.ones(go2.nv))
+    widths = [bar.get_width() for bar in dd.plot.shares(s).patches]
+    assert widths == pytest.approx([s.energy_share[:6].sum(), *s.energy_share[6:]])  # the base is one joint
 
 
 def test_rest_of_the_balance_is_the_power_of_a_push(recording, motion):
@@ -214,7 +208,8 @@ def test_tree_has_every_freedom_with_its_inertia():
     D, M = dyn.factors(q).D, np.diag(dyn.mass_matrix(q))
     ends = {round(bar.get_y() + 0.5 * bar.get_height()): bar.get_x() + bar.get_width() for bar in bars.patches}
     assert [ends[k] for k in range(model.nv)] == pytest.approx(D.tolist())
-    assert [float(text.get_text()) for text in bars.texts] == pytest.approx(D.tolist(), rel=5e-3, abs=5e-5)
+    written = [float(text.get_text().removeprefix("D = ")) for text in bars.texts]
+    assert written == pytest.approx(D.tolist(), rel=5e-3, abs=5e-5)
     shown, rows = curve(bars, "M_kk: outboard joints locked")
     assert np.allclose(shown, M) and np.array_equal(rows, np.arange(model.nv))
     # Lines go from a carrier to its children, a level further in where there are several.
