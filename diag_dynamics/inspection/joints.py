@@ -13,7 +13,14 @@ from diag_dynamics.model.remarks import TURNS
 TRAVEL = 10.0  # limit of a slide that a number in mm exceeds [m]
 UNIT = 1e-3  # difference of an axis' length from 1 by rounding to three digits
 FAST = 100.0  # velocity that no driven joint has [rad/s, m/s]; a propeller may
-STRONG = 10000.0  # effort that no joint has [N m, N]; the first joint of large arms has 20 000 N m
+STRONG = 10000.0  # effort that few joints have [N m, N]; the first joint of large arms has 20 000 N m
+
+BEYOND = {"revolute": ("wide", TURNS), "prismatic": ("long", TRAVEL)}
+
+OF_INERTIAL = ("mass", "inertia", "origin")
+OF_JOINT = ("origin", "axis", "limit", "mimic", "parent", "child", "dynamics")
+ONCE = {"link": ("inertial",), "inertial": OF_INERTIAL, "geometry": ("*",), "joint": OF_JOINT}
+"""Children that an element has once."""
 
 # fmt: off
 ROWS = {  # severity, unit, what, remedy
@@ -43,9 +50,14 @@ ROWS = {  # severity, unit, what, remedy
 
 def elements(urdf: Urdf) -> Found:
     """Find repeated elements; readers differ in which one they read."""
-    for kind, name, tag in urdf.repeated:
-        what = f"more than one <{tag}>; the first one counts"
-        yield (kind, "warning", "", what, "Remove the other."), name, 0.0, name  # a finding each
+    for element in urdf.elements:
+        kind, name = f"{element.tag}s", element.get("name", "")
+        for part in element.iter(*ONCE):
+            for tag in ONCE[part.tag]:
+                if len(part.findall(tag)) > 1:
+                    what = f"more than one <{tag.replace('*', 'shape')}>; the first one counts"
+                    row = kind, "warning", "", what, "Remove the other."
+                    yield row, name, 0.0, name  # a finding each
 
 
 def attributes(urdf: Urdf) -> Found:
@@ -75,19 +87,15 @@ def position_limits(urdf: Urdf) -> Found:
     for joint in urdf.joints:
         low, high = joint.limit["lower"], joint.limit["upper"]
         finite = [abs(x) for x in (low, high) if x is not None and np.isfinite(x)]
-        largest = max(finite, default=0.0)
-        if joint.kind == "continuous":
-            if low is not None and high is not None and high > low:
-                yield "continuous", joint.name, 0.0
-        elif joint.kind in ("revolute", "prismatic"):
-            if low is None and high is None:
-                yield "unlimited", joint.name, 0.0
-            elif (low or 0.0) == (high or 0.0):
-                yield "shut", joint.name, low or 0.0
-            elif joint.kind == "revolute" and largest > TURNS:
-                yield "wide", joint.name, largest
-            elif joint.kind == "prismatic" and largest > TRAVEL:
-                yield "long", joint.name, largest
+        row, maximum = BEYOND.get(joint.kind, ("", 0.0))
+        if joint.kind == "continuous" and low is not None and high is not None and high > low:
+            yield "continuous", joint.name, 0.0
+        elif row and low is None and high is None:
+            yield "unlimited", joint.name, 0.0
+        elif row and (low or 0.0) == (high or 0.0):
+            yield "shut", joint.name, low or 0.0
+        elif row and max(finite, default=0.0) > maximum:
+            yield row, joint.name, max(finite)
 
 
 def effort_limits(urdf: Urdf) -> Found:
@@ -102,14 +110,12 @@ def velocity_limits(urdf: Urdf) -> Found:
 
 def _find_limits(urdf: Urdf, name: str, row: str, maximum: float) -> Found:
     for joint in urdf.joints:
+        limit = joint.limit[name]
         if joint.kind in ("fixed", "floating", "planar") or joint.source is not None:
             continue
-        limit = joint.limit[name]
-        if limit is None:
-            yield "no limit", joint.name, 0.0, name
-        elif limit <= 0.0:
-            yield "zero", joint.name, 0.0, name
-        elif limit > maximum and np.isfinite(limit):
+        if limit is None or limit <= 0.0:
+            yield "no limit" if limit is None else "zero", joint.name, 0.0, name
+        elif maximum < limit < np.inf:
             yield row, joint.name, limit
 
 

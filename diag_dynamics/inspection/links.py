@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 import numpy as np
 
@@ -29,10 +28,7 @@ SAME = 3  # sizes of links with one inertia from which it is a copy; two sides h
 SLENDER = 4.0  # ratio of moments from which a shape is a bar
 UNEVEN = 0.05  # relative difference of the masses of two sides that no cable explains
 
-SIDES = {
-    **{"left": "right", "Left": "Right", "LEFT": "RIGHT"},
-    **{"^l_": "r_", "^L_": "R_", "^FL_": "FR_", "^RL_": "RR_"},
-}  # parts of names
+SIDES = ("left right", "Left Right", "LEFT RIGHT", "^l_ r_", "^L_ R_", "^FL_ FR_", "^RL_ RR_")
 
 ESTIMATE = "Give measured ones, or estimate them: --estimate-inertias DENSITY -o new.urdf."
 SIZES = "Is the mass in kg, and are sizes and the meshes' scale in m? Open meshes count as hulls."
@@ -86,7 +82,6 @@ ROWS = {  # severity, unit, what, remedy; True where the smallest number is the 
     "missing": ("warning", "", "missing meshes: {}",
                 "Put them where the URDF says, or their package into ROS_PACKAGE_PATH."),
     "unmeasured": ("note", "", "unmeasured geometry: {}", "Checks of geometry ignore it."),
-    "no trimesh": ("note", "", "unmeasured meshes: {}", ""),
 }
 # fmt: on
 
@@ -102,9 +97,8 @@ def possible_inertias(urdf: Urdf) -> Found:
         if first < -rounding and not negligible:
             yield "negative", link.name, first
         else:
-            rounded = negligible or excess <= 3.0 * rounding
-            percent = 100.0 * excess / max(abs(first), third)
-            yield "rounded" if rounded else "triangle", link.name, percent
+            row = "rounded" if negligible or excess <= 3.0 * rounding else "triangle"
+            yield row, link.name, 100.0 * excess / max(abs(first), third)
 
 
 def negative_inertias(urdf: Urdf) -> Found:
@@ -122,15 +116,14 @@ def missing_inertias(urdf: Urdf) -> Found:
         yield from (("massless", name, 0.0) for name in bare or (None,))
         return
     for body in urdf.bodies:
-        row = "moving" if body.links[0].name in urdf.moving else "base"
+        row = "lumped" if body.mass else "moving" if body.joint else "base"
         for link in body.links:
             if link.has_geometry and not link.has_inertial:
-                yield "lumped" if body.mass else row, link.name, 0.0
+                yield row, link.name, 0.0
             if link.mass == 0.0 and link.inertia is not None and link.inertia.any():
                 yield "no mass", link.name, 0.0
         points = [x for x in body.links if x.mass and x.inertia is not None and not x.inertia.any()]
-        mass = sum(link.mass or 0.0 for link in points)
-        alone = len(points) == len(body.heavy)
+        mass, alone = sum(x.mass or 0.0 for x in points), len(points) == len(body.heavy)
         if not urdf.is_negligible(mass) and (alone or mass > SHARE * body.mass):
             yield from (("point" if alone else "attached", x.name, x.mass) for x in points)
 
@@ -158,24 +151,23 @@ def uniform_density(urdf: Urdf) -> Found:
         bodies = [body for body in urdf.heavy_bodies if role in body.solids]
         densities = [body.densities[role] for body in bodies]
         steel = [body for body in bodies if STEEL[0] <= body.densities[role] <= STEEL[1]]
-        mass = MOSTLY * sum(body.mass for body in bodies)
-        if len(steel) > 1 and sum(body.mass for body in steel) > mass:
+        row, mass = "", sum(body.mass for body in bodies)
+        if len(steel) > 1 and sum(body.mass for body in steel) > MOSTLY * mass:
             row, bodies = "steel", steel
         elif len(bodies) >= SAME and max(densities) < (1.0 + ALIKE) * min(densities):
             row = "uniform"
-        else:
-            continue
-        yield from ((row, body.heavy[0], body.densities[role]) for body in bodies)
-        return
+        if row:
+            yield from ((row, body.heavy[0], body.densities[role]) for body in bodies)
+            return
 
 
 def centre_of_mass(urdf: Urdf) -> Found:
     """Find centres of mass far outside of the bounding box, as in the frame of an assembly."""
     for body in urdf.measured_bodies:
         low, high = body.corners.min(axis=0), body.corners.max(axis=0)
-        outside = np.maximum(0.0, np.maximum(low - body.centre, body.centre - high))
-        if np.linalg.norm(outside) > OUTSIDE * np.linalg.norm(high - low):
-            yield "outside", body.heavy[0], np.linalg.norm(outside)
+        distance = np.linalg.norm(body.centre - np.clip(body.centre, low, high))
+        if distance > OUTSIDE * np.linalg.norm(high - low):
+            yield "outside", body.heavy[0], distance
 
 
 def gyration(urdf: Urdf) -> Found:
@@ -191,27 +183,25 @@ def gyration(urdf: Urdf) -> Found:
                 yield "small", link.name, ratio
 
 
-def _felt_moment(urdf: Urdf, body: Body, link: Any) -> float:
-    """Return the largest moment with an effect; on a fixed base a body may turn about one axis."""
-    joint = urdf.moving.get(body.links[0].name)
-    if urdf.stands and joint is None:
-        return 0.0
-    bases = [one for one in urdf.bodies if one.links[0].name not in urdf.moving]
-    on_base = joint and any(joint.parent in base.placements for base in bases)
-    turns = joint and joint.kind in ("revolute", "continuous") and len(body.links) == 1
-    if joint and urdf.stands and on_base and turns:
-        axis = np.array(joint.axis or (1.0, 0.0, 0.0))
-        return float(axis @ link.inertia @ axis / (axis @ axis))
-    return float(np.linalg.eigvalsh(link.inertia)[-1])
+def _felt_moment(urdf: Urdf, body: Body, link: Link) -> float:
+    """Return the largest moment with an effect; a link on a fixed base may turn about one axis."""
+    joint, largest = body.joint, float(np.linalg.eigvalsh(link.inertia)[-1])
+    if joint is None or not urdf.stands:
+        return largest if not urdf.stands else 0.0
+    on_base = any(joint.parent in base.placements for base in urdf.bodies if base.joint is None)
+    if not on_base or len(body.links) > 1 or joint.kind not in ("revolute", "continuous"):
+        return largest
+    axis = np.array(joint.axis or (1.0, 0.0, 0.0))
+    return float(axis @ link.inertia @ axis / (axis @ axis))
 
 
 def inertia_axes(urdf: Urdf) -> Found:
     """Find bars and discs with the inertia of one along another axis."""
     for body in urdf.measured_bodies:
         for link in filter(urdf.has_inertia, body.links):
-            R, mass = body.placements[link.name][:3, :3], link.mass or 0.0
-            turned = [_is_turned(x, R @ link.inertia @ R.T) for x in body.solids.values()]
-            if all(turned) and mass >= 0.8 * body.mass:
+            R, is_main = body.placements[link.name][:3, :3], (link.mass or 0.0) >= 0.8 * body.mass
+            inertia = R @ link.inertia @ R.T
+            if is_main and all(_is_turned(solid, inertia) for solid in body.solids.values()):
                 yield "turned", link.name, 0.0
 
 
@@ -235,30 +225,28 @@ def placeholders(urdf: Urdf) -> Found:
             rounded = np.round(np.linalg.eigvalsh(link.inertia), 12)
             groups.setdefault((link.mass or 0.0, *rounded), []).append(link)
     for (mass, *moments), links in groups.items():
-        sizes: list[float] = []
-        for solid in [x.solids.get("collision") or x.solids.get("visual") for x in links]:
-            if solid and not any(abs(solid.volume - size) < 0.05 * size for size in sizes):
-                sizes.append(solid.volume)
-        for link in links if len(sizes) >= SAME else ():
-            yield "copied", link.name, 0.0, mass, moments[-1], len(sizes)
+        solids = [link.solids.get("collision") or link.solids.get("visual") for link in links]
+        volumes = np.sort([solid.volume for solid in solids if solid])
+        sizes = 1 + np.count_nonzero(volumes[1:] > 1.05 * volumes[:-1]) if len(volumes) else 0
+        for link in links if sizes >= SAME else ():
+            yield "copied", link.name, 0.0, mass, moments[-1], sizes
 
 
 def sides(urdf: Urdf) -> Found:
     """Find left and right links of different mass."""
     for name, link in urdf.links.items():
-        for left, right in SIDES.items():
+        for side in SIDES:
+            left, right = side.split()
             other = urdf.links.get(re.sub(left, right, name, count=1), link)
-            masses = [link.mass or 0.0, other.mass or 0.0]
-            uneven = abs(masses[0] - masses[1]) > UNEVEN * max(masses)
-            known = link.has_inertial and other.has_inertial
-            if uneven and known and not urdf.is_negligible(max(masses)):
-                yield "uneven", name, masses[0]
-                yield "uneven", other.name, masses[1]
+            low, high = sorted((link.mass or 0.0, other.mass or 0.0))
+            known = link.has_inertial and other.has_inertial and not urdf.is_negligible(high)
+            if known and high - low > UNEVEN * high:
+                yield "uneven", name, link.mass or 0.0
+                yield "uneven", other.name, other.mass or 0.0
 
 
 def meshes(urdf: Urdf) -> Found:
     """Find meshes that are missing or cannot be measured; viewers need them, dynamics do not."""
     errors = [(link.name, *error) for link in urdf.links.values() for error in link.errors]
     reasons = {row: reason for _, row, reason in reversed(errors)}
-    for name, row, _ in errors:
-        yield row, None if row == "no trimesh" else name, 0.0, reasons[row]
+    yield from ((row, name, 0.0, reasons[row]) for name, row, _ in errors)

@@ -13,8 +13,6 @@ from diag_dynamics.inspection.urdf import Found
 from diag_dynamics.model import RobotModel
 
 POSES = 200  # extremes are met in about one pose in a hundred
-MIN_POSES = 10
-ENTRIES = 4_000_000  # of all mass matrices: more than 141 degrees of freedom have fewer poses
 TIP_POSES = 50  # poses for reflected masses: a robot may have fifty tips
 
 CURRENT_RISE = 1e-3  # rise time of a motor's current and torque, L/R [s]: a millisecond or more
@@ -55,17 +53,15 @@ class Motion:
     """
 
     def __init__(self, model: RobotModel) -> None:
-        rng, nv = np.random.default_rng(0), model.nv
+        rng = np.random.default_rng(0)
         self.model, self._dynamics = model, DiagonalDynamics(model)
-        self.poses = max(MIN_POSES, min(POSES, ENTRIES // nv**2))
-        self._Q = np.array([model.random(rng) for _ in range(self.poses)])
-        still = np.zeros((self.poses, nv))
+        self._Q = np.array([model.random(rng) for _ in range(POSES)])
+        still = np.zeros((POSES, model.nv))
         self.D = self._dynamics.evaluate_batch(self._Q, still).articulated_inertia
         self.M = self._dynamics.mass_matrix_batch(self._Q)
         self.gravity_torque = self._dynamics.gravity_torque_batch(self._Q)
         self.condition: Array = np.linalg.cond(self.M)
-        speed = model.velocity_limit
-        self.velocity_limit = np.where(np.isfinite(speed), speed, 0.0)
+        self.velocity_limit = np.nan_to_num(model.velocity_limit, posinf=0.0)
         QD = np.random.default_rng(1).choice([-1.0, 1.0], still.shape) * self.velocity_limit
         self.energy_at_limits = 0.5 * np.einsum("ti,tij,tj->t", QD, self.M, QD)
 
@@ -94,13 +90,11 @@ def rotor_inertia(motion: Motion) -> Found:
 
 def gravity(motion: Motion) -> Found:
     """Find gravity torques beyond the effort limit; a floating base is held here."""
-    model = motion.model
-    for k in np.flatnonzero(np.isfinite(model.effort_limit) & (model.effort_limit > 0.0)):
-        load, limit = np.abs(motion.gravity_torque[:, k]), model.effort_limit[k]
-        ratio = load.max() / limit
-        heavy = ratio > BALANCED and (load > limit).mean() > OFTEN
-        if ratio > 1.0:
-            yield "heavy" if heavy else "balanced", model.dof_names[k], ratio
+    columns = motion.model.dof_names, motion.model.effort_limit, np.abs(motion.gravity_torque).T
+    for name, limit, load in zip(*columns, strict=True):
+        if 0.0 < limit < load.max():
+            heavy = load.max() > BALANCED * limit and (load > limit).mean() > OFTEN
+            yield "heavy" if heavy else "balanced", name, load.max() / limit
 
 
 def conditioning(motion: Motion) -> Found:
@@ -114,8 +108,8 @@ def conditioning(motion: Motion) -> Found:
 
 def kinetic_energy(motion: Motion) -> Found:
     """Find velocity limits at which the mass has a mean speed √(2K/m) that no robot has."""
-    model, limit, energy = motion.model, motion.velocity_limit, motion.energy_at_limits.max()
-    speed = np.sqrt(2.0 * energy / model.total_mass) if model.total_mass > 0.0 else 0.0
+    limit, mass = motion.velocity_limit, motion.model.total_mass
+    speed = np.sqrt(2.0 * motion.energy_at_limits.max() / mass) if mass > 0.0 else 0.0
     alone = 0.5 * np.einsum("tkk->tk", motion.M).max(axis=0) * limit**2
     for k in np.argsort(-alone)[:3] if speed > SPEED else ():
-        yield "rapid", model.dof_names[k], limit[k], speed
+        yield "rapid", motion.model.dof_names[k], limit[k], speed

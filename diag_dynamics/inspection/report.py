@@ -25,11 +25,8 @@ from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.model.sources import folder_of
 
 SEVERITIES = ("ok", "note", "warning", "error")
-"""In ascending order.
-
-A note is worth knowing and may be intended. A warning is very likely a mistake of the URDF; results
-are computed with it. An error keeps results from being computed, in part or wholly.
-"""
+"""In ascending order: what may be intended, what is very likely a mistake of the URDF, and what keeps
+results from being computed, in part or wholly."""
 
 OF_GEOMETRY = (
     *(links.mass_without_geometry, links.density, links.uniform_density, links.centre_of_mass),
@@ -66,8 +63,7 @@ class Finding:
     def to_dict(self) -> dict[str, Any]:
         """Return the attributes as JSON has them; numbers that are not finite are None."""
         values = {name: x if math.isfinite(x) else None for name, x in self.values.items()}
-        names = {"links": list(self.links), "joints": list(self.joints)}
-        return asdict(self) | names | {"values": values}
+        return asdict(self) | {"values": values}
 
 
 @dataclass(frozen=True)
@@ -152,16 +148,12 @@ def _findings(check: str, found: Found) -> list[Finding]:
     groups: dict[tuple[Any, ...], dict[str, float]] = {}
     for row, name, number, *words in found:
         group = groups.setdefault((ROWS.get(row, row), *words), {})
-        if name is not None:
-            group[name] = float(number)
-    findings, order = [], list(ROWS.values())
-    for key in sorted(groups, key=lambda key: order.index(key[0]) if key[0] in order else 0):
-        (kind, severity, unit, what, remedy, *ascending), *words = key
-        values: dict[str, float] = groups[key]
-        if unit:
-            pairs = sorted(values.items(), key=lambda pair: abs(pair[1]), reverse=True)
-            values = dict(sorted(values.items(), key=lambda pair: pair[1]) if ascending else pairs)
-        fields: dict[str, Any] = {kind: tuple(values), "values": values if unit else {}}
+        group |= {} if name is None else {name: float(number)}
+    findings = []
+    for (row, *words), group in groups.items():
+        kind, severity, unit, what, remedy, *ascending = row
+        pairs = sorted(group.items(), key=lambda pair: pair[1] if ascending else -abs(pair[1]))
+        fields: dict[str, Any] = {kind: tuple(dict(pairs)), "values": dict(pairs) if unit else {}}
         what = what.format(*words)
         findings.append(Finding(severity, check, what, unit=unit, remedy=remedy, **fields))
     return findings
@@ -182,13 +174,10 @@ def _load(text: str, options: dict[str, Any]) -> tuple[RobotModel | None, Motion
         except exceptions.MimicJointError as error:
             rows += [("mimic", name, 0.0, str(error)) for name in error.joints]
             options["mimic"] = "free"
-        except exceptions.SingularMassMatrixError as error:
-            rows.append(("rejected", None, 0.0, f"in a random pose within the limits: {error}"))
-            return model, None, rows
         except DiagDynamicsError as error:
             rows.append(("rejected", None, 0.0, str(error)))
             break
-    return None, None, rows
+    return model, None, rows
 
 
 def _facts(urdf: Urdf, model: RobotModel | None, poses: Motion | None) -> dict[str, Any]:
@@ -208,7 +197,7 @@ def _facts(urdf: Urdf, model: RobotModel | None, poses: Motion | None) -> dict[s
         "locked_joints": sorted(model.locked_joints) if model else None,
         "links_without_inertial": [link.name for link in bare],
         "frames": [link.name for link in bare if not link.has_geometry],
-        "poses": poses.poses if poses else 0,
+        "poses": motion.POSES if poses else 0,
         "condition_of_mass_matrix": _range(poses.condition) if poses else None,
         "kinetic_energy_at_velocity_limits": _range(poses.energy_at_limits) if poses else None,
         "tips": {tip: _range(poses.reflected_mass(tip)) if poses else None for tip in _tips(urdf)},
@@ -222,9 +211,6 @@ def _range(values: Array) -> dict[str, float | None]:
 
 def _tips(urdf: Urdf) -> list[str]:
     """Return the farthest link of every moving body that carries no other."""
-    parents, tips = {joint.parent for joint in urdf.joints if joint.moves}, []
-    for body in urdf.bodies:
-        X = body.placements
-        if body.links[0].name in urdf.moving and not parents & set(X):
-            tips.append(max(X, key=lambda name: np.linalg.norm(X[name][:3, 3]).round(9)))
-    return tips
+    parents = {joint.parent for joint in urdf.joints if joint.moves}
+    placements = [x.placements for x in urdf.bodies if x.joint and not parents & set(x.placements)]
+    return [max(X, key=lambda name: np.linalg.norm(X[name][:3, 3]).round(9)) for X in placements]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,8 @@ import numpy as np
 from lxml import etree
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.exceptions import InputError, UrdfError
-from diag_dynamics.model.geometry import Shape, Solid, floats, moved, shapes_of, solid_of, united
+from diag_dynamics.exceptions import DiagDynamicsError, UrdfError
+from diag_dynamics.model.geometry import Solid, floats, moved, shapes_of, solid_of, united
 from diag_dynamics.model.meshes import Meshes, find_mesh
 from diag_dynamics.model.origins import placement_of
 from diag_dynamics.model.remarks import remarks_of
@@ -27,23 +28,13 @@ NEGLIGIBLE = 1e-5  # fraction of the robot's mass that rounding of its numbers e
 ROLES = ("visual", "collision")
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 LIMITS = ("lower", "upper", "effort", "velocity")
-ONCE = {
-    "link": ("inertial",),
-    "inertial": ("mass", "inertia", "origin"),
-    "geometry": ("*",),
-    "joint": ("origin", "axis", "limit", "mimic", "parent", "child", "dynamics"),
-}  # children that an element has once
 
 Found = Iterator[tuple[Any, ...]]
-"""Results of a check: row of a table or its key, name or None, number, words of the text."""
+"""Results of a check: key of a row, name or None, number, words of the text."""
 
 
 class Link:
-    """A link; mass [kg] and inertia (about the centre of mass, link's axes) may be None.
-
-    `half_digit` is half a unit of the inertia's last digit; `solids` has None for a role of which a
-    shape cannot be measured; `errors` are rows and texts of the check of meshes.
-    """
+    """A link; mass [kg] and inertia (about the centre of mass, link's axes) may be None."""
 
     def __init__(self, element: Any, folder: Path | None, meshes: Meshes) -> None:
         self.name: str = element.get("name", "")
@@ -52,38 +43,36 @@ class Link:
         self.has_inertial = element.find("inertial") is not None
         self.mass = _number(_child(inertial, "mass"), "value")
         self.centre = placement[:3, 3]
-        self.inertia: Any = _inertia(inertia, placement[:3, :3])
-        self.half_digit = _half_digit(inertia)
+        self.inertia: Any = None
+        self.half_digit = 0.0  # half a unit of the inertia's last digit
+        moments = [_number(inertia, name) for name in INERTIA]
+        if None not in moments:
+            xx, xy, xz, yy, yz, zz = moments
+            symmetric = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            self.inertia = placement[:3, :3] @ symmetric @ placement[:3, :3].T
+            digits = [Decimal(inertia.get(name)) for name in INERTIA]
+            exponents = [int(one.as_tuple().exponent) for one in digits if one]
+            self.half_digit = 0.5 * 10.0 ** max(min(exponents, default=-300), -300)
         self.has_geometry = False
-        self.solids: dict[str, Solid | None] = {}
-        self.errors: list[tuple[str, str]] = []
+        self.solids: dict[str, Solid | None] = {}  # by role; None if a shape cannot be measured
+        self.errors: list[tuple[str, str]] = []  # rows and texts about shapes
         for role in ROLES:
             self._measure(element, role, folder, meshes)
 
     def _measure(self, element: Any, role: str, folder: Path | None, meshes: Meshes) -> None:
+        row, solids = "unmeasured", list[Solid]()
         try:
-            shapes = shapes_of(element, role)
-        except UrdfError as error:
+            for shape in shapes_of(element, role):
+                self.has_geometry, row = True, "missing"
+                if shape.file:
+                    find_mesh(shape.file, folder)
+                row = "unmeasured"
+                solids.append(solid_of(shape, meshes))
+        except DiagDynamicsError as error:
             self.solids[role] = None
-            self.errors.append(("unmeasured", str(error)))
-            return
-        solids = [self._solid(shape, folder, meshes) for shape in shapes]
-        measured = [solid for solid in solids if solid is not None]
-        if shapes:
-            self.has_geometry = True
-            self.solids[role] = united(measured) if len(measured) == len(shapes) else None
-
-    def _solid(self, shape: Shape, folder: Path | None, meshes: Meshes) -> Solid | None:
-        row = "missing"
-        try:
-            if shape.file:
-                find_mesh(shape.file, folder)
-            row = "unmeasured"
-            return solid_of(shape, meshes)
-        except (UrdfError, InputError) as error:  # an InputError: trimesh is not installed
-            row = "no trimesh" if isinstance(error, InputError) else row
             self.errors.append((row, str(error)))
-        return None
+        else:
+            self.solids |= {role: united(solids)} if solids else {}
 
 
 class Joint:
@@ -98,19 +87,20 @@ class Joint:
         self.placement = _placement(element)
         self.axis = floats(_child(element, "axis").get("xyz", "1 0 0"), 3)
         limit, mimic = _child(element, "limit"), _child(element, "mimic")
-        self.limit = {name: _limit(limit.get(name)) for name in LIMITS}
+        self.limit = {name: _number(limit, name, largest=np.inf) for name in LIMITS}
         low, high = self.limit["lower"], self.limit["upper"]
         limited = low is not None and high is not None and self.kind in ("revolute", "prismatic")
         self.range = (low or 0.0, high or 0.0) if limited else None
         self.source: str | None = None if element.find("mimic") is None else mimic.get("joint", "")
-        self.multiplier = _number(mimic, "multiplier", 1.0) or 0.0
-        self.offset = _number(mimic, "offset", 0.0) or 0.0
+        self.multiplier = _number(mimic, "multiplier", "1") or 0.0
+        self.offset = _number(mimic, "offset") or 0.0
 
 
 class Body:
-    """Links that fixed joints connect, the nearest to the root first, and in whose axes all is."""
+    """Links that fixed joints connect, in the axes of the first, and the joint that moves them."""
 
-    def __init__(self, placed: list[tuple[Link, Array]]) -> None:
+    def __init__(self, placed: list[tuple[Link, Array]], joint: Joint | None) -> None:
+        self.joint = joint
         self.links = links = [link for link, _ in placed]
         self.mass = sum(link.mass or 0.0 for link in links)
         self.heavy = [link.name for link in links if link.mass]
@@ -143,16 +133,17 @@ class Urdf:
             self.rotors, ignored = reflected_inertias(robot)
             self.remarks += ignored
         links, joints, meshes = robot.findall("link"), robot.findall("joint"), Meshes(folder)
-        self.repeated = [one for element in (*links, *joints) for one in _repeated(element)]
+        self.elements = (*links, *joints)
+        self.joints = [Joint(element) for element in joints]
         self.links: dict[str, Link] = {}
         for link in (Link(element, folder, meshes) for element in links):
             self.links.setdefault(link.name, link)
-        self.joints = [Joint(element) for element in joints]
-        self.moving = {joint.child: joint for joint in self.joints if joint.moves}
         self.total_mass: float = sum(link.mass or 0.0 for link in self.links.values())
         attached = {joint.child for joint in self.joints if not joint.moves}
         roots, seen = [name for name in self.links if name not in attached], set[str]()
-        self.bodies = [Body(list(self._connect(name, np.eye(4), seen))) for name in roots]
+        moving = {joint.child: joint for joint in self.joints if joint.moves}
+        placed = {name: list(self._connect(name, np.eye(4), seen)) for name in roots}
+        self.bodies = [Body(links, moving.get(name)) for name, links in placed.items()]
         self.heavy_bodies = [body for body in self.bodies if not self.is_negligible(body.mass)]
         self.measured_bodies = [body for body in self.heavy_bodies if body.is_measured]
         self.stands = False  # whether the model's base is fixed
@@ -181,25 +172,11 @@ def _child(element: Any, tag: str) -> Any:
     return etree.Element(tag) if child is None else child
 
 
-def _repeated(element: Any) -> Iterator[tuple[str, str, str]]:
-    """Yield kind, name and tag of children that a link or joint has more than once."""
-    for part in element.iter(*ONCE):
-        for tag in ONCE[part.tag]:
-            if len(part.findall(tag)) > 1:
-                yield f"{element.tag}s", element.get("name", ""), tag.replace("*", "shape")
-
-
-def _number(element: Any, attribute: str, default: float | None = None) -> float | None:
-    if (text := element.get(attribute)) is None:
-        return default
-    numbers = floats(text, 1)
-    return numbers[0] if numbers else None
-
-
-def _limit(text: str | None) -> float | None:
+def _number(element: Any, name: str, default: str = "nan", largest: float = 1e308) -> float | None:
+    """Return the number of an attribute, or None."""
     with suppress(ValueError):
-        value = float(text or "")
-        return None if np.isnan(value) else value
+        value = float(element.get(name, default))
+        return value if abs(value) <= largest else None
     return None
 
 
@@ -208,21 +185,3 @@ def _placement(element: Any) -> Array:
     with suppress(UrdfError):
         return placement_of(_child(element, "origin"), "")
     return np.eye(4)
-
-
-def _inertia(element: Any, rotation: Array) -> Array | None:
-    numbers = [_number(element, name) for name in INERTIA]
-    if None in numbers:
-        return None
-    xx, xy, xz, yy, yz, zz = numbers
-    return rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float) @ rotation.T
-
-
-def _half_digit(element: Any) -> float:
-    exponents = []
-    for name in INERTIA:
-        text = element.get(name, "0").strip().lower()
-        if floats(text, 1) not in (None, [0.0]):
-            digits, _, exponent = text.partition("e")
-            exponents.append(int(exponent or 0) - len(digits.partition(".")[2]))
-    return 0.5 * 10.0 ** max(min(exponents), -300) if exponents else 0.0

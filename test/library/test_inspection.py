@@ -318,10 +318,7 @@ def test_real_robots(name):
 
 def test_facts_of_a_humanoid():
     path = robot_path("talos_data/robots/talos_reduced.urdf")
-    model, facts = dd.load_urdf(path), inspect_robot(path).facts
-    assert facts["degrees_of_freedom"] == model.nv and facts["total_mass"] == pytest.approx(model.total_mass, rel=1e-12)
-    assert facts["root_link"] == "base_link" and facts["links"] == len(model.link_names) and facts["poses"] == 200
+    model, facts = dd.load_urdf(path), inspect_robot(path, floating_base=True).facts
+    assert facts["total_mass"] == pytest.approx(model.total_mass, rel=1e-12) and facts["root_link"] == "base_link"
+    assert (facts["links"], facts["degrees_of_freedom"]) == (len(model.link_names), model.nv + 6)
     assert {"left_sole_link", "right_sole_link"} <= set(facts["tips"])
-    sole = facts["tips"]["left_sole_link"]
-    assert 0.0 < sole["least"] <= sole["greatest"] < model.total_mass
-    assert inspect_robot(path, floating_base=True).facts["degrees_of_freedom"] == model.nv + 6
