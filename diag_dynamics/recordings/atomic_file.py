@@ -4,7 +4,8 @@
 """A file under a temporary name until it is complete."""
 
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from itertools import chain, count
 from pathlib import Path
 
@@ -14,8 +15,7 @@ from diag_dynamics.exceptions import InputError
 class AtomicFile:
     """An empty file `name` beside `path`, whose name it gets by :meth:`commit`.
 
-    The target of a symbolic link is replaced, not the link. A device or a pipe is written directly (`name` is `path`). An
-    InputError says that the path is a folder, that its folder does not exist, or that neither can be written.
+    The target of a symbolic link is replaced, not the link. A device or a pipe is written directly (`name` is `path`).
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -29,13 +29,19 @@ class AtomicFile:
         numbers = () if self._is_direct else chain([""], (f".{k}" for k in count(1)))
         for number in numbers:  # a pipe is not opened: its reader would take the closing for the end
             self.name = f"{self._target}{number}.part"
-            try:
+            with self.errors(), suppress(FileExistsError):  # of another process
                 open(self.name, "xb").close()
                 break
-            except FileExistsError:  # of another process
-                continue
-            except OSError as error:
-                raise InputError(f"'{self.path}' cannot be written: {error.strerror or error}.") from error
+
+    @contextmanager
+    def errors(self) -> Iterator[None]:
+        """Raise errors of writing as InputError with the path; a broken pipe, as of ``| head``, as it is."""
+        try:
+            yield
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise InputError(f"'{self.path}' cannot be written: {error.strerror or error}.") from error
 
     def commit(self) -> None:
         """Give the file its final name."""

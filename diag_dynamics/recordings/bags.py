@@ -36,6 +36,7 @@ ROS1 = "ros1", "ros1msg"
 """Names of the encoding of ROS 1."""
 MAX_MESSAGE = 1 << 26
 """Maximum size of a message that is compressed by itself [bytes]."""
+REASON = "reading the recording"
 
 
 class Bag:
@@ -47,8 +48,8 @@ class Bag:
     """
 
     def __init__(self, path):
-        self.path, self.begin, self.end = Path(path), None, None
-        self.connections, self._notes, self._unpacked = [], Notes(), []
+        self.path, self.connections = Path(path), []
+        self._notes, self._folders = Notes(), []  # temporary folders are deleted with the bag
         self.unread, self.findings = self._notes.unread, self._notes.findings
         paths = _find_files(self.path, self._notes) if self.path.is_dir() else [self.path]
         self._files = [self._open_file(one, str(one)) for one in paths]
@@ -56,32 +57,25 @@ class Bag:
         starts = (file.start for file in self._files if file.start is not None)
         self.start = min(starts, default=None)
 
-    def limit(self, begin=None, end=None):
-        """Allow to omit messages before one log time, and from another one on [ns]."""
-        self.begin, self.end = begin, end
+    def pieces(self, wanted, begin=None, end=None):
+        """Yield Messages of some connections in log-time order, more than those between two log times [ns]."""
+        failed, wanted = Counter(), set(wanted)
 
-    def pieces(self, wanted=None):
-        """Yield Messages in log-time order; `wanted` are indices of connections, None for all."""
-        chosen = set(range(len(self.connections))) if wanted is None else set(wanted)
-        failed = Counter()
-        yield from merge_parts(
-            self._read_file(file, *maps, chosen, failed) for file, maps in zip(self._files, self._maps, strict=True)
-        )
+        def read_file(file, places, conversions):
+            convert = partial(_convert, conversions=conversions, places=np.array(places), failed=failed)
+            for first, last, read in file.parts({k for k, one in enumerate(places) if one in wanted}):
+                is_late = end is not None and first >= end
+                if not (is_late or (begin is not None and last < begin)):
+                    yield first, lambda read=read: convert(read())
+
+        yield from merge_parts(read_file(file, *maps) for file, maps in zip(self._files, self._maps, strict=True))
         for k, count in failed.items():
             what = f"{count} messages of '{self.connections[k].topic}' are not of its type"
             self._notes.add_damage(self.path, "messages of ROS 1", what)
 
-    def _read_file(self, file, places, conversions, chosen, failed):
-        """Yield (start, function that returns Messages) of the parts of a file within the limits."""
-        convert = partial(_convert, conversions=conversions, places=np.array(places), failed=failed)
-        for start, end, read in file.parts({k for k, one in enumerate(places) if one in chosen}):
-            is_late = self.end is not None and start >= self.end
-            if not (is_late or (self.begin is not None and end < self.begin)):
-                yield start, lambda read=read: convert(read())
-
     def _open_file(self, path, name):
         """Open a file; one that is compressed is unpacked into a temporary folder."""
-        begin = _first_bytes(path, name)
+        begin = _first_bytes(path)
         if begin.startswith(ZSTD):
             return self._open_file(self._unpack(path), name)
         kind = next((kind for magic, kind in MAGIC.items() if begin.startswith(magic)), None)
@@ -89,15 +83,15 @@ class Bag:
         if kind is None:
             raise InputError(f"'{name}' is no bag that is known; there are {KNOWN}.")
         if kind == "mcap":
-            require("mcap", "reading the recording")
+            require("mcap", REASON)
         reader = import_module(f"diag_dynamics.recordings.{kind}_file")  # the libraries are optional
         return getattr(reader, f"{kind.capitalize()}File")(path, name, self._notes)
 
     def _unpack(self, path):
         """Return the path of the content of a compressed file."""
+        zstandard = require("zstandard", REASON)
         folder = tempfile.TemporaryDirectory(prefix="diag_dynamics-")
-        zstandard = require("zstandard", "reading the recording")
-        self._unpacked.append(folder)  # it is deleted with the bag
+        self._folders.append(folder)
         content = Path(folder.name) / path.name.removesuffix(PACKED)
         try:
             with open(path, "rb") as file, open(content, "wb") as out:
@@ -141,17 +135,14 @@ def _convert(messages, conversions, places, failed):
     """Return Messages in CDR with connections of the bag; `failed` counts those of another type."""
     if messages is None:
         return None
-    is_packed = messages.size >= len(ZSTD)
-    for k, byte in enumerate(ZSTD):
-        is_packed[is_packed] = messages.data[messages.at[is_packed] + k] == byte
-    if not conversions and not is_packed.any():
+    view, first = memoryview(messages.data), int(messages.at[0])
+    if not conversions and view[first : first + 4] != ZSTD:  # a file has all messages compressed, or none
         return messages._replace(connection=places[messages.connection])
-    rows, view = [], memoryview(messages.data)
-    columns = (column.tolist() for column in (*messages[1:], is_packed))
-    for k, at, size, time, packed in zip(*columns, strict=True):
+    rows, columns = [], (column.tolist() for column in messages[1:])
+    for k, at, size, time in zip(*columns, strict=True):
         raw = view[at : at + size]
         try:
-            raw = _unpack_message(raw) if packed else raw
+            raw = _unpack_message(raw) if raw[:4] == ZSTD else raw
             rows.append((places[k], time, conversions[k](raw) if k in conversions else raw))
         except Exception:  # rosbags generates code from the definition, which checks little
             failed[int(places[k])] += 1
@@ -160,7 +151,7 @@ def _convert(messages, conversions, places, failed):
 
 def _unpack_message(raw):
     """Return the content of a message; itself if it is damaged, for its decoder to reject it."""
-    zstandard = require("zstandard", "reading the recording")
+    zstandard = require("zstandard", REASON)
     with suppress(zstandard.ZstdError):
         if zstandard.frame_content_size(raw) <= MAX_MESSAGE:
             return zstandard.ZstdDecompressor().decompress(raw, MAX_MESSAGE)
@@ -196,17 +187,15 @@ def _find_files(folder, notes):
         files[name] = next((one for one in stored if (folder / one).is_file()), None)
     missing = [name for name, file in files.items() if file is None]
     others = [name for name in bags if name not in files.values()]
-    if len(missing) == len(listed) == len(others):
-        for name, other in zip(missing, others, strict=True):
-            what = f"lists {name}, which is not there; {other} is read instead"
-            notes.add_finding(folder, f": {METADATA} {what}.")
-            files[name] = other
-        missing, others = [], []
     if others and len(missing) == len(listed):
-        raise InputError(
-            f"'{folder}': {METADATA} lists {', '.join(missing)}; the folder has {', '.join(others)} instead, and it "
-            f"is not certain which are meant. Give one file, or delete {METADATA} to read all of them."
-        )
+        if len(missing) != len(others):
+            raise InputError(
+                f"'{folder}': {METADATA} lists {', '.join(missing)}; the folder has {', '.join(others)} instead, and it "
+                f"is not certain which are meant. Give one file, or delete {METADATA} to read all of them."
+            )
+        for name, other in zip(missing, others, strict=True):
+            notes.add_finding(folder, f": {METADATA} lists {name}, which is not there; {other} is read instead.")
+        return [folder / name for name in others]
     for name in missing:
         notes.add_damage(folder, name, f"{METADATA} lists this file, which is not there")
     if others:
@@ -216,7 +205,7 @@ def _find_files(folder, notes):
 
 def _read_metadata(folder):
     """Return the names of the listed files, and why there are none."""
-    yaml = require("yaml", "reading the recording")
+    yaml = require("yaml", REASON)
     try:
         text = (folder / METADATA).read_text(encoding="utf-8")
         content = yaml.safe_load(text)["rosbag2_bagfile_information"]
@@ -231,26 +220,23 @@ def _read_metadata(folder):
 def _find_bags(folder):
     """Return the names of bags by suffix or first bytes, `bag_10` behind `bag_9`."""
 
-    def by_number(name):
-        parts = re.split(r"(\d+)", name)
-        return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
-
     def is_bag(path):
-        name = path.name.removesuffix(PACKED).removesuffix(UNFINISHED)
+        suffix = Path(path.name.removesuffix(PACKED).removesuffix(UNFINISHED)).suffix
         with suppress(InputError):
-            return Path(name).suffix in SUFFIXES or _first_bytes(path, name).startswith(tuple(MAGIC))
+            return suffix in SUFFIXES or _first_bytes(path).startswith(tuple(MAGIC))
         return False
 
     try:
         names = [one.name for one in folder.iterdir() if one.is_file() and is_bag(one)]
     except OSError as error:
         raise InputError(f"'{folder}' cannot be read: {error.strerror}.") from error
-    return sorted(names, key=by_number)
+    parts = {name: enumerate(re.split(r"(\d+)", name)) for name in names}
+    return sorted(names, key=lambda name: [int(part) if k % 2 else part for k, part in parts[name]])
 
 
-def _first_bytes(path, name):
+def _first_bytes(path):
     try:
         with open(path, "rb") as file:
             return file.read(16)
     except OSError as error:
-        raise InputError(f"'{name}' cannot be read: {error.strerror}.") from error
+        raise InputError(f"'{path}' cannot be read: {error.strerror}.") from error

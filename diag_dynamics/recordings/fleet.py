@@ -11,10 +11,10 @@ import json
 import os
 import pickle
 import re
-import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module, resources
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,16 +38,16 @@ from diag_dynamics.recordings.sources import checked_topics
 from diag_dynamics.recordings.summary import summary_of, wrongs_of
 
 COLUMNS = {
-    "recording": ("string", lambda one: one["recording"]),
-    "robot": ("string", lambda one: one["robot"]),
-    "states": ("int64", lambda one: one["states"]),
+    "recording": ("string", itemgetter("recording")),
+    "robot": ("string", itemgetter("robot")),
+    "states": ("int64", itemgetter("states")),
     "hours": ("float64", lambda one: one["duration"] / 3600.0),
     "kinetic_energy_max": ("float64", lambda one: one["kinetic_energy"]["max"]),
     "kinetic_energy_max_at": ("float64", lambda one: one["kinetic_energy"]["at"]),
     "kinetic_energy_mean": ("float64", lambda one: one["kinetic_energy"]["mean"]),
-    "explained": ("float64", lambda one: one["explained"]),
-    "explained_with_potential": ("float64", lambda one: one["explained_with_potential"]),
-    "residual_power": ("float64", lambda one: one["residual_power"]),
+    "explained": ("float64", itemgetter("explained")),
+    "explained_with_potential": ("float64", itemgetter("explained_with_potential")),
+    "residual_power": ("float64", itemgetter("residual_power")),
     "external_torque_max": ("float64", lambda one: one["peaks"].get("external_torque", {}).get("value")),
     "collisions": (
         "int64",  # unknown without a threshold or a result
@@ -78,7 +78,7 @@ def analyse_fleet(
     reports: bool = False,
     progress: Callable[[int, int, str], object] | None = None,
 ) -> dict[str, Any]:
-    """Analyse many recordings, each by a task of Dask, but those whose results are there.
+    """Analyse many recordings, each by a task of Dask, except those whose results exist.
 
     Dask starts processes: scripts call this below ``if __name__ == "__main__":``.
 
@@ -92,7 +92,7 @@ def analyse_fleet(
     model, columns, topic, joint_names, parameters
         As of :func:`read_recording`.
     gain : float
-        Of the observer [1/s], where the parameters have none.
+        Gain of the observer [1/s], where the parameters have none.
     scheduler : str, optional
         Address of Dask, as ``tcp://10.0.0.1:8786``; by default processes of this machine.
     workers : int, optional
@@ -129,31 +129,27 @@ def analyse_fleet(
     options = {"model": model, "columns": columns, "topic": checked_topics(topic)}
     options |= {"joint_names": joint_names, "parameters": dict(parameters or {})}
     suffixes = [suffix for suffix, chosen in (("parquet", parquet), ("html", reports)) if chosen]
-    about = options | {"gain": positive("gain", gain, "[1/s]"), "outputs": suffixes}
     out = Path(out).expanduser().resolve()
     out.mkdir(parents=True, exist_ok=True)
-    jobs = _jobs(patterns, out, about)
-    results = {job.path: job.read_summary() for job in jobs}
-    todo = {path for path, summary in results.items() if summary is None}
-    kept = len(jobs) - len(todo)
-
-    def finish(path, result):
+    about = options | {"gain": positive("gain", gain, "[1/s]"), "outputs": suffixes}
+    jobs = _make_jobs(patterns, out, about)
+    results = {job.path: summary for job in jobs if (summary := job.read_summary())}
+    kept = len(results)
+    for path, result in _run([job for job in jobs if job.path not in results], options, scheduler, workers):
         results[path] = result
-        todo.discard(path)
         if progress:
-            progress(len(jobs) - len(todo), len(jobs), path)
-
-    _run([job for job in jobs if job.path in todo], options, scheduler, workers, finish)
+            progress(len(results), len(jobs), path)
+    results = {job.path: results[job.path] for job in jobs}
     summaries = [result for result in results.values() if isinstance(result, dict)]
     report = {
-        "recordings": list(map(_row, summaries)),
+        "recordings": list(map(_make_row, summaries)),
         "robots": robots_of(summaries),
         "failed": {path: text for path, text in results.items() if isinstance(text, str)},
         "computed": len(summaries) - kept,
         "kept": kept,
     }
     _write(out / "fleet.json", json.dumps(report, indent=1, allow_nan=False))
-    _write(out / "fleet.html", _page(report, jobs))
+    _write(out / "fleet.html", _make_page(report, jobs))
     if parquet:
         _write_table(out / "fleet.parquet", report)
     return report
@@ -178,10 +174,10 @@ class _Job(NamedTuple):
 
     def remove_outputs(self, suffix):
         for path in glob.glob(f"{glob.escape(self.stem)}.{suffix}"):
-            shutil.rmtree(path) if os.path.isdir(path) else os.remove(path)
+            os.remove(path)
 
 
-def _jobs(patterns, out, about):
+def _make_jobs(patterns, out, about):
     """Return the jobs of all recordings but of what is in the folder of the outputs; `about` has all options."""
     paths = {}
     for pattern in map(os.path.expanduser, map(os.fspath, patterns)):
@@ -206,8 +202,8 @@ def _jobs(patterns, out, about):
     return jobs
 
 
-def _run(jobs, options, scheduler, workers, finish):
-    """Analyse recordings; call `finish` with the path of each and its summary or the text of its error."""
+def _run(jobs, options, scheduler, workers):
+    """Analyse recordings; yield the path of each and its summary or the text of its error."""
     if not jobs:
         return
     distributed = import_module("distributed")
@@ -224,7 +220,7 @@ def _run(jobs, options, scheduler, workers, finish):
                 error, path = future.exception(), paths[future.key]
                 result = f"{type(error).__name__}: {error}" if error else future.result()
                 del future  # what has come is not computed again when its worker dies
-                finish(path, result)
+                yield path, result
     finally:
         for job in jobs:
             job.remove_outputs("*.part")  # of attempts that were ended
@@ -255,15 +251,15 @@ def _analyse(job, options):
 def robots_of(summaries):
     """Return the results of all recordings of each robot together, a list of dict."""
     names = sorted({one["robot"] for one in summaries})
-    return [_robot([one for one in summaries if one["robot"] == name]) for name in names]
+    return [_merge_summaries([one for one in summaries if one["robot"] == name]) for name in names]
 
 
-def _robot(summaries):
-    rows = list(map(_row, summaries))
+def _merge_summaries(summaries):
+    rows = list(map(_make_row, summaries))
     highest = max(rows, key=lambda row: row["kinetic_energy_max"])
     known = [row["collisions"] for row in rows if row["collisions"] is not None]
     states, energies = sum(row["states"] for row in rows), [one["kinetic_energy"] for one in summaries]
-    bins = _totals(((part["from"], part["to"]), part["states"]) for one in energies for part in one["histogram"])
+    bins = _add_up(((part["from"], part["to"]), part["states"]) for one in energies for part in one["histogram"])
     return {
         "robot": highest["robot"],
         "recordings": len(rows),
@@ -276,20 +272,20 @@ def _robot(summaries):
             "mean": sum(row["kinetic_energy_mean"] * row["states"] for row in rows) / states,
             "histogram": [{"from": low, "to": high, "states": n} for (low, high), n in sorted(bins.items())],
         },
-        **_balance(summaries),
+        **_merge_balances(summaries),
         "collisions": sum(known) if known else None,
         "unjudged": len(rows) - len(known),
-        "rejected": _totals(pair for one in summaries for pair in one["rejected"].items()),
-        "findings": _totals((one["cause"], one["count"]) for each in summaries for one in each["findings"]),
+        "rejected": _add_up(pair for one in summaries for pair in one["rejected"].items()),
+        "findings": _add_up((one["cause"], one["count"]) for each in summaries for one in each["findings"]),
         "warnings": sum(row["warnings"] for row in rows),
     }
 
 
-def _row(summary):
+def _make_row(summary):
     return {name: value(summary) for name, (_, value) in COLUMNS.items()}
 
 
-def _totals(pairs):
+def _add_up(pairs):
     """Return the sum of the numbers of each key."""
     totals = Counter()
     for key, count in pairs:
@@ -297,24 +293,23 @@ def _totals(pairs):
     return dict(totals)
 
 
-def _balance(summaries):
+def _merge_balances(summaries):
     """Return the balance of power over the windows of all recordings."""
-    moments = [one["balance"]["moments"] for one in summaries]
-    changes = [_pooled([one[name] for one in moments])[2] for name in ("kinetic", "total")]
-    windows, mean, variance = _pooled([one["residual"] for one in moments])
+
+    def pooled(name):
+        """Return number, mean and variance over all windows."""
+        moments = [one["balance"]["moments"][name] for one in summaries]
+        count, means, squares = (np.array([one[key] for one in moments]) for key in ("count", "mean", "squares"))
+        windows = max(int(count.sum()), 1)
+        mean = count @ means / windows
+        return count.sum(), mean, (squares.sum() + count @ (means - mean) ** 2) / windows
+
+    windows, mean, variance = pooled("residual")
     has_moved = any(one["explained"] is not None for one in summaries)
-    shares = [explained_share(variance, change) if has_moved else None for change in changes]
+    shares = [explained_share(variance, pooled(name)[2]) if has_moved else None for name in ("kinetic", "total")]
     balance = *shares, float(np.sqrt(variance + mean**2))
     names = "explained", "explained_with_potential", "residual_power"
     return dict(zip(names, balance if windows >= MIN_WINDOWS else [None] * 3, strict=True))
-
-
-def _pooled(moments):
-    """Return the number, mean and variance of all windows, from those of each recording."""
-    count, means, squares = (np.array([one[key] for one in moments]) for key in ("count", "mean", "squares"))
-    windows = int(count.sum())
-    mean = count @ means / max(windows, 1)
-    return windows, mean, (squares.sum() + count @ (means - mean) ** 2) / max(windows, 1)
 
 
 def collisions_in_words(robot, noun="collisions"):
@@ -331,7 +326,7 @@ def _write(path, text):
     file.commit()
 
 
-def _page(report, jobs):
+def _make_page(report, jobs):
     """Return fleet.html. All texts are escaped: names of files and robots come from strangers."""
     jinja2, rows = import_module("jinja2"), report["recordings"]
     text = resources.files("diag_dynamics.recordings").joinpath("fleet.html.j2").read_text(encoding="utf-8")

@@ -25,25 +25,19 @@ JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 
 ABSURD = "absurd value"
 """Cause of messages that are rejected for a value of a joint."""
-
 LOST = "lost by gaps in stamps"
 """Name of the count of states that never came."""
-
 MAX_TEXTS = 20
 """Rejections whose text is kept, of each cause."""
 
 
 class Batch(NamedTuple):
-    """Messages in the order of their log time."""
+    """Messages in the order of their log time; one that is in no part is in `odometry` or `errors`."""
 
-    log_time: np.ndarray
-    """[ns], int64, shape (n,)."""
-    parts: list
-    """Of JointStates; a message that is in none of them is in `odometry` or `errors`."""
-    odometry: dict
-    """Bytes of nav_msgs/Odometry by place."""
-    errors: dict
-    """What is wrong with bytes that are no joint state, by place."""
+    log_time: np.ndarray  # [ns], int64, shape (n,)
+    parts: list  # of JointStates
+    odometry: dict  # bytes of nav_msgs/Odometry by place
+    errors: dict  # what is wrong with bytes that are no joint state, by place
 
     def names(self):
         """Return names of joints in messages, with repetition."""
@@ -69,31 +63,15 @@ class Rejection(NamedTuple):
 
 
 class Intake:
-    """Makes states of messages, batch by batch; log time stands for the time of reception.
+    """Makes states of messages, batch by batch, with the monitor's Settings; log time is the time of reception.
 
     States and counts are those of the monitor, bit for bit. Only states that cannot be evaluated are found later.
-
-    Parameters
-    ----------
-    model : RobotModel
-    settings : Settings
-        The monitor's.
-    names : JointNames, optional
-        Map of the names of joints in messages.
-
-    Attributes
-    ----------
-    assembler : StateAssembler
-    names : JointNames or None
-    rejections : list of Rejection
-        The first :data:`MAX_TEXTS` of each cause.
-    units : RejectedUnits
+    `rejections` are the first :data:`MAX_TEXTS` of each cause, `units` a RejectedUnits.
     """
 
     def __init__(self, model, settings, names=None):
         values = settings.values
-        self.names = names
-        self._model, self._dynamics = model, DiagonalDynamics(model)
+        self.names, self._model, self._dynamics = names, model, DiagonalDynamics(model)
         frozen = values["frozen_timeout"], values["frozen_values"] == "refuse"
         map_name = names.map_name if names else None
         self.assembler = StateAssembler(joints_of(model), settings.inputs, *frozen, map_name)
@@ -101,9 +79,10 @@ class Intake:
         if model.floating_base:
             self._base = OdometryBase(model, values["odom_twist_frame"] == "header")
             self._base.configure(settings.inputs)
-        self._counts, self.rejections, self._texts = Counter(), [], Counter()
+        self._counts, self.rejections = Counter(), []
         self.units = RejectedUnits(model, map_name or str)
         self._moved = False  # whether positions jumped since the last state
+        self._nothing = States.empty(model.nq, model.nv)
 
     @property
     def counts(self):
@@ -128,8 +107,7 @@ class Intake:
             if k < len(place):
                 found.append(self._read_odometry(batch.odometry[k], int(batch.log_time[k])))
             begin = k + 1
-        nothing = States.empty(self._model.nq, self._model.nv)
-        return self._with_gravity(States.concatenate([nothing, *found]))
+        return self._with_gravity(States.concatenate([self._nothing, *found]))
 
     def _read_joints(self, batch):
         """Return the States of a batch without odometry."""
@@ -180,14 +158,13 @@ class Intake:
     def _read_odometry(self, raw, now):
         """Store the base of an odometry message; return the state that it makes of a robot that is all base."""
         self._counts["odometry received"] += 1
-        nothing = States.empty(self._model.nq, self._model.nv)
         try:
             self._base.update(odometry_of(raw, partial(read_message, kind=ODOMETRY)), now)
         except Exception as error:  # nothing that was recorded may end the reading of the rest
             self._reject(now, f"odometry rejected: {cause_of(error)}", str(error))
-            return nothing
+            return self._nothing
         if self.assembler.joint_names:
-            return nothing
+            return self._nothing
         self._counts["published from odometry"] += 1
         stamp, flag = np.array([self._base.stamp]), np.array([False])
         position, velocity = self._base.position[None, :], self._base.velocity[None, :]
@@ -207,6 +184,5 @@ class Intake:
 
     def _reject(self, now, cause, text):
         self._counts[cause] += 1
-        self._texts[cause] += 1
-        if self._texts[cause] <= MAX_TEXTS:
+        if self._counts[cause] <= MAX_TEXTS:
             self.rejections.append(Rejection(now, cause, text))

@@ -86,13 +86,11 @@ class McapFile:
     def _read_summary(self, file):
         """Read channels and chunks from the summary, if it has all of them."""
         file.seek(self._size - 37)
-        tail = file.read()
-        begin, _, crc = struct.unpack_from("<QQI", tail, 9)
-        size = self._size - 37 - begin
-        if tail[:9] != _RECORD.pack(FOOTER, 20) or not tail.endswith(MAGIC) or not 0 <= size <= MAX_SIZE:
+        begin, _, crc = struct.unpack_from("<QQI", file.read(), 9)
+        if not 0 < begin < self._size < begin + MAX_SIZE:
             return
         file.seek(begin)
-        if crc and crc != zlib.crc32(tail[:25], zlib.crc32(file.read(size))):
+        if crc and crc != zlib.crc32(file.read()[:-12]):
             return
         file.seek(0)
         summary = SeekingReader(file, record_size_limit=MAX_SIZE).get_summary()

@@ -11,10 +11,10 @@ import numpy as np
 
 
 class Connection(NamedTuple):
-    """One topic of one writer; its type is such as ``sensor_msgs/msg/JointState``."""
+    """One topic of one writer."""
 
     topic: str
-    type: str
+    type: str  # such as sensor_msgs/msg/JointState
     encoding: str
     md5: str = ""  # of the definition, in ROS 1
 
@@ -85,11 +85,11 @@ def merge_parts(files):
 
 
 class Unread(NamedTuple):
-    """Damage: file, place such as ``byte 1024``, and cause with the amount that is lost."""
+    """Damage."""
 
     file: str
-    where: str
-    what: str
+    where: str  # such as byte 1024
+    what: str  # cause and amount that is lost
 
 
 class Notes:

@@ -30,7 +30,7 @@ SIZE = 20_000
 
 
 class Recording:
-    """States of a robot over time, as the monitor would have taken them in.
+    """States of a robot over time, as the monitor would have evaluated them.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Recording:
     stamp : ndarray of int64, shape (T,)
         Stamps of the states [ns]; of a table, later than the times in it by a whole number of seconds.
     t : ndarray, shape (T,)
-        Times of the states as they are in the recording [s].
+        Times of the states in the recording [s].
     q : ndarray, shape (T, nq)
         Positions [rad, m].
     qd : ndarray, shape (T, nv)
@@ -48,13 +48,13 @@ class Recording:
     states : States
         All of the above, and more.
     offset : int
-        By how much stamps are later than times in the recording [ns].
+        Delay of stamps from times in the recording [ns].
     counts : dict
-        How many messages there were, and what became of them, by the monitor's names.
+        Number of messages, and of what became of them, by the monitor's names.
     findings : list of Finding
-        What could not be read, and what was not believed.
+        Unreadable data, rejected messages, and notes.
     path : str or None
-        File or folder that it was read from.
+        File or folder.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ def read_recording(
     start: float | None = None,
     end: float | None = None,
 ) -> Recording:
-    """Read a recording, whole: see :func:`stream_recording` for one that is too large for that.
+    """Read a whole recording; :func:`stream_recording` reads one that is too large for that.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def read_recording(
     model : RobotModel, str or Path, optional
         The robot, or its URDF; without it, ``robot_description`` of the bag.
     columns : str, Path or dict, optional
-        Map of the columns of a table; without it they are guessed from its header, see docs/recordings.md.
+        Map of the columns of a table; without it their names decide, see docs/recordings.md.
     topic : str or sequence of str, optional
         Topics of the joint states, where a bag has several. Those of an arm and its gripper are merged in the order of log
         time, as messages of one topic are.
@@ -114,11 +114,11 @@ def read_recording(
         The robot's name of a joint by that of the recording. ``*`` stands for any text: ``{"fer_*": "panda_*"}``. An entry
         that names no joint of the recording or of the robot is an error. Beside it, `columns` has the key ``joint_names``.
     parameters : mapping, optional
-        Parameters of the monitor, by name, that are to have other values than there by default. Those that make a model of a
-        description, such as `armature` and `parameters_file`, need one: a :class:`RobotModel` is made already.
+        Values of the monitor's parameters other than the defaults, by name. Those that shape a model, such as `armature`
+        and `parameters_file`, need a description: a :class:`RobotModel` is made already.
     start, end : float, optional
-        Part of the recording that is wanted, in seconds after the beginning of the file, by the times at which messages were
-        recorded. Nothing is known of what was before: the first states are those from which all joints have come.
+        Part that is read, in seconds after the first message, by log times. The first states are those from which all
+        joints have come.
 
     Returns
     -------
@@ -159,12 +159,12 @@ def stream_recording(
     path, model, columns, topic, joint_names, parameters, start, end
         As of :func:`read_recording`.
     size : int
-        States of a piece, about.
+        Number of states in a piece, about.
 
     Yields
     ------
     Recording
-        Of one piece; `counts` and `findings` are those of all that came until then. The last one may be empty.
+        One piece; `counts` and `findings` are those of the recording up to its end. The last one may be empty.
     """
     reading = Reading(
         path, model, columns, topic=topic, joint_names=joint_names, parameters=parameters, start=start, end=end
@@ -175,28 +175,16 @@ def stream_recording(
 
 
 class Reading:
-    """A recording that is being read.
+    """A recording that is being read, with the arguments of :func:`read_recording`.
 
-    Parameters
-    ----------
-    path, model, columns, topic, joint_names, parameters, start, end
-        As of :func:`read_recording`.
-
-    Attributes
-    ----------
-    model : RobotModel
-    settings : Settings
-        Of the monitor that would have taken it in.
-    intake : Intake
-    described : str or None
-        The robot's description, or where it is; None of a model that was made before.
+    `described` is the robot's description or its path, None of a model that was made before; `settings` are the monitor's.
     """
 
     def __init__(
         self, path, model=None, columns=None, *, topic=None, joint_names=None, parameters=None, start=None, end=None
     ):
-        self.settings = settings_of(parameters)
-        self._after, self._path = _nanoseconds(start, end), os.fspath(path)
+        self.settings, self._path = settings_of(parameters), os.fspath(path)
+        self._span, self._limits = _check_span(start, end), None
         self._source = source_of(path, columns, topic, joint_names)
         if isinstance(model, RobotModel):
             require_single_joints(model)
@@ -205,71 +193,60 @@ class Reading:
             self.described = self._source.description() if model is None else os.fspath(model)
             self.model = model_of(self.described, self.settings.values)
         self.intake = Intake(self.model, self.settings, self._source.names)
-        self._limits = None  # log times [ns]
-        if self._after != (None, None) and self._source.start is not None:
-            self._limits = self._times(self._source.start)
-            self._source.limit(*self._limits)
+        if self._source.start is not None:
+            self._set_limits(self._source.start)
 
     @cached_property
     def contact_points(self):
-        """ContactPoints that the parameters ask for, and why shapes of links do not count, by link.
-
-        Raises
-        ------
-        InputError
-            There is no description to find them in, or parameters name what it lacks.
-        UrdfError
-            The description cannot be read for shapes.
-        """
+        """ContactPoints by the parameters, and causes by links without points; raises InputError and UrdfError."""
         if self.described is None:
             raise InputError("contact.limits_file needs the robot's description: a model is made already.")
         return contact_points(self.model, self.described, self.settings.contact)
 
     @property
     def offset(self):
-        """By how much stamps are later than times in the recording [ns]; known when there is a piece."""
+        """Delay of stamps from times in the recording [ns]; known when there is a piece."""
         return self._source.offset
 
+    @property
+    def counts(self):
+        """Number of messages, and of what became of them, by the monitor's names."""
+        return self.intake.counts + Counter({WITHOUT_VALUES: self._source.without_values})
+
+    def findings(self):
+        """Return a list of Finding on the messages so far."""
+        return find_all(self.intake, self._source)
+
     def pieces(self, size=SIZE):
-        """See :func:`stream_recording`."""
+        """Yield pieces, see :func:`stream_recording`."""
         held, count = [], 0
         for batch in self._source.batches(self.model):
             held.append(self.intake.read(self._within(batch)))
             count += len(held[-1])
             if count >= size:
-                yield self._recording(States.concatenate(held))
+                yield self._recording(held)
                 held, count = [], 0
-        yield self._recording(States.concatenate(held) if held else States.empty(self.model.nq, self.model.nv))
+        yield self._recording(held or [States.empty(self.model.nq, self.model.nv)])
 
     def _within(self, batch):
         """Return the messages between start and end."""
         times = batch.log_time
-        if self._after == (None, None) or not len(times):
+        if self._span == (None, None) or not len(times):
             return batch
-        self._limits = self._limits or self._times(int(times[0]))
+        if self._limits is None:  # of a table
+            self._set_limits(int(times[0]))
         begin, end = self._limits
-        which = np.ones(len(times), dtype=bool)
-        if begin is not None:
-            which &= times >= begin
-        if end is not None:
-            which &= times < end
-        return batch.select(which)
+        is_within = np.ones(len(times), bool) if begin is None else times >= begin
+        return batch.select(is_within if end is None else is_within & (times < end))
 
-    def _times(self, first):
-        """Log times of the part that is wanted, of a recording that begins with this one [ns]."""
-        return tuple(None if after is None else first + after for after in self._after)
+    def _set_limits(self, first):
+        """Compute the log times between which messages are read, from the first one [ns]."""
+        self._limits = tuple(None if after is None else first + after for after in self._span)
+        self._source.limit(*self._limits)
 
-    def _recording(self, states):
-        return Recording(self.model, states, self._source.offset, self.counts, self.findings(), self._path)
-
-    @property
-    def counts(self):
-        """Numbers of messages, and of what became of them, by the monitor's names."""
-        return self.intake.counts + Counter({WITHOUT_VALUES: self._source.without_values})
-
-    def findings(self):
-        """Return what is known of the messages by now: a list of Finding."""
-        return find_all(self.intake, self._source)
+    def _recording(self, parts):
+        states, offset = States.concatenate(parts), self._source.offset
+        return Recording(self.model, states, offset, self.counts, self.findings(), self._path)
 
 
 def settings_of(parameters):
@@ -280,8 +257,8 @@ def settings_of(parameters):
     return Settings.of({name: spec.default for name, spec in PARAMETERS.items()} | parameters)
 
 
-def _nanoseconds(start, end):
-    """Both in ns."""
+def _check_span(start, end):
+    """Return start and end, None or [s], in nanoseconds."""
     for name, seconds in (("start", start), ("end", end)):
         if seconds is not None and not 0.0 <= seconds < 1e9:
             raise InputError(

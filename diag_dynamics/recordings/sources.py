@@ -21,15 +21,11 @@ from diag_dynamics.recordings.tables.column_map import ColumnMap, column_map
 from diag_dynamics.wire.definitions import read_message
 
 DESCRIPTION = "std_msgs/msg/String"
-
-ENCODING = "cdr"
-"""Encoding of messages that are read. Bags convert messages of ROS 1 to it."""
-
-EXPECTED = "'cdr' of ROS 2 or 'ros1'"
+ENCODING, EXPECTED = "cdr", "'cdr' of ROS 2 or 'ros1'"
+"""Encoding of messages that are read, to which bags convert those of ROS 1, and both in words."""
 
 USUAL = {JOINT_STATE: "joint_states", ODOMETRY: "odom", DESCRIPTION: "robot_description"}
 """Last part of the name of a topic that is read, by its type."""
-
 SEVERAL = {
     JOINT_STATE: "Give one, or all those of one robot: {options} (topic=[…]).",
     ODOMETRY: "One is read: the one called odom, or the one in the namespace of the joint states that --topic gives.",
@@ -39,13 +35,7 @@ SEVERAL = {
 
 
 def checked_topics(topic):
-    """Return topics without repetition, as a tuple of str; empty for None.
-
-    Raises
-    ------
-    InputError
-        It is neither a name nor a sequence of names.
-    """
+    """Return a topic or several as a tuple of str without repetition; empty for None."""
     topics = [topic] if isinstance(topic, str) else () if topic is None else topic
     if not isinstance(topics, list | tuple) or not all(isinstance(one, str) and one for one in topics):
         raise InputError(f"topic is {topic!r}; expected the name of a topic or a list of names.")
@@ -82,31 +72,17 @@ def source_of(path, columns=None, topic=None, joint_names=None):
 
 
 class BagSource:
-    """Messages of a bag: joint states of one robot, from any number of publishers and topics, and odometry.
+    """Messages of a bag: joint states of one robot on some topics, merged by log time, and odometry.
 
-    Parameters
-    ----------
-    path : Path
-    topic : str or sequence of str, optional
-        Topics of the joint states, which are merged in the order of log time.
-    names : JointNames, optional
-
-    Attributes
-    ----------
-    start : int or None
-        Log time that no message precedes [ns].
-    unread : list of Unread
-        Damage.
-    notes : list of str
-        Oddities without loss.
+    No message precedes the log time `start` [ns]. `unread` is a list of damage, `notes` of oddities without loss.
     """
 
     offset = without_values = 0  # as of TableSource
 
     def __init__(self, path, topic=None, names=None):
         self.names, self._path, self._bag = names, path, Bag(path)
-        self._topics, self._notes = checked_topics(topic), []
-        self.start, self.unread, self.limit = self._bag.start, self._bag.unread, self._bag.limit
+        self._topics, self._notes, self._limits = checked_topics(topic), [], (None, None)
+        self.start, self.unread = self._bag.start, self._bag.unread
         self._kinds = np.array([connection.type for connection in self._bag.connections])
 
     @property
@@ -114,14 +90,12 @@ class BagSource:
         """Oddities without loss: a list of str."""
         return [*self._bag.findings, *self._notes]
 
-    def description(self):
-        """Return the robot_description in the bag.
+    def limit(self, begin, end):
+        """Allow to omit messages before one log time, and from another one on [ns]."""
+        self._limits = begin, end
 
-        Raises
-        ------
-        InputError
-            There is none.
-        """
+    def description(self):
+        """Return the robot_description in the bag; raise InputError if there is none."""
         wanted = self._connections(DESCRIPTION)
         for messages in self._bag.pieces(wanted) if wanted else ():
             for at, size in zip(messages.at.tolist(), messages.size.tolist(), strict=True):
@@ -137,24 +111,17 @@ class BagSource:
         if not wanted and not model.floating_base:
             raise InputError(f"'{self._path}' has no joint states: {self._content()}.")
         if self.names and wanted:
-            limits = self._bag.begin, self._bag.end
-            self.limit(None, None)
             self.names.check_recording((batch.names() for batch in self._batches(wanted)), model)
-            self.limit(*limits)
-        yield from self._batches(wanted + self._connections(ODOMETRY) if model.floating_base else wanted)
+        wanted += self._connections(ODOMETRY) if model.floating_base else []
+        yield from self._batches(wanted, *self._limits)
 
-    def _batches(self, wanted):
+    def _batches(self, wanted, begin=None, end=None):
         decoder = Decoder()
-        return (decode_messages(decoder, messages, self._kinds) for messages in self._bag.pieces(wanted))
+        for messages in self._bag.pieces(wanted, begin, end):
+            yield decode_messages(decoder, messages, self._kinds)
 
     def _connections(self, kind):
-        """Return the indices of the connections of a type that are read.
-
-        Raises
-        ------
-        InputError
-            There are several topics and no rule chooses, or a chosen one is missing or has another encoding.
-        """
+        """Return the indices of the connections of a type that are read."""
         every = [(k, one) for k, one in enumerate(self._bag.connections) if one.type == kind]
         topics = self._topics if kind == JOINT_STATE else ()
         for topic in topics:
@@ -191,28 +158,22 @@ class BagSource:
         return usual
 
     def _missing_topic(self, topic, kind):
-        """Return the error about a topic that is not there."""
-        types = {one.topic: _describe_type(one) for one in self._bag.connections}
-        if topic in types:
-            text = f"topic {topic} is of {types[topic]}; expected {kind}. {self._content()}"
-            return InputError(f"'{self._path}': {text}.")
+        """Return the error about a topic that is not there, or is of another type."""
         topics = sorted(one.topic for one in self._bag.connections if one.type == kind)
-        near = get_close_matches(topic, topics or sorted(types), n=1)
-        only = f"of {kind}, only {', '.join(topics)}" if topics else f"of {kind}: {self._content()}"
-        return InputError(f"'{self._path}' has no topic '{topic}' {only}.{_meant(near)}")
+        is_there = any(one.topic == topic for one in self._bag.connections)
+        only = f", only {', '.join(topics)}" if topics and not is_there else f": {self._content()}"
+        near = get_close_matches(topic, topics, n=1)
+        return InputError(f"'{self._path}' has no topic '{topic}' of {kind}{only}.{_meant(near)}")
 
     def _content(self):
-        """Return the topics of the bag as a text."""
-        topics = sorted({f"{one.topic} ({_describe_type(one)})" for one in self._bag.connections})
-        lost = "".join(f"; {one.where}: {one.what}" for one in self.unread[:3])
-        if any(one.encoding != ENCODING for one in self._bag.connections):
-            lost += f"; expected messages encoded as {EXPECTED}"
-        return (f"its topics are {', '.join(topics)}" if topics else "it has no topics that could be read") + lost
-
-
-def _describe_type(one):
-    """Return the type of a connection, and its encoding where that is not read."""
-    return (one.type or "no type") + (f", encoded as '{one.encoding}'" if one.encoding != ENCODING else "")
+        """Return the topics of the bag as a text, and the beginning of its damage."""
+        texts, odd = set(), ""
+        for one in self._bag.connections:
+            encoding = f", encoded as '{one.encoding}'" if one.encoding != ENCODING else ""
+            texts.add(f"{one.topic} ({one.type or 'no type'}{encoding})")
+            odd = f"; expected messages encoded as {EXPECTED}" if encoding else odd
+        topics = f"its topics are {', '.join(sorted(texts))}" if texts else "it has no topics that could be read"
+        return topics + "".join(f"; {one.where}: {one.what}" for one in self.unread[:3]) + odd
 
 
 def _meant(near):

@@ -52,8 +52,8 @@ class SqliteFile:
 
     def _read_rows(self, topics):
         """Yield lists of (connection, log time, content)."""
-        query = "SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({})"
-        query = f"{query.format(', '.join('?' * len(topics)))} ORDER BY timestamp, id"
+        marks = ", ".join("?" * len(topics))
+        query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY timestamp, id"
         rows, lost, time = [], 0, None
         with closing(self._open()) as database:
             try:

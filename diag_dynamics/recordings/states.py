@@ -32,14 +32,9 @@ class States:
         [rad/s, m/s]
     effort : ndarray, shape (T, nv)
         [N m, N]; NaN in rows without effort.
-    effort_known : ndarray of bool, shape (T,)
-        Whether the effort of all joints is known.
-    stamp_received : ndarray of bool, shape (T,)
-        Whether a time of reception stands for the stamp.
-    velocity_estimated : ndarray of bool, shape (T,)
-        Whether a velocity is estimated from positions.
-    jumped : ndarray of bool, shape (T,)
-        Whether positions jumped since the state before, so that no motion leads to this one.
+    effort_known, stamp_received, velocity_estimated, jumped : ndarray of bool, shape (T,)
+        Whether the effort of all joints is known; a time of reception stands for the stamp; a velocity is estimated from
+        positions; positions jumped since the state before, so that no motion leads to this one.
     """
 
     stamp: Array

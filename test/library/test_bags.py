@@ -12,7 +12,6 @@ import sqlite3
 import struct
 import sys
 
-import numpy as np
 import pytest
 import zstandard
 from hypothesis import HealthCheck, given, settings
@@ -25,15 +24,15 @@ import diag_dynamics as dd
 from bags import (
     JOINT_STATE,
     MCAP,
+    NO_INDEX,
+    PLAIN,
     SQLITE,
     TEXT,
-    Message,
     arm,
     file_of,
     numbered,
     read,
     refused,
-    serialized,
     unread,
     write_mcap,
     write_ros1,
@@ -41,11 +40,9 @@ from bags import (
     write_split,
 )
 from examples import examples, some_of
-from hostile import MS, START
 
 COMPRESSIONS = tuple(CompressionType)
 ROS1_COMPRESSIONS = (None, *rosbag1.Writer.CompressionFormat)
-NO_INDEX = IndexType.NONE
 
 
 def in_one_folder(count):
@@ -55,23 +52,21 @@ def in_one_folder(count):
 
 # --- Whole files ---
 
+FLAGS = "use_chunking repeat_channels repeat_schemas use_statistics use_summary_offsets enable_crcs enable_data_crcs"
+
 
 @in_one_folder(60)
 @given(data=st.data(), count=st.integers(1, 150), disorder=st.sampled_from([0, 1, 30, 1000]))
 def test_mcap(tmp_path, data, count, disorder):
     """Chunks overlap in time, with one or more messages each."""
-    flags = (
-        "use_chunking repeat_channels repeat_schemas use_statistics use_summary_offsets enable_crcs enable_data_crcs"
-    )
-    options = {flag: data.draw(st.booleans()) for flag in flags.split()}
+    options = {flag: data.draw(st.booleans()) for flag in FLAGS.split()}
     options["index_types"] = data.draw(st.sampled_from([IndexType.ALL, IndexType.CHUNK, IndexType.MESSAGE, NO_INDEX]))
     messages = numbered(count, disorder=disorder, seed=data.draw(st.integers(0, 2**32)))
     sizes = data.draw(st.sampled_from(COMPRESSIONS)), data.draw(st.sampled_from([1, 100, 1000, 10**6]))
     assert read(write_mcap(tmp_path / "x.mcap", messages, *sizes, **options)) == (list(range(count)), [])
 
 
-@pytest.mark.parametrize("version", [8, 9])
-@pytest.mark.parametrize("mode", CompressionMode)
+@pytest.mark.parametrize(("mode", "version"), [*((mode, 9) for mode in CompressionMode), (CompressionMode.FILE, 8)])
 @pytest.mark.parametrize("plugin", [SQLITE, MCAP])
 def test_rosbag2(tmp_path, plugin, mode, version):
     """A folder, and its file alone: only metadata.yaml says that messages are compressed one by one."""
@@ -90,23 +85,10 @@ def test_ros1(tmp_path, compression):
         assert read(path, topic) == (list(range(k, 100, 2)), [])
 
 
-def test_alternating_texts_in_ros1(tmp_path):
-    """Messages of one size differ in names, and in which values they have."""
-    sent = []
-    for k in range(40):
-        values = ([0.001 * k], [0.1], []) if k % 3 else ([0.001 * k], [], [0.1])
-        data = serialized(START + k * MS, ["ab"[k % 2]], *values)
-        sent.append(Message("/joint_states", START + k * MS, data))
-    paths = write_ros1(tmp_path / "x.bag", sent), write_mcap(tmp_path / "x.mcap", sent)
-    found, expected = (dd.read_recording(path, arm("a", "b")) for path in paths)
-    assert len(found) > 20
-    for ours, theirs in zip(found.states.columns(), expected.states.columns(), strict=True):
-        np.testing.assert_array_equal(ours, theirs)
-
-
 def test_records_that_are_no_messages(tmp_path):
     """Attachments, metadata and private records are ignored, with an index and without it."""
-    with open(tmp_path / "x.mcap", "wb") as file:
+    path = tmp_path / "x.mcap"
+    with open(path, "wb") as file:
         writer = Writer(file, chunk_size=300)
         writer.start(profile="ros2")
         channel = writer.register_channel("/a", "cdr", writer.register_schema(JOINT_STATE, "ros2msg", TEXT.encode()))
@@ -116,22 +98,21 @@ def test_records_that_are_no_messages(tmp_path):
             writer.add_attachment(1, 1, "image", "image/png", b"\5" + bytes(100))
             file.write(b"\x90\4" + bytes(7) + b"ours")
         writer.finish()
-    assert read(tmp_path / "x.mcap")[0] == list(range(20))
-    (tmp_path / "x.mcap").write_bytes((tmp_path / "x.mcap").read_bytes()[:-1])
-    numbers, findings = read(tmp_path / "x.mcap")
+    assert read(path)[0] == list(range(20))
+    path.write_bytes(path.read_bytes()[:-1])
+    numbers, findings = read(path)
     assert numbers == list(range(20)) and len(unread(findings)) == 1
 
 
 @pytest.mark.parametrize("profiles", ["", ", offered_qos_profiles TEXT"])
 def test_older_sqlite(tmp_path, profiles):
     """Topics have fewer columns, and no definitions. Rows that are no messages are counted."""
-    path, messages = tmp_path / "x.db3", numbered(100)
+    path, rows = tmp_path / "x.db3", [(one.log_time, one.data) for one in numbered(100)]
     with sqlite3.connect(path) as database:
         database.execute(f"CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format{profiles})")
         database.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data BLOB)")
         columns = "topics(id, name, type, serialization_format)"
         database.execute(f"INSERT INTO {columns} VALUES(1, '/a', ?, 'cdr')", [JOINT_STATE])
-        rows = [(one.log_time, one.data) for one in messages]
         database.executemany("INSERT INTO messages(topic_id, timestamp, data) VALUES(1, ?, ?)", rows)
     assert read(path) == (list(range(100)), [])
     with database:
@@ -140,8 +121,7 @@ def test_older_sqlite(tmp_path, profiles):
     database.close()
     numbers, findings = read(path)
     assert numbers == [k for k in range(100) if k not in (4, 6)]
-    (lost,) = unread(findings)
-    assert lost.endswith("2 messages have no bytes, or no time that int64 can hold")
+    assert unread(findings)[0].endswith("2 messages have no bytes, or no time that int64 can hold")
 
 
 @pytest.mark.parametrize("plugin", [SQLITE, MCAP])
@@ -152,7 +132,7 @@ def test_folders_of_several_files(tmp_path, plugin):
     parts[10][0] = parts[10][0]._replace(log_time=parts[9][-1].log_time)
     folder = write_split(tmp_path / "bag", parts, plugin)
     assert read(folder) == read(folder / "metadata.yaml") == (list(range(110)), [])
-    for text in (None, "", "a: [", "- 1\n", "rosbag2_bagfile_information: {relative_file_paths: 3}"):
+    for text in (None, "a: [", "rosbag2_bagfile_information: {relative_file_paths: 3}"):
         (folder / "metadata.yaml").unlink()
         if text is not None:
             (folder / "metadata.yaml").write_text(text)
@@ -171,14 +151,13 @@ def test_folders_that_differ_from_their_metadata(tmp_path):
     content = write_mcap(folder / "bag_1.mcap", messages[300:600]).read_bytes()
     (folder / "bag_1.mcap").write_bytes(content[: len(content) // 2])
     numbers, findings = read(folder)
-    count = len(numbers) - 300
+    count, lost = len(numbers) - 300, unread(findings)
     assert 0 < count < 300 and numbers == [*range(300, 300 + count), *range(600, 900)]
-    lost = unread(findings)
     assert "bag_0.mcap" in lost[0] and all("bag_1.mcap" in text for text in lost[1:]) and lost[1:]
     assert "does not list results.mcap" in " ".join(text for cause, text in findings if cause == "note")
 
 
-@pytest.mark.parametrize("suffix", ["", ".mcap", ".db3", ".mcap.zstd"])
+@pytest.mark.parametrize("suffix", ["", ".db3", ".mcap.zstd"])
 def test_renamed_files_of_a_folder(tmp_path, suffix):
     """They are read whatever the new name ends with; a note has both names. Of more files, an error has both lists."""
     plugin, ending = (SQLITE, ".db3") if suffix == ".db3" else (MCAP, ".mcap")
@@ -198,20 +177,14 @@ def test_renamed_files_of_a_folder(tmp_path, suffix):
 
 def test_folders_without_a_list_of_files(tmp_path):
     """Names and first bytes tell bags; without any the error has the folders that are."""
-    folder, messages = write_split(tmp_path / "monday", [numbered(50)], MCAP), numbered(100)
+    folder = write_split(tmp_path / "monday", [numbered(50)], MCAP)
     (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: {relative_file_paths: []}")
-    for path in folder.glob("*.mcap"):
-        path.rename(folder / "recording")
+    (folder / "monday_0.mcap").rename(folder / "recording")
     numbers, ((cause, text),) = read(folder)
     assert numbers == list(range(50)) and cause == "note" and "metadata.yaml that lists no files" in text
     (folder / "recording").unlink()
     refused(r"has a metadata\.yaml that lists no files, and has no bags in it", folder, arm("a"))
     refused(r"has no metadata\.yaml: .* no bags in it.* Is one of its folders meant: monday\?", tmp_path, arm("a"))
-    write_ros1(folder / "b.bag", messages[50:])
-    write_mcap(folder / "a.mcap", messages[:50])
-    (folder / "metadata.yaml").unlink()
-    numbers, findings = read(folder)
-    assert numbers == list(range(100)) and unread(findings) == []
 
 
 def test_kinds_are_known_by_content(tmp_path):
@@ -233,10 +206,8 @@ def test_kinds_are_known_by_content(tmp_path):
         ("x.mcap", b"", "the file is empty"),
         ("x.mcap", b"\x89MCAP", "the file has no end"),
         ("x.mcap", b"\xff\xd8\xff\xe0" + bytes(100_000), "byte 0: the file does not begin as one of MCAP does"),
-        ("x.mcap", zstandard.compress(b"text"), "does not begin as one of MCAP does"),
         ("x.db3", b"", "no such table: topics"),
         ("x.db3", b"SQLite format 3\0" + bytes(5000), "has no joint states.* not a database: .*sqlite3 .* .recover"),
-        ("x.db3", b"no database at all", "file is not a database: 18 bytes"),
         ("x.bag", b"#ROSBAG V1.2\n" + bytes(5000), "version 102 is not supported"),
         ("x.bag", b"#ROSBAG V2.0\n", "index: .*: 13 bytes; `rosbag reindex .*x.bag` makes an index"),
     ],
@@ -321,40 +292,38 @@ def chunks(content):
     [
         (33, b"1234", "crc validation failed in Chunk.*: {count} messages"),
         (41, b"zsta", "compression 'zsta' is not known; zstd, lz4 and none are: {count} messages"),
-        (53, b"\xff" * 20, ".*: {count} messages"),
         (25, b"\xff\xff\xff\x7f", "2147483647 bytes is not the size of its records: {count} messages"),
         (1, b"\xff" * 8, "no chunk is here: {count} messages"),
     ],
 )
 def test_what_is_lost_of_a_chunk_is_named(tmp_path, place, new, what):
-    """With the index all other chunks are read; without it, those before a wrong length."""
+    """With the index all other chunks are read."""
     path = write_mcap(tmp_path / "x.mcap", numbered(200))
     content = bytearray(path.read_bytes())
     at = chunks(content)[3]
     content[at + place : at + place + len(new)] = new
     path.write_bytes(content)
-    recording = dd.read_recording(path, arm("a"))
-    (lost,) = (one.text for one in recording.findings if one.cause == "unread")
-    pattern = f"{path}, chunk at byte {at}: {what.format(count=200 - len(recording))}"
-    assert 180 < len(recording) < 200 and re.fullmatch(pattern, lost)
+    numbers, findings = read(path)
+    pattern = f"{path}, chunk at byte {at}: {what.format(count=200 - len(numbers))}"
+    assert 180 < len(numbers) < 200 and re.fullmatch(pattern, *unread(findings))
 
 
 def test_garbage_between_chunks(tmp_path):
     """Without an index, all behind it is lost."""
     content = write_mcap(tmp_path / "x.mcap", numbered(100), index_types=NO_INDEX).read_bytes()
-    begins = chunks(content)
+    begin = chunks(content)[5]
     for garbage in (bytes(3000), b"\5" + bytes(7), b"\xff" * 1000):
-        (tmp_path / "x.mcap").write_bytes(content[: begins[5]] + garbage + content[begins[5] :])
+        (tmp_path / "x.mcap").write_bytes(content[:begin] + garbage + content[begin:])
         numbers, findings = read(tmp_path / "x.mcap")
-        size = len(content) + len(garbage) - begins[5]
+        size = len(content) + len(garbage) - begin
         assert 0 < len(numbers) < 100 and numbers == list(range(len(numbers)))
         (lost,) = unread(findings)
-        assert f"byte {begins[5]}: no record begins here: {size} bytes (`mcap recover` may find more)" in lost
+        assert f"byte {begin}: no record begins here: {size} bytes (`mcap recover` may find more)" in lost
 
 
 def test_damage_in_chunks_of_other_topics_is_no_loss(tmp_path):
     messages = [*numbered(100, ["/a"]), *numbered(100, ["/b"], seed=1)]
-    path = write_mcap(tmp_path / "x.mcap", messages, CompressionType.NONE)
+    path = write_mcap(tmp_path / "x.mcap", messages, PLAIN)
     content = bytearray(path.read_bytes())
     content[content.index(messages[190].data) + 9] ^= 1
     path.write_bytes(content)
@@ -365,7 +334,7 @@ def test_damage_in_chunks_of_other_topics_is_no_loss(tmp_path):
 
 def test_messages_of_no_channel_and_of_no_time(tmp_path):
     messages = numbered(30)
-    path = write_mcap(tmp_path / "x.mcap", messages, CompressionType.NONE, 10**6, enable_crcs=False)
+    path = write_mcap(tmp_path / "x.mcap", messages, PLAIN, 10**6, enable_crcs=False)
     content = bytearray(path.read_bytes())
     begin = [content.index(one.data) - 22 for one in messages[:2]]
     content[begin[0] : begin[0] + 2] = b"\7\0"
@@ -388,8 +357,8 @@ def database(tmp_path_factory):
 
 def test_damaged_sqlite(tmp_path, database):
     """It is read up to a page that is overwritten. Of one that is cut nothing is read."""
-    path, found = tmp_path / "x.db3", []
-    for share in (0.999, 0.6, 0.05):
+    path, found = tmp_path / "x.db3", set()
+    for share in (0.999, 0.05):
         path.write_bytes(database[: int(share * len(database))])
         (lost,) = unread(read(path)[1])
         assert f"`sqlite3 {path} .recover` may find more" in lost
@@ -400,8 +369,8 @@ def test_damaged_sqlite(tmp_path, database):
         numbers, findings = read(path)
         assert numbers == list(range(len(numbers)))
         assert len(numbers) == 800 or unread(findings), page
-        found.append(len(numbers))
-    assert len(set(found)) > 3
+        found.add(len(numbers))
+    assert len(found) > 3
 
 
 @pytest.mark.parametrize("mode", ["WAL", "DELETE"])
@@ -429,7 +398,7 @@ def test_the_journal_of_a_killed_recorder(tmp_path, database, mode):
 
 
 def test_a_compressed_file_that_is_cut(tmp_path):
-    path = write_mcap(tmp_path / "x.mcap", numbered(2000, longest=400), CompressionType.NONE)
+    path = write_mcap(tmp_path / "x.mcap", numbered(2000, longest=400), PLAIN)
     content = zstandard.compress(path.read_bytes())
     half = content[: len(content) // 2]
     for content, what in ((half, str(path)), (half + b"\xff" * 10**6, "its compression")):
@@ -439,26 +408,14 @@ def test_a_compressed_file_that_is_cut(tmp_path):
         assert any(what in text for text in unread(findings))
 
 
-def chunks_of_ros1(content):
-    """Return where the chunks of a ROS 1 bag begin and end."""
-    found, at = [], content.index(b"\n") + 1
-    while at < len(content):
-        (head,) = struct.unpack_from("<I", content, at)
-        (size,) = struct.unpack_from("<I", content, at + 4 + head)
-        end = at + 8 + head + size
-        if b"op=\5" in content[at : at + head + 4]:
-            found.append((at, end))
-        at = end
-    return found
-
-
 def test_ros1_without_its_index(tmp_path):
     """As a recorder that was killed leaves it, and a copy that was not finished. Others of its folder are read."""
     path, messages = tmp_path / "bag" / "b.bag", numbered(120)
     path.parent.mkdir()
     content = write_ros1(path, messages[60:]).read_bytes()
     write_mcap(path.with_name("a.mcap"), messages[:60])
-    for size in (len(content) - 1, len(content) // 2, 5000, 100):
+    assert read(path.parent)[0] == list(range(120))
+    for size in (len(content) - 1, len(content) // 2, 100):
         path.write_bytes(content[:size])
         refused(f"{size} bytes; `rosbag reindex {path}` makes an index", path, arm("a"))
         numbers, findings = read(path.parent)
@@ -466,20 +423,15 @@ def test_ros1_without_its_index(tmp_path):
 
 
 @pytest.mark.parametrize(("compression", "sign"), [("BZ2", b"BZh"), (None, b"op=\2")])
-@pytest.mark.parametrize("count", [1, 2])
-def test_damage_within_ros1(tmp_path, compression, sign, count):
-    """Reading goes on with the next chunk. Without compression, messages before the damage are read."""
+def test_damage_within_ros1(tmp_path, compression, sign):
+    """It is read up to the damage, and all messages behind it are counted."""
     formats = rosbag1.Writer.CompressionFormat
     path = write_ros1(tmp_path / "x.bag", numbered(300), formats[compression] if compression else None)
     content = bytearray(path.read_bytes())
-    begins = chunks_of_ros1(content)
-    for begin, end in begins[12 : 12 + count]:
-        at = content.index(sign, begin if compression else (begin + end) // 2)
-        content[at : at + 4] = bytes(4)
+    at = content.index(sign, len(content) // 2)
+    content[at : at + 4] = bytes(4)
     path.write_bytes(content)
     numbers, findings = read(path)
-    lost = unread(findings)
-    places = [text.split("chunk at byte ")[1].split(": ")[0] for text in lost]
-    assert places == [str(begin) for begin, _ in begins[12 : 12 + count]]
-    assert sum(int(text.split()[-2]) for text in lost) == 300 - len(numbers)
-    assert 200 < len(numbers) < 300 and numbers[-1] == 299
+    (lost,) = unread(findings)
+    assert 50 < len(numbers) < 250 and numbers == list(range(len(numbers)))
+    assert "behind log time " in lost and lost.endswith(f": {300 - len(numbers)} messages")

@@ -3,11 +3,13 @@
 
 """MCAP: messages of the monitor about every state, by the library mcap."""
 
+from contextlib import suppress
 from functools import cache
-from importlib import import_module
+from io import BufferedWriter, FileIO
 
 import numpy as np
 
+import diag_dynamics
 from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
@@ -64,8 +66,6 @@ VALUES = {
 }
 """Other fields that are not named as those of the evaluation."""
 REVISION = 1
-CHUNK = 1 << 20
-"""Size of a chunk before compression, about [bytes]."""
 
 
 class McapOutput:
@@ -89,36 +89,64 @@ class McapOutput:
         for topic in topics:
             if topic not in TOPICS:
                 raise InputError(f"there is no topic '{topic}' to write, expected some of {', '.join(TOPICS)}.")
-        self._file, definitions = AtomicFile(path), our_definitions()
-        require("mcap", "writing MCAP")
-        self._count = 0
-        self._topics = [TopicRows(topic, reading, friction) for topic in topics]
-        declared = [
-            (f"{NODE}/{one.topic}", one.type, definition_with_parts(one.type, definitions)) for one in self._topics
-        ]
-        self._writer = import_module("diag_dynamics.recordings.outputs.mcap_writer").McapWriter(self._file, declared)
+        self._target, definitions, self._count = AtomicFile(path), our_definitions(), 0
+        library = require("mcap.writer", "writing MCAP")
+        with self._target.errors():
+            self._file = CountedFile(self._target.name)
+            self._writer = library.Writer(self._file, compression=library.CompressionType.LZ4)
+            self._writer.start("ros2", f"diag_dynamics {diag_dynamics.__version__}")
+        self._topics = {}  # by channel
+        for topic in topics:
+            rows = TopicRows(topic, reading, friction)
+            definition = definition_with_parts(rows.type, definitions).encode()
+            schema = self._writer.register_schema(rows.type, "ros2msg", definition)
+            # Releases of rosbag2 write QoS profiles in two ways; all read none.
+            metadata = {"offered_qos_profiles": ""}
+            self._topics[self._writer.register_channel(f"{NODE}/{topic}", "cdr", schema, metadata)] = rows
 
     def write(self, piece):
         """Write messages about a piece."""
         times = piece.states.log_time  # those of a table may restart
         numbers = self._count + np.argsort(np.argsort(times, kind="stable"), kind="stable")
-        for k, topic in enumerate(self._topics):
+        self._count += len(times)
+        for channel, topic in self._topics.items():
             for which, rows in topic.make_rows(piece):
-                step = max(1, CHUNK // rows.shape[1])
-                for first in range(0, len(which), step):
-                    part = which[first : first + step]
-                    self._writer.write_chunk(k, numbers[part], times[part], rows[first : first + step])
-        self._count += len(piece.states)
+                data, size = memoryview(rows.reshape(-1)), rows.shape[1]
+                columns = range(0, len(data), size), times[which].tolist(), numbers[which].tolist()
+                with self._target.errors():
+                    for at, time, number in zip(*columns, strict=True):
+                        message = data[at : at + size]
+                        self._writer.add_message(channel, time, message, time, number)
 
     def close(self):
         """Complete the file."""
-        self._writer.finish()
-        self._file.commit()
+        with self._target.errors():
+            self._writer.finish()
+            self._file.close()
+        self._target.commit()
 
     def drop(self):
         """Delete the file."""
-        self._writer.abort()
-        self._file.discard()
+        with suppress(OSError):  # the disk may be full
+            self._file.close()
+        self._target.discard()
+
+
+class CountedFile(BufferedWriter):
+    """A file that is written from its beginning, of which pipes, too, know the place."""
+
+    def __init__(self, path):
+        super().__init__(FileIO(path, "wb"))
+        self._size = 0
+
+    def write(self, data):
+        """Write bytes."""
+        self._size += len(data)
+        return super().write(data)
+
+    def tell(self):
+        """Return the number of bytes that were written."""
+        return self._size
 
 
 class TopicRows:
@@ -126,7 +154,7 @@ class TopicRows:
 
     def __init__(self, topic, reading, friction=False):
         observation = reading.settings.observation
-        self.type, self.topic, self._friction = f"diag_dynamics/msg/{TOPICS[topic]}", topic, friction
+        self.type, self._topic, self._friction = f"diag_dynamics/msg/{TOPICS[topic]}", topic, friction
         self._dynamics, self._model = DiagonalDynamics(reading.model), reading.model
         self._thresholds = (observation.threshold, observation.release) if observation else (np.inf, np.inf)
         alarms = observation.alarms if observation else None
@@ -135,7 +163,7 @@ class TopicRows:
 
     def make_rows(self, piece):
         """Yield indices of states, and their messages as uint8 of shape (number of states, bytes)."""
-        known = piece.observed[3] if self.topic == "external_torque" else piece.states.effort_known
+        known = piece.observed[3] if self._topic == "external_torque" else piece.states.effort_known
         for is_known in (True, False):
             which = np.flatnonzero(known == is_known)
             if not len(which):
@@ -158,7 +186,7 @@ class TopicRows:
             return stamp // SECOND if field == "sec" else stamp % SECOND
         if path in ("model_revision", "nv") or path.endswith(("valid", "threshold")):
             return None
-        if self.topic in MATRIX_TOPICS and path in MATRICES:
+        if self._topic in MATRIX_TOPICS and path in MATRICES:
             return MATRICES[path](self._dynamics, states.position[which], states.velocity[which])
         if path == "link_energy":
             energy = np.empty((len(states), len(self._model.link_names)))
@@ -176,7 +204,7 @@ class TopicRows:
         widths = {"position": model.nq, "link_energy": len(model.link_names)} | dict.fromkeys(
             ("mass_matrix", "m", "l"), nv**2
         )
-        empty = set() if is_known else (RESULT_FIELDS if self.topic == "external_torque" else EFFORT_FIELDS)
+        empty = set() if is_known else (RESULT_FIELDS if self._topic == "external_torque" else EFFORT_FIELDS)
         empty = empty | (set() if self._friction else {"friction"}) | (ALARM_FIELDS if limits is None else set())
         for field, kind in message.get_fields_and_field_types().items():
             if kind == "sequence<double>" and field not in empty:
