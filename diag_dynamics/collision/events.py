@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Alarms as events: start, end, the detectors that rose, and how far."""
+"""Collisions as events: start, end, the detectors that rose, and how far."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.arrays import Array, Whole
+from diag_dynamics.arrays import Array, Flags, Whole
 from diag_dynamics.collision.detector import NORM, TORQUE, AlarmDetector, Judged
 
 LABELS = {TORQUE: ("|m r|", "N m"), NORM: ("|r|", "J^0.5/s")}
@@ -41,14 +41,14 @@ class Exceeded(NamedTuple):
 
 
 class Alarm(NamedTuple):
-    """A collision by the detector."""
+    """A collision by a detector, or by |r| alone."""
 
     start: int  # stamp of the first state [ns]
     end: int  # of the last one
-    first: str  # detector that rose first; of several, the one with the largest ratio
-    exceeded: tuple[Exceeded, ...]  # all that rose, the largest ratio first
     joints: tuple[str, ...]  # that rose; without any, the one with the largest ratio to its threshold
     norm: float  # largest |r| [J^½/s]
+    first: str = ""  # detector that rose first; of several, the one with the largest ratio
+    exceeded: tuple[Exceeded, ...] = ()  # all that rose, the largest ratio first
 
     def describe(self) -> str:
         """Return what rose in words: the joints, or else the detector with the largest ratio."""
@@ -76,7 +76,7 @@ class Alarms:
         """Add states of one alarm, which begins, or continues the last one."""
         if begins:
             first = self._detectors[int(np.argmax(values[0] / self._limits))]
-            self.found.append(Alarm(int(stamps[0]), 0, first, (), (), 0.0))
+            self.found.append(Alarm(int(stamps[0]), 0, (), 0.0, first))
             self._peaks = np.zeros(len(self._limits))
         peaks = self._peaks = np.maximum(self._peaks, values.max(axis=0))
         ratios, rose, n = peaks / self._limits, peaks > self._limits, len(peaks) - 2
@@ -90,3 +90,24 @@ class Alarms:
             joints=tuple(self._detectors[k] for k in joints),
             norm=max(self.found[-1].norm, float(norm.max())),
         )
+
+
+class NormCollisions:
+    """Collects the collisions that an observer reports by |r|, of a robot with these degrees of freedom."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names, self._goes_on = names, False
+        self.judged: tuple[str, ...] = ()
+        self.found: list[Alarm] = []
+
+    def add_states(self, stamps: Whole, torque: Array, norm: Array, collision: Flags) -> None:
+        """Add states: stamps [ns], m r, |r|, and whether the observer reports a collision."""
+        edges = np.flatnonzero(np.diff(collision.astype(np.int8), prepend=0, append=0))
+        for first, end in edges.reshape(-1, 2).tolist():
+            k = first + int(np.argmax(norm[first:end]))  # the joints are those pushed most at the largest |r|
+            one = Alarm(int(stamps[first]), int(stamps[end - 1]), most_pushed(self._names, torque[k]), float(norm[k]))
+            if first == 0 and self._goes_on:
+                before = self.found.pop()
+                one = (before if before.norm >= one.norm else one)._replace(start=before.start, end=one.end)
+            self.found.append(one)
+        self._goes_on = bool(collision[-1])

@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.collision.detector import AlarmDetector, Judged
-from diag_dynamics.collision.events import Alarms
+from diag_dynamics.collision.events import Alarms, NormCollisions
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.recordings.balance import Balance, WindowSums
 from diag_dynamics.recordings.contact_exposure import ContactExposure
 from diag_dynamics.recordings.effort_checks import EffortRange, MotionSample
-from diag_dynamics.recordings.observer import Collisions, Observer
+from diag_dynamics.recordings.observer import Observer
 from diag_dynamics.recordings.quality import Quality
 from diag_dynamics.recordings.recording import SIZE
 from diag_dynamics.recordings.states import States
@@ -82,7 +82,7 @@ class Analysis:
         options = {"friction": friction, "max_gap": max_gap, "threads": threads}
         self._observer = Observer(self._dynamics, gain, threshold, release, **options)
         self._detector = AlarmDetector(names, alarms) if alarms else None
-        self.collisions = Alarms(self._detector) if alarms else Collisions(names)
+        self.collisions = Alarms(self._detector) if alarms else NormCollisions(names)
         points = reading.contact_points[0] if settings.contact.limits is not None else None
         self._points = points if points and points.limited.any() else None
         self.exposure = ContactExposure(self._points) if self._points else None

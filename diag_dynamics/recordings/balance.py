@@ -31,8 +31,7 @@ class Windows(NamedTuple):
     effort: np.ndarray  # νᵀε
     gravity: np.ndarray  # νᵀε_g, the rate of potential energy
     friction: np.ndarray  # νᵀε_fric
-    gained: np.ndarray  # change of ½ν_k²
-    explained: np.ndarray  # ν_k(ε_k − C_k − ε_g,k − ε_fric,k)
+    joints: np.ndarray  # residual of each: change of ½ν_k² less ν_k(ε_k − C_k − ε_g,k − ε_fric,k)
 
     @property
     def residual(self):
@@ -68,7 +67,7 @@ class WindowSums:
         begin, end, work, gained = self._integrals.integrate(stamps, follows, steps, shares)
         span = ((end - begin) / SECOND)[:, None]
         gained, work = gained / span, work / span
-        return Windows(begin, end, gained.sum(axis=1), *work[:, :3].T, gained, work[:, 3:])
+        return Windows(begin, end, gained.sum(axis=1), *work[:, :3].T, gained - work[:, 3:])
 
 
 class Balance:
@@ -85,7 +84,7 @@ class Balance:
     def add_windows(self, windows):
         """Add :class:`Windows`."""
         powers = windows.kinetic, windows.kinetic + windows.gravity, windows.residual
-        values = np.column_stack([*powers, windows.gained - windows.explained])
+        values = np.column_stack([*powers, windows.joints])
         if not len(values):
             return
         count, mean = len(values), values.mean(axis=0)

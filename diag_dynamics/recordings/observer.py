@@ -12,7 +12,6 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, Flags, VectorLike
 from diag_dynamics.checks import instance, per_name, positive
-from diag_dynamics.collision.events import most_pushed
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.findings import without_efforts
@@ -163,33 +162,3 @@ class Observer:
         changes = np.append(True, above | ~valid | (norm < self._release))
         last_change = np.maximum.accumulate(np.where(changes, np.arange(len(changes)), 0))
         return [residual, torque, norm, valid, np.append(self._last[4], above)[last_change][1:]]
-
-
-class Collision(NamedTuple):
-    """Time for which |r| was above the threshold, with the joints that were pushed most where it was largest."""
-
-    start: int  # first stamp, and the last one [ns]
-    end: int
-    joints: tuple[str, ...]
-    norm: float  # largest |r| [J^½/s]
-
-
-class Collisions:
-    """Collect the collisions of a robot with these degrees of freedom, batch by batch."""
-
-    def __init__(self, names):
-        self._names, self._goes_on, self.found, self.judged = names, False, [], ()
-
-    def add_states(self, stamps, torque, norm, collision):
-        """Add states: stamps [ns], m r, |r|, and whether the observer reports a collision."""
-        edges = np.flatnonzero(np.diff(collision.astype(np.int8), prepend=0, append=0))
-        for first, end in edges.reshape(-1, 2).tolist():
-            k = first + int(np.argmax(norm[first:end]))
-            one = Collision(
-                int(stamps[first]), int(stamps[end - 1]), most_pushed(self._names, torque[k]), float(norm[k])
-            )
-            if first == 0 and self._goes_on:
-                before = self.found.pop()
-                one = (before if before.norm >= one.norm else one)._replace(start=before.start, end=one.end)
-            self.found.append(one)
-        self._goes_on = bool(collision[-1])

@@ -139,12 +139,11 @@ class Quality:
     def report(self):
         """Return numbers of all states, a dict with those of joints in `joints`; times [s], stamps [ns]; and warnings."""
         sample = States.concatenate(self._sample)
-        columns = sample.position[:, self._q], sample.velocity[:, self._v], sample.effort[:, self._v]
-        joints = {
-            name: self._report_joint(j) | {"steps": _smallest_steps(*(column[:, j] for column in columns))}
-            for j, name in enumerate(self._joints)
-        }
-        ratios = position_ratios(sample.stamp, *columns[:2], self._continuous)
+        signals = {"position": sample.position[:, self._q]}
+        signals |= {name: getattr(sample, name)[:, self._v] for name in ("velocity", "effort")}
+        steps = [_smallest_steps(signals, j) for j in range(len(self._joints))]
+        joints = {name: self._report_joint(j) | {"steps": steps[j]} for j, name in enumerate(self._joints)}
+        ratios = position_ratios(sample.stamp, signals["position"], signals["velocity"], self._continuous)
         wrong_unit, warnings = _judge_ratios(dict(zip(self._joints, ratios.tolist(), strict=True)))
         period, jitter, gaps = self._regularity()
         report = {
@@ -203,15 +202,15 @@ class Quality:
         return [text for text, applies in warnings.items() if applies]
 
 
-def _smallest_steps(position, velocity, effort):
+def _smallest_steps(signals, j):
     """Return the smallest step of each signal of a joint that has steps, by quantity."""
-    found = {}
-    for name, values in {"position": position, "velocity": velocity, "effort": effort}.items():
-        values = values[np.isfinite(values)]
+    steps = {}
+    for name, columns in signals.items():
+        values = columns[np.isfinite(columns[:, j]), j]
         levels = np.unique(values)
         if 2 < len(levels) <= MAX_LEVELS * len(values):
-            found[name] = float(np.diff(levels).min())
-    return found
+            steps[name] = float(np.diff(levels).min())
+    return steps
 
 
 def _judge_ratios(ratios):

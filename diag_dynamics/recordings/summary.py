@@ -7,7 +7,6 @@ import textwrap
 
 import numpy as np
 
-from diag_dynamics.collision.events import Alarm
 from diag_dynamics.recordings.analysis import BINS_PER_DECADE, LOWEST_BIN
 from diag_dynamics.recordings.balance import MIN_EXPLAINED, POWERS, WINDOW
 from diag_dynamics.recordings.findings import NOTE, Finding, without_efforts
@@ -121,7 +120,7 @@ def _unknown_contacts(analysis, without_effort):
 
 def _exceeded(alarm):
     """Return which detector rose first, and values and thresholds of those that did; nothing of a collision by |r|."""
-    if not isinstance(alarm, Alarm):
+    if not alarm.exceeded:
         return {}
     exceeded = {one.detector: {"value": one.value, "threshold": one.threshold} for one in alarm.exceeded}
     return {"first": alarm.first, "exceeded": exceeded, "told": alarm.describe()}
