@@ -61,7 +61,8 @@ class Quality:
         self._intervals = np.zeros((3, BINS))  # number, sums of distances from MIDDLES, and of their squares
         self._sample = []
         self._longest = 0.0, None
-        self._count = self._without_effort = self._estimated = self._same_stamp = self._same_state = 0
+        counts = "repeated_states", "repeated_stamps", "without_effort", "estimated_velocity"
+        self._counts, self._count = dict.fromkeys(counts, 0), 0
         self._elapsed, self.begin, self.end = 0, None, None
 
     @property
@@ -71,8 +72,8 @@ class Quality:
 
     def add_states(self, states):
         """Add states."""
-        self._without_effort += int(np.count_nonzero(~states.effort_known))
-        self._estimated += int(np.count_nonzero(states.velocity_estimated))
+        self._counts["without_effort"] += int(np.count_nonzero(~states.effort_known))
+        self._counts["estimated_velocity"] += int(np.count_nonzero(states.velocity_estimated))
         self.begin, self.end = states.stamp[0] if self.begin is None else self.begin, states.stamp[-1]
         for name, (largest, number) in self._largest.items():
             values = np.abs(getattr(states, name)[:, self._v])
@@ -114,8 +115,8 @@ class Quality:
         k = np.flatnonzero(same[:, 0])  # NumPy is slow along short rows
         k = k[same[k].all(axis=1)]
         same = (velocity[k + 1] == velocity[k]) & (effort[k + 1] == effort[k])
-        self._same_state += int(np.count_nonzero(same.all(axis=1)))
-        self._same_stamp += int(np.count_nonzero(again))
+        self._counts["repeated_states"] += int(np.count_nonzero(same.all(axis=1)))
+        self._counts["repeated_stamps"] += int(np.count_nonzero(again))
         follows = again | ((elapsed > 0.0) & (elapsed <= MAX_INTERVAL) & ~states.jumped[1:])
         follows = np.append(False, follows)
         *_, sums, change = self._windows.integrate(stamps, follows, steps.reshape(len(steps), -1), velocity)
@@ -152,10 +153,7 @@ class Quality:
             "gaps": gaps,
             "longest_gap": float(self._longest[0]),
             "longest_gap_at": self._longest[1],
-            "repeated_states": self._same_state,
-            "repeated_stamps": self._same_stamp,
-            "without_effort": self._without_effort,
-            "estimated_velocity": self._estimated,
+            **self._counts,
             "velocity_delay": _common_delay(joints.values()),
             "wrong_unit": wrong_unit,
             "joints": joints,
@@ -179,6 +177,7 @@ class Quality:
     def _warnings(self, report):
         """Return warnings, a sentence each, but for those of ratios."""
         rate, delay = report["rate"] or np.inf, report["velocity_delay"] or 0.0
+        same_state, same_stamp, many = report["repeated_states"], report["repeated_stamps"], MANY * self._count
         warnings = {
             f"states are {1.0 / rate:.3g} s apart: over more than {MAX_INTERVAL:g} s nothing is integrated, so that there "
             "is neither a balance of power nor an external torque": rate * MAX_INTERVAL < 1.0
@@ -195,9 +194,9 @@ class Quality:
         warnings |= {
             f"velocities come {abs(delay) * 1e3:.2g} ms {late}, against positions": abs(delay) * rate > MIN_PERIODS,
             f"{report['gaps']} gaps, the longest of {report['longest_gap']:.3g} s": report["gaps"],
-            f"{self._same_stamp} of {self._count} states have the time of the one before: several messages have one time, "
-            "as those of an arm and its gripper, or times need more digits": self._same_stamp > MANY * self._count,
-            f"{self._same_state} of {self._count} states repeat the one before": self._same_state > MANY * self._count,
+            f"{same_stamp} of {self._count} states have the time of the one before: several messages have one time, "
+            "as those of an arm and its gripper, or times need more digits": same_stamp > many,
+            f"{same_state} of {self._count} states repeat the one before": same_state > many,
         }
         return [text for text, applies in warnings.items() if applies]
 
