@@ -60,11 +60,6 @@ class Finding:
     unit: str = ""  # of the numbers
     remedy: str = ""  # what to do
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the attributes as JSON has them; numbers that are not finite are None."""
-        values = {name: x if math.isfinite(x) else None for name, x in self.values.items()}
-        return asdict(self) | {"values": values}
-
 
 @dataclass(frozen=True)
 class Report:
@@ -81,8 +76,8 @@ class Report:
         return max((SEVERITIES.index(finding.severity) - 1 for finding in self.findings), default=0)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the report as JSON has it."""
-        findings = [finding.to_dict() for finding in self.findings]
+        """Return the report as JSON has it; numbers that are not finite are None."""
+        findings = [asdict(one) | {"values": _finite(one.values)} for one in self.findings]
         head = {"source": self.source, "status": self.status, "facts": self.facts}
         return head | {"checks": self.checks, "findings": findings}
 
@@ -205,8 +200,11 @@ def _facts(urdf: Urdf, model: RobotModel | None, poses: Motion | None) -> dict[s
 
 
 def _range(values: Array) -> dict[str, float | None]:
-    numbers = {"least": values.min(), "median": np.median(values), "greatest": values.max()}
-    return {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
+    return _finite({"least": values.min(), "median": np.median(values), "greatest": values.max()})
+
+
+def _finite(values: Mapping[str, Any]) -> dict[str, float | None]:
+    return {name: float(x) if math.isfinite(x) else None for name, x in values.items()}
 
 
 def _tips(urdf: Urdf) -> list[str]:
