@@ -4,10 +4,15 @@
 """Serialized messages in columns, and what readers of bags report about their files."""
 
 import heapq
+from functools import partial
+from itertools import islice
 from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
+
+ROWS = 2000
+"""Messages that are grouped where a file has no chunks."""
 
 
 class Connection(NamedTuple):
@@ -82,6 +87,12 @@ def merge_parts(files):
             held.append(messages)
     if held:
         yield Messages.concatenate(held)
+
+
+def group_rows(rows):
+    """Yield (first log time, last one, function that returns Messages) of (connection, log time, bytes)."""
+    while group := list(islice(rows, ROWS)):
+        yield group[0][1], group[-1][1], partial(Messages.from_rows, group)
 
 
 class Unread(NamedTuple):

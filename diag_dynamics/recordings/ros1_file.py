@@ -7,10 +7,8 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.messages import Connection, DamageError, Messages, describe_error
+from diag_dynamics.recordings.messages import Connection, DamageError, describe_error, group_rows
 
-ROWS = 2000
-"""Messages that are read together."""
 TYPES = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry", "std_msgs/msg/String"
 """Types of messages that recordings are made of."""
 
@@ -33,28 +31,21 @@ class Ros1File:
 
     def parts(self, wanted):
         """Yield (first log time, last one, function that returns Messages) in their order."""
-        for rows in self._read_rows(wanted) if wanted and self.connections else ():
-            messages = Messages.from_rows(rows)
-            yield rows[0][1], rows[-1][1], lambda messages=messages: messages
+        return group_rows(self._read_rows(wanted)) if wanted and self.connections else ()
 
     def _read_rows(self, wanted):
-        """Yield lists of (connection, log time, content)."""
-        rows, time, count = [], 0, 0
+        """Yield (connection, log time, content) of each message."""
+        time, count = 0, 0
         with self._open() as reader:
             chosen = {one.id: k for k, one in enumerate(reader.connections) if k in wanted}
             connections = [one for one in reader.connections if one.id in chosen]
             try:
                 for one, time, data in reader.messages(connections):
-                    rows.append((chosen[one.id], time, data))
                     count += 1
-                    if len(rows) == ROWS:
-                        yield rows
-                        rows = []
+                    yield chosen[one.id], time, data
             except Exception as error:  # of damaged bytes
                 lost = sum(one.msgcount for one in connections) - count
                 self._lose(f"behind log time {time}", f"{describe_error(error)}: {lost} messages")
-        if rows:
-            yield rows
 
 
 @lru_cache(64)

@@ -42,6 +42,13 @@ from bags import (
 )
 from hostile import MS, START
 
+
+def assert_same_states(found, expected):
+    """Assert that two recordings have the same states to the last bit."""
+    for ours, theirs in zip(found.states.columns(), expected.states.columns(), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
 # --- Encodings ---
 
 
@@ -49,19 +56,17 @@ IN_ROS1 = {"encoding": "ros1", "schema": "ros1msg"}
 MD5 = NOETIC.generate_msgdef(JOINT_STATE, ros_version=1)[1]
 
 
-@pytest.mark.parametrize("metadata", [{}, {"md5sum": MD5}])
 @pytest.mark.parametrize(
-    ("compression", "options"), [(ZSTD, {}), (LZ4, {"index_types": NO_INDEX}), (PLAIN, {"use_chunking": False})]
+    ("compression", "md5", "options"),
+    [(ZSTD, None, {}), (LZ4, MD5, {"index_types": NO_INDEX}), (PLAIN, "*", {"use_chunking": False})],
 )
-def test_ros1_in_mcap(tmp_path, compression, options, metadata):
-    """`mcap convert` keeps messages and types of a ROS 1 bag."""
+def test_ros1_in_mcap(tmp_path, compression, md5, options):
+    """`mcap convert` keeps messages and types of a ROS 1 bag; MD5 sums may be unknown."""
+    options |= IN_ROS1 | {"metadata": {"md5sum": md5} if md5 else {}}
     messages = of_ros1(numbered(60, topics=("/a", "/b")))
-    path = write_mcap(tmp_path / "x.mcap", messages, compression, metadata=metadata, **IN_ROS1, **options)
+    path = write_mcap(tmp_path / "x.mcap", messages, compression, **options)
     for k, topic in enumerate(("/a", "/b")):
         assert read(path, topic) == (list(range(k, 60, 2)), [])
-    path.write_bytes(path.read_bytes()[:-500])
-    numbers, findings = read(path, "/a")
-    assert 0 < len(numbers) <= 30 and numbers == list(range(0, 2 * len(numbers), 2)) and unread(findings)
 
 
 def test_a_robot_of_ros1_in_mcap(tmp_path):
@@ -77,8 +82,7 @@ def test_a_robot_of_ros1_in_mcap(tmp_path):
     old = write_mcap(tmp_path / "old.mcap", of_ros1(sent), **IN_ROS1)
     expected, found = (dd.read_recording(path, parameters={"floating_base": True}) for path in (new, old))
     assert len(expected) > 15 and found.findings == expected.findings
-    for ours, theirs in zip(found.states.columns(), expected.states.columns(), strict=True):
-        np.testing.assert_array_equal(ours, theirs)
+    assert_same_states(found, expected)
 
 
 NOT_UNDERSTOOD = [
@@ -115,8 +119,7 @@ def test_names_of_types(tmp_path, kind, name):
     assert read(path) == (list(range(40)), [])
 
 
-@pytest.mark.parametrize("encoding", ["json", "protobuf", "cbor", "flatbuffer", ""])
-@pytest.mark.parametrize("type", [JOINT_STATE, "foxglove.JointStates", ""])
+@pytest.mark.parametrize(("encoding", "type"), [("json", JOINT_STATE), ("protobuf", "foxglove.JointStates"), ("", "")])
 def test_encodings_that_are_not_read_are_named(tmp_path, encoding, type):
     """With the topic; a second topic that can be read is read."""
     odd = [one._replace(topic="/odd/joint_states", type=type, data=b"{}") for one in numbered(20)]
@@ -174,8 +177,7 @@ def test_topics_of_one_robot_are_merged(tmp_path, kind):
     for topics in (two, list(reversed(two)), [*two, two[0]]):
         found = dd.read_recording(path, robot, topic=topics)
         assert found.counts == expected.counts and found.findings == expected.findings
-        for ours, theirs in zip(found.states.columns(), expected.states.columns(), strict=True):
-            np.testing.assert_array_equal(ours, theirs)
+        assert_same_states(found, expected)
     refused(rf"{two[0]}, {two[1]}\. .* --topic {two[0]} --topic {two[1]}", path, robot)
     refused(rf"no topic '/gripper' .*, only {two[0]}, {two[1]}", path, robot, topic=[two[0], "/gripper"])
 
@@ -233,11 +235,9 @@ def moving(*names, count=12):
 
 
 MAPS = {
-    "every joint": (("fer_a", "fer_b"), {"fer_a": "panda_a", "fer_b": "panda_b"}),
     "exchanged": (("panda_b", "panda_a"), {"panda_a": "panda_b", "panda_b": "panda_a"}),
     "prefix": (("fer_a", "fer_b"), {"fer_*": "panda_*"}),
     "prefix of the recording": (("left/panda_a", "left/panda_b"), {"left/*": "*"}),
-    "prefix of the robot": (("a", "b"), {"*": "panda_*"}),
     "suffix": (("panda_a_joint", "panda_b_joint"), {"*_joint": "*"}),
     "the longer prefix": (("fer_a", "fer_x_b"), {"fer_*": "panda_*", "fer_x_*": "panda_*"}),
     "one joint": (("panda_a", "tool"), {"tool": "panda_b"}),
@@ -263,8 +263,7 @@ def test_joint_names(tmp_path, kind, case):
     for how in ({"joint_names": given}, {"columns": {"joint_names": given}}, {"columns": tmp_path / "map.yaml"}):
         found = dd.read_recording(recordings[1], robot, **how, **options)
         assert found.counts == expected.counts and [one for one in found.findings if one.cause != "note"] == []
-        for ours, theirs in zip(found.states.columns(), expected.states.columns(), strict=True):
-            np.testing.assert_array_equal(ours, theirs)
+        assert_same_states(found, expected)
 
 
 def test_joint_names_of_later_messages(tmp_path):
@@ -296,10 +295,8 @@ WRONG_MAPS = {
     "two of one joint": ({"fer_a": "panda_a", "fer_b": "panda_a"}, "maps 'fer_a' and 'fer_b' to 'panda_a'"),
     "two by a prefix": ({"fer_*": "panda_*", "fer_b": "panda_a"}, "from 'fer_a' and from 'fer_b' to joint 'panda_a'"),
     "one star": ({"fer_*": "panda_a"}, r"maps 'fer_\*' to 'panda_a'; expected one \* in both names or in neither"),
-    "two stars": ({"*_*": "*"}, r"expected one \* in both"),
     "a list": (["fer_a"], r"joint_names is \['fer_a'\]; expected a mapping such as"),
     "a number": ({"fer_a": 1}, "maps 'fer_a' to 1; expected names of joints"),
-    "none": ({}, r"is \{\}; expected a mapping"),
 }
 
 
@@ -325,14 +322,12 @@ def test_maps_of_bags(tmp_path):
 
 PROPOSALS = {
     "prefix": (["fer_a", "fer_b"], ["panda_a", "panda_b"], ["With --joint-names 'fer_*=panda_*'", "are the robot's"]),
-    "namespace": (["r1/a", "r1/b"], ["a", "b"], ["With --joint-names 'r1/*=*'"]),
     "none in the recording": (["a1", "a2"], ["left_a1", "left_a2"], ["With --joint-names '*=left_*'"]),
     "number": (["J1", "J2", "J3"], ["joint_1", "joint_2", "joint_3"], ["With --joint-names 'J*=joint_*'"]),
     "suffix": (["pan", "lift"], ["pan_joint", "lift_joint"], ["With --joint-names '*=*_joint'"]),
     "and other joints": (["fer_a", "fer_b", "hand"], ["panda_a", "panda_b"], ["'fer_*=panda_*'", "2 of them are"]),
     "two arms": (["l_a", "l_b", "r_a", "r_b"], ["a", "b"], ["'l_*=*' or --joint-names 'r_*=*'", "2 of them are"]),
     "nothing alike": (["x", "y"], ["a", "b"], ["given by --joint-names NAME=JOINT"]),
-    "letters alike": (["banana", "x"], ["a", "b"], ["--joint-names NAME=JOINT"]),
     "many": (
         [f"other_{k}" for k in range(30)],
         [f"joint_{k}" for k in range(20)],
@@ -389,5 +384,3 @@ def test_names_in_rows(tmp_path):
     assert found.model.dof_names == ("panda_b", "panda_a")
     np.testing.assert_allclose(found.q, np.outer(np.arange(12), [0.02, 0.01]))
     np.testing.assert_allclose(found.qd, [[2.0, 1.0]] * 12)
-    what = r"has 'ur_\*', which is no joint of the recording. Its joints are fer_b, fer_a"
-    refused(what, tmp_path / "x.csv", arm("panda_b", "panda_a"), joint_names={"ur_*": "panda_*"})

@@ -4,11 +4,14 @@
 """Reports have the library's numbers of the recording, every state around contacts, and a bounded size."""
 
 import gzip
+import io
+import os
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from mcap.reader import make_reader
 
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
@@ -29,6 +32,12 @@ from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import summary_of
 from recorded_arm import ARM, PUSHED, RATE, WATCHED, Recording, parts_of
 from robots import description, joint, link
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    return Recording(tmp_path_factory.mktemp("report"))
+
 
 # --- Tables ---
 
@@ -80,6 +89,33 @@ def test_columns_of_tables(tmp_path):
     place = list(given).index("power")
     assert [k for k, row in enumerate(rows) if row[place] == ""] == list(np.flatnonzero(unknown))
     np.testing.assert_array_equal(dd.read_recording(paths[3], xml).q, q)  # written tables are recordings
+
+
+def test_names_that_are_no_utf8(recording):
+    """Of recordings and outputs; a link stays one, and the file that it leads to is replaced."""
+    folder, name = recording.folder / os.fsdecode(b"caf\xe9"), os.fsdecode(b"\xff")
+    folder.mkdir()
+    (folder / "older").write_text("of yesterday")
+    paths = {kind: folder / f"{name}.{kind}" for kind in ("mcap", "parquet", "csv")}
+    paths["parquet"].symlink_to(folder / "older")
+    options = [word for kind, path in paths.items() for word in (f"--{kind}", path)]
+    html, summary = recording.analyse(name, "--quiet", *options, **recording.columns(slice(0, 200)))
+    assert html.exists() and summary["recording"] == str(recording.folder / f"{name}.npz")
+    assert paths["parquet"].is_symlink() and len(list(folder.iterdir())) == 4
+    assert pq.read_table(io.BytesIO((folder / "older").read_bytes())).num_rows == 200
+
+
+def test_the_index_of_a_written_mcap(recording):
+    """The library mcap finds messages of a time by it, and other readers the channels of each chunk."""
+    path = recording.folder / "out.mcap"
+    recording.analyse("indexed", "--quiet", "--mcap", path, **recording.columns())
+    with open(path, "rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        indexes, every = reader.get_summary().chunk_indexes, [one.log_time for *_, one in reader.iter_messages()]
+        begin, end = np.quantile(every, (0.4, 0.5), method="nearest").tolist()
+        part = [one.log_time for *_, one in reader.iter_messages(starting_at=begin, ending_before=end)]
+    assert len(indexes) > 3 and all(one.message_index_offsets for one in indexes)
+    assert len(every) == 3 * len(recording.t) and part == [time for time in every if begin <= time < end]
 
 
 # --- Downsampling ---
@@ -188,11 +224,6 @@ def test_meshes_have_fewer_vertices_where_they_are_too_large():
 
 
 # --- The file ---
-
-
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory):
-    return Recording(tmp_path_factory.mktemp("report"))
 
 
 def track_of(told, blocks, track):

@@ -15,8 +15,9 @@ from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_typestore
 
 import diag_dynamics as dd
-from hostile import MS, START
 
+MS, S = 10**6, 10**9
+START = 1_700_000_000 * S
 JOINT_STATE = "sensor_msgs/msg/JointState"
 ODOMETRY = "nav_msgs/msg/Odometry"
 STRING = "std_msgs/msg/String"
@@ -64,7 +65,7 @@ def arm(*names):
 def joint_state(stamp, names, position, velocity=(), effort=(), frame=""):
     """Return a JointState of rosbags."""
     types, arrays = JAZZY.types, [np.asarray(values, float) for values in (position, velocity, effort)]
-    time = types["builtin_interfaces/msg/Time"](*divmod(stamp, 10**9))
+    time = types["builtin_interfaces/msg/Time"](*divmod(stamp, S))
     header = types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
     return types[JOINT_STATE](header, list(names), *arrays)
 
@@ -193,7 +194,7 @@ def odometry(stamp, link, pose, twist):
     def vector(numbers):
         return of("geometry_msgs/msg/Vector3", *map(float, numbers))
 
-    header = of("std_msgs/msg/Header", of("builtin_interfaces/msg/Time", *divmod(stamp, 10**9)), "odom")
+    header = of("std_msgs/msg/Header", of("builtin_interfaces/msg/Time", *divmod(stamp, S)), "odom")
     point = of("geometry_msgs/msg/Point", *map(float, pose[:3]))
     placed = of("geometry_msgs/msg/Pose", point, of("geometry_msgs/msg/Quaternion", *map(float, pose[3:])))
     covered = (

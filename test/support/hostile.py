@@ -5,22 +5,20 @@
 
 import numpy as np
 
+from bags import MS, START, S, serialized
 from diag_dynamics.assembly.assembler import joints_of
-from diag_dynamics.wire.cdr import Template
-from diag_dynamics.wire.definitions import message_type
 
-MS, S = 10**6, 10**9
-START = 1_700_000_000 * S
-JOINT_STATE = "sensor_msgs/msg/JointState"
-JointState = message_type(JOINT_STATE)
-
-
-def serialized(stamp, names, position, velocity, effort=()):
-    """Return the bytes of a joint state."""
-    message = JointState(name=list(names), position=list(position), velocity=list(velocity), effort=list(effort))
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, S)
-    message.header.frame_id = "base"
-    return Template(message).encoded()
+ODD = {
+    "position": [np.nan, np.inf, 1e297, 253.0, 4.0, -40.0],
+    "velocity": [np.nan, -np.inf, 1e200, 253.0, 30.0],
+    "effort": [np.nan, np.inf, 1e9, 253.0],
+}
+"""Values of one joint that are not believed."""
+DELAYS = 1, 40, 3000, 40_000
+FAULTS = (
+    *(*ODD, "cut", "flipped", "late", "early", "no stamp", "jump", "wrong length", "no velocity", "foreign"),
+    *("twice", "garbage", "one more", "jump back", "some", "some"),
+)
 
 
 class Driver:
@@ -52,56 +50,44 @@ class Driver:
 
     def good(self, stamp):
         """Return a valid message."""
-        return serialized(stamp, *self.state(stamp))
+        return serialized(stamp, *self.state(stamp), frame="base")
 
     def bad(self, stamp):
         """Return a message with one of many faults."""
-        names, position, velocity, effort = self.state(stamp)
-        position, velocity, effort = position.copy(), velocity.copy(), np.array(effort)
-        k = self.rng.integers(len(names))
-        order = self.rng.permutation(len(names))
-        some = order[: self.rng.integers(1, len(names) + 1)]
-        kind = self.rng.integers(18)
-        if kind == 0:
-            return serialized(stamp, names, position, velocity, effort)[: self.rng.integers(1, 60)]
-        if kind == 1:
-            raw = bytearray(serialized(stamp, names, position, velocity, effort))
-            raw[self.rng.integers(len(raw))] ^= 1 << self.rng.integers(8)
-            return bytes(raw)
-        if kind == 2:
-            position[k] = self.rng.choice([np.nan, np.inf, 1e297, 253.0, 4.0, -40.0])
-        elif kind == 3:
-            velocity[k] = self.rng.choice([np.nan, -np.inf, 1e200, 253.0, 30.0])
-        elif kind == 4 and self.effort:
-            effort[k] = self.rng.choice([np.nan, np.inf, 1e9, 253.0])
-        elif kind == 5:
-            stamp -= int(self.rng.choice([1, 40, 3000, 40_000])) * MS
-        elif kind == 6:
-            stamp += int(self.rng.choice([1, 40, 3000, 40_000])) * MS
-        elif kind == 7:
+        rng, (names, *values) = self.rng, self.state(stamp)
+        position, velocity, effort = map(np.array, values)
+        fault, rows = str(rng.choice(FAULTS)), list(range(len(names)))
+        if fault in ODD:
+            numbers = {"position": position, "velocity": velocity, "effort": effort}[fault]
+            if len(numbers):
+                numbers[rng.integers(len(numbers))] = rng.choice(ODD[fault])
+        elif fault in ("late", "early"):
+            stamp += int(rng.choice(DELAYS)) * MS * (1 if fault == "early" else -1)
+        elif fault == "no stamp":
             stamp = 0
-        elif kind == 8:
-            position += self.rng.choice([0.05, 0.2, 1.0])
-        elif kind == 9:
-            return serialized(stamp, names, position[:-1], velocity, effort)
-        elif kind == 10:
-            return serialized(stamp, names, position, (), effort)
-        elif kind == 11:
-            return serialized(stamp, ["elsewhere", "nobody"], [0.0, 1.0], [0.0, 0.0])
-        elif kind == 12:
-            return serialized(stamp, [names[0], names[0]], [0.0, 1.0], [0.0, 0.0])
-        elif kind == 13:
+        elif fault == "jump":
+            position += rng.choice([0.05, 0.2, 1.0])
+        elif fault == "jump back":
+            position, velocity = self.multiplier * self.middle + self.offset, np.full(len(names), 0.3)
+        elif fault == "wrong length":
+            position = position[:-1]
+        elif fault == "no velocity":
+            velocity = ()
+        elif fault in ("foreign", "twice"):
+            names = ["elsewhere", "nobody"] if fault == "foreign" else [names[0], names[0]]
+            position, velocity, effort = [0.0, 1.0], [0.0, 0.0], ()
+        elif fault == "garbage":
             position[:], velocity[:] = 253.0, 253.0
-        elif kind == 14:
-            return serialized(stamp, [*names, "gripper"], [*position, 0.0], [*velocity, 0.0])
-        elif kind == 15:
-            velocity[:] = 0.3
-            return serialized(stamp, names, self.multiplier * self.middle + self.offset, velocity, effort)
-        else:
-            return serialized(
-                stamp, [names[j] for j in some], position[some], velocity[some], effort[some] if self.effort else ()
-            )
-        return serialized(stamp, names, position, velocity, effort)
+        elif fault == "one more":
+            names, position, velocity = [*names, "gripper"], [*position, 0.0], [*velocity, 0.0]
+        elif fault == "some":
+            rows = rng.permutation(rows)[: rng.integers(1, len(names) + 1)]
+            names, position, velocity = [names[row] for row in rows], position[rows], velocity[rows]
+            effort = effort[rows] if self.effort else ()
+        raw = bytearray(serialized(stamp, names, position, velocity, effort, frame="base"))
+        if fault == "flipped":
+            raw[rng.integers(len(raw))] ^= 1 << rng.integers(8)
+        return bytes(raw[: rng.integers(1, 60)] if fault == "cut" else raw)
 
 
 def hostile(model, seed, count=1500, odd=0.1, drivers=None):

@@ -4,7 +4,6 @@
 """MCAP: messages of the monitor about every state, by the library mcap."""
 
 from contextlib import suppress
-from functools import cache
 from io import BufferedWriter, FileIO
 
 import numpy as np
@@ -35,55 +34,35 @@ WRITTEN = "state", "kinetic_energy", "external_torque"
 NODE = "/diag_dynamics"
 """Name of the monitor whose topics they are."""
 
-EFFORT_FIELDS = {"effort", "epsilon", "kappa"}
-RESULT_FIELDS = {"residual", "external_torque", "joint_collision"}
-ALARM_FIELDS = {"torque_threshold", "joint_collision"}
-"""Fields that are empty without effort, without a result of the observer, and without alarms."""
-MATRIX_TOPICS = "joint_space_dynamics", "mass_matrix_factors"
-MATRICES = {
-    "mass_matrix": lambda dynamics, q, _: dynamics.mass_matrix_batch(q),
-    "bias": lambda dynamics, q, qd: dynamics.bias_batch(q, qd),
-    "gravity": lambda dynamics, q, _: dynamics.gravity_torque_batch(q),
-    "m": lambda dynamics, q, _: np.array([dynamics.factors(one).m for one in q]),
-    "d": lambda dynamics, q, _: np.array([dynamics.factors(one).D for one in q]),
-    "l": lambda dynamics, q, _: np.array([dynamics.factors(one).l for one in q]),
-}
-"""Fields of these, which no evaluation has."""
+UNKNOWN = {"effort", "epsilon", "kappa", "power"}, {"residual", "external_torque", "joint_collision"}
+"""Fields that are empty or 0 without effort, and without a result of the observer."""
 VALUES = {
-    "position": lambda piece: piece.states.position,
-    "velocity": lambda piece: piece.states.velocity,
-    "effort": lambda piece: piece.states.effort,
-    "stamp_is_receive_time": lambda piece: piece.states.stamp_received,
-    "velocity_estimated": lambda piece: piece.states.velocity_estimated,
-    "power": lambda piece: piece.s.effort_power,
-    "total": lambda piece: piece.s.kinetic_energy,
-    "residual": lambda piece: piece.observed[0],
-    "external_torque": lambda piece: piece.observed[1],
-    "norm": lambda piece: piece.observed[2],
-    "collision": lambda piece: piece.observed[4],
-    "torque_norm": lambda piece: np.linalg.norm(piece.observed[1], axis=1),
-    "joint_collision": lambda piece: piece.judged.joints,
+    "position": lambda piece, _: piece.states.position,
+    "velocity": lambda piece, _: piece.states.velocity,
+    "effort": lambda piece, _: piece.states.effort,
+    "stamp_is_receive_time": lambda piece, _: piece.states.stamp_received,
+    "velocity_estimated": lambda piece, _: piece.states.velocity_estimated,
+    "power": lambda piece, _: piece.s.effort_power,
+    "total": lambda piece, _: piece.s.kinetic_energy,
+    "residual": lambda piece, _: piece.observed[0],
+    "external_torque": lambda piece, _: piece.observed[1],
+    "norm": lambda piece, _: np.nan_to_num(piece.observed[2]),
+    "collision": lambda piece, _: piece.observed[4],
+    "torque_norm": lambda piece, _: np.nan_to_num(np.linalg.norm(piece.observed[1], axis=1)),
+    "joint_collision": lambda piece, _: piece.judged.joints,
+    "mass_matrix": lambda piece, dynamics: dynamics.mass_matrix_batch(piece.states.position),
+    "bias": lambda piece, dynamics: dynamics.bias_batch(piece.states.position, piece.states.velocity),
+    "gravity_torque": lambda piece, dynamics: dynamics.gravity_torque_batch(piece.states.position),
+    "m": lambda piece, dynamics: np.array([dynamics.factors(q).m for q in piece.states.position]),
+    "d": lambda piece, dynamics: np.array([dynamics.factors(q).D for q in piece.states.position]),
+    "l": lambda piece, dynamics: np.array([dynamics.factors(q).l for q in piece.states.position]),
 }
-"""Other fields that are not named as those of the evaluation."""
+"""Values of fields, a row for each state; others are those of the evaluation with the same name."""
 REVISION = 1
 
 
 class McapOutput:
-    """Writes messages about pieces, at the log time of the message that completed each state.
-
-    Parameters
-    ----------
-    path : str or Path
-    reading : Reading
-    friction : bool
-        Whether evaluations have it.
-    topics : sequence of str
-
-    Raises
-    ------
-    InputError
-        A topic is unknown, or the file cannot be written.
-    """
+    """Writes messages on some topics about pieces, at the log time of the message that completed each state."""
 
     def __init__(self, path, reading, friction=False, topics=WRITTEN):
         for topic in topics:
@@ -153,80 +132,71 @@ class TopicRows:
     """Makes the messages of one topic about pieces, each a row of bytes."""
 
     def __init__(self, topic, reading, friction=False):
-        observation = reading.settings.observation
-        self.type, self._topic, self._friction = f"diag_dynamics/msg/{TOPICS[topic]}", topic, friction
-        self._dynamics, self._model = DiagonalDynamics(reading.model), reading.model
-        self._thresholds = (observation.threshold, observation.release) if observation else (np.inf, np.inf)
-        alarms = observation.alarms if observation else None
-        self._limits = alarms.limits(reading.model.dof_names) if alarms else None
-        self._template = cache(self._make_template)
+        model, observation = reading.model, reading.settings.observation
+        self.type, self._topic, self._templates = f"diag_dynamics/msg/{TOPICS[topic]}", topic, {}
+        self._dynamics, self._message = DiagonalDynamics(model), message_type(self.type, our_definitions())
+        self._links = len(model.link_names)
+        limits = observation.alarms.limits(model.dof_names) if observation and observation.alarms else None
+        self._constants = {
+            "dof_names": list(model.dof_names),
+            "link_names": list(model.link_names),
+            "position_names": [] if model.coordinate_names == model.dof_names else list(model.coordinate_names),
+            "model_revision": REVISION,
+            "nv": model.nv,
+            "l_valid": True,
+            "friction_valid": friction,
+            "threshold": observation.threshold if observation else np.inf,
+            "release_threshold": observation.release if observation else np.inf,
+            "torque_norm_threshold": np.inf if limits is None else limits[-2],
+            "torque_threshold": [] if limits is None else limits[:-2].tolist(),
+        }
+        self._constants |= {} if friction else {"friction": []}
+        self._constants |= {"joint_collision": []} if limits is None else {}
 
     def make_rows(self, piece):
         """Yield indices of states, and their messages as uint8 of shape (number of states, bytes)."""
-        known = piece.observed[3] if self._topic == "external_torque" else piece.states.effort_known
+        by_result = self._topic == "external_torque"
+        known = piece.observed[3] if by_result else piece.states.effort_known
+        values = self._values(piece)
         for is_known in (True, False):
             which = np.flatnonzero(known == is_known)
             if not len(which):
                 continue
-            template = self._template(is_known)
+            kept = {path: x for path, x in values.items() if is_known or path not in UNKNOWN[by_result]}
+            if is_known not in self._templates:
+                self._templates[is_known] = self._make_template(kept, is_known)
+            template = self._templates[is_known]
             rows = np.tile(template.data, (len(which), 1))
-            for path, numbers in template.numbers.items():
-                values = self._values(piece, which, path) if is_known or path != "power" else None
-                if values is not None:
-                    begin = template.place(path)
-                    values = np.ascontiguousarray(values.reshape(len(which), -1), numbers.dtype)
-                    rows[:, begin : begin + numbers.nbytes] = values.view(np.uint8)
+            for path, column in kept.items():
+                begin, numbers = template.place(path), template.numbers[path]
+                column = np.ascontiguousarray(column[which].reshape(len(which), -1), numbers.dtype)
+                rows[:, begin : begin + numbers.nbytes] = column.view(np.uint8)
             yield which, rows
 
-    def _values(self, piece, which, path):
-        """Return the values of a field, a row for each message; None if they are constant."""
-        states, field = piece.states, path.rpartition(".")[2]
-        if field in ("sec", "nanosec"):
-            stamp = (states.stamp if path.startswith("header") else states.oldest_stamp)[which]
-            return stamp // SECOND if field == "sec" else stamp % SECOND
-        if path in ("model_revision", "nv") or path.endswith(("valid", "threshold")):
-            return None
-        if self._topic in MATRIX_TOPICS and path in MATRICES:
-            return MATRICES[path](self._dynamics, states.position[which], states.velocity[which])
-        if path == "link_energy":
-            energy = np.empty((len(states), len(self._model.link_names)))
-            piece.s.write_link_energy(energy)
-            return energy[which]
-        if path in VALUES:
-            return np.nan_to_num(VALUES[path](piece)[which])
-        return getattr(piece.s, path)[which]
+    def _values(self, piece):
+        """Return by the paths of fields their values, a row for each state."""
+        states, values = piece.states, {}
+        for field in self._message.get_fields_and_field_types():
+            if field in ("header", "oldest_stamp"):
+                stamp, path = (states.stamp, "header.stamp") if field == "header" else (states.oldest_stamp, field)
+                values |= {f"{path}.sec": stamp // SECOND, f"{path}.nanosec": stamp % SECOND}
+            elif field == "link_energy":
+                values[field] = np.empty((len(states), self._links))
+                piece.s.write_link_energy(values[field])
+            elif field not in self._constants and not field.endswith("valid"):
+                name = "gravity_torque" if (self._topic, field) == ("joint_space_dynamics", "gravity") else field
+                values[field] = VALUES[name](piece, self._dynamics) if name in VALUES else getattr(piece.s, name)
+        return values
 
-    def _make_template(self, is_known):
-        """Return the template of messages with or without efforts, or with or without a result of the observer."""
-        model, message = self._model, message_type(self.type, our_definitions())()
-        message.header.frame_id, message.dof_names = model.root_link, list(model.dof_names)
-        nv, limits = model.nv, self._limits
-        widths = {"position": model.nq, "link_energy": len(model.link_names)} | dict.fromkeys(
-            ("mass_matrix", "m", "l"), nv**2
-        )
-        empty = set() if is_known else (RESULT_FIELDS if self._topic == "external_torque" else EFFORT_FIELDS)
-        empty = empty | (set() if self._friction else {"friction"}) | (ALARM_FIELDS if limits is None else set())
+    def _make_template(self, values, is_known):
+        """Return the template of messages with these values, with effort or a result of the observer or without."""
+        message = self._message()
+        message.header.frame_id = self._dynamics.model.root_link
         for field, kind in message.get_fields_and_field_types().items():
-            if kind == "sequence<double>" and field not in empty:
-                setattr(message, field, [1.0] * widths.get(field, nv))
-            elif kind == "sequence<boolean>" and field not in empty:
-                setattr(message, field, [False] * nv)
-        constants = {
-            "link_names": list(model.link_names),
-            "position_names": [] if model.coordinate_names == model.dof_names else list(model.coordinate_names),
-            "model_revision": REVISION,
-            "nv": nv,
-            "effort_valid": is_known,
-            "power_valid": is_known,
-            "valid": is_known,
-            "l_valid": True,
-            "friction_valid": self._friction,
-            "threshold": self._thresholds[0],
-            "release_threshold": self._thresholds[1],
-            "torque_norm_threshold": np.inf if limits is None else limits[-2],
-            "torque_threshold": [] if limits is None else limits[:-2].tolist(),
-        }
-        for field, value in constants.items():
-            if hasattr(message, field):
-                setattr(message, field, value)
+            if field in self._constants:
+                setattr(message, field, self._constants[field])
+            elif field.endswith("valid"):
+                setattr(message, field, is_known)
+            elif kind.startswith("sequence") and field in values:
+                setattr(message, field, values[field][0].ravel().tolist())
         return Template(message)

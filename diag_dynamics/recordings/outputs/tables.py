@@ -33,24 +33,10 @@ OF_STATES, OF_EFFORTS, OBSERVED = ("velocity", "effort"), ("epsilon", "kappa"), 
 
 
 class TableOutput:
-    """Writes an analysis into a table, piece by piece.
+    """Writes the analysis of a Reading into a table, piece by piece; `kind` is ``"parquet"`` or ``"csv"``.
 
     Parquet has units in the metadata of fields and NaN for what is unknown, CSV units in the header
     (``nu.joint1 [J^0.5]``) and empty fields.
-
-    Parameters
-    ----------
-    path : str or Path
-    reading : Reading
-    friction : bool
-        Whether evaluations have friction.
-    kind : str
-        ``"parquet"`` or ``"csv"``.
-
-    Raises
-    ------
-    InputError
-        pyarrow is not installed, or the file cannot be written.
     """
 
     def __init__(self, path, reading, friction=False, kind="parquet"):
