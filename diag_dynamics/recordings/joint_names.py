@@ -126,7 +126,7 @@ class JointNames:
 
 def listed(names):
     """Return some names as a text."""
-    names = list(names)
+    names = list(map(str, names))
     return ", ".join(names[:FEW]) + (f" and {len(names) - FEW} more" if len(names) > FEW else "")
 
 

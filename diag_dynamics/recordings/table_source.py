@@ -25,24 +25,19 @@ class TableSource:
     path : Path
     columns : ColumnMap
     names : JointNames, optional
-
-    Attributes
-    ----------
-    offset : int
-        Delay of stamps from times in the table [ns].
     """
 
     start = None  # as of BagSource
 
     def __init__(self, path, columns, names=None):
         self._path, self._columns, self.names = path, columns, names
-        self._table, self._offset, self._named = None, None, {}
+        self._table, self._delay, self._named = None, None, {}
         self._beyond, self._first_beyond = 0, ""  # rows of times that no stamp can be of
 
     @property
     def offset(self):
         """Delay of stamps from times in the table [ns]."""
-        return self._offset or 0
+        return self._delay or 0
 
     @property
     def unread(self):
@@ -58,8 +53,8 @@ class TableSource:
     def notes(self):
         """How columns and times were understood: a list of str."""
         beyond = (
-            f"{self._beyond} rows are of times that no stamp can be of, before 0 s or after {LATEST} s, and are refused as "
-            f"of -1 s; the first is {self._first_beyond} (if times are not seconds: scale: {{time: ms}} in a map of columns)."
+            f"{self._beyond} rows are of times that no stamp can be of, before 0 s or after {LATEST} s, and are refused; the "
+            f"first is {self._first_beyond} (if times are not seconds: scale: {{time: ms}} in a map of columns)."
         )
         return [beyond] * (self._beyond > 0) + (self._table.notes if self._table else [])
 
@@ -72,26 +67,26 @@ class TableSource:
 
     def batches(self, model):
         """Yield batches of messages in the order of the rows."""
-        joints = single_joints(model)
-        if self.names:
-            joints = self._find_own_names(model, joints)
+        joints = self._own_names(model) if self.names else single_joints(model)
         try:
-            table = self._table = open_table(self._path, self._columns, joints)
+            self._table = open_table(self._path, self._columns, joints)
         except InputError as error:
             raise InputError(f"{error}{self._proposal(joints)}") from error
-        for columns in table.pieces():
-            yield self._make_batch(columns, tuple(table.joints))
-        self._reject_other_robot(model)
+        for columns in self._table.pieces():
+            yield self._make_batch(columns)
+        own, named = [*single_joints(model), *model.mimics], list(self._named)
+        if named and not any((self.names.map_name(name) if self.names else name) in own for name in named):
+            found = [] if self.names else propose_maps(named, own)
+            raise InputError(
+                f"'{self._path}': rows name {listed(named)}, none of which the robot has. Its joints are {listed(own)}."
+                f"{f' {describe_maps(found, named, own)}.' if found else ''}"
+            )
 
-    def _make_batch(self, columns, joints):
+    def _make_batch(self, columns):
         """Return the Batch of a piece of the table."""
-        if self._offset is None:
-            self._offset = _find_offset(columns.stamp)
-        stamp = columns.stamp + self._offset
-        sec, nanosec = self._split_stamps(columns, stamp)
-        if columns.names is None:
-            groups = {joints: np.arange(len(stamp))}
-        else:
+        stamp, sec, nanosec = self._find_stamps(columns)
+        groups = {tuple(self._table.joints): np.arange(len(stamp))}
+        if columns.names is not None:
             groups = {}
             for k, names in enumerate(map(tuple, columns.names.tolist())):
                 groups.setdefault(names, []).append(k)
@@ -104,29 +99,23 @@ class TableSource:
             parts.append(JointStates(rows, tuple(filter(None, names)), sec[rows], nanosec[rows], *values))
         return Batch(stamp, parts, {}, {})
 
-    def _split_stamps(self, columns, stamp):
-        """Return seconds and nanoseconds of stamps; −1 s, which is rejected, for those that no message can have."""
+    def _find_stamps(self, columns):
+        """Return stamps [ns], their seconds and nanoseconds; −1 s, which is rejected, for those that no message can have."""
+        if self._delay is None:  # the first stamp is of a second or more
+            first = int(columns.stamp[0]) // SECOND
+            self._delay = max(0, 1 - first) * SECOND if first > -LATEST else 0
+        stamp = columns.stamp + self._delay
         sec, nanosec = stamp // SECOND, stamp % SECOND
         beyond = (sec < 0) | (sec > LATEST)
         if beyond.any() and not self._beyond:
             k = int(np.argmax(beyond))
             self._first_beyond = f"{self._table.unit} {columns.rows[k]}, of {columns.time[k]:g} s"
         self._beyond += int(beyond.sum())
-        return np.where(beyond, -1, sec), nanosec
+        return stamp, np.where(beyond, -1, sec), nanosec
 
-    def _reject_other_robot(self, model):
-        """Reject a table whose rows name joints, none of which the robot has."""
-        own, named = [*single_joints(model), *model.mimics], list(self._named)
-        if not named or any((self.names.map_name(name) if self.names else name) in own for name in named):
-            return
-        found = [] if self.names else propose_maps(named, own)
-        raise InputError(
-            f"'{self._path}': rows name {listed(named)}, none of which the robot has. Its joints are {listed(own)}."
-            f"{f' {describe_maps(found, named, own)}.' if found else ''}"
-        )
-
-    def _find_own_names(self, model, joints):
+    def _own_names(self, model):
         """Return the table's names of the joints of a robot, as its map leads to them."""
+        joints = single_joints(model)
         undone = tuple(map(self.names.unmap_joint, joints))
         try:
             table = open_table(self._path, self._columns, ())
@@ -138,22 +127,9 @@ class TableSource:
 
     def _proposal(self, joints):
         """Return the map of names by which a table can be read, as a sentence; empty without one."""
-        if self.names:
-            return ""
         try:
             own = [name for name in open_table(self._path, self._columns, ()).joints if name not in joints]
         except InputError:
             return ""
-        found = propose_maps(own, [joint for joint in joints if joint not in own])
+        found = [] if self.names else propose_maps(own, [joint for joint in joints if joint not in own])
         return f" {describe_maps(found, own, joints)}." if found else ""
-
-
-def _find_offset(stamps):
-    """Return what makes the first stamp a second or more, in whole seconds [ns]."""
-    first = int(stamps[0]) if len(stamps) else 0
-    if not 0 <= first // SECOND + (offset := max(0, 1 - first // SECOND)) <= LATEST:
-        raise InputError(
-            f"the first row is of {first / SECOND:g} s, later than {LATEST} s: is the time in another unit than seconds? "
-            "(scale: {time: 1e-9} in the map of columns)"
-        )
-    return offset * SECOND

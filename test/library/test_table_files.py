@@ -83,13 +83,10 @@ WRITERS = {
     "txt": lambda path, frame, **_: np.savetxt(path, frame, header=" ".join(NAMES), fmt="%25.18e"),
     "parquet": lambda path, frame, **_: frame.to_parquet(path, row_group_size=7),
     "npz by joint": lambda path, frame, **_: np.savez(path, **{name: frame[name].to_numpy() for name in NAMES}),
-    "npz": lambda path, frame, **_: np.savez_compressed(path, **in_arrays(frame.to_numpy())),
+    "npz": lambda path, frame, **_: np.savez_compressed(
+        path, t=frame.t, q=frame[NAMES[1:3]], qd=frame[NAMES[3:5]], tau=frame[NAMES[5:]]
+    ),
 }
-
-
-def in_arrays(table):
-    """Return arrays (n,) and (n, k)."""
-    return {"t": table[:, 0], "q": table[:, 1:3], "qd": np.asfortranarray(table[:, 3:5]), "tau": table[:, 5:]}
 
 
 @pytest.mark.parametrize("writer", WRITERS)
@@ -142,16 +139,9 @@ def test_packed(written, long_text, ending):
     recording = read(written(whole[: len(whole) * 2 // 3], f"table.csv.{ending}"), parameters=LOOSE)
     assert 5000 < len(recording) < 20_000 and recording.q[:, 0].tolist() == positions[: len(recording)]
     (said,) = lost(recording)
-    assert f"line {len(recording) + 1}: " in said and "stream cannot be read to its end" in said
-
-
-def test_packed_and_damaged(written, long_text):
-    packed = bytearray(gzip.compress(long_text[0]))
-    packed[len(packed) // 2] ^= 0xFF
-    recording = read(written(bytes(packed), "table.csv.gz"), parameters=LOOSE)
-    assert 2000 < len(recording) < 25_000 and "rows before that may be wrong" in " ".join(lost(recording))
+    assert said.startswith(f"line {len(recording) + 1}: the packed stream cannot be read to its end: ")
     with pytest.raises(dd.InputError, match="the packed stream cannot be read to its end"):
-        read(written(gzip.compress(b"t,q1\n")[:12], "table.csv.gz"))
+        read(written(PACKED[ending](b"t,q1\n")[:12], f"table.csv.{ending}"))
 
 
 # --- Damage ---
@@ -160,7 +150,6 @@ HOSTILE = {
     "a row too short": ("0,1,2\n1,1\n2,3,4\n", [0, 2], ["line 3: " + WIDTH.format(2, 3, 1)]),
     "rows too long": ("0,1,2\n1,1,9,9\n2,3,4\n4,5,6,7\n", [0, 2], ["line 3: " + WIDTH.format(4, 3, 2)]),
     "empty columns at the end": ("0,1,2,\n1,1,2,,\n", [0, 1], []),
-    "broken off": ("0,1,2\n1,1,", [0], []),
     "text": (
         "0,1,2\n1,x,2\n2,1,1_0\n3,1,2\n",
         [0, 3],
@@ -170,11 +159,10 @@ HOSTILE = {
     "NUL": (b"0,1,2\n\0\0\0\0\n2,3,4\n" + b"\0" * 5000, [0, 2], ["line 3: " + WIDTH.format(1, 3, 2)]),
     "empty lines and comments": ("\n0,1,2\n\n  \n# a pause, here\n#1,2\n1,2,2\n\n", [0, 1], []),
     "quotes": ('"0","1"," 2 "\n1,"lost,2\n2,3,4\n', [0, 2], ["line 3: " + WIDTH.format(2, 3, 1)]),
-    "CR CR LF": ("0,1,2\r\r\n1,2,3\r\r\n", [0, 1], []),
-    "blanks": (" 0,   1,2\n 1 , 2 ,3 \n", [0, 1], []),
+    "blanks": (" 0,   1,2\r\r\n 1 , 2 ,3 \r\r\n3,1,", [0, 1], []),
     "infinite": ("0,1,2\n1,-inf,2\n2,1e400,3\n3,2,2\n", [0, 3], []),
     "missing": ("0,1,2\n" + "".join(f"{k},,2\n{k}.5,N/A,2\n{k}.6,null,2\n" for k in (1, 2)) + "3,2,2\n", [0, 3], []),
-    "only a header": ("", [], ["line 2: there is no row below the header"]),
+    "only a header": ("", [], ["end: there are no rows"]),
     "a long line": (f"0,1,2\n{'5' * 200_000}\n1,2,3\n", [0, 1], ["line 3: " + WIDTH.format(1, 3, 1)]),
 }
 
@@ -260,23 +248,13 @@ def test_texts_that_are_no_text_are_lost_with_their_row_group(written):
     assert recording.q[:, 0].tolist() == [0, 1, 3] and said.startswith("row 2, row group 2: ") and "UTF8" in said
 
 
-def test_a_damaged_array(written):
-    """Efforts that cannot be read are none; positions and names that cannot be read are an error."""
-    numbers = {name: np.arange(10_000.0) for name in ("t", "q1", "qd1", "tau1")}
-
-    def spoil(name):
-        path = written(numbers)
-        with zipfile.ZipFile(path) as file:
-            begin = file.getinfo(f"{name}.npy").header_offset + 50_000
-        path.write_bytes(path.read_bytes()[:begin] + b"\x55" * 50 + path.read_bytes()[begin + 50 :])
-        return path
-
-    recording = read(spoil("tau1"), parameters=LOOSE)
-    assert len(recording) == 10_000 and recording.tau is None
-    what = "array 'tau1' cannot be read: Bad CRC-32 for file 'tau1.npy': all its numbers are lost"
-    assert lost(recording) == [f"array tau1: {what}"]
-    with pytest.raises(dd.InputError, match="array 'q1' cannot be read: Bad CRC-32"):
-        read(spoil("q1"), parameters=LOOSE)
+def test_a_damaged_array_is_an_error(written):
+    path = written({name: np.arange(10_000.0) for name in ("t", "q1", "qd1", "tau1")})
+    with zipfile.ZipFile(path) as file:
+        begin = file.getinfo("tau1.npy").header_offset + 50_000
+    path.write_bytes(path.read_bytes()[:begin] + b"\x55" * 50 + path.read_bytes()[begin + 50 :])
+    with pytest.raises(dd.InputError, match="array 'tau1' cannot be read: Bad CRC-32"):
+        read(path)
 
 
 def test_files_that_are_cut_or_none(written, tmp_path, monkeypatch):
@@ -295,9 +273,8 @@ def test_files_that_are_cut_or_none(written, tmp_path, monkeypatch):
     with pytest.raises(dd.InputError, match="is a zip archive without numpy's arrays"):
         read(tmp_path / "book.xlsx")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    for content in ("t,q1\n0,1\n", pa.table({"t": [0.0], "q1": [1.0]}), {"t": np.arange(3.0)}):
-        with pytest.raises(dd.InputError, match="needs the package pyarrow: pip install pyarrow"):
-            read(written(content))
+    with pytest.raises(dd.InputError, match="needs the package pyarrow: pip install pyarrow"):
+        read(written("t,q1\n0,1\n"))
 
 
 def test_losses_come_before_notes(written):
@@ -363,27 +340,21 @@ BY_NAME = {
     "t,q1,q2,q3,qd1,qd2,qd3,tau1,tau2,tau3": (0, [1, 2, 3], [4, 5, 6], [7, 8, 9]),
     "time,q_wrist,q_elbow,q_shoulder": (0, [3, 2, 1], None, None),
     "wrist_position,elbow_position,shoulder_position,Time": (3, [2, 1, 0], None, None),
-    "timestamp,position.shoulder,position.elbow,position.wrist": (0, [1, 2, 3], None, None),
     "timestamp,position[shoulder],position[elbow],position[wrist]": (0, [1, 2, 3], None, None),
     "stamp,pos[0],pos[1],pos[2],vel[0],vel[1],vel[2]": (0, [1, 2, 3], [4, 5, 6], None),
     "sec,joint_states.position[0],joint_states.position[1],joint_states.position[2]": (0, [1, 2, 3], None, None),
     "timestamp,target_q_0,target_q_1,target_q_2,actual_q_0,actual_q_1,actual_q_2": (0, [4, 5, 6], None, None),
-    "t,q[0],q[1],q[2],q_d[0],q_d[1],q_d[2],tau_J[0],tau_J[1],tau_J[2],tau_ext[0],tau_ext[1],tau_ext[2]": (
-        *(0, [1, 2, 3], None, [7, 8, 9]),
-    ),
     "t,q[0],q[1],q[2],q_d[0],q_d[1],q_d[2],dq[0],dq[1],dq[2],q_d[0],q_d[1],q_d[2],tau_J_d[0],tau_J_d[0]": (
         *(0, [1, 2, 3], [7, 8, 9], None),
     ),
     "t,mode,mode,q1,q2,q3,temperature,temperature,pos_a,pos_a": (0, [3, 4, 5], None, None),
     "t,joint1_velocity,joint2_velocity,joint3_velocity,J1 angle,J2 angle,J3 angle": (0, [4, 5, 6], [1, 2, 3], None),
-    "Elapsed,POS_1,POS_2,POS_3,name": (0, [1, 2, 3], None, None),
     "t,q0,q1,q2,tau1,tau2,tau3": (0, [1, 2, 3], None, [4, 5, 6]),
     "t,q3,q2,q1": (0, [3, 2, 1], None, None),
     "t,q1,q2,q3,q_tau_1,q_tau_2,q_tau_3": (0, [1, 2, 3], None, None),
     "t,q1,q2,q3,position.x,position.y,position.z,q_w,q_x,q_y,q_z": (0, [1, 2, 3], None, None),
     "t,q_shoulder,q_elbow,q_wrist,q_gripper,current_tool,seq,temperature_1": (0, [1, 2, 3], None, None),
     "t,__time,q1,q2,q3": (0, [2, 3, 4], None, None),
-    ",t,q1,q2,q3": (1, [2, 3, 4], None, None),
 }
 
 
@@ -463,7 +434,7 @@ def test_maps(in_columns, kind):
     assert found(in_columns(PLAIN, {"time": "t"} | MAPS[kind], "se")) == (0, [1, 2], [3, 4], [5, 6])
 
 
-def test_maps_in_files(in_columns, written, monkeypatch):
+def test_maps_in_files(in_columns, written):
     path = written(
         """
         time: stamp
@@ -474,23 +445,11 @@ def test_maps_in_files(in_columns, written, monkeypatch):
         """,
         "map.yaml",
     )
-    for one in (path, str(path)):
-        recording = in_columns("stamp,p a,p b,i a,x,i b", one, "ba")
-        np.testing.assert_allclose(recording.q[-1], [0.22 * DEG, 2 * 0.12])
-        np.testing.assert_allclose(recording.tau[-1], [0.5 * 0.52, -0.32])
-    for text, message in (
-        ("- 1", r"map\.yaml' is \[1\], expected"),
-        ("time: [", r"map\.yaml' is no YAML: .*line 1"),
-        ("time: 2024-13-01\n", "is no YAML"),
-        ("time: t\npositoin: q", r"map\.yaml' has 'positoin', expected 'position'"),
-    ):
-        with pytest.raises(dd.InputError, match=message):
-            in_columns("t,q1", written(text, "map.yaml"), "a")
-    with pytest.raises(dd.InputError, match="The map of columns '/nowhere/map' cannot be read"):
-        in_columns("t,q1", "/nowhere/map", "a")
-    monkeypatch.setitem(sys.modules, "yaml", None)
-    with pytest.raises(dd.InputError, match="needs the package yaml: pip install pyyaml"):
-        in_columns("t,q1", written("time: t", "map.yaml"), "a")
+    recording = in_columns("stamp,p a,p b,i a,x,i b", path, "ba")
+    np.testing.assert_allclose(recording.q[-1], [0.22 * DEG, 2 * 0.12])
+    np.testing.assert_allclose(recording.tau[-1], [0.5 * 0.52, -0.32])
+    with pytest.raises(dd.InputError, match=r"map\.yaml' has 'positoin', expected 'position'"):
+        in_columns("t,q1", written("time: t\npositoin: q", "map.yaml"), "a")
 
 
 def test_what_a_map_does_not_name_follows_from_names(in_columns):
@@ -543,87 +502,72 @@ def test_headers_and_separators(written, text, columns):
 
 HEADERS = {
     "t,q1,q2,q3,pos1,pos2,pos3": r"'q\{joint\}' or 'pos\{joint\}'",
-    "t,q_shoulder,q_elbow,q_wrist,q1,q2,q3": r"'q_\{joint\}' or 'q\{joint\}'",
-    "t,left/q_elbow,right/q_elbow": r"'left/q_\{joint\}' or 'right/q_\{joint\}'",
     "t,q1,q2,q3,tau1,tau2,tau3,effort1,effort2,effort3": "may be the effort",
-    "t,time,q1,q2,q3": "one of t, time",
+    "t,time,q1,q2,q3": "several columns may be the times, t, time",
     "t,q1 [deg],q1 [rad],q2,q3": r"'q1 \[deg\]' \(column 1\) and 'q1 \[rad\]' \(column 2\)",
     "t,q1,q2,q3,qd1,qd1,qd2,qd3": r"'qd1' \(column 4\) and 'qd1' \(column 5\)",
-    "t,q1,q1,q2,q3": r"'q1' \(column 1\) and 'q1' \(column 2\)",
     "t,q1,q2,q3,q4": "has 1, 2, 3, 4, but there are 3 joints",
     "t,q1,q2,q4": "has 1, 2, 4, but there are 3 joints: shoulder, elbow, wrist",
     "t,q_hip,q_knee": "has hip, knee, but there are 3 joints: shoulder, elbow, wrist",
-    "t,shoulder,elbow,wrist": "no column is known as a position, of t, shoulder, elbow, wrist",
     "t,q1,q2,q3,qd1,qd2 [ticks],qd3": r"column 'qd2 \[ticks\]' is in 'ticks'",
     "t,q_deg_1,q_deg_2,q_deg_3,current_1,current_2,current_3": "column 'current_1' is in 'A'",
-    "x,q1,q2,q3": "which of x, q1, q2, q3",
+    "x,q1,q2,q3": "no column is known as the times, of x, q1, q2, q3",
     "t [furlongs],q1,q2,q3": r"column 't \[furlongs\]' is in 'furlongs'",
 }
 WRONG_MAPS = [
     ({"tiem": "t"}, "columns has 'tiem', expected 'time'"),
-    ({"position": "a_{joint}", "time": "tt"}, "time: there is no column 'tt' .did you mean 't'"),
-    ({"position": ["a_s", "a_x"]}, "position: there is no column 'a_x' .did you mean 'a_"),
+    ({"position": "a_{joint}", "time": "tt"}, "time: 'tt' is the name of 0 columns; .*. Is 't' meant"),
+    ({"position": [1, 17]}, "position: 17 is the name of 0 columns; expected the name or number of one of t, a_s"),
     ({"position": "A_{joint}"}, r"position: no column is like 'A_\{joint\}'"),
-    ({"position": "a_{joint}", "joints": ["s", "eh"]}, r"no column 'a_\{joint\}' for eh .did you mean 'e'"),
+    ({"position": "a_{joint}", "joints": ["s", "eh"]}, r"'a_\{joint\}' has no column of eh"),
     ({"position": "{joint}_{joint}"}, r"a pattern with \{joint\} once"),
     ({"position": [1, 2, 3], "joints": ["s", "e"]}, "has 3 columns, but there are 2 joints"),
-    ({"position": [1, 1]}, r"position is \[1, 1\], expected .* each once"),
-    ({"position": [1, "a_s"]}, "position has a column for two joints"),
-    ({"position": [1, 17]}, "position: there is no column 17. There are 7: t, a_s"),
-    *(({"position": value}, "position is .*, expected a column") for value in ([1, -2], [1, True], [], None)),
+    *(({"position": value}, "position is .*, expected a column") for value in ([1, 1], [1, -2], [1, True], [], None)),
     ({"position": {"s": 1}, "effort": {"e": 2}}, "effort is by joint, but not for the same joints"),
     ({"position": [1], "time": [1, 2, 3]}, "expected one column, or two"),
-    ({"joints": "s"}, "joints is 's', expected a list"),
     ({"joints": ["s", "s"]}, r"joints is \['s', 's'\], expected .* each once"),
-    ({"joints": [1, 2]}, r"joints is \[1, 2\]"),
     ({"scale": 2}, "scale is 2"),
-    ({"scale": {"efort": 2}}, "scale has 'efort', expected 'effort'"),
     ({"scale": {"effort": 0}}, "scale: effort is 0, expected finite numbers other than 0"),
-    ({"scale": {"effort": "nan"}}, "expected finite numbers"),
     ({"scale": {"position": "grad"}}, "scale: position is 'grad'"),
-    ({"position": [1, 2], "scale": {"position": [1, 2, 3]}}, "scale: position has 3 numbers, but there are 2 joints"),
-    ({"position": "a_{joint}", "scale": {"position": {"x": 1}}}, "'x', which is none of the joints s, e"),
+    *(
+        (
+            {"position": [1, 2], "scale": {"position": value}},
+            "scale: position is .*, or one for each of the joints s, e",
+        )
+        for value in ([1, 2, 3], {"x": 1, "*": 2}, {"s": 1})
+    ),
     ({"position": "a_{joint}", "scale": {"effort": 1}}, "there is a scale of effort, but no column of it"),
     ({"header": "no"}, "header is 'no', expected true or false"),
     ({"delimiter": ", "}, "delimiter is ', ', expected one character"),
-    ({"decimal": ";"}, "decimal is ';', expected '.' or ','"),
-    ({"decimal": ",", "delimiter": ","}, "decimal and delimiter are both ','"),
     ({"skip": -1}, "skip is -1, expected a whole number"),
     ([1], r"columns is \[1\], expected the path of a YAML file or a dict"),
 ]
 ONES, THREE = pa.array([1.0]), np.arange(3.0)
 CONTENTS = [
     ("", None, "is empty: it has 0 bytes"),
-    ("\n\n \n", None, "has 4 lines, and nothing in them"),
+    ("\n\n \n", None, "has 4 lines, and none with text"),
     (b"\xff\xfet\0,\0", None, r"its first line is no text \(UTF-8\)"),
-    (b"\x01\x02\0\0rubbish", None, "is neither CSV nor Parquet or npz that can be read"),
     ("t,q1\r0,1\r", None, "its first line is no text .* line break"),
-    ("5,1,2\n1,2,3\n", None, "has no header, line 1 is of numbers"),
-    ("1.5,1,base\n", None, "line 1 has text and numbers"),
-    ("0,1,2\n1,2,3\n", {"time": 0, "position": [1, 2]}, "may be a header or a row"),
-    ("t,q1\n", {"skip": 5}, "has 2 lines, and nothing in them behind the 5 to be skipped"),
-    ("t,q1,q1\n0,1,2\n", {"position": "q1"}, "'q1' is the name of columns 1, 2"),
-    ("t;q1\n0,5;1\n", None, "have a decimal comma"),
+    *(
+        (text, columns, "line 1 is no header of names alone. Say `header: true` or `header: false`")
+        for text, columns in (("5,1\n1,2\n", None), ("1,x\n", None), ("0,1\n", {"time": 0, "position": [1]}))
+    ),
+    ("t,q1,q1\n0,1,2\n", {"position": "q1"}, "'q1' is the name of 2 columns"),
     (b"\x93NUMPY\x01\0", None, "is a single array without names"),
     (pa.table({"t": [0.0], "q1": ["1"]}), {"position": "q1"}, "'q1' is of type string, expected numbers"),
-    (pa.table({"t": ["noon"], "q1": ONES}), None, "'t' holds text such as 'noon', expected numbers or ISO 8601"),
-    (pa.table({"t": pa.array([1], pa.date32()), "q1": ONES}), None, r"'t' is of type date32\[day\], expected numbers"),
-    (pa.table({"t": ["noon"], "q1": ONES}), {"time": "t"}, "time: 't' holds text such as 'noon', expected numbers or"),
+    (pa.table({"t": ["noon"], "q1": ONES}), {"time": "t"}, "time: 't' is of type string such as 'noon', expected"),
+    (pa.table({"t": pa.array([1], pa.date32()), "q1": ONES}), None, "no column is known as the times"),
     (pa.table({"t": [[0.0]], "q1": ONES}), {"time": "t"}, "time: 't' has 1 columns"),
     (
-        pa.table({"t": [0.0], "q_a": pa.array([1], pa.timestamp("s"))}),
-        {"position": ["q_a"]},
-        r"'q_a' is of type timestamp.*, expected numbers",
+        pa.table({"t": [0.0], "q": [[1.0]], "q2": ONES}),
+        {"position": ["q", "q2"]},
+        "has a whole array; expected it alone",
     ),
-    (pa.table({"t": [0.0], "q": [[1.0]], "q2": ONES}), {"position": ["q", "q2"]}, "'q' is a whole array"),
     ({"t": THREE, "q": np.ones((4, 2))}, None, r"array 'q' has shape \(4, 2\), expected a row for each"),
     ({"t": THREE, "q": np.ones((3, 2, 2))}, {"position": "q"}, "'q' is of type float64, expected numbers in one or"),
     ({"t": THREE, "q": np.ones((3, 2), complex)}, {"position": "q"}, "'q' is of type complex128, expected numbers"),
-    ({"t": THREE, "q": np.array([{}, {}, {}])}, None, "no column is known as a position"),
-    ({"t": THREE, "pose": np.ones((3, 2))}, {"position": "poes"}, "did you mean 'pose'"),
     ({"t": np.ones((3, 2)), "q": np.ones((3, 2))}, None, "time: 't' has 2 columns"),
     ({"t": THREE, "q": np.ones((3, 2)), "pos": np.ones((3, 2))}, None, "may be the position"),
-    ({"when": THREE.astype("M8[s]"), "then": THREE.astype("M8[s]"), "q": np.ones((3, 2))}, None, "one of when, then"),
 ]
 
 
@@ -727,13 +671,8 @@ def test_times_of_pandas(tmp_path, zone, unit):
 
 
 def test_iso_times_without_seconds_and_in_headers(written):
-    for header, texts in (
-        ("time", ("2023-11-14T22:13Z", "2023-11-14 22:14")),
-        ("Time [UTC]", ("20231114T2213", "20231114T2314+01")),
-        ("timestamp (UTC)", ("2023-11-14 22:13:00", "2023-11-14 22:14:00.000")),
-    ):
-        path = written(f"{header},q1,qd1\n{texts[0]},1,0\n{texts[1]},1,0\n")
-        assert read(path).stamp.tolist() == [1_699_999_980 * 10**9, 1_700_000_040 * 10**9]
+    text = "Time [UTC],q1,qd1\n20231114T2213,1,0\n2023-11-14 22:14,1,0\n20231114T2315+01,1,0\n"
+    assert read(written(text)).stamp.tolist() == [(1_699_999_980 + 60 * k) * 10**9 for k in range(3)]
 
 
 def test_texts_that_are_no_times(written):

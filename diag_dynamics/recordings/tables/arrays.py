@@ -14,6 +14,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.messages import describe_error
 from diag_dynamics.recordings.tables.cells import SAMPLE, is_list, make_column, unify
 from diag_dynamics.recordings.tables.choice import choose
 from diag_dynamics.recordings.tables.headers import Column
@@ -40,7 +41,7 @@ class ParquetSource:
         self.path = path
         with self._open() as file:
             empty = _flatten(file.schema_arrow.empty_table())
-            columns = [self._make_column(file, field, empty.column(k)) for k, field in enumerate(empty.schema)]
+            columns = [_sample_column(file, field, empty.column(k)) for k, field in enumerate(empty.schema)]
             metadata = [file.schema_arrow.metadata, *(field.metadata for field in empty.schema)]
         self.headers = [one.name for one in columns]
         self.choice = choose(columns, wanted, joints, path, [text for one in metadata for text in metadata_texts(one)])
@@ -48,7 +49,7 @@ class ParquetSource:
             if self.headers.count(name) > 1:
                 raise InputError(f"'{path}' has two columns '{name}'.")
 
-    def blocks(self, losses):
+    def blocks(self, lose):
         """Yield arrays by index of the column, and the number of each row."""
         used, row = {k: self.headers[k] for k in self.choice.used}, 0
         with self._open() as file:
@@ -61,33 +62,29 @@ class ParquetSource:
                         row += len(table)
                 except _UNREADABLE as error:
                     place = f"row {row}, row group {group}"
-                    losses.add("row group cannot be read", place, "rows lost", end - row, _reason(error))
+                    lose("row group cannot be read", place, "rows lost", end - row, describe_error(error))
                 row = end
-        if not row:
-            losses.add("there are no rows", "row 0")
 
     def _open(self):
         try:
             return parquet.ParquetFile(self.path, pre_buffer=False, buffer_size=1 << 20)
         except _UNREADABLE as error:
-            raise InputError(
-                f"'{self.path}' is no Parquet file that can be read: {_reason(error)} {_NOT_WHOLE}"
-            ) from error
+            why = f"{describe_error(error)}. {_NOT_WHOLE}"
+            raise InputError(f"'{self.path}' is no Parquet file that can be read: {why}") from error
 
-    @staticmethod
-    def _make_column(file, field, empty):
-        """Content of a column by its type, and by its first rows if it has texts or lists; it may be one of pictures."""
-        unit = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")
-        array = unify(empty.combine_chunks())
-        if not (pa.types.is_string(array.type) or is_list(array.type)):
-            return make_column(field.name, array, unit)
-        for group in range(min(file.num_row_groups, 64)):
-            with suppress(*_UNREADABLE, KeyError):
-                for table in islice(_read_tables(file, group, 16, [field.name]), 64):
-                    array = unify(table.column(field.name).combine_chunks())
-                    if any(array.to_pylist()):
-                        return make_column(field.name, array, unit)
-        return make_column(field.name, array, unit)
+
+def _sample_column(file, field, empty):
+    """Content of a column by its type, and by its first rows with a value if it has texts or lists."""
+    unit = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")
+    array = unify(empty.combine_chunks())
+    groups = range(min(file.num_row_groups, 64)) if pa.types.is_string(array.type) or is_list(array.type) else ()
+    for group in groups:
+        with suppress(*_UNREADABLE, KeyError):
+            for table in islice(_read_tables(file, group, 16, [field.name]), 64):
+                array = unify(table.column(field.name).combine_chunks())
+                if any(array.to_pylist()):
+                    return make_column(field.name, array, unit)
+    return make_column(field.name, array, unit)
 
 
 def _read_tables(file, group, rows, names):
@@ -104,10 +101,6 @@ def _flatten(table):
     return table
 
 
-def _reason(error):
-    return " ".join(str(error).split())
-
-
 class NpzSource:
     """Rows of the arrays of an npz, (n,) or (n, k); one that is (k, n) is turned round.
 
@@ -117,60 +110,52 @@ class NpzSource:
     unit = "row"
 
     def __init__(self, path, wanted, joints):
-        self.path, self._broken = path, {}
+        self.path = path
         arrays = self._read_arrays()
-        why = "".join(f"; array '{name}' cannot be read: {why}" for name, why in self._broken.items())
         if not arrays:
-            raise InputError(f"'{path}' is a zip archive without numpy's arrays that can be read{why}.")
+            raise InputError(f"'{path}' is a zip archive without numpy's arrays.")
         turned = _turn(arrays)
-        self.headers, lengths = list(arrays), {len(one) for one in arrays.values() if _is_numeric(one)}
+        lengths = {len(one) for one in arrays.values() if _is_numeric(one)}
+        texts = _pop_texts(arrays, lengths, joints)
+        self.headers = list(arrays)
         columns = [_make_array_column(name, array, lengths) for name, array in arrays.items()]
-        try:
-            self.choice = choose(columns, wanted, joints, path, _find_texts(arrays, lengths, joints))
-        except InputError as error:
-            raise InputError(f"{error.args[0]}{why}") from None
+        self.choice = choose(columns, wanted, joints, path, texts)
         self._arrays = {k: arrays[self.headers[k]] for k in self.choice.used}
-        used = [self.headers[k] for k in self.choice.used]
+        used, time = [self.headers[k] for k in self.choice.used], self.headers[self.choice.time[0]]
         self.notes = [f"{name}: turned round, it has a row for each joint." for name in turned if name in used]
-        time = self.headers[self.choice.time[0]]
         for name in used:
             if len(arrays[name]) != len(arrays[time]):
                 what = f"expected a row for each of the {len(arrays[time])} times in '{time}'"
                 raise InputError(f"'{path}': array '{name}' has shape {arrays[name].shape}, {what}.")
 
-    def blocks(self, losses):
+    def blocks(self, lose):
         """Yield arrays by index of the array, and the number of each row; the arrays that are used are in memory."""
-        for name, why in self._broken.items():
-            losses.add(f"array '{name}' cannot be read: {why}: all its numbers are lost", f"array {name}")
         count = len(self._arrays[self.choice.time[0]])
         for begin in range(0, count, ROWS):
             arrays = {k: _convert(array[begin : begin + ROWS]) for k, array in self._arrays.items()}
             yield arrays, np.arange(begin, min(begin + ROWS, count))
-        if not count:
-            losses.add("there are no rows", "row 0")
 
     def _read_arrays(self):
-        """Arrays by name, bytes as texts; those of more than two axes without their numbers."""
+        """Arrays by name, bytes as texts; those of Python objects are left out."""
         arrays = {}
         try:
             file = np.load(self.path)
         except _BROKEN as error:
-            raise InputError(f"'{self.path}' is no npz that can be read: {_reason(error)}. {_NOT_WHOLE}") from error
+            raise InputError(
+                f"'{self.path}' is no npz that can be read: {describe_error(error)}. {_NOT_WHOLE}"
+            ) from error
         with file:
             for name in file.files:
                 try:
                     array = file[name]
                 except _BROKEN as error:
-                    self._broken[name] = _reason(error)
-                    continue
+                    why = describe_error(error)
+                    if "allow_pickle" in why and _last(name).lower() not in NAMES:
+                        continue
+                    save = f" Save names as np.array({name}, dtype=str)." if "allow_pickle" in why else ""
+                    raise InputError(f"'{self.path}': array '{name}' cannot be read: {why}.{save}") from error
                 if isinstance(array, np.ndarray):
-                    array = array if array.ndim < 3 else np.empty((0,) * array.ndim, array.dtype)
                     arrays[name] = array.astype(str) if array.dtype.kind == "S" else array
-        for name in [one for one, why in self._broken.items() if "allow_pickle" in why]:
-            if _last(name).lower() in NAMES:
-                save = f"Save names as np.array({name}, dtype=str)"
-                raise InputError(f"'{self.path}': array '{name}' holds Python objects, which are not loaded. {save}.")
-            del self._broken[name]
         return arrays
 
 
@@ -193,14 +178,15 @@ def _turn(arrays):
     return turned
 
 
-def _find_texts(arrays, lengths, known):
-    """Arrays of text that have no row for each time, and may state names of joints."""
+def _pop_texts(arrays, lengths, known):
+    """Take out the arrays of text that have no row for each time; return those that may state names of joints."""
     found = []
-    for name, array in arrays.items():
+    for name, array in list(arrays.items()):
         value = array.tolist() if array.dtype.kind == "U" and array.ndim < 2 else None
         once = isinstance(value, list) and len(set(value)) == len(value) and set(value) <= set(known)
         if isinstance(value, str) or once or (value and len(value) not in lengths):
-            found += label_text(f"array '{name}'", _last(name), value, name)
+            found += label_text(f"array '{name}'", _last(name), value)
+            del arrays[name]
     return found
 
 

@@ -5,7 +5,6 @@
 
 import re
 from contextlib import suppress
-from datetime import datetime, timedelta, timezone
 from decimal import Context, Decimal
 
 import numpy as np
@@ -21,14 +20,14 @@ MISSING = frozenset((*BLANK, "nan", "NaN", "NAN", "-nan", "-NaN"))
 """Texts that stand for no number."""
 
 _SECOND = 10**9  # [ns]
-_LIMIT = 2**62  # [ns], of stamps: the difference of two fits into 64 bits
+_LIMIT = 4 * 10**18  # [ns], of stamps: the difference of two fits into 64 bits
 _SHORT = 2.0**50 / _SECOND  # [s], 13 days: up to here a double holds nine decimals
 _EXACT = Context(prec=40, traps=[])
 _UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _ISO = re.compile(
     r"(?P<year>\d{4})(?P<dash>-?)(?P<month>\d\d)(?P=dash)(?P<day>\d\d)"
     r"[T ]\s*(?P<hour>\d\d)(?P<colon>:?)(?P<minute>\d\d)(?:(?P=colon)(?P<second>\d\d)(?:[.,](?P<fraction>\d+))?)?"
-    r"\s*(?:Z|UTC|GMT|(?P<zone>[+-]\d\d(?::?\d\d)?))?(?:\[[\w/+-]+\])?",
+    r"\s*(?:Z|UTC|GMT|(?P<sign>[+-])(?P<hours>\d\d):?(?P<minutes>\d\d)?)?(?:\[[\w/+-]+\])?",
     re.ASCII | re.IGNORECASE,
 )
 """ISO 8601 in the extended and the basic form, with the name of a zone behind its offset."""
@@ -67,18 +66,15 @@ def is_date(text):
 def is_number(text):
     """Return whether a text is a number, with a decimal point or comma, or a time."""
     given = text.strip() not in MISSING
-    return given and (parse_number(text.replace(",", ".")) is not None or is_date(text))
+    return given and (_parse_number(text.replace(",", ".")) is not None or is_date(text))
 
 
-def parse_number(text):
-    """Return the number in a text, NaN for a sign of no value; None for any other text."""
-    text = text.strip()
-    if text in MISSING:
-        return np.nan
-    try:
-        return None if "_" in text else float(text)
-    except ValueError:
-        return None
+def _parse_number(text):
+    """The number in a text, NaN for a sign of no value; None for any other text."""
+    with suppress(ValueError):
+        text = text.strip()
+        return np.nan if text in MISSING else None if "_" in text else float(text)
+    return None
 
 
 def make_column(name, array, unit=None, numeric=False):
@@ -127,7 +123,7 @@ def read_numbers(array, lose):
     """Return the numbers of a column, (n,), and report texts that are none by `lose(cause, unit, rows, example)`."""
     with suppress(pa.ArrowInvalid):
         return _to_numpy(array)
-    return np.array(_parse_texts(array, parse_number, lose, "number", "fields"), float)
+    return np.array(_parse_texts(array, _parse_number, lose, "number", "fields"), float)
 
 
 def _parse_texts(array, parse, lose, what, units):
@@ -181,12 +177,13 @@ def read_times(array, scale):
         array, scale = array.cast(pa.int64()), _UNITS[kind.unit]
     elif pa.types.is_decimal(kind):
         array = array.cast(pa.string())
+    if pa.types.is_string(array.type):
+        with suppress(pa.ArrowInvalid):
+            array = array.cast(pa.int64())
     if pa.types.is_integer(array.type):
         return _scale_integers(array, scale)
     if not pa.types.is_string(array.type):
         return _scale_floats(_to_numpy(array), scale)
-    with suppress(pa.ArrowInvalid):
-        return _scale_integers(array.cast(pa.int64()), scale)
     with suppress(pa.ArrowInvalid):
         values = _to_numpy(array)
         if not (np.abs(values * scale) > _SHORT).any():
@@ -199,21 +196,13 @@ def read_times(array, scale):
     return np.array(seconds, float), np.array([round(one) for one in exact], np.int64)
 
 
-def read_pairs(seconds, nanoseconds):
-    """Return times and stamps of whole seconds and nanoseconds in doubles."""
-    part = np.rint(np.clip(np.nan_to_num(nanoseconds), -5e9, 5e9)).astype(np.int64)
-    stamp = np.clip(_scale_floats(seconds, 1.0)[1] + part, -_LIMIT, _LIMIT)
-    return seconds + nanoseconds / _SECOND, stamp
-
-
 def _scale_floats(values, scale):
     inverse = np.rint(1 / scale)
     divided = scale < 1 and inverse and 1 / inverse == scale  # 5 / 1e6 is 5e-6, 5 * 1e-6 is not
     time = values / inverse if divided else values * scale
-    whole = np.floor(np.clip(np.nan_to_num(time), -5e9, 5e9))
+    whole = np.floor(np.clip(np.nan_to_num(time), -_LIMIT / _SECOND, _LIMIT / _SECOND))
     part = np.clip(np.nan_to_num(time) - whole, 0.0, 1.0)
-    stamp = whole.astype(np.int64) * _SECOND + np.rint(part * _SECOND).astype(np.int64)
-    return time, np.clip(stamp, -_LIMIT, _LIMIT)
+    return time, whole.astype(np.int64) * _SECOND + np.rint(part * _SECOND).astype(np.int64)
 
 
 def _scale_integers(array, scale):
@@ -233,12 +222,10 @@ def _parse_time(text, unit):
     if date is None:
         plain = text.isascii() and "_" not in text
         return _EXACT.multiply(_EXACT.create_decimal(text), unit) if plain else Decimal("nan")
+    fields = date.groupdict("00")
     try:
-        zone = re.sub("[+:-]", "", date["zone"] or "0000")
-        offset = timedelta(hours=int(zone[:2]), minutes=int(zone[2:] or 0))
-        utc = timezone(-offset if "-" in (date["zone"] or "") else offset)
-        fields = ("year", "month", "day", "hour", "minute", "second")
-        moment = datetime(*(int(date[one] or 0) for one in fields), tzinfo=utc)
+        moment = np.datetime64("{year}-{month}-{day}T{hour}:{minute}:{second}".format(**fields), "s").astype(int)
     except ValueError:  # the 30th of February
         return Decimal("nan")
-    return Decimal(round(moment.timestamp())) + Decimal(f"0.{date['fraction'] or 0}")
+    offset = 3600 * int(fields["hours"]) + 60 * int(fields["minutes"])
+    return Decimal(int(moment) + (offset if fields["sign"] == "-" else -offset)) + Decimal(f"0.{fields['fraction']}")

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The map of columns: which of them hold time, positions, velocities and efforts, as a user writes it."""
+"""The map of columns: which of them hold time, positions, velocities and efforts."""
 
 import math
 import os
@@ -16,8 +16,6 @@ from diag_dynamics.yaml_files import read_yaml
 
 QUANTITIES = ("position", "velocity", "effort")
 UNSAID = object()  # value of a quantity that the map does not have
-
-_DELIMITERS = {"tab": "\t", "\\t": "\t", "comma": ",", "semicolon": ";", "space": " "}
 
 
 class ColumnMap(NamedTuple):
@@ -66,8 +64,6 @@ def column_map(columns):
     given = _parse(columns, _PARSERS, source)
     given["scale"] = _parse(given.get("scale") or {}, _SCALES, f"{source}: scale")
     given = {key: value for key, value in given.items() if value is not None or key in QUANTITIES}
-    if given.get("decimal") == given.get("delimiter") == ",":
-        raise InputError(f"{source}: decimal and delimiter are both ','.")
     by_joint = {key: given[key] for key in QUANTITIES if isinstance(given.get(key), Mapping)}
     for key, value in by_joint.items():
         given["joints"] = joints = given.get("joints") or tuple(value)
@@ -101,7 +97,6 @@ def _require(valid, value):
 
 
 def _parse_columns(value, most=1 << 20):
-    """A list of different columns, by name or number."""
     columns = list(value) if isinstance(value, list | tuple) else [value]
     valid = all((type(one) is str and one) or (type(one) is int and one >= 0) for one in columns)
     return _require(valid and 0 < len(columns) == len(set(columns)) <= most, columns)
@@ -122,7 +117,7 @@ def _parse_joints(value):
 
 
 def _parse_delimiter(value):
-    text = _DELIMITERS.get(value, value)
+    text = {"tab": "\t", "space": " "}.get(value, value)
     valid = len(text) == 1 and text.isascii() and not text.isalnum() and text not in "\"\n\r.+-_#'"
     return _require(valid, text)
 
@@ -138,28 +133,28 @@ def _parse_scale(quantity, value):
     return _require(math.isfinite(number) and number != 0, number)
 
 
-_COLUMNS = f"a column's name, a pattern with {JOINT} once, or a list of columns by name or number from 0, each once"
+def _checked(valid, expected):
+    """A parser that returns what is valid as it is."""
+    return lambda value: _require(valid(value), value), expected
+
+
+_COLUMNS = (
+    _parse_quantity,
+    f"a column's name, a pattern with {JOINT} once, or a list of columns by name or number from 0, each once",
+)
 _PARSERS = {
-    "time": (
-        lambda value: tuple(_parse_columns(value, 2)),
-        "one column, or two: seconds and nanoseconds, by name or number from 0",
-    ),
-    "position": (_parse_quantity, _COLUMNS),
-    "velocity": (_parse_quantity, f"null, {_COLUMNS}"),
-    "effort": (_parse_quantity, f"null, {_COLUMNS}"),
+    "time": (lambda value: tuple(_parse_columns(value, 2)), "one column, or two: seconds and nanoseconds"),
+    **dict.fromkeys(QUANTITIES, _COLUMNS),
     "joints": (_parse_joints, "a list of the joints' names, each once"),
-    "joint_names": (lambda value: value, ""),  # not checked here
-    "scale": (lambda value: _require(isinstance(value, Mapping), value), f"one of {', '.join(UNITS)}"),
-    "header": (lambda value: _require(value in (True, False), value), "true or false"),
+    "joint_names": _checked(lambda value: True, ""),  # JointNames checks it
+    "scale": _checked(lambda value: isinstance(value, Mapping), f"one of {', '.join(UNITS)}"),
+    "header": _checked(lambda value: value in (True, False), "true or false"),
     "delimiter": (_parse_delimiter, "one character, such as ',', or tab or space"),
-    "decimal": (lambda value: _require(value in (".", ","), value), "'.' or ','"),
-    "skip": (lambda value: _require(type(value) is int and value >= 0, value), "a whole number from 0"),
+    "decimal": _checked(lambda value: value in (".", ","), "'.' or ','"),
+    "skip": _checked(lambda value: type(value) is int and value >= 0, "a whole number from 0"),
 }
 """By key: what returns a value or raises ValueError, and what is expected. null is no value."""
 _SCALES = {
-    quantity: (
-        partial(_parse_scale, quantity),
-        f"finite numbers other than 0 or units such as {', '.join(list(units)[:8])}",
-    )
+    quantity: (partial(_parse_scale, quantity), f"finite numbers other than 0 or units such as {', '.join(units)}")
     for quantity, units in UNITS.items()
 }

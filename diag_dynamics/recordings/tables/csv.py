@@ -15,6 +15,7 @@ import pyarrow as pa
 from pyarrow import csv as arrow_csv
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.messages import describe_error
 from diag_dynamics.recordings.tables.cells import BLANK, MISSING, SAMPLE, is_date, is_number, make_column, unify
 from diag_dynamics.recordings.tables.choice import choose
 from diag_dynamics.recordings.tables.column_map import UNSAID
@@ -49,14 +50,11 @@ class CsvSource:
         if len(lines) < 2 or "\0" in lines[0]:
             why = self._broken or "its first line is no text (UTF-8) with a line break behind it (LF or CR LF)"
             raise InputError(f"'{path}' is neither CSV nor Parquet or npz that can be read: {why}.")
-        columns, self._delimiter, self._above = _read_head(lines, wanted, joints, path)
+        columns, self._delimiter, named, self._above = _read_head(lines, wanted, joints, path)
         self.headers = [one.name for one in columns]
-        marked = [
-            (at, re.sub(r"^[#%\s]+", "", line))
-            for at, line in enumerate(lines[:_COMMENTED], 1)
-            if at <= wanted.skip or line.startswith(("#", "%"))
-        ]
-        self.choice = choose(columns, wanted, joints, path, comment_texts(marked))
+        marked = [at <= wanted.skip or at == named or line[:1] in "#%" for at, line in enumerate(lines[:_COMMENTED], 1)]
+        texts = {at: lines[at - 1].lstrip("#% \t\r") for at, one in enumerate(marked, 1) if one and lines[at - 1]}
+        self.choice = choose(columns, wanted, joints, path, comment_texts(texts))
         self._size = min(max(ROWS * (len(begin) // len(lines) + 1), _BEGINNING), MAX_LINE)
         self._scalars = {*self.choice.values, *self.choice.time} - {k for k, one in enumerate(columns) if one.listed}
         numbers = self._scalars.difference(self.choice.time)
@@ -67,19 +65,16 @@ class CsvSource:
             decimal_point=wanted.decimal,
         )
 
-    def blocks(self, losses):
+    def blocks(self, lose):
         """Yield arrays by index of the column, and the number of each line."""
-        end = self._above + 1
         for line, text in self._read_lines(self._size):
             if line == 1:  # the lines above the rows are all in it
                 *above, text = text.split(b"\n", self._above)
                 line, text = self._above + 1, text if len(above) == self._above else b""
-            yield self._parse(text, line) or self._parse_lines(text, line, losses)
-            end = line + text.count(b"\n") + (not text.endswith(b"\n") and text != b"")
+            yield self._parse(text, line) or self._parse_lines(text, line, lose)
         if self._broken:
-            losses.add(f"{self._broken}: all behind this line is lost", f"line {end - 1}")
-        if end == self._above + 1:
-            losses.add("there is no row below the header", f"line {end}")
+            last = line + text.count(b"\n") - 1
+            lose(f"{self._broken}: all behind this line is lost", f"line {last}")
 
     def _read_lines(self, size):
         """Yield whole lines, about `size` bytes at a time, and the number of the first."""
@@ -106,10 +101,8 @@ class CsvSource:
                 while chunk := stream.read1(1 << 18):
                     yield chunk
             except _BROKEN as error:
-                why = str(error).rstrip(".") or type(error).__name__
-                cut = isinstance(error, EOFError) or "Truncated" in why
-                doubt = "" if cut else "; it is damaged, and rows before that may be wrong"
-                self._broken = f"the packed stream cannot be read to its end: {why}{doubt}"
+                doubt = "if it is damaged, rows before that may be wrong"
+                self._broken = f"the packed stream cannot be read to its end: {describe_error(error)}; {doubt}"
         yield b""
 
     def _parse(self, text, line):
@@ -129,7 +122,7 @@ class CsvSource:
         arrays = {k: table.column(str(k)).combine_chunks() for k in self.choice.used}
         return self._replace_commas(arrays), np.arange(line, line + count)
 
-    def _parse_lines(self, text, line, losses):
+    def _parse_lines(self, text, line, lose):
         """A block line by line; what is no row is counted."""
         width, kept, lines = len(self.headers), [], []
         for at, one in enumerate(_decode(text).split("\n"), line):
@@ -142,8 +135,8 @@ class CsvSource:
                 kept.append(fields)
                 lines.append(at)
             else:
-                example = f"{len(fields)} instead of {width}"
-                losses.add("another number of columns than the header has", f"line {at}", LEFT_OUT, example=example)
+                cause, example = "another number of columns than the header has", f"{len(fields)} instead of {width}"
+                lose(cause, f"line {at}", LEFT_OUT, example=example)
         arrays = {k: pa.array([fields[k] for fields in kept], pa.string()) for k in self.choice.used}
         return self._replace_commas(arrays), np.array(lines, np.int64)
 
@@ -181,30 +174,30 @@ def fields_of(line, delimiter):
 
 
 def _read_head(lines, wanted, known, path):
-    """Columns, delimiter, and the number of lines above the first row."""
+    """Columns, delimiter, the number of a line of names below the header or None, and that of lines above the rows."""
     at, comment = wanted.skip, None
     while at < len(lines) and (not lines[at].strip() or _COMMENT.match(lines[at].lstrip())):
         comment = lines[at].lstrip("#% \t").rstrip() if lines[at].strip() else comment
         at += 1
     rows = [(n, line) for n, line in enumerate(lines[at:], at + 1) if line.strip() and not line.startswith("#")]
     if not rows and comment is None:
-        raise InputError(
-            f"'{path}' has {len(lines)} lines, and nothing in them behind the {wanted.skip} to be skipped."
-        )
-    rows, comment = (rows[: SAMPLE + 3], comment) if rows else ([(at, comment)], None)
+        raise InputError(f"'{path}' has {len(lines)} lines, and none with text behind the {wanted.skip} to be skipped.")
+    rows, comment = (rows[: SAMPLE + 2], comment) if rows else ([(at, comment)], None)
     delimiter = wanted.delimiter or _guess_delimiter([line for _, line in rows], wanted.decimal)
-    fields = [(n, fields_of(line, delimiter)) for n, line in rows]
-    names, units, used = _read_header(fields, comment and fields_of(comment, delimiter), wanted, known, path)
-    below = [row for _, row in fields[used:]][:SAMPLE]
-    commas = [one.strip() for row in below for one in row if re.fullmatch(r"\s*[+-]?\d+,\d+(e[+-]?\d+)?\s*", one)]
-    if commas and "," not in (delimiter, wanted.decimal):
-        raise InputError(
-            f"'{path}': numbers such as '{commas[0]}' have a decimal comma: say `decimal: ','` in the map of columns."
-        )
-    texts = [[row[k] if k < len(row) else "" for row in below] for k in range(len(names))]
+    fields, named = [(n, fields_of(line, delimiter)) for n, line in rows], None
+    names, used = _read_header(fields, comment and fields_of(comment, delimiter), wanted, path)
+    units, below = [None] * len(names), [row for _, row in fields[used:]]
+    if used and below and len(below[0]) == len(names) and "n" not in _kinds(below[0]):  # of units, or of joints
+        second = [one.strip() for one in below[0]]
+        is_named = any(one in known for one in second)
+        if is_named or any(is_unit(one.strip("[]()")) for one in second):
+            named = fields[used][0] if is_named else None
+            units = units if is_named else [None if one in MISSING else one.strip("[]()") for one in second]
+            used, below = used + 1, below[1:]
+    texts = [[row[k] if k < len(row) else "" for row in below[:SAMPLE]] for k in range(len(names))]
     arrays = [unify(pa.array(one, pa.string())) for one in texts]
     columns = [make_column(*one, True) for one in zip(names, arrays, units, strict=True)]
-    return columns, delimiter, fields[used - 1][0] if used else at
+    return columns, delimiter, named, fields[used - 1][0] if used else at
 
 
 def _guess_delimiter(rows, decimal):
@@ -218,32 +211,23 @@ def _guess_delimiter(rows, decimal):
     return candidates[0] if candidates else SPACES if len(first.split()) > 1 else ","
 
 
-def _read_header(fields, comment, wanted, known, path):
-    """Names and units of columns by the first lines, and how many of these are above the rows."""
+def _read_header(fields, comment, wanted, path):
+    """Names of columns by the first lines, and how many of these are above the rows."""
     line, first = fields[0]
+    kinds, numbers = _kinds(first), list(map(str, range(len(first))))
     names = _find_echoed_names(first) if wanted.header is None and wanted.position is UNSAID else None
-    if names or not (_is_header(first, path, line) if wanted.header is None else wanted.header):
-        if comment and wanted.header is None and len(comment) == len(first):
-            names = names or comment
-        by_numbers = wanted.time is not UNSAID and isinstance(wanted.position, list)
-        by_numbers = by_numbers and all(isinstance(one, int) for one in (*wanted.time, *wanted.position))
-        if not (names or by_numbers or wanted.header is False):
+    if wanted.header or (wanted.header is None and not names and "n" not in kinds):
+        return [name.strip() for name in first], 1
+    by_numbers = wanted.time is not UNSAID and isinstance(wanted.position, list)
+    by_numbers = by_numbers and all(isinstance(one, int) for one in (*wanted.time, *wanted.position))
+    if wanted.header is None and not names:
+        names = comment if comment and len(comment) == len(first) else numbers if by_numbers else None
+        if not names or "t" in kinds or [one.strip() for one in first] == numbers != ["0"]:
             raise InputError(
-                f"'{path}' has no header, line {line} is of numbers: give a map of columns (--columns MAP.yaml) with "
-                f"`header: false`, and with `time`, `position` … as numbers of columns, from 0 to {len(first) - 1}."
+                f"'{path}': line {line} is no header of names alone. Say `header: true` or `header: false` in a map of "
+                f"columns (--columns MAP.yaml), and name columns by their numbers, from 0 to {numbers[-1]}, without it."
             )
-        names = names or list(map(str, range(len(first))))
-        return [name.strip() for name in names], [None] * len(names), 0
-    names, used, below = first, 1, [row for _, row in fields[1:]]
-    if below and (joined := _join_headers(names, below[0], known)):
-        names, used = joined, 2
-        if len(below) > 1 and below[1][0].strip() and not any(one.strip() for one in below[1][1:]):
-            names[0], used = below[1][0], 3  # pandas' name of the index
-    names = [name.strip() for name in names]
-    units = [field.strip().strip("[]()") for field in fields[used][1]] if used < len(fields) else []
-    if len(units) == len(names) and "n" not in _kinds(units) and any(map(is_unit, units)):
-        return names, [None if unit in MISSING else unit for unit in units], used + 1
-    return names, [None] * len(names), used
+    return [name.strip() for name in names or numbers], 0
 
 
 def _kinds(fields):
@@ -258,29 +242,3 @@ def _find_echoed_names(fields):
         return None
     quantities = ("name", "position", "velocity", "effort")[: 1 + len(match[2]) // len(match[1])]
     return ["sec", "nanosec", "frame_id", *(f"{one}{k}" for one in quantities for k in range(len(match[1])))]
-
-
-def _is_header(fields, path, line):
-    """Whether a first line names columns."""
-    kinds, counting = _kinds(fields), [str(k) for k in range(len(fields))]
-    if "n" in kinds and ("t" in kinds or [field.strip() for field in fields] == counting != ["0"]):
-        say = "say `header: true` or `header: false` in the map of columns"
-        raise InputError(f"'{path}': line {line} has text and numbers, or counts, and may be a header or a row: {say}.")
-    return "n" not in kinds
-
-
-def _join_headers(names, below, known):
-    """Names of columns of which two lines hold quantities and joints, either above the other; None for other lines."""
-    if len(names) != len(below) or "n" in _kinds(below):
-        return None
-    for above, joints, others in ((False, below, names), (True, names, below)):
-        joints, others = [one.strip() for one in joints], [one.strip() for one in others]
-        if not any(one in known for one in joints):
-            continue
-        for k in range(1, len(joints) if above else 0):  # merged cells of a spreadsheet
-            joints[k] = joints[k - 1] if not joints[k] and joints[k - 1] in known else joints[k]
-        pairs = list(zip(joints, others, strict=True))
-        if any(one in known and any(joint in other for joint in known) for one, other in pairs):
-            return None
-        return [f"{re.sub(r'[ _.([{]*[0-9]+[])}]*$', '', b)}.{a}" if a in known else b or a for a, b in pairs]
-    return None

@@ -90,14 +90,6 @@ class Column(NamedTuple):
     type: str = ""  # of values that are no numbers, for messages
 
 
-class Header(NamedTuple):
-    """Content of one column by its name."""
-
-    quantity: str
-    pattern: str  # name with {joint} for the joint
-    joint: str  # name or number; empty where there is none
-
-
 # --- Units ---
 
 
@@ -153,17 +145,17 @@ def time_columns(columns):
         if not (column.numeric or column.dated) or (column.sample and not any(column.sample)):
             continue
         name = split_unit(column.name.strip())[0].lower()
-        kind = next((n for n, pattern in enumerate(_TIMES) if pattern.fullmatch(name)), None)
-        if kind is not None or column.moments:
-            kinds[3 if kind is None else kind].setdefault(column.name, (k,))
+        kind = next((n for n, pattern in enumerate(_TIMES) if pattern.fullmatch(name)), 3 if column.moments else None)
+        if kind is not None:
+            kinds[kind].setdefault(column.name, (k,))
         if match := _PAIR.fullmatch(name):
-            pair = pairs.setdefault(match["prefix"], {"kind": 0 if match["stamp"] else 1})
-            pair.setdefault("nano" if match["nano"] else "sec", k)
-    for pair in pairs.values():
-        if len(pair) == 3:
-            both = pair["sec"], pair["nano"]
-            kinds[pair["kind"]].pop(columns[both[0]].name, None)
-            kinds[pair["kind"]][" and ".join(columns[k].name for k in both)] = both
+            pair = pairs.setdefault((match["prefix"], 0 if match["stamp"] else 1), {})
+            pair.setdefault(bool(match["nano"]), k)
+    for (_, kind), pair in pairs.items():
+        if len(pair) == 2:
+            both = pair[False], pair[True]
+            kinds[kind].pop(columns[both[0]].name, None)
+            kinds[kind][" and ".join(columns[k].name for k in both)] = both
     return next(filter(None, kinds), {})
 
 
@@ -182,12 +174,16 @@ def unit_of_time(column):
 
 
 def parse_header(column, known):
-    """Return the :class:`Header` of a numeric column or None; `known` are the model's joints, longest first."""
+    """Return quantity, name with {joint} for the joint, and joint of a numeric column; None without a quantity.
+
+    The joint is a name or a number, or empty where there is none; `known` are the model's joints, longest first.
+    """
     name = split_unit(column.name.strip(), known)[0]
     for joint in known:
         place = re.search(rf"(?<![^\W_]){re.escape(joint)}(?![^\W_])", name)
         if place and (quantity := _find_quantity(_blank(name.lower(), place))):
-            return Header(quantity.lastgroup, name[: place.start()] + JOINT + name[place.end() :], joint)
+            before, after = (re.sub(r"\d+", "*", part) for part in (name[: place.start()], name[place.end() :]))
+            return quantity.lastgroup, before + JOINT + after, joint
     return _parse_unknown_joint(column, name)
 
 
@@ -203,13 +199,13 @@ def _parse_unknown_joint(column, name):
         begin = max(text.rfind("/", 0, end), text.rfind(".", 0, end)) + 1
     joint = text[begin:end].strip(_BETWEEN)
     if column.width or not joint:
-        return Header(quantity.lastgroup, column.name, "")
+        return quantity.lastgroup, column.name, ""
     number = _NUMBER.fullmatch(joint.lower())
     joint = number[1] if number else joint
     if joint.lower() in ("x", "y", "z", "w") or re.search(r"[\[\](){}]", joint):  # q_d[0] is no 'd[0' of q
         return None
     begin = text.index(joint, begin)
-    return Header(quantity.lastgroup, name[:begin] + JOINT + name[begin + len(joint) :], joint)
+    return quantity.lastgroup, name[:begin] + JOINT + name[begin + len(joint) :], joint
 
 
 def _find_quantity(text):

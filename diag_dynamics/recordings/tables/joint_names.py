@@ -7,6 +7,8 @@ import json
 import re
 from contextlib import suppress
 from functools import lru_cache
+from itertools import takewhile
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -20,26 +22,15 @@ MAX_LENGTH = 10_000  # characters of a text that may state names of joints
 _HEADER = re.compile(r"(?:.*[./:\s|])?(?:(?:joints?[_ -]*)?names?|joints?|joint[_ -]?order)")
 _NO_NAMES = ("", "nan", "none", "null", "na", "n/a", "-", "--")
 _LABEL = re.compile(
-    r"(?:^|[,;{|\"']\s*|[:=]\s?[^\s,;]{1,80}\s+)[\"']?(?:the\s+)?(?:(?:names?|order)\s+of\s+(?:the\s+|all\s+)?)?"
-    r"(?P<label>joints?(?:[_ -]?(?:names?|order))?|names?|order|motors|actuators|axes|dofs)"
-    r"(?:\s*\([^)]*\)|\s+(?:of|from|as|in order)\b[^:=,]*)?[\"']?\s*[:=]\s*(?P<names>.*)",
+    r"(?:^|[,;{|\"']\s*)[\"']?(?P<label>joints?(?:[_ -]?(?:names?|order))?|names?|order|motors|actuators|axes|dofs)"
+    r"(?:\s*\([^)]*\))?[\"']?\s*[:=]\s*(?P<names>.*)",
     re.IGNORECASE,
 )
 """A label of a list of names, and the list."""
-_BEFORE = re.compile(
-    r"(?:^|[^\w.])(?:[a-z_]+[\s.]?)?[\[(]?(?P<number>\d{1,3})[\])]??"
-    r"\s*(?P<sign>[:=)|]|->|=>|-(?=\s)|\bis\b)?[\s'\"\[(]*$",
-    re.IGNORECASE,
-)
-"""The number of a joint before its name: ``q1 = elbow``, ``[1] elbow``."""
-_AFTER = re.compile(
-    r"['\"\s:=\[({]*(?:->|=>|is\b)?[\s\[({]*(?P<sign>(?:columns?|col|index|joint|axis|pos|[qj])[\s_.\[(]*)?"
-    r"(?P<number>[-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?)",
-    re.IGNORECASE,
-)
-"""A number after the name of a joint: its index or a value."""
 _QUANTITIES = "q|qd|dq|pos|positions?|angles?|theta|vel|velocity|velocities|tau|torques?|efforts?|measured|actual"
-_FILLERS = re.compile(f"and|then|und|et|y|in|t|time|stamp|joints?|j|motors?|ax[ei]s|columns?|col|qdot|{_QUANTITIES}")
+_FILLERS = re.compile(
+    f"and|then|is|und|et|y|in|t|time|stamp|index|joints?|j|motors?|ax[ei]s|columns?|col|qdot|{_QUANTITIES}"
+)
 """Words between the names of a list."""
 _INDEX = re.compile(r"[\d_/.]")  # a digit or a sign that no word has
 
@@ -62,7 +53,6 @@ class Text(NamedTuple):
     where: str
     text: str
     following: tuple[str, ...] = ()  # comments in the next lines
-    array: str = ""  # name of the array that holds the text
 
 
 def names_of(text):
@@ -101,8 +91,8 @@ def _clean(text):
 # --- Names in rows ---
 
 
-def find_row_names(columns, known, arrays):
-    """Return all :class:`RowNames` of a table but for `arrays`, which name the joints of all rows.
+def find_row_names(columns, known):
+    """Return all :class:`RowNames` of a table.
 
     Headers such as ``name0`` say that texts are names. Columns with one joint of the model in each row may have any.
     """
@@ -115,7 +105,7 @@ def find_row_names(columns, known, arrays):
         ours = any(set(one).intersection(known) for one in names)
         if any(names) and (labelled or ours):
             sets.setdefault((stem, labelled), []).append((number, k, names))
-        if ours and not column.listed and max(map(len, names)) == 1 and column.name not in arrays:
+        if ours and not column.listed and max(map(len, names)) == 1:
             sets.setdefault((None, False), []).append((-1, k, names))
     found = [_row_names(columns, known, *key, sorted(members)) for key, members in sets.items()]
     return list(filter(None, found))
@@ -124,29 +114,27 @@ def find_row_names(columns, known, arrays):
 def _row_names(columns, known, stem, labelled, members):
     """The RowNames of columns of one stem, or of any header without one; None if their texts are no names."""
     numbers, places, names = zip(*members, strict=True)
-    column = columns[places[0]]
-    listed = stem is not None and len(places) == 1 and (column.listed or any(len(one) > 1 for one in names[0]))
-    rows = names[0] if listed else [tuple(next(iter(one), "") for one in row) for row in zip(*names, strict=False)]
-    first = next(filter(any, rows), ())
-    if listed:
-        split = column.listed or any(re.search("[,;|]", text) for text in column.sample)
+    column, numbered = columns[places[0]], -1 not in numbers
+    if stem is not None and len(places) == 1 and (column.listed or any(len(one) > 1 for one in names[0])):
+        first = next(filter(None, names[0]))
         ours = len(set(first).intersection(known))
+        split = column.listed or any(re.search("[,;|]", text) for text in column.sample)
         valid = 2 * ours > len(first) or (labelled and (ours or split))
-    elif stem is None:
-        given = [list(filter(None, row)) for row in rows]
-        valid = len(places) > 1 and all(len(set(row)) == len(row) for row in given)
-    else:
-        valid = len(places) == 1 or -1 not in numbers
+        return RowNames(column.name, places, (), True, first, labelled, ours > 0) if valid else None
+    rows = [tuple(next(iter(one), "") for one in row) for row in zip(*names, strict=False)]
+    given = [list(filter(None, row)) for row in rows]
+    different = len(places) > 1 and all(len(set(row)) == len(row) for row in given)
+    if not any(given) or not (different if stem is None else len(places) == 1 or numbered):
+        return None
+    pattern = stem if numbered else ", ".join(columns[k].name for k in places)
     ours = any(set(row).intersection(known) for row in rows)
-    numbers = () if listed or -1 in numbers else numbers
-    pattern = stem if numbers else ", ".join(columns[k].name for k in places)
-    return RowNames(pattern, places, numbers, listed, first, labelled, ours) if first and valid else None
+    return RowNames(pattern, places, numbers if numbered else (), False, next(filter(any, rows)), labelled, ours)
 
 
 def shared_length(first, second):
     """Return how many characters two headers share from their beginnings on, whatever their case."""
-    pairs = enumerate(zip(first.lower(), second.lower(), strict=False))
-    return next((k for k, (one, other) in pairs if one != other), min(len(first), len(second)))
+    pairs = zip(first.lower(), second.lower(), strict=False)
+    return len(list(takewhile(lambda pair: pair[0] == pair[1], pairs)))
 
 
 def read_row_names(names, arrays):
@@ -167,12 +155,12 @@ def read_row_names(names, arrays):
 
 
 def comment_texts(lines):
-    """Return the texts of comments, given as pairs of line number and text without the mark."""
+    """Return the texts of comments, given by line number without their marks."""
     texts = []
-    for k, (at, line) in enumerate(lines):
-        following = [text for n, (other, text) in enumerate(lines[k:]) if other == at + n][1:]
-        texts.append(Text(f"the comment in line {at}", line, tuple(following)))
-    return [one for one in texts if len(one.text) <= MAX_LENGTH]
+    for at, line in lines.items():
+        end = next(n for n in range(at + 1, at + len(lines) + 1) if n not in lines)
+        texts.append(Text(f"line {at}", line[:MAX_LENGTH], tuple(lines[n] for n in range(at + 1, end))))
+    return texts
 
 
 def metadata_texts(metadata):
@@ -182,117 +170,103 @@ def metadata_texts(metadata):
         key, value = (one.decode(errors="replace") if isinstance(one, bytes) else one for one in (key, value))
         with suppress(TypeError, ValueError):
             value = json.loads(value)
-        if key not in ("pandas", "ARROW:schema"):
-            if isinstance(value, dict):
-                texts += metadata_texts(value)
-                value = json.dumps(value) if all(isinstance(one, int) for one in value.values()) else ""
-            texts += label_text(f"metadata '{key}'", key, value)
+        if isinstance(value, dict) and key != "pandas":
+            texts += metadata_texts(value)
+            value = json.dumps(value)
+        texts += label_text(f"metadata '{key}'", key, value)
     return texts
 
 
-def label_text(where, label, value, array=""):
+def label_text(where, label, value):
     """Return a text or a list of texts with its label as one :class:`Text` in a list; nothing of other values."""
     if isinstance(value, list) and all(isinstance(one, str) for one in value):
         value = ", ".join(value)
     is_text = isinstance(value, str) and len(value) <= MAX_LENGTH and "<" not in value
-    return [Text(where, f"{label}: {value}", (), array)] if is_text else []
+    return [Text(where, f"{label}: {value}")] if is_text else []
 
 
-def stated_order(texts, known, count, pattern="position"):
-    """Return the joints of `count` columns and the :class:`Text` that states them, or None; InputError for contradictions."""
+def stated_order(texts, known, count):
+    """Return the joints of `count` columns and what states them, or None; InputError for contradictions."""
     orders = find_orders(texts, known, count)
     for order in orders:
         if order[0] != orders[0][0]:
-            first, second = (
-                f"{one.where} ('{' '.join(one.text.split())[:100]}') has the joints {', '.join(joints)}"
-                for joints, one in (orders[0], order)
-            )
-            raise InputError(f"{first}, but {second}. Say which by `joints` in the map of columns.")
+            first, second = (f"{where} has the joints {', '.join(joints)}" for joints, where in (orders[0], order))
+            raise InputError(f"{first}, but {second}.")
     if orders:
         return orders[0]
-    for names, text, of_joints in find_lists(texts, known):
+    for names, where, of_joints in _find_lists(texts, known):
         ours, fits, twice = len(set(names) & set(known)), len(names) == count, len(set(names)) < len(names)
-        says = f"{text.where} names {len(names)} joints: {', '.join(names)}"
+        says = f"{where} names {len(names)} joints: {', '.join(names)}"
         if ours and ((of_joints and len(names) > 1) or (fits and 2 * ours > count)):
-            if twice:
-                raise InputError(f"{says}. One of them is there twice.")
-            if not fits:
-                raise InputError(f"{pattern} has {count} columns, but {says}.")
-            return names, text
+            if twice or not fits:
+                raise InputError(f"{says}; expected a different one for each of {count} columns.")
+            return names, where
         if of_joints and fits and not twice and not ours and (count > 1 or _INDEX.search(names[0])):
             if known:
                 raise InputError(f"{says}, none of which is among the joints of the model: {', '.join(known)}.")
-            return names, text
+            return names, where
     return None
 
 
 def find_orders(texts, known, count):
-    """Return joints and texts with as many joints of the model as there are columns, in one line or in several."""
+    """Return joints, as many of the model as there are columns, and what has them: a line, or several."""
     found = []
     for one in texts if known and count > 1 else ():
-        text, order = one.text, _order(one.text, known)
-        for line in one.following if 0 < len(order) < count else ():
-            if len(order) == count or len(text) > MAX_LENGTH or not 0 < len(_order(line, known)) < count:
-                break
-            text = f"{text}\n{line}"
-            order = _order(text, known)
-        if len(order) == count:
-            found.append((order, one._replace(text=text)))
+        order = _order(one.text, known, count)
+        if not order and one.following and any(map(itemgetter("name"), _tokens(known).finditer(one.text))):
+            order = _order("\n".join((one.text, *one.following))[:MAX_LENGTH], known, count)
+        if order:
+            found.append((order, one.where))
     return found
 
 
 @lru_cache(maxsize=8)
-def _joint_pattern(known):
-    """A pattern of the names of joints, the longest first, with a quantity before or after."""
+def _tokens(known):
+    """A pattern of names of joints with a quantity before or after, words in brackets, numbers, and words."""
     names = [re.escape(one) for one in sorted(known, key=len, reverse=True) if re.search(r"[^\W\d]", one)]
     every = "|".join(names) or r"(?!)"
     before, after = rf"(?<!\w)(?:(?:{_QUANTITIES})\d*[_.])?", rf"(?:[_.](?:{_QUANTITIES})(?:\[\d+\])?)?"
-    return re.compile(rf"{before}(?P<name>{every}){after}(?!\w|[./-](?!{every})\w)")
+    name = rf"{before}(?P<name>{every}){after}(?!\w|[./-](?!{every})\w)"
+    number = r"(?P<number>(?:(?<!\w)[-+])?\d+(?:\.\d*)?(?:e[-+]?\d+)?)(?P<mark>\s*[])}:=|>-])?"
+    return re.compile(rf"{name}|\((?:(?!{every})[^()\d])*\)|{number}|(?P<word>[^\W\d_]+)")
 
 
 @lru_cache(maxsize=4096)
-def _order(text, known):
-    """Joints of the model in the order that a text gives them; empty if it gives none."""
-    marks, first = list(_joint_pattern(known).finditer(text)), {}
-    for k, one in enumerate(marks):
-        first.setdefault(one["name"], k)
-    names, places = tuple(first), list(first.values())
-    if len(names) < 2:
-        return names
-    begins, ends = [*(one.start() for one in marks), len(text)], [0, *(one.end() for one in marks)]
-    gaps = [text[end:begin] for end, begin in zip(ends, begins, strict=True)]
-    before, after = [_BEFORE.search(gaps[k][-60:]) for k in places], [_AFTER.match(gaps[k + 1]) for k in places]
-    if numbers := _numbers(before) or _numbers(after, mixed=True):
-        return tuple(name for _, name in sorted(zip(numbers, names, strict=True)))
-    between = re.sub(r"[\[({][^\[\](){}]*[\])}]", "", "\n".join(gaps[1 : places[-1] + 1]))
-    words = re.findall(r"[^\W\d_]+", between)
-    listed = all(_FILLERS.fullmatch(word.lower()) or is_unit(word) for word in words)
-    return names if listed and not any(after[:-1]) else ()
+def _order(text, known, count):
+    """So many joints of the model in the order that a text gives them; empty if it gives none."""
+    kinds, tokens, names = "", [], set()
+    for token in _tokens(known).finditer(text):
+        name, number, word = token["name"], token["number"], token["word"]
+        if name not in names and (name or number or (word and not _is_filler(word))):
+            kinds += "n" if name else "w" if word else "i" if number.isdecimal() else "f"
+            tokens.append(token)
+            names.add(name or "")
+    for kind in ("in", "ni", "n"):
+        at = kinds.find(kind * count)
+        part = tokens[at : at + count * len(kind)] if at >= 0 else ()
+        joints = tuple(filter(None, map(itemgetter("name"), part)))
+        numbers = [int(one["number"]) for one in part if one["number"]]
+        if joints and not numbers:
+            return joints
+        marked = kind == "in" and all(one["mark"] for one in part if one["number"])
+        if len(set(numbers)) == count and (marked or max(numbers) - min(numbers) == count - 1):
+            return tuple(name for _, name in sorted(zip(numbers, joints, strict=True)))
+    return ()
 
 
-def _numbers(matches, mixed=False):
-    """Different integers of all matches, consecutive without signs; empty otherwise."""
-    if not all(matches) or not all(match["number"].isdecimal() for match in matches):
-        return []
-    numbers, signs = [int(match["number"]) for match in matches], {bool(match["sign"]) for match in matches}
-    consecutive = max(numbers) - min(numbers) == len(numbers) - 1 and (mixed or signs == {False})
-    return numbers if len(set(numbers)) == len(numbers) and (signs == {True} or consecutive) else []
+def _is_filler(word):
+    return bool(_FILLERS.fullmatch(word.lower())) or is_unit(word)
 
 
-def find_lists(texts, known):
-    """Yield lists with a label as names, the Text, and whether the label is one of joints."""
+def _find_lists(texts, known):
+    """Yield lists with a label as names, what has them, and whether the label is one of joints."""
     for one in texts:
         if match := _LABEL.search(one.text):
             text = re.split(r"\s+\w+\s*=", match["names"])[0].strip()
             text = text or ",".join(line.strip("- ") for line in one.following)
-            names = names_of(text)
-            if names and _are_names([name for name in names if name not in known], re.search(r"[,;|'\"\[]", text)):
-                yield names, one, "joint" in one.text[match.start() : match.start("names")].lower()
-
-
-def _are_names(names, split):
-    """Whether texts may be names of joints; where blanks alone split a list, only those with an index are."""
-    return all(
-        re.fullmatch(r"(?=.*[^\W\d])[\w./-]+(?<!ed)", name) and not is_unit(name) and (split or _INDEX.search(name))
-        for name in names
-    )
+            names, split = names_of(text), re.search(r"[,;|'\"\[]", text)
+            # where blanks alone split a list, only names with an index are names
+            pattern = rf"(?=.*[^\W\d])(?=.*{_INDEX.pattern if not split else ''})[\w./-]+(?<!ed)"
+            foreign = [name for name in names if name not in known]
+            if names and not any(is_unit(name) or not re.fullmatch(pattern, name) for name in foreign):
+                yield names, one.where, "joint" in match["label"].lower()
