@@ -13,7 +13,7 @@ from diag_dynamics.cli.interrupted import orderly
 from diag_dynamics.cli.robot_argument import parsed, robot_of
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.identification.identify import identify
-from diag_dynamics.identification.residual_plot import residual_curves
+from diag_dynamics.identification.quality import residual_curves
 from diag_dynamics.identification.result import without_impossible_links
 from diag_dynamics.model import Parameters
 from diag_dynamics.model.mjcf import is_mjcf

@@ -27,13 +27,6 @@ SIZE = 20_000  # states over which dynamics are evaluated at once
 MIN_GAP, GAP = 0.05, 10.0  # the larger of this time [s] and so many median intervals is a gap
 MAX_VELOCITY, MAX_GARBAGE = 1.5, 0.01  # multiple of the URDF's limit; larger fraction: another unit
 MIN_STATES = 10  # shorter segments are left out
-FINDINGS = (
-    ("not whole", "states without position, velocity or effort of all joints, left out"),
-    ("time did not go on", "states with a stamp that is not after all before, left out"),
-    ("too fast", f"states with a velocity above {MAX_VELOCITY} times the URDF's limit, left out"),
-    ("time began anew", "stamps went back and on from there; what follows is fitted, too"),
-    ("scattered", f"states in runs of fewer than {MIN_STATES}, left out"),
-)
 
 
 class Segment(NamedTuple):
@@ -56,14 +49,11 @@ class Segment(NamedTuple):
 def list_recordings(name, recordings):
     """Return recordings as a list of Recording and of functions that return pieces of one."""
     found = list(recordings) if isinstance(recordings, Sequence) else [recordings]
-    for k, one in enumerate(found):
-        if not callable(one) and not isinstance(one, Recording):
-            raise InputError(
-                f"{name}[{k}] is {one!r}; expected a Recording, or a function that returns the "
-                "pieces of one. Give lambda: dd.stream_recording(path, model)."
-            )
-    if not found:
-        raise InputError(f"{name} is empty, expected one recording or more.")
+    if not found or not all(callable(one) or isinstance(one, Recording) for one in found):
+        raise InputError(
+            f"{name} is {recordings!r}; expected recordings, or functions that return the pieces of one. "
+            "Give lambda: dd.stream_recording(path, model)."
+        )
     return found
 
 
@@ -71,28 +61,27 @@ class Dataset:
     """Segments of a recording that can be fitted. A long recording is thinned while it is read.
 
     Velocities are at the time of the positions: `delay` [s] was removed. `spans` are the times of the
-    segments that have such velocities [s], which begin and end between states. `start` and `end` are
-    times of all `count` states [s], `zero` is the stamp of the first one [ns]. Raises InputError
-    if the recording is of another robot, lacks states or efforts, or has velocities in another unit.
+    segments that have such velocities [s], which begin and end between states. `origin` has path, robot,
+    number of all states, and times of the first and the last one [s]; `zero` is the stamp of the first one
+    [ns]. Raises InputError if the recording is of another robot, lacks states or efforts, or has velocities
+    in another unit.
     """
 
     def __init__(self, name, recording, model, max_values=MAX_VALUES):
-        self.path, self.robot, self.count = None, model.name, 0
-        self.start, self.end, self.zero, self.delay, self.findings = 0.0, 0.0, 0, 0.0, []
+        self.origin = {"path": None, "robot": model.name, "states": 0, "start": 0.0, "end": 0.0}
+        self.zero, self.delay, self.findings = 0, 0.0, []
         self.segments = self._clean(self._read(name, recording, model, max_values), model)
         delay = find_delay(model, self.segments)
         if abs(delay) > np.median(np.concatenate([np.diff(one.t) for one in self.segments])):
-            self.delay = delay
-            self.segments = [one for one in self.segments if one.duration > abs(delay)]
             size, late = f"{abs(delay) * 1e3:.1f} ms", "late" if delay > 0.0 else "early"
             text = f"velocities are {size} {late} against positions, which was taken out"
             self.findings.append(Finding("velocity delay", 1, text))
-        if not self.segments:
-            raise InputError(f"{name} has no segment longer than the velocities' delay, {size}.")
+            self.delay, self.segments = delay, [one for one in self.segments if one.duration > abs(delay)]
+            if not self.segments:
+                raise InputError(f"{name} has no segment longer than the velocities' delay, {size}.")
         head, tail = max(0.0, -self.delay), max(0.0, self.delay)
         self.spans = [(t[0] + head, t[-1] - tail) for t, _ in self.segments]
-        if self.delay:
-            self.segments = [_shifted(one, delay) for one in self.segments]
+        self.segments = [_shifted(one, self.delay) for one in self.segments]
 
     @property
     def duration(self):
@@ -110,29 +99,27 @@ class Dataset:
 
     def _read(self, name, recording, model, max_values):
         """Return the states of a recording, thinned to a number of values."""
-        limit, step, parts, jumps = max_values // (model.nq + 2 * model.nv), 1, [], []
-        counts, refused, with_efforts, estimated = {}, [], False, 0
-        efforts = EffortRange(model.dof_names)
+        limit, step, parts, jumps, count = max_values // (model.nq + 2 * model.nv), 1, [], [], 0
+        refused, counts, with_efforts, estimated, efforts = [], {}, False, 0, EffortRange(model.dof_names)
         for piece in _pieces(name, recording):
             if piece.model.dof_names != model.dof_names:
-                raise InputError(
-                    f"{name} is of robot '{piece.model.name}', whose degrees of freedom are not those of the model."
-                )
+                robot = piece.model.name
+                raise InputError(f"{name} is of robot '{robot}', whose degrees of freedom are not those of the model.")
             states, counts, refused = piece.states, piece.counts, piece.findings
-            if len(piece) and not self.count:
-                self.path, self.robot = piece.path, piece.model.name
-                self.start, self.zero = float(piece.t[0]), int(piece.stamp[0])
-            self.end = float(piece.t[-1]) if len(piece) else self.end
+            if len(piece) and not count:
+                self.zero = int(piece.stamp[0])
+                self.origin |= {"path": piece.path, "robot": piece.model.name, "start": float(piece.t[0])}
             with_efforts = with_efforts or piece.tau is not None
             estimated += int(states.velocity_estimated.sum())
             efforts.add_values(states.position, states.effort)
-            jumps.append(self.count + np.flatnonzero(states.jumped))
-            parts.append(states[-(self.count + 1) % step :: step])  # rows step − 1, 2 step − 1, …
-            self.count += len(states)
+            jumps.append(count + np.flatnonzero(states.jumped))
+            parts.append(states[-(count + 1) % step :: step])  # rows step − 1, 2 step − 1, …
+            count += len(piece)
+            self.origin |= {"states": count, "end": float(piece.t[-1])} if len(piece) else {}
             while sum(map(len, parts)) > limit:
                 parts, step = [States.concatenate(parts)[1::2]], 2 * step
         refuse_units(refused)
-        if not self.count:
+        if not count:
             raise without_states(name, refused)
         if efforts.unmeasured():
             raise InputError(
@@ -140,39 +127,37 @@ class Dataset:
             )
         if not with_efforts:
             raise InputError(f"{without_efforts(counts)}, without which nothing can be identified.")
-        if step > 1:
-            text = f"every {step}th of {self.count} states is used, as the recording is long"
-            self.findings.append(Finding("thinned", 1, text))
-        if estimated:
-            text = "velocities were estimated from positions: those of the driver would be better"
-            self.findings.append(Finding("velocity estimated", estimated, text))
-        jumped = _any_since(np.concatenate(jumps), np.arange(step - 1, self.count, step))
+        self._add(step > 1, "thinned", f"every {step}th of {count} states is used, as the recording is long")
+        text = "velocities were estimated from positions: those of the driver would be better"
+        self._add(estimated, "velocity estimated", text)
+        jumped = _any_since(np.concatenate(jumps), np.arange(step - 1, count, step))
         return replace(States.concatenate(parts), jumped=jumped)
 
     def _clean(self, states, model):
         """Return segments of usable states, and add findings on the others."""
-        columns = states.position, states.velocity, states.effort
-        finite = np.logical_and.reduce([np.isfinite(column).all(axis=1) for column in columns])
+        finite = np.isfinite(np.hstack([states.position, states.velocity, states.effort])).all(axis=1)
         if not finite.any():
             raise InputError("no state of the recording is whole: positions, velocities and efforts of all joints.")
-        restarts = find_restarts(states.stamp)
-        forward = _forward(states.stamp, finite, restarts)
-        limit = np.where(model.velocity_limit > 0.0, model.velocity_limit, np.inf)  # 0: none
-        with np.errstate(invalid="ignore"):
-            beyond = np.abs(states.velocity) > MAX_VELOCITY * limit
-        _refuse_fast(model, states.velocity[forward], beyond[forward])
-        fast = beyond.any(axis=1)
-        kept = np.flatnonzero(forward & ~fast)
-        restarted, jumped = (_any_since(rows, kept) for rows in (restarts, np.flatnonzero(states.jumped)))
-        restarted[:1] = False
-        segments = _cut(states[kept], jumped, restarted)
-        used = sum(len(one.t) for one in segments)
+        fast = _find_fast(model, states.velocity, finite)
+        rows = np.flatnonzero(finite & ~fast)
+        again = np.diff(states.stamp[rows], prepend=-1) == 0
+        rows = rows[~again]
+        segments, restarts = _cut(states[rows], _any_since(np.flatnonzero(states.jumped), rows))
+        left = len(rows) - sum(len(one.t) for one in segments)
         if not segments:
-            raise InputError(f"the recording has no {MIN_STATES} states without a gap among {len(kept)} usable ones.")
-        counts = [~finite, finite & ~forward, forward & fast, restarted, np.ones(len(kept) - used)]
-        pairs = zip(FINDINGS, (int(one.sum()) for one in counts), strict=True)
-        self.findings[:0] = [Finding(cause, count, text) for (cause, text), count in pairs if count]
+            raise InputError(f"the recording has no {MIN_STATES} states without a gap among {len(rows)} usable ones.")
+        self._add(sum(~finite), "not whole", "states without position, velocity or effort of all joints, left out")
+        self._add(sum(again), "time did not go on", "states with the stamp of the one before, left out")
+        text = f"states with a velocity above {MAX_VELOCITY} times the URDF's limit, left out"
+        self._add(sum(fast), "too fast", text)
+        self._add(restarts, "time began anew", "stamps went back and on from there; what follows is fitted, too")
+        self._add(left, "scattered", f"states in runs of fewer than {MIN_STATES}, left out")
         return segments
+
+    def _add(self, count, cause, text):
+        """Add a finding if there is any."""
+        if count:
+            self.findings.append(Finding(cause, int(count), text))
 
 
 def _pieces(name, recording):
@@ -186,49 +171,31 @@ def _any_since(rows, kept):
     return np.diff(np.searchsorted(rows, kept, side="right"), prepend=0) > 0
 
 
-def find_restarts(stamps):
-    """Return the rows from which stamps rise again without reaching the latest one before."""
-    found, latest, before = [], np.iinfo(np.int64).min, 0
-    for k in (np.flatnonzero(np.diff(stamps) < 0) + 1).tolist():
-        latest, before = max(latest, stamps[before:k].max()), k
-        ahead = stamps[k : k + MIN_STATES]
-        if len(ahead) == MIN_STATES and (np.diff(ahead) >= 0).all() and ahead[-1] < latest:
-            found.append(k)
-            latest = stamps[k]
-    return found
-
-
-def _forward(stamps, finite, restarts):
-    """Return which rows are finite, and later than all finite ones since the last restart."""
-    forward, never = np.zeros(len(stamps), dtype=bool), np.iinfo(np.int64).min
-    for run in np.split(np.arange(len(stamps)), restarts):
-        latest = np.maximum.accumulate(np.r_[never, np.where(finite[run], stamps[run], never)])
-        forward[run] = finite[run] & (stamps[run] > latest[:-1])
-    return forward
-
-
-def _refuse_fast(model, velocity, beyond):
-    """Refuse velocities of which many are beyond what a joint can do: they have another unit."""
-    share = beyond.mean(axis=0) if len(beyond) else np.zeros(model.nv)
+def _find_fast(model, velocity, finite):
+    """Return which states are faster than joints can be; refuse many of them, as they have another unit."""
+    limit = np.where(model.velocity_limit > 0.0, model.velocity_limit, np.inf)  # 0: none
+    beyond = finite[:, None] & (np.abs(velocity) > MAX_VELOCITY * limit)
+    share = beyond.sum(axis=0) / finite.sum()
     k = int(np.argmax(share))
     if share[k] > MAX_GARBAGE:
         raise InputError(
-            f"velocities of joint '{model.dof_names[k]}' reach {np.abs(velocity[:, k]).max():.3g}, and {share[k]:.0%} "
+            f"velocities of joint '{model.dof_names[k]}' reach {np.abs(velocity[finite, k]).max():.3g}, and {share[k]:.0%} "
             f"of them are above {MAX_VELOCITY} times the URDF's limit, {model.velocity_limit[k]:.3g} rad/s or m/s: are "
             "they in degrees, or of the motor?"
         )
+    return beyond.any(axis=1)
 
 
-def _cut(states, jumped, restarted):
-    """Return the segments of states between gaps, jumps and restarts, without short ones."""
+def _cut(states, jumped):
+    """Return the segments of states between gaps, jumps and restarts, without short ones, and the number of restarts."""
     steps = np.diff(states.stamp, prepend=states.stamp[:1])
     gap = max(MIN_GAP, GAP * float(np.median(steps[1:])) * 1e-9) if len(steps) > 1 else MIN_GAP
-    later = np.cumsum(np.where(restarted, round(2.0 * gap * SECOND) - steps, 0))
+    restarts = steps < 0
+    later = np.cumsum(np.where(restarts, round(2.0 * gap * SECOND) - steps, 0))
     t = (states.stamp - states.stamp[:1] + later) * 1e-9
-    begins = (steps * 1e-9 > gap) | jumped | restarted
-    ends = [0, *(np.flatnonzero(begins[1:]) + 1), len(t)]
-    rows = [slice(*pair) for pair in pairwise(ends) if pair[1] - pair[0] >= MIN_STATES]
-    return [_segment(t[some], states[some]) for some in rows]
+    begins = (steps * 1e-9 > gap) | jumped | restarts
+    parts = np.split(np.arange(len(t)), np.flatnonzero(begins[1:]) + 1)
+    return [_segment(t[rows], states[rows]) for rows in parts if len(rows) >= MIN_STATES], restarts.sum()
 
 
 def _segment(t, states):

@@ -9,7 +9,7 @@ import numpy as np
 
 from diag_dynamics.identification import inertias
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
-from diag_dynamics.identification.regressors import DAMPING, FRICTION, OFFSET, OWN, ROTOR
+from diag_dynamics.identification.regressors import DAMPING, FRICTION, OWN, ROTOR
 from diag_dynamics.identification.solver import Body, Problem, solve
 
 PAYLOAD_WEIGHT, POSITIVE_WEIGHT = 0.1, 0.01  # γ of a payload (10 would shift its centre by centimetres) and γ'
@@ -36,20 +36,10 @@ def payload_at(model, link):
     return Payload(link, body, placement, inertias.pseudo_inertia(inertias.moved(ball, placement)))
 
 
-class Free(NamedTuple):
-    """Unknowns to fit: friction and offset, and rotors, of degrees of freedom; link inertias; the payload."""
-
-    friction: np.ndarray
-    rotors: np.ndarray
-    inertias: bool
-    payload: bool
-
-
 class Fit(NamedTuple):
-    """All unknowns; which were fitted, their covariance, and the fraction that the rows determine: diag (A + γH)⁻¹A."""
+    """All unknowns, their covariance, and the fraction that the rows determine: diag (A + γH)⁻¹A. Both are 0 if known."""
 
     x: np.ndarray
-    free: np.ndarray
     covariance: np.ndarray
     determined: np.ndarray
 
@@ -57,7 +47,8 @@ class Fit(NamedTuple):
 class Layout:
     """Unknowns of a model (`known`): those of :class:`Regressors`, then the ten of a payload.
 
-    Rows are pairs of normal equations, and of whether the robot carries the payload in them.
+    `positive` and `inertial` tell which are positive, and which are of bodies with mass. Rows are pairs of
+    normal equations, and of whether the robot carries the payload in them.
     """
 
     def __init__(self, model, regressors, payload=None):
@@ -70,12 +61,14 @@ class Layout:
         if payload:
             carrier = self.block(int(np.searchsorted(self.bodies, payload.body)))
             self._maps[1, carrier, self.robot :] = np.eye(PARAMETERS)
-        self.known = np.zeros(self.size)
+        self.known, (self.positive, self.inertial) = np.zeros(self.size), np.zeros((2, self.size), dtype=bool)
         for k, body in enumerate(self.bodies.tolist()):
             self.known[self.block(k)] = inertias.parameters_of_record(model.bodies[body])
+            self.inertial[self.block(k)] = model.bodies["mass"][body] > 0.0
         values = model.damping, model.friction, model.effort_offset, model.armature
         for column, one in zip(OWN, values, strict=True):
             self.known[self.own(column)] = one
+            self.positive[self.own(column)] = column in (DAMPING, FRICTION, ROTOR)
 
     def block(self, k):
         """Return the unknowns of the k-th body."""
@@ -83,8 +76,7 @@ class Layout:
 
     def squares(self, rows, x):
         """Return the sum of squared residuals of each degree of freedom."""
-        each = (self.regressors.residual_squares(sums, self._maps[int(loaded)] @ x) for sums, loaded in rows)
-        return sum(each)
+        return sum(self.regressors.residual_squares(sums, self._maps[int(loaded)] @ x) for sums, loaded in rows)
 
     def mean_squares(self, rows, x):
         """Return the mean squared residual of each degree of freedom; of efforts, if the unknowns are 0."""
@@ -102,11 +94,11 @@ class Layout:
 
 
 def fit_rows(layout, rows, free, weight):
-    """Return the :class:`Fit` to rows; `weight` is γ of the prior on inertias.
+    """Return the :class:`Fit` of the `free` unknowns (bool) to rows; `weight` is γ of the prior on inertias.
 
     A payload is physical by itself; if its mass is negative, together with its body.
     """
-    if free.payload:
+    if layout.payload:
         base = inertias.parameters_of_record(layout.model.bodies[layout.payload.body])
         lighter = _fit(layout, rows, free, weight, base) if base[0] > 0.0 else None
         if lighter and lighter.x[layout.robot] < 0.0:
@@ -115,46 +107,42 @@ def fit_rows(layout, rows, free, weight):
 
 
 def _fit(layout, rows, free, weight, base):
-    which, positive, start, bodies = _unknowns(layout, free, weight, base)
-    index = np.flatnonzero(which)
+    index, x = np.flatnonzero(free), layout.known.copy()
+    covariance, determined = np.zeros((layout.size, layout.size)), np.zeros(layout.size)
     if not len(index):
-        return Fit(layout.known.copy(), index, np.zeros((0, 0)), np.zeros(0))
+        return Fit(x, covariance, determined)
+    start, bodies = _start(layout, free, weight, base)
     bodies = [body._replace(first=int(np.searchsorted(index, body.first))) for body in bodies]
-    known, positive = np.where(which, 0.0, layout.known), np.flatnonzero(positive[index])
+    known, positive = np.where(free, 0.0, layout.known), np.flatnonzero(layout.positive[index])
     variance = scale = np.maximum(layout.mean_squares(rows, np.zeros(layout.size)), 1e-12)
     for turn in range(MAX_ROUNDS):
         A, b = layout.weighted(rows, variance)
         problem = Problem(A[np.ix_(index, index)], (b - A @ known)[index], bodies, positive, POSITIVE_WEIGHT)
-        x = known.copy()
         x[index], hessian = solve(problem, start[index])
         before, variance = variance, np.maximum(layout.mean_squares(rows, x), MIN_VARIANCE * scale)
         falls = np.any(variance <= FALLING * before)
         if np.all(np.abs(variance / before - 1.0) < CONVERGED) or (turn >= ROUNDS and not falls):
             break
     units = 1.0 / np.sqrt(np.diag(hessian))
-    covariance = np.linalg.pinv(hessian * units[:, None] * units, hermitian=True) * units[:, None] * units
-    return Fit(x, index, covariance, np.einsum("ij,ji->i", covariance, problem.A))
+    inverse = np.linalg.pinv(hessian * units[:, None] * units, hermitian=True) * units[:, None] * units
+    covariance[np.ix_(index, index)] = inverse
+    determined[index] = np.einsum("ij,ji->i", inverse, problem.A)
+    return Fit(x, covariance, determined)
 
 
-def _unknowns(layout, free, weight, base):
-    """Return which unknowns are free and which positive, all starts, and the bodies; `base` carries the payload."""
-    (which, positive), start, bodies = np.zeros((2, layout.size), bool), layout.known.copy(), []
-    for column, joints in ((DAMPING, free.friction), (FRICTION, free.friction), (ROTOR, free.rotors)):
-        chosen = layout.own(column)[joints]
-        which[chosen] = positive[chosen] = True
-        start[chosen] = START
-    which[layout.own(OFFSET)[free.friction]] = True
+def _start(layout, free, weight, base):
+    """Return all unknowns at the start, and the bodies to fit; `base` carries the payload."""
+    start, bodies = np.where(layout.positive, START, layout.known), []
     for k, body in enumerate(layout.bodies.tolist()):
-        if free.inertias and layout.model.bodies["mass"][body] > 0.0:
+        if free[layout.block(k)].all():
             bodies.append(Body(layout.block(k).start, *_prior(layout.model, body, weight)))
-    if free.payload and base is None:
+    if layout.payload and base is None:
         bodies.append(Body(layout.robot, layout.payload.prior, PAYLOAD_WEIGHT, np.zeros((4, 4))))
-    elif free.payload:
+    elif layout.payload:
         bodies.append(Body(layout.robot, inertias.floored(base), PAYLOAD_WEIGHT, inertias.pseudo_inertia(base)))
     for body in bodies:
-        block = slice(body.first, body.first + PARAMETERS)
-        which[block], start[block] = True, inertias.parameters_of_pseudo(body.prior - body.fixed)
-    return which, positive, start, bodies
+        start[body.places] = inertias.parameters_of_pseudo(body.prior - body.fixed)
+    return start, bodies
 
 
 def _prior(model, body, weight):

@@ -12,18 +12,17 @@ from typing import TypeAlias
 import numpy as np
 
 from diag_dynamics.checks import instance
-from diag_dynamics.exceptions import DiagDynamicsError, InputError, UnsupportedError
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.identification.data_checks import check_efforts, check_motion
 from diag_dynamics.identification.dataset import MAX_VALUES, Dataset, list_recordings
 from diag_dynamics.identification.fit import payload_at
 from diag_dynamics.identification.quality import quality_of
-from diag_dynamics.identification.regressors import Regressors
+from diag_dynamics.identification.regressors import Regressors, require_single_joints
 from diag_dynamics.identification.result import Identification, parameters_of, payload_parameters
-from diag_dynamics.identification.selection import STEPS, Selection
+from diag_dynamics.identification.selection import Selection, read_what
 from diag_dynamics.model import RobotModel
-from diag_dynamics.model.single_joints import single_joints
+from diag_dynamics.model.single_joints import sliding_dofs
 from diag_dynamics.recordings.recording import Recording
-from diag_dynamics.sweeps.spatial import ANGULAR_X
 
 Readable: TypeAlias = Recording | Callable[[], Iterable[Recording]]  # in memory, or a function that returns pieces
 HELD_OUT = 1.0 / 3.0  # fraction of the recordings that validates a fit
@@ -77,10 +76,7 @@ def identify(
     """
     instance("model", model, RobotModel)
     steps, payload = _read_what(what, model, reference)
-    if model.floating_base:
-        raise UnsupportedError(f"robot '{model.name}' has a floating base, whose support nothing measures.")
-    for name in set(model.joint_names) - set(single_joints(model)):
-        raise UnsupportedError(f"joint '{name}' has several degrees of freedom, which is not supported here.")
+    require_single_joints(model)
     ends = np.setdiff1d(np.arange(1, len(model.bodies)), model.bodies["parent"])[-MAX_TIPS:]
     tips = [payload_at(model, model.link_names[model.bodies["link"][end]]) for end in ends]
     carriers = [one.body for one in ([payload] if payload else tips)]
@@ -88,9 +84,10 @@ def identify(
     selection = Selection(model, steps, payload, data)
     last = selection.fit_all() if selection.fit else None
     quality = quality_of(model, selection, data, last)
-    free = selection.free(selection.taken)._replace(inertias="inertias" in selection.taken)
-    x, origin = last.x if last else selection.layout.known, _origin(model, data, quality)
-    parameters = parameters_of(selection.layout, x, free, origin)
+    x, free = last.x if last else selection.layout.known, selection.free(selection.taken)
+    if "inertias" not in selection.taken:  # fitted along to a reference, but not asked for
+        free &= ~selection.layout.inertial
+    parameters = parameters_of(selection.layout, x, free, _origin(model, data, quality))
     if payload is None and "inertias" not in selection.taken:
         quality["warnings"] += _warn_of_payload(model, steps, tips, data, selection.score)
     return Identification(model.with_parameters(parameters), parameters, quality)
@@ -98,29 +95,14 @@ def identify(
 
 def _read_what(what, model, reference):
     """Return steps, in order, and the Payload or None."""
-    names = (what,) if isinstance(what, str) else tuple(what)
-    payloads = [name[8:] for name in names if isinstance(name, str) and name.startswith("payload:")]
-    steps = [step for step in STEPS if step in names]
-    expected = f"expected some of {', '.join(STEPS)}, payload:<link>"
-    for name in names:
-        if name not in (*STEPS, *(f"payload:{link}" for link in payloads)):
-            raise InputError(f"what has {name!r}, {expected}.")
-    if not names:
-        raise InputError(f"what is empty, {expected}.")
-    if len(payloads) > 1:
-        raise InputError(f"what has {len(payloads)} payloads, expected one.")
-    for link in payloads:
-        if link not in model.link_names:
-            raise InputError(f"what: '{link}' is not a link of robot '{model.name}'.")
-        if model.placement_in_body(link)[0] == 0:
-            raise InputError(f"what: no joint moves link '{link}', whose payload nothing shows.")
-        if reference is None and "inertias" in steps:
-            raise InputError(
-                f"what has both inertias and payload:{link}: give a recording without the payload as reference."
-            )
-    if reference is not None and not payloads:
-        raise InputError("reference is for a payload, and what has none.")
-    return steps, payload_at(model, payloads[0]) if payloads else None
+    _, steps, links = read_what(what, model)
+    if len(links) > 1:
+        raise InputError(f"what is {what!r}; expected one payload at most.")
+    if links and reference is None and "inertias" in steps:
+        raise InputError(f"what is {what!r}; give a recording without the payload as reference.")
+    if reference is not None and not links:
+        raise InputError(f"what is {what!r}; expected payload:<link>, as reference is a recording without it.")
+    return steps, payload_at(model, links[0]) if links else None
 
 
 class Data:
@@ -138,17 +120,15 @@ class Data:
         unloaded = [Dataset(f"reference[{k}]", one, model, share) for k, one in enumerate(unloaded)]
         self.datasets = [*self.loaded, *unloaded]
         self.relations = [check_efforts(model, one, tolerant and one in self.loaded) for one in self.datasets]
-        own = model.bodies[1:][model.bodies["owner"][1:] == np.arange(1, len(model.bodies))]
-        slides = np.isin(np.arange(model.nv), own["dof"][own["direction"] < ANGULAR_X])
-        self.moving, self.findings = check_motion(model, self.datasets, slides)
+        self.moving, self.findings = check_motion(model, self.datasets, np.array(sliding_dofs(model)))
         self.duration = sum(one.duration for one in self.datasets)
         self.begin, early = self._split()
-        parts, zero = self._sum_blocks(early), self.regressors.zero()
-        self.held_out, self.blocks = parts.pop(MAX_BLOCKS, zero), [parts[k] for k in sorted(parts)]
-        self.fitted = sum(self.blocks, zero)
+        parts = self._sum_blocks(early)
+        held_out, self.blocks = parts.pop(MAX_BLOCKS, None), [parts[k] for k in sorted(parts)]
+        self.fitted = sum(self.blocks)
+        self.held_out = 0.0 * self.fitted if held_out is None else held_out
         segments = (segment for one in unloaded for segment in one.segments)
-        beside = [self.regressors.sum_segment(*segment.columns) for segment in segments]
-        self.unloaded = sum(beside) if unloaded else None
+        self.unloaded = sum(self.regressors.sum_segment(*one.columns) for one in segments) if unloaded else None
 
     def _split(self):
         """Return where the held-out part begins in the last dataset, and the time before it [s]."""
@@ -200,12 +180,8 @@ def _warn_of_payload(model, steps, tips, data, left):
 
 def _origin(model, data, quality):
     locked = {name: float(value) for name, value in model.locked_joints.items()}
-    recordings = [
-        {"path": one.path, "robot": one.robot, "states": one.count, "start": one.start, "end": one.end}
-        for one in data.datasets
-    ]
     return ({"locked_joints": locked} if locked else {}) | {
-        "recordings": recordings,
+        "recordings": [one.origin for one in data.datasets],
         "date": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "method": "filtered momentum, " + (", ".join(quality["taken"]) or "nothing taken"),
         "quality": {key: quality[key] for key in ("held_out", "torque_rms", "explained", "observer_spread")},

@@ -40,8 +40,7 @@ def parameters_of_pseudo(J):
     return np.r_[J[3, 3], J[:3, 3], rotational[TRIANGLE]]
 
 
-BASIS = np.array([pseudo_inertia(unit) for unit in np.eye(PARAMETERS)])
-"""Pseudo-inertia of each parameter, (10, 4, 4): J is linear in them."""
+BASIS = np.array([pseudo_inertia(unit) for unit in np.eye(PARAMETERS)])  # J of each parameter, (10, 4, 4)
 
 
 def moved(parameters, placement):
@@ -74,11 +73,7 @@ def floored(parameters):
 
 
 def share_out(parts, whole):
-    """Return pseudo-inertias of the links of a body, given their old ones and the body's new one.
-
-    J = Σ A J_part A with the symmetric A that maps the old sum to the new one, so that every part
-    stays physical.
-    """
+    """Return new pseudo-inertias A J A of a body's links, A symmetric: physical ones, whose sum is `whole`."""
     root = _root(sum(parts))
     inverse = np.linalg.inv(root)
     A = inverse @ _root(root @ whole @ root) @ inverse

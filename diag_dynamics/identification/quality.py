@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Quality of an identification: validation on the part held out, certainty, and warnings."""
+"""Quality of an identification: validation on the part held out, certainty, warnings, and curves of residuals."""
 
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.identification.data_checks import DOUBTFUL
+from diag_dynamics.identification.dataset import Dataset
 from diag_dynamics.identification.result import parameters_of, payload_certainty
 from diag_dynamics.identification.selection import GAIN
 from diag_dynamics.recordings.balance import NOTHING_EXPLAINED, Balance, WindowSums
@@ -16,6 +17,7 @@ from diag_dynamics.recordings.observer import Observer
 OBSERVER_GAIN = 25.0  # the monitor's default [1/s]
 MIN_SMOOTHED = 1.0  # shortest portion whose errors of effort count [s]: the filter has 5 Hz
 MAX_CHANGE = 0.2  # relative change of kinetic energy without a warning
+MAX_STEPS = 6000  # of a curve: ten times the pixels that they are drawn on
 
 
 def validate(model, dataset, begin):
@@ -48,18 +50,18 @@ def quality_of(model, selection, data, last):
     """Return the quality of what was selected; `last` is the fit to all rows, None if nothing was fitted."""
     layout, names, dataset = selection.layout, model.dof_names, data.loaded[-1]
     before = after = validate(model, dataset, data.begin)
-    x = layout.known
+    x, free = selection.fit.x if selection.fit else layout.known, selection.free(selection.taken)
     if selection.fit:
-        x = selection.fit.x
-        fitted = parameters_of(layout, x, selection.free(selection.taken))
-        after = validate(model.with_parameters(fitted), dataset, data.begin)
+        after = validate(model.with_parameters(parameters_of(layout, x, free)), dataset, data.begin)
     parts = list(dataset.portions(data.begin))
     stamps = parts[0].states.stamp[0], parts[-1].states.stamp[-1]
     findings = [finding for one in data.datasets for finding in one.findings]
-    doubtful = any(finding.cause == DOUBTFUL for finding in findings)
+    shares = after["explained"], after["explained_total"]
+    nothing = None not in shares and max(shares) < NOTHING_EXPLAINED
+    judged = any(one.judged().any() for one in data.relations)
     residuals = [np.sqrt(layout.mean_squares(selection.held_out, y)) for y in (layout.known, x)]
     quality = {
-        "held_out": [dataset.start + int(stamp - dataset.zero) * 1e-9 for stamp in stamps],
+        "held_out": [dataset.origin["start"] + int(stamp - dataset.zero) * 1e-9 for stamp in stamps],
         "held_out_duration": float(parts[-1].t[-1] - parts[0].t[0]),
         **{key: _pair(names, before[key], after[key]) for key in before},
         "row_residual": _pair(names, *residuals),
@@ -67,16 +69,14 @@ def quality_of(model, selection, data, last):
         "kept": selection.kept,
         "ladder": selection.ladder,
         "effort_factor": _factors(names, data.relations),
-        "efforts_judged": any(one.judged().any() for one in data.relations) and not doubtful,
+        "efforts_judged": judged and not nothing and DOUBTFUL not in [one.cause for one in findings],
         "velocity_delay": [one.delay for one in data.loaded],
-        "effective_parameters": _effective_parameters(model, selection, last) if last else {},
+        "effective_parameters": _effective_parameters(layout, last) if free[layout.inertial].any() else {},
         "payload": payload_certainty(layout, last) if layout.payload else None,
         "warnings": selection.warnings,
         "findings": [str(finding) for finding in findings + data.findings * selection.asks_for_joints],
     }
-    if _explains_nothing(quality):
-        quality["efforts_judged"] = False
-    quality["warnings"] += _warnings(quality, data.unloaded is None)
+    quality["warnings"] += _warnings(quality, data.unloaded is None, nothing)
     return quality
 
 
@@ -98,21 +98,15 @@ def _factors(names, relations):
     return found
 
 
-def _effective_parameters(model, selection, fit):
+def _effective_parameters(layout, fit):
     """Return how many parameters the rows determine of each link that was fitted."""
-    if not selection.free(selection.taken).inertias:
-        return {}
-    pairs = zip(selection.layout.bodies.tolist(), selection.effective_parameters(fit).tolist(), strict=True)
-    names, records = model.link_names, model.bodies
+    names, records = layout.model.link_names, layout.model.bodies
+    determined = [float(fit.determined[layout.block(k)].sum()) for k in range(len(layout.bodies))]
+    pairs = zip(layout.bodies.tolist(), determined, strict=True)
     return {names[records["link"][body]]: count for body, count in pairs if records["mass"][body] > 0.0}
 
 
-def _explains_nothing(quality):
-    shares = quality["explained"][1], quality["explained_total"][1]
-    return None not in shares and max(shares) < NOTHING_EXPLAINED
-
-
-def _warnings(quality, without_reference):
+def _warnings(quality, without_reference, nothing):
     warnings, payload = [], quality["payload"]
     if quality["effective_parameters"]:
         warnings.append(
@@ -141,9 +135,28 @@ def _warnings(quality, without_reference):
     share, total = quality["explained"], quality["explained_total"][1]
     if None not in share and share[1] < share[0]:
         warnings.append(f"the efforts explain less of dK/dt than before: {share[1]:.2f} of {share[0]:.2f}")
-    if _explains_nothing(quality):
+    if nothing:
         warnings.append(
             f"the identified model explains nothing of the motion: {share[1]:.3g} of dK/dt and {total:.3g} of d(K + U)/dt. "
             "Check that efforts are those of these joints, in their order and in N m or N"
         )
     return warnings
+
+
+def residual_curves(models, pieces, gain):
+    """Return times [s], shape (P,), and observed external torques of each model [N m, N], (P, nv).
+
+    `pieces` returns the pieces of a recording, `gain` is the observer's [1/s]. Of more than MAX_STEPS
+    states a curve has the smallest and the largest value of each step; rows of NaN are gaps.
+    """
+    dataset, times, curves = Dataset("recording", pieces, models[0]), [], []
+    observers = [Observer(DiagonalDynamics(model), gain, friction=True) for model in models]
+    each = -(-sum(len(one.t) for one in dataset.segments) // MAX_STEPS)
+    for t, states in dataset.portions():
+        batches = [[torque for _, (_, torque, *_) in one.observe_states(states)] for one in observers]
+        torques, first = np.hstack([np.concatenate(one) for one in batches]), np.arange(0, len(t), each)
+        extremes = [one.reduceat(torques, first, axis=0) for one in (np.fmin, np.fmax)]
+        gap = np.full((int(states.jumped[0]), torques.shape[1]), np.nan)
+        curves += [gap, np.stack(extremes, axis=1).reshape(-1, torques.shape[1])]
+        times += [t[: len(gap)], np.repeat(t[first], 2)]
+    return np.concatenate(times), np.split(np.concatenate(curves), len(models), axis=1)

@@ -5,14 +5,22 @@
 
 import numpy as np
 
-from diag_dynamics.exceptions import InputError
+from diag_dynamics.exceptions import UnsupportedError
 from diag_dynamics.identification.kernels.regressors import PARAMETERS, fill_regressors, low_pass
+from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.sweeps import Workspace
 
 OWN = DAMPING, FRICTION, OFFSET, ROTOR = range(4)  # unknowns of a degree of freedom beside inertias
 RATE = 2.0 * np.pi  # λ of the low-pass [1/s]; at 3 Hz the noise of velocities biases the columns
-SIZE = 1000  # states whose rows are in memory at once
-PRODUCT = 240_000  # rows × columns² of a product: in larger ones threads of BLAS wait
+SIZE, PRODUCT = 1000, 60  # states whose rows are in memory at once; rows of a product: in larger ones threads wait
+
+
+def require_single_joints(model):
+    """Refuse a model with a floating base, or a joint of several degrees of freedom."""
+    if model.floating_base or set(model.joint_names) > set(single_joints(model)):
+        raise UnsupportedError(
+            f"robot '{model.name}' has a floating base, or a joint of several degrees of freedom; expected neither."
+        )
 
 
 class Regressors:
@@ -23,8 +31,8 @@ class Regressors:
     them, of the bodies that it moves and its own, and then the effort. `rows` are their places in the row
     of all. Bodies in `also` are unknowns even without inertia.
 
-    Normal equations of rows are one vector, so that those of several parts add up: [Y τ]ᵀ[Y τ] of each
-    degree of freedom, and the sum of weights.
+    Normal equations of rows are an array of objects, so that those of several parts add up: [Y τ]ᵀ[Y τ] of
+    each degree of freedom, and the sum of weights.
     """
 
     def __init__(self, model, also=()):
@@ -58,9 +66,7 @@ class Regressors:
         """Return Y_p and Y_g − Y_∂ at states (T, nq) and (T, nv): rows of all, (T, R), zero beside inertias."""
         momentum, bias = np.empty((2, len(q), self.rows[-1].stop))
         q, qd = np.ascontiguousarray(q), np.ascontiguousarray(qd)
-        done = fill_regressors(self._workspace.robot, q, qd, self._first, self._directions, momentum, bias)
-        if done < len(q):
-            raise InputError(f"state {done} is {q[done]}, {qd[done]}; expected finite numbers and an orientation.")
+        fill_regressors(self._workspace.robot, q, qd, self._first, self._directions, momentum, bias)
         return momentum, bias
 
     def filtered_rows(self, t, q, qd, tau):
@@ -89,41 +95,26 @@ class Regressors:
 
     def sum_rows(self, rows, weights):
         """Return the normal equations of rows."""
-        rows = rows * np.sqrt(weights)[:, None]
-        return np.concatenate([*(_square(rows[:, part]).ravel() for part in self.rows), [weights.sum()]])
+        rows, sums = rows * np.sqrt(weights)[:, None], np.empty(len(self.rows) + 1, dtype=object)
+        for k, part in enumerate(self.rows):
+            few = np.array_split(rows[:, part], len(rows) // PRODUCT + 1)
+            sums[k] = sum(some.T @ some for some in few)
+        sums[-1] = weights.sum()
+        return sums
 
     def sum_segment(self, t, q, qd, tau):
         """Return the normal equations of consecutive states."""
         return sum(self.sum_rows(*some) for some in self.filtered_rows(t, q, qd, tau))
 
-    def zero(self):
-        """Return the normal equations of no rows."""
-        return np.zeros(1 + sum((len(columns) + 1) ** 2 for columns in self.columns))
-
-    def products(self, sums):
-        """Return [Y τ]ᵀ[Y τ] of each degree of freedom."""
-        sizes = [len(columns) + 1 for columns in self.columns]
-        parts = np.split(sums[:-1], np.cumsum(np.square(sizes))[:-1])
-        return [part.reshape(size, size) for part, size in zip(parts, sizes, strict=True)]
-
     def residual_squares(self, sums, x):
         """Return sums of squared residuals of each degree of freedom, given all unknowns."""
         signed = [np.append(-x[columns], 1.0) for columns in self.columns]
-        return np.maximum([y @ one @ y for y, one in zip(signed, self.products(sums), strict=True)], 0.0)
+        return np.maximum([y @ one @ y for y, one in zip(signed, sums[:-1], strict=True)], 0.0)
 
     def weighted(self, sums, variance):
         """Return A and b over all rows, each degree of freedom's over its variance."""
         A, b = np.zeros((self.size, self.size)), np.zeros(self.size)
-        for columns, one, each in zip(self.columns, self.products(sums), variance, strict=True):
+        for columns, one, each in zip(self.columns, sums[:-1], variance, strict=True):
             A[np.ix_(columns, columns)] += one[:-1, :-1] / each
             b[columns] += one[:-1, -1] / each
         return A, b
-
-
-def _square(rows):
-    """Return AᵀA."""
-    count, size = rows.shape
-    each = max(1, PRODUCT // size**2)
-    whole = count // each * each
-    chunks, rest = np.ascontiguousarray(rows[:whole]).reshape(-1, each, size), rows[whole:]
-    return (chunks.transpose(0, 2, 1) @ chunks).sum(axis=0) + rest.T @ rest

@@ -62,15 +62,14 @@ class Identification:
 
 
 def parameters_of(layout, x, free, origin=None):
-    """Return the :class:`Parameters` of all unknowns that were fitted, and of rotors that were left out."""
+    """Return the :class:`Parameters` of the `free` unknowns (bool), and of rotors that were left out."""
     model, links, payloads = layout.model, {}, {}
-    if free.payload:
+    if layout.payload:
         payloads[layout.payload.link] = Payload(*inertias.about_centre(payload_parameters(layout, x)))
     for k, body in enumerate(layout.bodies.tolist()):
-        # A body without mass may carry a payload; it was not fitted.
-        if free.inertias and model.bodies["mass"][body] > 0.0:
+        if free[layout.block(k)].all():
             links |= _share_out(model, body, x[layout.block(k)])
-    velocity = model.friction_velocity if free.friction.any() else None
+    velocity = model.friction_velocity if free[layout.own(FRICTION)].any() else None
     return Parameters(
         joints=_joints(layout, x, free), links=links, payloads=payloads, friction_velocity=velocity, origin=origin or {}
     )
@@ -78,15 +77,18 @@ def parameters_of(layout, x, free, origin=None):
 
 def _joints(layout, x, free):
     """Return numbers of the joints that were fitted, and zeros of their mimic joints, whose friction is in them."""
-    found, mimics = {}, layout.model.mimics
+    found, columns = {}, {"damping": DAMPING, "friction": FRICTION, "effort_offset": OFFSET, "armature": ROTOR}
+    places = {key: layout.own(column) for key, column in columns.items()}
     for k, name in enumerate(layout.model.dof_names):
-        columns = {"damping": DAMPING, "friction": FRICTION, "effort_offset": OFFSET} if free.friction[k] else {}
-        if free.rotors[k] or layout.without_rotors:
-            columns = columns | {"armature": ROTOR}
-        if columns:
-            found[name] = JointParameters(**{key: float(x[layout.own(column)[k]]) for key, column in columns.items()})
-            followers = [joint for joint, mimic in mimics.items() if mimic.leader == name]
-            found |= dict.fromkeys(followers, JointParameters(**dict.fromkeys(columns, 0.0)))
+        own = {
+            key: float(x[at[k]])
+            for key, at in places.items()
+            if free[at[k]] or (layout.without_rotors and key == "armature")
+        }
+        if own:
+            found[name] = JointParameters(**own)
+            followers = [joint for joint, mimic in layout.model.mimics.items() if mimic.leader == name]
+            found |= dict.fromkeys(followers, JointParameters(**dict.fromkeys(own, 0.0)))
     return found
 
 
@@ -152,16 +154,13 @@ def payload_parameters(layout, x):
 def payload_certainty(layout, fit):
     """Return a payload's numbers with their standard deviations, as plain values."""
     inverse = np.linalg.inv(layout.payload.placement)
-    block = np.searchsorted(fit.free, np.arange(layout.robot, layout.size))
     turned = np.column_stack([inertias.moved(unit, inverse) for unit in np.eye(10)])
-    covariance = turned @ fit.covariance[np.ix_(block, block)] @ turned.T
+    covariance = turned @ fit.covariance[layout.robot :, layout.robot :] @ turned.T
     x = payload_parameters(layout, fit.x)
-    mass, centre, inertia = inertias.about_centre(x)
-    slopes = []
-    for k, step in enumerate(1e-6 * np.maximum(np.abs(x), 1e-3)):
-        slopes.append((_numbers(x + step * np.eye(10)[k]) - _numbers(x)) / step)
+    steps = np.diag(1e-6 * np.maximum(np.abs(x), 1e-3))
+    slopes = np.array([(_numbers(x + step) - _numbers(x)) / step.sum() for step in steps])
     variances = np.einsum("ji,jk,ki->i", slopes, covariance, slopes)
-    deviations, trace = np.sqrt(np.maximum(variances, 0.0)), abs(np.trace(inertia))
+    deviations, (mass, centre, inertia) = np.sqrt(np.maximum(variances, 0.0)), inertias.about_centre(x)
     return {
         "link": layout.payload.link,
         "mass": mass,
@@ -170,7 +169,7 @@ def payload_certainty(layout, fit):
         "mass_deviation": float(deviations[0]),
         "com_deviation": deviations[1:4].tolist(),
         "inertia_deviation": deviations[4:13].reshape(3, 3).tolist(),
-        "inertia_known": INERTIA_KNOWN[bool(0.0 < deviations[-1] <= MAX_DEVIATION * trace)],
+        "inertia_known": INERTIA_KNOWN[bool(0.0 < deviations[-1] <= MAX_DEVIATION * abs(np.trace(inertia)))],
     }
 
 

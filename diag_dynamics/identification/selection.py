@@ -6,16 +6,29 @@
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.identification.fit import MIN_VARIANCE, Free, Layout, fit_rows
-from diag_dynamics.identification.kernels.regressors import PARAMETERS
-from diag_dynamics.identification.regressors import ROTOR
+from diag_dynamics.identification.fit import MIN_VARIANCE, Layout, fit_rows
+from diag_dynamics.identification.regressors import DAMPING, FRICTION, OFFSET, ROTOR
 
 WEIGHT, SHORT_WEIGHT, SHORT = 10.0, 30.0, 6.0  # γ of the prior on inertias; for less motion than this [s]
-STEPS = "friction", "rotors", "inertias"  # beside payloads, in the order in which they are tried
-BY_JOINT = STEPS[:2]  # steps that are taken for each joint by itself
+BY_JOINT = {"friction": (DAMPING, FRICTION, OFFSET), "rotors": (ROTOR,)}  # unknowns that are taken joint by joint
+STEPS = *BY_JOINT, "inertias"  # beside payloads, in the order in which they are tried
 GAIN, ROTOR_GAIN = 0.1, 0.01  # reductions of the held-out residual to take a step, and to leave out the model's rotors
-MIN_EFFECTIVE = 5.0  # parameters of inertia that the rows have to determine
 MIN_BLOCKS = 3  # of rows, for cross-validation
+
+
+def read_what(what, model):
+    """Return names of what to identify, its steps in order, and the links of its payloads."""
+    names = (what,) if isinstance(what, str) else tuple(what)
+    steps = [step for step in STEPS if step in names]
+    links = [name[8:] for name in names if str(name).startswith("payload:")]
+    if not names or set(names) != {*steps, *(f"payload:{link}" for link in links)}:
+        raise InputError(f"what is {what!r}; expected one or more of {', '.join(STEPS)}, payload:<link>.")
+    for link in links:
+        if model.placement_in_body(link)[0] == 0:
+            raise InputError(
+                f"what is {what!r}, but no joint moves link '{link}'. Name the link that carries the payload."
+            )
+    return names, steps, links
 
 
 class Selection:
@@ -27,44 +40,33 @@ class Selection:
     """
 
     def __init__(self, model, steps, payload, data):
-        self._model, self._steps, self._payload, self._data = model, steps, payload, data
-        self.layout, self.warnings, self.taken = Layout(model, data.regressors, payload), [], []
-        self._beside = [] if data.unloaded is None else [(data.unloaded, False)]
-        self._early, self.held_out = self._rows(data.fitted), self._rows(data.held_out)
-        self._weight = WEIGHT if data.duration >= SHORT else SHORT_WEIGHT
+        self._model, self._payload, self._data = model, payload, data
+        self.layout, self.warnings, self.taken, self.fit = Layout(model, data.regressors, payload), [], [], None
         self.asks_for_joints = bool(steps)
+        self._beside = [] if data.unloaded is None else [(data.unloaded, False)]
+        self._early, self.held_out = [(data.fitted, True)], [(data.held_out, True)]
+        self._weight = WEIGHT if data.duration >= SHORT else SHORT_WEIGHT
         self._moving = data.moving if steps else np.zeros(model.nv, dtype=bool)
         if steps and not self._moving.any() and not payload:
             raise InputError(f"no joint moves enough: {data.findings[-1].text}.")
         self._own = dict.fromkeys(BY_JOINT, self._moving)
         self.kept = {step: {} for step in BY_JOINT}
         if self.layout.known[self.layout.own(ROTOR)].any():
-            self._choose_rotors()
-        self._select()
-
-    def _rows(self, sums):
-        return [(sums, self._payload is not None)]
+            self._choose_rotors(steps)
+        self._select([step for step in steps if step == "inertias" or self._moving.any()])
 
     def free(self, steps, **joints):
-        """Return the :class:`Free` of steps; `joints` of a step replace those that were chosen."""
-        own = self._own | joints
-        friction, rotors = (own[step] & (step in steps) for step in BY_JOINT)
-        return Free(friction, rotors, "inertias" in steps or bool(self._beside), self._payload is not None)
+        """Return which unknowns steps fit, bool; `joints` of a step replace those that were chosen."""
+        own, free = self._own | joints, self.layout.inertial & ("inertias" in steps or bool(self._beside))
+        free[self.layout.robot :] = True
+        for step, columns in BY_JOINT.items():
+            for column in columns if step in steps else ():
+                free[self.layout.own(column)] = own[step]
+        return free
 
     def fit_all(self):
         """Return the fit of the steps that were taken to all rows."""
         return self._fit([*self._early, *self.held_out], self.free(self.taken))
-
-    def effective_parameters(self, fit):
-        """Return how many parameters of each body the rows determine."""
-        known, count = np.zeros(self.layout.size), PARAMETERS * len(self.layout.bodies)
-        known[fit.free] = fit.determined
-        return known[:count].reshape(-1, PARAMETERS).sum(axis=1)
-
-    @property
-    def score(self):
-        """Score of the steps that were taken."""
-        return min(rung["score"] for rung in self.ladder if rung["taken"])
 
     def named(self, steps):
         """Return names of steps, the payload first."""
@@ -79,68 +81,62 @@ class Selection:
         efforts = self.layout.mean_squares(self.held_out, np.zeros(self.layout.size))
         return float(np.exp(0.5 * np.log(np.maximum(squares, max(MIN_VARIANCE * efforts.mean(), 1e-300))).mean()))
 
-    def _choose_rotors(self):
+    def _choose_rotors(self, steps):
         """Leave the model's rotor inertias out if the efforts do not contain them, as of torque sensors."""
-        steps = [step for step in self._steps if step == "friction"]
-        known, columns, scores = self.layout.known, self.layout.own(ROTOR), []
-        rotors = known[columns]
-        for armature in (rotors, 0.0):
+        free, known, columns = self.free(steps[: "friction" in steps]), self.layout.known, self.layout.own(ROTOR)
+        rotors, scores = known[columns], []
+        for armature in (0.0, rotors):
             known[columns] = armature
-            scores.append(self._score(self._fit(self._early, self.free(steps)).x))
-        gain = 1.0 - scores[1] / scores[0]
+            scores.append(self._score(self._fit(self._early, free).x))
+        gain = 1.0 - scores[0] / scores[1]
         self.layout.without_rotors = gain > ROTOR_GAIN
         if self.layout.without_rotors:
+            known[columns] = 0.0
             self.warnings.append(
                 f"rotor inertias of the model are left out: the residual of what was held out is {gain:.1%} smaller without "
                 "them, as of torque sensors behind the gears"
             )
-        else:
-            known[columns] = rotors
 
-    def _select(self):
+    def _select(self, left):
         """Take each step that reduces the score enough; after it try those again that a larger error has hidden."""
-        self.fit = self._fit(self._early, self.free([])) if self._payload else None
-        score = self._score(self.fit.x if self.fit else self.layout.known)
-        self.ladder, refused = [{"steps": self.named([]), "score": score, "taken": True}], {}
-        left = [step for step in self._steps if step == "inertias" or self._moving.any()]
+        if self._payload:
+            self.fit = self._fit(self._early, self.free([]))
+        self.score, refused = self._score(self.fit.x if self.fit else self.layout.known), {}
+        self.ladder = [{"steps": self.named([]), "score": self.score, "taken": True}]
         ahead = list(left)
         while ahead:
             step = ahead.pop(0)
-            steps = [one for one in STEPS if one in self.taken or one == step]
-            if step in BY_JOINT:
-                self._choose_joints(step)
-            fit = self._fit(self._early, self.free(steps))
-            effective = self.effective_parameters(fit).sum() if step == "inertias" else MIN_EFFECTIVE
-            reached = self._score(fit.x)
-            better = bool(reached <= (1.0 - GAIN) * score and effective >= MIN_EFFECTIVE)
-            self.ladder.append({"steps": self.named(steps), "score": reached, "taken": better})
-            if not better:
-                gain = max(0.0, 1.0 - reached / score) if score > 0.0 else 0.0
-                refused[step] = (
-                    f"{step} stay as the model has them: the motion determines {effective:.1f} of their parameters, "
-                    f"expected {MIN_EFFECTIVE:g}"
-                    if effective < MIN_EFFECTIVE
-                    else f"{step} stay as the model has them: the residual of what was held out would be {gain:.1%} smaller, "
-                    f"expected {GAIN:.0%} at least"
-                )
-                continue
-            self.taken, self.fit = steps, fit
-            if self._choose_again(step):
-                self.fit = self._fit(self._early, self.free(steps))
-            score = self._score(self.fit.x)
-            left.remove(step)
-            refused.pop(step, None)
-            ahead = list(left)
-        self.warnings += refused.values()
+            refused[step] = self._try_step(step)
+            if not refused[step]:
+                left.remove(step)
+                ahead = list(left)
+        self.warnings += filter(None, refused.values())
         self.kept = {step: joints for step, joints in self.kept.items() if step in self.taken and joints}
 
-    def _choose_again(self, latest):
-        """Choose joints of earlier steps again; return whether there are more of them."""
+    def _try_step(self, step):
+        """Take a step if it reduces the score enough; else return why not."""
+        steps = [one for one in STEPS if one in self.taken or one == step]
+        if step in BY_JOINT:
+            self._choose_joints(step)
+        fit = self._fit(self._early, self.free(steps))
+        score = self._score(fit.x)
+        gain = 1.0 - score / max(self.score, 1e-300)
+        better = bool(score <= (1.0 - GAIN) * self.score)
+        self.ladder.append({"steps": self.named(steps), "score": score, "taken": better})
+        if not better:
+            return (
+                f"{step} stay as the model has them: the residual of what was held out would be "
+                f"{max(0.0, gain):.1%} smaller, expected {GAIN:.0%} at least"
+            )
+        self.taken, self.fit = steps, fit
         before = sum(own.sum() for own in self._own.values())
-        for step in BY_JOINT:
-            if step in self.taken and step != latest and self.kept[step]:
-                self._choose_joints(step)
-        return sum(own.sum() for own in self._own.values()) > before
+        for one in BY_JOINT:
+            if one in steps and one != step and self.kept[one]:
+                self._choose_joints(one)
+        if sum(own.sum() for own in self._own.values()) > before:
+            self.fit = self._fit(self._early, self.free(steps))
+        self.score = self._score(self.fit.x)
+        return ""
 
     def _choose_joints(self, step):
         """Choose joints of which a step reduces the residual of blocks that are left out of the fit in turn."""
@@ -149,12 +145,11 @@ class Selection:
             self._own[step] = self._moving
             return
         again = step in self.taken
-        before = self._own[step] & again
-        steps, squares = [*self.taken, step], np.zeros((2, self._model.nv))
+        before, steps, squares = self._own[step] & again, [*self.taken, step], np.zeros((2, self._model.nv))
         for block in blocks:
             for total, joints in zip(squares, (before, self._moving), strict=True):
-                x = self._fit(self._rows(fitted - block), self.free(steps, **{step: joints})).x
-                total += self.layout.squares(self._rows(block), x)
+                x = self._fit([(fitted - block, True)], self.free(steps, **{step: joints})).x
+                total += self.layout.squares([(block, True)], x)
         without, own = np.sqrt(squares / max(fitted[-1], 1e-300))
         self._own[step] = before | (self._moving & (own < (1.0 - GAIN * again) * without))
         kept = np.flatnonzero(self._moving & ~self._own[step])

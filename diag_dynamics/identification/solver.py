@@ -3,7 +3,7 @@
 
 """Least squares over physical inertias and positive friction, by Newton's method along the central path.
 
-    min ½ xᵀA x − bᵀx + γ Σ [tr(J₀⁻¹J) − ln det J] − γ' Σ ln x_k
+    min ½ xᵀA x − bᵀx + Σ γ [tr(J₀⁻¹J) − ln det J] − γ' Σ ln x_k
 
 J is the pseudo-inertia of a body, linear in x, and J₀ that of the model. The barrier of J is its prior,
 smallest at J = J₀. Plain Newton crawls along the boundary of the cone; from large γ downward it does not.
@@ -21,6 +21,7 @@ from diag_dynamics.optional import require
 STAGE_DECREMENT, LAST_DECREMENT = 0.1, 1e-7  # squared Newton decrement at the end of a stage, over its γ; of the last
 CONVERGED = 0.05  # squared decrement over the smallest weight below which convergence is quadratic
 ROUNDING = 1e-14  # relative error of the function's value
+REGULAR = 1e-12  # added to the scaled Hessian, whose rounding errors are smaller
 MAX_STEPS, MAX_HALVINGS = 400, 60
 
 
@@ -31,6 +32,15 @@ class Body(NamedTuple):
     prior: np.ndarray
     weight: float
     fixed: np.ndarray
+
+    @property
+    def places(self):
+        """Its unknowns."""
+        return slice(self.first, self.first + PARAMETERS)
+
+    def pseudo_inertia(self, x):
+        """Return J."""
+        return np.tensordot(x[self.places], BASIS, 1) + self.fixed
 
 
 class Problem(NamedTuple):
@@ -45,32 +55,28 @@ class Problem(NamedTuple):
 
 def solve(problem, start):
     """Return x at the minimum and the Hessian there, from a start within all cones; raises DiagDynamicsError."""
-    weights = [body.weight for body in problem.bodies] or [problem.positive_weight]
-    smallest, least = min(weights), min(*weights, problem.positive_weight)
-    x = np.array(start)
-    first = _newton_step(*_derivatives(problem, x, 1.0))[0]
-    stages, steps = max(0, int(np.ceil(np.log10(max(first, smallest) / smallest)))), 0
-    for stage in range(stages, -1, -1):
-        scale, before, length = 10.0**stage, np.inf, 0.0
-        goal = STAGE_DECREMENT * smallest * scale if stage else LAST_DECREMENT
-        while True:
-            gradient, hessian = _derivatives(problem, x, scale)
-            squared, direction = _newton_step(gradient, hessian)
-            # A whole step squares the decrement near the minimum; if not, only rounding is left.
-            rounded = length == 1.0 and before < CONVERGED * scale * least and squared > 0.5 * before
-            if squared <= goal or rounded:
-                break
-            if steps == MAX_STEPS:
-                raise DiagDynamicsError(f"Identification has found no minimum within {MAX_STEPS} Newton steps.")
-            length = _step_length(problem, x, direction, squared, scale)
-            x, before, steps = x + length * direction, squared, steps + 1
-            if not length:
-                break
-    return x, hessian
+    smallest = min((body.weight for body in problem.bodies), default=problem.positive_weight)
+    first = _newton_step(*_derivatives(problem, start, 1.0))[0]
+    stages, x = max(0, int(np.ceil(np.log10(max(first, smallest) / smallest)))), start
+    for scale in 10.0 ** np.arange(stages, 0, -1):
+        x, _ = _minimize(problem, x, scale, STAGE_DECREMENT * smallest * scale)
+    return _minimize(problem, x, 1.0, LAST_DECREMENT)
 
 
-def _pseudo_inertia(x, body):
-    return np.tensordot(x[body.first : body.first + PARAMETERS], BASIS, 1) + body.fixed
+def _minimize(problem, x, scale, goal):
+    """Return x where the squared Newton decrement is below a goal, and the Hessian; barriers times a scale."""
+    weights, before = [problem.positive_weight, *(body.weight for body in problem.bodies)], np.inf
+    for _ in range(MAX_STEPS):
+        gradient, hessian = _derivatives(problem, x, scale)
+        squared, direction = _newton_step(gradient, hessian)
+        # A whole step squares the decrement near the minimum; if not, only rounding is left.
+        if squared <= goal or (before < CONVERGED * scale * min(weights) and squared > 0.5 * before):
+            return x, hessian
+        length = _step_length(problem, x, direction, squared, scale)
+        if not length:
+            return x, hessian
+        x, before = x + length * direction, squared if length == 1.0 else np.inf
+    raise DiagDynamicsError(f"Identification has found no minimum within {MAX_STEPS} Newton steps.")
 
 
 def _value(problem, x, scale):
@@ -80,13 +86,12 @@ def _value(problem, x, scale):
         return np.inf
     value = x @ (0.5 * problem.A @ x - problem.b) - scale * problem.positive_weight * np.log(positive).sum()
     for body in problem.bodies:
-        J = _pseudo_inertia(x, body)
+        J = body.pseudo_inertia(x)
         try:
             diagonal = np.diag(np.linalg.cholesky(J))
         except np.linalg.LinAlgError:
             return np.inf
-        prior = np.sum(np.linalg.inv(body.prior) * J)
-        value += scale * body.weight * (prior - 2.0 * np.log(diagonal).sum())
+        value += scale * body.weight * (np.sum(np.linalg.inv(body.prior) * J) - 2.0 * np.log(diagonal).sum())
     return value
 
 
@@ -94,8 +99,8 @@ def _derivatives(problem, x, scale):
     """Return gradient and Hessian."""
     gradient, hessian, k = problem.A @ x - problem.b, problem.A.copy(), problem.positive
     for body in problem.bodies:
-        own, weight = slice(body.first, body.first + PARAMETERS), scale * body.weight
-        inverse = np.linalg.inv(_pseudo_inertia(x, body))
+        own, weight = body.places, scale * body.weight
+        inverse = np.linalg.inv(body.pseudo_inertia(x))
         gradient[own] += weight * np.tensordot(BASIS, np.linalg.inv(body.prior) - inverse, 2)
         turned = inverse @ BASIS
         hessian[own, own] += weight * np.einsum("aij,bji->ab", turned, turned)
@@ -106,15 +111,10 @@ def _derivatives(problem, x, scale):
 
 def _newton_step(gradient, hessian):
     """Return the squared Newton decrement and the step, the Hessian scaled by its diagonal because units differ."""
-    linalg = require("scipy.linalg", "identify")  # slow to import
-
-    diagonal = np.diag(hessian)
+    linalg, diagonal = require("scipy.linalg", "identify"), np.diag(hessian)
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    scaled, right = hessian * scale[:, None] * scale, -gradient * scale
-    try:  # by Cholesky, as the threads of an LU factorization mostly wait
-        direction = linalg.cho_solve(linalg.cho_factor(scaled, check_finite=False), right, check_finite=False)
-    except np.linalg.LinAlgError:
-        direction = np.linalg.lstsq(scaled, right, rcond=None)[0]
+    scaled, right = hessian * scale[:, None] * scale + REGULAR * np.eye(len(scale)), -gradient * scale
+    direction = linalg.cho_solve(linalg.cho_factor(scaled), right)  # threads of an LU factorization mostly wait
     return float(direction @ right), direction * scale
 
 

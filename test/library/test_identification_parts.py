@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parts of identification: inertias, the solver, regressors and their filter, restarts of stamps."""
+"""Parts of identification: inertias, the solver, regressors and their filter."""
 
 from itertools import product
 
@@ -11,7 +11,6 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.identification import inertias
-from diag_dynamics.identification.dataset import find_restarts
 from diag_dynamics.identification.regressors import Regressors
 from diag_dynamics.identification.solver import Body, Problem, solve
 from examples import some_of
@@ -172,16 +171,3 @@ def test_filtered_rows_hold_for_the_true_parameters():
         errors.append(np.sqrt(regressors.residual_squares(sums, x) / regressors.residual_squares(sums, 0.0 * x)).max())
     assert errors[0] < 1e-3
     assert errors[1] < errors[0] / 8.0
-
-
-@pytest.mark.parametrize(
-    ("stamps", "restarts"),
-    [
-        ([*range(20), 18, *range(20, 40)], []),  # one late row
-        ([*range(20), *range(12, 40)], []),  # a stretch that was written twice
-        ([*range(20), *range(5)], []),  # too short to tell
-        ([*range(100, 120), *range(50, 70), *range(15)], [20, 40]),
-    ],
-)
-def test_stamps_restart_where_they_go_on_from_before(stamps, restarts):
-    assert find_restarts(np.array(stamps)) == restarts
