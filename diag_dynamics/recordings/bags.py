@@ -16,13 +16,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.messages import (
-    DamageError,
-    Messages,
-    Notes,
-    describe_error,
-    merge_parts,
-)
+from diag_dynamics.recordings.messages import DamageError, Messages, Notes, describe_error, merge_parts
 
 METADATA = "metadata.yaml"
 """File that rosbag2 writes into a folder when it closes a recording."""

@@ -18,12 +18,7 @@ from mcap.stream_reader import get_chunk_data_stream
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.messages import (
-    Connection,
-    DamageError,
-    Messages,
-    describe_error,
-)
+from diag_dynamics.recordings.messages import Connection, DamageError, Messages, describe_error
 
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, LAST, PRIVATE = 2, 3, 4, 5, 6, 15, 128
@@ -40,7 +35,7 @@ UNDECLARED, SKIPPED = -2, -1
 _RECORD = struct.Struct("<BQ")
 _FIELDS = {"opcode": "u1", "size": "<u8", "channel": "<u2", "number": "<u4", "time": "<u8", "sent": "<u8"}
 HEAD = np.dtype(list(_FIELDS.items()))
-"""First 31 bytes of a message record, of which its size counts the last 22."""
+"""First 31 bytes of a message record; its size is without the first 9."""
 
 
 class Part(NamedTuple):
@@ -71,8 +66,12 @@ class McapFile:
             if not self._parts:
                 self._scan(file)
         self._parts.sort(key=lambda part: part.start)
-        self.connections = [self._describe(channel) for channel in self._channels.values()]
         self.start = next((part.start for part in self._parts if part.end), None)
+        self.connections = []
+        for one in self._channels.values():
+            kind = self._schemas[one.schema_id].name if one.schema_id in self._schemas else ""
+            md5 = one.metadata.get("md5sum", "")
+            self.connections.append(Connection(one.topic, kind, one.message_encoding, md5))
 
     def parts(self, wanted):
         """Yield (first log time, last one, function that returns Messages) in their order."""
@@ -138,26 +137,17 @@ class McapFile:
         content = self._read_content(part) or b""
         starts, declarations, end = _find_records(content)
         for kind, raw in declarations:
-            stored = self._schemas if kind is Schema else self._channels
             try:
                 one = kind.read(ReadDataStream(BytesIO(raw)))
-                stored.setdefault(one.id, one)
+                (self._schemas if kind is Schema else self._channels).setdefault(one.id, one)
             except Exception as error:
-                what = f"a {kind.__name__.lower()} is not readable: {describe_error(error)}"
-                self._lose(str(part), what)
+                self._lose(str(part), f"a {kind.__name__.lower()} is not readable: {describe_error(error)}")
         if len(starts):
             heads = _read_heads(content, starts)
             times, channels = heads["time"], frozenset(heads["channel"].tolist())
-            span = {"start": int(times.min()), "end": int(times.max())}
-            size = part.size if part.is_chunk else end
+            size, span = part.size if part.is_chunk else end, {"start": int(times.min()), "end": int(times.max())}
             self._parts.append(part._replace(size=size, channels=channels, **span))
         return end or part.size
-
-    def _describe(self, channel):
-        """Return the Connection of a channel."""
-        name = self._schemas[channel.schema_id].name if channel.schema_id in self._schemas else ""
-        md5 = channel.metadata.get("md5sum", "")
-        return Connection(channel.topic, name, channel.message_encoding, md5)
 
     def _read_content(self, part):
         """Return the records of a part; None if it is damaged."""

@@ -62,17 +62,11 @@ def arm(*names):
     return dd.load_urdf(urdf_of(*names))
 
 
-def joint_state(stamp, names, position, velocity=(), effort=(), frame=""):
-    """Return a JointState of rosbags."""
+def serialized(stamp, names, position, velocity=(), effort=(), frame=""):
+    """Return the bytes of a joint state of ROS 2, by rosbags."""
     types, arrays = JAZZY.types, [np.asarray(values, float) for values in (position, velocity, effort)]
-    time = types["builtin_interfaces/msg/Time"](*divmod(stamp, S))
-    header = types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
-    return types[JOINT_STATE](header, list(names), *arrays)
-
-
-def serialized(*arguments, **options):
-    """Return the bytes of a :func:`joint_state` of ROS 2."""
-    return bytes(JAZZY.serialize_cdr(joint_state(*arguments, **options), JOINT_STATE))
+    header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](*divmod(stamp, S)), frame)
+    return bytes(JAZZY.serialize_cdr(types[JOINT_STATE](header, list(names), *arrays), JOINT_STATE))
 
 
 def numbered(count, topics=("/joint_states",), disorder=0, longest=40, seed=0):
@@ -186,26 +180,17 @@ def write_ros1(path, messages, compression=None, chunk=2000):
 
 def odometry(stamp, link, pose, twist):
     """Return the bytes of an odometry by rosbags: x y z qx qy qz qw, and linear and angular velocity in the link's axes."""
-    no = np.zeros(36)
 
-    def of(name, *fields):
-        return JAZZY.types[name](*fields)
+    def geometry(name, *fields):
+        return JAZZY.types[f"geometry_msgs/msg/{name}"](*fields)
 
-    def vector(numbers):
-        return of("geometry_msgs/msg/Vector3", *map(float, numbers))
-
-    header = of("std_msgs/msg/Header", of("builtin_interfaces/msg/Time", *divmod(stamp, S)), "odom")
-    point = of("geometry_msgs/msg/Point", *map(float, pose[:3]))
-    placed = of("geometry_msgs/msg/Pose", point, of("geometry_msgs/msg/Quaternion", *map(float, pose[3:])))
-    covered = (
-        of("geometry_msgs/msg/PoseWithCovariance", placed, no),
-        of(
-            "geometry_msgs/msg/TwistWithCovariance",
-            of("geometry_msgs/msg/Twist", *map(vector, (twist[:3], twist[3:]))),
-            no,
-        ),
-    )
-    return bytes(JAZZY.serialize_cdr(of(ODOMETRY, header, link, *covered), ODOMETRY))
+    point, orientation = geometry("Point", *map(float, pose[:3])), geometry("Quaternion", *map(float, pose[3:]))
+    linear, angular = (geometry("Vector3", *map(float, part)) for part in (twist[:3], twist[3:]))
+    place = geometry("PoseWithCovariance", geometry("Pose", point, orientation), np.zeros(36))
+    motion = geometry("TwistWithCovariance", geometry("Twist", linear, angular), np.zeros(36))
+    time = JAZZY.types["builtin_interfaces/msg/Time"](*divmod(stamp, S))
+    header = JAZZY.types["std_msgs/msg/Header"](time, "odom")
+    return bytes(JAZZY.serialize_cdr(JAZZY.types[ODOMETRY](header, link, place, motion), ODOMETRY))
 
 
 def write_floating(path, joints, bases):
