@@ -12,6 +12,7 @@ import sqlite3
 import numpy as np
 import pytest
 import yaml
+from mcap.reader import make_reader
 from mcap.writer import Writer
 
 import diag_dynamics as dd
@@ -40,7 +41,11 @@ from bags import (
     write_ros1,
     write_rosbag2,
 )
-from hostile import MS, START
+from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
+from diag_dynamics.cli.main import main
+from diag_dynamics.wire.definitions import read_message
+from diag_dynamics.wire.ours import our_definitions
+from hostile import MS, START, S
 
 
 def assert_same_states(found, expected):
@@ -180,6 +185,24 @@ def test_topics_of_one_robot_are_merged(tmp_path, kind):
         assert_same_states(found, expected)
     refused(rf"{two[0]}, {two[1]}\. .* --topic {two[0]} --topic {two[1]}", path, robot)
     refused(rf"no topic '/gripper' .*, only {two[0]}, {two[1]}", path, robot, topic=[two[0], "/gripper"])
+
+
+def test_stamps_of_a_written_mcap(tmp_path):
+    """Messages have the stamps of the newest and of the oldest value."""
+    path, out = write_mcap(tmp_path / "x.mcap", arm_and_gripper(["/joint_states"] * 2)), tmp_path / "out.mcap"
+    (tmp_path / "arm.urdf").write_text(urdf_of("a", "b", "c"))
+    arguments = ["analyse", path, "--urdf", tmp_path / "arm.urdf", "-o", out, "--topics", "state", "--quiet"]
+    assert main(list(map(str, arguments))) in (0, 1)
+    states = dd.read_recording(path, arm("a", "b", "c")).states
+    with open(out, "rb") as file:
+        raw = [one.data for *_, one in make_reader(file).iter_messages()]
+    found = [read_message(one, "diag_dynamics/msg/DiagonalizedState", our_definitions()) for one in raw]
+    for stamps, expected in (
+        ([one.header.stamp for one in found], states.stamp),
+        ([one.oldest_stamp for one in found], states.oldest_stamp),
+    ):
+        np.testing.assert_array_equal([one.sec * S + one.nanosec for one in stamps], expected)
+    assert (states.stamp != states.oldest_stamp).all()
 
 
 def test_topics_that_are_not_read_are_named(tmp_path):

@@ -126,10 +126,10 @@ def test_older_sqlite(tmp_path, profiles):
 
 @pytest.mark.parametrize("plugin", [SQLITE, MCAP])
 def test_folders_of_several_files(tmp_path, plugin):
-    """Files overlap. Without metadata.yaml bag_10 is behind bag_9, also where messages have the same time."""
+    """Files overlap. Without metadata.yaml bag_10 is behind bag_9, also where both begin at the same time."""
     messages = [*numbered(90, disorder=20), *numbered(110)[90:]]
-    parts = [sorted(messages[k : k + 10], key=lambda one: one.log_time) for k in range(0, 110, 10)]
-    parts[10][0] = parts[10][0]._replace(log_time=parts[9][-1].log_time)
+    parts = [sorted(messages[k : k + 10], key=lambda one: one.log_time) for k in range(0, 90, 10)]
+    parts += [messages[90:91], [messages[91]._replace(log_time=messages[90].log_time), *messages[92:]]]
     folder = write_split(tmp_path / "bag", parts, plugin)
     assert read(folder) == read(folder / "metadata.yaml") == (list(range(110)), [])
     for text in (None, "a: [", "rosbag2_bagfile_information: {relative_file_paths: 3}"):
