@@ -5,9 +5,7 @@
 
 import json
 import math
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -386,25 +384,3 @@ def test_the_command_refuses(tables, tmp_path, capsys, arguments, key):
     before = free.read_bytes()
     assert calibrated(free, alarms, *(str(free) if word == "FREE" else word for word in arguments)) == 2
     assert key in capsys.readouterr().err and not alarms.exists() and free.read_bytes() == before
-
-
-RECORDINGS = Path(__file__).parents[2].parent / "shared" / "recordings"
-KUKA = Path(os.environ.get("DIAG_DYNAMICS_RECORDINGS", RECORDINGS)) / "kuka_lwr4"
-
-
-@pytest.mark.full
-@pytest.mark.skipif(not KUKA.exists(), reason="recordings of real arms are no part of this package")
-def test_a_real_arm():
-    """Thresholds from one half of a KUKA's motion let few alarms of the other half through; they are joints' own."""
-    names = {"time": "times", "position": "positions", "velocity": "velocities", "effort": "torques"}
-    model = dd.load_urdf(str(KUKA / "kuka_lwr4.urdf"))
-    dyn = dd.DiagonalDynamics(model)
-    path = KUKA / "measurements_1.npz"
-    halves = [dd.read_recording(path, model, names, **part) for part in ({"end": 12.5}, {"start": 12.5})]
-    for one, other in (halves, halves[::-1]):
-        found = dd.calibrate(one, dyn)
-        assert any("too short" in text for text in found.warnings)
-        seen = dd.observe(dyn, other, 25.0, friction=found.friction)
-        detector = dd.AlarmDetector(model.dof_names, found.thresholds)
-        assert detector.judge(other.stamp, seen.residual, seen.external_torque, seen.valid).begins.sum() <= 2
-        assert 0.1 < min(found.joints.values()) < max(found.joints.values()) < 15.0
