@@ -16,8 +16,7 @@ import numpy as np
 
 from diag_dynamics.checks import positive
 from diag_dynamics.collision.detector import AlarmDetector, AlarmThresholds, Judged
-from diag_dynamics.collision.residuals import Residuals, Rows
-from diag_dynamics.collision.tail import Level, block_maxima, find_level, poisson_interval
+from diag_dynamics.collision.residuals import Level, Residuals, Rows, block_maxima, find_level, poisson_interval
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.yaml_files import yaml_text
 

@@ -36,16 +36,16 @@ class Piece(NamedTuple):
 
 
 class Peaks:
-    """Largest values of quantities, batch by batch: of each entry its value, its stamp [ns] and its name."""
+    """Largest values of quantities, batch by batch: `entries` are values, stamps [ns] and names of each."""
 
     def __init__(self):
-        self._peaks = {}
+        self.entries = {}
 
     def add_values(self, quantity, values, stamps, names):
         """Add values, shape (T,) or (T, number of names); NaN is ignored."""
         values = values.reshape(len(stamps), -1)
         start = np.full(len(names), -np.inf), np.zeros(len(names), int), names
-        each, at, _ = self._peaks.setdefault(quantity, start)
+        each, at, _ = self.entries.setdefault(quantity, start)
         largest = column_maxima(values)
         for k in np.flatnonzero(largest > each):
             each[k], at[k] = largest[k], stamps[np.argmax(values[:, k] == largest[k])]
@@ -53,16 +53,11 @@ class Peaks:
     def largest(self):
         """Return by quantity its largest value, the first stamp of that [ns], and the name of the entry or None."""
         found = {}
-        for quantity, (each, at, names) in self._peaks.items():
+        for quantity, (each, at, names) in self.entries.items():
             if each.max(initial=-np.inf) > -np.inf:
                 k = int(np.argmax(each))
                 found[quantity] = float(each[k]), int(at[k]), names[k] or None
         return found
-
-    def of_each(self, quantity):
-        """Return the largest value of each entry of a quantity by its name."""
-        each, _, names = self._peaks[quantity]
-        return dict(zip(names, each.tolist(), strict=True))
 
 
 class Analysis:

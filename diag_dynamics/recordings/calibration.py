@@ -10,8 +10,7 @@ from collections.abc import Iterable
 from diag_dynamics.checks import instance, positive
 from diag_dynamics.collision.calibration import Calibration, calibrate_residuals
 from diag_dynamics.collision.detector import HOLD_OFF, RELEASE, STANDING, AlarmThresholds
-from diag_dynamics.collision.residuals import Residuals
-from diag_dynamics.collision.tail import poisson_interval
+from diag_dynamics.collision.residuals import Residuals, poisson_interval
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.effort_checks import EffortRange

@@ -30,6 +30,7 @@ def summary_of(analysis):
     good = balance.explained is not None and balance.explained >= MIN_EXPLAINED
     fault = None if good or unmeasured else analysis.motion.fault()
     says = fault.text if fault else ""
+    shares, _, names = peaks.entries["energy_share"]
     energy, energy_at, _ = largest.get("kinetic_energy", (None, None, None))
     return {
         "robot": analysis.model.name,
@@ -44,7 +45,7 @@ def summary_of(analysis):
             "mean": analysis.kinetic / analysis.states if analysis.states else None,
             "max": energy,
             "at": time(energy_at),
-            "share": peaks.of_each("energy_share"),
+            "share": dict(zip(names, shares.tolist(), strict=True)),
             "histogram": _histogram(analysis),
         },
         "peaks": {name: {"value": value, "at": time(at), "of": of} for name, (value, at, of) in largest.items()},

@@ -133,15 +133,6 @@ def test_balance_names_the_likely_cause(analysed, motion, gravity, fault):
         assert fault != "unit" or "most of what is missing is at shoulder_lift_joint" in text
 
 
-def test_friction_that_the_model_lacks_is_at_its_joint(analysed, ur5, motion):
-    t, q, qd, tau = motion
-    tau = tau.copy()
-    tau[:, 1] += 12.0 * np.tanh(qd[:, 1] / 0.005)
-    joints = analysed(t, q, qd, tau)[0]["balance"]["joints"]
-    assert max(joints, key=lambda name: joints[name]["share"]) == ur5.dof_names[1]
-    assert sum(one["share"] for one in joints.values()) == pytest.approx(1.0)
-
-
 def test_why_there_is_no_balance(analysed, motion, gravity):
     """At rest noise is no motion, so neither is the balance poor, nor are velocities wrong."""
     t, q, qd, tau = motion

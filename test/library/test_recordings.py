@@ -188,14 +188,3 @@ def test_errors_of_reading(tmp_path, panda):
     write_mcap(path, [])
     refused("has no joint states")
     refused("has not a file|is a folder|no bags in it", tmp_path.joinpath("empty").mkdir() or tmp_path / "empty")
-
-
-def test_parameters_of_efforts(tmp_path, panda):
-    path = states_written(tmp_path / "x.mcap", driven(panda, 20))
-    whole = dd.read_recording(path, panda)
-    half = dd.read_recording(path, panda, parameters={"effort_scale": ["*=0.5"]})
-    np.testing.assert_array_equal(half.tau, 0.5 * whole.tau)
-    assert dd.read_recording(path, panda, parameters={"effort_available": ["*=false"]}).tau is None
-    without = dd.read_recording(path, panda, parameters={"effort_includes_gravity": ["*=false"]})
-    gravity = dd.DiagonalDynamics(panda).gravity_torque_batch(whole.q)
-    np.testing.assert_array_equal(without.tau, whole.tau + gravity)
