@@ -124,6 +124,17 @@ class Balance:
         rows = zip(self._names, np.sqrt(squares).tolist(), (squares / (squares.sum() or 1.0)).tolist(), strict=True)
         return {name: {"residual_power": rms, "share": share} for name, rms, share in rows}
 
+    def summary(self, fault):
+        """Return numbers of windows and joints, and the judgement with the likely fault of the efforts."""
+        rows = zip(POWERS, self.mean.tolist(), self.squares.tolist(), strict=False)
+        return {
+            "windows": self.count,
+            "length": WINDOW,
+            "moments": {name: {"count": self.count, "mean": mean, "squares": rest} for name, mean, rest in rows},
+            "says": self.judgement(fault),
+            "joints": self.joints,
+        }
+
     def judgement(self, fault=""):
         """Return the judgement in words, with the likely fault of the efforts."""
         explained, total = self.explained, self.explained_total

@@ -8,7 +8,7 @@ import textwrap
 import numpy as np
 
 from diag_dynamics.recordings.analysis import BINS_PER_DECADE, LOWEST_BIN
-from diag_dynamics.recordings.balance import MIN_EXPLAINED, POWERS, WINDOW
+from diag_dynamics.recordings.balance import MIN_EXPLAINED, WINDOW
 from diag_dynamics.recordings.findings import NOTE, Finding, without_efforts
 from diag_dynamics.recordings.quality import describe_ratio
 
@@ -30,8 +30,6 @@ def summary_of(analysis):
     good = balance.explained is not None and balance.explained >= MIN_EXPLAINED
     fault = None if good or unmeasured else analysis.motion.fault()
     says = fault.text if fault else ""
-    shares, _, names = peaks.entries["energy_share"]
-    energy, energy_at, _ = largest.get("kinetic_energy", (None, None, None))
     return {
         "robot": analysis.model.name,
         "degrees_of_freedom": list(analysis.model.dof_names),
@@ -41,27 +39,12 @@ def summary_of(analysis):
         "end": time(analysis.quality.end),
         "counts": counts,
         "rejected": {key.removeprefix(REJECTED): n for key, n in counts.items() if key.startswith(REJECTED) and n},
-        "kinetic_energy": {
-            "mean": analysis.kinetic / analysis.states if analysis.states else None,
-            "max": energy,
-            "at": time(energy_at),
-            "share": dict(zip(names, shares.tolist(), strict=True)),
-            "histogram": _histogram(analysis),
-        },
+        "kinetic_energy": _kinetic_energy(analysis, time),
         "peaks": {name: {"value": value, "at": time(at), "of": of} for name, (value, at, of) in largest.items()},
         "explained": balance.explained,
         "explained_with_potential": balance.explained_total,
         "residual_power": balance.residual_power,
-        "balance": {
-            "windows": balance.count,
-            "length": WINDOW,
-            "moments": {  # of which those of a fleet are made
-                name: {"count": balance.count, "mean": float(balance.mean[k]), "squares": float(balance.squares[k])}
-                for k, name in enumerate(POWERS)
-            },
-            "says": balance.judgement(unmeasured or says),
-            "joints": balance.joints,
-        },
+        "balance": balance.summary(unmeasured or says),
         "efforts": {"unmeasured": unmeasured, "says": says},
         "observer": {
             "gain": analysis.gain,
@@ -83,14 +66,17 @@ def summary_of(analysis):
     }
 
 
-def _histogram(analysis):
-    """Return the bins of the kinetic energy with states; the first one of those without energy is from 0 to 0."""
+def _kinetic_energy(analysis, time):
+    """Return mean and maximum, and the bins with states; the first bin of those without energy is from 0 to 0."""
+    shares, _, names = analysis.peaks.entries["energy_share"]
+    largest, at, _ = analysis.peaks.largest()["kinetic_energy"]
     none = analysis.states - int(analysis.histogram.sum())
     bins = [{"from": 0.0, "to": 0.0, "states": none}] if none else []
     for k in np.flatnonzero(analysis.histogram).tolist():
         low, high = (10.0 ** ((k + LOWEST_BIN + one) / BINS_PER_DECADE) for one in (0, 1))
         bins.append({"from": low, "to": high, "states": int(analysis.histogram[k])})
-    return bins
+    mean, share = analysis.kinetic / analysis.states, dict(zip(names, shares.tolist(), strict=True))
+    return {"mean": mean, "max": largest, "at": time(at), "share": share, "histogram": bins}
 
 
 def _unmeasured(analysis, without_effort):
@@ -196,8 +182,6 @@ def _about_states(summary):
 
 def _about_energy(summary):
     energy, peaks = summary["kinetic_energy"], summary["peaks"]
-    if energy["max"] is None:
-        return
     at = _after(summary, energy["at"])
     yield f"Kinetic energy: at most {energy['max']:.4g} J at {at}, {energy['mean']:.4g} J on average"
     yield f"  largest shares: {_largest(energy['share'], '{} {:.3g} J')}"
