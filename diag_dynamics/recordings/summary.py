@@ -241,7 +241,7 @@ def _about_contact(summary):
     yield f"Limits of contact exceeded for {contact['above']:.3g} s of {contact['of']:.6g} s"
     if contact["above_by_point"]:
         yield f"  by {_largest(contact['above_by_point'], '{} {:.3g} s')}"
-    for one in contact["worst"][:FEW]:
+    for one in contact["worst"]:
         yield (
             f"  {_after(summary, one['at'])}: {one['point']} at {100 * one['usage']:.0f} % of the speed allowed by "
             f"{one['region']}: {one['speed']:.3g} m/s, {one['reflected_mass']:.3g} kg, {one['energy']:.3g} J, "
