@@ -172,7 +172,7 @@ def external_torque(
     thresholds : Calibration, AlarmThresholds or dict, optional
         Thresholds of joints by name, ``*`` for all others [N m, N].
     gain : float
-        Of the observer of a recording [1/s]; a calibration's own has precedence.
+        Of the observer of a recording [1/s]. Gain and friction of a calibration have precedence.
     model : RobotModel
         The robot of an Observed.
 
@@ -180,13 +180,14 @@ def external_torque(
     -------
     matplotlib.figure.Figure
     """
+    options: dict[str, Any] = {"gain": gain}
     if isinstance(thresholds, Calibration):
-        gain, thresholds = thresholds.gain, thresholds.thresholds
+        options = {"gain": thresholds.gain, "friction": thresholds.friction}
     elif not isinstance(thresholds, AlarmThresholds):
         thresholds = AlarmThresholds(thresholds or {})
     if isinstance(of, Recording):
         model = of.model
-        of = observe(DiagonalDynamics(model), of, gain)
+        of = observe(DiagonalDynamics(model), of, **options)
     of, model = instance("of", of, Observed), instance("model", model, RobotModel)
     if (count := of.external_torque.shape[1]) != model.nv:
         raise InputError(f"of has {count} degrees of freedom; expected {model.nv}, the model's.")

@@ -159,6 +159,11 @@ def test_external_torque_of_each_joint(recording):
     panels = dd.plot.external_torque(recording, {"panda_joint1": 0.5}, gain=40.0).axes
     assert [len(axes.lines) for axes in panels] == [3] + [2] * 7  # the joints without a threshold have one curve
     assert np.array_equal(panels[1].lines[1].get_ydata(), seen[:, 1], equal_nan=True)
+    trust = dict.fromkeys(("asked", "duration", "alarms", "held_out", "method", "peaks"), 1)
+    calibration = dd.Calibration({"*": 1.0}, gain=9.0, friction=False, **trust)
+    line = dd.plot.external_torque(recording, calibration).axes[1].lines[1]
+    torque = dd.observe(DYN, recording, 9.0, friction=False).external_torque
+    assert np.array_equal(line.get_ydata(), torque[:, 1], equal_nan=True)
 
 
 def test_ellipsoid_has_the_masses_of_a_push():
