@@ -392,18 +392,3 @@ def test_followers_are_the_robots(tmp_path):
     (finding,) = recording.findings
     assert finding.text.endswith("With --joint-names 'left_*=*' (joint_names) they are the robot's")
     assert len(dd.read_recording(recording.path, robot, joint_names={"left_*": "*"})) == 12
-
-
-def test_names_in_rows(tmp_path):
-    """A table whose rows name their joints has a map, too, whatever the order of a row is."""
-    lines = ["%time,field.name0,field.name1,field.position0,field.position1,field.velocity0,field.velocity1"]
-    for k in range(12):
-        order = ("fer_a", "fer_b") if k % 2 else ("fer_b", "fer_a")
-        values = {"fer_a": (0.01 * k, 1.0), "fer_b": (0.02 * k, 2.0)}
-        numbers = [values[name][what] for what in (0, 1) for name in order]
-        lines.append(",".join(map(str, [START + k * 10 * MS, *order, *numbers])))
-    (tmp_path / "x.csv").write_text("\n".join(lines))
-    found = dd.read_recording(tmp_path / "x.csv", arm("panda_b", "panda_a"), joint_names={"fer_*": "panda_*"})
-    assert found.model.dof_names == ("panda_b", "panda_a")
-    np.testing.assert_allclose(found.q, np.outer(np.arange(12), [0.02, 0.01]))
-    np.testing.assert_allclose(found.qd, [[2.0, 1.0]] * 12)

@@ -68,8 +68,8 @@ class McapOutput:
         for topic in topics:
             if topic not in TOPICS:
                 raise InputError(f"there is no topic '{topic}' to write, expected some of {', '.join(TOPICS)}.")
-        self._target, definitions, self._count = AtomicFile(path), our_definitions(), 0
-        library = require("mcap.writer", "writing MCAP")
+        library, definitions = require("mcap.writer", "writing MCAP"), our_definitions()
+        self._target, self._count = AtomicFile(path), 0
         with self._target.errors():
             self._file = CountedFile(self._target.name)
             self._writer = library.Writer(self._file, compression=library.CompressionType.LZ4)
