@@ -245,6 +245,8 @@ def _joint_energies(of: Recording | Evaluation, t: VectorLike | None = None) -> 
     if times is not None and times.shape != (len(energies),):
         raise InputError(f"t has shape {times.shape}; expected ({len(energies)},), one per state.")
     joints = [joint for joint in of.model.joint_names if joint not in of.model.mimics]
+    if not of.model.nv:
+        raise InputError(f"robot '{of.model.name}' has no joint that moves, so no energy to plot.")
     names = [name if name in joints else name.rpartition("/")[0] for name in of.model.dof_names]
     owned = np.array([[name == joint for joint in joints] for name in names], dtype=float)
     return joints, None if times is None else times - times[0], energies @ owned

@@ -215,12 +215,14 @@ def test_style_of_matplotlib_counts_for_text():
 
 def test_errors_name_the_argument(recording):
     without, empty = (recorded(PANDA, T[:n], Q[:n], QD[:n], None) for n in (100, 0))
+    fixed = dd.DiagonalDynamics(dd.load_urdf(description("fixed", link("base"))))
     for draw, key in (
         (lambda: dd.plot.energy([1.0]), "expected a Recording"),
         (lambda: dd.plot.energy(DYN.evaluate_batch(Q, QD), t=[0.0, 1.0, 2.0]), r"t has shape \(3,\)"),
         (lambda: dd.plot.balance(without), "no efforts"),
         (lambda: dd.plot.balance(empty), "no states"),
         (lambda: dd.plot.shares(empty), "no states"),
+        (lambda: dd.plot.shares(fixed.evaluate([], [])), "no joint that moves"),
         (lambda: dd.plot.external_torque(dd.observe(DYN, recording)), "model"),
         (lambda: dd.plot.external_torque(recording, {"elbow": 1.0}), "'elbow'"),
         (lambda: dd.plot.ellipsoid(PANDA, PANDA.neutral, "hand"), "'hand'"),
