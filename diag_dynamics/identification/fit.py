@@ -1,39 +1,47 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A fit: its unknowns, the normal equations that it is made to, and its numbers with their certainty."""
+"""A fit: its unknowns, the normal equations that it is made to, and its numbers with their certainty.
+
+Least squares over physical inertias and positive friction, by Newton's method along the central path:
+
+    min ½ xᵀA x − bᵀx + Σ γ [tr(J₀⁻¹J) − ln det J] − γ' Σ ln x_k
+
+J is the pseudo-inertia of a body, linear in x, and J₀ that of the model. The barrier of J is its prior,
+smallest at J = J₀. Plain Newton crawls along the boundary of the cone; from large γ downward it does not.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
+from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.identification import inertias
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
 from diag_dynamics.identification.regressors import DAMPING, FRICTION, OWN, ROTOR
-from diag_dynamics.identification.solver import Body, Problem, solve
+from diag_dynamics.optional import require
 
 PAYLOAD_WEIGHT, POSITIVE_WEIGHT = 0.1, 0.01  # γ of a payload (10 would shift its centre by centimetres) and γ'
 START = 0.1  # friction and rotor inertias at the start of a fit [SI]
 ROUNDS, CONVERGED = 5, 0.02  # rounds of weights by residual variance, and its relative change that ends them
 FALLING, MAX_ROUNDS = 0.5, 30  # without noise variances fall by this factor, and rounds go on
 MIN_VARIANCE = 1e-10  # smallest variance of the residual, relative to the effort's mean square
-MASS, RADIUS, DISTANCE = 1.0, 0.05, 0.05  # prior of a payload: a ball [kg, m] at this distance along z [m]
+BALL = inertias.of_body(
+    1.0, [0.0, 0.0, 0.05], 1e-3 * np.eye(3)
+)  # prior of a payload: 1 kg, 5 cm from the link's origin
+STAGE_DECREMENT, LAST_DECREMENT = 0.1, 1e-7  # squared Newton decrement at the end of a stage, over its γ; of the last
+QUADRATIC = 0.05  # squared decrement over the smallest weight below which convergence is quadratic
+ROUNDING = 1e-14  # relative error of the function's value
+REGULAR = 1e-12  # added to the scaled Hessian, whose rounding errors are smaller
+MAX_STEPS, MAX_HALVINGS = 400, 60
 
 
 class Payload(NamedTuple):
-    """Link, its body, its 4x4 placement in that, and the prior pseudo-inertia in the body's frame."""
+    """Link, its body, and its 4x4 placement in that."""
 
     link: str
     body: int
     placement: np.ndarray
-    prior: np.ndarray
-
-
-def payload_at(model, link):
-    """Return the :class:`Payload` of a link."""
-    body, placement = model.placement_in_body(link)
-    ball = inertias.of_body(MASS, [0.0, 0.0, DISTANCE], 0.4 * MASS * RADIUS**2 * np.eye(3))
-    return Payload(link, body, placement, inertias.pseudo_inertia(inertias.moved(ball, placement)))
 
 
 class Fit(NamedTuple):
@@ -45,7 +53,7 @@ class Fit(NamedTuple):
 
 
 class Layout:
-    """Unknowns of a model (`known`): those of :class:`Regressors`, then the ten of a payload.
+    """Unknowns of a model (`known`): those of :class:`Regressors`, then the ten of a payload in its link's frame.
 
     `positive` and `inertial` tell which are positive, and which are of bodies with mass. Rows are pairs of
     normal equations, and of whether the robot carries the payload in them.
@@ -60,7 +68,8 @@ class Layout:
         self._maps = np.repeat(np.eye(self.robot, self.size)[None], 2, axis=0)
         if payload:
             carrier = self.block(int(np.searchsorted(self.bodies, payload.body)))
-            self._maps[1, carrier, self.robot :] = np.eye(PARAMETERS)
+            units = [inertias.moved(unit, payload.placement) for unit in np.eye(PARAMETERS)]
+            self._maps[1, carrier, self.robot :] = np.transpose(units)
         self.known, (self.positive, self.inertial) = np.zeros(self.size), np.zeros((2, self.size), dtype=bool)
         for k, body in enumerate(self.bodies.tolist()):
             self.known[self.block(k)] = inertias.parameters_of_record(model.bodies[body])
@@ -73,6 +82,12 @@ class Layout:
     def block(self, k):
         """Return the unknowns of the k-th body."""
         return slice(PARAMETERS * k, PARAMETERS * (k + 1))
+
+    def effective_parameters(self, fit):
+        """Return how many of its ten parameters the rows determine, by link of the bodies with mass."""
+        names, links = self.model.link_names, self.model.bodies["link"][self.bodies]
+        blocks = [self.block(k) for k in range(len(links)) if self.inertial[self.block(k).start]]
+        return {names[links[one.start // PARAMETERS]]: float(fit.determined[one].sum()) for one in blocks}
 
     def squares(self, rows, x):
         """Return the sum of squared residuals of each degree of freedom."""
@@ -99,7 +114,8 @@ def fit_rows(layout, rows, free, weight):
     A payload is physical by itself; if its mass is negative, together with its body.
     """
     if layout.payload:
-        base = inertias.parameters_of_record(layout.model.bodies[layout.payload.body])
+        _, body, placement = layout.payload
+        base = inertias.moved(inertias.parameters_of_record(layout.model.bodies[body]), np.linalg.inv(placement))
         lighter = _fit(layout, rows, free, weight, base) if base[0] > 0.0 else None
         if lighter and lighter.x[layout.robot] < 0.0:
             return lighter
@@ -136,12 +152,11 @@ def _start(layout, free, weight, base):
     for k, body in enumerate(layout.bodies.tolist()):
         if free[layout.block(k)].all():
             bodies.append(Body(layout.block(k).start, *_prior(layout.model, body, weight)))
-    if layout.payload and base is None:
-        bodies.append(Body(layout.robot, layout.payload.prior, PAYLOAD_WEIGHT, np.zeros((4, 4))))
-    elif layout.payload:
-        bodies.append(Body(layout.robot, inertias.floored(base), PAYLOAD_WEIGHT, inertias.pseudo_inertia(base)))
+    if layout.payload:
+        prior, fixed = (BALL, 0.0 * BALL) if base is None else (base, base)
+        bodies.append(Body(layout.robot, inertias.floored(prior), PAYLOAD_WEIGHT, inertias.pseudo_inertia(fixed)))
     for body in bodies:
-        start[body.places] = inertias.parameters_of_pseudo(body.prior - body.fixed)
+        start[body.first : body.first + PARAMETERS] = inertias.parameters_of_pseudo(body.prior - body.fixed)
     return start, bodies
 
 
@@ -154,3 +169,84 @@ def _prior(model, body, weight):
             carried += inertias.moved(inertias.of_body(*payload), placement)
     carried *= whole[0] > carried[0]
     return inertias.floored(whole - carried), weight, -inertias.pseudo_inertia(carried)
+
+
+class Body(NamedTuple):
+    """A pseudo-inertia J = Σ_j x[first + j] inertias.BASIS_j + fixed with prior J₀ and its weight γ; all 4x4."""
+
+    first: int
+    prior: np.ndarray
+    weight: float
+    fixed: np.ndarray
+
+
+class Problem(NamedTuple):
+    """The function to minimize; unknowns with the indices `positive` are so, with the weight γ'."""
+
+    A: np.ndarray
+    b: np.ndarray
+    bodies: list
+    positive: np.ndarray
+    positive_weight: float
+
+
+def solve(problem, start):
+    """Return x at the minimum and the Hessian there, from a start within all cones; raises DiagDynamicsError."""
+    smallest = min((body.weight for body in problem.bodies), default=problem.positive_weight)
+    first, x = _newton_step(*_evaluate(problem, start, 1.0)[1:])[0], start
+    stages = max(0, int(np.ceil(np.log10(max(first, smallest) / smallest))))
+    for scale in 10.0 ** np.arange(stages, 0, -1):
+        x, _ = _minimize(problem, x, scale, STAGE_DECREMENT * smallest * scale)
+    return _minimize(problem, x, 1.0, LAST_DECREMENT)
+
+
+def _minimize(problem, x, scale, goal):
+    """Return x where the squared Newton decrement is below a goal, and the Hessian; barriers times a scale."""
+    quadratic = QUADRATIC * scale * min([problem.positive_weight, *(body.weight for body in problem.bodies)])
+    before, (value, gradient, hessian) = np.inf, _evaluate(problem, x, scale)
+    for _ in range(MAX_STEPS):
+        squared, direction = _newton_step(gradient, hessian)
+        # A whole step squares the decrement near the minimum; if not, only rounding is left.
+        if squared <= goal or (before < quadratic and squared > 0.5 * before):
+            return x, hessian
+        for length in 0.5 ** np.arange(MAX_HALVINGS):
+            reached = _evaluate(problem, x + length * direction, scale)
+            if reached[0] <= value - 0.1 * length * squared + ROUNDING * abs(value):
+                break
+        else:
+            return x, hessian
+        x, before = x + length * direction, squared if length == 1.0 else np.inf
+        value, gradient, hessian = reached
+    raise DiagDynamicsError(f"Identification has found no minimum within {MAX_STEPS} Newton steps.")
+
+
+def _evaluate(problem, x, scale):
+    """Return the function, its gradient and its Hessian, barriers times a scale; infinity outside of the cones."""
+    k, weight = problem.positive, scale * problem.positive_weight
+    if (x[k] <= 0.0).any():
+        return np.inf, None, None
+    value = x @ (0.5 * problem.A @ x - problem.b) - weight * np.log(x[k]).sum()
+    gradient, hessian = problem.A @ x - problem.b, problem.A.copy()
+    gradient[k] -= weight / x[k]
+    hessian[k, k] += weight / x[k] ** 2
+    for body in problem.bodies:
+        own, weight = slice(body.first, body.first + PARAMETERS), scale * body.weight
+        J = np.tensordot(x[own], inertias.BASIS, 1) + body.fixed
+        try:
+            diagonal = np.diag(np.linalg.cholesky(J))
+        except np.linalg.LinAlgError:
+            return np.inf, None, None
+        inverse, inverse_prior = np.linalg.inv(J), np.linalg.inv(body.prior)
+        turned = inverse @ inertias.BASIS
+        value += weight * (np.sum(inverse_prior * J) - 2.0 * np.log(diagonal).sum())
+        gradient[own] += weight * np.tensordot(inertias.BASIS, inverse_prior - inverse, 2)
+        hessian[own, own] += weight * np.einsum("aij,bji->ab", turned, turned)
+    return value, gradient, hessian
+
+
+def _newton_step(gradient, hessian):
+    """Return the squared Newton decrement and the step, the Hessian scaled by its diagonal because units differ."""
+    linalg, scale = require("scipy.linalg", "identify"), 1.0 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    scaled, right = hessian * scale[:, None] * scale + REGULAR * np.eye(len(scale)), -gradient * scale
+    direction = linalg.cho_solve(linalg.cho_factor(scaled), right)  # threads of an LU factorization mostly wait
+    return float(direction @ right), direction * scale

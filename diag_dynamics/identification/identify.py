@@ -15,10 +15,10 @@ from diag_dynamics.checks import instance
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.identification.data_checks import check_efforts, check_motion
 from diag_dynamics.identification.dataset import MAX_VALUES, Dataset, list_recordings
-from diag_dynamics.identification.fit import payload_at
+from diag_dynamics.identification.fit import Payload
 from diag_dynamics.identification.quality import quality_of
 from diag_dynamics.identification.regressors import Regressors, require_single_joints
-from diag_dynamics.identification.result import Identification, parameters_of, payload_parameters
+from diag_dynamics.identification.result import Identification, parameters_of
 from diag_dynamics.identification.selection import Selection, read_what
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.single_joints import sliding_dofs
@@ -78,7 +78,7 @@ def identify(
     steps, payload = _read_what(what, model, reference)
     require_single_joints(model)
     ends = np.setdiff1d(np.arange(1, len(model.bodies)), model.bodies["parent"])[-MAX_TIPS:]
-    tips = [payload_at(model, model.link_names[model.bodies["link"][end]]) for end in ends]
+    tips = [_payload_at(model, model.link_names[link]) for link in model.bodies["link"][ends]]
     carriers = [one.body for one in ([payload] if payload else tips)]
     data = Data(model, carriers, recordings, reference, payload is not None)
     selection = Selection(model, steps, payload, data)
@@ -102,7 +102,11 @@ def _read_what(what, model, reference):
         raise InputError(f"what is {what!r}; give a recording without the payload as reference.")
     if reference is not None and not links:
         raise InputError(f"what is {what!r}; expected payload:<link>, as reference is a recording without it.")
-    return steps, payload_at(model, links[0]) if links else None
+    return steps, _payload_at(model, links[0]) if links else None
+
+
+def _payload_at(model, link):
+    return Payload(link, *model.placement_in_body(link))
 
 
 class Data:
@@ -169,7 +173,7 @@ def _warn_of_payload(model, steps, tips, data, left):
         except DiagDynamicsError:
             continue
         if trial.score < best:
-            best, mass = trial.score, payload_parameters(trial.layout, trial.fit.x)[0]
+            best, mass = trial.score, trial.fit.x[trial.layout.robot]
             warnings = [
                 f"a payload of {mass:+.2g} kg at '{payload.link}' would make the residual of what was held out "
                 f"{1.0 - best / left:.0%} smaller: if the robot carries, or lacks, something there, ask for "

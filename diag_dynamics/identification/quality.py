@@ -9,7 +9,6 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.identification.data_checks import DOUBTFUL
 from diag_dynamics.identification.dataset import Dataset
 from diag_dynamics.identification.result import parameters_of, payload_certainty
-from diag_dynamics.identification.selection import GAIN
 from diag_dynamics.recordings.balance import NOTHING_EXPLAINED, Balance, WindowSums
 from diag_dynamics.recordings.effort_relation import Run, smoothed
 from diag_dynamics.recordings.observer import Observer
@@ -71,7 +70,7 @@ def quality_of(model, selection, data, last):
         "effort_factor": _factors(names, data.relations),
         "efforts_judged": judged and not nothing and DOUBTFUL not in [one.cause for one in findings],
         "velocity_delay": [one.delay for one in data.loaded],
-        "effective_parameters": _effective_parameters(layout, last) if free[layout.inertial].any() else {},
+        "effective_parameters": layout.effective_parameters(last) if free[layout.inertial].any() else {},
         "payload": payload_certainty(layout, last) if layout.payload else None,
         "warnings": selection.warnings,
         "findings": [str(finding) for finding in findings + data.findings * selection.asks_for_joints],
@@ -90,20 +89,11 @@ def _pair(names, before, after):
 
 def _factors(names, relations):
     """Return factor and standard error of each joint's effort, of the recording with the smallest; None without any."""
-    found = {}
-    for k, name in enumerate(names):
-        best = min(relations, key=lambda one: one.error[k])
-        pair = [float(best.factor[k]), float(best.error[k])]
-        found[name] = pair if np.isfinite(pair).all() else None
-    return found
-
-
-def _effective_parameters(layout, fit):
-    """Return how many parameters the rows determine of each link that was fitted."""
-    names, records = layout.model.link_names, layout.model.bodies
-    determined = [float(fit.determined[layout.block(k)].sum()) for k in range(len(layout.bodies))]
-    pairs = zip(layout.bodies.tolist(), determined, strict=True)
-    return {names[records["link"][body]]: count for body, count in pairs if records["mass"][body] > 0.0}
+    best = [min((float(one.error[k]), float(one.factor[k])) for one in relations) for k in range(len(names))]
+    return {
+        name: [factor, error] if np.isfinite(error + factor) else None
+        for name, (error, factor) in zip(names, best, strict=True)
+    }
 
 
 def _warnings(quality, without_reference, nothing):
@@ -116,8 +106,8 @@ def _warnings(quality, without_reference, nothing):
         warnings.append(f"payload of {payload['link']}: {payload['inertia_known']}")
     if payload and without_reference:
         warnings.append(
-            f"payload of {payload['link']}: its deviations take the model of the robot for right; a reference without the "
-            "payload would tell"
+            f"payload of {payload['link']}: its deviations take the model of the robot for right. Give a reference "
+            "without the payload"
         )
     before, after = quality["kinetic_energy"]
     if before > 0.0 and abs(after / before - 1.0) > MAX_CHANGE:
@@ -125,13 +115,12 @@ def _warnings(quality, without_reference, nothing):
     for name, (first, then) in quality["row_residual"].items():
         if then > first:
             warnings.append(f"the held-out residual of joint '{name}' is {then:.3g}, with the model {first:.3g}")
-    kept = ((step, name, pair) for step, joints in quality["kept"].items() for name, pair in joints.items())
-    for step, name, (without, own) in kept:
-        end = "" if own >= without else f"; a step that was refused before needs {GAIN:.0%} less"
-        warnings.append(
-            f"{step} of joint '{name}': as the model has it. In cross-validation the residual is {own:.3g} with numbers "
-            f"of its own, {without:.3g} with the model's{end}"
-        )
+    for step, joints in quality["kept"].items():
+        for name, (without, own) in joints.items():
+            warnings.append(
+                f"{step} of joint '{name}': as the model has it. In cross-validation the residual is {own:.3g} with numbers "
+                f"of its own, {without:.3g} with the model's"
+            )
     share, total = quality["explained"], quality["explained_total"][1]
     if None not in share and share[1] < share[0]:
         warnings.append(f"the efforts explain less of dK/dt than before: {share[1]:.2f} of {share[0]:.2f}")

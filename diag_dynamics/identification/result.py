@@ -15,6 +15,7 @@ from diag_dynamics.identification import inertias
 from diag_dynamics.identification.regressors import DAMPING, FRICTION, OFFSET, ROTOR
 from diag_dynamics.model import JointParameters, Parameters, Payload, RobotModel
 
+COLUMNS = {"damping": DAMPING, "friction": FRICTION, "effort_offset": OFFSET, "armature": ROTOR}
 MAX_DEVIATION = 0.5  # relative standard deviation above which a payload's inertia is unknown
 INERTIA_KNOWN = (
     "its inertia is not known from this motion: the value depends on the sphere that the fit assumes",
@@ -65,7 +66,7 @@ def parameters_of(layout, x, free, origin=None):
     """Return the :class:`Parameters` of the `free` unknowns (bool), and of rotors that were left out."""
     model, links, payloads = layout.model, {}, {}
     if layout.payload:
-        payloads[layout.payload.link] = Payload(*inertias.about_centre(payload_parameters(layout, x)))
+        payloads[layout.payload.link] = Payload(*inertias.about_centre(x[layout.robot :]))
     for k, body in enumerate(layout.bodies.tolist()):
         if free[layout.block(k)].all():
             links |= _share_out(model, body, x[layout.block(k)])
@@ -77,17 +78,15 @@ def parameters_of(layout, x, free, origin=None):
 
 def _joints(layout, x, free):
     """Return numbers of the joints that were fitted, and zeros of their mimic joints, whose friction is in them."""
-    found, columns = {}, {"damping": DAMPING, "friction": FRICTION, "effort_offset": OFFSET, "armature": ROTOR}
-    places = {key: layout.own(column) for key, column in columns.items()}
+    found, mimics = {}, layout.model.mimics
     for k, name in enumerate(layout.model.dof_names):
-        own = {
-            key: float(x[at[k]])
-            for key, at in places.items()
-            if free[at[k]] or (layout.without_rotors and key == "armature")
-        }
+        places = [(key, layout.own(column)[k]) for key, column in COLUMNS.items()]
+        own = {key: float(x[at]) for key, at in places if free[at]}
+        if layout.without_rotors:
+            own["armature"] = 0.0
         if own:
             found[name] = JointParameters(**own)
-            followers = [joint for joint, mimic in layout.model.mimics.items() if mimic.leader == name]
+            followers = [joint for joint, mimic in mimics.items() if mimic.leader == name]
             found |= dict.fromkeys(followers, JointParameters(**dict.fromkeys(own, 0.0)))
     return found
 
@@ -146,17 +145,9 @@ def without_impossible_links(model, parameters):
     return replace(parameters, links=links, payloads=payloads), shared
 
 
-def payload_parameters(layout, x):
-    """Return the ten parameters of the payload, in the axes of its link."""
-    return inertias.moved(x[layout.robot :], np.linalg.inv(layout.payload.placement))
-
-
 def payload_certainty(layout, fit):
     """Return a payload's numbers with their standard deviations, as plain values."""
-    inverse = np.linalg.inv(layout.payload.placement)
-    turned = np.column_stack([inertias.moved(unit, inverse) for unit in np.eye(10)])
-    covariance = turned @ fit.covariance[layout.robot :, layout.robot :] @ turned.T
-    x = payload_parameters(layout, fit.x)
+    x, covariance = fit.x[layout.robot :], fit.covariance[layout.robot :, layout.robot :]
     steps = np.diag(1e-6 * np.maximum(np.abs(x), 1e-3))
     slopes = np.array([(_numbers(x + step) - _numbers(x)) / step.sum() for step in steps])
     variances = np.einsum("ji,jk,ki->i", slopes, covariance, slopes)

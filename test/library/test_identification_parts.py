@@ -3,16 +3,14 @@
 
 """Parts of identification: inertias, the solver, regressors and their filter."""
 
-from itertools import product
-
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.identification import inertias
+from diag_dynamics.identification.fit import Body, Problem, solve
 from diag_dynamics.identification.regressors import Regressors
-from diag_dynamics.identification.solver import Body, Problem, solve
 from examples import some_of
 from motions import efforts
 from oracles import Oracle
@@ -69,83 +67,46 @@ def test_every_solution_is_physical(seed):
     np.testing.assert_allclose(gradient, -barrier, atol=1e-4 * scale)
 
 
-def of_bodies(model, oracle, rng):
-    """Yield body, joint of Pinocchio, and random parameters in the frames of both; eleven of each body."""
-    for body in range(1, len(model.bodies)):
-        record = model.bodies[body]
-        if record["rank"] < record["dofs"] - 1:
-            continue
-        link = model.link_names[record["link"]]
-        placed, placement = model.placement_in_body(link)
-        assert placed == body
-        frame = oracle.model.frames[oracle.model.getFrameId(link, pin.FrameType.BODY)]
-        np.testing.assert_allclose(frame.placement.homogeneous, np.eye(4), atol=1e-12)
-        for _ in range(11):  # ten span all there are
+def choose_inertias(model, oracle, rng):
+    """Give Pinocchio's bodies random inertias, and return the ten parameters of each of the model's."""
+    x = np.zeros((len(model.bodies) - 1, 10))
+    for body, record in enumerate(model.bodies[1:]):
+        if record["rank"] == record["dofs"] - 1:  # others have no inertia
+            link = model.link_names[record["link"]]
+            joint = oracle.model.frames[oracle.model.getFrameId(link, pin.FrameType.BODY)].parentJoint
             inertia = pin.Inertia(rng.uniform(0.1, 5.0), rng.normal(size=3), pin.Inertia.Random().inertia)
-            ours = pin.SE3(placement).act(inertia).toDynamicParameters()
-            yield body, frame.parentJoint - 1, ours, inertia.toDynamicParameters()
+            oracle.model.inertias[joint] = inertia
+            x[body] = pin.SE3(model.placement_in_body(link)[1]).act(inertia).toDynamicParameters()
+    return x.ravel()
 
 
-def columns_of(model, q, qd):
-    """Return Y_p and Y_g − Y_∂ at a state by body: functions of its ten parameters, (nv,)."""
-    bodies = range(1, len(model.bodies))
-    regressors = Regressors(model, bodies)
-    momentum, bias = (rows[0] for rows in regressors.evaluate(q[None], qd[None]))
-
-    def times(rows, body, parameters):
-        x = np.zeros(regressors.size)
-        x[10 * (body - 1) : 10 * body] = parameters
-        pairs = zip(regressors.columns, regressors.rows, strict=True)
-        return np.array([rows[part][:-1] @ x[columns] for columns, part in pairs])
-
-    return (lambda *one: times(momentum, *one)), (lambda *one: times(bias, *one))
-
-
-@pytest.mark.parametrize("one", list(some_of(ROBOTS, 2)), ids=lambda one: one.id)
-def test_columns_are_pinocchios(one):
-    """Y_p and Y_g are its regressors; Y_∂ times parameters is Cᵀq̇ with its Coriolis matrix."""
-    model = dd.load_urdf(one.urdf, mimic="free", **one.options)
-    oracle = Oracle(one.urdf, model.dof_names, floating_base=model.floating_base)
-    rng = np.random.default_rng(2)
-    ours_q, ours_qd, none = model.random(rng), rng.normal(size=model.nv), np.zeros(model.nv)
-    q, v = oracle.configuration(ours_q), oracle.to_pin(ours_qd)
-    gravity = pin.computeJointTorqueRegressor(oracle.model, oracle.data, q, none, none).copy()
-    momentum = pin.computeJointTorqueRegressor(oracle.model, oracle.data, q, none, v) - gravity
-    of_momentum, of_bias = columns_of(model, ours_q, ours_qd)
-    size, still = 10.0 * (1.0 + np.abs(momentum).max() + np.abs(gravity).max()), columns_of(model, ours_q, none)[1]
-    parameters = {}
-    for body, joint, ours, theirs in of_bodies(model, oracle, rng):
-        its, limit = slice(10 * joint, 10 * joint + 10), 1e-12 * size * np.abs(theirs).max()
-        for found, expected in ((of_momentum, momentum), (still, gravity)):
-            expected = oracle.from_pin(expected[:, its] @ theirs)
-            np.testing.assert_allclose(found(body, ours), expected, rtol=0, atol=limit)
-        parameters[body] = ours
-        oracle.model.inertias[joint + 1] = pin.Inertia.FromDynamicParameters(theirs)
-    C = pin.computeCoriolisMatrix(oracle.model, oracle.model.createData(), q, v)
-    expected, found = oracle.from_pin(C.T @ v), sum(still(*pair) - of_bias(*pair) for pair in parameters.items())
-    np.testing.assert_allclose(found, expected, atol=1e-12 * (1.0 + np.abs(C).max()))
-
-
-def coupling(model, free):
-    """G and q₀ of q = G q_r + q₀: positions of all joints from those of the independent ones."""
-    G, start = np.zeros((free.nv, model.nv)), np.zeros(free.nv)
-    for row, name in enumerate(free.dof_names):
-        leader, multiplier, start[row] = model.mimics.get(name, (name, 1.0, 0.0))
-        G[row, model.dof_names.index(leader)] = multiplier
-    return G, start
-
-
-def test_followers_are_reflected_to_leaders():
-    """Rows of an embedded mimic are Gᵀ times those of all joints free, which are Pinocchio's by the test above."""
-    model, free = (dd.load_urdf(PANDA.urdf, mimic=mimic) for mimic in ("embed", "free"))
-    assert free.nv == model.nv + 1 and free.link_names == model.link_names
-    G, start = coupling(model, free)
-    rng = np.random.default_rng(4)
-    q, qd = model.random(rng), rng.normal(size=model.nv)
-    pairs = zip(columns_of(model, q, qd), columns_of(free, G @ q + start, G @ qd), strict=True)
-    for (embedded, each), body in product(pairs, range(1, len(model.bodies))):
-        x = rng.normal(size=10)
-        np.testing.assert_allclose(embedded(body, x), G.T @ each(body, x), rtol=0, atol=1e-10)
+@pytest.mark.parametrize(
+    "one", [(PANDA, "embed"), *((one, "free") for one in some_of(ROBOTS, 2))], ids=lambda one: f"{one[0].id}-{one[1]}"
+)
+def test_rows_are_pinocchios(one):
+    """Y_p and Y_g − Y_∂ times parameters are M q̇ and g − Cᵀq̇; joints of an embedded mimic joint G are Gᵀ times these."""
+    (given, mimic), rng = one, np.random.default_rng(2)
+    model, free = (dd.load_urdf(given.urdf, mimic=how, **given.options) for how in (mimic, "free"))
+    oracle = Oracle(given.urdf, free.dof_names, floating_base=free.floating_base)
+    G, start = np.eye(free.nv), 0.0
+    if free.nv > model.nv:
+        leaders = [model.mimics.get(name, (name, 1.0, 0.0)) for name in free.dof_names]
+        start = np.array([offset for _, _, offset in leaders])
+        G = np.array([[factor * (name == leader) for name in model.dof_names] for leader, factor, _ in leaders])
+    regressors = Regressors(model, range(1, len(model.bodies)))
+    for _ in range(3):
+        x = np.append(choose_inertias(model, oracle, rng), np.zeros(4 * model.nv))
+        q, qd = model.random(rng), rng.normal(size=model.nv)
+        q_free = q if len(G) == model.nv else G @ q + start
+        state, v, none = oracle.configuration(q_free), oracle.to_pin(G @ qd), np.zeros(oracle.model.nv)
+        gravity = pin.rnea(oracle.model, oracle.data, state, none, none).copy()
+        momentum = pin.rnea(oracle.model, oracle.data, state, none, v) - gravity
+        bias = gravity - pin.computeCoriolisMatrix(oracle.model, oracle.model.createData(), state, v).T @ v
+        for rows, expected in zip(regressors.evaluate(q[None], qd[None]), (momentum, bias), strict=True):
+            pairs = zip(regressors.rows, regressors.columns, strict=True)
+            found = np.array([rows[0, part][:-1] @ x[columns] for part, columns in pairs])
+            limit = 1e-12 * (1.0 + np.abs(momentum).max() + np.abs(gravity).max() + np.abs(bias).max())
+            np.testing.assert_allclose(found, G.T @ oracle.from_pin(expected), rtol=0, atol=limit)
 
 
 def test_filtered_rows_hold_for_the_true_parameters():

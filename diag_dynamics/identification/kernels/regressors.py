@@ -19,12 +19,11 @@ from diag_dynamics.compiled.kernel import (
     large_kernel,
 )
 from diag_dynamics.sweeps.bodies import motion_of, set_motion
-from diag_dynamics.sweeps.joints import accelerate_world, are_finite, are_positions, move, place, rest_at_world, turn
+from diag_dynamics.sweeps.joints import accelerate_world, move, place, rest_at_world, turn
 from diag_dynamics.sweeps.spatial import add, cross, cross_motion, dot, motion_along, motion_to_child
 from diag_dynamics.sweeps.workspace import clear, opened
 
-PARAMETERS = 10
-"""Inertial parameters of a body."""
+PARAMETERS = 10  # of a body's inertia
 
 
 @kernel
@@ -34,13 +33,6 @@ def coefficients(S, V):
     h = add(cross(a, w), cross(v, b))
     xy, xz, yz = b[0] * w[1] + b[1] * w[0], b[0] * w[2] + b[2] * w[0], b[1] * w[2] + b[2] * w[1]
     return dot(a, v), h[0], h[1], h[2], b[0] * w[0], xy, b[1] * w[1], xz, yz, b[2] * w[2]
-
-
-@kernel
-def add_to(row, first, values, scale):
-    """Add a multiple of ten numbers to a part of a row."""
-    for j in range(PARAMETERS):
-        row[first + j] += scale * values[j]
 
 
 @large_kernel
@@ -76,13 +68,10 @@ def fill_regressors(robot, Q, QD, first, directions, momentum, bias):
     """Fill rows of Y_p and Y_g − Y_∂ at states, a row of Q and QD each; all joints' rows in one.
 
     ``first[k, i]`` is where the parameters of body i begin in the row of degree of freedom k, or −1.
-    `directions`, (N + 1, N + 1, 12), is memory to work in. Returns the number of states that were
-    done: all, or those before the first one that is no state.
+    `directions`, (N + 1, N + 1, 12), is memory to work in.
     """
     bodies, gravity, work, _ = opened(robot)
     for t in range(len(Q)):
-        if not (are_positions(bodies, Q[t]) and are_finite(QD[t])):
-            return t
         propagate_directions(bodies, gravity, Q[t], QD[t], work, directions)
         clear(momentum[t])
         clear(bias[t])
@@ -94,11 +83,11 @@ def fill_regressors(robot, Q, QD, first, directions, momentum, bias):
             while a > 0:
                 at = int(first[bodies[a].dof, i])
                 S, turning = motion_of(directions[i, a]), motion_of(directions[i, a, 6:])
-                add_to(momentum[t], at, coefficients(S, V), 1.0)
-                add_to(bias[t], at, coefficients(S, up), 1.0)
-                add_to(bias[t], at, coefficients(turning, V), -1.0)
+                own, gravity_of, kinetic = coefficients(S, V), coefficients(S, up), coefficients(turning, V)
+                for j in range(PARAMETERS):
+                    momentum[t, at + j] += own[j]
+                    bias[t, at + j] += gravity_of[j] - kinetic[j]
                 a = bodies[a].parent
-    return len(Q)
 
 
 @entry_kernel(VECTOR, MATRIX, FILLED_MATRIX, nogil=True)
