@@ -143,15 +143,20 @@ def ellipsoid(
             mass = dynamics.reflected_mass(q, link, v, point, "world")
             title += f", mass along v {number(mass)} kg"
             axes.quiver(*centre, *(v * 1.6 * reach / speed), color=COLOURS[1], linewidth=2.2)
+    axes.set_title(title, loc="left")  # in 3D the style does not count
+    _scale_axes(axes)
+    return axes
+
+
+def _scale_axes(axes: Any) -> None:
+    """Label axes of space and give them equal scales."""
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     sizes = np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], axis=1)
-    axes.set_box_aspect(sizes, zoom=0.9)  # equal scales, and space for labels
-    axes.set_title(title, loc="left")  # in 3D the style does not count
+    axes.set_box_aspect(sizes, zoom=0.9)  # leaves space for labels
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.label.set_size("small")
     axes.tick_params(labelsize="x-small")
     axes.locator_params(nbins=4)
-    return axes
 
 
 def _draw_robot(axes: Any, model: RobotModel, origins: dict[str, Array]) -> None:
